@@ -54,7 +54,7 @@ def _headline(outcome: str, places: Sequence[PlaceTold]) -> str:
         return "no change beyond the repeat floor"
     if outcome == PARAMETERS:
         return "changed: other values of the parameters explain it"
-    return change_headline(places) if places else "changed, and no place takes enough of it"
+    return change_headline(places)
 
 
 def budget_of(

@@ -89,6 +89,8 @@ class PlaceTold(msgspec.Struct, frozen=True, kw_only=True):
 
 def change_headline(places: Sequence[PlaceTold]) -> str:
     """A change in one line: its first place with the size of the law there, and how many more."""
+    if not places:
+        return "changed, and no place takes enough of it"
     first, *further = places
     size = (
         f", by up to {first.largest:.2g} {first.unit}"

@@ -18,7 +18,7 @@ from smad.diagnosis.numerics.folds import Array, FoldProducts, FoldRows, Index
 from smad.diagnosis.numerics.forward import Forward, fitted, forward
 from smad.diagnosis.places.candidate import Candidate
 from smad.diagnosis.search.names import Naming
-from smad.diagnosis.search.where import Scored, Step, step_of, worth_of
+from smad.diagnosis.search.where import Scored, Step, step_of, without_named, worth_of
 
 _NONE = np.zeros((0, 1), dtype=np.intp)
 
@@ -80,6 +80,7 @@ def contrast(
         taken += step.share
         steps.append(replace(step, share=taken))
         before = np.unique(np.concatenate([before, both]))
+        naming = without_named(naming, step)
         told = {s.chosen.candidate.place for s in steps}
         found = search.ranked(before, [c for c in candidates if c.place not in told])
     return Contrast(

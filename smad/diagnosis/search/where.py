@@ -123,9 +123,9 @@ def where(
         if effects_stand and step.named and step.entry is not None:
             entries += step.entry.gain / size
             left = replace(left, rows=left.rows - step.entry.change)
-            naming = naming.without(step.entry.names[0]) if naming is not None else None
         else:
             now = np.concatenate([now, step.chosen.columns])
+        naming = without_named(naming, step)
         told = {s.chosen.candidate.place for s in steps}
         rest = [c for c in candidates if c.place not in told]
         scored = _scored(left, now, rest, constants, size=size, before=entries, least=taken)
@@ -153,10 +153,11 @@ def step_of(
     added = best.share - taken
     entry = None if naming is None else naming.best(left)
     gain = 0.0 if entry is None else score(entry) / size
-    enough = max(constants.name_share * added, constants.name_size * (1.0 - taken))
-    named = gain > 0.0 and gain >= enough
-    own = [s for s in scored if entry and s.candidate.place in entry.effects[0].places]
+    places = entry.effects[0].places if entry is not None else ()
+    own = [s for s in scored if s.candidate.place in places]
     by_entry = bool(own) and gain >= constants.entry_share * added
+    enough = max(constants.name_share * added, constants.name_size * (1.0 - taken))
+    named = (by_entry or not places) and 0.0 < gain >= enough
     chosen, worth = (own[0], max(gain, added)) if by_entry else (best, added)
     least = taken + constants.near * worth
     near = (chosen, *(s for s in scored if s is not chosen and s.share >= least))
@@ -169,6 +170,14 @@ def step_of(
         share=taken + (max(gain, law) if named and effects_stand else law),
         entry=entry, takes=gain / max(law, 1e-3 * gain, 1e-12), named=named,
     )  # fmt: skip
+
+
+def without_named(naming: Naming | None, step: Step) -> Naming | None:
+    """The effects that may still be named: one that says where it acts is told once."""
+    entry = step.entry
+    if naming is None or entry is None or not (step.named and entry.effects[0].places):
+        return naming
+    return naming.without(entry.names[0])
 
 
 def _beside(rows: FoldRows, columns: Index) -> Array:

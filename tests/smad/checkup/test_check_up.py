@@ -27,7 +27,7 @@ from smad.checkup.programme import (
     shipped,
     write_programme,
 )
-from smad.checkup.store import Baseline, load, save
+from smad.checkup.store import SCHEMA, Baseline, load, save
 from smad.diagnosis.errors import PairingError
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
@@ -178,7 +178,7 @@ def test_a_baseline_of_another_library_or_schema_is_refused(
         with pytest.raises(BaselineError, match="another model or library"):
             load(tmp_path, other)
     about = (tmp_path / "baseline.json").read_text()
-    (tmp_path / "baseline.json").write_text(about.replace('"schema": 4', '"schema": 1'))
+    (tmp_path / "baseline.json").write_text(about.replace(f'"schema": {SCHEMA}', '"schema": 1'))
     with pytest.raises(BaselineError, match="another version"):
         load(tmp_path, PLANT)
 

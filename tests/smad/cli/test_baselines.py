@@ -13,7 +13,7 @@ import pytest
 import smad.cli.gap_checkup as commands
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.series import Play, Recorded, finished
-from smad.checkup.store import read_about
+from smad.checkup.store import SCHEMA, read_about
 from smad.cli import execute
 from smad.cli.gap_runs import uncut
 from smad.diagnosis.runs import GapRun
@@ -111,7 +111,9 @@ def test_a_baseline_that_cannot_be_read_is_computed_anew_and_nothing_is_played(
     assert commission(folder) == 0
     path = folder / broken
     text = path.read_bytes()
-    path.write_bytes(text.replace(b'"schema": 3', b'"schema": 1') if broken[0] == "b" else b"torn")
+    path.write_bytes(
+        text.replace(b'"schema": %d' % SCHEMA, b'"schema": 1') if broken[0] == "b" else b"torn"
+    )
     checkup = ["gap", "checkup", "--sim", "--baseline", str(folder)]
     assert execute(checkup) != 0
     assert "commission again in the same folder: it is computed anew" in capsys.readouterr().err

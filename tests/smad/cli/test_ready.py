@@ -116,7 +116,13 @@ def test_every_module_of_the_command_line_that_drives_a_daemon_asks_first() -> N
     (folder,) = smad.cli.__path__
     modules = sorted(Path(folder).glob("*.py"))
     driving = [m for m in modules if called(m) & DRIVERS]
-    assert {m.name for m in driving} >= {"tune.py", "run.py", "repeat.py", "gap.py", "benches.py"}
+    assert {m.name for m in driving} >= {
+        "tune.py",
+        "run.py",
+        "repeat.py",
+        "gap_next.py",
+        "benches.py",
+    }
     assert [m.name for m in driving if "require_ready" not in called(m)] == []
 
 

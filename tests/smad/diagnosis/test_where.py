@@ -145,6 +145,14 @@ def test_an_effect_that_takes_little_of_what_a_law_takes_is_only_the_nearest():
     assert 0.2 < step.takes < 0.5
 
 
+def test_an_effect_that_acts_at_a_place_that_is_told_already_is_no_name_elsewhere():
+    laid, candidates = bench(12, strengths={2: 1.0, 5: 0.6})
+    change = laid.responses[2 * K + 3].astype(float)
+    first, second = found_with(laid, candidates, change, effect("own", "place-2")).steps
+    assert first.named
+    assert not second.named
+
+
 def test_an_effect_that_says_no_place_is_a_name_and_moves_no_place():
     laid, candidates = bench(11, strengths={2: 1.0})
     change = laid.responses[2 * K + 3].astype(float)

@@ -29,6 +29,7 @@ from smad.diagnosis.verdict import (
     SignalGap,
     TermTold,
     Verdict,
+    change_headline,
 )
 from smad.report.page import render
 from tests.smad.diagnosis.cases import GAIN, OTHER, bank
@@ -102,6 +103,13 @@ def test_what_runs_say_that_repeat_good_ones_is_said_beside() -> None:
     pairs = Repeated(lines=["a as b"], repeats=1, outcome=QUIET, headline="nothing new")
     text = "\n".join(lines(verdict(QUIET, CHANGED, repeated=pairs)))
     assert "the 1 runs that repeat known-good ones, as a check-up: nothing new" in text
+
+
+def test_a_change_that_no_place_takes_is_said() -> None:
+    assert change_headline([]) == "changed, and no place takes enough of it"
+    assert change_headline([PLACE, PLACE]) == (
+        "changed: friction, X and Y, by up to 0.3 N, and 1 more"
+    )
 
 
 def test_what_to_do_next_goes_with_the_outcome() -> None:
