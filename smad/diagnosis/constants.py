@@ -22,10 +22,10 @@ class Constants(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     Check-ups: rows of a bench without a change have the variance `quiet_variance`. It has changed
     when the best law, or the parameters, take `quiet_gain` of the sum of squares, or the mean
-    square is `quiet_ratio`. Places are told in place of other values of the parameters when they
-    leave less than these do; of what these take, `slopes_trusted` may be left for the form of their
-    slopes. A run is played again to tell places apart when their laws differ on it by `separation`
-    (d²).
+    square is `quiet_ratio` (floors are so wide that it stays below 1 where nothing has changed).
+    Places are told in place of other values of the parameters when they leave less than these do;
+    of what these take, `slopes_trusted` may be left for the form of their slopes. A run is played
+    again to tell places apart when their laws differ on it by `separation` (d²).
 
     Differs: a gap below `quiet_floors` floors is none.
 

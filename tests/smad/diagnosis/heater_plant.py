@@ -286,12 +286,14 @@ def recorded(
     theta: Mapping[str, float] | None = None,
     effects: Mapping[str, Mapping[str, float]] | None = None,
     duration_s: float = 60.0,
+    *,
+    day: int = 99,
 ) -> GapRun:
-    """A run through sensors: noise and quanta of every channel added."""
+    """A run through sensors: noise of its day and quanta of every channel added."""
     plant = HeaterPlant()
     point = ModelPoint({**NOMINAL, **(theta or {})}, effects or {})
     run = simulated(plant, f"{family} {seed}", make_inputs(family, duration_s, seed), point)
-    rng = np.random.default_rng([seed, 99])
+    rng = np.random.default_rng([seed, day])
     outputs = {}
     for c in plant.channels:
         y = run.outputs[c.name] + c.noise * rng.standard_normal(len(run.t_s))

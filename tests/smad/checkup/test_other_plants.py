@@ -1,0 +1,52 @@
+"""A check-up of a plant that is no spring pair and offers no places: the tiny heater."""
+
+import pytest
+
+from smad.checkup.commission import commissioned
+from smad.checkup.judge import judged
+from smad.checkup.paired.reference import Reference
+from smad.diagnosis import Verdict
+from smad.diagnosis.plant import EffectValues
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.verdict import CHECK_UP, PLACES, QUIET
+from tests.smad.diagnosis.cases import GAIN, OTHER
+from tests.smad.diagnosis.heater_plant import HeaterPlant, recorded
+
+PROGRAMME = (("random", 1), ("sines", 2), ("random", 3), ("sines", 4))
+
+
+def played(day: int, effects: EffectValues | None = None) -> list[GapRun]:
+    """The programme on a bench whose parameters are not the model's, with the noise of a day."""
+    return [
+        recorded(family, seed, OTHER, effects, duration_s=40.0, day=day)
+        for family, seed in PROGRAMME
+    ]
+
+
+@pytest.fixture(scope="module")
+def reference() -> Reference:
+    days = [played(day) for day in (1, 2, 3)]
+    return commissioned(HeaterPlant(), list(zip(*days, strict=True)))
+
+
+def checked(reference: Reference, day: int, effects: EffectValues | None = None) -> Verdict:
+    runs = [(run, run.name) for run in played(day, effects)]
+    return judged(HeaterPlant(), reference, runs).verdict
+
+
+def test_a_heater_as_it_was_is_quiet(reference: Reference) -> None:
+    found = checked(reference, 4)
+    assert (found.question, found.outcome, found.places) == (CHECK_UP, QUIET, [])
+    assert any(text.startswith("reading of temp_l_degC") for text in found.unseen)
+
+
+def test_a_new_gain_of_a_heater_is_found_where_it_acts_with_its_name(reference: Reference) -> None:
+    found = checked(reference, 5, GAIN)
+    assert found.outcome == PLACES
+    assert {p.place for p in found.places} <= {
+        "input_cmd_l_W", "input_cmd_r_W", "reading_power_l_W", "reading_power_r_W"
+    }  # fmt: skip
+    assert found.places[0].name == "driver_gain"
+    assert found.places[0].values["driver_gain"]["g"] == pytest.approx(0.05, abs=0.003)
+    assert found.whole is not None
+    assert found.whole.final < 0.5 * found.whole.parameters
