@@ -29,7 +29,8 @@ def verdict_of(paired: Paired, located: Located, outcome: str, least: float) -> 
     """The verdict. `least` is the gain, in squares of rows, that a place must have to be seen."""
     places = list(located.told) if outcome == PLACES else []
     changes = located.changes if places else ()
-    budget, whole = budget_of(paired, changes)
+    stages = stages_of(paired, changes)
+    budget, whole = budget_of(paired, stages)
     ranked = located.where.ranked
     return Verdict(
         question=CHECK_UP,
@@ -38,7 +39,7 @@ def verdict_of(paired: Paired, located: Located, outcome: str, least: float) -> 
         places=places,
         budget=budget,
         whole=whole,
-        by_run=_by_run(paired, changes),
+        by_run=_by_run(paired, stages),
         ranked=place_shares(paired.plant, ranked),
         judged_on="each run by laws of the others",
         unseen=unseen(paired.plant, located.rows, ranked, least),
@@ -57,16 +58,22 @@ def _headline(outcome: str, places: Sequence[PlaceTold]) -> str:
     return change_headline(places)
 
 
-def budget_of(
-    paired: Paired, changes: Sequence[Sequence[Array]]
-) -> tuple[list[SignalGap], SignalGap]:
-    """Raw difference, less days and small moves of parameters, and less what the model makes of
-    the first 1, 2 … places in each run (`changes`) as well.
+def stages_of(paired: Paired, changes: Sequence[Sequence[Array]]) -> list[list[Array]]:
+    """What is left of the difference of each pair, (bins, channels), stage by stage.
 
-    By signal, and over all signals in floors.
+    Raw; less days and small moves of parameters; and less what the model makes of the first
+    1, 2 … places (`changes`) as well.
     """
     raw = [p.difference for p in paired.pairs]
-    stages = [raw, *_beside(paired, changes)]
+    less = [[d - c for d, c in zip(raw, own, strict=True)] for own in changes]
+    tied = SHARE * paired.tie(paired.slopes)
+    return [raw, *(_without_days(paired, tied, x) for x in (raw, *less))]
+
+
+def budget_of(
+    paired: Paired, stages: Sequence[Sequence[Array]]
+) -> tuple[list[SignalGap], SignalGap]:
+    """The stages by signal, and over all signals in floors."""
     valid = [p.rows.valid for p in paired.pairs]
     sd = [p.rows.sd for p in paired.pairs]
     table = np.array([rms(x, valid) for x in stages])
@@ -89,25 +96,17 @@ def budget_of(
     return budget, whole
 
 
-def _by_run(paired: Paired, changes: Sequence[Sequence[Array]]) -> list[RunGap]:
-    raw = [p.difference for p in paired.pairs]
-    less = _beside(paired, changes[-1:])
+def _by_run(paired: Paired, stages: Sequence[Sequence[Array]]) -> list[RunGap]:
+    raw, parameters, *_ = stages
     return [
         RunGap(
             run=p.now,
             raw=_in_floors(paired, raw, [k]),
-            parameters=_in_floors(paired, less[0], [k]),
-            final=_in_floors(paired, less[-1], [k]),
+            parameters=_in_floors(paired, parameters, [k]),
+            final=_in_floors(paired, stages[-1], [k]),
         )
         for k, p in enumerate(paired.pairs)
     ]  # fmt: skip
-
-
-def _beside(paired: Paired, changes: Sequence[Sequence[Array]]) -> list[list[Array]]:
-    """What days and parameters leave of the difference, of it less the first change, and so on."""
-    raw = [p.difference for p in paired.pairs]
-    less = [[d - c for d, c in zip(raw, own, strict=True)] for own in changes]
-    return [_without_days(paired, x) for x in (raw, *less)]
 
 
 def _in_floors(paired: Paired, left: Sequence[Array], pairs: Sequence[int]) -> float:
@@ -117,12 +116,14 @@ def _in_floors(paired: Paired, left: Sequence[Array], pairs: Sequence[int]) -> f
     return float(np.sqrt(np.mean(rows**2)))
 
 
-def _without_days(paired: Paired, difference: list[Array]) -> list[Array]:
-    """The difference less the most likely day of each run and the parameters' small move."""
+def _without_days(paired: Paired, tied: Array, difference: list[Array]) -> list[Array]:
+    """The difference less the most likely day of each run and the parameters' small move.
+
+    `tied` (parameters, rows) are the white slopes of what parameters may move.
+    """
     r = paired.tie(paired.white([d[None] for d in difference]))[0]
-    J = SHARE * paired.tie(paired.slopes)
     # The posterior mean of directions that were shrunk is their product with the white rows.
-    theta = J @ r * SHARE
+    theta = tied @ r * SHARE
     out = []
     for p, d in zip(paired.pairs, difference, strict=True):
         moved = d - np.tensordot(theta, p.reference.slopes, axes=1)

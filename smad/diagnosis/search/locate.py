@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import msgspec
@@ -113,7 +114,7 @@ class _Kept:
         """Steps with a name."""
         return [s for s in self.steps if s.named and s.entry is not None]
 
-    @property
+    @cached_property
     def own(self) -> Fits | None:
         """The laws of the other steps, fitted beside the effects; None where all are named."""
         others = [s for s in self.steps if s not in self.named]
