@@ -2,7 +2,8 @@
 
 `known` effects answer to an entry of the published list of candidates, in another form than the
 obvious one. `dev` and `sealed` effects are on no list; a bank holds only one of the two kinds.
-`spent` effects were sealed once and have become known; no bank draws them any more.
+Once they have been opened, sealed effects become `dev`, or `spent`: no bank draws those any more,
+only the quiz.
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,6 @@
-"""Effects on no list: those of development banks, and those that were sealed once."""
+"""Effects on no list: those of development banks, and those that only the quiz draws."""
 
-from evaluation.plant.effect import TUBE, Effect
+from evaluation.plant.effect import FLOW, FORCE, TUBE, Effect
 
 EFFECTS: tuple[Effect, ...] = (
     Effect("tendon_log_creep", "dev", "mechanics", "mm", 0.052, 2.0, "recoverable_strain",
@@ -35,6 +35,44 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("martensite_stabilisation", "dev", "phase", "K", 0.55, 10.0, "transformation_shift",
            "time fraction",
            "martensite left in peace ages: A_s rises with the logarithm of its rest"),
+    Effect("tired_battery", "dev", "electrical", "1", 0.024, 0.6, "driven_current",
+           "current other_current",
+           "a battery feeds both heaters: I(1 − e q), q → (I_x + I_y)/4 A in 40 s, and back",
+           "both"),
+    Effect("soft_start", "dev", "electrical", "s", 0.0059, 4.0, "driven_current", "current",
+           "the driver eases its current in, one pole of e; it lets it fall at once"),
+    Effect("galvanic_clip", "dev", "electrical", "V", 0.0145, 0.6, "reading_voltage", "wire",
+           "one sense clip of another metal is a wet cell: V + e(T_c − 27 °C)/20 K, T_c → the "
+           "outlet's wire in 4 s"),
+    Effect("touching_tubes", "dev", "thermal", "W/K", 0.041, 2.0, "heat_into_water",
+           "other_wire water",
+           "the tubes lie against each other: e W/K between the waters along them", "both"),
+    Effect("lasting_swirl", "dev", "thermal", "1", 1.3, 20.0, "film", "duty",
+           "pumped water swirls on: still film(1 + e r), r the flow's share, fading in 6 s"),
+    Effect("coasting_pump", "dev", "thermal", "s", 0.6, 8.0, FLOW, "duty",
+           "a heavy rotor turns on when its pump is turned down: e longer than it takes to run "
+           "up", "one"),
+    Effect("rtd_warmup", "dev", "sensors", "K", 2.1, 15.0, "reading_rtd", "time",
+           "an RTD's amplifier warms from the start on: T + e(1 − exp(−t/25 s))", "one"),
+    Effect("coupling_creep", "dev", "sensors", "1", 0.13, 0.8, "reading_displacement",
+           "displacement reading velocity",
+           "the encoder's rubber coupling gives: x − e(x − c), c → x in 6 s", "both"),
+    Effect("cell_guide_friction", "dev", "sensors", "N", 0.067, 0.5, "reading_force",
+           "velocity displacement",
+           "the load cell's guide rubs within the cell: F − e b, b by dx/0.3 mm within ±1", "both"),
+    Effect("precipitation", "dev", "phase", "K", 3.2, 15.0, "transformation_shift", "wire time",
+           "nickel leaves the matrix in heat: both thresholds + e(1 − exp(−∫(T − 38)⁺dt/50 K s))"),
+    Effect("plastic_ratchet", "dev", "phase", "mm", 0.47, 4.0, "recoverable_strain",
+           "transformed force",
+           "transforming under load leaves the spring longer, by e ∫|dξ| τ/57 MPa"),
+    Effect("warm_core", "dev", "phase", "K", 1.9, 12.0, "transformation_shift",
+           "current wire water duty",
+           "the wire's core is warmer than its surface: thresholds − e q/10 W, q the film's heat"),
+    Effect("rubber_anchor", "dev", "mechanics", "mm", 1.55, 8.0, "recoverable_strain", "force",
+           "a spring's anchor stands on rubber: deflection + e r, r → (F − 1.24 N)/0.4 N in 3 s",
+           "one"),
+    Effect("lip_seal", "dev", "mechanics", "N", 0.12, 0.8, FORCE, "velocity",
+           "the tendon passes a lip that drags one way only, by e v/(v + 1 mm/s)", "both"),
     Effect("shared_power_limit", "spent", "electrical", "1", 0.022, 3.0, "driven_current",
            "current other_current",
            "both heaters share a power limit: past 8 W together, I/[1 + e(P/8 W − 1)], P "
