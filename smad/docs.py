@@ -38,9 +38,9 @@ PAGES = (
 _MARKED = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 _SUPERSEDED = re.compile(r"^Status: superseded by (\d{4})", re.MULTILINE)
 _ACCESS = {
-    "watch": "anyone",
-    "control": "in control",
-    "stop": "anyone, also on the stop channel",
+    "watch": "anyone; ",
+    "control": "",
+    "stop": "anyone, also on the stop channel; ",
 }
 
 
@@ -52,14 +52,6 @@ def methods() -> str:
 def pieces() -> str:
     """The pieces of motion that `move` takes."""
     return "".join(line for struct in commands.PIECES for line in _piece(struct))
-
-
-def replies() -> str:
-    """Every struct that a reply holds."""
-    seen: dict[str, type[Struct]] = {}
-    for method in api.METHODS:
-        _collect(method.reply, seen)
-    return "".join(line for struct in seen.values() for line in _reply(struct))
 
 
 def telemetry() -> str:
@@ -130,7 +122,6 @@ def settings() -> str:
 PARTS: dict[str, Callable[[], str]] = {
     "methods": methods,
     "pieces": pieces,
-    "replies": replies,
     "telemetry": telemetry,
     "reasons": reasons,
     "configuration": markdown_lists,
@@ -149,21 +140,13 @@ def refreshed(text: str) -> str:
 def _method(method: api.Method) -> Iterator[str]:
     access = _ACCESS[method.access]
     reply = method.reply.__name__
-    yield f"- **`{method.name}`** ({access}; [{reply}](#replies)): {_prose(method.params)}\n"
+    yield f"- **`{method.name}`** ({access}[{reply}](#replies)): {_prose(method.params)}\n"
     yield from (f"  {line}" for line in _fields(method.params))
 
 
 def _piece(struct: type[Struct]) -> Iterator[str]:
     yield f"- **`{struct.__struct_config__.tag}`** ({struct.__name__}): {_prose(struct)}\n"
     yield from (f"  {line}" for line in _fields(struct))
-
-
-def _reply(struct: type[Struct]) -> Iterator[str]:
-    names = (
-        f"`{field.name}`" + "".join(f" ({s.__name__})" for s in _structs_in(field.type))
-        for field in _info(struct).fields
-    )
-    yield f"- **{struct.__name__}**: {', '.join(names)}\n"
 
 
 def _prose(struct: type[Struct]) -> str:
@@ -271,30 +254,6 @@ def _default(field: types.Field) -> str:
     if value is msgspec.NODEFAULT:
         return "none"
     return "empty" if value in (None, "", ()) else str(value).lower()
-
-
-def _collect(struct: type[Struct], seen: dict[str, type[Struct]]) -> None:
-    if struct is Row or struct.__name__ in seen:
-        return
-    seen[struct.__name__] = struct
-    for field in _info(struct).fields:
-        for inner in _structs_in(field.type):
-            _collect(inner, seen)
-
-
-def _structs_in(kind: types.Type) -> Iterator[type[Struct]]:
-    match kind:
-        case (
-            types.Metadata(type=inner)
-            | types.VarTupleType(item_type=inner)
-            | types.DictType(value_type=inner)
-        ):
-            yield from _structs_in(inner)
-        case types.UnionType(types=members):
-            for member in members:
-                yield from _structs_in(member)
-        case types.StructType(cls=cls):
-            yield cls
 
 
 def main(arguments: Sequence[str]) -> int:

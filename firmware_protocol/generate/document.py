@@ -18,6 +18,7 @@ from firmware_protocol import (
     timesync,
 )
 from firmware_protocol.codec import Codec
+from firmware_protocol.enums import Fault
 from firmware_protocol.errors import SchemaError
 from firmware_protocol.generate.c_names import enums_of
 from firmware_protocol.messages import PROTOCOL_MAJOR, PROTOCOL_MINOR, Message
@@ -108,6 +109,8 @@ _A_LINE = 12
 def _enums(codec: Codec) -> str:
     text = ""
     for kind in enums_of(codec):
+        if kind is Fault:
+            continue
         is_bits = issubclass(kind, enum.IntFlag)
         members = [
             f"{f'0x{member.value:x}' if is_bits else member.value} {member.name}" for member in kind

@@ -24,7 +24,7 @@ FAULT_TEXTS: dict[Fault, FaultText] = {
     Fault.SELF_TEST: FaultText(
         "",
         False,
-        "The board found a part of itself not working when it started.",
+        "The board failed its self-test.",
         "Power-cycle the board. If it comes back, replace the board.",
     ),
     Fault.PARAM_CRC: FaultText(
@@ -37,38 +37,38 @@ FAULT_TEXTS: dict[Fault, FaultText] = {
         "mV",
         False,
         "The supply voltage fell below what the driver needs.",
-        "Check the power supply, its current limit and its cables. Pumps stay off to spare it.",
+        "Check the power supply, its current limit and its cables. The pumps stay off.",
     ),
     Fault.LOOP_OVERRUN: FaultText(
         "us",
         True,
         "The board's loop took much longer than a sample, so the heater ran unsupervised.",
-        "Lower the sample rate, or report it with the link statistics: it is a firmware fault.",
+        "Lower the sample rate, or report this firmware fault with the link statistics.",
     ),
     Fault.SETPOINT_LOST: FaultText(
         "us",
         True,
-        "No fresh setpoint came while the board was armed: the daemon stopped, the cable came "
-        "loose, or the computer was too busy for more than half a second.",
-        "See the daemon's log for why it stopped sending. Then clear the fault and arm again.",
+        "The armed board got no fresh setpoint for over half a second: the daemon stopped, "
+        "the cable came loose, or the computer was too busy.",
+        "Look into the daemon's log. Then clear the fault and arm again.",
     ),
     Fault.OVER_TEMPERATURE: FaultText(
         "cC",
         True,
-        "A spring got hotter than the limit, although the current is folded back before that.",
+        "A spring got hotter than the limit although the current is folded back below it.",
         "Let it cool. Look for a dry tube, a driver that does not follow, or a slow sensor.",
     ),
     Fault.SENSOR_INVALID: FaultText(
         "cC",
         True,
-        "A sensor gives no value or sits at the end of its range: its converter failed, the "
-        "load cell is overloaded, or the encoder lost its signal.",
-        "The channel of the fault names the sensor. Check its plug and its converter.",
+        "A sensor gives no value or the end of its range: converter failed, load cell "
+        "overloaded, or encoder signal lost.",
+        "The channel of the fault names the sensor. Check its plug and converter.",
     ),
     Fault.SENSOR_OPEN: FaultText(
         "cC",
         True,
-        "A temperature sensor reads full scale: a wire of it is broken or unplugged.",
+        "A temperature sensor reads full scale: a wire is broken or unplugged.",
         "Check the sensor's plug and cable.",
     ),
     Fault.SENSOR_SHORT: FaultText(
@@ -80,47 +80,44 @@ FAULT_TEXTS: dict[Fault, FaultText] = {
     Fault.SENSOR_STUCK: FaultText(
         "us",
         True,
-        "A spring's temperature did not change by one digit for seconds of heating.",
-        "Its converter hangs: power-cycle the board; check the converter if it comes back.",
+        "A spring's temperature reading stayed constant for seconds of heating.",
+        "Power-cycle the board; if it comes back, check the converter.",
     ),
     Fault.SENSOR_IMPLAUSIBLE: FaultText(
         "cC",
         True,
-        "A temperature jumps faster than the spring can change, or reads below everything "
-        "around it.",
-        "Check for a loose contact, a wrong sensor calibration, or a sensor of another type.",
+        "A temperature jumps faster than the spring can change, or is below its surroundings.",
+        "Check for a loose contact, a wrong calibration, or another type of sensor.",
     ),
     Fault.SENSORS_SWAPPED: FaultText(
         "cC",
         True,
         "One spring is heated and the other one's sensor warms.",
-        "Swap the plugs of the two springs' sensors, or of the two heaters.",
+        "Swap the plugs of the two sensors, or of the two heaters.",
     ),
     Fault.NOT_HEATING: FaultText(
         "mJ",
         True,
-        "Enough energy went into a spring to warm it by several degrees, and its sensor "
-        "shows nothing.",
-        "Check that the sensor still touches the spring and the spring is in its tube.",
+        "Energy for several degrees went into a spring, and its sensor shows nothing.",
+        "Check that the sensor touches the spring and the spring is in its tube.",
     ),
     Fault.UNCOMMANDED_CURRENT: FaultText(
         "mA",
         True,
-        "Current flows although none is asked for: the driver failed short, or the gate is stuck.",
+        "Current flows without a setpoint: the driver failed short, or the gate is stuck.",
         "Switch off the power. Replace the driver before heating again.",
     ),
     Fault.HEATING_WHILE_OFF: FaultText(
         "cC",
         True,
         "A spring goes on warming long after its current stopped.",
-        "Switch off the power. Check current sense and driver, and that the sensor sits well.",
+        "Switch off the power. Check current sense, driver, and the sensor's contact.",
     ),
     Fault.MODEL_RESIDUAL: FaultText(
         "cC",
         True,
-        "A spring's temperature left the range that any good bench would show for the energy "
-        "that went in.",
-        "Check that the sensor touches the spring, that there is water, and the current sense.",
+        "A spring's temperature left the range of all good benches for the energy that went in.",
+        "Check the sensor's contact, the water, and the current sense.",
     ),
     Fault.RESISTANCE_OUT_OF_BAND: FaultText(
         "mohm",
@@ -137,20 +134,20 @@ FAULT_TEXTS: dict[Fault, FaultText] = {
     Fault.CURRENT_HIGH: FaultText(
         "mA",
         True,
-        "More current flows than the board regulates to: driver shorted, or its gain is wrong.",
+        "More current flows than the board regulates to: driver shorted, or wrong gain.",
         "Switch off the power. Calibrate or replace the driver.",
     ),
     Fault.CURRENT_LOW: FaultText(
         "mA",
         True,
-        "Less current flows than the board regulates to: gain wrong, or the supply gives out.",
+        "Less current flows than the board regulates to: wrong gain, or weak supply.",
         "Check the supply voltage, then the driver's calibration.",
     ),
     Fault.WIRE_OPEN: FaultText(
         "mV",
         True,
-        "The driver gives its full voltage and no current flows: the spring's circuit is open.",
-        "Check the spring, its crimps and its leads.",
+        "Full driver voltage without current: the spring's circuit is open.",
+        "Check the spring, its crimps and leads.",
     ),
     Fault.DRIVER_OPEN: FaultText(
         "mA",
@@ -161,13 +158,13 @@ FAULT_TEXTS: dict[Fault, FaultText] = {
     Fault.I2T: FaultText(
         "A2s",
         True,
-        "The wire carried more current for longer than it may, although the ceiling was lowered.",
-        "The driver does not obey its ceiling: calibrate or replace it.",
+        "The wire carried too much current for too long, although the ceiling was lowered.",
+        "The driver ignores its ceiling: calibrate or replace it.",
     ),
     Fault.ARMED_TOO_LONG: FaultText(
         "s",
         True,
-        "The bench was armed for longer than the limit without a break.",
+        "The bench was armed without a break for longer than the limit.",
         "Disarm, look at the bench, arm again.",
     ),
     Fault.PUMP_DRY: FaultText(
@@ -179,7 +176,7 @@ FAULT_TEXTS: dict[Fault, FaultText] = {
     Fault.PUMP_STALLED: FaultText(
         "rpm",
         False,
-        "A pump is driven and does not turn: it is blocked, or has no supply.",
+        "A driven pump does not turn: blocked, or without supply.",
         "Clean or replace the pump. The pumps stay off.",
     ),
     Fault.PUMP_STUCK_ON: FaultText(
@@ -192,7 +189,7 @@ FAULT_TEXTS: dict[Fault, FaultText] = {
         "cC",
         True,
         "A pump runs and its hot spring does not cool.",
-        "Look for a blocked or pinched tube, or a pump that turns without moving water.",
+        "Look for a blocked or pinched tube, or a pump that moves no water.",
     ),
     Fault.LEAK: FaultText(
         "",

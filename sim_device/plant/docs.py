@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from sim_device.plant.effects.registry import EFFECTS
@@ -17,17 +17,11 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "physics.md"
 
 
 def parameter_list() -> str:
-    """Every entry of set A: symbol, value, status, meaning, and the numbered sources."""
-    lines = []
-    sources: dict[str, int] = {}
-    for entry in load_parameters("A").entries:
-        number = sources.setdefault(entry.source, len(sources) + 1)
-        lines.append(
-            f"- `{entry.name}` {entry.symbol} = {entry.shown()} ({entry.status}):"
-            f" {entry.meaning} [{number}]"
-        )
-    cited = (f"[{number}] {source}" for source, number in sources.items())
-    return "\n".join((*lines, "", "; ".join(cited) + "."))
+    """Every entry of set A: symbol, value, status, meaning."""
+    return "\n".join(
+        f"- `{entry.name}` {entry.symbol} = {entry.shown()} ({entry.status}): {entry.meaning}"
+        for entry in load_parameters("A").entries
+    )
 
 
 def differences_table() -> str:
@@ -45,16 +39,23 @@ def differences_table() -> str:
 
 
 def effects_list() -> str:
-    """Every entry of the effect registry: subsystem, places, equation."""
-    lines = []
+    """Every entry of the effect registry by subsystem: places, equation."""
+    lines: list[str] = []
+    subsystem = ""
     for entry in EFFECTS:
-        needs = "; ".join(f"needs {option} {' or '.join(known)}" for option, known in entry.needs)
+        if entry.subsystem != subsystem:
+            subsystem = entry.subsystem
+            lines += [*([""] if lines else []), f"{subsystem.capitalize()}:", ""]
         places = ", ".join(f"`{name}`" for name in entry.places)
         lines.append(
-            f"- **`{entry.name}`** ({entry.subsystem}; {places}{f'; {needs}' if needs else ''}):"
-            f" {entry.title}. {entry.equation}"
+            f"- **`{entry.name}`** ({places}{_needs(entry.needs)}): {entry.title}. {entry.equation}"
         )
     return "\n".join(lines)
+
+
+def _needs(needs: Sequence[tuple[str, tuple[str, ...]]]) -> str:
+    told = ", ".join(f"{option} {' or '.join(known)}" for option, known in needs)
+    return f"; needs {told}" if told else ""
 
 
 def places_table() -> str:
@@ -64,10 +65,9 @@ def places_table() -> str:
         "|---|---|---|---|---|---|",
     ]
     for entry in PLACES:
-        needs = "; ".join(f"needs {option} {' or '.join(known)}" for option, known in entry.needs)
         shown = ", ".join(f"`{channel}`" for channel in entry.channels_of(BOTH))
         lines.append(
-            f"| `{entry.name}` | {entry.label}{f' ({needs})' if needs else ''} | {entry.unit} |"
+            f"| `{entry.name}` | {entry.label}{_needs(entry.needs)} | {entry.unit} |"
             f" {entry.scale:g} | {', '.join(entry.sides)} | {shown} |"
         )
     return "\n".join(lines)

@@ -78,4 +78,4 @@ def test_filling_the_document_twice_changes_nothing() -> None:
     marked = "".join(f"<!-- generated: {name} -->\n<!-- end -->\n" for name in TABLES)
     once = fill(marked, CODEC)
     assert fill(once, CODEC) == once
-    assert all(name in once for name in ("SETPOINT", "state_rate_hz", "OVER_TEMPERATURE"))
+    assert all(name in once for name in ("SETPOINT", "state_rate_hz", "WRONG_STATE"))
