@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from smad.diagnosis.plant import Channel, Effect, EffectParameter, Output, Parameter, Signal, View
+from smad.diagnosis.plant import Channel, Effect, EffectParameter, Parameter, Signal
 
 RATE_HZ = 1e7 / 2**14
 """Samples a second (equation 12)."""
@@ -21,8 +21,8 @@ _FINER = 8
 
 
 def _effect(name: str, title: str, unit: str, high: float, *, low: float = 0.0) -> Effect:
-    size = EffectParameter("size", unit, high / 10, low, high)
-    return Effect(name, title, "circuit", (size,), ("output_V",))
+    size = EffectParameter(name="size", unit=unit, typical=high / 10, low=low, high=high)
+    return Effect(name=name, title=title, parameters=(size,), signals=("output_V",))
 
 
 _EFFECTS = (
@@ -47,21 +47,17 @@ class Silverbox:
     name: str = "Silverbox"
     version: str = "1"
     inputs = (Signal("input_V", "V", -0.2, 0.2),)
-    channels = (Channel("output_V", "V", 1e-5, -0.5, 0.5, "circuit", 1e-3),)
+    channels = (Channel(name="output_V", unit="V", quantum=1e-5, low=-0.5, high=0.5, noise=1e-3),)
     parameters = (
-        Parameter("resonance_Hz", "Hz", 70.0, 50.0, 90.0, 5.0, "circuit"),
-        Parameter("damping_ratio", "1", 0.05, 0.01, 0.2, 0.02, "circuit"),
-        Parameter("gain", "V/V", 1.0, 0.3, 3.0, 0.3, "circuit"),
-        Parameter("input_zero_V", "V", 0.0, -0.02, 0.02, 5e-3, "circuit"),
-        Parameter("output_zero_V", "V", 0.0, -0.02, 0.02, 5e-3, "circuit"),
+        Parameter(name="resonance_Hz", unit="Hz", nominal=70.0, low=50.0, high=90.0, prior_sd=5.0),
+        Parameter(name="damping_ratio", unit="1", nominal=0.05, low=0.01, high=0.2, prior_sd=0.02),
+        Parameter(name="gain", unit="V/V", nominal=1.0, low=0.3, high=3.0, prior_sd=0.3),
+        Parameter(name="input_zero_V", unit="V", nominal=0.0, low=-0.02, high=0.02, prior_sd=5e-3),
+        Parameter(name="output_zero_V", unit="V", nominal=0.0, low=-0.02, high=0.02, prior_sd=5e-3),
     )
     effects = _EFFECTS
-    views = (
-        View("open", "all", (Output("open:y", "output_V"),), open_loop=True),
-        View("circuit", "circuit", (Output("circuit:y", "output_V"),)),
-    )
 
-    def simulate(self, point, run, views, *, fast=False):
+    def simulate(self, point, run, *, fast=False):
         theta = np.array([point.theta.get(p.name, p.nominal) for p in self.parameters])
         sizes = [point.effects.get(e.name, {}).get("size", 0.0) for e in self.effects]
         # Nothing above a third of the rate was played, so that the input between its samples is
@@ -69,7 +65,7 @@ class Silverbox:
         spectrum = np.fft.rfft(run.inputs["input_V"])
         finer = np.fft.irfft(spectrum, _FINER * len(run.t_s)) * _FINER
         course = _replay(finer, 2.0 / (_FINER * RATE_HZ), theta, np.array(sizes))
-        return {f"{view}:y": course for view in views}
+        return {"output_V": course}
 
     def regimes(self, run, side):
         square = np.convolve(run.outputs["output_V"] ** 2, np.full(16, 1 / 16), "same")

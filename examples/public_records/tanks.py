@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from smad.diagnosis.plant import Channel, Effect, EffectParameter, Output, Parameter, Signal, View
+from smad.diagnosis.plant import Channel, Effect, EffectParameter, Parameter, Signal
 
 STEP_S = 4.0
 END_V = 10.0
@@ -22,12 +22,14 @@ _FINER = 8
 
 
 def _shape(name: str, unit: str, typical: float, low: float, high: float) -> EffectParameter:
-    return EffectParameter(name, unit, typical, low, high, strength=False)
+    return EffectParameter(
+        name=name, unit=unit, typical=typical, low=low, high=high, strength=False
+    )
 
 
 def _effect(name: str, title: str, unit: str, high: float, *shapes, low: float = 0.0) -> Effect:
-    size = EffectParameter("size", unit, high / 4, low, high)
-    return Effect(name, title, "tanks", (size, *shapes), ("level_V",))
+    size = EffectParameter(name="size", unit=unit, typical=high / 4, low=low, high=high)
+    return Effect(name=name, title=title, parameters=(size, *shapes), signals=("level_V",))
 
 
 _EFFECTS = (
@@ -55,22 +57,22 @@ class Tanks:
     name: str = "cascaded tanks"
     version: str = "1"
     inputs = (Signal("pump_V", "V", 0.0, 10.0),)
-    channels = (Channel("level_V", "V", 0.01, 0.0, 10.01, "tanks", 0.02),)
+    channels = (Channel(name="level_V", unit="V", quantum=0.01, low=0.0, high=10.01, noise=0.02),)
     parameters = (
-        Parameter("upper_outlet", "√V/s", 0.05, 0.01, 0.2, 0.02, "tanks"),
-        Parameter("lower_outlet", "√V/s", 0.05, 0.01, 0.2, 0.02, "tanks"),
-        Parameter("pump", "1/s", 0.05, 0.01, 0.2, 0.02, "tanks"),
-        Parameter("upper_start_V", "V", 5.0, 0.5, 35.0, 5.0, "tanks"),
-        Parameter("lower_start_V", "V", 5.0, 3.0, 7.0, 0.5, "tanks"),
-        Parameter("sensor_zero_V", "V", 0.0, -3.0, 3.0, 1.0, "tanks"),
+        Parameter(
+            name="upper_outlet", unit="√V/s", nominal=0.05, low=0.01, high=0.2, prior_sd=0.02
+        ),
+        Parameter(
+            name="lower_outlet", unit="√V/s", nominal=0.05, low=0.01, high=0.2, prior_sd=0.02
+        ),
+        Parameter(name="pump", unit="1/s", nominal=0.05, low=0.01, high=0.2, prior_sd=0.02),
+        Parameter(name="upper_start_V", unit="V", nominal=5.0, low=0.5, high=35.0, prior_sd=5.0),
+        Parameter(name="lower_start_V", unit="V", nominal=5.0, low=3.0, high=7.0, prior_sd=0.5),
+        Parameter(name="sensor_zero_V", unit="V", nominal=0.0, low=-3.0, high=3.0, prior_sd=1.0),
     )
     effects = _EFFECTS
-    views = (
-        View("open", "all", (Output("open:y", "level_V"),), open_loop=True),
-        View("tanks", "tanks", (Output("tanks:y", "level_V"),)),
-    )
 
-    def simulate(self, point, run, views, *, fast=False):
+    def simulate(self, point, run, *, fast=False):
         theta = np.array([point.theta.get(p.name, p.nominal) for p in self.parameters])
         values = [
             point.effects.get(e.name, {}).get(p.name, 0.0 if p.strength else p.typical)
@@ -78,7 +80,7 @@ class Tanks:
             for p in e.parameters
         ]
         course = _replay(run.inputs["pump_V"], STEP_S / _FINER, theta, np.array(values))
-        return {f"{view}:y": course for view in views}
+        return {"level_V": course}
 
     def regimes(self, run, side):
         level, flow = run.outputs["level_V"], run.inputs["pump_V"]

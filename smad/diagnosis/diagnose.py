@@ -143,7 +143,7 @@ def _admitted(
         RunSet(a.admitted, (*a.findings, *_of(group, repeats)))
         for group, a in zip(order, admitted, strict=True)
     ]
-    return order, in_common(with_repeats, plant)
+    return order, in_common(with_repeats)
 
 
 def _of(runs: Sequence[GapRun], findings: Sequence[Finding]) -> list[Finding]:

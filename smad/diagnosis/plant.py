@@ -1,4 +1,4 @@
-"""What the engine knows of a plant: signals, parameters, effects, views, and how to simulate it.
+"""What the engine knows of a plant: signals, parameters, effects, and how to simulate it.
 
 Anything that satisfies `PlantModel` can be diagnosed. The engine never looks behind it, and nothing
 in the engine knows the name of a channel, a parameter or an effect.
@@ -32,9 +32,9 @@ class Signal:
     high: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Channel:
-    """A measured channel: quantum and range in its unit, and the sub-model it is closest to.
+    """A measured channel: quantum and range in its unit.
 
     `twin` names the channel of the same kind on the other side, if there is one; swapped cables are
     looked for between twins. `noise` is a typical standard deviation of one sample, used only when
@@ -46,13 +46,12 @@ class Channel:
     quantum: float
     low: float
     high: float
-    sub_model: str
     noise: float
     side: str = ""
     twin: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
     """A parameter that the refit may move, in its unit, with hard bounds and a prior."""
 
@@ -62,10 +61,9 @@ class Parameter:
     low: float
     high: float
     prior_sd: float
-    sub_model: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EffectParameter:
     """One parameter of an effect.
 
@@ -104,49 +102,24 @@ class EffectParameter:
         return abs(self.typical) or (self.high - self.low) / 2
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Effect:
-    """A candidate cause: an entry of the plant's library.
-
-    `law`: a good bench follows it too, more or less (no driver is without lag), so that known-good
-    runs are asked for its value before anything else. `places`: where it acts, by name.
-    """
+    """A candidate cause: an entry of the plant's library. `places`: where it acts, by name."""
 
     name: str
     title: str
-    sub_model: str
     parameters: tuple[EffectParameter, ...]
     signals: tuple[str, ...]
+    sub_model: str = ""
     equation: str = ""
     confused_with: tuple[str, ...] = ()
     separates: str = ""
     reference: str = ""
-    law: bool = False
     places: tuple[str, ...] = ()
 
     def at(self, level: float = 1.0) -> dict[str, float]:
         """Parameter values with every strength at `level` times its typical value."""
         return {p.name: p.typical * level if p.strength else p.typical for p in self.parameters}
-
-
-@dataclass(frozen=True, slots=True)
-class Output:
-    """What a view predicts: `key` is unique in the plant, `channel` is the measured counterpart."""
-
-    key: str
-    channel: str
-    side: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class View:
-    """One way to run the model: the whole of it, or one sub-model fed with measured neighbours."""
-
-    name: str
-    sub_model: str
-    outputs: tuple[Output, ...]
-    feeds: tuple[str, ...] = ()
-    open_loop: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,19 +170,12 @@ class PlantModel(Protocol):
     def parameters(self) -> Sequence[Parameter]: ...
     @property
     def effects(self) -> Sequence[Effect]: ...
-    @property
-    def views(self) -> Sequence[View]:
-        """One open-loop view, and the local views in coupling order, upstream first."""
-        ...
 
-    def simulate(
-        self, point: ModelPoint, run: GapRun, views: Sequence[str], *, fast: bool = False
-    ) -> dict[str, Array]:
-        """Noise-free prediction of every output of `views`, by output key.
+    def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
+        """Return the noise-free prediction of every channel from the run's inputs, by its name.
 
-        `Dataset` leaves out views whose feeds the run lacks: they are not asked for. `fast` allows
-        a coarser step that changes nothing beyond the noise floor. Releases the GIL or is quick: it
-        is called from threads.
+        Shape (n,) each, NaN where the model cannot run. `fast` allows a coarser step that changes
+        nothing beyond the noise floor.
         """
         ...
 
@@ -279,6 +245,11 @@ def performed(plant: PlantModel, experiment: str, point: ModelPoint, seed: int) 
 def nominal_point(plant: PlantModel) -> ModelPoint:
     """Every parameter at its nominal value, and no effect."""
     return ModelPoint({p.name: p.nominal for p in plant.parameters})
+
+
+def nominal_replay(run: GapRun, plant: PlantModel) -> dict[str, Array]:
+    """What the nominal model predicts of a run, by channel, (n,) each."""
+    return plant.simulate(nominal_point(plant), run, fast=True)
 
 
 def units(plant: PlantModel) -> dict[str, str]:

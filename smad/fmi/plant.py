@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import threading
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from scipy.signal import lfilter
@@ -17,10 +17,8 @@ from smad.diagnosis.plant import (
     EffectParameter,
     Mask,
     ModelPoint,
-    Output,
     Parameter,
     Signal,
-    View,
 )
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.signals import means_over_pieces
@@ -29,7 +27,6 @@ from smad.fmi.map_file import ChannelRow, InputRow, Map, ParameterRow, TermRow, 
 from smad.fmi.running import Fed, Runner, signed_power
 from smad.fmi.unit_file import UnitFile
 
-_SUB_MODEL = "unit"
 _KEPT = 64
 _GAIN = (0.05, 0.5)
 _ZERO_OF_RANGE = (0.02, 0.25)
@@ -58,20 +55,14 @@ class FmuPlant:
         self._known: OrderedDict[object, Array] = OrderedDict()
         self.inputs = [Signal(n, r.unit, r.low, r.high) for n, r in mapped.inputs.items()]
         self.channels = [
-            Channel(n, r.unit, r.quantum, r.low, r.high, _SUB_MODEL, r.noise)
+            Channel(name=n, unit=r.unit, quantum=r.quantum, low=r.low, high=r.high, noise=r.noise)
             for n, r in mapped.channels.items()
         ]
         self.parameters = [_parameter(n, r, unit) for n, r in mapped.parameters.items()]
         self.effects = effects_of(mapped)
-        self.views = [
-            View("open", "all", _outputs("open", mapped), open_loop=True),
-            View(_SUB_MODEL, _SUB_MODEL, _outputs(_SUB_MODEL, mapped)),
-        ]
 
-    def simulate(
-        self, point: ModelPoint, run: GapRun, views: Sequence[str], *, fast: bool = False
-    ) -> dict[str, Array]:
-        """Both views are the whole unit: it has no inner signals that could be fed."""
+    def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
+        """See `PlantModel`."""
         course = self._course(point, run)
         out = {}
         for name, column in zip(self._map.channels, course, strict=True):
@@ -79,7 +70,7 @@ class FmuPlant:
             shown = row.scale * column + row.offset
             shown = _misread(shown, point.effects, name, run.dt_s)
             out[name] = shown if run.whole is None else means_over_pieces(run, shown)
-        return {f"{view}:{name}": column for view in views for name, column in out.items()}
+        return out
 
     def _course(self, point: ModelPoint, run: GapRun) -> Array:
         """Outputs of the unit, shape (channels, n), from what is known or from a run of it."""
@@ -154,11 +145,15 @@ def effects_of(mapped: Map) -> list[Effect]:
     for name, driven in mapped.inputs.items():
         found += _errors("drive", name, driven, lag_s=mapped.lag_s, signals=everything)
     for name, term in mapped.terms.items():
-        size = EffectParameter("size", term.unit, term.typical, term.low, term.high)
+        size = EffectParameter(
+            name="size", unit=term.unit, typical=term.typical, low=term.low, high=term.high
+        )
         what = f"(({term.of} − {term.zero:g})/{term.span:g})^{term.power:g}" if term.of else "1"
         found.append(
-            Effect(name, term.title, _SUB_MODEL, (size,), everything,
-                   f"{term.variable} += size · {what}")
+            Effect(
+                name=name, title=term.title, parameters=(size,), signals=everything,
+                equation=f"{term.variable} += size · {what}",
+            )
         )  # fmt: skip
     return found
 
@@ -169,21 +164,24 @@ def _errors(
     gain, most_gain = _GAIN
     zero, most_zero = (share * (row.high - row.low) for share in _ZERO_OF_RANGE)
     parts = (
-        ("gain", "gain error", ("g", "1", gain, -most_gain, most_gain), "(1 + g)·y"),
-        ("zero", "zero error", ("b", row.unit, zero, -most_zero, most_zero), "y + b"),
-        ("lag", "lag", ("tau_s", "s", lag_s, 0.0, _LONGEST_LAG * lag_s), "tau·s' = y − s"),
+        ("gain", "gain error", _value("g", "1", gain, -most_gain, most_gain), "(1 + g)·y"),
+        ("zero", "zero error", _value("b", row.unit, zero, -most_zero, most_zero), "y + b"),
+        ("lag", "lag", _value("tau_s", "s", lag_s, 0.0, _LONGEST_LAG * lag_s), "tau·s' = y − s"),
     )
     return [
         Effect(
-            f"{name}_{end}",
-            f"{title} of the {kind} {name}",
-            _SUB_MODEL,
-            (EffectParameter(*value),),
-            signals,
-            law,
+            name=f"{name}_{end}",
+            title=f"{title} of the {kind} {name}",
+            parameters=(value,),
+            signals=signals,
+            equation=law,
         )
         for end, title, value, law in parts
     ]
+
+
+def _value(name: str, unit: str, typical: float, low: float, high: float) -> EffectParameter:
+    return EffectParameter(name=name, unit=unit, typical=typical, low=low, high=high)
 
 
 def _misread(
@@ -209,10 +207,6 @@ def _rows(mapped: Map) -> list[str]:
     return list(dict.fromkeys(r.variable for r in rows))
 
 
-def _outputs(view: str, mapped: Map) -> tuple[Output, ...]:
-    return tuple(Output(f"{view}:{name}", name) for name in mapped.channels)
-
-
 def _fed(row: int, output: int, size: float, term: TermRow) -> Fed:
     return Fed(row=row, output=output, size=size, zero=term.zero, span=term.span, power=term.power)
 
@@ -229,4 +223,6 @@ def _parameter(name: str, row: ParameterRow, unit: UnitFile) -> Parameter:
             action="give nominal, or another range, in the map",
         )
     prior = row.prior_sd or (row.high - row.low) / 6
-    return Parameter(name, row.unit, nominal, row.low, row.high, prior, _SUB_MODEL)
+    return Parameter(
+        name=name, unit=row.unit, nominal=nominal, low=row.low, high=row.high, prior_sd=prior
+    )

@@ -37,7 +37,7 @@ def multisine(n: int, lines: int, seed: int) -> Array:
 def answered(plant: PlantModel, point: ModelPoint, given: GapRun, noise: float, seed: int) -> Array:
     channel = plant.channels[0]
     bare = replace(given, outputs={channel.name: np.zeros(len(given.t_s))})
-    clean = next(iter(plant.simulate(point, bare, ["open"]).values()))
+    clean = next(iter(plant.simulate(point, bare).values()))
     return np.asarray(clean + noise * np.random.default_rng(seed).standard_normal(len(clean)))
 
 

@@ -14,8 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from smad.diagnosis.data.grid import LEAST_PERIODS, Grid
-from smad.diagnosis.data.views import local_views, nominal_replay, supported_keys
-from smad.diagnosis.plant import Array, Channel, PlantModel
+from smad.diagnosis.plant import Array, Channel, PlantModel, nominal_replay
 from smad.diagnosis.runs import GapRun, bridged
 from smad.diagnosis.verdict import Finding
 
@@ -57,7 +56,7 @@ def admit(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> RunSet:
     return RunSet(tuple(admitted), tuple(findings))
 
 
-def in_common(groups: Sequence[RunSet], plant: PlantModel) -> list[RunSet]:
+def in_common(groups: Sequence[RunSet]) -> list[RunSet]:
     """The same groups of runs with those channels only that each group has.
 
     What one group was fitted on could not be judged, or called unusual, on a group without it. A
@@ -65,19 +64,18 @@ def in_common(groups: Sequence[RunSet], plant: PlantModel) -> list[RunSet]:
     """
     having = [{c for r in a.admitted for c in r.outputs} for a in groups if a.admitted]
     common = set.intersection(*having) if having else set()
-    return [_only(a, common, plant) for a in groups]
+    return [_only(a, common) for a in groups]
 
 
-def _only(group: RunSet, channels: set[str], plant: PlantModel) -> RunSet:
+def _only(group: RunSet, channels: set[str]) -> RunSet:
     admitted, findings = [], list(group.findings)
     for run in group.admitted:
         kept = {k: v for k, v in run.outputs.items() if k in channels}
         for name in (n for n in run.outputs if n not in channels):
             text = f"runs of another group all lack {name}: its residual is switched off"
             findings.append(Finding(run.name, "channel not shared", text, refuses=False))
-        left = replace(run, outputs=kept)
-        if supported_keys(local_views(plant), left):
-            admitted.append(left)
+        if kept:
+            admitted.append(replace(run, outputs=kept))
         else:
             text = "nothing it measured is in the runs to fit, the held out and the good ones alike"
             findings.append(Finding(run.name, "no channel", text, refuses=True))
@@ -109,15 +107,8 @@ def _admit_one(run: GapRun, plant: PlantModel, period_s: float) -> tuple[GapRun,
         return run, found
     predicted = nominal_replay(run, plant)
     given, run = run, _check_channels(run, predicted, plant, say=say)
-    if not supported_keys(local_views(plant), run):
-        fed = sorted({f for v in local_views(plant) for f in v.feeds if f not in run.outputs})
-        why = f"; their models are fed with {', '.join(fed)}, too" if run.outputs else ""
-        say(
-            "no channel",
-            f"no measured channel is left that can be judged: usable are "
-            f"{', '.join(run.outputs) or 'none'}{why}",
-            refuses=True,
-        )
+    if not run.outputs:
+        say("no channel", "no measured channel is left that can be judged", refuses=True)
         return run, found
     # A replay may begin from what was measured.
     if run.outputs.keys() != given.outputs.keys():

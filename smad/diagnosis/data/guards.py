@@ -10,8 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from smad.diagnosis.data.views import nominal_replay
-from smad.diagnosis.plant import Array, PlantModel
+from smad.diagnosis.plant import Array, PlantModel, nominal_replay
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import Finding
 

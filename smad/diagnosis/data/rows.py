@@ -130,15 +130,13 @@ def prediction(
     period_s: float = PERIOD_S,
 ) -> Array:
     """The open-loop prediction of a run on the grid; shape (bins, channels). NaN if it fails."""
-    view = next(v for v in plant.views if v.open_loop)
-    found = plant.simulate(point, run, [view.name], fast=True)
+    found = plant.simulate(point, run, fast=True)
     at = bin_numbers(run, start_s, period_s)
     inside = (at >= 0) & (at < bins)
     count = np.maximum(np.bincount(at[inside], minlength=bins), 1)
-    by_channel = {o.channel: found[o.key] for o in view.outputs}
     return np.column_stack(
         [
-            np.bincount(at[inside], by_channel[c.name][inside], minlength=bins) / count
+            np.bincount(at[inside], found[c.name][inside], minlength=bins) / count
             for c in plant.channels
         ]
     )

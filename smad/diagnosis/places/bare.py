@@ -88,7 +88,7 @@ class BarePlaces:
 
     def trajectory(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
         """See `Forceable`."""
-        return self._states(run, self._replayed(point, run, fast=fast))
+        return self._states(run, self.simulate(point, run, fast=fast))
 
     def forced(
         self, point: ModelPoint, run: GapRun, forcing: Forcing, *, fast: bool = False
@@ -96,41 +96,24 @@ class BarePlaces:
         """See `Forceable`."""
         pushed = {n.removeprefix(_INPUT): f for (n, _), f in forcing.items()
                   if n.startswith(_INPUT)}  # fmt: skip
-        out = self._replayed(point, _pushed(run, pushed), fast=fast)
+        out = self.simulate(point, _pushed(run, pushed), fast=fast)
         for (name, _), series in forcing.items():
             if name.startswith(_READING):
                 channel = name.removeprefix(_READING)
                 out[channel] = out[channel] + series
         return out
 
-    def simulate(
-        self, point: ModelPoint, run: GapRun, views: Sequence[str], *, fast: bool = False
-    ) -> dict[str, Array]:
-        """See `PlantModel`; laws act in the open loop only."""
-        if not point.laws:
-            return self.plain.simulate(point, run, views, fast=fast)
-        shown = self._replayed(point, run, fast=fast)
-        view = next(v for v in self.plain.views if v.open_loop)
-        rest = [v for v in views if v != view.name]
-        out = self.plain.simulate(replace(point, laws=()), run, rest, fast=fast) if rest else {}
-        return out | {o.key: shown[o.channel] for o in view.outputs}
-
-    def _replayed(self, point: ModelPoint, run: GapRun, *, fast: bool) -> dict[str, Array]:
-        """Channels in open loop, laws of the point in force."""
-        view = next(v for v in self.plain.views if v.open_loop)
+    def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
+        """See `PlantModel`; laws of the point are in force."""
         bare = replace(point, laws=())
-
-        def channels(of: GapRun) -> dict[str, Array]:
-            found = self.plain.simulate(bare, of, [view.name], fast=fast)
-            return {o.channel: found[o.key] for o in view.outputs}
-
-        out = channels(run)
+        out = dict(self.plain.simulate(bare, run, fast=fast))
+        if not point.laws:
+            return out
         inputs = [law for law in point.laws if law.place.startswith(_INPUT)]
         for _ in range(_PASSES if inputs else 0):
             states = self._states(run, out)
-            out = channels(
-                _pushed(run, {x.place.removeprefix(_INPUT): _value(x, states, run) for x in inputs})
-            )
+            more = {x.place.removeprefix(_INPUT): _value(x, states, run) for x in inputs}
+            out = dict(self.plain.simulate(bare, _pushed(run, more), fast=fast))
         states = self._states(run, out)
         for law in point.laws:
             if law.place.startswith(_READING):

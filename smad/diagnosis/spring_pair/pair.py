@@ -12,6 +12,7 @@ import numpy as np
 from firmware_protocol.nearest import instead
 from sim_device.plant import ParameterSet, load_parameters
 from sim_device.plant.covariance import Covariance
+from sim_device.plant.effects.record import Effect as RegistryEffect
 from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.errors import PlantError
 from sim_device.plant.laws import own_states
@@ -29,11 +30,10 @@ from smad.diagnosis.plant import (
 )
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import catalogue, signals
-from smad.diagnosis.spring_pair.given import GivenPoint, GivenRun
-from smad.diagnosis.spring_pair.passes import KeptDrivers, Passes
 from smad.diagnosis.spring_pair.places import places_of_pair, state_words
 from smad.diagnosis.spring_pair.recent import Recent
 from smad.diagnosis.spring_pair.recorded import recorded
+from smad.diagnosis.spring_pair.replays import GivenPoint, GivenRun, OneReplay
 from smad.diagnosis.spring_pair.traits import TRAITS
 
 _POINTS = 64
@@ -41,35 +41,15 @@ _RUNS = 64
 _WIDE = 0.4
 _WIDE_K = 6.0
 
-# Refitted parameter -> the sub-model it belongs to. Geometry and noise are not refitted: only their
-# products with these can be seen.
-REFITTED = {
-    "modulus_martensite": "mechanics",
-    "modulus_austenite": "mechanics",
-    "stress_start": "phase",
-    "stress_finish": "phase",
-    "max_deflection": "phase",
-    "austenite_start": "phase",
-    "austenite_finish": "phase",
-    "martensite_start": "phase",
-    "martensite_finish": "phase",
-    "slope_austenite": "phase",
-    "slope_martensite": "phase",
-    "initial_deflection": "mechanics",
-    "initial_force": "mechanics",
-    "heat_capacity_heating": "thermal",
-    "heat_capacity_cooling": "thermal",
-    "latent_heating": "thermal",
-    "latent_cooling": "thermal",
-    "resistivity": "electrical",
-    "warming_share": "thermal",
-    "tube_loss": "thermal",
-    "tube_diameter": "thermal",
-    "flow_max": "thermal",
-    "film_scale": "thermal",
-    "water_temperature": "thermal",
-    "ambient_temperature": "thermal",
-}
+# Geometry and noise are not refitted: only their products with these can be seen.
+REFITTED = (
+    "modulus_martensite", "modulus_austenite", "stress_start", "stress_finish", "max_deflection",
+    "austenite_start", "austenite_finish", "martensite_start", "martensite_finish",
+    "slope_austenite", "slope_martensite", "initial_deflection", "initial_force",
+    "heat_capacity_heating", "heat_capacity_cooling", "latent_heating", "latent_cooling",
+    "resistivity", "warming_share", "tube_loss", "tube_diameter", "flow_max", "film_scale",
+    "water_temperature", "ambient_temperature",
+)  # fmt: skip
 _TEMPERATURES = {
     "austenite_start", "austenite_finish", "martensite_start", "martensite_finish",
     "water_temperature", "ambient_temperature",
@@ -84,11 +64,14 @@ _LUMPED = {
 _PRIOR_SHARE = 0.08
 _PRIOR_K = 1.5
 # What differs from bench to bench between the two springs, and the encoder's zero: refitted like a
-# parameter, but no entry of a parameter set. Nominal value, bounds, standard deviation, sub-model.
-_MOUNTING = (
-    Parameter("side_flow", "1", 0.0, -0.5, 0.5, 0.1, "thermal"),
-    Parameter("side_resistance", "1", 0.0, -0.2, 0.2, 0.03, "electrical"),
-    Parameter("displacement_zero", "mm", 0.0, -2.0, 2.0, 0.15, "mechanics"),
+# parameter, but no entry of a parameter set.
+_MOUNTING = tuple(
+    Parameter(name=name, unit=unit, nominal=0.0, low=-reach, high=reach, prior_sd=sd)
+    for name, unit, reach, sd in (
+        ("side_flow", "1", 0.5, 0.1),
+        ("side_resistance", "1", 0.2, 0.03),
+        ("displacement_zero", "mm", 2.0, 0.15),
+    )
 )
 _FLOW_EFFECT = "uneven_flow"
 _FLOW_SHARE = (_FLOW_EFFECT, ".", "share")
@@ -111,13 +94,11 @@ class SmaPlant:
     parameter_set: ParameterSet = field(default_factory=lambda: load_parameters("A"))
     variant: str = "extended"
     only: tuple[str, ...] | None = None
-    kept: KeptDrivers = field(default_factory=dict, repr=False, compare=False)
 
     name = "spring pair"
     traits = TRAITS
     inputs = signals.INPUTS
     channels = signals.CHANNELS
-    views = signals.VIEWS
     regimes = staticmethod(signals.regimes)
 
     @cached_property
@@ -136,10 +117,9 @@ class SmaPlant:
 
     @cached_property
     def parameters(self) -> Sequence[Parameter]:
-        own = tuple(self._parameter(name, part) for name, part in REFITTED.items())
-        return own + _MOUNTING
+        return (*map(self._parameter, REFITTED), *_MOUNTING)
 
-    def _parameter(self, name: str, part: str) -> Parameter:
+    def _parameter(self, name: str) -> Parameter:
         entry = self.parameter_set.entry(name)
         if name in _TEMPERATURES:
             reach, sd = _WIDE_K, max(_PRIOR_K, (entry.high - entry.low) / 6.0)
@@ -152,42 +132,25 @@ class SmaPlant:
             sd = max(sd, 0.15 * abs(entry.value))
         if name == "warming_share":
             high = min(high, 1.0)
-        return Parameter(name, entry.unit, entry.value, low, high, sd, part)
+        return Parameter(
+            name=name, unit=entry.unit, nominal=entry.value, low=low, high=high, prior_sd=sd
+        )
 
     @cached_property
     def effects(self) -> Sequence[Effect]:
         return tuple(
-            Effect(
-                e.name,
-                e.title,
-                e.subsystem,
-                tuple(
-                    EffectParameter(q.name, q.unit, q.typical, q.low, q.high, q.is_strength)
-                    for q in e.parameters
-                    if not q.switch
-                ),
-                e.signals,
-                e.equation,
-                e.confused_with,
-                e.separated_by,
-                e.reference,
-                e.law,
-                e.places,
-            )
+            _effect(e)
             for e in EFFECTS
             if self.variant in dict(e.needs).get("variant", (self.variant,))
             and (self.only is None or e.name in self.only)
         )
 
-    def simulate(
-        self, point: ModelPoint, run: GapRun, views: Sequence[str], *, fast: bool = False
-    ) -> dict[str, Array]:
+    def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
         """See `PlantModel`. A point that the plant refuses or cannot solve gives NaN."""
         try:
-            return self._passes(point, run, fast=fast).views(views)
+            return self.forced(point, run, {}, fast=fast)
         except PlantError:
-            keys = [o.key for v in self.views if v.name in views for o in v.outputs]
-            return {key: np.full(len(run.t_s), np.nan) for key in keys}
+            return {c.name: np.full(len(run.t_s), np.nan) for c in self.channels}
 
     @cached_property
     def places(self) -> Sequence[Place]:
@@ -200,7 +163,7 @@ class SmaPlant:
 
         Raises PlantError where the plant refuses the point or cannot solve it, as `forced` does.
         """
-        return self._passes(point, run, fast=fast).trajectory()
+        return self._replay(point, run, fast=fast).trajectory()
 
     def seen(self, place: str, side: str, states: Mapping[str, Array]) -> dict[str, Array]:
         """States as a place sees them on a side, by the names of `sim_device.plant.places`."""
@@ -214,11 +177,11 @@ class SmaPlant:
         self, point: ModelPoint, run: GapRun, forcing: Forcing, *, fast: bool = False
     ) -> dict[str, Array]:
         """Channels of the run in open loop under a forcing, see `smad.diagnosis.places.place`."""
-        return self._passes(point, run, fast=fast).forced(forcing)
+        return self._replay(point, run, fast=fast).forced(forcing)
 
-    def _passes(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> Passes:
+    def _replay(self, point: ModelPoint, run: GapRun, *, fast: bool) -> OneReplay:
         given = self.given_points.of(point, lambda: GivenPoint(self, point))
-        return Passes(given, run, fast, self.given_runs, self.kept)
+        return OneReplay(given, self.given_runs.of(run, lambda: GivenRun(run)), fast=fast)
 
     def catalogue(self) -> Sequence[Experiment]:
         return tuple(
@@ -358,6 +321,22 @@ class SmaPlant:
             name: {q: _clipped(float(v), *_RANGES[name, q]) for q, v in values.items()}
             for name, values in effects.items()
         }
+
+
+def _effect(entry: RegistryEffect) -> Effect:
+    return Effect(
+        name=entry.name, title=entry.title, sub_model=entry.subsystem, signals=entry.signals,
+        equation=entry.equation, confused_with=entry.confused_with, separates=entry.separated_by,
+        reference=entry.reference, places=entry.places,
+        parameters=tuple(
+            EffectParameter(
+                name=q.name, unit=q.unit, typical=q.typical, low=q.low, high=q.high,
+                strength=q.is_strength,
+            )
+            for q in entry.parameters
+            if not q.switch
+        ),
+    )  # fmt: skip
 
 
 def _clipped(value: float, low: float, high: float) -> float:

@@ -11,7 +11,7 @@ from smad.control.sample import Sample
 from smad.diagnosis.plant import ModelPoint
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.catalogue import timeline_named
-from smad.diagnosis.spring_pair.given import PointReader
+from smad.diagnosis.spring_pair.replays import PointReader
 from smad.diagnosis.spring_pair.signals import CHANNELS, run_from_columns
 
 RATE_HZ = 100

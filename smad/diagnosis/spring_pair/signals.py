@@ -1,8 +1,8 @@
-"""Channels, views and regimes of the spring pair, and its runs from logs."""
+"""Channels and regimes of the spring pair, and its runs from logs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from smad.diagnosis.plant import Array, Channel, Mask, Output, Signal, View
+from smad.diagnosis.plant import Array, Channel, Mask, Signal
 from smad.diagnosis.runs import GapRun, bridged
 from smad.runlog.bounds import Together
 from smad.runlog.tables import read_channels
@@ -28,50 +28,27 @@ INPUTS = (
 _OPTIONAL_INPUTS = ("drain_x", "drain_y")
 
 
-def _pair(stem: str, unit: str, quantum: float, span: tuple[float, float], *, noise: float,
-          sub_model: str) -> tuple[Channel, ...]:  # fmt: skip
-    def one(own: str, other: str) -> Channel:
-        name, twin = (f"{stem}_{s}_{unit}" for s in (own, other))
-        return Channel(name, unit, quantum, *span, sub_model, noise, own.upper(), twin)
-
-    return one("x", "y"), one("y", "x")
+def _channel(stem: str, unit: str, span: tuple[float, float], side: str = "") -> Channel:
+    """A channel whose converter counts thousandths (of a temperature hundredths), noise of two."""
+    quantum = 0.01 if unit == "degC" else 0.001
+    named = {s: f"{stem}_{s}_{unit}" for s in "xy"}
+    return Channel(
+        name=named.get(side, f"{stem}_{unit}"), unit=unit, quantum=quantum, low=span[0],
+        high=span[1], noise=2 * quantum, side=side.upper(),
+        twin=named["y" if side == "x" else "x"] if side else "",
+    )  # fmt: skip
 
 
 CHANNELS = (
-    *_pair("i_meas", "A", 0.001, (-1.0, 6.0), noise=0.002, sub_model="actuator"),
-    *_pair("v", "V", 0.001, (-1.0, 15.0), noise=0.002, sub_model="electrical"),
-    *_pair("rtd", "degC", 0.01, (-20.0, 120.0), noise=0.02, sub_model="thermal"),
-    Channel("rtd_inlet_degC", "degC", 0.01, -20.0, 120.0, "thermal", 0.02),
-    Channel("rtd_ambient_degC", "degC", 0.01, -20.0, 120.0, "thermal", 0.02),
-    Channel("displacement_mm", "mm", 0.001, -25.0, 25.0, "mechanics", 0.002),
-    Channel("force_N", "N", 0.001, -1.0, 12.0, "mechanics", 0.002),
+    *(_channel("i_meas", "A", (-1.0, 6.0), s) for s in "xy"),
+    *(_channel("v", "V", (-1.0, 15.0), s) for s in "xy"),
+    *(_channel("rtd", "degC", (-20.0, 120.0), s) for s in "xy"),
+    _channel("rtd_inlet", "degC", (-20.0, 120.0)),
+    _channel("rtd_ambient", "degC", (-20.0, 120.0)),
+    _channel("displacement", "mm", (-25.0, 25.0)),
+    _channel("force", "N", (-1.0, 12.0)),
 )
-_TEMPERATURES = ("rtd_x_degC", "rtd_y_degC")
-_CURRENTS = ("i_meas_x_A", "i_meas_y_A")
 _RATE_TAU_S = 0.3
-
-
-def _view(name: str, channels: Iterable[str], feeds: tuple[str, ...] = ()) -> View:
-    side = {c.name: c.side for c in CHANNELS}
-    return View(name, name, tuple(Output(f"{name}:{c}", c, side[c]) for c in channels), feeds)
-
-
-VIEWS = (
-    replace(_view("open", (c.name for c in CHANNELS)), sub_model="all", open_loop=True),
-    _view("actuator", _CURRENTS),
-    _view("thermal", (*_TEMPERATURES, "rtd_inlet_degC", "rtd_ambient_degC"), _CURRENTS),
-    _view("electrical", ("v_x_V", "v_y_V"), (*_CURRENTS, *_TEMPERATURES)),
-    _view("mechanics", ("displacement_mm", "force_N"), _TEMPERATURES),
-    View(
-        "phase",
-        "phase",
-        (Output("phase:X", "force_N", "X"), Output("phase:Y", "force_N", "Y")),
-        (*_TEMPERATURES, "displacement_mm"),
-    ),
-)
-"""The local views from command to tendon. The phase view holds each spring at the measured
-displacement: either spring then predicts the tendon force by itself, so that its residual belongs
-to one side."""
 
 
 def smooth(y: Array, dt_s: float, tau_s: float) -> Array:
@@ -91,14 +68,6 @@ def means_over_pieces(run: GapRun, y: Array) -> Array:
     back = 0.5 - 0.5 / run.pieces[1:]
     out = y.copy()
     out[1:] -= back * (y[1:] - y[:-1])
-    return out
-
-
-def at_ends_of_pieces(run: GapRun, means: Array) -> Array:
-    """The way back, of what varies slowly."""
-    on = 0.5 - 0.5 / run.pieces[:-1]
-    out = means.copy()
-    out[:-1] += on * (means[1:] - means[:-1])
     return out
 
 

@@ -31,9 +31,8 @@ def played(
         name: PLANT.parameter_set[name] * (1.0 + spread * rng.normal())
         for name, spread in (("tube_loss", 0.01), ("flow_max", 0.006), ("film_scale", 0.01))
     }
-    found = PLANT.simulate(ModelPoint(theta, effects or {}), run, ["open"])
+    found = PLANT.simulate(ModelPoint(theta, effects or {}), run)
     shown = {
-        c.name: found[f"open:{c.name}"] + c.noise * rng.normal(size=len(run.t_s))
-        for c in PLANT.channels
+        c.name: found[c.name] + c.noise * rng.normal(size=len(run.t_s)) for c in PLANT.channels
     }
     return GapRun(what.name, run.t_s + rng.uniform(0.0, 5.0), run.inputs, shown)

@@ -7,7 +7,7 @@ temperature.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
@@ -21,10 +21,8 @@ from smad.diagnosis.plant import (
     Experiment,
     Mask,
     ModelPoint,
-    Output,
     Parameter,
     Signal,
-    View,
 )
 from smad.diagnosis.runs import GapRun
 
@@ -73,33 +71,47 @@ def _backlash(x, gap):
     return y
 
 
+def _channel(name, unit, quantum, span, noise, side="", twin=""):  # noqa: PLR0917
+    return Channel(
+        name=name, unit=unit, quantum=quantum, low=span[0], high=span[1], noise=noise, side=side,
+        twin=twin,
+    )  # fmt: skip
+
+
+def _effect(name, title, sub_model, parameters, signals, equation=""):  # noqa: PLR0917
+    return Effect(
+        name=name, title=title, sub_model=sub_model, parameters=parameters, signals=signals,
+        equation=equation,
+    )  # fmt: skip
+
+
 def _strength(name, unit, typical, high, low=0.0):
-    return EffectParameter(name, unit, typical, low, high)
+    return EffectParameter(name=name, unit=unit, typical=typical, low=low, high=high)
 
 
 EFFECTS = (
-    Effect("sensor_lag", "slow thermometers", "thermal", (_strength("tau_s", "s", 1.5, 6.0),),
+    _effect("sensor_lag", "slow thermometers", "thermal", (_strength("tau_s", "s", 1.5, 6.0),),
            ("temp_l_degC", "temp_r_degC"), "τ Ṡ = T − S"),
-    Effect("radiation", "radiation to the room", "thermal", (_strength("rad_W", "W", 4.0, 20.0),),
+    _effect("radiation", "radiation to the room", "thermal", (_strength("rad_W", "W", 4.0, 20.0),),
            ("temp_l_degC", "temp_r_degC", "rod_um"), "q = r[(T/300)⁴ − (T_a/300)⁴]"),
-    Effect("coupling", "heat flow between the plates", "thermal",
+    _effect("coupling", "heat flow between the plates", "thermal",
            (_strength("g_W_K", "W/K", 0.15, 0.8),), ("temp_l_degC", "temp_r_degC", "rod_um")),
-    Effect("driver_gain", "gain error of the power stage", "power",
+    _effect("driver_gain", "gain error of the power stage", "power",
            (_strength("g", "1", 0.05, 0.2, -0.2),), ("power_l_W", "power_r_W")),
-    Effect("backlash", "play in the rod's dial", "rod", (_strength("gap_um", "um", 4.0, 20.0),),
+    _effect("backlash", "play in the rod's dial", "rod", (_strength("gap_um", "um", 4.0, 20.0),),
            ("rod_um",)),
-    Effect("dial_delay", "late dial", "rod", (_strength("delay_s", "s", 0.4, 2.0),), ("rod_um",)),
-    Effect("sticky_fan", "fan that spins up slowly", "thermal",
+    _effect("dial_delay", "late dial", "rod", (_strength("delay_s", "s", 0.4, 2.0),), ("rod_um",)),
+    _effect("sticky_fan", "fan that spins up slowly", "thermal",
            (_strength("tau_s", "s", 2.0, 8.0),), ("temp_l_degC", "temp_r_degC", "rod_um")),
 )  # fmt: skip
-MELT = Effect("melt", "softening wax", "thermal", (_strength("J_K", "J/K", 12.0, 60.0),), ())
+MELT = _effect("melt", "softening wax", "thermal", (_strength("J_K", "J/K", 12.0, 60.0),), ())
 
 PARAMETERS = (
-    Parameter("c_J_K", "J/K", 30.0, 20.0, 40.0, 3.0, "thermal"),
-    Parameter("ha_W_K", "W/K", 0.6, 0.4, 0.8, 0.06, "thermal"),
-    Parameter("fan_gain", "1", 1.5, 1.0, 2.0, 0.15, "thermal"),
-    Parameter("t_a_degC", "degC", 22.0, 17.0, 27.0, 1.0, "thermal"),
-    Parameter("rod_um_K", "um/K", 3.0, 2.2, 3.8, 0.3, "rod"),
+    Parameter(name="c_J_K", unit="J/K", nominal=30.0, low=20.0, high=40.0, prior_sd=3.0),
+    Parameter(name="ha_W_K", unit="W/K", nominal=0.6, low=0.4, high=0.8, prior_sd=0.06),
+    Parameter(name="fan_gain", unit="1", nominal=1.5, low=1.0, high=2.0, prior_sd=0.15),
+    Parameter(name="t_a_degC", unit="degC", nominal=22.0, low=17.0, high=27.0, prior_sd=1.0),
+    Parameter(name="rod_um_K", unit="um/K", nominal=3.0, low=2.2, high=3.8, prior_sd=0.3),
 )
 NOMINAL = {p.name: p.nominal for p in PARAMETERS}
 
@@ -117,64 +129,29 @@ class HeaterPlant:
         Signal("fan", "1", 0.0, 1.0),
     )
     channels: Sequence[Channel] = (
-        Channel("power_l_W", "W", 0.02, -5.0, 80.0, "power", 0.05, "L", "power_r_W"),
-        Channel("power_r_W", "W", 0.02, -5.0, 80.0, "power", 0.05, "R", "power_l_W"),
-        Channel("temp_l_degC", "degC", 0.01, -20.0, 150.0, "thermal", 0.03, "L", "temp_r_degC"),
-        Channel("temp_r_degC", "degC", 0.01, -20.0, 150.0, "thermal", 0.03, "R", "temp_l_degC"),
-        Channel("rod_um", "um", 0.1, -50.0, 800.0, "rod", 0.2),
+        _channel("power_l_W", "W", 0.02, (-5.0, 80.0), 0.05, "L", "power_r_W"),
+        _channel("power_r_W", "W", 0.02, (-5.0, 80.0), 0.05, "R", "power_l_W"),
+        _channel("temp_l_degC", "degC", 0.01, (-20.0, 150.0), 0.03, "L", "temp_r_degC"),
+        _channel("temp_r_degC", "degC", 0.01, (-20.0, 150.0), 0.03, "R", "temp_l_degC"),
+        _channel("rod_um", "um", 0.1, (-50.0, 800.0), 0.2),
     )
     parameters: Sequence[Parameter] = PARAMETERS
-    views: Sequence[View] = field(
-        default=(
-            View("open", "all", (
-                Output("open:power_l_W", "power_l_W", "L"),
-                Output("open:power_r_W", "power_r_W", "R"),
-                Output("open:temp_l_degC", "temp_l_degC", "L"),
-                Output("open:temp_r_degC", "temp_r_degC", "R"), Output("open:rod_um", "rod_um"),
-            ), open_loop=True),
-            View("power", "power", (
-                Output("power:l", "power_l_W", "L"), Output("power:r", "power_r_W", "R"))),
-            View("thermal", "thermal", (
-                Output("thermal:l", "temp_l_degC", "L"), Output("thermal:r", "temp_r_degC", "R")),
-                ("power_l_W", "power_r_W")),
-            View("rod", "rod", (Output("rod:rod", "rod_um"),), ("temp_l_degC", "temp_r_degC")),
-        )
-    )  # fmt: skip
 
     @property
     def effects(self) -> Sequence[Effect]:
         return self.library
 
-    def simulate(
-        self, point: ModelPoint, run: GapRun, views: Sequence[str], *, fast: bool = False
-    ) -> dict[str, Array]:
+    def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
         del fast
         theta = {**NOMINAL, **point.theta}
         gain = 1.0 + _value(point.effects, "driver_gain", "g")
         sent = {s: gain * run.inputs[f"cmd_{s}_W"] for s in "lr"}
-        out: dict[str, Array] = {}
         state = self._thermal(theta, point.effects, run, sent["l"], sent["r"])
-        if "open" in views:
-            for s, i in (("l", 0), ("r", 1)):
-                out[f"open:power_{s}_W"] = sent[s]
-                out[f"open:temp_{s}_degC"] = state[2 + i]
-            out["open:rod_um"] = _rod(theta, point.effects, run.dt_s, state[0], state[1])
-        if "power" in views:
-            out["power:l"], out["power:r"] = sent["l"], sent["r"]
-        if ("thermal" in views or "rod" in views) and "power_l_W" in run.outputs:
-            state = self._thermal(
-                theta, point.effects, run, run.outputs["power_l_W"], run.outputs["power_r_W"]
-            )
-        if "thermal" in views:
-            out["thermal:l"], out["thermal:r"] = state[2], state[3]
-        if "rod" in views:
-            fed = [
-                state[i]
-                + _smooth(run.outputs[f"temp_{s}_degC"] - np.nan_to_num(state[2 + i]), run.dt_s)
-                for i, s in enumerate("lr")
-            ]
-            out["rod:rod"] = _rod(theta, point.effects, run.dt_s, fed[0], fed[1])
-        return out
+        out: dict[str, Array] = {}
+        for s, i in (("l", 0), ("r", 1)):
+            out[f"power_{s}_W"] = sent[s]
+            out[f"temp_{s}_degC"] = state[2 + i]
+        return out | {"rod_um": _rod(theta, point.effects, run.dt_s, state[0], state[1])}
 
     def _thermal(self, theta, effects, run, p_l, p_r):  # type: ignore[no-untyped-def]
         start = theta["t_a_degC"]
@@ -198,18 +175,6 @@ class HeaterPlant:
             "cooling": power <= 0.5,
         }
 
-    def features(self, run: GapRun, side: str) -> dict[str, Array]:
-        own = ["l", "r"] if side == "" else [side.lower()]
-        out = {"fan": run.inputs["fan"]}
-        for s in own:
-            out[f"power {s}"] = run.inputs[f"cmd_{s}_W"]
-            if f"temp_{s}_degC" in run.outputs:
-                t = run.outputs[f"temp_{s}_degC"]
-                out[f"temperature {s}"] = t
-                rate = np.gradient(_smooth(t, run.dt_s), run.dt_s)
-                out |= {f"rate {s}": rate, f"direction {s}": np.tanh(rate / 0.2)}
-        return out
-
     def catalogue(self) -> Sequence[Experiment]:
         return (
             Experiment("one side", "heat the left plate only", 60.0),
@@ -224,11 +189,6 @@ class HeaterPlant:
 
 def _value(effects: Mapping[str, Mapping[str, float]], name: str, parameter: str) -> float:
     return float(effects.get(name, {}).get(parameter, 0.0))
-
-
-def _smooth(y: Array, dt: float, tau: float = 0.5) -> Array:
-    keep = float(np.exp(-dt / tau))
-    return lfilter([1 - keep], [1.0, -keep], y, zi=np.array([keep * y[0]]))[0]
 
 
 def _rod(theta, effects, dt, t_l, t_r):  # type: ignore[no-untyped-def]
@@ -276,8 +236,7 @@ def simulated(
     """The noise-free run that a plant at `point` gives."""
     n = len(inputs["fan"])
     bare = GapRun(name, np.arange(n) * DT, dict(inputs), {})
-    values = plant.simulate(point, bare, ["open"])
-    return bare.with_columns(outputs={k.removeprefix("open:"): v for k, v in values.items()})
+    return bare.with_columns(outputs=plant.simulate(point, bare))
 
 
 def recorded(

@@ -16,8 +16,8 @@ class WithoutExperiments:
     def __init__(self) -> None:
         whole = HeaterPlant()
         for member in (
-            "name", "version", "inputs", "channels", "parameters", "effects", "views", "simulate",
-            "regimes", "features",
+            "name", "version", "inputs", "channels", "parameters", "effects", "simulate",
+            "regimes",
         ):  # fmt: skip
             setattr(self, member, getattr(whole, member))
 

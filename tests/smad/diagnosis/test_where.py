@@ -101,8 +101,7 @@ def test_laws_of_several_places_are_fitted_together_and_without_each_fold():
 
 
 def effect(name, *places):
-    return Effect(name=name, title="", sub_model="", equation="", parameters=(), signals=(),
-                  confused_with=(), separates="", reference="", places=places)  # fmt: skip
+    return Effect(name=name, title="", parameters=(), signals=(), places=places)
 
 
 def found_with(laid, candidates, change, own, **changes):

@@ -57,10 +57,9 @@ def test_a_replay_is_the_run_of_a_bench_without_noise(unit: Path, tmp_path: Path
         {"capacity_J_K": 33.0, "loss_W_K": 0.74},
         {"radiation": {"size": -6.0}, "temperature_degC_lag": {"tau_s": 1.5}},
     )
-    shown = plant.simulate(point, run, ["open", "unit"])
+    shown = plant.simulate(point, run)
     measured = run.outputs["temperature_degC"]
-    assert np.abs(shown["open:temperature_degC"] - measured).max() < 0.0051
-    np.testing.assert_array_equal(shown["open:temperature_degC"], shown["unit:temperature_degC"])
+    assert np.abs(shown["temperature_degC"] - measured).max() < 0.0051
 
 
 def test_replays_do_not_depend_on_those_before_or_on_the_thread(unit: Path, tmp_path: Path) -> None:
@@ -69,7 +68,7 @@ def test_replays_do_not_depend_on_those_before_or_on_the_thread(unit: Path, tmp_
     points = [ModelPoint({"capacity_J_K": c}) for c in np.linspace(20.0, 40.0, 80)]
 
     def replay(point: ModelPoint) -> np.ndarray:
-        return plant.simulate(point, run, ["open"])["open:temperature_degC"]
+        return plant.simulate(point, run)["temperature_degC"]
 
     once = [replay(point) for point in points]
     with ThreadPoolExecutor(4) as pool:
@@ -84,8 +83,7 @@ def test_a_compiled_unit_without_python_gives_the_same(unit: Path, tmp_path: Pat
     for capacity in (25.0, 35.0, 25.0):
         point = ModelPoint({"capacity_J_K": capacity}, {"radiation": {"size": -6.0}})
         one, other = (
-            plant.simulate(point, run, ["open"])["open:temperature_degC"]
-            for plant in (script, compiled)
+            plant.simulate(point, run)["temperature_degC"] for plant in (script, compiled)
         )
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-9)
     compiled.close()
@@ -95,21 +93,21 @@ def test_an_effect_that_is_off_leaves_the_replay_as_it_is(unit: Path, tmp_path: 
     plant = plant_of(unit, tmp_path)
     run = read_mapped(run_file(tmp_path / "a.csv", 1), read_map(tmp_path / "map.toml"))
     off = {e.name: {p.name: 0.0 for p in e.parameters} for e in plant.effects}
-    plain = plant.simulate(ModelPoint({}), run, ["open"])["open:temperature_degC"]
+    plain = plant.simulate(ModelPoint({}), run)["temperature_degC"]
     for name, values in off.items():
-        same = plant.simulate(ModelPoint({}, {name: values}), run, ["open"])
-        np.testing.assert_array_equal(same["open:temperature_degC"], plain, err_msg=name)
+        same = plant.simulate(ModelPoint({}, {name: values}), run)
+        np.testing.assert_array_equal(same["temperature_degC"], plain, err_msg=name)
     for effect in plant.effects:
-        other = plant.simulate(ModelPoint({}, {effect.name: effect.at()}), run, ["open"])
-        assert np.abs(other["open:temperature_degC"] - plain).max() > 0.01, effect.name
+        other = plant.simulate(ModelPoint({}, {effect.name: effect.at()}), run)
+        assert np.abs(other["temperature_degC"] - plain).max() > 0.01, effect.name
 
 
 def test_inputs_from_a_row_on_act_one_row_later(unit: Path, tmp_path: Path) -> None:
     until = plant_of(unit, tmp_path)
     run = read_mapped(run_file(tmp_path / "a.csv", 1), read_map(tmp_path / "map.toml"))
-    shown = until.simulate(ModelPoint({}), run, ["open"])["open:temperature_degC"]
+    shown = until.simulate(ModelPoint({}), run)["temperature_degC"]
     since = plant_of(unit, tmp_path, f'held = "from"\n{MAP}')
-    late = since.simulate(ModelPoint({}), run, ["open"])["open:temperature_degC"]
+    late = since.simulate(ModelPoint({}), run)["temperature_degC"]
     first = int(np.flatnonzero(run.inputs["power_W"])[0])
     assert (shown[first] > 22.0, late[first] > 22.0, late[first + 1] > 22.0) == (True, False, True)
 
@@ -120,10 +118,10 @@ def test_a_unit_that_gives_up_predicts_nothing_from_there_and_can_be_run_again(
     plant = plant_of(unit, tmp_path)
     run = read_mapped(run_file(tmp_path / "a.csv", 1), read_map(tmp_path / "map.toml"))
     hot = run.with_columns(inputs={"power_W": np.where(run.t_s > 30.0, 1e7, 0.0)})
-    shown = plant.simulate(ModelPoint({}), hot, ["open"])["open:temperature_degC"]
+    shown = plant.simulate(ModelPoint({}), hot)["temperature_degC"]
     assert np.isfinite(shown[:300]).all()
     assert np.isnan(shown[-1])
-    again = plant.simulate(ModelPoint({}), run, ["open"])["open:temperature_degC"]
+    again = plant.simulate(ModelPoint({}), run)["temperature_degC"]
     assert np.isfinite(again).all()
 
 
@@ -241,7 +239,7 @@ def test_a_run_log_is_read_by_its_channels_and_converted(unit: Path, tmp_path: P
     run = read_mapped(log, read_map(tmp_path / "map.toml"))
     np.testing.assert_allclose(run.inputs["power_W"], np.arange(50) / 1000)
     np.testing.assert_allclose(run.outputs["temperature_degC"], 20 + np.arange(50) / 100)
-    shown = plant.simulate(ModelPoint({}), run, ["open"])["open:temperature_degC"]
+    shown = plant.simulate(ModelPoint({}), run)["temperature_degC"]
     plate = 22.0
     for k in range(1, 50):
         plate += 0.01 * (12.0 * k / 1000 - 0.8 * (plate - 22.0)) / 30.0

@@ -64,23 +64,21 @@ def test_a_forced_reading_is_added_to_and_nothing_else() -> None:
     assert all(np.array_equal(forced[c], plain[c]) for c in plain if c != "rod_um")
 
 
-def test_a_law_of_a_reading_acts_on_that_output_of_the_open_view_alone() -> None:
-    run, views = run_of(), [v.name for v in HEATER.views]
-    plain = PLANT.simulate(POINT, run, views)
+def test_a_law_of_a_reading_acts_on_that_channel_alone() -> None:
+    run = run_of()
+    plain = PLANT.simulate(POINT, run)
     point = with_law("reading_temp_l_degC", line("fan", 0.5, 0.0, 1.0))
-    shown = PLANT.simulate(point, run, views)
+    shown = PLANT.simulate(point, run)
     assert shown.keys() == plain.keys()
-    assert shown["open:temp_l_degC"] - plain["open:temp_l_degC"] == pytest.approx(
-        0.5 * run.inputs["fan"]
-    )
-    assert all(np.array_equal(shown[k], plain[k]) for k in plain if k != "open:temp_l_degC")
+    assert shown["temp_l_degC"] - plain["temp_l_degC"] == pytest.approx(0.5 * run.inputs["fan"])
+    assert all(np.array_equal(shown[k], plain[k]) for k in plain if k != "temp_l_degC")
 
 
 def test_a_law_of_an_input_is_what_the_plant_makes_of_that_input() -> None:
     run = run_of()
     point = with_law("input_cmd_l_W", line("cmd_l_W", 0.05, 0.0, 60.0))
     more = run.with_columns(inputs={**run.inputs, "cmd_l_W": 1.05 * run.inputs["cmd_l_W"]})
-    shown, wanted = PLANT.simulate(point, run, ["open"]), HEATER.simulate(POINT, more, ["open"])
+    shown, wanted = PLANT.simulate(point, run), HEATER.simulate(POINT, more)
     for key in wanted:
         np.testing.assert_allclose(shown[key], wanted[key], rtol=0, atol=1e-9)
 
@@ -89,10 +87,10 @@ def test_a_law_of_an_input_that_goes_with_the_output_is_made_to_agree_with_it() 
     """Power that falls with the plate's temperature is a larger loss of this plate."""
     still = run_of("one side")
     point = with_law("input_cmd_l_W", line("temp_l_degC", -0.1, 22.0, 150.0, zero=22.0))
-    shown = PLANT.simulate(point, still, ["open"])
+    shown = PLANT.simulate(point, still)
     lossy = ModelPoint({**NOMINAL, "ha_W_K": NOMINAL["ha_W_K"] + 0.1})
-    wanted, plain = (HEATER.simulate(p, still, ["open"]) for p in (lossy, POINT))
-    key = "open:temp_l_degC"
+    wanted, plain = (HEATER.simulate(p, still) for p in (lossy, POINT))
+    key = "temp_l_degC"
     assert np.abs(wanted[key] - plain[key]).max() > 1.0
     np.testing.assert_allclose(shown[key], wanted[key], rtol=0, atol=1e-3)
 

@@ -19,8 +19,7 @@ def run():
 
 
 def open_loop(run, point=POINT):
-    predicted = PLANT.simulate(point, run, ["open"])
-    return {key.removeprefix("open:"): values for key, values in predicted.items()}
+    return PLANT.simulate(point, run)
 
 
 def test_every_reading_of_the_pair_is_a_place_in_the_channels_unit(run):
@@ -64,12 +63,10 @@ def test_a_law_in_the_point_is_close_to_the_forcing_of_its_states(run):
     assert np.abs(by_law - forced).max() < 0.02 * gone
 
 
-def test_a_law_at_the_current_reaches_the_view_of_the_driver(run):
+def test_a_law_at_the_reading_of_a_current_is_added_to_it(run):
     law = Law("reading_current", "x", (Term(name="constant", coefficient=0.01),))
     point = ModelPoint(POINT.theta, {}, (law,))
-    before, after = (
-        PLANT.simulate(p, run, ["actuator"])["actuator:i_meas_x_A"] for p in (POINT, point)
-    )
+    before, after = (PLANT.simulate(p, run)["i_meas_x_A"] for p in (POINT, point))
     assert after - before == pytest.approx(0.01)
 
 

@@ -35,10 +35,10 @@ def runs_with(laws: tuple[object, ...]) -> list[GapRun]:
     for seed in (1, 2):
         inputs = make_inputs("random", 40.0, seed)
         bare = GapRun(f"run {seed}", np.arange(len(inputs["fan"])) * DT, inputs, {})
-        shown = PLANT.simulate(point, bare, ["open"])
+        shown = PLANT.simulate(point, bare)
         rng = np.random.default_rng([seed, 7])
         outputs = {
-            c.name: shown[f"open:{c.name}"] + c.noise * rng.standard_normal(len(bare.t_s))
+            c.name: shown[c.name] + c.noise * rng.standard_normal(len(bare.t_s))
             for c in PLANT.channels
         }
         out.append(bare.with_columns(outputs=outputs))

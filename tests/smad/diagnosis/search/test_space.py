@@ -8,12 +8,12 @@ from smad.diagnosis.plant import Effect, EffectParameter
 from smad.diagnosis.search.space import Space
 
 DRAUGHT = Effect(
-    "draught", "a draught", "thermal",
-    (
-        EffectParameter("more_W_K", "W/K", 0.05, 0.0, 0.3),
-        EffectParameter("from_degC", "degC", 0.0, -20.0, 60.0, strength=False),
+    name="draught", title="a draught", signals=("rtd",),
+    parameters=(
+        EffectParameter(name="more_W_K", unit="W/K", typical=0.05, low=0.0, high=0.3),
+        EffectParameter(name="from_degC", unit="degC", typical=0.0, low=-20.0, high=60.0,
+                        strength=False),
     ),
-    ("rtd",),
 )  # fmt: skip
 
 
@@ -48,4 +48,4 @@ def test_an_effect_parameter_that_no_fit_could_move_is_refused(
     typical: float, low: float, high: float, strength: bool, words: str
 ) -> None:
     with pytest.raises(GapError, match=words):
-        EffectParameter("q", "1", typical, low, high, strength)
+        EffectParameter(name="q", unit="1", typical=typical, low=low, high=high, strength=strength)

@@ -1,0 +1,156 @@
+"""Replays of a recorded run by a model point of the spring pair.
+
+A fit replays a run thousands of times, and a point on every run: what depends on one of the two
+only is worked out once (`GivenRun`, `GivenPoint`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from sim_device.plant import ParameterSet
+from sim_device.plant.errors import SolverError
+from sim_device.plant.replay import Inputs, Replay, trajectory
+from sim_device.plant.setup import Setup
+from smad.diagnosis.places.place import Forcing
+from smad.diagnosis.plant import Array, EffectValues, ModelPoint
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.spring_pair.signals import means_over_pieces
+
+_ZERO_C = 273.15
+_ENVIRONMENT = {
+    "water_temperature": "rtd_inlet_degC",
+    "ambient_temperature": "rtd_ambient_degC",
+}
+_OPTIONS = {"fixture": "antagonistic", "cooling": "water"}
+# Two steps a sample at 100 Hz, jittered ones too. One is too few for a current that chatters.
+_STEP_S = 6e-3
+_FAST_STEP_S = 1e-2
+_RETRIES = (1.0, 0.5, 0.2)
+"""Shares of the step: on a kink of the kinetics the kernel may find no solution in one of them."""
+_READINGS = ("rtd_x_degC", "rtd_y_degC", "displacement_m", "force_N")
+_OUTPUTS = ("i_x_A", "i_y_A", "v_x_V", "v_y_V", "rtd_inlet_degC", "rtd_ambient_degC", *_READINGS)
+
+
+class PointReader(Protocol):
+    """What the values of a model point mean on the spring pair (see `SmaPlant`)."""
+
+    @property
+    def parameter_set(self) -> ParameterSet: ...
+    @property
+    def variant(self) -> str: ...
+    def set_of(self, theta: Mapping[str, float]) -> ParameterSet: ...
+    def acting(self, point: ModelPoint) -> dict[str, dict[str, float]]: ...
+    def within(self, effects: EffectValues) -> dict[str, dict[str, float]]: ...
+
+
+class GivenPoint:
+    """A model point as the kernel takes it. Raises PlantError where the plant refuses it."""
+
+    def __init__(self, plant: PointReader, point: ModelPoint) -> None:
+        self.variant, self.nominal = plant.variant, plant.parameter_set
+        self.parameters = plant.set_of(point.theta)
+        self.setup = Setup.make(
+            self.parameters, variant=self.variant, effects=plant.acting(point), laws=point.laws,
+            **_OPTIONS,
+        )  # fmt: skip
+        self.zero_mm = point.theta.get("displacement_zero", 0.0)
+        # Heat and voltage go with the resistance of each spring.
+        self.root = {"x": 1.0, "y": (1.0 + point.theta.get("side_resistance", 0.0)) ** 0.5}
+
+
+class GivenRun:
+    """What is recorded of a run, as replays take it."""
+
+    def __init__(self, run: GapRun) -> None:
+        self.run = run
+        self._inputs: dict[float, Inputs] = {}
+
+    def inputs(self, point: GivenPoint) -> Inputs:
+        """Inputs of a replay. Water and room start where the run measured them at its start.
+
+        The two temperatures of the parameter set then act as corrections of those measurements.
+        """
+        root_y = point.root["y"]
+        known = self._inputs.get(root_y)
+        if known is None:
+            known = self._recorded(root_y)
+            self._inputs = {root_y: known}
+        around = []
+        for name, channel in _ENVIRONMENT.items():
+            base = point.parameters[name]
+            if channel in self._began:
+                base += self._began[channel] + _ZERO_C - point.nominal[name]
+            around.append(np.full(len(self.run.t_s), base))
+        return known.surrounded(*around)
+
+    def _recorded(self, root_y: float) -> Inputs:
+        """The recorded inputs, the current of Y `root_y` times what was recorded."""
+        run = self.run
+
+        def both(stem: str) -> Array:
+            return np.column_stack([np.asarray(run.inputs[stem.format(s)], float) for s in "xy"])
+
+        return Inputs(
+            run.t_s,
+            i_A=both("i_applied_{}_A") * np.array([1.0, root_y]),
+            pump_duty=np.clip(both("duty_{}"), 0.0, 1.0),
+            drain=both("drain_{}") if "drain_x" in run.inputs and "drain_y" in run.inputs else None,
+        )
+
+    @cached_property
+    def _began(self) -> dict[str, float]:
+        """What inlet and room showed in the first second, where they were measured."""
+        start = max(1, round(1.0 / max(self.run.dt_s, 1e-6)))
+        shown = self.run.outputs
+        return {c: float(np.median(shown[c][:start])) for c in _ENVIRONMENT.values() if c in shown}
+
+
+class OneReplay:
+    """The replay of one run at one model point."""
+
+    def __init__(self, given: GivenPoint, recorded: GivenRun, *, fast: bool) -> None:
+        self._given, self._run, self._inputs = given, recorded.run, recorded.inputs(given)
+        # A jittered sample must not cost a second step.
+        self._dt_s = max(_FAST_STEP_S, 1.5 * self._run.dt_s) if fast else _STEP_S
+
+    def forced(self, forcing: Forcing) -> dict[str, Array]:
+        """Channels under a forcing, (n,) each, under the names and in the units of the run log.
+
+        A spring of another resistance is run with a current that makes its heat, and shows the
+        current and the voltage that belong to that.
+        """
+        given, result = self._given, self._solved(forcing)
+        out = {f"i_meas_{s}_A": result[f"i_{s}_A"] / given.root[s] for s in "xy"}
+        out |= {f"v_{s}_V": result[f"v_{s}_V"] * given.root[s] for s in "xy"}
+        out |= {k: result[k] for k in result if k.startswith("rtd_")}
+        out["force_N"] = result["force_N"]
+        return out | {"displacement_mm": 1e3 * result["displacement_m"] + given.zero_mm}
+
+    def trajectory(self) -> dict[str, Array]:
+        """All states that a law may depend on, (n,) each."""
+        replay = Replay(self._inputs, variant=self._given.variant)
+        return trajectory(replay, self._given.setup, dt_s=self._dt_s)
+
+    def _solved(self, forcing: Forcing) -> dict[str, Array]:
+        """Outputs of the plant, those of a thinned run as means over its samples.
+
+        Currents are in force over a sample already, and voltages go with their means.
+        """
+        replay = Replay(
+            self._inputs, variant=self._given.variant, forcing=forcing, outputs=_OUTPUTS
+        )
+        for share in _RETRIES:
+            try:
+                result = replay.run_setup(self._given.setup, dt_s=share * self._dt_s)
+            except SolverError as error:
+                failed = error
+            else:
+                if self._run.whole is None:
+                    return result
+                return result | {k: means_over_pieces(self._run, result[k]) for k in _READINGS}
+        raise failed
