@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from itertools import groupby
 from pathlib import Path
 
 from sim_device.plant.effects.registry import EFFECTS
@@ -41,16 +42,15 @@ def differences_table() -> str:
 def effects_list() -> str:
     """Every entry of the effect registry by subsystem: places, equation."""
     lines: list[str] = []
-    subsystem = ""
-    for entry in EFFECTS:
-        if entry.subsystem != subsystem:
-            subsystem = entry.subsystem
-            lines += [*([""] if lines else []), f"{subsystem.capitalize()}:", ""]
-        places = ", ".join(f"`{name}`" for name in entry.places)
-        lines.append(
-            f"- **`{entry.name}`** ({places}{_needs(entry.needs)}): {entry.title}. {entry.equation}"
-        )
-    return "\n".join(lines)
+    for subsystem, group in groupby(EFFECTS, key=lambda entry: entry.subsystem):
+        entries = list(group)
+        shared = tuple(need for need in entries[0].needs if all(need in e.needs for e in entries))
+        lines += ["", f"{subsystem.capitalize()}{_needs(shared)}:", ""]
+        for entry in entries:
+            places = ", ".join(f"`{name}`" for name in entry.places)
+            needs = _needs([need for need in entry.needs if need not in shared])
+            lines.append(f"- **`{entry.name}`** ({places}{needs}): {entry.title}. {entry.equation}")
+    return "\n".join(lines[1:])
 
 
 def _needs(needs: Sequence[tuple[str, tuple[str, ...]]]) -> str:
