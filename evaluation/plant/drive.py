@@ -26,10 +26,12 @@ from evaluation.plant.layout import (
     RAMPED,
     RING_DUTY_X,
     RING_LENGTH,
+    SETTLED,
     SPIN,
     SPIN_RATE,
     STARTED,
     TIME,
+    X,
 )
 from evaluation.plant.parameters import index
 
@@ -54,6 +56,9 @@ COARSE = slot("coarse_driver")
 BATTERY = slot("tired_battery")
 SOFT_START = slot("soft_start")
 COASTING = slot("coasting_pump")
+CROSSTALK = slot("driver_crosstalk")
+HOLD = slot("absorbing_hold")
+KINKED = slot("kinked_hose")
 
 CURRENT_LIMIT_A = 4.0
 
@@ -102,6 +107,11 @@ def current(
     if e[s, SOFT_START] > 0.0:
         side[s, RAMPED] = min(i, approach(side[s, RAMPED], i, dt, e[s, SOFT_START]))
         i = side[s, RAMPED]
+    if e[1 - s, CROSSTALK] > 0.0:
+        i += e[1 - s, CROSSTALK] * max(side[1 - s, AMPERE] - 1.0, 0.0)
+    if e[s, HOLD] > 0.0:
+        side[s, SETTLED] = approach(side[s, SETTLED], i, dt, 7.0)
+        i -= e[s, HOLD] * (i - side[s, SETTLED])
     side[s, LAG_A] = approach(side[s, LAG_A], i, dt, p[DRIVER_LAG])
     slow = e[s, SLOW_DRIVER]
     if slow <= 0.0:
@@ -146,6 +156,9 @@ def flow(
         side[s, HOT] += dt * (heat_W / 25.0 - side[s, HOT] / 30.0)
         gas = min(1.0, side[s, HOT]) * math.exp(-side[s, PUMP_ON] / 3.0)
         share *= 1.0 - e[s, CAVITATION] * gas
+    if e[s, KINKED] > 0.0:
+        drawn_in = pair[X] if s == 0 else -pair[X]
+        share *= 1.0 - min(e[s, KINKED], 0.98) * min(max((1e-3 - drawn_in) / 5e-3, 0.0), 1.0)
     full = p[FULL_FLOW] * (p[Y_FLOW] if s == 1 else 1.0)
     return float(full * share)
 

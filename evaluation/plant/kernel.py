@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.plant.compiled import compiled
-from evaluation.plant.drive import current, flows
+from evaluation.plant.drive import approach, current, flows
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMBIENT,
@@ -20,6 +20,8 @@ from evaluation.plant.layout import (
     COLUMNS,
     DUTY_X,
     DUTY_Y,
+    FAN,
+    FAN_WARM,
     FILL,
     FORCE_X,
     FORCE_Y,
@@ -40,6 +42,7 @@ from evaluation.plant.layout import (
     RINGS,
     RTD_A,
     RTD_B,
+    RTD_BEFORE,
     SIDE_WIDTH,
     STEM,
     TIME,
@@ -59,6 +62,8 @@ Array = NDArray[np.float64]
 
 AMBIENT_DRIFT = slot("ambient_drift")
 DRAUGHT_S = 90.0
+DRIVER_FAN = slot("driver_fan")
+FAN_ON, FAN_OFF = 0.25, 0.12  # of the warmth of one heater that is fully on
 
 
 @dataclass
@@ -104,6 +109,7 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, OHM] = bench.resistance_ohm, bench.resistance_ohm * bench.y_resistance
     side[:, RTD_A] = water_degC
     side[:, RTD_B] = water_degC
+    side[:, RTD_BEFORE] = water_degC
     side[:, STEM] = 0.3 * water_degC + 0.7 * ambient_degC
     side[:, GRIP] = 0.5 * bench.span_m
     pair[FORCE_X] = pair[FORCE_Y] = 1.2
@@ -117,6 +123,17 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
         tick(parameters, effects, quiet, 0.01, *state.arrays(), ignored)
     pair[TIME] = 0.0
     return state
+
+
+@compiled
+def cool_drivers(side: Array, pair: Array, dt: float) -> None:
+    """Switch the drivers' fan by their warmth."""
+    load = (side[0, AMPERE] ** 2 + side[1, AMPERE] ** 2) / 16.0
+    pair[FAN_WARM] = approach(pair[FAN_WARM], load, dt, 12.0)
+    if pair[FAN_WARM] > FAN_ON:
+        pair[FAN] = 1.0
+    elif pair[FAN_WARM] < FAN_OFF:
+        pair[FAN] = 0.0
 
 
 @compiled
@@ -146,6 +163,8 @@ def tick(
     heat_x = side[0, AMPERE] ** 2 * side[0, OHM]
     heat_y = side[1, AMPERE] ** 2 * side[1, OHM]
     flows(p, e, side, pair, ring, heat_x, heat_y, dt)
+    if e[0, DRIVER_FAN] > 0.0:
+        cool_drivers(side, pair, dt)
     for s in range(2):
         amperes = current(s, u[I_X + s], p, e, side, pair[TIME], dt)
         stress = wire_stress(s, p, e, cells, side, pair)

@@ -60,8 +60,16 @@ CELL_WIDTH = PLAY + PLAYS
     SWIRL,
     RATCHETED,
     GIVEN_WAY,
+    SETTLED,
+    OPENED,
+    CRIMP,
+    SOAKED,
+    BOUND,
+    RTD_BEFORE,
+    AMPERE_BEFORE,
+    HOSE,
     SIDE_WIDTH,
-) = range(38)
+) = range(46)
 
 (
     TIME,
@@ -80,8 +88,16 @@ CELL_WIDTH = PLAY + PLAYS
     CELL_WARM,
     COUPLED,
     GUIDE,
+    BOARD,
+    FAN_WARM,
+    FAN,
+    LOST,
+    BRACKET,
+    SKIN,
+    CORE,
+    SHEARED,
     PAIR_WIDTH,
-) = range(17)
+) = range(25)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256

@@ -18,6 +18,7 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     CELLS,
     COMPLIANT,
+    CRIMP,
     FILL,
     FLOW,
     FORCE_X,
@@ -32,6 +33,7 @@ from evaluation.plant.layout import (
     PUMP,
     R_PHASE,
     RATCHETED,
+    SHEARED,
     SPEED,
     STARTED,
     TIME,
@@ -70,10 +72,14 @@ HAMMER = slot("water_hammer")
 RATCHET = slot("plastic_ratchet")
 ANCHOR = slot("rubber_anchor")
 LIP = slot("lip_seal")
+CRIMP_CREEPS = slot("creeping_crimp")
+GREASE = slot("stiff_grease")
+DETENT = slot("iron_beside_tendon")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
 COILS_CLOSE_m = 0.020
+DETENT_m = 2.5e-3  # how far from its rest a magnet holds the tendon hardest
 GRIPS_m = 2e-3  # how far a tube is drawn from its rest before it slips in its clamp
 
 
@@ -95,6 +101,7 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     side[s, GROWN] = e[s, EXPANSION] * 1e-3 * warm / 20.0
     side[s, GROWN] += e[s, RATCHET] * 1e-3 * side[s, RATCHETED]
     side[s, GROWN] += e[s, ANCHOR] * 1e-3 * side[s, GIVEN_WAY]
+    side[s, GROWN] += e[s, CRIMP_CREEPS] * 1e-3 * side[s, CRIMP]
     side[s, COMPLIANT] = total / CELLS
     side[s, FREE_STRAIN] = strain / CELLS
 
@@ -234,6 +241,16 @@ def resisting(
         v = max(way * (x - before) / dt / 1e-3, 0.0)
         total += way * e[0, LIP] * v / (v + 1.0)
         slope += e[0, LIP] / (v + 1.0) ** 2 / dt / 1e-3
+    if e[0, GREASE] > 0.0:
+        v = (x - before) / dt / 5e-4
+        scale = e[0, GREASE] * (1.0 - pair[SHEARED])
+        total += scale * v / (abs(v) + 1.0)
+        slope += scale / (abs(v) + 1.0) ** 2 / dt / 5e-4
+    if e[0, DETENT] > 0.0:
+        off = (x - (e[2, DETENT] - 0.5) * 8e-3) / DETENT_m
+        scale = e[0, DETENT] * math.exp(0.5 * (1.0 - off * off))
+        total += scale * off
+        slope += scale * max(1.0 - off * off, 0.0) / DETENT_m  # beyond, the springs are stiffer
     return total, slope, bristle
 
 
@@ -271,6 +288,9 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     pair[FORCE_Y] = force_y
     pair[FRICTION] = bristle
     pair[SPEED] = (x - before) / dt
+    if e[0, GREASE] > 0.0:
+        stirred = (1.0 - pair[SHEARED]) * abs(pair[SPEED]) / 4e-3
+        pair[SHEARED] = min(pair[SHEARED] + dt * (stirred - pair[SHEARED] / 8.0), 1.0)
     for s in range(2):
         wire = wire_stress(s, p, e, cells, side, pair)
         turned = turned_by(wire, p)
@@ -281,6 +301,10 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
         if e[s, ANCHOR] > 0.0:
             tension = force_x if s == 0 else force_y
             side[s, GIVEN_WAY] = approach(side[s, GIVEN_WAY], (tension - 1.24) / 0.4, dt, 3.0)
+        if e[s, CRIMP_CREEPS] > 0.0:
+            tension = force_x if s == 0 else force_y
+            hot = max(cells[s, CELLS - 1, T] - 40.0, 0.0) / 10.0
+            side[s, CRIMP] += dt / 10.0 * hot * tension / 1.24
 
 
 @compiled

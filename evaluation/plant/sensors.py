@@ -14,10 +14,15 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMMETER,
     AMPERE,
+    AMPERE_BEFORE,
+    BOARD,
+    BOUND,
+    BRACKET,
     CELL_WARM,
     CELLS,
     CLIP,
     CONTACT,
+    CORE,
     COUPLED,
     CREEP_FAST,
     CREEP_SLOW,
@@ -30,14 +35,19 @@ from evaluation.plant.layout import (
     FRAME,
     GLANCE,
     GUIDE,
+    HOSE,
+    LOST,
     OHM,
     RESERVOIR,
     RING_FORCE,
     RING_X,
     RTD_A,
     RTD_B,
+    RTD_BEFORE,
     SHUNT,
+    SKIN,
     SLIPPED,
+    SOAKED,
     SPEED,
     STEM,
     TIME,
@@ -54,6 +64,7 @@ RTD_PLACE = index("rtd_place")
 RTD_LAG = index("rtd_lag_s")
 SUPPLY = index("supply_V")
 SUPPLY_OHM = index("supply_ohm")
+FULL_FLOW = index("flow_W_K")
 
 CONTACT_OHM = slot("contact_resistance")
 SLOW_RTD = slot("rtd_lag")
@@ -80,6 +91,15 @@ GALVANIC = slot("galvanic_clip")
 WARMUP = slot("rtd_warmup")
 COUPLING = slot("coupling_creep")
 GUIDE_RUBS = slot("cell_guide_friction")
+HALL_DRIFT = slot("hall_zero_drift")
+WARMED_AMPLIFIER = slot("warmed_amplifier")
+INDUCTANCE = slot("lead_inductance")
+SOAKS = slot("soaked_rtd")
+RTD_BOUND = slot("strained_rtd")
+LOST_COUNTS = slot("lost_counts")
+BRACKET_GROWS = slot("bracket_growth")
+SHOCK = slot("cell_shock")
+HOSES = slot("hoses_on_cell")
 
 TURN_mm = 13.0
 GUIDE_m = 3e-4  # travel over which the friction of the load cell's guide builds up
@@ -109,11 +129,20 @@ def rtd(
     if e[s, BOW] != 0.0:
         z = (reading - 27.0) / 30.0
         reading += 4.0 * e[s, BOW] * z * (1.0 - z)
+    if e[s, SOAKS] > 0.0:
+        wet = min(max(seen - 38.0, 0.0) / 10.0, 1.0) * (1.0 - side[s, SOAKED])
+        side[s, SOAKED] += dt * (wet / 5.0 - side[s, SOAKED] / 40.0)
+        reading -= e[s, SOAKS] * side[s, SOAKED]
+    if e[s, RTD_BOUND] > 0.0:
+        strained = side[s, BOUND] + (side[s, RTD_B] - side[s, RTD_BEFORE]) / 3.0
+        side[s, BOUND] = min(max(strained, -1.0), 1.0)
+        side[s, RTD_BEFORE] = side[s, RTD_B]
+        reading -= e[s, RTD_BOUND] * side[s, BOUND]
     return float(reading)
 
 
 @compiled
-def travel(seen_mm: float, dt: float, e: Array, side: Array, pair: Array) -> float:
+def travel(seen_mm: float, dt: float, e: Array, cells: Array, side: Array, pair: Array) -> float:
     """Encoder reading (mm) for the tendon's travel (mm)."""
     width = e[0, BACKLASH]
     before = pair[ENCODER]
@@ -138,11 +167,23 @@ def travel(seen_mm: float, dt: float, e: Array, side: Array, pair: Array) -> flo
     if e[0, COUPLING] > 0.0:
         pair[COUPLED] = approach(pair[COUPLED], reading, dt, 6.0)
         reading -= e[0, COUPLING] * (reading - pair[COUPLED])
+    if e[0, LOST_COUNTS] > 0.0:
+        too_fast = 1e3 * max(abs(pair[SPEED]) - 1.5e-3, 0.0)
+        pair[LOST] += e[0, LOST_COUNTS] * math.copysign(too_fast, pair[SPEED]) * dt
+        reading -= pair[LOST]
+    if e[0, BRACKET_GROWS] != 0.0:
+        warm = 0.0
+        for i in range(CELLS):
+            warm += (cells[0, i, W] - 27.0) / CELLS
+        pair[BRACKET] = approach(pair[BRACKET], warm / 20.0, dt, 25.0)
+        reading += e[0, BRACKET_GROWS] * pair[BRACKET]
     return float(reading)
 
 
 @compiled
-def load(seen_N: float, dt: float, e: Array, cells: Array, side: Array, pair: Array) -> float:
+def load(
+    seen_N: float, dt: float, p: Array, e: Array, cells: Array, side: Array, pair: Array
+) -> float:
     """Load cell reading (N) for a tendon force (N)."""
     time = pair[TIME]
     reading = seen_N * (1.0 + e[0, FORCE_GAIN] * (0.7 + 0.2 * seen_N))
@@ -163,6 +204,17 @@ def load(seen_N: float, dt: float, e: Array, cells: Array, side: Array, pair: Ar
     if e[0, GUIDE_RUBS] > 0.0:
         pair[GUIDE] = min(max(pair[GUIDE] + pair[SPEED] * dt / GUIDE_m, -1.0), 1.0)
         reading -= e[0, GUIDE_RUBS] * pair[GUIDE]
+    if e[0, SHOCK] != 0.0:
+        warm = 0.0
+        for i in range(CELLS):
+            warm += (cells[0, i, T] - 27.0) / CELLS
+        pair[SKIN] = approach(pair[SKIN], warm / 20.0, dt, 2.0)
+        pair[CORE] = approach(pair[CORE], warm / 20.0, dt, 12.0)
+        reading += e[0, SHOCK] * (pair[SKIN] - pair[CORE])
+    if e[0, HOSES] > 0.0:
+        for s in range(2):
+            side[s, HOSE] = approach(side[s, HOSE], side[s, FLOW] / p[FULL_FLOW], dt, 0.4)
+        reading += e[0, HOSES] * (side[0, HOSE] - 0.6 * side[1, HOSE])
     return float(reading)
 
 
@@ -180,12 +232,16 @@ def read(
     out: Array,
 ) -> None:
     """All readings of one tick into `out`, in the order of `layout.READINGS`."""
+    if e[0, HALL_DRIFT] != 0.0:
+        squares = side[0, AMPERE] ** 2 + side[1, AMPERE] ** 2
+        pair[BOARD] = approach(pair[BOARD], squares / 16.0, dt, 20.0)
     for s in range(2):
         warm = 1.0 + e[s, SHUNT_WARMS] * side[s, SHUNT]
         out[s] = side[s, AMPERE] * warm
         if e[s, AMMETER_LAG] > 0.0:
             side[s, AMMETER] = approach(side[s, AMMETER], out[s], dt, e[s, AMMETER_LAG])
             out[s] = side[s, AMMETER]
+        out[s] += e[0, HALL_DRIFT] * pair[BOARD]
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
         if e[s, CLIPS] > 0.0:
@@ -194,6 +250,11 @@ def read(
         if e[s, GALVANIC] != 0.0:
             side[s, CLIP] = approach(side[s, CLIP], cells[s, CELLS - 1, T] - 27.0, dt, 4.0)
             out[2 + s] += e[s, GALVANIC] * side[s, CLIP] / 20.0
+        out[2 + s] *= 1.0 + e[1 - s, WARMED_AMPLIFIER] * side[1 - s, CONTACT]
+        if e[s, INDUCTANCE] > 0.0:
+            rate = (side[s, AMPERE] - side[s, AMPERE_BEFORE]) / dt
+            out[2 + s] += 1e-3 * e[s, INDUCTANCE] * rate
+        side[s, AMPERE_BEFORE] = side[s, AMPERE]
         out[4 + s] = rtd(s, ambient, pair[TIME], dt, p, e, cells, side)
     out[6] = inlet + 0.3 * pair[RESERVOIR]
     out[7] = ambient
@@ -201,8 +262,8 @@ def read(
     if e[0, DELAY] > 0.0:
         wander = 1.0 + 0.15 * math.sin(2.0 * math.pi * (pair[TIME] / 20.0 + e[2, DELAY]))
         ticks = e[0, DELAY] * wander / dt
-    out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, side, pair)
-    out[9] = load(late(ring, RING_FORCE, pair[GLANCE], ticks), dt, e, cells, side, pair)
+    out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, cells, side, pair)
+    out[9] = load(late(ring, RING_FORCE, pair[GLANCE], ticks), dt, p, e, cells, side, pair)
     total = side[0, AMPERE] + side[1, AMPERE]
     beat = 0.0
     if e[0, BEAT] > 0.0:

@@ -29,8 +29,9 @@ Array = NDArray[np.float64]
     SHIFT_HEAT,
     SHIFT_COOL,
     LATENT,
+    STORES,
     ROW_WIDTH,
-) = range(10)
+) = range(11)
 """Columns of the per-cell coefficients that hold over one tick."""
 
 TOLERANCE_K = 0.01
@@ -44,7 +45,6 @@ NEWTON_STEPS = 3
 def solve(
     start: Array,
     rows: Array,
-    wire_heat: float,
     flow: float,
     mix: float,
     inlet: float,
@@ -61,6 +61,9 @@ def solve(
         for k in range(PLAYS):
             fraction += _WEIGHT[k] * start[i, PLAY + k]
         work[i, 6] = fraction
+        work[i, 5] = rows[i, STORES] / h
+        work[i, 7] = rows[i, LATENT] / h
+        work[i, 8] = rows[i, WATER_HEAT] / h
     for _ in range(NEWTON_STEPS):
         moved = 0.0
         for i in range(CELLS):
@@ -68,9 +71,9 @@ def solve(
             fraction, slope = martensite(
                 start[i], work[i, 0], row[SHIFT_HEAT], row[SHIFT_COOL], p, out[i, PLAY:]
             )
-            gain = row[LATENT] / h
+            gain = work[i, 7]
             film = row[FILM]
-            own = wire_heat / h
+            own = work[i, 5]
             denominator = own + film + row[TO_CLAMP] - gain * slope
             base = (
                 own * start[i, T]
@@ -82,12 +85,9 @@ def solve(
             work[i, 2] = film / denominator
             lower = flow + mix if i > 0 else flow
             upper = mix if i < CELLS - 1 else 0.0
-            diagonal = row[WATER_HEAT] / h + film * (1.0 - work[i, 2]) + row[LOSS] + lower + upper
+            diagonal = work[i, 8] + film * (1.0 - work[i, 2]) + row[LOSS] + lower + upper
             right = (
-                row[WATER_HEAT] / h * start[i, W]
-                + film * work[i, 1]
-                + row[HEAT_WATER]
-                + row[LOSS] * ambient
+                work[i, 8] * start[i, W] + film * work[i, 1] + row[HEAT_WATER] + row[LOSS] * ambient
             )
             if i == 0:
                 right += flow * inlet
@@ -118,7 +118,6 @@ def solve(
 def advance(
     cells: Array,
     rows: Array,
-    wire_heat: float,
     flow: float,
     mix: float,
     inlet: float,
@@ -136,7 +135,7 @@ def advance(
     end = scratch[2]
     work = scratch[3]
     if unchecked > 0:
-        solve(cells, rows, wire_heat, flow, mix, inlet, ambient, dt, p, whole, work)
+        solve(cells, rows, flow, mix, inlet, ambient, dt, p, whole, work)
         for i in range(CELLS):
             cells[i, T] = whole[i, T]
             cells[i, W] = whole[i, W]
@@ -149,9 +148,9 @@ def advance(
     smallest = dt / 2**MOST_HALVINGS
     while left > 1e-12:
         h = min(h, left)
-        solve(cells, rows, wire_heat, flow, mix, inlet, ambient, h, p, whole, work)
-        solve(cells, rows, wire_heat, flow, mix, inlet, ambient, 0.5 * h, p, half, work)
-        solve(half, rows, wire_heat, flow, mix, inlet, ambient, 0.5 * h, p, end, work)
+        solve(cells, rows, flow, mix, inlet, ambient, h, p, whole, work)
+        solve(cells, rows, flow, mix, inlet, ambient, 0.5 * h, p, half, work)
+        solve(half, rows, flow, mix, inlet, ambient, 0.5 * h, p, end, work)
         error = 0.0
         for i in range(CELLS):
             error = max(error, abs(end[i, T] - whole[i, T]))

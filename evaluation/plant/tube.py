@@ -3,6 +3,8 @@
 # Compiled functions take arrays one by one, not objects.
 # ruff: noqa: PLR0917
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,11 +19,15 @@ from evaluation.plant.layout import (
     CHARGE,
     CONTACT,
     COOLED_FROM,
+    FAN,
     FLOW,
+    FORCE_X,
+    FORCE_Y,
     FRACTION,
     HEATED_FROM,
     HEATING,
     OHM,
+    OPENED,
     PLAY,
     PLAYS,
     PRECIPITATED,
@@ -38,6 +44,7 @@ from evaluation.plant.layout import (
     WORK_DONE,
     T,
     W,
+    X,
 )
 from evaluation.plant.parameters import index
 from evaluation.plant.phase import WEIGHT, falling, turned_by
@@ -49,6 +56,7 @@ from evaluation.plant.thermal import (
     LOSS,
     SHIFT_COOL,
     SHIFT_HEAT,
+    STORES,
     TO_CLAMP,
     WATER_HEAT,
     advance,
@@ -70,6 +78,7 @@ FULL_FLOW = index("flow_W_K")
 MIXING = index("mixing")
 CONDUCTION = index("conduction_W_K")
 RESISTANCE = index("resistance_ohm")
+AT_START = index("turned_at_start")
 Y_RESISTANCE = index("y_resistance")
 Y_LOSS = index("y_loss")
 
@@ -87,12 +96,28 @@ TOUCHING = slot("touching_tubes")
 SWIRLING = slot("lasting_swirl")
 PRECIPITATION = slot("precipitation")
 WARM_CORE = slot("warm_core")
+SHORTED = slot("shorted_coils")
+CRACK = slot("cracked_end")
+PEAK = slot("premartensitic_peak")
+LEADS = slot("leads_along_neighbour")
+ON_THE_WALL = slot("coils_on_wall")
+DRIVER_FAN = slot("driver_fan")
+SWEATING = slot("sweating_tube")
+TURNED_RESISTS = slot("turned_resists")
+SHAKEN = slot("shaken_interfaces")
+
+OPENS_MPa, CLOSES_MPa = 66.0, 59.0  # stress at which a crack in the wire opens and closes
 
 
 @compiled
-def resistance(s: int, p: Array, e: Array, cells: Array, heat: Array) -> float:
+def resistance(
+    s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, heat: Array
+) -> float:
     """Resistance (ohm) of spring `s`; each cell's share goes to `heat`."""
     base = p[RESISTANCE] * (p[Y_RESISTANCE] if s == 1 else 1.0)
+    if e[s, SHORTED] > 0.0:
+        drawn_in = pair[X] if s == 0 else -pair[X]
+        base *= 1.0 - min(e[s, SHORTED] * max(drawn_in - 1e-3, 0.0) / 5e-3, 0.8)
     total = 0.0
     strength = e[s, RESISTIVITY]
     for i in range(CELLS):
@@ -104,6 +129,9 @@ def resistance(s: int, p: Array, e: Array, cells: Array, heat: Array) -> float:
             factor += strength * 0.3 * cells[s, i, R_PHASE]
         heat[i] = base * factor / CELLS
         total += heat[i]
+    if e[s, CRACK] > 0.0:
+        heat[CELLS - 1] += e[s, CRACK] * side[s, OPENED]
+        total += e[s, CRACK] * side[s, OPENED]
     return total
 
 
@@ -122,9 +150,11 @@ def coefficients(
     rows: Array,
 ) -> float:
     """Fill `rows` for one tick; the axial exchange (W/K) between neighbouring cells."""
-    side[s, OHM] = resistance(s, p, e, cells, heat)
+    side[s, OHM] = resistance(s, p, e, cells, side, pair, heat)
     power = p[LOSS_POWER] + e[s, EXPONENT]
     loss = p[LOSS_RATE] * (p[Y_LOSS] if s == 1 else 1.0) / CELLS
+    if e[0, DRIVER_FAN] > 0.0:
+        loss *= 1.0 + e[0, DRIVER_FAN] * pair[FAN]
     latent = p[LATENT_HEAT] / CELLS
     if e[s, STRESS_LATENT] != 0.0:
         relative = stress / 57.0
@@ -133,6 +163,9 @@ def coefficients(
     reach = 1.0
     if e[s, STIRRING] > 0.0:
         reach *= 1.0 + e[s, STIRRING] * min(abs(pair[SPEED]) / 5e-3, 3.0)
+    if e[s, ON_THE_WALL] > 0.0:
+        tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
+        reach /= 1.0 + e[s, ON_THE_WALL] * max((1.5 - tension) / 0.3, 0.0)
     still = p[STATIC] / CELLS * (1.0 + e[s, SWIRLING] * side[s, SWIRL])
     for i in range(CELLS):
         row = rows[i]
@@ -157,11 +190,37 @@ def coefficients(
             row[SHIFT_HEAT] -= warmer
             row[SHIFT_COOL] -= warmer
         row[LATENT] = latent
+        row[STORES] = p[WIRE_HEAT] / CELLS
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
     rows[CELLS - 1, TO_CLAMP] = 0.5 * e[s, COLD_ENDS]
     rows[0, HEAT_WIRE] += 0.5 * e[s, HOT_CLIPS] * side[s, CONTACT]
     rows[CELLS - 1, HEAT_WIRE] += 0.5 * e[s, HOT_CLIPS] * side[s, CONTACT]
+    if e[s, SWEATING] > 0.0 or e[1 - s, LEADS] > 0.0 or e[s, PEAK] > 0.0:
+        odd_heat(s, e, cells, side, rows)
+    if e[s, TURNED_RESISTS] > 0.0 or e[s, SHAKEN] > 0.0:
+        odd_shifts(s, share, p, e, cells, rows)
     return float(CELLS * p[CONDUCTION] + p[MIXING] * side[s, FLOW] * CELLS / 6.0)
+
+
+@compiled
+def odd_heat(s: int, e: Array, cells: Array, side: Array, rows: Array) -> None:
+    """Add to `rows` what rarer effects do to the heat of wire and water."""
+    lead = e[1 - s, LEADS] * side[1 - s, SHUNT]
+    for i in range(CELLS):
+        over = max(cells[s, i, W] - 34.0, 0.0) / 10.0
+        rows[i, HEAT_WATER] += (lead - e[s, SWEATING] * over * over) / CELLS
+        off = (cells[s, i, T] - 40.0) / 3.0
+        rows[i, STORES] *= 1.0 + e[s, PEAK] * math.exp(-off * off)
+
+
+@compiled
+def odd_shifts(s: int, share: float, p: Array, e: Array, cells: Array, rows: Array) -> None:
+    """Add to `rows` what rarer effects do to the temperatures of transformation."""
+    eased = e[s, SHAKEN] * share
+    for i in range(CELLS):
+        further = (cells[s, i, TURNED] - p[AT_START]) / 0.05
+        rows[i, SHIFT_HEAT] += e[s, TURNED_RESISTS] * further - eased
+        rows[i, SHIFT_COOL] += eased
 
 
 @compiled
@@ -196,6 +255,12 @@ def remember(
             comes = falling((cell[T] - 37.0 - lift) / 2.0) * (1.0 - fraction)
             stays = falling((cell[T] - 40.5 - lift) / 2.0) * (1.0 - fraction)
             cell[R_PHASE] = min(max(cell[R_PHASE], comes), max(stays, comes))
+    if e[s, CRACK] <= 0.0:
+        side[s, OPENED] = 0.0
+    elif stress > OPENS_MPa:
+        side[s, OPENED] = approach(side[s, OPENED], 1.0, dt, 0.3)
+    elif stress < CLOSES_MPa:
+        side[s, OPENED] = approach(side[s, OPENED], 0.0, dt, 0.3)
     side[s, CHARGE] += abs(side[s, AMPERE]) * dt
     side[s, WORK_DONE] += moved_all
     side[s, RATCHETED] += moved_all * stress / 57.0
@@ -235,7 +300,6 @@ def tube(
     side[s, QUIET] = advance(
         cells[s],
         rows,
-        p[WIRE_HEAT] / CELLS,
         side[s, FLOW],
         mix,
         source,

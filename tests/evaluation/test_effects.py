@@ -66,7 +66,7 @@ def test_the_lists_are_long_enough_and_apart() -> None:
     known, dev, sealed, spent = names("known"), names("dev"), names("sealed"), names("spent")
     assert len(known) >= 20
     assert len(dev) >= 26
-    assert len(sealed) >= 12
+    assert len(sealed) >= 16
     assert len(spent) >= 15
     assert len({*known, *dev, *sealed, *spent}) == len(EFFECTS)
     assert {e.subsystem for e in EFFECTS} == {
