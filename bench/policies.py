@@ -13,7 +13,7 @@ import json
 import time
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor, ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -35,8 +35,7 @@ from sim_device.plant.models import read_model
 from sim_device.plant.parameters import load_parameters
 from smad.diagnosis import diagnose
 from smad.diagnosis.model_file import apply
-from smad.diagnosis.spring_pair import SmaPlant
-from smad.diagnosis.spring_pair.signals import table_run
+from smad.diagnosis.spring_pair import SmaPlant, read_gap_run
 from smad.envs.search import Search, tracking_error_mm
 from smad.envs.vector import SpringPairVectorEnv
 
@@ -100,7 +99,7 @@ def diagnosed(bench: Withheld, path: Path) -> str:
             made = record(bench.bench, (bench.active,), family, seed, seconds=RUN_S, number=at)
             table = path.with_name(f"{bench.number}-{family}.parquet")
             files.write_run(table, made.log)
-            runs.append(table_run(family, table))
+            runs.append(replace(read_gap_run(table), name=family))
         plant = SmaPlant()
         apply(diagnose(runs, plant=plant).verdict, path)
     return read_model(path).note

@@ -17,12 +17,12 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from evaluation.names import canonical
 from evaluation.run.check_ups import benches_of, manifest_of
 from evaluation.score.answers import CaseKey, Key
 from evaluation.score.openings import refuse_sealed
 from smad.checkup.judge import examined
 from smad.checkup.paired.difference import paired
-from smad.diagnosis.bank.names import canonical
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.spring_pair import SmaPlant
 

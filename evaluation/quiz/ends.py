@@ -7,10 +7,10 @@ from statistics import median
 from typing import Any
 
 from evaluation.errors import QuizError
+from evaluation.names import canonical
 from evaluation.score.intervals import wilson
 from smad.checkup.inquiry import Report
 from smad.checkup.programme import Programme
-from smad.diagnosis.bank.names import canonical
 from smad.diagnosis.verdict import PARAMETERS, PLACES, QUIET, UNPLACED
 from smad.report.page import Table
 

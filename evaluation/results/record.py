@@ -7,8 +7,8 @@ from pathlib import Path
 
 import msgspec
 
+from evaluation.checkout import commit
 from evaluation.errors import WithheldError
-from smad.diagnosis.bank.running import commit
 from smad.report.page import Table
 
 FOLDER = Path(__file__).parent

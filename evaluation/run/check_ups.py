@@ -15,13 +15,13 @@ import msgspec
 import numpy as np
 
 from evaluation.errors import BankError
+from evaluation.names import canonical
 from evaluation.score.openings import refuse_sealed
 from smad.checkup.commission import commissioned
 from smad.checkup.files import read_file
 from smad.checkup.judge import judged
 from smad.checkup.paired.difference import Paired
 from smad.checkup.paired.reference import Reference
-from smad.diagnosis.bank.names import canonical
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.search.names import best_entry
 from smad.diagnosis.spring_pair import SmaPlant

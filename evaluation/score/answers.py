@@ -14,7 +14,7 @@ from typing import Literal, TypeVar
 import msgspec
 
 from evaluation.errors import KeyMismatchError, WithheldError
-from smad.diagnosis.bank.names import canonical
+from evaluation.names import canonical
 
 CHECK_UP, CHANGED, DIFFERS = "check-up", "changed", "differs"
 STRENGTHS = (1.0, 3.0, 10.0)

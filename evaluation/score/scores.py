@@ -5,10 +5,10 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable, Sequence
 
+from evaluation.names import canonical
 from evaluation.score.answers import DIFFERS, STRENGTHS, Pair
 from evaluation.score.goals import GOALS, Row
 from evaluation.score.intervals import wilson
-from smad.diagnosis.bank.names import canonical
 from smad.report.page import Table
 
 _BINS = 5

@@ -5,11 +5,11 @@ from __future__ import annotations
 import datetime
 from pathlib import Path
 
+from evaluation.checkout import commit
 from evaluation.results.record import keep
 from evaluation.score.answers import digest, read_pairs
 from evaluation.score.openings import SEALED, Ledger
 from evaluation.score.scores import scored, tables
-from smad.diagnosis.bank.running import commit
 from smad.report.page import Table, text_table
 
 

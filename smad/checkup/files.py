@@ -14,7 +14,7 @@ from smad.diagnosis.data.rows import binned, edges_s, input_difference, offset_s
 from smad.diagnosis.errors import PairingError
 from smad.diagnosis.plant import PlantModel
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.spring_pair.signals import INPUTS, gap_run_of, table_run
+from smad.diagnosis.spring_pair.signals import read_recorded, require_columns
 from smad.runlog.bounds import Together
 from smad.runlog.tables import KINDS
 
@@ -103,37 +103,20 @@ def _stem(path: Path) -> str:
 def read_file(path: Path) -> GapRun:
     """A run of a file; columns are told from their names as `smad log import` does.
 
-    Raises RunLogError, LogImportError and PairingError, which name the file and what is wrong.
+    Raises RunLogError, LogImportError and GapError, which name the file and what is wrong.
     """
     return _read(path)[0]
 
 
 def _read(path: Path, together: Together | None = None) -> tuple[GapRun, str, str]:
     """A run, its board's serial number, and what cut it; empty where the file does not tell."""
-    if path.suffix != ".mcap":
-        return _checked(path, table_run(_stem(path), path, together)), "", ""
-    from smad.runlog.reader import read_run
-
-    log = read_run(path)
-    if together is not None:
-        together.take(path, rows=len(log), columns=len(log.columns))
-    return _checked(path, gap_run_of(log)), log.header.board.get("uid", ""), cut_in(log)
-
-
-def _checked(path: Path, run: GapRun) -> GapRun:
+    run, log = read_recorded(path, together)
     if not len(run.t_s):
         raise PairingError(
             f"{path} holds no sample", action="play the run again, or leave the file out"
         )
-    lacking = [s.name for s in INPUTS if s.name not in run.inputs]
-    if lacking or not run.outputs:
-        raise PairingError(
-            f"{path} lacks columns",
-            value=", ".join(lacking) or "no measured channel",
-            limit="currents and duties of both springs, and at least one measured channel",
-            action="add the column, in the unit its name ends with",
-        )
-    return run
+    require_columns(path, run)
+    return (run, "", "") if log is None else (run, log.header.board.get("uid", ""), cut_in(log))
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,13 +11,10 @@ import click
 from smad.cli.output import bad
 
 if TYPE_CHECKING:
-    from smad.diagnosis.bank.running import Order, Progress
-    from smad.diagnosis.bank.verdicts import VerdictFile
-    from smad.diagnosis.verdict import Verdict
+    from smad.diagnosis.bank import Check, Judged, VerdictFile
 
 _OUT = click.Path(dir_okay=False, path_type=Path)
 _FOLDER = click.Path(file_okay=False, path_type=Path)
-_FILE = click.Path(dir_okay=False, path_type=Path)
 
 
 @click.command()
@@ -49,75 +47,70 @@ def check(
 
     An interrupted check goes on where it stopped when the same command is given again.
     """
-    from smad.diagnosis.bank.bank import chosen, open_bank, require_files
-    from smad.diagnosis.bank.case import How
-    from smad.diagnosis.bank.running import Order
-    from smad.diagnosis.bank.running import check as run
-    from smad.diagnosis.bank.verdicts import write_verdicts
+    from smad.diagnosis.bank import Check, answered, begun, chosen, read_manifest
+    from smad.diagnosis.diagnose import library
 
-    opened = open_bank(bank)
-    taken = chosen(opened, count=cases, only=_listed(only), seed=seed)
-    require_files(opened, taken)
+    manifest = read_manifest(bank)
+    order = Check(
+        folder=bank, manifest=manifest, params=params, variant=variant,
+        cases=chosen(manifest, count=cases, only=_listed(only), seed=seed),
+        effects=tuple(_listed(effects)) or None,
+    )  # fmt: skip
+    library(order.plant, order.effects)
     path = out or bank.with_name(f"{bank.resolve().name}-verdicts.json")
-    how = How(params, variant, tuple(_listed(effects)) or None)
-    how.require()
-    order = Order(opened, taken, how, path.with_name(path.name + ".parts"))
-    _announce(order, f"{jobs} at a time")
+    before = begun(order, path)
+    _announce(order, before, jobs)
     try:
-        file = run(order, jobs=jobs, report=_tell)
+        file = answered(order, before, path, jobs=jobs, report=_Progress(order, before))
     except KeyboardInterrupt:
-        click.echo(f"finished cases are kept in {order.folder}; the same command goes on", err=True)
+        click.echo(f"finished cases are kept in {path}; the same command goes on", err=True)
         raise
-    write_verdicts(path, file)
-    click.echo(f"{len(file.verdicts)} of {len(taken)} cases judged: {path}")
-    return _failed(order, file)
+    without = [c.id for c in order.cases if c.id not in file.verdicts]
+    click.echo(f"{len(order.cases) - len(without)} of {len(order.cases)} cases judged: {path}")
+    for case in without[:5]:
+        click.echo(f"{case}: {file.notes[case]}", err=True)
+    if without:
+        more = f" and {len(without) - 5} more" if len(without) > 5 else ""
+        names = ", ".join(without[:5])
+        click.echo(f"without verdict: {names}{more}; the same command tries them again", err=True)
+    return 1 if without else 0
 
 
 def _listed(text: str) -> list[str]:
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
-def _announce(order: Order, where: str) -> None:
-    known = len(order.finished())
+def _announce(order: Check, before: VerdictFile, jobs: int) -> None:
+    known = sum(c.id in before.verdicts for c in order.cases)
     kept = f", {known} of them judged before" if known else ""
     click.echo(
-        f"bank {order.bank.manifest.bank}: {len(order.cases)} of "
-        f"{len(order.bank.manifest.cases)} cases{kept}, {where}",
+        f"bank {order.manifest.bank}: {len(order.cases)} of {len(order.manifest.cases)} "
+        f"cases{kept}, {jobs} at a time",
         err=True,
     )
 
 
-def _tell(progress: Progress) -> None:
-    part = progress.part
-    said = bad(f"failed: {part.error}") if part.verdict is None else _in_short(part.verdict)
-    left = _clock(progress.left_s)
-    click.echo(
-        f"{part.case}  {said}  {part.seconds:.0f} s  "
-        f"[{progress.done}/{progress.total}, {left} left]",
-        err=True,
-    )
+class _Progress:
+    """Tells what became of each case, and about how long the others take."""
 
+    def __init__(self, order: Check, before: VerdictFile) -> None:
+        self._total, self._began_s = len(order.cases), time.monotonic()
+        self._todo = sum(c.id not in before.verdicts for c in order.cases)
 
-def _in_short(verdict: Verdict) -> str:
-    if not verdict.places:
-        return verdict.outcome
-    return f"{verdict.outcome}: {', '.join(p.place for p in verdict.places)}"
+    def __call__(self, judged: Judged, left: int) -> None:
+        said, verdict = bad(f"failed: {judged.error}"), judged.verdict
+        if verdict is not None:
+            places = ", ".join(p.place for p in verdict.places)
+            said = f"{verdict.outcome}: {places}" if places else verdict.outcome
+        spent_s = time.monotonic() - self._began_s
+        left_s = left * spent_s / (self._todo - left)
+        click.echo(
+            f"{judged.case}  {said}  {judged.cpu_s:.0f} s  "
+            f"[{self._total - left}/{self._total}, {_clock(left_s)} left]",
+            err=True,
+        )
 
 
 def _clock(seconds: float) -> str:
     minutes = round(seconds / 60.0)
     return f"{minutes // 60} h {minutes % 60:02d} min" if minutes >= 60 else f"{minutes} min"
-
-
-def _failed(order: Order, file: VerdictFile) -> int:
-    without = [c.id for c in order.cases if c.id not in file.verdicts]
-    if not without:
-        return 0
-    for case in without[:5]:
-        click.echo(f"{case}: {file.notes[case]}", err=True)
-    more = f" and {len(without) - 5} more" if len(without) > 5 else ""
-    click.echo(
-        f"without verdict: {', '.join(without[:5])}{more}; the same command tries them again",
-        err=True,
-    )
-    return 1

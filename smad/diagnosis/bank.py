@@ -340,6 +340,8 @@ def answered(
             for process in active_children():
                 process.terminate()
             raise
+    order = (c.id for c in check.manifest.cases)
+    file.verdicts = {c: file.verdicts[c] for c in order if c in file.verdicts}
     write_verdicts(path, file)
     return file
 

@@ -55,7 +55,7 @@ def diagnose(
     runs that cannot be used are refused in the verdict.
     """
     began = time.perf_counter()
-    effects = _library(plant, candidates)
+    effects = library(plant, candidates)
     progress("admission")
     given = {"fit": runs, "hold-out": hold_out, "good": good}
     period_s = row_length_s([*runs, *hold_out, *good], plant)
@@ -102,7 +102,7 @@ def _answered(asked: Asked) -> Answer:
     return answer_of_differs(asked, held)
 
 
-def _library(plant: PlantModel, candidates: Sequence[str] | None) -> list[Effect]:
+def library(plant: PlantModel, candidates: Sequence[str] | None) -> list[Effect]:
     """The effects that may be named. Raises PlantMismatch for one that the plant does not have."""
     known = {e.name for e in plant.effects}
     foreign = sorted(set(candidates or ()) - known)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from smad.diagnosis.errors import GapError
 from smad.diagnosis.plant import Array, Channel, Mask, Signal
 from smad.diagnosis.runs import GapRun, bridged
 from smad.runlog.bounds import Together
@@ -163,14 +164,14 @@ def run_from_columns(
     return GapRun(name, t_s, inputs, outputs, valid, cut_short, notes)
 
 
-def table_run(name: str, path: Path, together: Together | None = None) -> GapRun:
+def _table_run(path: Path, together: Together | None) -> GapRun:
     """A table made elsewhere (`smad.runlog.tables`) as a run of the diagnosis.
 
     Rows with a `valid` of 0 are not valid, and what was read in them is no more to be fed to a
     model than to be compared with it. A run without other rows keeps its channels: its admission
-    refuses it, and wants to see them. Raises LogImportError for a file that cannot be used, and
-    RunLogError where it is one too many of those held `together`.
+    refuses it, and wants to see them.
     """
+    name = path.name.split(".")[0]
     columns = read_channels(path, together)
     flagged = columns.pop("valid", None)
     if flagged is None:
@@ -194,21 +195,35 @@ def _recorded(columns: Mapping[str, NDArray[Any]], name: str) -> Array | None:
 
 
 def read_gap_run(path: Path, together: Together | None = None) -> GapRun:
-    """A run log or a table as a run of the diagnosis.
+    """A run log or a table as a run of the diagnosis, see `read_recorded`."""
+    return read_recorded(path, together)[0]
 
-    Raises RunLogError (of a table LogImportError) when it cannot be read at all.
+
+def read_recorded(path: Path, together: Together | None = None) -> tuple[GapRun, Run | None]:
+    """A run log or a table as a run of the diagnosis, and the log that it is of.
+
+    Raises RunLogError (of a table LogImportError) when it cannot be read at all, and where it is
+    one too many of those held `together`.
     """
     if path.suffix != ".mcap":
-        return table_run(path.name.split(".")[0], path, together)
+        return _table_run(path, together), None
     from smad.runlog.reader import read_run
 
     log = read_run(path)
     if together is not None:
         together.take(path, rows=len(log), columns=len(log.columns))
-    return gap_run_of(log)
-
-
-def gap_run_of(log: Run) -> GapRun:
-    """A run log that was read, as a run of the diagnosis."""
     notes = tuple(log.notes) if not log.cut_short else ()
-    return run_from_columns(log.path.stem, log.columns, cut_short=log.cut_short, notes=notes)
+    run = run_from_columns(log.path.stem, log.columns, cut_short=log.cut_short, notes=notes)
+    return run, log
+
+
+def require_columns(path: Path, run: GapRun) -> None:
+    """Raises GapError for a run of a file that lacks an input, or all measured channels."""
+    lacking = [s.name for s in INPUTS if s.name not in run.inputs]
+    if lacking or not run.outputs:
+        raise GapError(
+            f"{path} lacks columns",
+            value=", ".join(lacking) or "no measured channel",
+            limit="currents and duties of both springs, and at least one measured channel",
+            action="add the column, in the unit its name ends with",
+        )

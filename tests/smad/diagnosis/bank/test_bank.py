@@ -14,8 +14,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from smad.cli import execute
-from smad.diagnosis.bank.bank import chosen, open_bank, read_case
-from smad.diagnosis.bank.errors import BankError
+from smad.diagnosis.bank import Check, chosen, read_manifest
+from smad.diagnosis.errors import BankError
+from smad.diagnosis.runs import GapRun
 
 N = 400
 
@@ -64,28 +65,38 @@ def make(folder: Path, count: int = 1, **changes: Any) -> Path:
     return folder
 
 
+def opened(folder: Path) -> Check:
+    """A check of the whole bank."""
+    manifest = read_manifest(folder)
+    return Check(folder=folder, manifest=manifest, cases=manifest.cases)
+
+
+def first(folder: Path) -> dict[str, list[GapRun]]:
+    """The runs of its first case."""
+    check = opened(folder)
+    return check.runs(check.cases[0])
+
+
 def test_a_bank_is_read_by_role_and_units(tmp_path: Path) -> None:
-    bank = open_bank(make(tmp_path))
-    runs = read_case(bank, bank.case("case-1"))
-    assert [r.name for r in runs.fit] == ["fit"]
-    assert [r.name for r in runs.good] == ["good"]
-    assert runs.hold_out == []
-    assert runs.fit[0].dt_s == pytest.approx(0.01)
+    runs = first(make(tmp_path))
+    assert [r.name for r in runs["fit"]] == ["fit"]
+    assert [r.name for r in runs["good"]] == ["good"]
+    assert runs["hold_out"] == []
+    assert runs["fit"][0].dt_s == pytest.approx(0.01)
 
 
 def test_a_case_that_asks_what_differs_has_no_good_runs(tmp_path: Path) -> None:
     make(tmp_path)
     text = (tmp_path / "manifest.json").read_text().replace('"changed"', '"differs"')
     (tmp_path / "manifest.json").write_text(text)
-    bank = open_bank(tmp_path)
-    assert read_case(bank, bank.case("case-1")).good == []
+    assert first(tmp_path)["good"] == []
 
 
 def test_the_manifest_that_the_guide_shows_can_be_read(tmp_path: Path) -> None:
     guide = Path(__file__).parents[4] / "docs" / "guide" / "check-your-own-bank.md"
     manifest, *_ = re.findall(r"```json\n(.*?)```", guide.read_text(), re.DOTALL)
     (tmp_path / "manifest.json").write_text(manifest)
-    assert open_bank(tmp_path).manifest.cases[0].id == "case-001"
+    assert read_manifest(tmp_path).cases[0].id == "case-001"
 
 
 def test_runs_of_one_name_in_two_folders_stay_apart(tmp_path: Path) -> None:
@@ -94,9 +105,8 @@ def test_runs_of_one_name_in_two_folders_stay_apart(tmp_path: Path) -> None:
     manifest = json.loads((tmp_path / "manifest.json").read_text())
     manifest["cases"][0]["runs"].append({"file": "other/fit.parquet", "role": "hold_out"})
     (tmp_path / "manifest.json").write_text(json.dumps(manifest))
-    bank = open_bank(tmp_path)
-    runs = read_case(bank, bank.case("case-1"))
-    assert len({r.name for r in [*runs.fit, *runs.hold_out, *runs.good]}) == 3
+    runs = first(tmp_path)
+    assert len({r.name for own in runs.values() for r in own}) == 3
 
 
 def test_missing_samples_and_flagged_rows_are_not_valid(tmp_path: Path) -> None:
@@ -105,8 +115,7 @@ def test_missing_samples_and_flagged_rows_are_not_valid(tmp_path: Path) -> None:
     table["valid"][7] = 0.0
     make(tmp_path)
     write(tmp_path, "case-1/fit.parquet", table)
-    bank = open_bank(tmp_path)
-    good = read_case(bank, bank.case("case-1")).fit[0].good
+    good = first(tmp_path)["fit"][0].good
     assert not good[5]
     assert not good[7]
     assert good.sum() == N - 2
@@ -119,8 +128,7 @@ def test_what_was_read_in_a_flagged_row_is_not_fed_to_a_model(tmp_path: Path) ->
     table["valid"][7] = 0.0
     make(tmp_path)
     write(tmp_path, "case-1/fit.parquet", table)
-    bank = open_bank(tmp_path)
-    run = read_case(bank, bank.case("case-1")).fit[0]
+    run = first(tmp_path)["fit"][0]
     np.testing.assert_allclose(run.outputs["force_N"], table["t_s"])
 
 
@@ -130,14 +138,13 @@ def test_a_run_of_flagged_rows_only_keeps_its_channels_and_has_no_valid_sample(
     table = columns() | {"valid": np.zeros(N)}
     make(tmp_path)
     write(tmp_path, "case-1/fit.parquet", table)
-    bank = open_bank(tmp_path)
-    run = read_case(bank, bank.case("case-1")).fit[0]
+    run = first(tmp_path)["fit"][0]
     assert "force_N" in run.outputs
     assert not run.good.any()
 
 
 def test_a_subset_is_spread_nested_and_the_same_every_time(tmp_path: Path) -> None:
-    bank = open_bank(make(tmp_path, 60))
+    bank = read_manifest(make(tmp_path, 60))
     few, more = ([c.id for c in chosen(bank, count=n, seed=3)] for n in (10, 20))
     assert few == [c.id for c in chosen(bank, count=10, seed=3)]
     assert few != [c.id for c in chosen(bank, count=10, seed=4)]
@@ -167,10 +174,6 @@ def _refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
             {"cases": [{"id": "a", "question": "changed",
                         "runs": [{"file": "x.parquet", "role": "fit"}]}]},
             ("a asks what has changed", "got fit", "role good", "what differs"),
-        ),
-        (
-            {"cases": [{"id": "../a", "question": "differs", "runs": []}]},
-            ("id", "../a", "letters"),
         ),
         (
             {"cases": [{"id": "a", "question": "differs",
@@ -234,9 +237,8 @@ def test_a_missing_column_is_named(gone: str, said: str, tmp_path: Path) -> None
     del table[gone]
     make(tmp_path)
     write(tmp_path, "case-1/fit.parquet", table)
-    bank = open_bank(tmp_path)
     with pytest.raises(BankError, match=said) as caught:
-        read_case(bank, bank.case("case-1"))
+        first(tmp_path)
     assert "case-1/fit.parquet" in str(caught.value)
     assert "the column" in str(caught.value)
 
@@ -245,9 +247,8 @@ def test_a_run_without_any_measured_channel_is_refused(tmp_path: Path) -> None:
     table = {n: v for n, v in columns().items() if n not in ("displacement_mm", "force_N")}
     make(tmp_path)
     write(tmp_path, "case-1/fit.parquet", table)
-    bank = open_bank(tmp_path)
-    with pytest.raises(BankError, match="any measured channel"):
-        read_case(bank, bank.case("case-1"))
+    with pytest.raises(BankError, match="no measured channel"):
+        first(tmp_path)
 
 
 def test_a_time_that_does_not_rise_is_refused(tmp_path: Path) -> None:
@@ -255,13 +256,12 @@ def test_a_time_that_does_not_rise_is_refused(tmp_path: Path) -> None:
     table["t_s"][10] = table["t_s"][9]
     make(tmp_path)
     write(tmp_path, "case-1/fit.parquet", table)
-    bank = open_bank(tmp_path)
     with pytest.raises(BankError, match="row 11: time does not increase"):
-        read_case(bank, bank.case("case-1"))
+        first(tmp_path)
 
 
 def test_a_manifest_without_end_is_refused(tmp_path: Path) -> None:
     with (tmp_path / "manifest.json").open("wb") as file:
         file.truncate(16_000_001)
     with pytest.raises(BankError, match="too large"):
-        open_bank(tmp_path)
+        read_manifest(tmp_path)
