@@ -1,21 +1,23 @@
 """Constants of a check-up's decision from development banks, and what they are worth.
 
 The rule reads a few numbers of each check-up. These are kept, and other constants are tried on them
-without another replay. Limits of a quiet bench are quantiles of what quiet benches show; the others
-are those with which most cases are told right. How good that is, is told by leaving out one bench
-after the other.
+without another replay. Limits of a quiet bench are quantiles of what quiet benches show; the odds
+of laws and effects are those under which the truth is likeliest; levels are those with which what
+is told is right as often as it should be. How good that is, is told by leaving out one bench after
+the other.
 """
 
 import json
 import pickle
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from itertools import product
+from functools import cached_property
 from pathlib import Path
 
 import msgspec
 import numpy as np
+from scipy import optimize
 
 from evaluation.names import canonical
 from evaluation.run.check_ups import benches_of, manifest_of
@@ -24,27 +26,31 @@ from evaluation.score.openings import refuse_sealed
 from smad.checkup.judge import examined
 from smad.checkup.paired.difference import paired
 from smad.diagnosis.constants import Constants, shipped
+from smad.diagnosis.search.odds import Hypothesis, odds, of_places, told
 from smad.diagnosis.spring_pair import SmaPlant
 
 FALSE_ALARMS = 1.0 / 60.0
-"""Of quiet benches, one in so many may be called changed."""
+"""Of quiet benches, one in so many may be called changed, by either limit."""
 _LEAST_SHARE = 1e-9
 QUIET = ("none", "room", "preload", "drift")
 """Kinds of cases in which nothing has changed."""
-ENTRY_SHARES = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3)
-NAMES = tuple(product((0.9, 0.8, 0.75, 0.7, 0.6, 0.5), (0.5, 0.4, 0.35, 0.3, 0.25, 0.2, 0.1)))
-"""Candidates of `name_share` and `name_size`; of two as good the first, which claims less."""
 TRUSTED = (0.0, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.02, 0.05, 0.1)
-WRONG = 2.0
-"""A wrong name costs as much as so many right ones are worth."""
+LEVELS = tuple(round(0.02 * k, 2) for k in range(20, 50))
+HELD = 0.95
+"""Share of changes of which the told places should hold the truth."""
+RIGHT = 0.9
+"""Share of the names given that should be right."""
+_PENALTY = 0.05
+"""Of the squares of the weights, per case of none: keeps them finite."""
+_BINS = 5
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
     """What the rule reads of a check-up, in squares of rows, beside the truth.
 
-    `laws` is what the best law of each place takes; `entry` the effect that takes most,
-    `entry_gain` what it takes, `acts` where it acts.
+    `hypotheses` are those of the first step, `gain` is what the best law takes, `explained` the
+    most that a law or an effect takes.
     """
 
     bench: str
@@ -53,38 +59,51 @@ class Case:
     count: int
     ratio: float
     gain: float
+    explained: float
     parameters: float
     beside_parameters: float
-    laws: dict[str, float]
-    entry: str
-    entry_gain: float
-    acts: frozenset[str]
+    hypotheses: tuple[Hypothesis, ...]
 
     def noticed(self, c: Constants) -> bool:
         """Whether it stands out of the repeat floor."""
-        return max(self.gain, self.parameters) >= c.quiet_gain or self.ratio >= c.quiet_ratio
-
-    def size(self, c: Constants) -> float:
-        """What shares are of."""
-        return max(self.square - c.quiet_variance * self.count, self.gain)
-
-    def place(self, c: Constants) -> str:
-        """The first place."""
-        own = {p: g for p, g in self.laws.items() if p in self.acts}
-        by_entry = own and self.entry_gain >= c.entry_share * self.gain
-        among = own if by_entry else self.laws
-        return max(among, key=lambda p: among[p])
-
-    def name(self, c: Constants) -> str:
-        """The name, empty for none."""
-        enough = self.entry_gain >= max(c.name_share * self.gain, c.name_size * self.size(c))
-        return self.entry if enough else ""
+        moved = self.parameters >= c.quiet_parameters
+        return self.gain >= c.quiet_gain or moved or self.ratio >= c.quiet_ratio
 
     def parameters_first(self, c: Constants) -> bool:
         """Whether other values of the parameters are the answer."""
-        left = self.square - max(self.gain, self.entry_gain)
-        trusted = left + c.slopes_trusted * self.parameters
-        return self.parameters >= c.quiet_gain and self.beside_parameters <= trusted
+        trusted = self.square - self.explained + c.slopes_trusted * self.parameters
+        return self.parameters >= c.quiet_parameters and self.beside_parameters <= trusted
+
+    def odds(self, c: Constants) -> np.ndarray:
+        """The probability of each hypothesis."""
+        return odds(self.hypotheses, c, c.quiet_gain)
+
+    def places(self, c: Constants) -> dict[str, float]:
+        """The probability of each place, the likeliest first."""
+        return of_places(self.hypotheses, self.odds(c))
+
+    def name(self, c: Constants) -> tuple[str, float]:
+        """The likeliest effect at the likeliest place, and its probability."""
+        place = next(iter(self.places(c)))
+        here = [(h.effect, float(p)) for h, p in zip(self.hypotheses, self.odds(c), strict=True)
+                if h.effect and h.place == place]  # fmt: skip
+        return max(here, key=lambda one: one[1], default=("", 0.0))
+
+    @cached_property
+    def true_places(self) -> frozenset[str]:
+        """Where the simulator can hold its effects."""
+        return frozenset(p for e in self.truth.effects for p in e.places)
+
+    @cached_property
+    def right(self) -> np.ndarray:
+        """Which hypotheses are right: the effect itself where it is listed, else laws of its place.
+
+        Where the right effect was not refined, the law of its place is the best there is.
+        """
+        names = {e.name for e in self.truth.effects if e.known}
+        own = np.array([bool(h.effect) and canonical(h.effect) in names for h in self.hypotheses])
+        laws = np.array([not h.effect and h.place in self.true_places for h in self.hypotheses])
+        return own if own.any() else laws
 
 
 def kept_cases(bank: Path, kept: Path, only: Sequence[str] = (), jobs: int = 1) -> list[Case]:
@@ -108,26 +127,20 @@ def _examined(bank: Path, key: Path, bench: str, place: Path) -> str:
     """Keeps what the rule reads of the check-ups of one bench at `place`."""
     plant = SmaPlant()
     truths = msgspec.json.decode((key / "KEY.json").read_bytes(), type=Key).cases
-    # One step, whatever it takes, with the effect that takes most of all.
-    asked = msgspec.structs.replace(
-        shipped(), most_places=1, place_share=0.0, quiet_gain=0.0, entry_share=0.0
-    )
+    # One step, whatever it takes.
+    asked = msgspec.structs.replace(shipped(), most_places=1, place_share=0.0, quiet_gain=0.0)
     ((_, reference, cases),) = benches_of(bank, manifest_of(bank), plant, only=[bench])
     out = []
     for case, runs in cases:
         found = examined(paired(plant, reference, runs), asked)
         w, rows = found.located.where, found.located.rows
-        laws: dict[str, float] = {}
-        for s in w.ranked:
-            laws.setdefault(s.candidate.place, s.share * w.size)
-        entry = w.steps[0].entry if w.steps else None
+        step = w.steps[0]
         out.append(
             Case(
                 bench=f"{bank.name} {bench}", truth=truths[case], square=rows.square,
                 count=rows.count, ratio=found.ratio, gain=found.gain,
-                parameters=found.parameters, beside_parameters=found.beside_parameters, laws=laws,
-                entry=entry.names[0] if entry else "", entry_gain=entry.gain if entry else 0.0,
-                acts=frozenset(entry.effects[0].places) if entry else frozenset(),
+                explained=step.worth * w.size, parameters=found.parameters,
+                beside_parameters=found.beside_parameters, hypotheses=step.hypotheses,
             )
         )  # fmt: skip
     place.write_bytes(pickle.dumps(out))
@@ -135,21 +148,56 @@ def _examined(bank: Path, key: Path, bench: str, place: Path) -> str:
 
 
 def chosen(cases: Sequence[Case], before: Constants) -> Constants:
-    """The constants with which most of the cases are told right."""
+    """The constants that these cases ask for."""
     c = _quiet(cases, before)
     changed = [x for x in cases if x.noticed(c)]
-    single = [x for x in changed if x.truth.kind in ("single", "unknown")]
-    c = _best(c, [{"slopes_trusted": t} for t in TRUSTED], lambda c: _parameters_right(changed, c))
-    c = _best(c, [{"entry_share": s} for s in ENTRY_SHARES], lambda c: _placed(single, c))
-    names = [{"name_share": s, "name_size": z} for s, z in NAMES]
-    return _best(c, names, lambda c: _named(single, c))
+    tried = [msgspec.structs.replace(c, slopes_trusted=t) for t in TRUSTED]
+    c = max(tried, key=lambda c: _parameters_right(changed, c))
+    single = [x for x in changed if x.truth.kind in ("single", "unknown") and x.right.any()]
+    c = _likeliest(single, c)
+    return msgspec.structs.replace(
+        c, told_level=_told_level(single, c), name_level=_name_level(single, c)
+    )
 
 
-def _best(
-    c: Constants, changes: Iterable[dict[str, float]], worth: Callable[[Constants], float]
-) -> Constants:
-    tried = [msgspec.structs.replace(c, **change) for change in changes]
-    return max(tried, key=worth)
+def _likeliest(cases: Sequence[Case], c: Constants) -> Constants:
+    """The odds of laws and effects under which the truth of these cases is likeliest."""
+    names = ("effect_odds", "effect_weight", "law_weight")
+
+    def constants(w: np.ndarray) -> Constants:
+        values = zip(names, w, strict=True)
+        return msgspec.structs.replace(c, **{n: float(x) for n, x in values})
+
+    def unlikely(w: np.ndarray) -> float:
+        own = constants(w)
+        told = [np.log(x.odds(own)[x.right].sum() + 1e-300) for x in cases]
+        return float(0.5 * _PENALTY * w @ w - np.sum(told))
+
+    found = optimize.minimize(unlikely, np.array([getattr(c, n) for n in names]))
+    return constants(np.array([_rounded(x) for x in found.x]))
+
+
+def _told_level(cases: Sequence[Case], c: Constants) -> float:
+    """The least level at which the told places hold the truth in `HELD` of the cases."""
+    for level in LEVELS:
+        held = [bool(x.true_places & set(told(x.places(c), level))) for x in cases]
+        if np.mean(held) >= HELD:
+            return level
+    return LEVELS[-1]
+
+
+def _name_level(cases: Sequence[Case], c: Constants) -> float:
+    """The least level from which on names that are given are right in `RIGHT` of the cases."""
+    names = [(*x.name(c), x) for x in cases]
+    for level in LEVELS:
+        given = [_is_of(name, x) for name, p, x in names if p >= level]
+        if given and np.mean(given) >= RIGHT:
+            return level
+    return LEVELS[-1]
+
+
+def _is_of(name: str, case: Case) -> bool:
+    return canonical(name) in {e.name for e in case.truth.effects}
 
 
 def _parameters_right(cases: Sequence[Case], c: Constants) -> float:
@@ -157,33 +205,19 @@ def _parameters_right(cases: Sequence[Case], c: Constants) -> float:
     return float(sum(x.parameters_first(c) == (x.truth.kind == "parameters") for x in cases))
 
 
-def _placed(cases: Sequence[Case], c: Constants) -> float:
-    return float(sum(x.place(c) in {p for e in x.truth.effects for p in e.places} for x in cases))
-
-
-def _named(cases: Sequence[Case], c: Constants) -> float:
-    """Right names, less what wrong ones cost."""
-    worth = 0.0
-    for x in cases:
-        if name := canonical(x.name(c)):
-            right = name in {e.name for e in x.truth.effects}
-            worth += 1.0 if right else -WRONG
-    return worth
-
-
-def _quiet(cases: Sequence[Case], c: Constants) -> Constants:
-    """The limit of a quiet bench: a quantile of what quiet benches show.
+def _quiet(cases: Sequence[Case], before: Constants) -> Constants:
+    """The limits of a quiet bench: quantiles of what quiet benches show.
 
     That of all rows together is no number of these benches: floors of any plant are so wide that
     its rows stay below 1.
     """
     quiet = [x for x in cases if x.truth.kind in QUIET]
     benches = [x.bench for x in quiet]
-    gains = np.array([max(x.gain, x.parameters) for x in quiet])
     return msgspec.structs.replace(
-        c,
+        before,
         quiet_variance=_rounded(float(np.median([x.ratio for x in quiet]))),
-        quiet_gain=_rounded(_limit(gains, benches)),
+        quiet_gain=_rounded(_limit(np.array([x.gain for x in quiet]), benches)),
+        quiet_parameters=_rounded(_limit(np.array([x.parameters for x in quiet]), benches)),
     )
 
 
@@ -232,14 +266,19 @@ def report(cases: Sequence[tuple[Case, Constants]]) -> list[str]:
     changed = [(x, c) for x, c in of("single", "unknown") if x.noticed(c)]
     listed = [(x, c) for x, c in changed if x.truth.kind == "single"]
     other = [(x, c) for x, c in changed if x.truth.kind == "unknown"]
-    given = [(x, c) for x, c in changed if x.name(c)]
+    given = [(x, c) for x, c in changed if x.name(c)[1] >= c.name_level]
 
-    def right(x: Case, c: Constants) -> bool:
-        return canonical(x.name(c)) in {e.name for e in x.truth.effects}
+    def named(x: Case, c: Constants) -> bool:
+        name, p = x.name(c)
+        return p >= c.name_level and _is_of(name, x)
 
-    def placed(x: Case, c: Constants) -> bool:
-        return _placed([x], c) > 0.0
+    def first(x: Case, c: Constants) -> bool:
+        return next(iter(x.places(c))) in x.true_places
 
+    def held(x: Case, c: Constants) -> bool:
+        return bool(x.true_places & set(told(x.places(c), c.told_level)))
+
+    sizes = [len(told(x.places(c), c.told_level)) for x, c in changed]
     return [
         share("quiet benches called changed", of(*QUIET),
               lambda x, c: x.noticed(c)),
@@ -248,12 +287,31 @@ def report(cases: Sequence[tuple[Case, Constants]]) -> list[str]:
               lambda x, c: x.parameters_first(c)),
         share("effects noticed", of("single", "unknown"), lambda x, c: x.noticed(c)),
         share("effects told as parameters", changed, lambda x, c: x.parameters_first(c)),
-        share("first place right, listed", listed, placed),
-        share("first place right, unlisted", other, placed),
-        share("right name, of noticed listed", listed, right),
-        share("right name, of names given", given, right),
-        share("unlisted given a name", other, lambda x, c: bool(x.name(c))),
+        share("first place right, listed", listed, first),
+        share("first place right, unlisted", other, first),
+        share("told places hold the truth, listed", listed, held),
+        share("told places hold the truth, unlisted", other, held),
+        f"  {'told places, mean number':<44} {np.mean(sizes) if sizes else 0.0:>7.2f}",
+        share("right name, of noticed listed", listed, named),
+        share("right name, of names given", given, named),
+        share("unlisted given a name", other, lambda x, c: x.name(c)[1] >= c.name_level),
+        *_reliability("place", [(next(iter(x.places(c).values())), first(x, c))
+                                for x, c in changed]),
+        *_reliability("name", [(x.name(c)[1], _is_of(x.name(c)[0], x)) for x, c in changed]),
     ]  # fmt: skip
+
+
+def _reliability(what: str, told: Sequence[tuple[float, bool]]) -> list[str]:
+    """How often what had a probability was right: the reliability diagram as a table."""
+    out = []
+    for k in range(_BINS):
+        low, high = k / _BINS, (k + 1) / _BINS
+        own = [(p, right) for p, right in told if low <= p < high or (p == high == 1.0)]
+        if own:
+            mean = float(np.mean([p for p, _ in own]))
+            right = sum(right for _, right in own)
+            out.append(f"  {f'{what} with probability {mean:.2f}':<44} {right:>4} of {len(own)}")
+    return out
 
 
 def calibrate(
@@ -291,7 +349,7 @@ def calibrate(
 def _toml(constants: Constants, banks: str, cases: int) -> str:
     head = (
         "# Constants of where, law and name; smad/diagnosis/constants.py says what each means.\n"
-        "# Those of check-ups and names were written by `python -m evaluation calibrate`\n"
+        "# Those of check-ups, places and names were written by `python -m evaluation calibrate`\n"
         f"# from {cases} check-ups of {banks}.\n"
     )
     return head + "".join(

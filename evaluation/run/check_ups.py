@@ -23,7 +23,7 @@ from smad.checkup.judge import judged
 from smad.checkup.paired.difference import Paired
 from smad.checkup.paired.reference import Reference
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.search.names import best_entry
+from smad.diagnosis.search.names import likely_entries
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.verdict import PLACES, QUIET, Verdict
 
@@ -170,8 +170,10 @@ def baselines(pairs: Paired, case: str) -> dict[str, Any]:
         size = float(rows @ rows)
         match = max(float(rows @ floors), 0.0) ** 2 / size if size > 0.0 else 0.0
         like[atom.entry] = max(like.get(atom.entry, 0.0), match)
-    best = best_entry(pairs, pairs.reference.atoms, pairs.signatures, pairs.plant.effects, pairs.z)
+    known = pairs.reference.atoms
+    found = likely_entries(pairs, known, pairs.signatures, pairs.plant.effects, pairs.z)
     penalty = float(np.log(pairs.white.count))
+    best = max(found, key=lambda e: e.gain - penalty * len(e.coordinates), default=None)
     speaks = best is not None and best.gain > penalty * len(best.coordinates)
     return {
         "match": {"outcome": PLACES, "names": [max(like, key=lambda n: like[n])]},

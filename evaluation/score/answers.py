@@ -71,14 +71,28 @@ class Term(msgspec.Struct, frozen=True):
 
 
 class Place(msgspec.Struct, frozen=True):
-    """A place that was told, with its law and its name (empty for none)."""
+    """A place that was told, with its law and its name (empty for none).
+
+    `probabilities` are those of `near_places`, `names` those of effects.
+    """
 
     place: str
     side: str = "both"
     near_places: list[str] = []
     terms: list[Term] = []
     name: str = ""
-    probability: float | None = None
+    probabilities: list[float] = []
+    names: dict[str, float] = {}
+
+    @property
+    def probability(self) -> float | None:
+        """The place's own probability; None where none was told."""
+        return self.probabilities[0] if self.probabilities else None
+
+    @property
+    def name_probability(self) -> float:
+        """That of the likeliest effect at the place."""
+        return max(self.names.values(), default=0.0)
 
     @property
     def near(self) -> set[str]:

@@ -39,6 +39,7 @@ _QUIET = {
     "quiet benches called changed": _most(1 / 60),
     "parameters given a cause": _most(1 / 20),
     "error of the probabilities of places": _most(0.08),
+    "error of the probabilities of names": _most(0.08),
 }
 GOALS: dict[str, dict[str, Goal]] = {
     CHECK_UP: _QUIET

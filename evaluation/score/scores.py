@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 from evaluation.names import canonical
 from evaluation.score.answers import DIFFERS, STRENGTHS, Pair
@@ -16,9 +17,10 @@ _OTHER_DAYS = ("room", "preload", "drift")
 _FIRST_OWN = 4
 
 Test = Callable[[Pair], bool]
+_Case = TypeVar("_Case")
 
 
-def share(name: str, pairs: Sequence[Pair], holds: Callable[[Pair], float]) -> Row:
+def share(name: str, pairs: Sequence[_Case], holds: Callable[[_Case], float]) -> Row:
     """A row for a share of cases, with Wilson's interval."""
     if not pairs:
         return Row(name)
@@ -95,14 +97,50 @@ def _own_found(p: Pair) -> float:
     return min(found / min(len(p.truth.own), _FIRST_OWN), 1.0)
 
 
-def calibration(pairs: Sequence[Pair]) -> float:
-    """Expected calibration error of the first place's probability (Guo et al. 2017)."""
-    bins: list[list[tuple[float, float]]] = [[] for _ in range(_BINS)]
+Said = tuple[float, bool]
+"""What was said to be how probable, and whether it was right."""
+
+
+def said_of_places(pairs: Sequence[Pair]) -> list[Said]:
+    """The first places with their probability."""
+    return [(x, p.placed) for p in pairs if (x := p.first.probability) is not None]
+
+
+def said_of_names(pairs: Sequence[Pair]) -> list[Said]:
+    """The likeliest effects with their probability."""
+    out = []
     for p in pairs:
-        said = p.first.probability or 0.0
-        bins[min(int(said * _BINS), _BINS - 1)].append((said, float(p.placed)))
-    means = [(len(b), *(statistics.fmean(x) for x in zip(*b, strict=True))) for b in bins if b]
-    return sum(n * abs(said - was) for n, said, was in means) / len(pairs)
+        if p.first.names:
+            name = max(p.first.names, key=lambda n: p.first.names[n])
+            right = canonical(name) in {e.name for e in p.truth.effects}
+            out.append((p.first.name_probability, right))
+    return out
+
+
+def _bins(said: Sequence[Said]) -> list[list[Said]]:
+    """What was said, by fifths of probability; those that have something."""
+    bins: list[list[Said]] = [[] for _ in range(_BINS)]
+    for one in said:
+        bins[min(int(one[0] * _BINS), _BINS - 1)].append(one)
+    return [b for b in bins if b]
+
+
+def calibration(said: Sequence[Said]) -> float:
+    """Expected calibration error (Guo et al. 2017)."""
+    apart = [
+        len(b) * abs(statistics.fmean(x for x, _ in b) - statistics.fmean(right for _, right in b))
+        for b in _bins(said)
+    ]
+    return sum(apart) / len(said)
+
+
+def reliability(said: Sequence[Said]) -> list[tuple[str, ...]]:
+    """The reliability diagram as rows: what was said, how often it was right."""
+    return [
+        (f"{statistics.fmean(x for x, _ in b):.2f}",
+         number(share("", b, lambda one: one[1])), str(len(b)))
+        for b in _bins(said)
+    ]  # fmt: skip
 
 
 def rows(pairs: Sequence[Pair]) -> list[Row]:
@@ -112,7 +150,7 @@ def rows(pairs: Sequence[Pair]) -> list[Row]:
     listed, unlisted = of_kind(noticed, "single"), of_kind(noticed, "unknown")
     several = of_kind(pairs, "pair")
     left_out = [p for p in of_kind(pairs, "single") if p.said.left_out]
-    sure = [p for p in noticed if p.first.probability is not None]
+    of_places, of_names = said_of_places(noticed), said_of_names(noticed)
     kinds = (("listed", listed), ("unlisted", unlisted))
     out = [
         share("quiet benches called changed", of_kind(pairs, "none"),
@@ -139,8 +177,10 @@ def rows(pairs: Sequence[Pair]) -> list[Row]:
         share("left out: its place still told", left_out,
               lambda p: any(set(s.places) & p.true_places for s in p.said.left_out.values())),
     ]  # fmt: skip
-    if sure:
-        out.append(Row("error of the probabilities of places", calibration(sure), count=len(sure)))
+    for what, said in (("places", of_places), ("names", of_names)):
+        if said:
+            row = Row(f"error of the probabilities of {what}", calibration(said), count=len(said))
+            out.append(row)
     return out + _time(pairs)
 
 
@@ -189,6 +229,8 @@ def tables(pairs: Sequence[Pair]) -> dict[str, Table]:
     known = [p for p in pairs if p.truth.question != DIFFERS]
     out |= {
         "Over strength": _over_strength(known),
+        "Probability of the first place": _reliable(said_of_places(_told_of(known))),
+        "Probability of the likeliest name": _reliable(said_of_names(_told_of(known))),
         "Simpler rules: right name, of noticed listed": _rules(known),
         "Wrong or missed": _wrong(pairs),
     }
@@ -204,6 +246,15 @@ def _scores(question: str, found: Sequence[Row]) -> Table:
         lines.append((row.name, number(row), str(row.count), str(goal or ""), met))
     head = ("score", "value [95 %]", "cases", "goal", "met")
     return Table(head, lines, numeric=frozenset({1, 2}))
+
+
+def _told_of(pairs: Sequence[Pair]) -> list[Pair]:
+    return [p for p in of_kind(pairs, "single", "unknown") if p.noticed]
+
+
+def _reliable(said: Sequence[Said]) -> Table:
+    head = ("said", "right [95 %]", "cases")
+    return Table(head, reliability(said), numeric=frozenset({0, 1, 2}))
 
 
 def _over_strength(pairs: Sequence[Pair]) -> Table:

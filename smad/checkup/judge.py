@@ -27,7 +27,7 @@ from smad.diagnosis.plant import ModelPoint, PlantModel, Uncertainty
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.search.contrast import with_priors
 from smad.diagnosis.search.locate import Alternative, Located, locate
-from smad.diagnosis.search.names import Naming, best_entry
+from smad.diagnosis.search.names import Naming, likely_entries
 from smad.diagnosis.verdict import PARAMETERS, PLACES, QUIET, UNPLACED, Verdict
 
 
@@ -49,12 +49,12 @@ class Found:
 
     def outcome(self, c: Constants) -> str:
         """Quiet, parameters, places, or changed without a place, by the rule of `Constants`."""
-        quiet = max(self.gain, self.parameters) < c.quiet_gain and self.ratio < c.quiet_ratio
-        if quiet:
+        moved = self.parameters >= c.quiet_parameters
+        if self.gain < c.quiet_gain and not moved and self.ratio < c.quiet_ratio:
             return QUIET
         trusted = self.located.left + c.slopes_trusted * self.parameters
         enough = not self.located.told or self.beside_parameters <= trusted
-        if self.parameters >= c.quiet_gain and enough:
+        if moved and enough:
             return PARAMETERS
         return PLACES if self.located.told else UNPLACED
 
@@ -145,7 +145,7 @@ def examined(
     responded = responses(plant, reference.point, played, known=reference.responses)
     naming = Naming(
         tuple(e for e in plant.effects if e.name not in exclude),
-        lambda effects, z: best_entry(pairs, reference.atoms, pairs.signatures, effects, z),
+        lambda effects, z: likely_entries(pairs, reference.atoms, pairs.signatures, effects, z),
     )
     located = locate(pairs, plant, responded, naming, constants=constants)
     kept = pairs.fold >= 0

@@ -70,9 +70,9 @@ def changed(asked: Asked) -> Changed:
         fold_rows(joint, both, only), at, both.candidates(), c, run_of_row=joint.run_of_row,
         only=only, naming=Naming(asked.effects, Library(joint, only)),
     )  # fmt: skip
-    # Parameters are asked first: they are the answer if they take nearly what places take.
+    # Parameters are asked first: they are the answer if they take what places take.
     told = min(news.steps[-1].share, 1.0) if news.steps else 0.0
-    free = parameters >= max(c.near * told, c.changed_share)
+    free = parameters >= max(told, c.changed_share)
     gap = _residual(asked, taught.model, now, scale)
     settler = Settler(gap, found, taught.model, spread=1.0 if free else _DAY)
     rows = _of_now(news, joint, len(asked.good))

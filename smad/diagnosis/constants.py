@@ -16,13 +16,17 @@ class Constants(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     A law has at most `most_terms` terms, the answer of a check-up or of *changed* at most
     `most_places` places, a list of *differs* at most `most_listed`. A place enters when it takes
-    `place_share`; those that take at least `near` of what the best one takes are told beside it. An
-    effect of the library says which place it is when it takes `entry_share` of what the best law
-    takes; it is the name when it takes `name_share` of that and `name_size` of what is left.
+    `place_share`.
+
+    Odds of laws and effects (`search/odds.py`): an effect of the library has the log odds
+    `effect_odds` beside a law that takes as much. `effect_weight` and `law_weight` are what the log
+    of the share that each takes counts. As few places are told as hold `told_level` of the
+    probability together; an effect is the name from `name_level` on.
 
     Check-ups: rows of a bench without a change have the variance `quiet_variance`. It has changed
-    when the best law, or the parameters, take `quiet_gain` of the sum of squares, or the mean
-    square is `quiet_ratio` (floors are so wide that it stays below 1 where nothing has changed).
+    when the best law takes `quiet_gain` of the sum of squares, or the parameters
+    `quiet_parameters`, or the mean square is `quiet_ratio` (floors are so wide that it stays below
+    1 where nothing has changed).
     Places are told in place of other values of the parameters when they leave less than these do;
     of what these take, `slopes_trusted` may be left for the form of their slopes. A run is played
     again to tell places apart when their laws differ on it by `separation` (d²).
@@ -37,14 +41,16 @@ class Constants(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     most_terms: int
     most_places: int
     most_listed: int
-    near: float
     place_share: float
-    entry_share: float
-    name_share: float
-    name_size: float
+    effect_odds: float
+    effect_weight: float
+    law_weight: float
+    told_level: float
+    name_level: float
     slopes_trusted: float
     quiet_variance: float
     quiet_gain: float
+    quiet_parameters: float
     quiet_ratio: float
     separation: float
     quiet_floors: float

@@ -12,7 +12,7 @@ from sim_device.plant.laws import joined
 from smad.diagnosis.answer import Answer
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.plant import Array, ModelPoint, catalogue_of, performed
-from smad.diagnosis.search.told import one_of_each_place, side_words
+from smad.diagnosis.search.told import side_words
 from smad.diagnosis.search.where import Fits, fits
 
 
@@ -36,7 +36,7 @@ def offers(
     Both lists are empty where nothing is confused.
     """
     listing = answer.listed
-    confused = [s for s in listing.steps if len(one_of_each_place(s)) > 1] if listing else []
+    confused = [s for s in listing.steps if len(s.near) > 1] if listing else []
     if listing is None or not confused or answer.rows is None:
         return [], []
     step = confused[0]
@@ -45,7 +45,7 @@ def offers(
     base = settler.start
     places = {p.name: p for p in plant.places}
     words, points = [], []
-    for one in one_of_each_place(step):
+    for one in step.near:
         own: Fits = fits(answer.rows, [replace(step, chosen=one)])
         laws = settler.found.law_of(own.columns, own.fit.mean)
         points.append(ModelPoint(settler.gap.point.theta, base.effects,

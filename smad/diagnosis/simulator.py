@@ -103,7 +103,7 @@ def held_against(
     gap = replace(gap, open=by_itself(gap.open, wandering))
     rows = fold_rows(gap, found)
     asked.say("where it lies")
-    limits = msgspec.structs.replace(c, most_places=c.most_listed, name_size=0.0)
+    limits = msgspec.structs.replace(c, most_places=c.most_listed)
     naming = Naming(asked.effects, Library(gap)) if named else None
     searched = where(rows, found.candidates(), limits, least=LIST_GAIN, naming=naming)
     asked.say("in the simulator")

@@ -56,11 +56,12 @@ class TermTold(msgspec.Struct, frozen=True, kw_only=True):
 class PlaceTold(msgspec.Struct, frozen=True, kw_only=True):
     """One answer: where, which law, what name.
 
-    `share` is what the place adds on runs left out; `near` are places that do nearly as well, in
-    words, `near_places` their names with the first's own. `largest` is the law's largest value in
-    the runs, in `unit`. `in_simulator` says whether the law brought the simulator nearer to the
-    bench. `name` is an effect of the library that acts there, empty for none, and `values` its
-    values; `nearest` the best of those that act there, `takes` what it takes of what the law takes.
+    `share` is what the place adds on runs left out; `near` are the other places that may be it, in
+    words, `near_places` their names with the first's own, `probabilities` theirs. `largest` is the
+    law's largest value in the runs, in `unit`. `in_simulator` says whether the law brought the
+    simulator nearer to the bench. `name` is an effect of the library that acts there, empty for
+    none, and `values` its values; `names` are effects with their probabilities, `nearest` the best
+    of those that act there, `takes` what it takes of what the law takes.
     """
 
     place: str
@@ -69,6 +70,7 @@ class PlaceTold(msgspec.Struct, frozen=True, kw_only=True):
     share: float
     near: list[str]
     near_places: list[str]
+    probabilities: list[float]
     terms: list[TermTold]
     largest: float
     unit: str
@@ -76,7 +78,13 @@ class PlaceTold(msgspec.Struct, frozen=True, kw_only=True):
     name: str = ""
     values: dict[str, dict[str, float]] = {}
     nearest: str = ""
+    names: dict[str, float] = {}
     takes: float = 0.0
+
+    @property
+    def probability(self) -> float:
+        """That of the first place, of all that may be what is missing."""
+        return self.probabilities[0]
 
     @property
     def read(self) -> list[TermTold]:

@@ -45,7 +45,8 @@ def answer_table(places: Sequence[PlaceTold]) -> Table:
     """Where, which law, what name; a row for each place."""
     rows = [
         (
-            p.words + "".join(f" or {near}" for near in p.near),
+            " or ".join((p.words, *p.near)),
+            " or ".join(f"{x:.2f}" for x in p.probabilities),
             f"{p.share:.2f}",
             "; ".join(t.text for t in p.read),
             "yes" if p.in_simulator else "no",
@@ -53,9 +54,9 @@ def answer_table(places: Sequence[PlaceTold]) -> Table:
         )
         for p in places
     ]
-    header = ("where", "share, held out", "law: change for each unit of", "helps the simulator",
-              "name")  # fmt: skip
-    return Table(header, rows, numeric=frozenset((1,)))
+    header = ("where", "probability", "share, held out", "law: change for each unit of",
+              "helps the simulator", "name")  # fmt: skip
+    return Table(header, rows, numeric=frozenset((2,)))
 
 
 def _answer(v: Verdict) -> list[Block]:

@@ -53,8 +53,12 @@ def _of(verdict: Verdict) -> str:
 
 def place_lines(told: PlaceTold, of: str = "the change") -> list[str]:
     """One answer in words: where, which law, what name."""
-    out = [f"  where  {told.words}: {100 * told.share:.0f} % of {of}, on runs left out"]
-    out += [f"         or {near}, which these runs do not tell apart" for near in told.near[:_NEAR]]
+    out = [
+        f"  where  {told.words}: {100 * told.share:.0f} % of {of}, on runs left out; "
+        f"probability {told.probability:.2f}"
+    ]
+    rivals = list(zip(told.near, told.probabilities[1:], strict=True))
+    out += [f"         or {near}, probability {p:.2f}" for near, p in rivals[:_NEAR]]
     if len(told.near) > _NEAR:
         out.append(f"         or {len(told.near) - _NEAR} more places")
     for k, term in enumerate(told.read):
@@ -69,10 +73,20 @@ def name_words(told: PlaceTold) -> str:
     takes = f"takes {100 * min(told.takes, 1.0):.0f} % of what the law takes"
     if told.name:
         values = ", ".join(f"{q} = {x:.3g}" for q, x in told.values[told.name].items())
-        return f"{told.name} ({values}) {takes}"
+        return f"{told.name} ({values}){_likely(told, told.name)}; it {takes}"
     if told.nearest:
-        return f"none in the library; the nearest there, {told.nearest}, {takes}"
+        near = f"{told.nearest}{_likely(told, told.nearest)}"
+        return f"none that is sure; the nearest there, {near}, {takes}"
     return "none: no effect of the library acts there"
+
+
+def _likely(told: PlaceTold, name: str) -> str:
+    """The probability of a name, and the other effects that it may be."""
+    if name not in told.names:
+        return ""
+    others = [f"{n} {p:.2f}" for n, p in told.names.items() if n != name][:_NEAR]
+    beside = f", or {', '.join(others)}" if others else ""
+    return f", probability {told.names[name]:.2f}{beside}"
 
 
 @dataclass(frozen=True)

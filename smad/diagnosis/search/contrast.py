@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import stats
@@ -17,8 +18,16 @@ from smad.diagnosis.gap import Residual
 from smad.diagnosis.numerics.folds import Array, FoldProducts, FoldRows, Index
 from smad.diagnosis.numerics.forward import Forward, fitted, forward
 from smad.diagnosis.places.candidate import Candidate
-from smad.diagnosis.search.names import Naming
-from smad.diagnosis.search.where import Scored, Step, step_of, without_named, worth_of
+from smad.diagnosis.search.names import LIST_GAIN, Naming
+from smad.diagnosis.search.where import (
+    Scored,
+    Step,
+    left_out,
+    step_of,
+    without_named,
+    worth_of,
+    worth_of_side,
+)
 
 _NONE = np.zeros((0, 1), dtype=np.intp)
 
@@ -59,8 +68,7 @@ def contrast(
 
     `rows` has every response twice, of all runs and of those in question (`fold_rows`). Steps go on
     while a place adds `changed_share`, to at most `most_places`, each of a size in the runs in
-    question (`only`) that the others would have with `chance` at most (`by_chance`); those within
-    `near` of what the best adds are told with it.
+    question (`only`) that the others would have with `chance` at most (`by_chance`).
     """
     square = float(rows.rows[asked] @ rows.rows[asked])
     search = _Search(rows, asked, constants.most_terms, max(square, 1e-12))
@@ -69,8 +77,16 @@ def contrast(
     while found and len(steps) < constants.most_places:
         by_scored = {id(f.scored): f for f in found}
         scored = [f.scored for f in found]
-        left = np.where(np.isin(np.arange(len(rows.rows)), asked), search.own(before).rows, 0.0)
-        step = step_of(scored, constants, taken=0.0, size=search.square, naming=naming, left=left)
+
+        def gains(one: Scored, own: dict[int, _Found] = by_scored) -> Array:
+            return search.gains(own[id(one)])
+
+        left = search.own(before)
+        left = replace(left, rows=np.where(left.fold >= 0, left.rows, 0.0))
+        step = step_of(
+            scored, constants, taken=0.0, size=search.square, naming=naming, gains=gains,
+            noise=LIST_GAIN, left=left,
+        )  # fmt: skip
         if step.share < constants.changed_share:
             break
         both = by_scored[id(step.chosen)].both
@@ -106,7 +122,12 @@ class _Search:
     def ranked(self, before: Index, candidates: Sequence[Candidate]) -> list[_Found]:
         """All candidates, the best first."""
         found = [self._found(before, c) for c in candidates]
-        return sorted(found, key=lambda f: (-f.scored.share, f.scored.candidate.place))
+        return sorted(found, key=lambda f: (-worth_of_side(f.scored), f.scored.candidate.place))
+
+    def gains(self, found: _Found) -> Array:
+        """What a law in the runs in question takes of each channel of these, held out."""
+        shared, both = left_out(self.rows, found.common), left_out(self.rows, found.both)
+        return self._own.by_channel(shared) - self._own.by_channel(both)
 
     def own(self, columns: Index) -> FoldRows:
         """The rows in question less what is common in the joint fit of these responses."""
@@ -115,10 +136,15 @@ class _Search:
             x = fitted(rows.products(columns), np.arange(len(columns))).mean
             common = columns < self.half
             left = left - rows.responses[columns[common]].astype(np.float64).T @ x[common]
-        fold = np.full(len(rows.fold), -1, dtype=np.intp)
+        return replace(self._own, rows=left)
+
+    @cached_property
+    def _own(self) -> FoldRows:
+        """The rows in question, with the responses of these runs alone."""
+        rows, fold = self.rows, np.full(len(self.rows.fold), -1, dtype=np.intp)
         names = np.unique(rows.fold[self.asked])
         fold[self.asked] = np.searchsorted(names, rows.fold[self.asked])
-        return FoldRows(left, rows.responses[self.half :], fold)
+        return FoldRows(rows.rows, rows.responses[self.half :], fold, rows.channels)
 
     def _found(self, before: Index, c: Candidate) -> _Found:
         """A law in the runs in question beside one of all runs that has all its terms too."""
@@ -169,9 +195,8 @@ def by_chance(
     sizes, weights = np.zeros(len(only)), np.zeros(len(only))
     for k in range(len(only)):
         mine = (run_of_row == k) & (rows.fold >= 0)
-        kept = ~np.isin(np.arange(products.folds), own.fold[mine])
-        part = FoldProducts(products.gram[kept], products.against[kept], products.square[kept])
-        shape = A[:, mine].T @ fitted(part if kept.any() else products, every).mean
+        part = products.without(*np.unique(own.fold[mine & (own.fold >= 0)]))
+        shape = A[:, mine].T @ fitted(part if part.folds else products, every).mean
         weights[k] = shape @ shape
         sizes[k] = shape @ own.rows[mine] / max(weights[k], 1e-12)
     shown = weights > _SHOWN * weights.max()

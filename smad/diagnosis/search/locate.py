@@ -21,7 +21,7 @@ from smad.diagnosis.plant import EffectValues, Uncertainty
 from smad.diagnosis.search.names import Naming
 from smad.diagnosis.search.refine import without
 from smad.diagnosis.search.rows import fold_rows
-from smad.diagnosis.search.told import Teller, one_of_each_place, side_words
+from smad.diagnosis.search.told import Teller, side_words
 from smad.diagnosis.search.where import Fits, Step, Where, fits, where
 from smad.diagnosis.verdict import PlaceTold
 
@@ -133,11 +133,17 @@ def _told(teller: Teller, steps: Sequence[Step], tried: int) -> tuple[PlaceTold,
     return tuple(out)
 
 
+LEAST_TOLD = 0.05
+"""An effect less probable than this is not worth reading."""
+
+
 def name_told(step: Step) -> dict[str, Any]:
     """What is told of a step's name."""
+    likely = sorted(step.effects.items(), key=lambda item: -item[1])
+    told: dict[str, Any] = {"names": {n: p for n, p in likely if p >= LEAST_TOLD}}
     if step.entry is None:
-        return {}
-    told: dict[str, Any] = {"nearest": step.entry.names[0], "takes": step.takes}
+        return told
+    told |= {"nearest": step.entry.names[0], "takes": step.takes}
     if step.named:
         told |= {"name": step.entry.names[0], "values": step.entry.values}
     return told
@@ -157,7 +163,7 @@ def _alternatives(
             side_words(places[s.candidate.place], s.candidate.side),
             _law_alone(found, rows, replace(step, chosen=s)),
         )
-        for s in one_of_each_place(step)
+        for s in step.near
     )
 
 

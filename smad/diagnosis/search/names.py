@@ -21,8 +21,8 @@ LIST_GAIN = 2.0 * PER_COORDINATE
 """What a place of a list must take off the sum of squares to be tried in the simulator."""
 _REFINED = 5
 
-Refine = Callable[[Sequence[Effect], Array], Refined | None]
-"""The one of some effects that takes most of white rows."""
+Refine = Callable[[Sequence[Effect], Array], list[Refined]]
+"""Those of some effects that take most of white rows, the best first."""
 
 
 def score(fit: Refined) -> float:
@@ -41,18 +41,12 @@ class Naming:
         """The others."""
         return replace(self, effects=tuple(e for e in self.effects if e.name != name))
 
-    def best(self, z: Array, places: set[str] | None = None) -> Refined | None:
-        """The effect that takes most of white rows, of those that act at one of these places.
-
-        One that names no place may act at any.
-        """
-        asked = [
-            e for e in self.effects if places is None or not e.places or places & set(e.places)
-        ]
-        return self.refine(asked, z)
+    def likely(self, z: Array) -> list[Refined]:
+        """The effects that take most of white rows, the best first."""
+        return self.refine(self.effects, z)
 
 
-def best_entry(
+def likely_entries(
     gap: Gap,
     atoms: Sequence[Atom],
     S: Array,
@@ -60,18 +54,17 @@ def best_entry(
     z: Array,
     *,
     only: Sequence[bool] | None = None,
-) -> Refined | None:
-    """The one of these effects that takes most of the white rows `z`, refined by replay.
+) -> list[Refined]:
+    """Those of these effects that take most of the white rows `z`, refined by replay, best first.
 
-    `S` (atoms, rows) are white signatures; with `only` effects act in the runs marked alone. None
+    `S` (atoms, rows) are white signatures; with `only` effects act in the runs marked alone. Empty
     where none takes anything.
     """
     found = [
         refine([s.effect], {s.effect.name: s.values}, z, partial(white_change, gap, only=only))
         for s in _screened(effects, atoms, S @ S.T, S @ z)[:_REFINED]
     ]
-    best = max((f for f in found if f is not None), key=score, default=None)
-    return best if best is not None and score(best) > 0.0 else None
+    return sorted((f for f in found if f is not None and score(f) > 0.0), key=lambda f: -score(f))
 
 
 def _screened(
@@ -99,15 +92,15 @@ class Library:
     only: tuple[bool, ...] | None = None
     _known: dict[str, tuple[list[Atom], Array]] = field(default_factory=dict)
 
-    def __call__(self, effects: Sequence[Effect], z: Array) -> Refined | None:
-        """See `best_entry`."""
+    def __call__(self, effects: Sequence[Effect], z: Array) -> list[Refined]:
+        """See `likely_entries`."""
         atoms: list[Atom] = []
         parts = [np.zeros((0, len(z)))]
         for effect in effects:
             own, rows = self._signatures(effect)
             atoms += own
             parts.append(rows)
-        return best_entry(self.gap, atoms, np.concatenate(parts), effects, z, only=self.only)
+        return likely_entries(self.gap, atoms, np.concatenate(parts), effects, z, only=self.only)
 
     def _signatures(self, effect: Effect) -> tuple[list[Atom], Array]:
         if effect.name not in self._known:

@@ -24,4 +24,4 @@ def fold_rows(gap: Gap, found: Responses, only: tuple[bool, ...] | None = None) 
         if only is not None:
             part = [r if mine else np.zeros_like(r) for r, mine in zip(raw, only, strict=True)]
             responses[count + own.start : count + own.stop] = gap.rows(part)
-    return FoldRows(gap.z, responses, gap.fold)
+    return FoldRows(gap.z, responses, gap.fold, found.runs[0].shape[2])

@@ -36,11 +36,9 @@ class Teller:
             side=chosen.side,
             words=side_words(place, chosen.side),
             share=min(share, 1.0),
-            near=[
-                side_words(places[s.candidate.place], s.candidate.side)
-                for s in one_of_each_place(step)[1:]
-            ],
-            near_places=[s.candidate.place for s in one_of_each_place(step)],
+            near=[side_words(places[s.candidate.place], s.candidate.side) for s in step.near[1:]],
+            near_places=[s.candidate.place for s in step.near],
+            probabilities=[step.places[s.candidate.place] for s in step.near],
             terms=self._terms(step, place),
             largest=self._largest(step),
             unit=place.unit,
@@ -109,11 +107,6 @@ def law_series(plant: PlacesPlant, gap: Gap, law: Law, run: GapRun) -> Array:
     return np.asarray(
         law_values(plant, law, states, run.t_s) @ np.array([t.coefficient for t in law.terms])
     )
-
-
-def one_of_each_place(step: Step) -> list[Scored]:
-    """The chosen candidate, and the best one of each other place that does nearly as well."""
-    return best_of_places((step.chosen, *step.near))
 
 
 def best_of_places(ranked: Sequence[Scored]) -> list[Scored]:

@@ -1,26 +1,28 @@
 """Where: the place whose law takes most of rows that it was not fitted to.
 
 A candidate is a place on spring X, Y or both, with the terms that its law may have. Of each a law
-of a few terms is selected and judged by leaving runs out. Candidates that take nearly as much are
-told together, since the runs do not tell them apart. A further place is sought beside those before.
+of a few terms is selected and judged by leaving runs out. Laws and effects of the library are
+hypotheses with probabilities; places that hold most of it are told together, since the runs do not
+tell them apart. A further place is sought beside those before.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from smad.diagnosis.constants import Constants
-from smad.diagnosis.numerics.folds import Array, FoldProducts, FoldRows, Index
+from smad.diagnosis.numerics.folds import Array, FoldRows, Index
 from smad.diagnosis.numerics.forward import Fit, Forward, fitted, forward
 from smad.diagnosis.places.candidate import Candidate
 from smad.diagnosis.search.names import Naming, score
+from smad.diagnosis.search.odds import Hypothesis, odds, of_places, told
 from smad.diagnosis.search.refine import Refined
 
 _SIMPLER = 0.97
-"""What a term of one order more is worth."""
+"""What a term of one order more is worth, and a law on both springs beside one on either."""
 
 
 @dataclass(frozen=True)
@@ -48,10 +50,11 @@ class Scored:
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """One step of the search: the best candidate beside those before, and who is as good.
+    """One step of the search: the likeliest place beside those before, and who may be it too.
 
-    `share` is what all steps so far take together; `near` begins with the chosen one. `entry` is
-    the effect of the library that acts there and takes most, `takes` that over what the law takes.
+    `share` is what all steps so far take together; `near` begins with the chosen one. `places` and
+    `effects` are the probabilities of all `hypotheses`, where something is missing. `entry` is the
+    effect of the library that is likeliest there, `takes` what it takes over what the law takes.
     `worth` is what the best of laws and effects adds.
     """
 
@@ -59,6 +62,9 @@ class Step:
     near: tuple[Scored, ...]
     share: float
     worth: float
+    hypotheses: tuple[Hypothesis, ...] = ()
+    places: dict[str, float] = field(default_factory=dict)
+    effects: dict[str, float] = field(default_factory=dict)
     entry: Refined | None = None
     takes: float = 0.0
     named: bool = False
@@ -109,14 +115,19 @@ def where(
     size = max(rows.square if size is None else size, alone[0].share if alone else 0.0, 1e-12)
     ranked = scored = tuple(replace(s, share=s.share / size) for s in alone)
     while scored and len(steps) < constants.most_places:
+        beside = _beside(left, now)
+
+        def gains(one: Scored, left: FoldRows = left, now: Index = now) -> Array:
+            return held_out_gains(left, now, one.columns)
+
         step = step_of(
-            scored, constants, taken=taken, size=size, naming=naming, left=_beside(left, now),
-            effects_stand=effects_stand,
+            scored, constants, taken=taken, size=size, naming=naming, gains=gains, noise=least,
+            left=replace(left, rows=beside), effects_stand=effects_stand,
         )  # fmt: skip
         variance = max((rows.square - step.share * size) / max(rows.count, 1), 1.0)
         if step.worth * size < max(least * variance, constants.place_share * size):
             break
-        if steps and len({s.candidate.place for s in step.near}) > constants.most_places:
+        if steps and len(step.near) > constants.most_places:
             break
         steps.append(step)
         taken = step.share
@@ -139,36 +150,48 @@ def step_of(
     taken: float,
     size: float,
     naming: Naming | None,
-    left: Array,
+    gains: Callable[[Scored], Array],
+    noise: float,
+    left: FoldRows,
     effects_stand: bool = False,
 ) -> Step:
-    """The step that the best law makes, or the best effect of the library.
+    """The step that the likeliest place makes, with its likeliest effect.
 
-    A law is linear in the responses and has few terms. An effect has the form that a cause has, and
-    is replayed: where it takes `entry_share` of what the best law of any place takes, one that says
-    where it acts says which place it is. It is the name when it takes `name_share` of that and
-    `name_size` of all that is left.
+    Hypotheses are the best law of each place, and effects of the library refined by replay, each at
+    the one of its places whose law takes most. `gains` are what a law takes of each channel, held
+    out, of the rows `left`. An effect is the name when it has `name_level` of the probability.
     """
-    best = scored[0]
-    added = best.share - taken
-    entry = None if naming is None else naming.best(left)
+    laws: dict[str, Scored] = {}
+    for s in scored:
+        laws.setdefault(s.candidate.place, s)
+    found = [] if naming is None else naming.likely(left.rows)
+    square = left.by_channel(left.rows)
+    hypotheses = [Hypothesis(place=p, gains=gains(s)) for p, s in laws.items()]
+    entries: dict[str, Refined] = {}
+    for e in found:
+        acts = e.effects[0].places
+        at = next((p for p in laws if p in acts or not acts), None)
+        if at is not None:
+            own = square - left.by_channel(left.rows - e.change)
+            hypotheses.append(Hypothesis(place=at, effect=e.names[0], gains=own))
+            entries[e.names[0]] = e
+    probability = odds(hypotheses, constants, noise)
+    places = of_places(hypotheses, probability)
+    near = tuple(laws[p] for p in told(places, constants.told_level))
+    chosen = near[0]
+    effects = {h.effect: float(p) for h, p in zip(hypotheses, probability, strict=True) if h.effect}
+    here = [h.effect for h in hypotheses if h.effect and h.place == chosen.candidate.place]
+    name = max(here, key=lambda n: effects[n], default="")
+    entry = entries.get(name)
     gain = 0.0 if entry is None else score(entry) / size
-    places = entry.effects[0].places if entry is not None else ()
-    own = [s for s in scored if s.candidate.place in places]
-    by_entry = bool(own) and gain >= constants.entry_share * added
-    enough = max(constants.name_share * added, constants.name_size * (1.0 - taken))
-    named = (by_entry or not places) and 0.0 < gain >= enough
-    chosen, worth = (own[0], max(gain, added)) if by_entry else (best, added)
-    least = taken + constants.near * worth
-    near = (chosen, *(s for s in scored if s is not chosen and s.share >= least))
-    if naming is not None and not (by_entry or named):
-        entry = naming.best(left, {s.candidate.place for s in near})
-        gain = 0.0 if entry is None else score(entry) / size
     law = max(chosen.share - taken, 0.0)
+    named = bool(name) and effects[name] >= constants.name_level
+    most = max((score(e) / size for e in entries.values()), default=0.0)
     return Step(
-        chosen=chosen, near=near, worth=worth,
+        chosen=chosen, near=near, worth=max(most, scored[0].share - taken),
+        hypotheses=tuple(hypotheses), places=places, effects=effects, entry=entry, named=named,
         share=taken + (max(gain, law) if named and effects_stand else law),
-        entry=entry, takes=gain / max(law, 1e-3 * gain, 1e-12), named=named,
+        takes=gain / max(law, 1e-3 * gain, 1e-12),
     )  # fmt: skip
 
 
@@ -178,6 +201,25 @@ def without_named(naming: Naming | None, step: Step) -> Naming | None:
     if naming is None or entry is None or not (step.named and entry.effects[0].places):
         return naming
     return naming.without(entry.names[0])
+
+
+def held_out_gains(rows: FoldRows, before: Index, columns: Index) -> Array:
+    """What responses take of each channel of rows they were not fitted to, beside some; (c,)."""
+    both = np.concatenate([before, np.setdiff1d(columns, before)])
+    return rows.by_channel(left_out(rows, before)) - rows.by_channel(left_out(rows, both))
+
+
+def left_out(rows: FoldRows, columns: Index) -> Array:
+    """What these responses leave of rows, each fold by coefficients of the others; (rows,)."""
+    left = rows.rows.copy()
+    if not len(columns):
+        return left
+    products, every = rows.products(columns), np.arange(len(columns))
+    A = rows.responses[columns].astype(np.float64)
+    for f in range(products.folds):
+        own = rows.fold == f
+        left[own] -= A[:, own].T @ fitted(products.without(f), every).mean
+    return left
 
 
 def _beside(rows: FoldRows, columns: Index) -> Array:
@@ -210,7 +252,14 @@ def _scored(
             products, groups, worth_of(c), depth=constants.most_terms, before=len(start)
         )
         out.append(Scored(c, found, max(before + found.best / size, least)))
-    return tuple(sorted(out, key=lambda s: (-s.share, s.candidate.place, s.candidate.side)))
+    return tuple(
+        sorted(out, key=lambda s: (-worth_of_side(s), s.candidate.place, s.candidate.side))
+    )
+
+
+def worth_of_side(s: Scored) -> float:
+    """A candidate's share, less where its law has coefficients for two springs."""
+    return s.share * (_SIMPLER if s.candidate.groups.shape[1] > 1 else 1.0)
 
 
 def worth_of(c: Candidate) -> Array:
@@ -223,9 +272,5 @@ def fits(rows: FoldRows, steps: Sequence[Step]) -> Fits:
     columns = np.concatenate([s.chosen.columns for s in steps])
     products = rows.products(columns)
     every = np.arange(len(columns))
-    without = []
-    for f in range(products.folds):
-        keep = np.arange(products.folds) != f
-        part = FoldProducts(products.gram[keep], products.against[keep], products.square[keep])
-        without.append(fitted(part, every).mean)
+    without = (fitted(products.without(f), every).mean for f in range(products.folds))
     return Fits(columns, fitted(products, every), tuple(without))

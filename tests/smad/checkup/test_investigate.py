@@ -65,7 +65,7 @@ def undecided(found: Judged, *laws: Law) -> Judged:
     """The check-up with a place told, and these laws between which nothing is decided."""
     told = PlaceTold(
         place=laws[0].place, side="x", words=laws[0].place, share=0.5, near=[],
-        near_places=[laws[0].place], terms=[],
+        near_places=[laws[0].place], probabilities=[0.9], terms=[],
         largest=1.0, unit="K", in_simulator=True,
     )  # fmt: skip
     near = tuple(Alternative(f"{law.place} {k}", (law,)) for k, law in enumerate(laws))

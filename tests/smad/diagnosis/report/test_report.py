@@ -41,7 +41,8 @@ ALWAYS = TermTold(name="constant", state="", words="always", slopes={"both": 1.0
                   sd={"both": 0.1}, unit="N")  # fmt: skip
 PLACE = PlaceTold(
     place="friction", side="both", words="friction, X and Y", share=0.42,
-    near=["film, X", "b", "c", "d", "e"], near_places=["friction", "film"], terms=[TERM, ALWAYS],
+    near=["film, X", "b", "c", "d", "e"], near_places=["friction", "film", "b", "c", "d", "e"],
+    probabilities=[0.4, 0.3, 0.1, 0.05, 0.05, 0.02], terms=[TERM, ALWAYS],
     largest=0.3, unit="N", in_simulator=True,
 )  # fmt: skip
 SIGNAL = SignalGap(signal="rod_um", unit="um", floor=0.2, raw=3.0, parameters=2.0, places=[0.5])
@@ -79,18 +80,20 @@ def test_a_place_is_said_with_its_law_its_rivals_and_its_name() -> None:
     assert "velocity: X +0.2 ± 0.01, Y -0.1 ± 0.02 N/(m/s)" in text
     # Beside another term a constant depends on where the middle of its states lies.
     assert "always" not in text
-    assert "or film, X, which these runs do not tell apart" in text
+    assert "on runs left out; probability 0.40" in text
+    assert "or film, X, probability 0.30" in text
     assert "or 2 more places" in text
     assert "none: no effect of the library acts there" in text
     named = msgspec.structs.replace(
-        PLACE, name="rubs", values={"rubs": {"coulomb_N": 0.15}}, takes=0.93, in_simulator=False
+        PLACE, name="rubs", values={"rubs": {"coulomb_N": 0.15}}, takes=0.93, in_simulator=False,
+        names={"rubs": 0.8, "sticks": 0.1},
     )
     text = "\n".join(lines(verdict(PLACES, places=[named])))
-    assert "rubs (coulomb_N = 0.15) takes 93 % of what the law takes" in text
+    assert "rubs (coulomb_N = 0.15), probability 0.80, or sticks 0.10; it takes 93 %" in text
     assert "read it as a hint" in text
-    nearest = msgspec.structs.replace(PLACE, nearest="rubs", takes=0.4)
+    nearest = msgspec.structs.replace(PLACE, nearest="rubs", takes=0.4, names={"rubs": 0.3})
     text = "\n".join(lines(verdict(PLACES, places=[nearest])))
-    assert "none in the library; the nearest there, rubs, takes 40 %" in text
+    assert "none that is sure; the nearest there, rubs, probability 0.30, takes 40 %" in text
 
 
 def test_why_a_run_was_refused_is_said_and_what_was_only_noted_is_not() -> None:
