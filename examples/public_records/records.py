@@ -1,6 +1,6 @@
-"""Public records of two benchmarks: where they are, whether they are what they were, as runs.
+"""Public records of three benchmarks: where they are, whether they are what they were, as runs.
 
-Neither is in this repository. Each is fetched once into a folder, or put there by hand.
+None is in this repository. Each is fetched once into a folder, or put there by hand.
 """
 
 from __future__ import annotations
@@ -10,12 +10,15 @@ import hashlib
 import io
 import urllib.request
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.io import loadmat
 
+from examples.public_records.emps import LAP, Emps
+from examples.public_records.emps import STEP_S as SAMPLE_S
 from examples.public_records.silverbox import RATE_HZ, Silverbox
 from examples.public_records.tanks import STEP_S, Tanks
 from smad.diagnosis.plant import Array, PlantModel
@@ -41,55 +44,62 @@ class Asked:
 
 @dataclass(frozen=True)
 class Record:
-    """A published file: where it is, its digest, its columns, and the plant that it is of.
+    """Published files: where they are, their digests, their columns, and the plant they are of.
 
-    `sha256` is of the file with line ends of one character, since copies of both kinds are about.
+    `files` has the SHA-256 of each by its name, that of a text with line ends of one character,
+    since copies of both kinds are about. `runs` takes the columns of each file.
     """
 
     page: str
     archive: str
-    file: str
-    sha256: str
+    files: Mapping[str, str]
     columns: tuple[str, ...]
     plant: PlantModel
-    runs: Callable[[Mapping[str, Array]], Asked]
+    runs: Callable[..., Asked]
 
     def asked(self, folder: Path) -> Asked:
-        """The runs of the file in `folder`, fetched if it is not there.
+        """The runs of the files in `folder`, fetched if they are not there.
 
-        Raises RecordError where it cannot be fetched, or is not the one that was published.
+        Raises RecordError where they cannot be fetched, or are not those that were published.
         """
-        path = folder / self.file
-        if not path.exists():
-            folder.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(self._fetched(path))
-        content = path.read_bytes().replace(b"\r\n", b"\n")
-        digest = hashlib.sha256(content).hexdigest()
-        if digest != self.sha256:
-            raise RecordError(
-                f"{path} is not the record that was published",
-                value=f"SHA-256 {digest}",
-                limit=self.sha256,
-                action=f"delete it, or put there the one of {self.page}",
-            )
-        return self.runs(self._read(content.decode()))
+        missing = [name for name in self.files if not (folder / name).exists()]
+        if missing:
+            self._fetch(missing, folder)
+        return self.runs(*(self._read(folder / name) for name in self.files))
 
-    def _fetched(self, path: Path) -> bytes:
-        by_hand = f"put {self.file} from the archive of {self.page} into {path.parent}"
+    def _fetch(self, names: Sequence[str], folder: Path) -> None:
+        by_hand = f"put {' and '.join(names)} from the archive of {self.page} into {folder}"
         try:
             with urllib.request.urlopen(self.archive, timeout=_TIMEOUT_S) as answer:
                 archive = zipfile.ZipFile(io.BytesIO(answer.read()))
-            name = next(n for n in archive.namelist() if Path(n).name == self.file)
-            return archive.read(name)
-        except (OSError, zipfile.BadZipFile, StopIteration) as error:
+            members = {Path(n).name: n for n in archive.namelist()}
+            found = {name: archive.read(members[name]) for name in names}
+        except (OSError, zipfile.BadZipFile, KeyError) as error:
             why = f"{type(error).__name__} {error}".strip()
             raise RecordError(
-                f"{self.archive} gives no {self.file}", value=why, action=by_hand
+                f"{self.archive} gives no {' and '.join(names)}", value=why, action=by_hand
             ) from error
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, content in found.items():
+            (folder / name).write_bytes(content)
 
-    def _read(self, text: str) -> dict[str, Array]:
+    def _read(self, path: Path) -> dict[str, Array]:
+        content = path.read_bytes()
+        if path.suffix == ".csv":
+            content = content.replace(b"\r\n", b"\n")
+        digest = hashlib.sha256(content).hexdigest()
+        if digest != self.files[path.name]:
+            raise RecordError(
+                f"{path} is not the record that was published",
+                value=f"SHA-256 {digest}",
+                limit=self.files[path.name],
+                action=f"delete it, or put there the one of {self.page}",
+            )
+        if path.suffix == ".mat":
+            found = loadmat(io.BytesIO(content), variable_names=self.columns)
+            return {name: found[name].ravel() for name in self.columns}
         # Lines end in a comma, and what is one number for the whole record stands in the first.
-        rows = [row for row in csv.reader(io.StringIO(text)) if row]
+        rows = [row for row in csv.reader(io.StringIO(content.decode())) if row]
         at = [rows[0].index(c) for c in self.columns]
         values = np.array([[float(row[i]) for i in at] for row in rows[1:]])
         return dict(zip(self.columns, values.T, strict=True))
@@ -126,12 +136,34 @@ def _tanks(columns: Mapping[str, Array]) -> Asked:
     )
 
 
+def _emps(plain: Mapping[str, Array], pulsed: Mapping[str, Array]) -> Asked:
+    """The laps of the record to fit, those with pulses of force to judge on, as was published.
+
+    A lap has every speed both ways. In half of one, a law over what the force was some time ago
+    passes for one over the direction.
+    """
+
+    def laps(name: str, columns: Mapping[str, Array]) -> list[GapRun]:
+        position = columns["qm"]
+        # The force that is told at a sample acts until the next one.
+        force = (columns["gtau"] * columns["vir"])[:-2]
+        rate = (position[2:] - position[:-2]) / (2.0 * SAMPLE_S)
+        found = []
+        for i in range(round(len(rate) / LAP)):
+            part = slice(i * LAP, (i + 1) * LAP)
+            u, y = force[part], rate[part]
+            t_s = np.arange(len(y)) * SAMPLE_S
+            found.append(GapRun(f"{name} {i + 1}", t_s, {"force_N": u}, {"position_rate": y}))
+        return found
+
+    return Asked(laps("lap", plain), laps("lap with pulses", pulsed))
+
+
 RECORDS = {
     "silverbox": Record(
         "https://www.nonlinearbenchmark.org/benchmarks/silverbox",
         "https://drive.google.com/uc?export=download&id=17iS-6oBUUgrmiAcrZoG9S5sOaljZnDSy",
-        "SNLS80mV.csv",
-        "ae62d5a91230c10f76e6dd02c8a4fac3c9d4d8a95fbf50e87cb0c4885003e0f1",
+        {"SNLS80mV.csv": "ae62d5a91230c10f76e6dd02c8a4fac3c9d4d8a95fbf50e87cb0c4885003e0f1"},
         ("V1", "V2"),
         Silverbox(),
         _silverbox,
@@ -139,10 +171,22 @@ RECORDS = {
     "tanks": Record(
         "https://www.nonlinearbenchmark.org/benchmarks/cascaded-tanks",
         "https://data.4tu.nl/file/d4810b78-6cdd-48fe-8950-9bd601e5f47f/3b697e42-01a4-4979-a370-813a456c36f5",
-        "dataBenchmark.csv",
-        "ef2388ed822f3aef4aa80d6b0f2b466dd80b361786b3eafc7a2957c31ea323a7",
+        {"dataBenchmark.csv": "ef2388ed822f3aef4aa80d6b0f2b466dd80b361786b3eafc7a2957c31ea323a7"},
         ("uEst", "uVal", "yEst", "yVal"),
         Tanks(),
         _tanks,
+    ),
+    "emps": Record(
+        "https://www.nonlinearbenchmark.org/benchmarks/emps",
+        "https://drive.google.com/uc?export=download&id=1zwoXYa9-3f8NQ0ohzmjpF7UxbNgRTHkS",
+        {
+            "DATA_EMPS.mat": "6cf6814ae14618795da0101aae2bb97ff0c6351b0501b5492751b02b07facf7e",
+            "DATA_EMPS_PULSES.mat": (
+                "0eab75bb1f6b16228ee78791343a88bf9bfd9a51036ac9807d7b5fc11c0e1704"
+            ),
+        },
+        ("vir", "qm", "gtau"),
+        Emps(),
+        _emps,
     ),
 }

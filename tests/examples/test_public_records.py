@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.io import savemat
 
 from examples.public_records.__main__ import main
+from examples.public_records.emps import LAP, Emps
+from examples.public_records.emps import STEP_S as SAMPLE_S
 from examples.public_records.records import RECORDS, Asked, Record, RecordError
 from examples.public_records.silverbox import RATE_HZ, Silverbox
 from examples.public_records.tanks import STEP_S, Tanks
@@ -20,7 +23,7 @@ from smad.diagnosis import Verdict, diagnose
 from smad.diagnosis.plant import Array, ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
 
-TANKS, SILVERBOX = RECORDS["tanks"], RECORDS["silverbox"]
+TANKS, SILVERBOX, EMPS = RECORDS["tanks"], RECORDS["silverbox"], RECORDS["emps"]
 PART = 1500
 """Samples of each Silverbox run that a test plays."""
 
@@ -49,9 +52,12 @@ def written(path: Path, columns: Mapping[str, Array]) -> None:
     path.write_text(f"{head},\n" + "".join(f"{line},\n" for line in lines) + "\n")
 
 
-def as_published(record: Record, path: Path) -> Record:
-    """The record, as if what is in `path` were the one that was published."""
-    return replace(record, sha256=hashlib.sha256(path.read_bytes()).hexdigest())
+def as_published(record: Record, folder: Path) -> Record:
+    """The record, as if what is in `folder` were what was published."""
+    digests = {
+        name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in record.files
+    }
+    return replace(record, files=digests)
 
 
 def tanks_file(folder: Path, effects: Mapping[str, Mapping[str, float]]) -> Record:
@@ -66,23 +72,55 @@ def tanks_file(folder: Path, effects: Mapping[str, Mapping[str, float]]) -> Reco
         columns[f"u{which}"] = pump
         columns[f"y{which}"] = answered(Tanks(), point, given, 0.015, seed=i)
     ordered = {name: columns[name] for name in ("uEst", "uVal", "yEst", "yVal")}
-    path = folder / TANKS.file
-    written(path, {**ordered, "Ts": np.full(1024, STEP_S)})
-    return as_published(TANKS, path)
+    (name,) = TANKS.files
+    written(folder / name, {**ordered, "Ts": np.full(1024, STEP_S)})
+    return as_published(TANKS, folder)
 
 
 def silverbox_file(folder: Path, effects: Mapping[str, Mapping[str, float]]) -> Record:
     point = ModelPoint({"resonance_Hz": 68.0, "gain": 1.1, "input_zero_V": 0.006}, effects)
     columns = {"V1": np.zeros(131072), "V2": np.zeros(131072)}
-    path = folder / SILVERBOX.file
+    (name,) = SILVERBOX.files
     for seed, start in enumerate((0, 40577, 49271, 110110)):
         # Played in the first part of each run, and not up to its end, so that it ends at rest.
         u = 0.1 * np.r_[multisine(PART - 300, 390, seed=seed), np.zeros(300)]
         given = GapRun("", np.arange(PART) / RATE_HZ, {"input_V": u}, {})
         columns["V1"][start : start + PART] = u
         columns["V2"][start : start + PART] = answered(Silverbox(), point, given, 3e-4, seed)
-    written(path, columns)
-    return as_published(SILVERBOX, path)
+    written(folder / name, columns)
+    return as_published(SILVERBOX, folder)
+
+
+def there_and_back() -> Array:
+    """The rate of a lap: three speeds forwards, then the same backwards, each held for a while."""
+    speeds = np.array([0.04, 0.08, 0.12, 0.04])
+    held = np.repeat(np.r_[speeds, -speeds], 2)
+    edges = np.linspace(0, LAP, 9)
+    knots = np.column_stack([edges[:-1] + 120, edges[1:] - 120]).ravel()
+    return np.interp(np.arange(LAP), np.r_[0, knots, LAP], np.r_[0.0, held, 0.0])
+
+
+def emps_files(folder: Path, effects: Mapping[str, Mapping[str, float]]) -> Record:
+    """Two files of four laps; the position is what an encoder shows of the sum of the rates.
+
+    Forces are those of the programme, and in the second file pulses beside.
+    """
+    mass, drag, gain = 95.0, 210.0, 35.0
+    point = ModelPoint({"mass_kg": mass, "drag_N_s_m": drag, "offset_N": -3.0}, effects)
+    told = np.tile(there_and_back(), 4)
+    force = mass * np.gradient(told, SAMPLE_S) + drag * told - 3.0
+    force += effects.get("coulomb_friction", {}).get("size", 0.0) * np.sign(told)
+    for i, name in enumerate(EMPS.files):
+        pulses = np.where(np.arange(len(told)) % 500 < 20, 60.0 * i, 0.0)
+        given = GapRun("", np.arange(len(told)) * SAMPLE_S, {"force_N": force + pulses}, {})
+        rate = answered(Emps(), point, given, 1e-4, seed=i)
+        middles = 0.5 * (rate[1:] + rate[:-1])
+        steps = SAMPLE_S * np.r_[rate[0], middles, rate[-1]]
+        position = 5e-8 * np.round(np.r_[0.0, np.cumsum(steps)] / 5e-8)
+        volts = np.r_[given.inputs["force_N"], 0.0, 0.0] / gain
+        columns = {"vir": volts, "qm": position, "kp": np.array([160.0]), "gtau": np.array([gain])}
+        savemat(folder / name, {n: c[:, None] for n, c in columns.items()})
+    return as_published(EMPS, folder)
 
 
 def parts(asked: Asked) -> Asked:
@@ -143,16 +181,67 @@ def test_coulomb_friction_comes_out_as_a_force_with_the_sign_of_the_rate(tmp_pat
     assert sign.slopes["both"] < -5.0 * sign.sd["both"]
 
 
-@pytest.mark.parametrize("plant", [Tanks(), Silverbox()], ids=lambda p: p.name)
+def test_friction_of_a_drive_comes_out_as_a_force_with_the_sign_of_its_rate(
+    tmp_path: Path,
+) -> None:
+    """Without an entry for it, and beside it that drag is smaller forwards."""
+    rubbing = {"coulomb_friction": {"size": 12.0}, "one_way_drag": {"size": -40.0}}
+    asked = emps_files(tmp_path, rubbing).asked(tmp_path)
+    found = diagnose(asked.fit, plant=Emps(), hold_out=asked.hold_out, candidates=()).verdict
+    (told,) = found.places
+    assert told.place == "input_force_N"
+    sign, *further = told.read
+    assert sign.name == "position_rate_sign"
+    assert sign.slopes["both"] == pytest.approx(-12.0, rel=0.15)
+    (bend,) = (t for t in further if " above " in t.words)
+    assert bend.state == "position_rate"
+    assert bend.slopes["both"] == pytest.approx(40.0, rel=0.4)
+    assert found.whole is not None
+    assert found.whole.final < 0.1 * found.whole.parameters
+
+
+def test_the_laps_of_a_drive_are_runs_and_show_the_rate_that_the_force_up_to_then_gave(
+    tmp_path: Path,
+) -> None:
+    asked = emps_files(tmp_path, {}).asked(tmp_path)
+    assert [r.name for r in asked.fit] == ["lap 1", "lap 2", "lap 3", "lap 4"]
+    assert [r.name for r in asked.hold_out] == [f"lap with pulses {i}" for i in (1, 2, 3, 4)]
+    point = ModelPoint({"mass_kg": 95.0, "drag_N_s_m": 210.0, "offset_N": -3.0})
+    for run in (*asked.fit, *asked.hold_out):
+        assert len(run.t_s) == LAP
+        (clean,) = Emps().simulate(point, run).values()
+        off = clean - run.outputs["position_rate"]
+        assert np.std(off) < 2e-4
+        # With the force of a sample later the drive would be ahead of the model in its ramps.
+        ramps = np.gradient(there_and_back())
+        assert abs(np.sum(off * ramps)) < 0.3 * np.sum(ramps**2)
+
+
+def test_a_row_that_is_the_mean_of_samples_shows_the_mean_of_what_each_would() -> None:
+    force = 100.0 * multisine(800, 20, seed=2)
+    t_s = np.arange(800) * SAMPLE_S
+    rates = np.full(800, 0.05)
+    whole = GapRun("", t_s, {"force_N": np.repeat(force[::4], 4)}, {"position_rate": rates})
+    thin = GapRun("", t_s[3::4], {"force_N": force[::4]}, {"position_rate": rates[::4]},
+                  whole=whole)  # fmt: skip
+    point = ModelPoint({}, {"coulomb_friction": {"size": 20.0}})
+    (each,) = Emps().simulate(point, whole).values()
+    (means,) = Emps().simulate(point, thin).values()
+    assert each[0] == 0.05
+    np.testing.assert_allclose(means, each.reshape(-1, 4).mean(axis=1), atol=1e-12)
+
+
+@pytest.mark.parametrize("plant", [Tanks(), Silverbox(), Emps()], ids=lambda p: p.name)
 def test_an_effect_of_no_size_changes_nothing_and_each_of_usual_size_does(
     plant: PlantModel,
 ) -> None:
     played = {
         "pump_V": 4.0 + 3.0 * multisine(400, 4, seed=1),
         "input_V": 0.1 * multisine(400, 60, seed=1),
+        "force_N": 200.0 * multisine(400, 4, seed=1),
     }
     name = plant.inputs[0].name
-    given = GapRun("", np.arange(400.0), {name: played[name]}, {})
+    given = GapRun("", np.arange(400) * SAMPLE_S, {name: played[name]}, {})
     bare = answered(plant, ModelPoint({}), given, 0.0, 0)
     assert len(plant.effects) >= 6
     for effect in plant.effects:
@@ -179,7 +268,8 @@ def test_a_file_with_other_content_is_refused_and_one_with_other_line_ends_is_no
     tmp_path: Path,
 ) -> None:
     record = tanks_file(tmp_path, {})
-    path = tmp_path / record.file
+    (name,) = record.files
+    path = tmp_path / name
     path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
     assert len(record.asked(tmp_path).fit[0].t_s) == 1024
     path.write_text(path.read_text().replace("3", "4", 1))
@@ -187,17 +277,21 @@ def test_a_file_with_other_content_is_refused_and_one_with_other_line_ends_is_no
         record.asked(tmp_path)
 
 
-def test_a_record_is_fetched_once_out_of_its_archive(tmp_path: Path) -> None:
-    record = tanks_file(tmp_path, {})
-    made = tmp_path / record.file
+@pytest.mark.parametrize("made", [tanks_file, emps_files], ids=["one file", "two files"])
+def test_a_record_is_fetched_once_out_of_its_archive(
+    made: Callable[..., Record], tmp_path: Path
+) -> None:
+    record = made(tmp_path, {})
     with zipfile.ZipFile(tmp_path / "made.zip", "w") as archive:
-        archive.write(made, f"CascadedTanksFiles/{record.file}")
+        for name in record.files:
+            archive.write(tmp_path / name, f"AnyFolder/{name}")
     there = replace(record, archive=(tmp_path / "made.zip").as_uri())
     folder = tmp_path / "fetched"
     there.asked(folder)
-    assert (folder / record.file).read_bytes() == made.read_bytes()
+    for name in record.files:
+        assert (folder / name).read_bytes() == (tmp_path / name).read_bytes()
     (tmp_path / "made.zip").unlink()
-    assert len(there.asked(folder).hold_out) == 1
+    assert len(there.asked(folder).hold_out) == len(record.asked(tmp_path).hold_out)
 
 
 def test_a_record_that_cannot_be_fetched_says_where_to_put_it_by_hand(tmp_path: Path) -> None:
