@@ -38,8 +38,8 @@ TRUSTED = (0.0, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.02, 0.05, 0.1)
 LEVELS = tuple(round(0.02 * k, 2) for k in range(20, 50))
 HELD = 0.95
 """Share of changes of which the told places should hold the truth."""
-RIGHT = 0.9
-"""Share of the names given that should be right."""
+WRONG = 2.0
+"""A wrong name costs as much as so many right ones are worth."""
 _PENALTY = 0.05
 """Of the squares of the weights, per case of none: keeps them finite."""
 _BINS = 5
@@ -72,7 +72,8 @@ class Case:
     def parameters_first(self, c: Constants) -> bool:
         """Whether other values of the parameters are the answer."""
         trusted = self.square - self.explained + c.slopes_trusted * self.parameters
-        return self.parameters >= c.quiet_parameters and self.beside_parameters <= trusted
+        enough = self.gain < c.quiet_gain or self.beside_parameters <= trusted
+        return self.parameters >= c.quiet_parameters and enough
 
     def odds(self, c: Constants) -> np.ndarray:
         """The probability of each hypothesis."""
@@ -128,7 +129,7 @@ def _examined(bank: Path, key: Path, bench: str, place: Path) -> str:
     plant = SmaPlant()
     truths = msgspec.json.decode((key / "KEY.json").read_bytes(), type=Key).cases
     # One step, whatever it takes.
-    asked = msgspec.structs.replace(shipped(), most_places=1, place_share=0.0, quiet_gain=0.0)
+    asked = msgspec.structs.replace(shipped(), most_places=1, quiet_gain=0.0)
     ((_, reference, cases),) = benches_of(bank, manifest_of(bank), plant, only=[bench])
     out = []
     for case, runs in cases:
@@ -139,7 +140,7 @@ def _examined(bank: Path, key: Path, bench: str, place: Path) -> str:
             Case(
                 bench=f"{bank.name} {bench}", truth=truths[case], square=rows.square,
                 count=rows.count, ratio=found.ratio, gain=found.gain,
-                explained=step.worth * w.size, parameters=found.parameters,
+                explained=w.size * max(step.share, w.ranked[0].share), parameters=found.parameters,
                 beside_parameters=found.beside_parameters, hypotheses=step.hypotheses,
             )
         )  # fmt: skip
@@ -156,7 +157,7 @@ def chosen(cases: Sequence[Case], before: Constants) -> Constants:
     single = [x for x in changed if x.truth.kind in ("single", "unknown") and x.right.any()]
     c = _likeliest(single, c)
     return msgspec.structs.replace(
-        c, told_level=_told_level(single, c), name_level=_name_level(single, c)
+        c, told_level=_told_level(single, c), name_level=_rounded(WRONG / (1.0 + WRONG))
     )
 
 
@@ -182,16 +183,6 @@ def _told_level(cases: Sequence[Case], c: Constants) -> float:
     for level in LEVELS:
         held = [bool(x.true_places & set(told(x.places(c), level))) for x in cases]
         if np.mean(held) >= HELD:
-            return level
-    return LEVELS[-1]
-
-
-def _name_level(cases: Sequence[Case], c: Constants) -> float:
-    """The least level from which on names that are given are right in `RIGHT` of the cases."""
-    names = [(*x.name(c), x) for x in cases]
-    for level in LEVELS:
-        given = [_is_of(name, x) for name, p, x in names if p >= level]
-        if given and np.mean(given) >= RIGHT:
             return level
     return LEVELS[-1]
 

@@ -17,7 +17,7 @@ from smad.checkup.paired.difference import SHARE, Paired, paired
 from smad.checkup.paired.reference import Reference
 from smad.checkup.told import verdict_of
 from smad.diagnosis.constants import Constants, shipped
-from smad.diagnosis.model_file import SavesModel, write_model
+from smad.diagnosis.model_file import SavesModel
 from smad.diagnosis.numerics.folds import FoldRows
 from smad.diagnosis.numerics.threads import repeatable
 from smad.diagnosis.numerics.white import Shrink
@@ -53,8 +53,8 @@ class Found:
         if self.gain < c.quiet_gain and not moved and self.ratio < c.quiet_ratio:
             return QUIET
         trusted = self.located.left + c.slopes_trusted * self.parameters
-        enough = not self.located.told or self.beside_parameters <= trusted
-        if moved and enough:
+        stands_out = self.gain >= c.quiet_gain and bool(self.located.told)
+        if moved and (not stands_out or self.beside_parameters <= trusted):
             return PARAMETERS
         return PLACES if self.located.told else UNPLACED
 
@@ -107,7 +107,7 @@ class SavablePlant(PlantModel, SavesModel, Protocol):
 
 def save_found(plant: SavesModel, found: Judged, path: Path) -> None:
     """Writes the model that a check-up found, with the covariance of its laws."""
-    write_model(plant, found.model, found.uncertainty, path, found.verdict.headline)
+    plant.save_model(found.model, path, found.verdict.headline, found.uncertainty)
 
 
 @repeatable

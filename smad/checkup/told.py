@@ -10,7 +10,7 @@ from smad.checkup.paired.difference import SHARE, Paired
 from smad.diagnosis.gap import rms
 from smad.diagnosis.plant import Array, Mask
 from smad.diagnosis.search.locate import Located
-from smad.diagnosis.search.told import place_shares, unseen
+from smad.diagnosis.search.told import place_shares, unseen, unseen_effects
 from smad.diagnosis.verdict import (
     CHECK_UP,
     PARAMETERS,
@@ -32,6 +32,7 @@ def verdict_of(paired: Paired, located: Located, outcome: str, least: float) -> 
     stages = stages_of(paired, changes)
     budget, whole = budget_of(paired, stages)
     ranked = located.where.ranked
+    known = paired.reference.atoms
     return Verdict(
         question=CHECK_UP,
         outcome=outcome,
@@ -42,7 +43,10 @@ def verdict_of(paired: Paired, located: Located, outcome: str, least: float) -> 
         by_run=_by_run(paired, stages),
         ranked=place_shares(paired.plant, ranked),
         judged_on="each run by laws of the others",
-        unseen=unseen(paired.plant, located.rows, ranked, least),
+        unseen=[
+            *unseen_effects(paired.plant.effects, known, paired.signatures, least),
+            *unseen(paired.plant, located.rows, ranked, least),
+        ],
         notes=_notes(paired),
         plant=paired.plant.name,
         plant_version=paired.plant.version,

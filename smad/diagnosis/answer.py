@@ -13,7 +13,7 @@ import numpy as np
 from smad.diagnosis.changed import Changed
 from smad.diagnosis.data.played import predictions
 from smad.diagnosis.gap import rms
-from smad.diagnosis.model_file import SavesModel, write_model
+from smad.diagnosis.model_file import SavesModel
 from smad.diagnosis.numerics.folds import Array, FoldRows, Index
 from smad.diagnosis.numerics.forward import Fit
 from smad.diagnosis.places.place import PlacesPlant
@@ -226,7 +226,7 @@ def _by_run(
     columns: Sequence[Index],
     gaps: Array,
 ) -> list[RunGap]:
-    alone = asked.fit < 2
+    alone, c = asked.fit < 2, asked.constants
     out = []
     for k, run in enumerate(asked.runs):
         own = 0.0 if alone or k >= asked.fit else apart(rows, of_row, columns, k)
@@ -234,7 +234,7 @@ def _by_run(
             RunGap(
                 run=run.name, raw=float(gaps[0, k]), parameters=float(gaps[1, k]),
                 final=float(gaps[-1, k]), apart=max(own, 0.0),
-                contradicts=own >= asked.constants.apart_share,
+                contradicts=own >= c.apart_share and gaps[0, k] >= 1.0,
             )
         )  # fmt: skip
     return out
@@ -269,7 +269,7 @@ def _models(
     with tempfile.TemporaryDirectory() as folder:
         for k, (point, own) in enumerate(zip(points, uncertain, strict=True)):
             path = Path(folder) / f"model-{k}.toml"
-            write_model(plant, point, own, path, note)
+            plant.save_model(point, path, note, own)
             out.append(path.read_text("utf-8"))
     return out
 

@@ -56,8 +56,7 @@ def changed(asked: Asked) -> Changed:
     taught = held_against(asked, good, counts=[True for _ in every], beside=now, named=False)
     left = [y - p for y, p in zip(good.values, taught.listed.predicted[-1], strict=True)]
     scale = row_scale(left, good.valid, asked.floors)
-    found = responses(plant, taught.model, now.played, space=(taught.found.laws,
-                      taught.found.columns), progress=asked.say)  # fmt: skip
+    found = responses(plant, taught.model, now.played, space=taught.found.laws, progress=asked.say)
     both = replace(taught.found, runs=(*taught.found.runs, *found.runs))
     joint, J = _joint(asked, taught.model, good + now, both, scale)
     joint = replace(joint, rho=neighbours(left, good.valid))
@@ -70,9 +69,9 @@ def changed(asked: Asked) -> Changed:
         fold_rows(joint, both, only), at, both.candidates(), c, run_of_row=joint.run_of_row,
         only=only, naming=Naming(asked.effects, Library(joint, only)),
     )  # fmt: skip
-    # Parameters are asked first: they are the answer if they take what places take.
+    # Parameters are asked first: they are the answer if they take nearly what places take.
     told = min(news.steps[-1].share, 1.0) if news.steps else 0.0
-    free = parameters >= max(told, c.changed_share)
+    free = parameters >= max(c.parameters_first * told, c.changed_share)
     gap = _residual(asked, taught.model, now, scale)
     settler = Settler(gap, found, taught.model, spread=1.0 if free else _DAY)
     rows = _of_now(news, joint, len(asked.good))

@@ -27,15 +27,19 @@ class Constants(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     when the best law takes `quiet_gain` of the sum of squares, or the parameters
     `quiet_parameters`, or the mean square is `quiet_ratio` (floors are so wide that it stays below
     1 where nothing has changed).
-    Places are told in place of other values of the parameters when they leave less than these do;
-    of what these take, `slopes_trusted` may be left for the form of their slopes. A run is played
+    Places are told in place of other values of the parameters when their law takes `quiet_gain` and
+    they leave less than these do; of what these take, `slopes_trusted` may be left for the form of
+    their slopes. A run is played
     again to tell places apart when their laws differ on it by `separation` (d²).
 
     Differs: a gap below `quiet_floors` floors is none.
 
     Changed: a place, or other values of the parameters, are new when they add `changed_share` of
-    the rows in question, and runs of one kind would differ so with probability `chance` at most. A
-    run is not of one state with the others when coefficients of its own take `apart_share` of it.
+    the rows in question, and runs of one kind would differ so with probability `chance` at most.
+    Parameters are the answer when they take `parameters_first` of what places take.
+
+    Either: a run is not of one state with the others when it is above the floor and coefficients of
+    its own take `apart_share` of it.
     """
 
     most_terms: int
@@ -56,6 +60,7 @@ class Constants(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     quiet_floors: float
     changed_share: float
     chance: float
+    parameters_first: float
     apart_share: float
 
 

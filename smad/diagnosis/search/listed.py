@@ -35,6 +35,10 @@ class Listed:
         return tuple((a - b) / first for a, b in zip(self.squares, self.squares[1:], strict=False))
 
 
+_Tried = tuple[float, Settled, list[Array]]
+"""What a model leaves of runs that it had no part of, the model, and its predictions."""
+
+
 def listed(
     settler: Settler, rows: FoldRows, steps: Sequence[Step], least_share: float
 ) -> Listed | None:
@@ -53,14 +57,17 @@ def listed(
     squares = [settler.square(predicted, runs)]
     for step in steps:
         own = fits(rows, [*kept, step])
-        best: tuple[float, Settled, list[Array]] | None = None
+        best: _Tried | None = None
         for alone in (True, False):
             more = settler.extended(settled[-1], own.columns, own.fit.mean, alone=alone)
-            predicted = None if more is None else settler.held_out(more)
-            if more is not None and predicted is not None:
-                left = settler.square(predicted, runs)
-                if best is None or left < best[0]:
-                    best = left, more, predicted
+            best = _better(settler, runs, more, best)
+        # A large law moves the other coordinates far: one step may end beside what it is after.
+        last = None if best is None else best[1]
+        for _ in range(_ROUNDS):
+            if last is None or best is None or best[0] < squares[-1]:
+                break
+            last = settler.refreshed(last)
+            best = _better(settler, runs, last, best)
         if best is None or squares[-1] - best[0] < least_share * squares[0]:
             continue
         kept.append(step)
@@ -86,3 +93,14 @@ def listed(
         settler=settler, steps=tuple(kept), settled=tuple(settled), predicted=tuple(found),
         squares=tuple(squares),
     )  # fmt: skip
+
+
+def _better(
+    settler: Settler, runs: Sequence[int], more: Settled | None, best: _Tried | None
+) -> _Tried | None:
+    """The one of two models that leaves less of runs that it had no part of."""
+    predicted = None if more is None else settler.held_out(more)
+    if more is None or predicted is None:
+        return best
+    left = settler.square(predicted, runs)
+    return (left, more, predicted) if best is None or left < best[0] else best

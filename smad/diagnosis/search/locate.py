@@ -19,7 +19,7 @@ from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import EffectValues, Uncertainty
 from smad.diagnosis.search.names import Naming
-from smad.diagnosis.search.refine import without
+from smad.diagnosis.search.refine import Refined, without
 from smad.diagnosis.search.rows import fold_rows
 from smad.diagnosis.search.told import Teller, side_words
 from smad.diagnosis.search.where import Fits, Step, Where, fits, where
@@ -79,13 +79,14 @@ def locate(
         rows, found.candidates(), constants, least=constants.quiet_gain, naming=naming,
         size=rows.square - constants.quiet_variance * rows.count, effects_stand=True,
     )  # fmt: skip
-    changes = _tried(gap, found, rows, w.steps)
-    shown = w.steps[: max(len(changes), 1)]
-    kept = _Kept(rows, w.steps[: len(changes)])
+    nearer, changes = _tried(gap, found, rows, w.steps)
+    shown = nearer or w.steps[:1]
+    kept = _Kept(rows, nearer)
     laws, uncertainty = _laws(found, kept.own) if kept.own is not None else ((), None)
     told: tuple[PlaceTold, ...] = ()
     if shown:
-        told = _told(Teller(plant, gap, found, fits(rows, shown)), shown, len(changes))
+        teller = Teller(plant, gap, found, fits(rows, shown))
+        told = _told(teller, shown, in_simulator=bool(nearer))
     return Located(
         told=told,
         laws=tuple(
@@ -99,35 +100,35 @@ def locate(
 
 @dataclass(frozen=True)
 class _Kept:
-    """Some steps as a model: effects where they are named, and laws of the others together."""
+    """Some steps as a model: effects where they stand, and laws of the others together."""
 
     rows: FoldRows
     steps: Sequence[Step]
 
     @property
     def effects(self) -> EffectValues:
-        """Values of the effects that are named."""
-        return {n: v for s in self.named if s.entry for n, v in s.entry.values.items()}
+        """Values of the effects that stand."""
+        return {n: v for e in self.standing for n, v in e.values.items()}
 
     @property
-    def named(self) -> list[Step]:
-        """Steps with a name."""
-        return [s for s in self.steps if s.named and s.entry is not None]
+    def standing(self) -> list[Refined]:
+        """The effects that stand in place of a law."""
+        return [s.entry for s in self.steps if s.stands and s.entry is not None]
 
     @cached_property
     def own(self) -> Fits | None:
-        """The laws of the other steps, fitted beside the effects; None where all are named."""
-        others = [s for s in self.steps if s not in self.named]
+        """The laws of the other steps, fitted beside the effects; None where all are effects."""
+        others = [s for s in self.steps if not s.stands]
         if not others:
             return None
-        less = sum((s.entry.change for s in self.named if s.entry), np.zeros(len(self.rows.rows)))
+        less = sum((e.change for e in self.standing), np.zeros(len(self.rows.rows)))
         return fits(replace(self.rows, rows=self.rows.rows - less), others)
 
 
-def _told(teller: Teller, steps: Sequence[Step], tried: int) -> tuple[PlaceTold, ...]:
+def _told(teller: Teller, steps: Sequence[Step], *, in_simulator: bool) -> tuple[PlaceTold, ...]:
     out, before = [], 0.0
-    for k, s in enumerate(steps):
-        one = teller.told(s, s.share - before, in_simulator=k < tried)
+    for s in steps:
+        one = teller.told(s, s.share - before, in_simulator=in_simulator)
         out.append(msgspec.structs.replace(one, **name_told(s)))
         before = s.share
     return tuple(out)
@@ -180,20 +181,21 @@ def _laws(found: Responses, own: Fits) -> tuple[tuple[Law, ...], Uncertainty]:
 
 def _tried(
     gap: Gap, found: Responses, rows: FoldRows, steps: Sequence[Step]
-) -> list[tuple[Array, ...]]:
-    """What the simulator makes of the first 1, 2 … places, as far as each brings it nearer."""
-    kept: list[tuple[Array, ...]] = []
+) -> tuple[list[Step], list[tuple[Array, ...]]]:
+    """The steps that bring the simulator nearer, and what it makes of the first 1, 2 … of them."""
+    kept: list[Step] = []
+    changes: list[tuple[Array, ...]] = []
     least = float(gap.z @ gap.z)
-    for n in range(1, len(steps) + 1):
-        change = _in_simulator(gap, found, _Kept(rows, steps[:n]), rows.fold)
+    for step in steps:
+        change = _in_simulator(gap, found, _Kept(rows, [*kept, step]), rows.fold)
         if change is None:
-            break
+            continue
         left = gap.z - gap.rows([c[None] for c in change])[0]
-        if (square := float(left @ left)) >= least:
-            break
-        least = square
-        kept.append(change)
-    return kept
+        if (square := float(left @ left)) < least:
+            least = square
+            kept.append(step)
+            changes.append(change)
+    return kept, changes
 
 
 def _in_simulator(gap: Gap, found: Responses, kept: _Kept, fold: Index) -> tuple[Array, ...] | None:
@@ -203,8 +205,8 @@ def _in_simulator(gap: Gap, found: Responses, kept: _Kept, fold: Index) -> tuple
     for k, (played, base) in enumerate(zip(gap.played, gap.base, strict=True)):
         mine = np.unique(fold[(gap.run_of_row == k) & (fold >= 0)])
         others = (fold >= 0) & ~np.isin(fold, mine)
-        effects = {n: v for s in kept.named if s.entry
-                   for n, v in without(s.entry, kept.rows.rows, others).items()}  # fmt: skip
+        effects = {n: v for e in kept.standing
+                   for n, v in without(e, kept.rows.rows, others).items()}  # fmt: skip
         laws = point.laws
         if own is not None:
             values = np.mean([own.without[f] for f in mine], axis=0) if len(mine) else own.fit.mean

@@ -31,19 +31,20 @@ class Hypothesis:
     gains: Array
 
 
-def shares(gains: Array, noise: float) -> Array:
-    """Share of what any hypothesis takes, from `gains` (hypotheses, channels); (hypotheses,).
+def shares(gains: Array, noise: float, most: Array) -> Array:
+    """Share that `gains` (hypotheses, channels) have of the `most` (channels,); (hypotheses,).
 
-    The mean over channels, each by the log of how far its largest gain is above `noise`.
+    The mean over channels, each by the log of how far what there is to take is above `noise`.
     """
-    best = np.maximum(gains.max(axis=0), 1e-9)
+    best = np.maximum(most, 1e-9)
     weight = np.log1p(best / max(noise, 1.0))
     return np.asarray(np.clip(gains / best, -1.0, 1.0) @ (weight / weight.sum()))
 
 
 def scores(hypotheses: Sequence[Hypothesis], c: Constants, noise: float) -> Array:
     """Log odds of each hypothesis, up to a number that all share; (hypotheses,)."""
-    share = shares(np.array([h.gains for h in hypotheses]), noise)
+    gains = np.array([h.gains for h in hypotheses])
+    share = shares(gains, noise, gains.max(axis=0))
     log = np.log(np.maximum(share, 0.0) + _LEAST_SHARE)
     named = np.array([bool(h.effect) for h in hypotheses])
     return np.where(named, c.effect_odds + c.effect_weight * log, c.law_weight * log)

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_device.plant.laws import Law, Term
+from smad.diagnosis.data.played import Atom
 from smad.diagnosis.gap import Gap
 from smad.diagnosis.numerics.folds import Array, FoldRows, Index
 from smad.diagnosis.places.place import BOTH, Place, PlacesPlant
 from smad.diagnosis.places.responses import Responses, law_values
+from smad.diagnosis.plant import Effect
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.search.where import Fits, Scored, Step
 from smad.diagnosis.verdict import PlaceShare, PlaceTold, TermTold
@@ -145,3 +147,30 @@ def unseen(plant: PlacesPlant, rows: FoldRows, ranked: Sequence[Scored], need: f
         text = f"{100 * size:.2g} %" if place.unit == "1" else f"{size:.2g} {place.unit}"
         out.append(f"{side_words(place, s.candidate.side)}: less than {text}, always there")
     return out
+
+
+def unseen_effects(
+    effects: Sequence[Effect], atoms: Sequence[Atom], S: Array, need: float
+) -> list[str]:
+    """For each effect the strength that would take `need` off the sum of squares, least seen first.
+
+    `S` (atoms, rows) are white signatures. The level that shows nearly as much as is needed tells,
+    scaled; shapes are typical.
+    """
+    out: list[tuple[float, str]] = []
+    for effect in effects:
+        for q in effect.parameters:
+            own = [
+                (float(S[i] @ S[i]), a.values[q.name])
+                for i, a in enumerate(atoms)
+                if a.entry == effect.name and a.strength == q.name and a.variant == "typical"
+            ]
+            shown = [one for one in own if one[0] > 0.0]
+            if not shown:
+                continue
+            square, value = min(shown, key=lambda one: abs(np.log(one[0] / need)))
+            size = abs(value) * float(np.sqrt(need / square))
+            unit = "" if q.unit == "1" else f" {q.unit}"
+            text = f"less than {size:.2g}{unit}" if size < q.high else "anything within its range"
+            out.append((size / abs(q.typical), f"{effect.name}, {q.name}: {text}"))
+    return [text for _, text in sorted(out, reverse=True)]

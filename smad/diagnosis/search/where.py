@@ -18,7 +18,7 @@ from smad.diagnosis.numerics.folds import Array, FoldRows, Index
 from smad.diagnosis.numerics.forward import Fit, Forward, fitted, forward
 from smad.diagnosis.places.candidate import Candidate
 from smad.diagnosis.search.names import Naming, score
-from smad.diagnosis.search.odds import Hypothesis, odds, of_places, told
+from smad.diagnosis.search.odds import Hypothesis, odds, of_places, shares, told
 from smad.diagnosis.search.refine import Refined
 
 _SIMPLER = 0.97
@@ -54,20 +54,22 @@ class Step:
 
     `share` is what all steps so far take together; `near` begins with the chosen one. `places` and
     `effects` are the probabilities of all `hypotheses`, where something is missing. `entry` is the
-    effect of the library that is likeliest there, `takes` what it takes over what the law takes.
-    `worth` is what the best of laws and effects adds.
+    effect of the library that is likeliest there, `takes` what it takes over what the law takes;
+    it `stands` in place of the law where effects may, and it takes more. `gains` (channels,) are
+    what of the two stands takes.
     """
 
     chosen: Scored
     near: tuple[Scored, ...]
     share: float
-    worth: float
+    gains: Array
     hypotheses: tuple[Hypothesis, ...] = ()
     places: dict[str, float] = field(default_factory=dict)
     effects: dict[str, float] = field(default_factory=dict)
     entry: Refined | None = None
     takes: float = 0.0
     named: bool = False
+    stands: bool = False
 
 
 @dataclass(frozen=True)
@@ -103,14 +105,14 @@ def where(
 
     Shares are of `size`, the rows' sum of squares, or what of it a bench without a change lacks;
     of what the best law takes, where that is more.
-    A place enters while what it adds to the held-out rows speaks for it: over the variance that a
-    row has with it, that is twice the log predictive density it gains (Geisser 1975). It must
-    exceed `least` and take `place_share`. What many places would add alike is said of none.
-    Later places are beside the law of one before, or with `effects_stand` beside its effect, where
-    that is named.
+    A place enters while twice the log predictive density that it adds to held-out rows (Geisser
+    1975), each channel by the variance that it is left with, exceeds `least`. A later one must take
+    `place_share` of what there was to take, each channel by its own: a second cause is seen where
+    the first says nothing, however small it is beside it. Later places are beside the law of one
+    before, or beside its effect where that takes more and `effects_stand`.
     """
     now, steps, taken = np.zeros(0, dtype=np.intp), list[Step](), 0.0
-    left, entries = rows, 0.0
+    left, entries, there = rows, 0.0, np.zeros(rows.channels)
     alone = _scored(left, now, candidates, constants, size=1.0)
     size = max(rows.square if size is None else size, alone[0].share if alone else 0.0, 1e-12)
     ranked = scored = tuple(replace(s, share=s.share / size) for s in alone)
@@ -124,14 +126,14 @@ def where(
             scored, constants, taken=taken, size=size, naming=naming, gains=gains, noise=least,
             left=replace(left, rows=beside), effects_stand=effects_stand,
         )  # fmt: skip
-        variance = max((rows.square - step.share * size) / max(rows.count, 1), 1.0)
-        if step.worth * size < max(least * variance, constants.place_share * size):
+        if density_gained(left, beside, step.gains) < least:
             break
-        if steps and len(step.near) > constants.most_places:
+        there = there if steps else np.max([h.gains for h in step.hypotheses], axis=0)
+        if steps and shares(step.gains[None], least, there)[0] < constants.place_share:
             break
         steps.append(step)
         taken = step.share
-        if effects_stand and step.named and step.entry is not None:
+        if step.stands and step.entry is not None:
             entries += step.entry.gain / size
             left = replace(left, rows=left.rows - step.entry.change)
         else:
@@ -186,11 +188,13 @@ def step_of(
     gain = 0.0 if entry is None else score(entry) / size
     law = max(chosen.share - taken, 0.0)
     named = bool(name) and effects[name] >= constants.name_level
-    most = max((score(e) / size for e in entries.values()), default=0.0)
+    stands = effects_stand and entry is not None and (named or gain > law)
+    of = name if stands else ""
     return Step(
-        chosen=chosen, near=near, worth=max(most, scored[0].share - taken),
-        hypotheses=tuple(hypotheses), places=places, effects=effects, entry=entry, named=named,
-        share=taken + (max(gain, law) if named and effects_stand else law),
+        chosen=chosen, near=near, hypotheses=tuple(hypotheses), places=places, effects=effects,
+        entry=entry, named=named, stands=stands, share=taken + (gain if stands else law),
+        gains=next(h.gains for h in hypotheses if h.place == chosen.candidate.place
+                   and h.effect == of),
         takes=gain / max(law, 1e-3 * gain, 1e-12),
     )  # fmt: skip
 
@@ -201,6 +205,17 @@ def without_named(naming: Naming | None, step: Step) -> Naming | None:
     if naming is None or entry is None or not (step.named and entry.effects[0].places):
         return naming
     return naming.without(entry.names[0])
+
+
+def density_gained(rows: FoldRows, left: Array, gains: Array) -> float:
+    """Twice the log predictive density that rows gain, each channel by the variance it is left.
+
+    `left` (rows,) are the rows before, `gains` (channels,) what is taken off their squares.
+    """
+    before = rows.by_channel(left)
+    after = np.maximum(before - gains, 1e-9)
+    count = rows.by_channel(np.ones(len(left)))
+    return float(np.sum(gains / np.maximum(after / np.maximum(count, 1.0), 1.0)))
 
 
 def held_out_gains(rows: FoldRows, before: Index, columns: Index) -> Array:
