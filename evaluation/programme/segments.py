@@ -6,6 +6,7 @@ A piece is a list of (duration in s, current X, current Y in A, duty X, duty Y).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -147,11 +148,12 @@ def run_of(name: str, title: str, steps: Sequence[Step]) -> ProgrammeRun:
     """The steps as a run; times and values rounded to what a file keeps."""
     ends = np.round(np.cumsum([t for t, *_ in steps]), 3)
     inputs = np.round(np.array([row for _, *row in steps]), 3)
-    return ProgrammeRun(name, title, np.r_[0.0, ends[:-1]], inputs, float(ends[-1]))
+    t_s = np.r_[0.0, ends[:-1]]
+    return ProgrammeRun(name=name, title=title, t_s=t_s, inputs=inputs, duration_s=float(ends[-1]))
 
 
 def milder(run: ProgrammeRun, factor: float) -> ProgrammeRun:
     """The run with its currents times `factor`."""
     inputs: Array = run.inputs.copy()
     inputs[:, :2] = np.round(factor * inputs[:, :2], 3)
-    return ProgrammeRun(run.name, run.title, run.t_s, inputs, run.duration_s, run.quick)
+    return replace(run, inputs=inputs)

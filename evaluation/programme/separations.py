@@ -9,7 +9,7 @@ move within their priors; d²_i against the parameters alone likewise.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -178,11 +178,7 @@ def design(
     own = [pool[i] for i in best]
     first = [own[i] for i in chosen(own, names, quick)]
     order = [*first, *(c for c in own if c not in first)]
-    out = tuple(
-        ProgrammeRun(f"run-{n + 1}", c.run.title, c.run.t_s, c.run.inputs, c.run.duration_s,
-                     n < quick)
-        for n, c in enumerate(order)
-    )  # fmt: skip
+    out = tuple(replace(c.run, name=f"run-{n + 1}", quick=n < quick) for n, c in enumerate(order))
     total = separations(names, np.sum([c.gram for c in order], axis=0))
     part = separations(names, np.sum([c.gram for c in first], axis=0))
     title = f"{runs} runs of {duration_s:g} s, designed with seed {seed} from {candidates}"

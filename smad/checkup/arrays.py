@@ -10,29 +10,15 @@ import zipfile
 from collections.abc import Mapping
 from math import prod
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.lib import format as npy
 
-from smad.diagnosis.plant import PlantModel
 from smad.runlog.bounds import MOST_ARRAYS, MOST_ARRAYS_BYTES
 
 _SUFFIX = ".npy"
 _KINDS = {"floats": "f", "whole numbers": "iu", "yes or no": "b"}
-
-
-class AboutShape(Protocol):
-    """What `baseline.json` says of the arrays' sizes."""
-
-    @property
-    def atoms(self) -> list[Any]: ...
-
-    @property
-    def runs(self) -> list[Any]: ...
-
-    @property
-    def degrees(self) -> int: ...
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
@@ -70,40 +56,7 @@ def _header(member: str, file: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
     return shape, dtype
 
 
-def require_fitting(about: AboutShape, plant: PlantModel, arrays: Mapping[str, np.ndarray]) -> None:
-    """Raises ValueError for an array of another shape or kind than its baseline says, and for
-    numbers that cannot be; KeyError for one that lacks."""
-    channels, regimes = len(plant.channels), arrays["floor.sd"].shape[-1]
-    if about.degrees < 0 or regimes < 1:
-        raise ValueError(f"a floor of {about.degrees} degrees and {regimes} regimes")
-    _require(arrays, "floor.sd", (channels, regimes), "floats", above=0.0)
-    _require(arrays, "floor.rho", (channels,), "floats", least=0.0, below=1.0)
-    _require(arrays, "floor.gauge", (channels,), "floats", above=0.0)
-    _require(arrays, "floor.day_sd", (-1,), "floats", above=0.0)
-    for k, run in enumerate(about.runs):
-        grid = (run.bins, channels)
-        samples = arrays[f"{k}.t_s"].size
-        _require(arrays, f"{k}.t_s", (samples,), "floats")
-        if samples < 2 or not (np.diff(arrays[f"{k}.t_s"]) > 0).all():
-            raise ValueError(f"{k}.t_s does not increase")
-        for signal in plant.inputs:
-            _require(arrays, f"{k}.input.{signal.name}", (samples,), "floats")
-        for name in ("base", "mean", "first.values"):
-            _require(arrays, f"{k}.{name}", grid, "floats")
-        for name in ("valid", "first.valid"):
-            _require(arrays, f"{k}.{name}", grid, "yes or no")
-        _require(arrays, f"{k}.first.inputs", (run.bins, len(plant.inputs)), "floats")
-        _require(arrays, f"{k}.first.covered", (run.bins,), "yes or no")
-        _require(arrays, f"{k}.count", grid, "whole numbers", least=0)
-        _require(arrays, f"{k}.regime", grid, "whole numbers", least=0, below=regimes)
-        _require(arrays, f"{k}.slopes", (len(plant.parameters), *grid), "floats")
-        if about.atoms:
-            _require(arrays, f"{k}.signatures", (len(about.atoms), *grid), "floats")
-        if f"{k}.responses" in arrays:
-            _require(arrays, f"{k}.responses", (-1, *grid), "floats")
-
-
-def _require(
+def require(
     arrays: Mapping[str, np.ndarray],
     name: str,
     shape: tuple[int, ...],
@@ -113,6 +66,8 @@ def _require(
     above: float = -np.inf,
     below: float = np.inf,
 ) -> None:
+    """Raises ValueError for an array of another shape or kind, −1 for any length, or for a number
+    that cannot be; KeyError where it lacks."""
     found = arrays[name]
     fits = found.ndim == len(shape) and all(
         want in (-1, n) for n, want in zip(found.shape, shape, strict=True)

@@ -1,4 +1,7 @@
-"""A baseline from the runs of good days, and a check-up from files of both."""
+"""A baseline from the runs of good days, and a check-up from files of both.
+
+Everyday runs that repeat known-good ones are compared with them as a check-up would.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +21,11 @@ from smad.diagnosis.errors import PairingError
 from smad.diagnosis.numerics.threads import repeatable
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.places.responses import responses
-from smad.diagnosis.plant import ModelPoint, PlantModel
+from smad.diagnosis.plant import PlantModel
 from smad.diagnosis.runs import GapRun
+from smad.diagnosis.verdict import Repeated
+
+_LEAST_REPEATS = 2
 
 
 def _silent(text: str) -> None:
@@ -30,12 +36,11 @@ def _silent(text: str) -> None:
 def commissioned(
     plant: PlantModel,
     groups: Sequence[Sequence[GapRun]],
-    start: ModelPoint | None = None,
     progress: Callable[[str], None] = _silent,
 ) -> Reference:
     """The reference of good runs, the repeats of each run of a programme in a group."""
     placed = with_places(plant)
-    reference = reference_from(placed, groups, start, progress)
+    reference = reference_from(placed, groups, progress)
     played = [r.played for r in reference.runs]
     found = responses(placed, reference.point, played, progress=progress)
     return replace(reference, responses=found.runs)
@@ -63,3 +68,37 @@ def checked_files(
         )
     reference = commissioned(plant, matched.groups, progress=progress)
     return judged(plant, reference, matched.now, progress=progress), matched
+
+
+def repeated(
+    plant: PlantModel,
+    good: Sequence[Found],
+    runs: Sequence[Found],
+    progress: Callable[[str], None] = _silent,
+) -> Repeated | None:
+    """What the runs say that repeat the inputs of known-good ones; None where none does.
+
+    Without two good recordings of the same inputs there is no repeat floor, and nothing is said
+    but which runs repeat which.
+    """
+    known = {f.run.digest for f in good}
+    matched = match(plant, good, [f for f in runs if f.run.digest not in known])
+    if not matched.now:
+        return None
+    repeats = {g[0].name: len(g) for g in matched.groups}
+    groups = [g for g in matched.groups if len(g) >= _LEAST_REPEATS]
+    now = [(run, name) for run, name in matched.now if repeats[name] >= _LEAST_REPEATS]
+    if not now:
+        return Repeated(lines=matched.lines, repeats=min(repeats.values()))
+    progress("comparing with the runs that they repeat")
+    try:
+        reference = commissioned(plant, groups, progress=progress)
+        verdict = judged(plant, reference, now, progress=progress).verdict
+    except PairingError as error:
+        return Repeated(
+            lines=matched.lines, repeats=_LEAST_REPEATS, headline=f"not possible: {error}"
+        )
+    return Repeated(
+        lines=matched.lines, repeats=reference.repeats, outcome=verdict.outcome,
+        headline=verdict.headline,
+    )  # fmt: skip

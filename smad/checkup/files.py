@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from smad.checkup.paired.reference import input_spans
@@ -24,14 +24,13 @@ _LIKE = 0.05
 
 @dataclass(frozen=True)
 class Found:
-    """A run of a folder: its name without folder and suffix, and the folder it lies in.
+    """A run of a file: its name without folder and suffix.
 
     `board` is the serial number of the board that it was recorded on, empty where the file does not
     tell. `cut` says what stopped it while it was recorded, empty where nothing did.
     """
 
     name: str
-    group: str
     path: Path
     run: GapRun
     board: str = ""
@@ -40,7 +39,7 @@ class Found:
     @classmethod
     def of(cls, path: Path, run: GapRun) -> Found:
         """A run that was read already."""
-        return cls(_stem(path), str(path.parent), path, run)
+        return cls(_stem(path), path, run)
 
 
 def read_folder(folder: Path) -> list[Found]:
@@ -58,9 +57,7 @@ def read_folder(folder: Path) -> list[Found]:
             f"{folder} holds no run file", limit=", ".join(_KINDS), action="put the runs there"
         )
     together = Together()
-    return [
-        Found(_stem(p), str(p.parent.relative_to(folder)), p, *_read(p, together)) for p in paths
-    ]
+    return [Found(_stem(p), p, *_read(p, together)) for p in paths]
 
 
 def read_good(folder: Path, say: Callable[[str], None]) -> list[Found]:
@@ -159,17 +156,11 @@ def match(plant: PlantModel, good: Sequence[Found], now: Sequence[Found]) -> Mat
         for found, own in pairs
     ]
     return Matched(
-        [[_renamed(f.run, named[id(g)]) for f in g] for g in used],
+        [[replace(f.run, name=named[id(g)]) for f in g] for g in used],
         [(found.run, named[id(own)]) for found, own in pairs],
         lines,
         alone,
     )
-
-
-def _renamed(run: GapRun, name: str) -> GapRun:
-    from dataclasses import replace
-
-    return replace(run, name=name)
 
 
 def require_other_recordings(good: Sequence[Found], now: Sequence[Found]) -> None:
@@ -212,11 +203,10 @@ def _repeats(plant: PlantModel, one: Found, other: Found) -> bool:
     a, b = one.run, other.run
     if not len(edges_s(a)) or not len(edges_s(b)):
         return one.name == other.name
-    names = [s.name for s in plant.inputs]
     start = float(b.t_s[0] - b.dt_s)
     bins = max(1, int(b.duration_s / 0.2))
-    first = binned(b, bins, [], names, start)
-    second = binned(a, bins, [], names, start + offset_s(a, b))
+    first = binned(b, bins, plant, start)
+    second = binned(a, bins, plant, start + offset_s(a, b))
     both = first.covered & second.covered
     if both.mean() < 0.05:
         return False

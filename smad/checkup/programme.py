@@ -42,7 +42,7 @@ class ProgrammeFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     runs: list[RunEntry]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ProgrammeRun:
     """Inputs that change at `t_s` and hold until the next row; shape (rows, 4) as `INPUTS`."""
 
@@ -179,8 +179,9 @@ def _read_run(folder: Path, entry: RunEntry) -> ProgrammeRun:
             action="give it these",
         )
     return ProgrammeRun(
-        entry.name, entry.title, rows[:, 0], rows[:, 1:], entry.duration_s, entry.quick
-    )
+        name=entry.name, title=entry.title, t_s=rows[:, 0], inputs=rows[:, 1:],
+        duration_s=entry.duration_s, quick=entry.quick,
+    )  # fmt: skip
 
 
 def write_programme(programme: Programme, folder: Path) -> None:

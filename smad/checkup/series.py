@@ -56,39 +56,24 @@ class State(msgspec.Struct, frozen=True):
 
 
 def folder_for(parent: Path, kind: str, programme: Programme, clock_s: Callable[[], float]) -> Path:
-    """Where the next series of a kind goes: the newest that is not finished, or a new one.
+    """Where the next series of a kind goes: the newest that is not finished, or a new one."""
 
-    Folders are `kind-1`, `kind-2` and so on.
-    """
-    newest = _newest(parent, kind)
-    if newest:
-        folder = parent / f"{kind}-{newest}"
+    def goes_on(folder: Path) -> bool:
         state = read_state(folder)
-        if state is not None and not state.done and state.programme == programme.digest:
-            return folder
-    folder = parent / f"{kind}-{newest + 1}"
-    begin(folder, programme, clock_s())
+        return state is not None and not state.done and state.programme == programme.digest
+
+    folder = newest_open(parent, kind, goes_on)
+    if read_state(folder) is None:
+        begin(folder, programme, clock_s())
     return folder
 
 
-def next_open(parent: Path, kind: str, file: str, over: Callable[[Path], bool]) -> Path:
-    """The newest folder of a kind whose `file` is there and not over yet, or a new one's name."""
-    newest = _newest(parent, kind)
-    path = parent / f"{kind}-{newest}" / file
-    if newest and path.exists() and not over(path):
-        return path.parent
-    return parent / f"{kind}-{newest + 1}"
-
-
-def _newest(parent: Path, kind: str) -> int:
-    return max(
-        (
-            int(tail)
-            for folder in parent.glob(f"{kind}-*")
-            if (tail := folder.name.removeprefix(f"{kind}-")).isdecimal()
-        ),
-        default=0,
-    )
+def newest_open(parent: Path, kind: str, goes_on: Callable[[Path], bool]) -> Path:
+    """The newest of the folders `kind-1`, `kind-2` … if it goes on, else the name of the next."""
+    tails = (f.name.removeprefix(f"{kind}-") for f in parent.glob(f"{kind}-*"))
+    newest = max((int(tail) for tail in tails if tail.isdecimal()), default=0)
+    folder = parent / f"{kind}-{newest}"
+    return folder if newest and goes_on(folder) else parent / f"{kind}-{newest + 1}"
 
 
 def read_state(folder: Path) -> State | None:
@@ -178,43 +163,41 @@ def _whole(log: Path) -> bool:
 
 def keep(log: Path, target: Path) -> None:
     """Copy a log, whole or not at all. Raises BaselineError for a full disk."""
-    partial = target.with_suffix(".part")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
+    cause = f"cannot keep the run {target.stem} in {target.parent}"
+    action = "make room; the runs before are kept, and the same command goes on"
+    with written_whole(target, cause, action, value=str(log)) as partial:
         shutil.copyfile(log, partial)
-        os.replace(partial, target)
-    except OSError as error:
-        unlink_quietly(partial)
-        raise BaselineError(
-            f"cannot keep the run {target.stem} in {target.parent}: {error.strerror}",
-            value=str(log),
-            action="make room; the runs before are kept, and the same command goes on",
-        ) from error
-
-
-def _write(folder: Path, state: State) -> None:
-    write_whole(folder / _STATE, msgspec.json.encode(state))
-
-
-def unlink_quietly(path: Path) -> None:
-    """Remove what is left of a file that could not be written: it would only take the room."""
-    with contextlib.suppress(OSError):
-        path.unlink(missing_ok=True)
 
 
 def write_whole(path: Path, data: bytes) -> None:
     """Write a file whole or not at all. Raises BaselineError for a full disk."""
+    action = "make room, or choose another folder; the same command goes on"
+    with written_whole(path, f"cannot write {path}", action) as partial:
+        partial.write_bytes(data)
+
+
+@contextlib.contextmanager
+def written_whole(
+    path: Path, cause: str, action: str, *, value: str | None = None
+) -> Iterator[Path]:
+    """A path to write to that becomes `path` in the end, or is removed.
+
+    Raises BaselineError, which names cause and action, for what the system refuses.
+    """
     partial = path.with_name(f"{path.name}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_bytes(data)
+        yield partial
         os.replace(partial, path)
     except OSError as error:
-        unlink_quietly(partial)
-        raise BaselineError(
-            f"cannot write {path}: {error.strerror}",
-            action="make room, or choose another folder; the same command goes on",
-        ) from error
+        # What is left of it would only take the room.
+        with contextlib.suppress(OSError):
+            partial.unlink(missing_ok=True)
+        raise BaselineError(f"{cause}: {error.strerror}", value=value, action=action) from error
+
+
+def _write(folder: Path, state: State) -> None:
+    write_whole(folder / _STATE, msgspec.json.encode(state))
 
 
 def _clock(unix_s: float) -> str:

@@ -7,9 +7,8 @@ the schema's number, the programme's hash and the plant's version: of another on
 from __future__ import annotations
 
 import hashlib
-import os
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from zipfile import BadZipFile
@@ -17,13 +16,13 @@ from zipfile import BadZipFile
 import msgspec
 import numpy as np
 
-from smad.checkup.arrays import read_arrays, require_fitting
+from smad.checkup.arrays import read_arrays, require
 from smad.checkup.errors import BaselineError
 from smad.checkup.paired.floor import Floor
 from smad.checkup.paired.reference import Reference, RunReference
-from smad.checkup.series import unlink_quietly
+from smad.checkup.series import written_whole
 from smad.diagnosis.data.played import Atom, Played
-from smad.diagnosis.data.rows import Binned
+from smad.diagnosis.data.rows import binned
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.places.responses import responses
 from smad.diagnosis.plant import ModelPoint, PlantModel
@@ -39,15 +38,6 @@ _BROKEN = (
     RuntimeError, zlib.error,
 )  # fmt: skip
 """What unpacking raises of a file that is damaged, encrypted or of another kind."""
-_FIRST = ("values", "valid", "inputs", "covered")
-
-
-class _AtomFile(msgspec.Struct, frozen=True):
-    entry: str
-    strength: str
-    level: float
-    variant: str
-    values: dict[str, float]
 
 
 class _RunFile(msgspec.Struct, frozen=True):
@@ -57,7 +47,7 @@ class _RunFile(msgspec.Struct, frozen=True):
     around: dict[str, float]
 
 
-class About(msgspec.Struct, frozen=True):
+class About(msgspec.Struct, frozen=True, kw_only=True):
     """`baseline.json`: identity, reference model, and the list of runs."""
 
     schema: int
@@ -68,7 +58,7 @@ class About(msgspec.Struct, frozen=True):
     degrees: int
     theta: dict[str, float]
     effects: dict[str, dict[str, float]]
-    atoms: list[_AtomFile]
+    atoms: list[Atom]
     runs: list[_RunFile]
     arrays: str = ""
     """SHA-256 of `reference.npz`; empty in a baseline written before it was kept."""
@@ -98,35 +88,28 @@ def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
     """Writes the baseline whole or not at all. Raises BaselineError for a disk that is full."""
     r = baseline.reference
     about = About(
-        SCHEMA, baseline.bench, baseline.programme, identity(plant), r.repeats, r.floor.degrees,
-        dict(r.point.theta), {k: dict(v) for k, v in r.point.effects.items()},
-        [_AtomFile(a.entry, a.strength, a.level, a.variant, a.values) for a in r.atoms],
-        [_RunFile(x.name, x.played.bins, x.played.start_s, dict(x.around)) for x in r.runs],
+        schema=SCHEMA, bench=baseline.bench, programme=baseline.programme, plant=identity(plant),
+        repeats=r.repeats, degrees=r.floor.degrees, theta=dict(r.point.theta),
+        effects={k: dict(v) for k, v in r.point.effects.items()}, atoms=list(r.atoms),
+        runs=[_RunFile(x.name, x.played.bins, x.played.start_s, x.around) for x in r.runs],
     )  # fmt: skip
     arrays = {f"floor.{n}": getattr(r.floor, n) for n in _FLOOR}
     for k, x in enumerate(r.runs):
         arrays |= {f"{k}.{n}": getattr(x, n) for n in _RUN}
-        arrays |= {f"{k}.first.{n}": getattr(x.inputs, n) for n in _FIRST}
         arrays[f"{k}.responses"] = r.responses[k]
         whole = x.played.whole
         arrays[f"{k}.t_s"] = whole.t_s
         arrays |= {f"{k}.input.{n}": v for n, v in whole.inputs.items()}
-    partial, text = folder / f"{_ARRAYS}.part", folder / f"{_ABOUT}.part"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with partial.open("wb") as file:
+    cause = f"cannot write the baseline {folder}"
+    action = "make room; the runs are kept, and the same command goes on"
+    with (
+        written_whole(folder / _ABOUT, cause, action) as text,
+        written_whole(folder / _ARRAYS, cause, action) as packed,
+    ):
+        with packed.open("wb") as file:
             np.savez_compressed(file, **arrays)
-        about = msgspec.structs.replace(about, arrays=_digest(partial))
+        about = msgspec.structs.replace(about, arrays=_digest(packed))
         text.write_bytes(msgspec.json.format(msgspec.json.encode(about), indent=1))
-        os.replace(partial, folder / _ARRAYS)
-        os.replace(text, folder / _ABOUT)
-    except OSError as error:
-        for left in (partial, text):
-            unlink_quietly(left)
-        raise BaselineError(
-            f"cannot write the baseline {folder}: {error.strerror}",
-            action="make room; the runs are kept, and the same command goes on",
-        ) from error
 
 
 def _digest(path: Path) -> str:
@@ -154,17 +137,20 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
         )
     try:
         arrays = read_arrays(folder / _ARRAYS)
-        require_fitting(about, plant, arrays)
-        runs = tuple(_run(k, x, arrays) for k, x in enumerate(about.runs))
+        _require_fitting(about, plant, arrays)
+        runs = tuple(_run(k, x, arrays, plant) for k, x in enumerate(about.runs))
         sd, rho, day_sd, gauge = (arrays[f"floor.{n}"] for n in _FLOOR)
-        floor = Floor(sd, rho, day_sd, about.degrees, gauge)
+        floor = Floor(sd=sd, rho=rho, day_sd=day_sd, degrees=about.degrees, gauge=gauge)
+        point = ModelPoint(about.theta, about.effects)
+        known = [arrays[f"{k}.responses"] for k in range(len(runs))]
+        placed = responses(with_places(plant), point, [r.played for r in runs], known=known)
     except _BROKEN as error:
         said = getattr(error, "strerror", None) or error
         raise BaselineError(f"{folder / _ARRAYS} cannot be read: {said}", action=_ANEW) from error
-    atoms = tuple(Atom(a.entry, a.strength, a.level, a.variant, a.values) for a in about.atoms)
-    point = ModelPoint(about.theta, about.effects)
-    placed = _placed(plant, point, runs, arrays, folder)
-    reference = Reference(runs, point, floor, atoms, about.repeats, placed)
+    reference = Reference(
+        runs=runs, point=point, floor=floor, atoms=tuple(about.atoms), repeats=about.repeats,
+        responses=placed.runs,
+    )  # fmt: skip
     return Baseline(about.bench, about.programme, reference)
 
 
@@ -189,29 +175,40 @@ def read_about(folder: Path) -> About:
     return about
 
 
-def _placed(
-    plant: PlantModel,
-    point: ModelPoint,
-    runs: Sequence[RunReference],
-    arrays: dict[str, np.ndarray],
-    folder: Path,
-) -> tuple[np.ndarray, ...]:
-    """The responses of the places. Raises BaselineError where they are not those of this plant."""
-    try:
-        known = [arrays[f"{k}.responses"] for k in range(len(runs))]
-        return responses(with_places(plant), point, [r.played for r in runs], known=known).runs
-    except (KeyError, ValueError) as error:
-        raise BaselineError(f"{folder / _ARRAYS} cannot be read: {error}", action=_ANEW) from error
+def _require_fitting(about: About, plant: PlantModel, arrays: Mapping[str, np.ndarray]) -> None:
+    """Raises ValueError for an array of another shape or kind than its baseline says, and for
+    numbers that cannot be; KeyError for one that lacks."""
+    channels, regimes = len(plant.channels), arrays["floor.sd"].shape[-1]
+    if about.degrees < 0 or regimes < 1:
+        raise ValueError(f"a floor of {about.degrees} degrees and {regimes} regimes")
+    require(arrays, "floor.sd", (channels, regimes), "floats", above=0.0)
+    require(arrays, "floor.rho", (channels,), "floats", least=0.0, below=1.0)
+    require(arrays, "floor.gauge", (channels,), "floats", above=0.0)
+    require(arrays, "floor.day_sd", (-1,), "floats", above=0.0)
+    for k, run in enumerate(about.runs):
+        grid = (run.bins, channels)
+        samples = arrays[f"{k}.t_s"].size
+        require(arrays, f"{k}.t_s", (samples,), "floats")
+        if samples < 2 or not (np.diff(arrays[f"{k}.t_s"]) > 0).all():
+            raise ValueError(f"{k}.t_s does not increase")
+        for signal in plant.inputs:
+            require(arrays, f"{k}.input.{signal.name}", (samples,), "floats")
+        require(arrays, f"{k}.base", grid, "floats")
+        require(arrays, f"{k}.mean", grid, "floats")
+        require(arrays, f"{k}.valid", grid, "yes or no")
+        require(arrays, f"{k}.count", grid, "whole numbers", least=0)
+        require(arrays, f"{k}.regime", grid, "whole numbers", least=0, below=regimes)
+        require(arrays, f"{k}.slopes", (len(plant.parameters), *grid), "floats")
+        if about.atoms:
+            require(arrays, f"{k}.signatures", (len(about.atoms), *grid), "floats")
+        require(arrays, f"{k}.responses", (-1, *grid), "floats")
 
 
-def _run(k: int, x: _RunFile, arrays: dict[str, np.ndarray]) -> RunReference:
-    n = len(arrays[f"{k}.t_s"])
-    prefix = f"{k}.input."
+def _run(k: int, x: _RunFile, arrays: Mapping[str, np.ndarray], plant: PlantModel) -> RunReference:
+    t_s, prefix = arrays[f"{k}.t_s"], f"{k}.input."
     inputs = {name.removeprefix(prefix): v for name, v in arrays.items() if name.startswith(prefix)}
-    around = {c: np.full(n, v) for c, v in x.around.items()}
-    run = GapRun(x.name, arrays[f"{k}.t_s"], inputs, around)
-    first = Binned(x.name, *(arrays[f"{k}.first.{f}"] for f in _FIRST))
-    own = {f: arrays[f"{k}.{f}"] for f in _RUN}
+    whole = GapRun(x.name, t_s, inputs, {c: np.full(len(t_s), v) for c, v in x.around.items()})
     return RunReference(
-        name=x.name, played=Played.of(run, x.start_s), inputs=first, around=dict(x.around), **own
-    )
+        name=x.name, played=Played.of(whole, x.start_s), around=x.around,
+        inputs=binned(whole, x.bins, plant, x.start_s), **{f: arrays[f"{k}.{f}"] for f in _RUN},
+    )  # fmt: skip

@@ -81,7 +81,7 @@ def diagnosed(
 ) -> Answer:
     import msgspec
 
-    from smad.checkup.everyday import repeated
+    from smad.checkup.commission import repeated
     from smad.checkup.files import Found
     from smad.diagnosis import diagnose
 

@@ -47,7 +47,7 @@ def investigate(
     each run.
     """
     from smad.checkup.inquiry import Inquiry
-    from smad.checkup.series import next_open
+    from smad.checkup.series import newest_open
     from smad.checkup.store import load
     from smad.cli.baselines import chosen_programme
 
@@ -58,7 +58,7 @@ def investigate(
     programme = chosen_programme(programme_folder, quick=False)
     require_same(folder, baseline.bench, "simulated" if sim else bench, baseline.programme,
                  programme, part=True)  # fmt: skip
-    place = next_open(folder, "investigation", "investigation.json", _over)
+    place = newest_open(folder, "investigation", _goes_on)
     before = len(list(place.glob("*.mcap")))
     with player(sim=sim, seed=seed + 1000 + before, effects=effects, bench=bench) as play:
         inquiry = Inquiry(
@@ -76,11 +76,12 @@ def investigate(
     _print(report, place, inquiry.spent_s(report))
 
 
-def _over(path: Path) -> bool:
-    """Whether an investigation has come to its end."""
+def _goes_on(folder: Path) -> bool:
+    """Whether an investigation was begun and has not come to its end."""
     from smad.checkup.inquiry import read_report
 
-    return bool(read_report(path).why_over)
+    report = folder / "investigation.json"
+    return report.exists() and not read_report(report).why_over
 
 
 def _print(report: Report, folder: Path, spent_s: float) -> None:

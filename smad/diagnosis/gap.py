@@ -104,9 +104,8 @@ class Measured:
     def of(cls, plant: PlantModel, runs: Sequence[GapRun], period_s: float) -> Measured:
         """The runs, each on a grid of `period_s` that begins with it."""
         played = tuple(Played.of(r, float(r.t_s[0] - r.dt_s), period_s) for r in runs)
-        channels, inputs = [c.name for c in plant.channels], [s.name for s in plant.inputs]
         found = [
-            binned(r, p.bins, channels, inputs, p.start_s, period_s=period_s)
+            binned(r, p.bins, plant, p.start_s, period_s)
             for r, p in zip(runs, played, strict=True)
         ]
         return cls(

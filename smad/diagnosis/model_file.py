@@ -12,17 +12,10 @@ from smad.diagnosis.verdict import Verdict
 
 @runtime_checkable
 class SavesModel(Protocol):
-    """A plant that can write a model file."""
+    """A plant that can write a model file, with what is uncertain of it where that is known."""
 
-    def save_model(self, point: ModelPoint, path: Path, note: str) -> None: ...
-
-
-@runtime_checkable
-class SavesUncertainty(Protocol):
-    """What such a plant has beside, if its model files say how uncertain their values are."""
-
-    def save_uncertain(
-        self, point: ModelPoint, uncertainty: Uncertainty, path: Path, note: str
+    def save_model(
+        self, point: ModelPoint, path: Path, note: str, uncertainty: Uncertainty | None = None
     ) -> None: ...
 
 
@@ -46,13 +39,3 @@ def apply(verdict: Verdict, path: Path, first: int | None = None) -> None:
             action="give a number of places that it lists",
         )
     path.write_text(verdict.models[most if first is None else first], "utf-8")
-
-
-def write_model(
-    plant: SavesModel, point: ModelPoint, uncertainty: Uncertainty | None, path: Path, note: str
-) -> None:
-    """Writes a model file, with what is uncertain of it where that is known and can be kept."""
-    if uncertainty is not None and isinstance(plant, SavesUncertainty):
-        plant.save_uncertain(point, uncertainty, path, note)
-    else:
-        plant.save_model(point, path, note)

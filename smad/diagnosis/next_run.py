@@ -11,7 +11,7 @@ import numpy as np
 from sim_device.plant.laws import joined
 from smad.diagnosis.answer import Answer
 from smad.diagnosis.data.played import Played, predictions
-from smad.diagnosis.plant import Array, ModelPoint, catalogue_of, performed
+from smad.diagnosis.plant import Array, Experimenter, ModelPoint
 from smad.diagnosis.search.told import side_words
 from smad.diagnosis.search.where import Fits, fits
 
@@ -51,10 +51,12 @@ def offers(
         points.append(ModelPoint(settler.gap.point.theta, base.effects,
                                  joined((*base.laws, *laws))))  # fmt: skip
         words.append(side_words(places[one.candidate.place], one.candidate.side))
-    out = []
-    for experiment in catalogue_of(plant):
+    out: list[Offer] = []
+    if not isinstance(plant, Experimenter):
+        return words, out
+    for experiment in plant.catalogue():
         progress(experiment.title)
-        run = performed(plant, experiment.name, replace(base, laws=()), 0)
+        run = plant.perform(experiment.name, replace(base, laws=()), 0)
         played = Played.of(run, float(run.t_s[0] - run.dt_s), settler.gap.played[0].period_s)
         told = [predictions(plant, point, [played])[0] / scale for point in points]
         out.append(

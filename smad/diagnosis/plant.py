@@ -200,17 +200,10 @@ class Traits:
     drift: Mapping[str, float] = field(default_factory=dict)
 
 
-@runtime_checkable
-class Varying(Protocol):
-    """What a plant has beside, if some of its parameters differ from run to run."""
-
-    @property
-    def traits(self) -> Traits: ...
-
-
 def traits_of(plant: PlantModel) -> Traits:
-    """The traits of a plant; none where it tells none."""
-    return plant.traits if isinstance(plant, Varying) else Traits()
+    """The `traits` of a plant; none where it tells none."""
+    traits: Traits = getattr(plant, "traits", Traits())
+    return traits
 
 
 @runtime_checkable
@@ -226,22 +219,6 @@ class Experimenter(Protocol):
         ...
 
 
-def catalogue_of(plant: PlantModel) -> Sequence[Experiment]:
-    """The experiments of a plant, none where it has no catalogue."""
-    return plant.catalogue() if isinstance(plant, Experimenter) else ()
-
-
-def performed(plant: PlantModel, experiment: str, point: ModelPoint, seed: int) -> GapRun:
-    """The run that the plant at `point` would give. Raises GapError without a catalogue."""
-    if not isinstance(plant, Experimenter):
-        raise GapError(
-            "the plant performs no experiments",
-            value=plant.name,
-            action="give it the methods `catalogue` and `perform`",
-        )
-    return plant.perform(experiment, point, seed)
-
-
 def nominal_point(plant: PlantModel) -> ModelPoint:
     """Every parameter at its nominal value, and no effect."""
     return ModelPoint({p.name: p.nominal for p in plant.parameters})
@@ -250,8 +227,3 @@ def nominal_point(plant: PlantModel) -> ModelPoint:
 def nominal_replay(run: GapRun, plant: PlantModel) -> dict[str, Array]:
     """What the nominal model predicts of a run, by channel, (n,) each."""
     return plant.simulate(nominal_point(plant), run, fast=True)
-
-
-def units(plant: PlantModel) -> dict[str, str]:
-    """Unit of each channel, by name."""
-    return {c.name: c.unit for c in plant.channels}

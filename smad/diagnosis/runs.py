@@ -81,6 +81,13 @@ class GapRun:
         """`valid`, or all True."""
         return np.ones(len(self.t_s), dtype=bool) if self.valid is None else self.valid
 
+    def at_start(self, channels: Iterable[str]) -> dict[str, float]:
+        """What these channels showed in the first second, by name, where they were measured."""
+        n = max(1, round(1.0 / max(self.dt_s, 1e-6)))
+        shown = {c: self.outputs[c][:n] for c in channels if c in self.outputs}
+        known = {c: v[np.isfinite(v)] for c, v in shown.items()}
+        return {c: float(np.median(v)) for c, v in known.items() if len(v)}
+
     def with_columns(
         self, inputs: Mapping[str, Array] | None = None, outputs: Mapping[str, Array] | None = None
     ) -> GapRun:

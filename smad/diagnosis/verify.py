@@ -41,7 +41,7 @@ def verified(plant: PlantModel, runs: Sequence[GapRun], model: ModelPoint) -> li
     scaled = np.zeros((2, 0))
     for i, c in enumerate(plant.channels):
         if c.name in floors and any(v[:, i].any() for v in measured.valid):
-            floor = floors[c.name].total
+            floor = floors[c.name]
             rows.append(_row(c.name, c.unit, floor, float(before[i]), float(after[i])))
             scaled = np.c_[scaled, [before[i] / floor, after[i] / floor]]
     together = np.sqrt((scaled**2).mean(axis=1))

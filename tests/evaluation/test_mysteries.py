@@ -52,8 +52,10 @@ class FakeWire:
         if command == "commission":
             baseline.mkdir(exist_ok=True)
             have = 1 if again else 0
-            about = About(SCHEMA, "quiz", "", "", have + int(options["--repeats"]), 1, {}, {},
-                          [], [])  # fmt: skip
+            about = About(
+                schema=SCHEMA, bench="quiz", programme="", plant="", degrees=1, theta={},
+                repeats=have + int(options["--repeats"]), effects={}, atoms=[], runs=[],
+            )  # fmt: skip
             (baseline / "baseline.json").write_bytes(msgspec.json.encode(about))
         else:
             folder = baseline / "investigation-1"

@@ -13,7 +13,6 @@ from smad.checkup.paired.reference import (
     RunReference,
     day_directions,
     input_spans,
-    start_values,
 )
 from smad.diagnosis.data.played import Played, predictions, scaled_signatures
 from smad.diagnosis.data.rows import (
@@ -36,7 +35,7 @@ SHARE = 0.05
 _LEAST_ROWS = 50
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Pair:
     """A run of now beside its reference. `share` of the programme's run was recorded; `carried`
     says that inputs differed and the model carried the difference over. `played` is what the model
@@ -167,14 +166,11 @@ def paired(
 
 def _pair(plant: PlantModel, reference: Reference, run: GapRun, then: RunReference) -> Pair:
     start = then.played.start_s + offset_s(run, then.played.whole)
-    now = binned(
-        run, then.played.bins, [c.name for c in plant.channels], [s.name for s in plant.inputs],
-        start,
-    )  # fmt: skip
+    now = binned(run, then.played.bins, plant, start)
     spans = input_spans(plant)
     now = without_other_end(now, then.inputs, spans)
     require_like_inputs(now, then.inputs, spans)
-    around = start_values(run, list(traits_of(plant).environment.values()))
+    around = run.at_start(traits_of(plant).environment.values())
     other = not same_inputs(now, then.inputs, spans)
     difference = now.values - then.mean
     played, base = then.played, then.base
@@ -187,8 +183,9 @@ def _pair(plant: PlantModel, reference: Reference, run: GapRun, then: RunReferen
     valid = now.valid & then.valid & now.covered[:, None]
     rows = rows_of(plant, reference, then, valid).carried(moved)
     return Pair(
-        run.name, then, difference, rows, now.share, other, around, played=played, base=base
-    )
+        now=run.name, reference=then, difference=difference, rows=rows, share=now.share,
+        carried=other, around=around, played=played, base=base,
+    )  # fmt: skip
 
 
 def rows_of(plant: PlantModel, reference: Reference, then: RunReference, valid: Mask) -> RunRows:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ from smad.diagnosis.runs import GapRun
 _CLOCK_SD_S = 0.004
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RunReference:
     """One run of a baseline: the mean of its repeats, carried to their mean surroundings.
 
@@ -52,7 +53,7 @@ class RunReference:
     signatures: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Reference:
     """Everything that a check-up needs of the good bench.
 
@@ -68,16 +69,8 @@ class Reference:
     responses: tuple[NDArray[np.float32], ...] = ()
 
 
-def start_values(run: GapRun, channels: Sequence[str]) -> dict[str, float]:
-    """What these channels showed in the first second, where they were measured."""
-    n = max(1, round(1.0 / max(run.dt_s, 1e-6)))
-    shown = {c: run.outputs[c][:n] for c in channels if c in run.outputs}
-    return {
-        c: float(np.median(v[np.isfinite(v)])) for c, v in shown.items() if np.isfinite(v).any()
-    }
-
-
 def input_spans(plant: PlantModel) -> Array:
+    """Width of the range of each input, (inputs,)."""
     return np.array([s.high - s.low for s in plant.inputs])
 
 
@@ -125,99 +118,87 @@ def regime_numbers(plant: PlantModel, run: GapRun, bins: int, start_s: float) ->
 def reference_from(
     plant: PlantModel,
     groups: Sequence[Sequence[GapRun]],
-    start: ModelPoint | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Reference:
     """The reference that good runs make: `groups` are the repeats of each run of the programme.
 
     Raises PairingError when the runs of a group do not have the same inputs.
     """
-    channels = [c.name for c in plant.channels]
-    inputs = [s.name for s in plant.inputs]
     least = np.array([max(c.quantum / 12**0.5, 0.5 * c.noise) for c in plant.channels])
-    laid = [_laid_out(plant, group, channels, inputs) for group in groups]
-    played = [p for p, _, _ in laid]
+    repeated = [_on_one_grid(plant, group) for group in groups]
+    played = [r.played for r in repeated]
     progress("reference model")
-    nominal = start or nominal_point(plant)
-    means = [_mean(repeats) for _, repeats, _ in laid]
+    means = [r.mean(r.values) for r in repeated]
     point = reference_point(
-        plant,
-        nominal,
-        played,
-        measured=[m for m, _, _ in means],
-        valid=[v for _, v, _ in means],
-        least=least,
-    )
+        plant, nominal_point(plant), played,
+        measured=[m for m, _ in means], valid=[n > 0 for _, n in means], least=least,
+    )  # fmt: skip
     progress("slopes of the parameters")
     J = slopes(plant, point, played)
     base = predictions(plant, point, played)
-    own, deviations, regimes = [], [], []
-    most = 1
-    for k, (p, repeats, around) in enumerate(laid):
-        middle = _middle(around)
-        moved = [
-            b.values - carried(plant, J[k], a, middle) for b, a in zip(repeats, around, strict=True)
-        ]
-        values, valid = np.array(moved), np.array([b.valid for b in repeats])
-        count = valid.sum(axis=0)
-        mean = (values * valid).sum(axis=0) / np.maximum(count, 1)
-        regime, n = regime_numbers(plant, groups[k][0], p.bins, p.start_s)
-        most = max(most, n)
-        inflate = np.sqrt(count / np.maximum(count - 1, 1))
-        deviations.append(
-            Deviations(
-                (values - mean) * inflate,
-                valid & (count > 1),
-                regime,
-                day_directions(plant, J[k], base[k]),
-            )
-        )
-        regimes.append(regime)
-        own.append((mean, count, middle))
-    floor = repeat_floor(deviations, most, least, usual_day(plant))
     atoms, found = signatures(plant, point, played, progress)
-    runs = tuple(
-        RunReference(
-            group[0].name, p, mean, count > 0, count, repeats[0], regime, middle,
-            base[k], J[k], found[k],
-        )
-        for k, (group, (p, repeats, _), (mean, count, middle), regime) in enumerate(
-            zip(groups, laid, own, regimes, strict=True)
-        )
+    runs: list[RunReference] = []
+    deviations: list[Deviations] = []
+    regimes = 1
+    for k, (group, r) in enumerate(zip(groups, repeated, strict=True)):
+        moved = np.array([carried(plant, J[k], around, r.middle) for around in r.around])
+        values = r.values - moved
+        mean, count = r.mean(values)
+        regime, own = regime_numbers(plant, group[0], r.played.bins, r.played.start_s)
+        regimes = max(regimes, own)
+        inflate = np.sqrt(count / np.maximum(count - 1, 1))
+        day = day_directions(plant, J[k], base[k])
+        deviations.append(Deviations((values - mean) * inflate, r.valid & (count > 1), regime, day))
+        runs.append(
+            RunReference(
+                name=group[0].name, played=r.played, mean=mean, valid=count > 0, count=count,
+                inputs=r.repeats[0], regime=regime, around=r.middle, base=base[k], slopes=J[k],
+                signatures=found[k],
+            )
+        )  # fmt: skip
+    return Reference(
+        runs=tuple(runs), point=point, floor=repeat_floor(deviations, regimes, least,
+        usual_day(plant)), atoms=tuple(atoms), repeats=min(len(g) for g in groups),
     )  # fmt: skip
-    return Reference(runs, point, floor, tuple(atoms), min(len(g) for g in groups))
 
 
-def _laid_out(
-    plant: PlantModel,
-    group: Sequence[GapRun],
-    channels: Sequence[str],
-    inputs: Sequence[str],
-) -> tuple[Played, list[Binned], list[dict[str, float]]]:
+@dataclass(frozen=True)
+class _Repeats:
+    """Repeats of one run on the grid of the first, each with what its surroundings showed."""
+
+    played: Played
+    repeats: list[Binned]
+    around: list[dict[str, float]]
+    middle: dict[str, float]
+
+    @cached_property
+    def values(self) -> Array:
+        """Readings, (repeats, bins, channels)."""
+        return np.array([b.values for b in self.repeats])
+
+    @cached_property
+    def valid(self) -> Mask:
+        """Which of them count."""
+        return np.array([b.valid for b in self.repeats])
+
+    def mean(self, values: Array) -> tuple[Array, Array]:
+        """Mean of such values where they count, and over how many, both (bins, channels)."""
+        count = self.valid.sum(axis=0)
+        return (values * self.valid).sum(axis=0) / np.maximum(count, 1), count
+
+
+def _on_one_grid(plant: PlantModel, group: Sequence[GapRun]) -> _Repeats:
     first = group[0]
     start_s = float(first.t_s[0] - first.dt_s)
-    around = [start_values(r, list(traits_of(plant).environment.values())) for r in group]
-    middle = _middle(around)
+    around = [r.at_start(traits_of(plant).environment.values()) for r in group]
+    shared = set.intersection(*(set(a) for a in around))
+    middle = {n: float(np.mean([a[n] for a in around])) for n in sorted(shared)}
     shown = {c: np.full(len(first.t_s), v) for c, v in middle.items()}
-    replayed = GapRun(first.name, first.t_s, first.inputs, shown)
-    played = Played.of(replayed, start_s)
-    spans = input_spans(plant)
-    out: list[Binned] = []
+    played = Played.of(GapRun(first.name, first.t_s, first.inputs, shown), start_s)
+    repeats: list[Binned] = []
     for run in group:
         start = start_s + offset_s(run, first)
-        b = binned(run, played.bins, channels, inputs, start)
-        if out:
-            require_like_inputs(b, out[0], spans)
-        out.append(b)
-    return played, out, around
-
-
-def _middle(around: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    names = set.intersection(*(set(a) for a in around)) if around else set()
-    return {n: float(np.mean([a[n] for a in around])) for n in sorted(names)}
-
-
-def _mean(repeats: Sequence[Binned]) -> tuple[Array, Mask, Array]:
-    values, valid = np.array([b.values for b in repeats]), np.array([b.valid for b in repeats])
-    count = valid.sum(axis=0)
-    return (values * valid).sum(axis=0) / np.maximum(count, 1), count > 0, count
+        repeats.append(binned(run, played.bins, plant, start))
+        if len(repeats) > 1:
+            require_like_inputs(repeats[-1], repeats[0], input_spans(plant))
+    return _Repeats(played, repeats, around, middle)

@@ -7,15 +7,15 @@ far nearer to it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
 from smad.diagnosis.data.grid import LEAST_PERIODS, Grid
+from smad.diagnosis.data.guards import without_repeats
 from smad.diagnosis.plant import Array, Channel, PlantModel, nominal_replay
-from smad.diagnosis.runs import GapRun, bridged
+from smad.diagnosis.runs import GapRun, bridged, distinctly_named
 from smad.diagnosis.verdict import Finding
 
 _LOST_SHARE, _SATURATED_SHARE = 0.2, 0.2
@@ -26,16 +26,15 @@ _HARDLY, _FOLLOWS = 0.3, 0.5
 """Correlations of changes from row to row: hardly related, and clearly."""
 
 
-class Say(Protocol):
-    """Notes a finding about the run at hand."""
-
-    def __call__(self, kind: str, text: str, *, refuses: bool = False) -> None: ...
+Say = Callable[..., None]
+"""Notes a finding about the run at hand: `kind`, `text`, and by name whether it `refuses` it."""
 
 
 @dataclass(frozen=True)
 class RunSet:
-    """The runs that are admitted (bad channels taken out), and every finding."""
+    """Runs that were given, those that are admitted (bad channels taken out), every finding."""
 
+    given: tuple[GapRun, ...]
     admitted: tuple[GapRun, ...]
     findings: tuple[Finding, ...]
 
@@ -53,18 +52,28 @@ def admit(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> RunSet:
         findings += found
         if not any(f.refuses for f in found):
             admitted.append(kept)
-    return RunSet(tuple(admitted), tuple(findings))
+    return RunSet(tuple(runs), tuple(admitted), tuple(findings))
 
 
-def in_common(groups: Sequence[RunSet]) -> list[RunSet]:
-    """The same groups of runs with those channels only that each group has.
+def admit_groups(
+    given: Mapping[str, Sequence[GapRun]], plant: PlantModel, period_s: float
+) -> dict[str, RunSet]:
+    """Each group of runs (fit, hold-out, good), in an order that does not depend on the one given.
 
-    What one group was fitted on could not be judged, or called unusual, on a group without it. A
-    group of no runs asks for nothing; a run whose last channel goes is refused.
+    Runs are told apart by name, no recording is in two places, and groups have those channels only
+    that each has: what one group was fitted on could not be judged, or called unusual, on a group
+    without it. A group of no runs asks for nothing; a run whose last channel goes is refused.
     """
-    having = [{c for r in a.admitted for c in r.outputs} for a in groups if a.admitted]
+    order = [sorted(group, key=lambda r: (r.digest, r.name)) for group in given.values()]
+    named = dict(zip(given, distinctly_named(order), strict=True))
+    once, repeats = without_repeats(named)
+    sets = {role: admit(once[role], plant, period_s) for role in named}
+    having = [{c for r in a.admitted for c in r.outputs} for a in sets.values() if a.admitted]
     common = set.intersection(*having) if having else set()
-    return [_only(a, common) for a in groups]
+    return {
+        role: _only(RunSet(tuple(named[role]), a.admitted, (*a.findings, *repeats[role])), common)
+        for role, a in sets.items()
+    }
 
 
 def _only(group: RunSet, channels: set[str]) -> RunSet:
@@ -79,7 +88,7 @@ def _only(group: RunSet, channels: set[str]) -> RunSet:
         else:
             text = "nothing it measured is in the runs to fit, the held out and the good ones alike"
             findings.append(Finding(run.name, "no channel", text, refuses=True))
-    return RunSet(tuple(admitted), tuple(findings))
+    return RunSet(group.given, tuple(admitted), tuple(findings))
 
 
 def _admit_one(run: GapRun, plant: PlantModel, period_s: float) -> tuple[GapRun, list[Finding]]:
@@ -226,7 +235,7 @@ def _check_against_model(
             refuses=True,
         )
     if not swapped:
-        apart, following = _unrelated(plant, measured, predicted, 0)
+        apart, following = _unrelated(plant, measured, predicted)
         if apart and following:
             say(
                 "channels do not follow",
@@ -262,7 +271,7 @@ def _swapped_twins(
 
 
 def _unrelated(
-    plant: PlantModel, measured: dict[str, Array], predicted: dict[str, Array], seed: int
+    plant: PlantModel, measured: dict[str, Array], predicted: dict[str, Array]
 ) -> tuple[list[str], list[str]]:
     """Channels that should move and do not follow the model, and those that clearly do.
 
@@ -270,7 +279,7 @@ def _unrelated(
     all together follow the model by chance only (hardly at all, or no better than the same
     prediction shifted in time), a channel must follow clearly.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     moving = []
     for channel in plant.channels:
         name = channel.name

@@ -25,7 +25,6 @@ class Grid:
     starts: Index
     weight: Array
     valid: Mask
-    t_s: Array
 
     @classmethod
     def of(cls, run: GapRun, period_s: float) -> Grid:
@@ -35,8 +34,7 @@ class Grid:
         good = run.good.astype(np.float64)
         size = np.add.reduceat(np.ones_like(good), starts)
         share = np.add.reduceat(good, starts) / size
-        t = np.add.reduceat(run.t_s, starts) / size
-        return cls(starts, good, share >= 0.5, t)
+        return cls(starts, good, share >= 0.5)
 
     def mean(self, columns: Array) -> Array:
         """Mean over the valid samples of each bin, along the last axis; 0 where it has none."""
@@ -53,23 +51,22 @@ class Grid:
         return out
 
 
-def thinned(run: GapRun, grid: Grid, pieces: int, period_s: float) -> tuple[GapRun, Grid]:
-    """The run with its samples averaged over a `pieces`-th of a bin, and the same bins over them.
+def thinned(run: GapRun, step_s: float) -> GapRun:
+    """The run with its samples averaged over `step_s`.
 
     A sample lies at the end of the time it stands for, so that what was applied during that time is
     in force up to it. Falls back to the run itself where it is sampled no finer than that.
     """
-    step = period_s / pieces
-    if run.dt_s > 0.7 * step or len(run.t_s) < 2:
-        return run, grid
-    piece = np.floor((run.t_s - run.t_s[0]) / step + 1e-6).astype(np.intp)
+    if run.dt_s > 0.7 * step_s or len(run.t_s) < 2:
+        return run
+    piece = np.floor((run.t_s - run.t_s[0]) / step_s + 1e-6).astype(np.intp)
     starts = np.flatnonzero(np.r_[True, np.diff(piece) > 0])
     size = np.diff(np.r_[starts, len(piece)]).astype(np.float64)
 
     def mean(column: Array) -> Array:
         return np.asarray(np.add.reduceat(np.asarray(column, np.float64), starts) / size)
 
-    thin = replace(
+    return replace(
         run,
         t_s=run.t_s[np.r_[starts[1:], len(piece)] - 1],
         inputs={k: mean(v) for k, v in run.inputs.items()},
@@ -77,6 +74,3 @@ def thinned(run: GapRun, grid: Grid, pieces: int, period_s: float) -> tuple[GapR
         valid=None if run.valid is None else np.logical_and.reduceat(run.valid, starts),
         whole=run,
     )
-    bins = np.searchsorted(grid.starts, starts, side="right")
-    firsts = np.flatnonzero(np.r_[True, np.diff(bins) > 0])
-    return thin, Grid(firsts, size, grid.valid, grid.t_s)

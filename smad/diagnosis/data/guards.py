@@ -34,13 +34,13 @@ _WHY_NOT = {
 
 def without_repeats(
     groups: Mapping[str, Sequence[GapRun]],
-) -> tuple[dict[str, list[GapRun]], list[Finding]]:
+) -> tuple[dict[str, list[GapRun]], dict[str, list[Finding]]]:
     """The groups (fit, hold-out, good) with each recording once, in the first that has it.
 
-    The second says what was left out; each of it is a refused run.
+    The second says of each group what was left out; each of it is a refused run.
     """
     kept: dict[str, list[GapRun]] = {role: [] for role in groups}
-    findings = []
+    findings: dict[str, list[Finding]] = {role: [] for role in groups}
     for role, runs in groups.items():
         for run in runs:
             earlier = next(
@@ -50,7 +50,7 @@ def without_repeats(
             if earlier is None:
                 kept[role].append(run)
             else:
-                findings.append(_repeated(run, role, *earlier))
+                findings[role].append(_repeated(run, role, *earlier))
     return kept, findings
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,26 +18,6 @@ _BANDS = 8
 """Equal parts of a channel's spectrum."""
 
 
-@dataclass(frozen=True, slots=True)
-class Floor:
-    """Noise of one channel on the analysis grid, in channel units.
-
-    `source` is "rest", "differences" or "assumed". `rho` is the correlation between neighbouring
-    rows. `resolution` is what a simulator is not trusted below.
-    """
-
-    channel: str
-    sigma: float
-    rho: float
-    source: str
-    resolution: float = 0.0
-
-    @property
-    def total(self) -> float:
-        """Noise and resolution in quadrature: what a residual is measured by."""
-        return float(np.hypot(self.sigma, self.resolution))
-
-
 def _stretches(mask: Mask) -> list[slice]:
     edges = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(int)))
     return [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
@@ -49,7 +28,7 @@ def _detrended(y: Array) -> Array:
     return y - np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyfit(t, y, 2))
 
 
-def rest_residuals(
+def _rest_residuals(
     runs: Sequence[GapRun], grids: Sequence[Grid], plant: PlantModel, channel: Channel
 ) -> list[Array]:
     """Detrended rest stretches of one channel, on the grid."""
@@ -100,8 +79,12 @@ def _third_differences(courses: Sequence[Array]) -> float:
     return float(np.quantile(joined, 0.25) / 0.3186 / np.sqrt(20.0)) if len(joined) else 0.0
 
 
-def estimate_floors(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> dict[str, Floor]:
-    """Floor of every channel that some run has, by channel name."""
+def estimate_floors(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> dict[str, float]:
+    """Return what a residual of each channel that some run has is measured by, in its unit.
+
+    The noise of one row of `period_s`, and the resolution that no simulator is trusted below, in
+    quadrature. Noise is at least that of the quantum; by name of the channel.
+    """
     grids = [Grid.of(run, period_s) for run in runs]
     floors = {}
     for channel in plant.channels:
@@ -109,28 +92,20 @@ def estimate_floors(runs: Sequence[GapRun], plant: PlantModel, period_s: float) 
         if not any(name in run.outputs for run in runs):
             continue
         least = float(channel.quantum / np.sqrt(12.0))
-        rest = rest_residuals(runs, grids, plant, channel)
+        rest = _rest_residuals(runs, grids, plant, channel)
         rows = sum(len(y) for y in rest)
-        rho = 0.0
         if rows >= _MIN_REST_ROWS:
             # Three coefficients were fitted to each stretch.
             freedom = max(rows - 3 * len(rest), 1) / rows
             # By the median, since a lost contact or a late edge is not noise.
             middle = float(np.median(np.abs(np.concatenate(rest))))
             sigma = middle / 0.6745 / float(np.sqrt(freedom))
-            cut = [np.clip(y, -4 * sigma, 4 * sigma) for y in rest]
-            power = sum(float(y @ y) for y in cut)
-            lagged = sum(float(y[1:] @ y[:-1]) for y in cut)
-            rho = float(np.clip(lagged / power, 0.0, 0.95)) if power > 0 else 0.0
-            source = "rest"
         else:
-            sigma, source = _difference_sigma(runs, grids, name), "differences"
-        if sigma < least:
-            rho = 0.0
+            sigma = _difference_sigma(runs, grids, name)
         if sigma <= 0.0 and least == 0.0:
-            sigma, source = channel.noise, "assumed"
+            sigma = channel.noise
         resolution = _RESOLUTION * _excursion(runs, name)
-        floors[name] = Floor(name, max(sigma, least), rho, source, resolution)
+        floors[name] = float(np.hypot(max(sigma, least), resolution))
     return floors
 
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from smad.diagnosis.data.grid import PERIOD_S, Grid, thinned
-from smad.diagnosis.data.rows import prediction
+from smad.diagnosis.data.grid import PERIOD_S, thinned
+from smad.diagnosis.data.rows import bin_numbers
 from smad.diagnosis.plant import Array, Effect, Mask, ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
 
@@ -51,8 +51,15 @@ class Played:
         A row is replayed in so many `pieces`.
         """
         bins = int(np.floor((run.t_s[-1] - start_s) / period_s + 1e-6))
-        thin, _ = thinned(run, Grid.of(run, period_s), pieces, period_s)
-        return cls(thin, max(bins, 1), start_s, period_s)
+        return cls(thinned(run, period_s / pieces), max(bins, 1), start_s, period_s)
+
+    def means(self, series: Array) -> Array:
+        """Means of series over its samples (m, n) in each bin, (m, bins)."""
+        at = bin_numbers(self.run, self.start_s, self.period_s)
+        inside = (at >= 0) & (at < self.bins)
+        count = np.maximum(np.bincount(at[inside], minlength=self.bins), 1)
+        sums = [np.bincount(at[inside], s[inside], minlength=self.bins) for s in series]
+        return np.array(sums) / count
 
     @property
     def coarse(self) -> Played:
@@ -75,8 +82,13 @@ class Atom:
 
 
 def predictions(plant: PlantModel, point: ModelPoint, runs: Sequence[Played]) -> list[Array]:
-    """Predictions of all runs, each (bins, channels)."""
-    return [prediction(plant, point, p.run, p.bins, p.start_s, period_s=p.period_s) for p in runs]
+    """Predictions of all runs, each (bins, channels); NaN where the model cannot run."""
+    out = []
+    for played in runs:
+        found = plant.simulate(point, played.run, fast=True)
+        series = np.stack([found[c.name] for c in plant.channels])
+        out.append(np.ascontiguousarray(played.means(series).T))
+    return out
 
 
 def finite(values: Sequence[Array]) -> bool:

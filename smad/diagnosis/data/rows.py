@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 
 from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.errors import PairingError
-from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel
+from smad.diagnosis.plant import Array, Mask, PlantModel
 from smad.diagnosis.runs import GapRun
 
 _EDGE = 0.05
@@ -87,13 +86,7 @@ def _whole_bin(dt_s: float, period_s: float) -> float:
 
 
 def binned(
-    run: GapRun,
-    bins: int,
-    channels: Sequence[str],
-    inputs: Sequence[str],
-    start_s: float,
-    *,
-    period_s: float = PERIOD_S,
+    run: GapRun, bins: int, plant: PlantModel, start_s: float, period_s: float = PERIOD_S
 ) -> Binned:
     """The run in `bins` bins of the grid that begins at `start_s` of its own clock."""
     at = bin_numbers(run, start_s, period_s)
@@ -108,38 +101,18 @@ def binned(
         return total / np.maximum(count, 1), count >= whole
 
     everything = np.ones(len(run.t_s), dtype=bool)
-    values, valid = np.zeros((bins, len(channels))), np.zeros((bins, len(channels)), dtype=bool)
-    for c, name in enumerate(channels):
-        if name in run.outputs:
-            values[:, c], valid[:, c] = mean(np.asarray(run.outputs[name], float), run.good)
-    applied = np.zeros((bins, len(inputs)))
-    for i, name in enumerate(inputs):
-        if name in run.inputs:
-            applied[:, i] = mean(np.asarray(run.inputs[name], float), everything)[0]
+    values = np.zeros((bins, len(plant.channels)))
+    valid = np.zeros(values.shape, dtype=bool)
+    for c, channel in enumerate(plant.channels):
+        if channel.name in run.outputs:
+            y = np.asarray(run.outputs[channel.name], float)
+            values[:, c], valid[:, c] = mean(y, run.good)
+    applied = np.zeros((bins, len(plant.inputs)))
+    for i, signal in enumerate(plant.inputs):
+        if signal.name in run.inputs:
+            applied[:, i] = mean(np.asarray(run.inputs[signal.name], float), everything)[0]
     covered = np.bincount(at, minlength=bins) >= whole
     return Binned(run.name, values, valid, applied, covered)
-
-
-def prediction(
-    plant: PlantModel,
-    point: ModelPoint,
-    run: GapRun,
-    bins: int,
-    start_s: float,
-    *,
-    period_s: float = PERIOD_S,
-) -> Array:
-    """The open-loop prediction of a run on the grid; shape (bins, channels). NaN if it fails."""
-    found = plant.simulate(point, run, fast=True)
-    at = bin_numbers(run, start_s, period_s)
-    inside = (at >= 0) & (at < bins)
-    count = np.maximum(np.bincount(at[inside], minlength=bins), 1)
-    return np.column_stack(
-        [
-            np.bincount(at[inside], found[c.name][inside], minlength=bins) / count
-            for c in plant.channels
-        ]
-    )
 
 
 def input_difference(now: Binned, reference: Binned, spans: Array) -> Array:

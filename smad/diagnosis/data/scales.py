@@ -29,7 +29,7 @@ def row_length_s(runs: Sequence[GapRun], plant: PlantModel) -> float:
     if usual is None:
         return PERIOD_S
     sample_s = float(np.median([r.dt_s for r in runs]))
-    row_s = 2.0 * _rounded(usual / _ROWS / 2.0)
+    row_s = 2.0 * float(10.0 ** np.floor(np.log10(usual / _ROWS / 2.0)))
     return row_s if row_s > _FEWEST * sample_s else sample_s
 
 
@@ -61,8 +61,3 @@ def _time_s(run: GapRun, channel: str) -> float:
         return 0.0
     below = np.flatnonzero(products[1:] < products[1] / np.e)
     return float(below[0] + 1 if len(below) else len(products)) * run.dt_s
-
-
-def _rounded(period_s: float) -> float:
-    """The power of ten below."""
-    return float(10.0 ** np.floor(np.log10(period_s)))

@@ -55,7 +55,6 @@ class BarePlaces:
                 scale=max(c.quantum, c.noise, 1e-3 * (c.high - c.low)),
                 sides=(BOTH,),
                 states=tuple(states),
-                channels={BOTH: (c.name,)},
                 reading=True,
             )
             for c in self.plain.channels
@@ -68,7 +67,6 @@ class BarePlaces:
                 scale=0.03 * (s.high - s.low),
                 sides=(BOTH,),
                 states=tuple(states),
-                channels={BOTH: tuple(c.name for c in self.plain.channels)},
             )
             for s in self.plain.inputs
         ]

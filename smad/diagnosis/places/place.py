@@ -23,9 +23,8 @@ class Place:
     """A place where an equation of a model can be wrong.
 
     unit: of the forcing. scale: a typical size in it. sides: single ones that can be forced.
-    states: those that a law here may depend on. channels: measured channels that it touches
-    directly, by side. reading: the forcing adds to one channel and nothing else, times `gain` in
-    that channel's unit, so that its response needs no replay.
+    states: those that a law here may depend on. reading: the forcing adds to one channel and
+    nothing else, so that a single replay tells the response to any of it.
     """
 
     name: str
@@ -34,9 +33,7 @@ class Place:
     scale: float
     sides: tuple[str, ...]
     states: tuple[str, ...]
-    channels: Mapping[str, tuple[str, ...]]
     reading: bool = False
-    gain: float = 1.0
 
 
 @runtime_checkable

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +18,6 @@ from numpy.typing import NDArray
 from sim_device.plant.errors import PlantError
 from sim_device.plant.laws import Law, Term, basis, terms_over
 from smad.diagnosis.data.played import Played, finite
-from smad.diagnosis.data.rows import bin_numbers
 from smad.diagnosis.numerics.folds import Array, Index
 from smad.diagnosis.places.bare import BarePlaces
 from smad.diagnosis.places.candidate import Candidate
@@ -27,23 +28,23 @@ Singles = NDArray[np.float32]
 _WANDERING = ("constant", "time")
 
 
-Space = tuple[tuple[Law, ...], tuple[range, ...]]
-"""Candidate laws of every place, and where the terms of each stand."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Responses:
     """Responses of every term, a term at the place's scale.
 
-    `laws` have the candidate terms of each place and single side, `columns` where they stand,
-    `scales` what one of their coefficients is in the unit of the place. `runs` has one array a run,
-    (terms, bins, channels).
+    `laws` have the candidate terms of each place and single side, `scales` what one of their
+    coefficients is in the unit of the place. `runs` has one array a run, (terms, bins, channels).
     """
 
     laws: tuple[Law, ...]
-    columns: tuple[range, ...]
     scales: Mapping[str, float]
     runs: tuple[Singles, ...]
+
+    @cached_property
+    def columns(self) -> tuple[range, ...]:
+        """Where the terms of each law stand."""
+        stops = accumulate(len(law.terms) for law in self.laws)
+        return tuple(range(b - len(x.terms), b) for x, b in zip(self.laws, stops, strict=True))
 
     def candidates(self) -> list[Candidate]:
         """Each place on each of its sides, and on both where it has two."""
@@ -104,8 +105,10 @@ class Responses:
         return tuple(out)
 
 
-def candidate_laws(plant: PlacesPlant, point: ModelPoint, runs: Sequence[Played]) -> Space:
-    """Lines, signs and lags of every place over the runs' states, and where each law's stand.
+def candidate_laws(
+    plant: PlacesPlant, point: ModelPoint, runs: Sequence[Played]
+) -> tuple[Law, ...]:
+    """Lines, signs and lags of every place over the runs' states.
 
     Bends and products would cost five times the replays: bends are asked of plants without places
     of their own, which have few.
@@ -114,8 +117,6 @@ def candidate_laws(plant: PlacesPlant, point: ModelPoint, runs: Sequence[Played]
     bare = isinstance(plant, BarePlaces)
     signed = tuple(n for n in plant.places[0].states if n.endswith("_rate")) if bare else None
     laws: list[Law] = []
-    columns: list[range] = []
-    count = 0
     for place in plant.places:
         for side in place.sides:
             support = _support(plant, place, side, states)
@@ -124,9 +125,7 @@ def candidate_laws(plant: PlacesPlant, point: ModelPoint, runs: Sequence[Played]
                 signed=("velocity",) if signed is None else signed,
             )  # fmt: skip
             laws.append(Law(place.name, side, terms))
-            columns.append(range(count, count + len(terms)))
-            count += len(terms)
-    return tuple(laws), tuple(columns)
+    return tuple(laws)
 
 
 def _support(
@@ -155,26 +154,24 @@ def responses(
     runs: Sequence[Played],
     *,
     known: Sequence[Singles] | None = None,
-    space: Space | None = None,
+    space: tuple[Law, ...] | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Responses:
     """Responses of all places at `point`. Terms that the model cannot replay have response 0.
 
-    `known` are the arrays of an earlier call for the same runs, from which nothing is replayed.
-    Raises ValueError where they do not fit.
+    `space` are the laws whose terms these are, `known` the arrays of an earlier call for the same
+    runs, from which nothing is replayed. Raises ValueError where they do not fit.
     """
-    laws, columns = space or candidate_laws(plant, point, runs)
-    scales = {place.name: place.scale for place in plant.places}
-    count = columns[-1].stop if columns else 0
-    if known is not None:
-        if any(len(k) != count for k in known):
-            raise ValueError(f"responses of {len(known[0])} terms; the laws have {count}")
-        return Responses(laws=laws, columns=columns, scales=scales, runs=tuple(known))
-    found = []
-    for played in runs:
+    laws = space or candidate_laws(plant, point, runs)
+    count = sum(len(law.terms) for law in laws)
+    if known is not None and any(len(k) != count for k in known):
+        raise ValueError(f"responses of {len(known[0])} terms; the laws have {count}")
+    found = list(known or ())
+    for played in runs[len(found) :]:
         progress(f"responses of the places: {played.whole.name}")
         found.append(_Replayed(plant, point, played.coarse).responses(laws, count))
-    return Responses(laws=laws, columns=columns, scales=scales, runs=tuple(found))
+    scales = {place.name: place.scale for place in plant.places}
+    return Responses(laws=laws, scales=scales, runs=tuple(found))
 
 
 @dataclass(frozen=True)
@@ -207,7 +204,7 @@ class _Replayed:
         """The forced prediction on the grid, (bins, channels)."""
         outputs = self.plant.forced(self.point, self.played.run, forcing, fast=True)
         series = np.stack([outputs[c.name] for c in self.plant.channels])
-        return _means(series, self.played).T
+        return self.played.means(series).T
 
     def _of_place(self, key: tuple[str, str], forcing: Array, base: Array) -> Array:
         """What each column of `forcing` (n, k) changes, (k, bins, channels), a replay for each."""
@@ -224,20 +221,10 @@ class _Replayed:
     def _of_reading(self, key: tuple[str, str], forcing: Array, base: Array) -> Array:
         """The same for a place of a reading, by what a constant of 1 does there."""
         share = np.median(self.readings({key: np.ones(len(forcing))}) - base, axis=0)
-        means = _means(forcing.T, self.played)
+        means = self.played.means(forcing.T)
         return np.asarray(means[:, :, None] * share)
 
 
 def _later(values: Array) -> Array:
     """Values of a law at samples as the forcing of the sample that follows."""
     return np.concatenate([values[:1], values[:-1]])
-
-
-def _means(series: Array, played: Played) -> Array:
-    """Means of series (m, n) in each bin, (m, bins)."""
-    at = bin_numbers(played.run, played.start_s, played.period_s)
-    inside = (at >= 0) & (at < played.bins)
-    count = np.maximum(np.bincount(at[inside], minlength=played.bins), 1)
-    return np.array(
-        [np.bincount(at[inside], s[inside], minlength=played.bins) / count for s in series]
-    )

@@ -46,26 +46,24 @@ class At:
 
 @dataclass(frozen=True, slots=True)
 class Timeline:
-    """One experiment: what it separates is in the title."""
+    """One experiment: what it separates is in the title.
+
+    `make` draws commands that follow each other from `start_s` on, idle after the last.
+    """
 
     name: str
     title: str
     duration_s: float
-    make: Callable[[np.random.Generator], Sequence[At]]
+    make: Callable[[np.random.Generator], Sequence[Part]]
+    start_s: float = REST_S
 
     def commands(self, seed: int) -> list[At]:
         """The commands in the order of their times; `seed` draws what is random."""
-        rng = np.random.default_rng([seed, *self.name.encode()])
-        return sorted(self.make(rng), key=lambda at: at.t_s)
-
-
-def _sequence(*parts: Part, start: float = REST_S) -> list[At]:
-    """Commands one after the other, each with its duration; idle after the last."""
-    out, t = [], start
-    for duration, command in parts:
-        out.append(At(t, command))
-        t += duration
-    return [*out, At(t, Idle())]
+        out, t_s = [], self.start_s
+        for duration_s, command in self.make(np.random.default_rng([seed, *self.name.encode()])):
+            out.append(At(t_s, command))
+            t_s += duration_s
+        return [*out, At(t_s, Idle())] if t_s < self.duration_s else out
 
 
 def _current(x: float = 0.0, y: float = 0.0, px: float = 0.0, py: float = 0.0) -> DriveCurrent:
@@ -76,7 +74,7 @@ def _follow(*pieces: Step | Ramp | Sine | RandomLevels | Staircase) -> Follow:
     return Follow(trajectories=pieces)
 
 
-def _pulses(rng: np.random.Generator) -> Sequence[At]:
+def _pulses(rng: np.random.Generator) -> Sequence[Part]:
     """Open-loop pulses of heat and water on both sides, with rests between."""
     parts: list[Part] = []
     t = REST_S
@@ -89,45 +87,46 @@ def _pulses(rng: np.random.Generator) -> Sequence[At]:
         off = _current(px=duty) if x_side else _current(py=duty)
         parts += [(hold, on), (rest, Idle()), (cool, off)]
         t += hold + rest + cool
-    return _sequence(*parts)
+    return parts
 
 
-def _levels(amplitude: float, dwell: float, rng: np.random.Generator) -> Sequence[At]:
+def _levels(amplitude: float, dwell: float, rng: np.random.Generator) -> Sequence[Part]:
     seed = int(rng.integers(2**31))
     piece = RandomLevels(amplitude_mm=amplitude, levels=60, dwell_s=dwell, seed=seed)
-    return _sequence((61.0, _follow(piece)))
+    return [(61.0, _follow(piece))]
 
 
-def _sines(rng: np.random.Generator) -> Sequence[At]:
+def _sines(rng: np.random.Generator) -> Sequence[Part]:
     ranges = (((1.5, 3), (6, 9), 4), ((4, 7), (14, 20), 3))
-    return _sequence((61.0, _follow(*(
+    return [(61.0, _follow(*(
         Sine(
             amplitude_mm=float(rng.uniform(*amplitude)),
             period_s=float(rng.uniform(*period)),
             cycles=cycles,
         )
         for amplitude, period, cycles in ranges
-    ))))  # fmt: skip
+    )))]  # fmt: skip
 
 
-def _stairs(rng: np.random.Generator) -> Sequence[At]:
+def _stairs(rng: np.random.Generator) -> Sequence[Part]:
     step = float(rng.uniform(1.2, 2.2)) * (1 if rng.random() < 0.5 else -1)
-    return _sequence((61.0, _follow(*(
+    return [(61.0, _follow(*(
         Staircase(step_mm=mm, steps=4, dwell_s=3.5, there_and_back=True) for mm in (step, -step)
-    ))))  # fmt: skip
+    )))]  # fmt: skip
 
 
-def _mixed(rng: np.random.Generator) -> Sequence[At]:
-    return [*_sequence((22.0, _wave(3.0, period_s=7.0))), *_sequence(
+def _mixed(rng: np.random.Generator) -> Sequence[Part]:
+    return [
+        (22.0, _wave(3.0, period_s=7.0)), (5.0, Idle()),
         (3.0, _current(x=float(rng.uniform(2, 3.5)))), (4.0, Idle()), (4.0, _current(px=1.0)),
         (3.0, _current(y=float(rng.uniform(2, 3.5)))), (4.0, _current(py=0.6)), (5.0, Idle()),
-        start=31.0,
-    )]  # fmt: skip
+    ]  # fmt: skip
 
 
-def _fixed(name: str, title: str, duration_s: float, *commands: At) -> Timeline:
+def _fixed(name: str, title: str, duration_s: float, *parts: Part, start_s: float = REST_S
+           ) -> Timeline:  # fmt: skip
     """A timeline in which nothing is random."""
-    return Timeline(name, title, duration_s, lambda rng: commands)
+    return Timeline(name, title, duration_s, lambda rng: parts, start_s)
 
 
 def _cycles(of: Callable[[float], Sequence[Part]], values: Iterable[float]) -> list[Part]:
@@ -158,50 +157,49 @@ ROUTINE: tuple[Timeline, ...] = (
 """Everyday runs. The first families are for fitting, the last for holding out."""
 
 CATALOGUE: tuple[Timeline, ...] = (
-    _fixed("pump widths", "pump pulses of many widths on a warm spring", 60.0, *_sequence(
+    _fixed("pump widths", "pump pulses of many widths on a warm spring", 60.0,
         *_cycles(lambda width: [(3.2, _current(x=3.2)), (width, _current(px=1.0)), (2.5, Idle())],
                  (0.2, 0.4, 0.8, 1.6, 3.2)),
-        (3.0, _current(y=3.2)), (2.0, _current(py=0.5)), (3.0, Idle()))),
-    _fixed("current stairs", "current staircases against water", 65.0, *_sequence(
+        (3.0, _current(y=3.2)), (2.0, _current(py=0.5)), (3.0, Idle())),
+    _fixed("current stairs", "current staircases against water", 65.0,
         *((2.5, _current(x=i, px=0.5)) for i in _STAIRS_A), (6.0, _current(px=1.0)),
-        *((2.5, _current(y=i, py=0.5)) for i in _STAIRS_A), (6.0, _current(py=1.0)))),
+        *((2.5, _current(y=i, py=0.5)) for i in _STAIRS_A), (6.0, _current(py=1.0))),
     _fixed("edges", "equal short edges at start and end", 75.0,
-        *_sequence(*_EDGES, (12.0, _WASH)),
-        *_sequence(*_EDGES, start=60.0)[:-1], At(64.0, _WASH)),
-    _fixed("two rates", "temperature ramps at two rates", 70.0, *_sequence(
+        *_EDGES, (12.0, _WASH), (40.0, Idle()), *_EDGES, (11.0, _WASH)),
+    _fixed("two rates", "temperature ramps at two rates", 70.0,
         (28.0, _ramp_x(1.0)), (12.0, _current(px=1.0)),
-        (8.0, _ramp_x(6.0)), (14.0, _current(px=1.0)))),
+        (8.0, _ramp_x(6.0)), (14.0, _current(px=1.0))),
     # One side after the other.
-    _fixed("slow sweep", "low current through the transformation and back", 75.0, *_sequence(
+    _fixed("slow sweep", "low current through the transformation and back", 75.0,
         (24.0, _current(x=1.8)), (18.0, _current(x=0.3, px=0.15)),
-        (14.0, _current(y=2.2)), (12.0, _current(y=0.3, py=0.2)))),
+        (14.0, _current(y=2.2)), (12.0, _current(y=0.3, py=0.2))),
     # Small reversals, then the same with both springs warm, at a higher preload.
-    _fixed("two preloads", "reversals at two preloads", 75.0, *_sequence(
+    _fixed("two preloads", "reversals at two preloads", 75.0,
         (25.0, _wave(1.5)), (6.0, _WASH), (4.0, _current(x=2.6, y=2.6)), (3.0, Idle()),
-        *[(3.0, _current(x=3.0, py=0.6)), (3.0, _current(y=3.0, px=0.6))] * 3, (6.0, _WASH))),
+        *[(3.0, _current(x=3.0, py=0.6)), (3.0, _current(y=3.0, px=0.6))] * 3, (6.0, _WASH)),
     # First-order reversal curves.
-    _fixed("reversal curves", "partial cycles of growing depth", 60.0, *_sequence(
+    _fixed("reversal curves", "partial cycles of growing depth", 60.0,
         *_cycles(lambda heat: [(heat, _current(x=3.4)), (2.5, _current(px=0.5)),
                                (heat, _current(x=3.4)), (5.0, _current(px=1.0))],
-                 (1.5, 2.0, 2.5, 3.0)))),
+                 (1.5, 2.0, 2.5, 3.0))),
     # Plateaus, drift, cooling in air.
-    _fixed("isotherm", "warm up, then rest", 70.0, *_sequence(
+    _fixed("isotherm", "warm up, then rest", 70.0,
         (3.2, _current(x=3.6)), (24.0, Idle()), (3.2, _current(y=3.6)), (24.0, Idle()),
-        (6.0, _WASH))),
+        (6.0, _WASH)),
     # Y must not notice more than the tendon.
-    _fixed("one side", "one side driven, the other idle", 60.0, *_sequence(
+    _fixed("one side", "one side driven, the other idle", 60.0,
         *_cycles(lambda _: [(3.0, _current(x=3.2)), (3.0, _current(px=1.0)), (3.0, Idle())],
-                 range(6)))),
+                 range(6))),
     # The first cycle against the last.
-    _fixed("repeats", "the same cycle many times", 75.0, *_sequence(
-        *[(2.6, _current(x=3.6)), (3.6, _current(px=1.0))] * 11)),
+    _fixed("repeats", "the same cycle many times", 75.0,
+        *[(2.6, _current(x=3.6)), (3.6, _current(px=1.0))] * 11),
     _fixed("dry and wet", "the same motion without and with water", 75.0,
-        At(0.5, Tune(cooling="off")), *_sequence((25.0, _wave(2.0))), At(30.0, _WASH),
-        At(38.0, Tune(cooling="switch")), *_sequence((25.0, _wave(2.0)), start=39.0)),
+        (3.5, Tune(cooling="off")), (25.0, _wave(2.0)), (1.0, Idle()), (8.0, _WASH),
+        (1.0, Tune(cooling="switch")), (25.0, _wave(2.0)), start_s=0.5),
     # Held at both ends, then let go: creep, slack, near-zero force.
-    _fixed("long holds", "long holds at both ends", 65.0, *_sequence(
+    _fixed("long holds", "long holds at both ends", 65.0,
         (22.0, _follow(Step(displacement_mm=6.0, duration_s=22.0))),
-        (22.0, _follow(Step(displacement_mm=-6.0, duration_s=22.0))), (10.0, _WASH))),
+        (22.0, _follow(Step(displacement_mm=-6.0, duration_s=22.0))), (10.0, _WASH)),
 )  # fmt: skip
 """Experiments to tell confused causes apart."""
 

@@ -31,10 +31,8 @@ from smad.diagnosis.plant import (
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import catalogue, signals
 from smad.diagnosis.spring_pair.places import places_of_pair, state_words
-from smad.diagnosis.spring_pair.recent import Recent
 from smad.diagnosis.spring_pair.recorded import recorded
-from smad.diagnosis.spring_pair.replays import GivenPoint, GivenRun, OneReplay
-from smad.diagnosis.spring_pair.traits import TRAITS
+from smad.diagnosis.spring_pair.replays import GivenPoint, GivenRun, OneReplay, Recent
 
 _POINTS = 64
 _RUNS = 64
@@ -96,7 +94,7 @@ class SmaPlant:
     only: tuple[str, ...] | None = None
 
     name = "spring pair"
-    traits = TRAITS
+    traits = signals.TRAITS
     inputs = signals.INPUTS
     channels = signals.CHANNELS
     regimes = staticmethod(signals.regimes)
@@ -224,18 +222,32 @@ class SmaPlant:
         edge = 1e-9 * taut
         return values | {"initial_force": float(np.clip(force, loose + edge, taut - edge))}
 
-    def save_model(self, point: ModelPoint, path: Path, note: str) -> None:
+    def save_model(
+        self, point: ModelPoint, path: Path, note: str, uncertainty: Uncertainty | None = None
+    ) -> None:
         """Writes the model file that the simulated device and the replay load.
 
-        It carries every parameter that differs from the built-in set A, so that it stands alone.
+        It carries every parameter that differs from the built-in set A, so that it stands alone,
+        and the covariance of what it has.
         """
-        self._save(point, None, path, note)
+        from sim_device.plant.models import save_model
 
-    def save_uncertain(
-        self, point: ModelPoint, uncertainty: Uncertainty, path: Path, note: str
-    ) -> None:
-        """As `save_model`, with the covariance of what the file has."""
-        self._save(point, self._covariance(point, uncertainty), path, note)
+        base, own = load_parameters("A"), self.set_of(point.theta)
+        save_model(
+            path,
+            base="A",
+            variant=self.variant,
+            overrides={n: own[n] for n in own.names if own[n] != base[n]},
+            effects=self.acting(point),
+            mounting={
+                key: point.theta[name]
+                for name, key in _KEPT_APART.items()
+                if point.theta.get(name, 0.0) != 0.0
+            },
+            laws=point.laws,
+            covariance=None if uncertainty is None else self._covariance(point, uncertainty),
+            note=note,
+        )
 
     def _covariance(self, point: ModelPoint, uncertainty: Uncertainty) -> Covariance:
         """The covariance in a model file's names: there the flow of a side is an effect's share."""
@@ -254,28 +266,6 @@ class SmaPlant:
         moves = np.array(list(rows.values()))
         matrix = moves @ uncertainty.covariance @ moves.T
         return Covariance(tuple(rows), 0.5 * (matrix + matrix.T))
-
-    def _save(
-        self, point: ModelPoint, covariance: Covariance | None, path: Path, note: str
-    ) -> None:
-        from sim_device.plant.models import save_model
-
-        base, own = load_parameters("A"), self.set_of(point.theta)
-        save_model(
-            path,
-            base="A",
-            variant=self.variant,
-            overrides={n: own[n] for n in own.names if own[n] != base[n]},
-            effects=self.acting(point),
-            mounting={
-                key: point.theta[name]
-                for name, key in _KEPT_APART.items()
-                if point.theta.get(name, 0.0) != 0.0
-            },
-            laws=point.laws,
-            covariance=covariance,
-            note=note,
-        )
 
     def load_model(self, path: Path) -> ModelPoint:
         """The point of this plant that a model file holds.

@@ -1,14 +1,13 @@
 """Replays of a recorded run by a model point of the spring pair.
 
 A fit replays a run thousands of times, and a point on every run: what depends on one of the two
-only is worked out once (`GivenRun`, `GivenPoint`).
+only is worked out once (`GivenRun`, `GivenPoint`), and kept for as long as it is likely asked for.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import cached_property
-from typing import Protocol
+from collections.abc import Callable, Mapping
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -19,13 +18,9 @@ from sim_device.plant.setup import Setup
 from smad.diagnosis.places.place import Forcing
 from smad.diagnosis.plant import Array, EffectValues, ModelPoint
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.spring_pair.signals import means_over_pieces
+from smad.diagnosis.spring_pair.signals import TRAITS, means_over_pieces
 
 _ZERO_C = 273.15
-_ENVIRONMENT = {
-    "water_temperature": "rtd_inlet_degC",
-    "ambient_temperature": "rtd_ambient_degC",
-}
 _OPTIONS = {"fixture": "antagonistic", "cooling": "water"}
 # Two steps a sample at 100 Hz, jittered ones too. One is too few for a current that chatters.
 _STEP_S = 6e-3
@@ -34,6 +29,41 @@ _RETRIES = (1.0, 0.5, 0.2)
 """Shares of the step: on a kink of the kinetics the kernel may find no solution in one of them."""
 _READINGS = ("rtd_x_degC", "rtd_y_degC", "displacement_m", "force_N")
 _OUTPUTS = ("i_x_A", "i_y_A", "v_x_V", "v_y_V", "rtd_inlet_degC", "rtd_ambient_degC", *_READINGS)
+
+
+_Source = TypeVar("_Source")
+_Made = TypeVar("_Made")
+
+
+class Recent(Generic[_Source, _Made]):
+    """What was made of the latest `most` sources, found by the identity of the source.
+
+    A source is kept beside what was made of it, so that no other object takes its identity. It must
+    not change. Several threads may ask: at worst two make the same thing. A copy sent elsewhere
+    begins empty.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._made: dict[int, tuple[_Source, _Made]] = {}
+
+    def __len__(self) -> int:
+        return len(self._made)
+
+    def __reduce__(self) -> tuple[type[Recent[_Source, _Made]], tuple[int]]:
+        return type(self), (self._most,)
+
+    def of(self, source: _Source, make: Callable[[], _Made]) -> _Made:
+        """What was made of `source`; made now if it is not kept."""
+        known = self._made.get(id(source))
+        if known is not None and known[0] is source:
+            return known[1]
+        made = make()
+        # A list at once: another thread may add to the dictionary meanwhile.
+        for old in list(self._made)[: len(self._made) - self._most + 1]:
+            self._made.pop(old, None)
+        self._made[id(source)] = source, made
+        return made
 
 
 class PointReader(Protocol):
@@ -69,6 +99,7 @@ class GivenRun:
     def __init__(self, run: GapRun) -> None:
         self.run = run
         self._inputs: dict[float, Inputs] = {}
+        self._began = run.at_start(TRAITS.environment.values())
 
     def inputs(self, point: GivenPoint) -> Inputs:
         """Inputs of a replay. Water and room start where the run measured them at its start.
@@ -81,7 +112,7 @@ class GivenRun:
             known = self._recorded(root_y)
             self._inputs = {root_y: known}
         around = []
-        for name, channel in _ENVIRONMENT.items():
+        for name, channel in TRAITS.environment.items():
             base = point.parameters[name]
             if channel in self._began:
                 base += self._began[channel] + _ZERO_C - point.nominal[name]
@@ -101,13 +132,6 @@ class GivenRun:
             pump_duty=np.clip(both("duty_{}"), 0.0, 1.0),
             drain=both("drain_{}") if "drain_x" in run.inputs and "drain_y" in run.inputs else None,
         )
-
-    @cached_property
-    def _began(self) -> dict[str, float]:
-        """What inlet and room showed in the first second, where they were measured."""
-        start = max(1, round(1.0 / max(self.run.dt_s, 1e-6)))
-        shown = self.run.outputs
-        return {c: float(np.median(shown[c][:start])) for c in _ENVIRONMENT.values() if c in shown}
 
 
 class OneReplay:

@@ -1,4 +1,4 @@
-"""Channels and regimes of the spring pair, and its runs from logs."""
+"""Channels, regimes and traits of the spring pair, and its runs from logs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from smad.diagnosis.errors import GapError
-from smad.diagnosis.plant import Array, Channel, Mask, Signal
+from smad.diagnosis.plant import Array, Channel, Mask, Signal, Traits
 from smad.diagnosis.runs import GapRun, bridged
 from smad.runlog.bounds import Together
 from smad.runlog.tables import read_channels
@@ -49,6 +49,24 @@ CHANNELS = (
     _channel("displacement", "mm", (-25.0, 25.0)),
     _channel("force", "N", (-1.0, 12.0)),
 )
+TRAITS = Traits(
+    day={
+        "tube_loss": 0.15,
+        "flow_max": 0.15,
+        "film_scale": 0.15,
+        "water_temperature": 0.03,
+        "ambient_temperature": 0.03,
+        "initial_deflection": 0.1,
+        "displacement_zero": 0.1,
+    },
+    environment={
+        "water_temperature": "rtd_inlet_degC",
+        "ambient_temperature": "rtd_ambient_degC",
+    },
+    drift={"inlet_water": 0.2, "ambient_air": 0.2},
+)
+"""Loss, flow, film, temperatures beyond what is measured, and where a run starts from. Water and
+room wander within a run."""
 _RATE_TAU_S = 0.3
 
 

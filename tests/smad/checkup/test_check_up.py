@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 
 from evaluation.programme.segments import run_of
-from smad.checkup.commission import checked_files, commissioned
+from smad.checkup.commission import checked_files, commissioned, repeated
 from smad.checkup.errors import BaselineError, ProgrammeError
-from smad.checkup.everyday import repeated
 from smad.checkup.files import Found, read_file, read_folder, require_other_recordings
 from smad.checkup.judge import judged
 from smad.checkup.page import checkup_page
@@ -222,7 +221,7 @@ def test_a_sensor_that_is_missing_now_is_told(reference: Reference) -> None:
 
 def test_runs_of_two_boards_and_a_recording_given_twice_are_refused(tmp_path: Path) -> None:
     def found(name: str, seed: int, board: str = "") -> Found:
-        return Found(name, "", tmp_path / name, played(seed), board)
+        return Found(name, tmp_path / name, played(seed), board)
 
     one, other = found("one", 1, "board-1"), found("other", 2, "board-2")
     with pytest.raises(PairingError, match=r"two benches are mixed.*one of board board-1"):
@@ -268,7 +267,7 @@ def test_files_of_another_laboratory_are_paired_by_their_inputs(tmp_path: Path) 
 def test_good_runs_of_two_days_have_one_name_and_a_copy_among_them_is_told_with_its_folder(
     tmp_path: Path,
 ) -> None:
-    good, now = tmp_path / "good", [Found("now", "", tmp_path / "now", played(3))]
+    good, now = tmp_path / "good", [Found("now", tmp_path / "now", played(3))]
     for day in (1, 2):
         _write(good / f"day-{day}" / "run-1.csv", played(day))
     require_other_recordings(read_folder(good), now)
@@ -313,7 +312,10 @@ def test_a_programme_comes_back_as_it_was_written(tmp_path: Path) -> None:
 
 def test_a_programme_with_too_much_current_is_refused() -> None:
     with pytest.raises(ProgrammeError, match="i_x_A leaves its range"):
-        ProgrammeRun("hot", "", np.array([0.0]), np.array([[4.5, 0.0, 0.0, 0.0]]), 5.0)
+        ProgrammeRun(
+            name="hot", title="", t_s=np.array([0.0]), inputs=np.array([[4.5, 0.0, 0.0, 0.0]]),
+            duration_s=5.0,
+        )  # fmt: skip
 
 
 def test_the_shipped_programme_has_a_quick_part_of_three_minutes() -> None:

@@ -50,7 +50,7 @@ def test_a_row_is_no_shorter_than_a_sample() -> None:
     )
     found = row_length_s([few], HeaterPlant())
     assert found == pytest.approx(20 * run.dt_s, rel=1e-5)
-    assert len(Grid.of(few, found).t_s) == len(few.t_s)
+    assert len(Grid.of(few, found).valid) == len(few.t_s)
 
 
 def test_noise_and_channels_that_stand_still_say_nothing_of_a_time_scale() -> None:

@@ -109,7 +109,7 @@ def test_an_effect_is_recovered_with_its_side_from_runs_made_with_it(
     truth = effect.at(0.7) | {"y_share": y_share}
     run = recorded("mixed", PLANT, ModelPoint({}, {name: truth}), 5, duration_s=30.0)
     floors = estimate_floors([run], PLANT, 0.2)
-    least = np.array([floors[c.name].total for c in PLANT.channels])
+    least = np.array([floors[c.name] for c in PLANT.channels])
     free = residual(
         PLANT, nominal_point(PLANT), Measured.of(PLANT, [run], 0.2), counts=(True,), least=least
     )
@@ -138,7 +138,7 @@ def test_a_model_file_says_how_uncertain_its_values_are(tmp_path: Path) -> None:
     covariance = np.diag([0.04, 0.01, 0.0025, 0.09])
     covariance[0, 3] = covariance[3, 0] = 0.03
     path = tmp_path / "better.toml"
-    PLANT.save_uncertain(point, Uncertainty(names, covariance), path, "")
+    PLANT.save_model(point, path, "", Uncertainty(names, covariance))
     known = read_model(path).covariance
     assert known is not None
     assert known.names == (

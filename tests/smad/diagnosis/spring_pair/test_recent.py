@@ -8,12 +8,12 @@ from functools import cache, partial
 import numpy as np
 import pytest
 
-from smad.diagnosis.data.grid import Grid, thinned
+from smad.diagnosis.data.grid import thinned
 from smad.diagnosis.plant import ModelPoint
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
-from smad.diagnosis.spring_pair.recent import Recent
 from smad.diagnosis.spring_pair.recorded import recorded
+from smad.diagnosis.spring_pair.replays import Recent
 
 LAWS = {"driver_lag": {"tau_s": 0.02}, "unified_kinetics": {"tails": 0.2}}
 # Parameters that act in different passes, or in none.
@@ -74,7 +74,7 @@ def test_a_copy_sent_elsewhere_begins_empty() -> None:
 @pytest.mark.parametrize("fast", [False, True])
 def test_a_plant_that_has_replayed_much_gives_what_a_fresh_one_gives(fast: bool) -> None:
     used = SmaPlant()
-    run = thinned(whole(), Grid.of(whole(), 0.1), 1, 0.1)[0] if fast else whole()
+    run = thinned(whole(), 0.1) if fast else whole()
     for point in POINTS:
         used.simulate(point, whole(), fast=fast)
     for point in POINTS * 2:
