@@ -96,6 +96,11 @@ class Case:
         return frozenset(p for e in self.truth.effects for p in e.places)
 
     @cached_property
+    def placed(self) -> np.ndarray:
+        """Which hypotheses lie at a right place."""
+        return np.array([h.place in self.true_places for h in self.hypotheses])
+
+    @cached_property
     def right(self) -> np.ndarray:
         """Which hypotheses are right: the effect itself where it is listed, else laws of its place.
 
@@ -162,7 +167,11 @@ def chosen(cases: Sequence[Case], before: Constants) -> Constants:
 
 
 def _likeliest(cases: Sequence[Case], c: Constants) -> Constants:
-    """The odds of laws and effects under which the truth of these cases is likeliest."""
+    """The odds of laws and effects under which the truth of these cases is likeliest.
+
+    Where and what name are both asked: the product of the probabilities of the right places and of
+    the right hypotheses counts.
+    """
     names = ("effect_odds", "effect_weight", "law_weight")
 
     def constants(w: np.ndarray) -> Constants:
@@ -171,7 +180,12 @@ def _likeliest(cases: Sequence[Case], c: Constants) -> Constants:
 
     def unlikely(w: np.ndarray) -> float:
         own = constants(w)
-        told = [np.log(x.odds(own)[x.right].sum() + 1e-300) for x in cases]
+        told = [
+            np.log(p[which].sum() + 1e-300)
+            for x in cases
+            for p in (x.odds(own),)
+            for which in (x.right, x.placed)
+        ]
         return float(0.5 * _PENALTY * w @ w - np.sum(told))
 
     found = optimize.minimize(unlikely, np.array([getattr(c, n) for n in names]))

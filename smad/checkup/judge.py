@@ -22,7 +22,6 @@ from smad.diagnosis.numerics.folds import FoldRows
 from smad.diagnosis.numerics.threads import repeatable
 from smad.diagnosis.numerics.white import Shrink
 from smad.diagnosis.places.bare import with_places
-from smad.diagnosis.places.responses import responses
 from smad.diagnosis.plant import ModelPoint, PlantModel, Uncertainty
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.search.contrast import with_priors
@@ -140,14 +139,12 @@ def examined(
 ) -> Found:
     """Everything that the rule needs of a check-up."""
     plant, reference = pairs.plant, pairs.reference
-    played = [r.played for r in reference.runs]
     progress("where it lies")
-    responded = responses(plant, reference.point, played, known=reference.responses)
     naming = Naming(
         tuple(e for e in plant.effects if e.name not in exclude),
         lambda effects, z: likely_entries(pairs, reference.atoms, pairs.signatures, effects, z),
     )
-    located = locate(pairs, plant, responded, naming, constants=constants)
+    located = locate(pairs, plant, reference.responses, naming, constants=constants)
     kept = pairs.fold >= 0
     own = FoldRows(pairs.untied, pairs.slopes.astype(np.float32), pairs.fold)
     taken = with_priors(own.products(np.arange(len(pairs.slopes))), np.unique(pairs.fold[kept]))
