@@ -6,7 +6,6 @@ Everyday runs that repeat known-good ones are compared with them as a check-up w
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 from smad.checkup.files import (
     Found,
@@ -20,7 +19,6 @@ from smad.checkup.paired.reference import Reference, reference_from
 from smad.diagnosis.errors import PairingError
 from smad.diagnosis.numerics.threads import repeatable
 from smad.diagnosis.places.bare import with_places
-from smad.diagnosis.places.responses import responses
 from smad.diagnosis.plant import PlantModel
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import Repeated
@@ -39,11 +37,7 @@ def commissioned(
     progress: Callable[[str], None] = _silent,
 ) -> Reference:
     """The reference of good runs, the repeats of each run of a programme in a group."""
-    placed = with_places(plant)
-    reference = reference_from(placed, groups, progress)
-    played = [r.played for r in reference.runs]
-    found = responses(placed, reference.point, played, progress=progress)
-    return replace(reference, responses=found.runs)
+    return reference_from(with_places(plant), groups, progress)
 
 
 def checked_files(

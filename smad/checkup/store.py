@@ -96,7 +96,7 @@ def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
     arrays = {f"floor.{n}": getattr(r.floor, n) for n in _FLOOR}
     for k, x in enumerate(r.runs):
         arrays |= {f"{k}.{n}": getattr(x, n) for n in _RUN}
-        arrays[f"{k}.responses"] = r.responses[k]
+        arrays[f"{k}.responses"] = r.responses.runs[k]
         whole = x.played.whole
         arrays[f"{k}.t_s"] = whole.t_s
         arrays |= {f"{k}.input.{n}": v for n, v in whole.inputs.items()}
@@ -149,7 +149,7 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
         raise BaselineError(f"{folder / _ARRAYS} cannot be read: {said}", action=_ANEW) from error
     reference = Reference(
         runs=runs, point=point, floor=floor, atoms=tuple(about.atoms), repeats=about.repeats,
-        responses=placed.runs,
+        responses=placed,
     )  # fmt: skip
     return Baseline(about.bench, about.programme, reference)
 

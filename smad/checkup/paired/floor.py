@@ -101,7 +101,7 @@ def repeat_floor(
 
 
 def _day(values: Array, weight: Array, day: Array, day_sd: Array) -> tuple[Array, Array]:
-    """Coefficients of the day directions in one deviation, and their variances."""
+    """Coefficients of the day directions in one deviation and their variances, both (days,)."""
     X = day.reshape(len(day), -1) * weight.ravel()
     y = (values * weight).ravel()
     A = X @ X.T + np.diag(1.0 / day_sd**2)
@@ -110,7 +110,7 @@ def _day(values: Array, weight: Array, day: Array, day_sd: Array) -> tuple[Array
 
 
 def _gauge(groups: Sequence[Deviations], sd: Array, rho: Array, day_sd: Array) -> Array:
-    """Root mean square of the repeats' own white rows, by channel."""
+    """Root mean square of the repeats' own white rows, (channels,), within `_GAUGES`."""
     channels = len(rho)
     total, count = np.full(channels, _GAUGE_ROWS), np.full(channels, _GAUGE_ROWS)
     for g in groups:

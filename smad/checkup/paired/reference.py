@@ -26,6 +26,8 @@ from smad.diagnosis.data.rows import (
     offset_s,
     require_like_inputs,
 )
+from smad.diagnosis.places.place import PlacesPlant
+from smad.diagnosis.places.responses import Responses, responses
 from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, nominal_point, traits_of
 from smad.diagnosis.runs import GapRun
 
@@ -57,8 +59,7 @@ class RunReference:
 class Reference:
     """Everything that a check-up needs of the good bench.
 
-    `responses` has those of the plant's places for each run, (terms, bins, channels), as
-    `smad.diagnosis.places` makes them; empty where its equations cannot be forced.
+    `responses` are those of the plant's places, of each run.
     """
 
     runs: tuple[RunReference, ...]
@@ -66,7 +67,7 @@ class Reference:
     floor: Floor
     atoms: tuple[Atom, ...]
     repeats: int
-    responses: tuple[NDArray[np.float32], ...] = ()
+    responses: Responses
 
 
 def input_spans(plant: PlantModel) -> Array:
@@ -87,19 +88,19 @@ def carried(
 
 
 def day_directions(plant: PlantModel, J: Array, base: Array) -> Array:
-    """Day parameters' slopes and a shift of the run's clock by one second."""
+    """Day parameters' slopes and a shift of the run's clock by a second, (days, bins, channels)."""
     index = {q.name: i for i, q in enumerate(plant.parameters)}
     clock = np.gradient(base, PERIOD_S, axis=0)
     return np.concatenate([J[[index[n] for n in traits_of(plant).day]], clock[None]])
 
 
 def usual_day(plant: PlantModel) -> Array:
-    """Spread of each day direction before any repeat."""
+    """Spread of each day direction before any repeat, (days,): in prior deviations, and in s."""
     return np.array([*traits_of(plant).day.values(), _CLOCK_SD_S])
 
 
 def regime_numbers(plant: PlantModel, run: GapRun, bins: int, start_s: float) -> tuple[Array, int]:
-    """Regime of each bin for each channel, the first that holds; and how many there are."""
+    """Regime of each bin for each channel, the first that holds, (bins, channels); their count."""
     cache: dict[str, NDArray[np.intp]] = {}
     count = 1
     for side in {c.side for c in plant.channels}:
@@ -116,7 +117,7 @@ def regime_numbers(plant: PlantModel, run: GapRun, bins: int, start_s: float) ->
 
 
 def reference_from(
-    plant: PlantModel,
+    plant: PlacesPlant,
     groups: Sequence[Sequence[GapRun]],
     progress: Callable[[str], None] = lambda text: None,
 ) -> Reference:
@@ -159,6 +160,7 @@ def reference_from(
     return Reference(
         runs=tuple(runs), point=point, floor=repeat_floor(deviations, regimes, least,
         usual_day(plant)), atoms=tuple(atoms), repeats=min(len(g) for g in groups),
+        responses=responses(plant, point, played, progress=progress),
     )  # fmt: skip
 
 

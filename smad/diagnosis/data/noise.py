@@ -31,7 +31,7 @@ def _detrended(y: Array) -> Array:
 def _rest_residuals(
     runs: Sequence[GapRun], grids: Sequence[Grid], plant: PlantModel, channel: Channel
 ) -> list[Array]:
-    """Detrended rest stretches of one channel, on the grid."""
+    """Rows of each stretch of rest of one channel less a parabola, in its unit, (rows,) each."""
     found = []
     for run, grid in zip(runs, grids, strict=True):
         if channel.name not in run.outputs:
