@@ -162,13 +162,18 @@ def step_of(
     Hypotheses are the best law of each place, and effects of the library refined by replay, each at
     the one of its places whose law takes most. `gains` are what a law takes of each channel, held
     out, of the rows `left`. An effect is the name when it has `name_level` of the probability.
+    Where only laws stand, places count whose own law adds to the rows.
     """
     laws: dict[str, Scored] = {}
     for s in scored:
         laws.setdefault(s.candidate.place, s)
+    taken_by = {p: gains(s) for p, s in laws.items()}
+    if not effects_stand:
+        adds = {p for p, g in taken_by.items() if density_gained(left, left.rows, g) >= noise}
+        laws = {p: s for p, s in laws.items() if p in adds} or laws
     found = [] if naming is None else naming.likely(left.rows)
     square = left.by_channel(left.rows)
-    hypotheses = [Hypothesis(place=p, gains=gains(s)) for p, s in laws.items()]
+    hypotheses = [Hypothesis(place=p, gains=taken_by[p]) for p in laws]
     entries: dict[str, Refined] = {}
     for e in found:
         acts = e.effects[0].places
