@@ -34,7 +34,7 @@ FALSE_ALARMS = 1.0 / 60.0
 _LEAST_SHARE = 1e-9
 QUIET = ("none", "room", "preload", "drift")
 """Kinds of cases in which nothing has changed."""
-TRUSTED = (0.0, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.02, 0.05, 0.1)
+TRUSTED = (0.0, *(float(f"{x:.3g}") for x in np.geomspace(1e-5, 0.1, 41)))
 LEVELS = tuple(round(0.02 * k, 2) for k in range(20, 50))
 HELD = 0.95
 """Share of changes of which the told places should hold the truth."""
