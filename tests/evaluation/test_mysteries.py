@@ -21,8 +21,8 @@ VERDICT = Verdict(
     places=[
         PlaceTold(
             place="reading_rtd", side="both", words="reading of the RTD", share=0.9, near=[],
-            near_places=["reading_rtd"], probabilities=[0.9], terms=[], largest=1.0, unit="K", in_simulator=True,
-            name="rtd_lag",
+            near_places=["reading_rtd"], probabilities=[0.9], terms=[], largest=1.0, unit="K",
+            in_simulator=True, name="rtd_lag",
         )
     ],
 )  # fmt: skip

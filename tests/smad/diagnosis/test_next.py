@@ -24,8 +24,8 @@ class WithoutExperiments:
 
 @pytest.fixture(scope="module")
 def confused() -> Answer:
-    """A gain on both sides: either reading takes half of it."""
-    return diagnose(bank(OTHER, GAIN)[:2], plant=HeaterPlant())
+    """A gain on both sides without a library: either reading takes half of it."""
+    return diagnose(bank(OTHER, GAIN)[:2], plant=HeaterPlant(), candidates=())
 
 
 def test_places_that_runs_do_not_tell_apart_are_parted_by_experiments_the_best_first(
@@ -46,7 +46,7 @@ def test_where_nothing_is_confused_nothing_is_offered() -> None:
 
 
 def test_a_plant_without_experiments_is_diagnosed_and_none_is_offered() -> None:
-    answer = diagnose(bank(OTHER, GAIN)[:2], plant=WithoutExperiments())
+    answer = diagnose(bank(OTHER, GAIN)[:2], plant=WithoutExperiments(), candidates=())
     words, found = offers(answer)
     assert len(words) == 2
     assert found == []

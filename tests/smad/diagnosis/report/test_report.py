@@ -85,7 +85,11 @@ def test_a_place_is_said_with_its_law_its_rivals_and_its_name() -> None:
     assert "or 2 more places" in text
     assert "none: no effect of the library acts there" in text
     named = msgspec.structs.replace(
-        PLACE, name="rubs", values={"rubs": {"coulomb_N": 0.15}}, takes=0.93, in_simulator=False,
+        PLACE,
+        name="rubs",
+        values={"rubs": {"coulomb_N": 0.15}},
+        takes=0.93,
+        in_simulator=False,
         names={"rubs": 0.8, "sticks": 0.1},
     )
     text = "\n".join(lines(verdict(PLACES, places=[named])))

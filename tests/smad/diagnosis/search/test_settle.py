@@ -65,7 +65,7 @@ class Bench:
         candidate = next(c for c in self.found.candidates() if c.place == place)
         chosen = (candidate.terms.index(term) - 1,)
         scored = Scored(candidate, Forward(np.zeros((2, self.rows.folds)), chosen), 0.1)
-        return Step(chosen=scored, near=(scored,), share=0.1, worth=0.1)
+        return Step(chosen=scored, near=(scored,), share=0.1, gains=np.zeros(1))
 
 
 @cache

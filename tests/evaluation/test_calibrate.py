@@ -1,0 +1,72 @@
+"""Constants come from cases: limits from quiet benches, odds from what was right."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evaluation.calibrate.check_up import Case, chosen, report
+from evaluation.score.answers import CaseKey, TrueEffect
+from smad.diagnosis.constants import shipped
+from smad.diagnosis.search.odds import Hypothesis
+
+
+def case(bench: int, kind: str, *, gain: float, found: tuple[Hypothesis, ...] = ()) -> Case:
+    """A check-up whose truth, where it has an effect, is rtd_lag at reading_rtd."""
+    known = kind == "single"
+    lag = TrueEffect(name="rtd_lag" if known else "slow glue", places=["reading_rtd"], states=[],
+                     side="both", known=known)  # fmt: skip
+    effects = [lag] if kind in ("single", "unknown") else []
+    return Case(
+        bench=f"bench {bench}", truth=CaseKey(kind=kind, effects=effects), square=3e4, count=10_000,
+        ratio=0.5, gain=gain, explained=gain, parameters=min(gain, 50.0), beside_parameters=3e4,
+        hypotheses=found,
+    )  # fmt: skip
+
+
+def hypotheses(right: float, wrong: float) -> tuple[Hypothesis, ...]:
+    """A law and the effect at the right place, and a law at a wrong one, by what they take."""
+    return (
+        Hypothesis(place="reading_rtd", gains=np.array([right])),
+        Hypothesis(place="film", gains=np.array([wrong])),
+        Hypothesis(place="reading_rtd", effect="rtd_lag", gains=np.array([right])),
+    )
+
+
+def cases(listed: int, unlisted: int) -> list[Case]:
+    rng = np.random.default_rng(3)
+    out = [case(n % 6, "none", gain=float(g)) for n, g in enumerate(rng.exponential(20.0, 60))]
+    for n in range(listed + unlisted):
+        kind = "single" if n < listed else "unknown"
+        wrong = float(rng.uniform(0.1, 0.9)) * 1e5
+        out.append(case(n % 6, kind, gain=1e5, found=hypotheses(1e5, wrong)))
+    return out
+
+
+def test_the_limit_of_a_quiet_bench_lies_beyond_what_quiet_benches_show() -> None:
+    some = cases(20, 10)
+    found = chosen(some, shipped())
+    quiet = [x.gain for x in some if x.truth.kind == "none"]
+    assert found.quiet_gain > np.quantile(quiet, 0.95)
+    assert found.quiet_gain < 3.0 * max(quiet)
+
+
+def test_the_odds_of_an_effect_are_as_often_as_it_was_one() -> None:
+    often, seldom = chosen(cases(40, 10), shipped()), chosen(cases(10, 40), shipped())
+    assert often.effect_odds > seldom.effect_odds
+    probability = [
+        dict(zip(("law", "wrong", "effect"), x.odds(often), strict=True))["effect"]
+        for x in cases(40, 10)
+        if x.truth.effects
+    ]
+    assert np.mean(probability) == pytest.approx(0.8, abs=0.08)
+
+
+def test_places_hold_the_truth_as_often_as_they_should() -> None:
+    some = cases(40, 20)
+    c = chosen(some, shipped())
+    lines = report([(x, c) for x in some])
+    said = {line.split("  ")[1].strip(): line for line in lines}
+    assert said["told places hold the truth, listed"].split()[-3:] == ["40", "of", "40"]
+    assert said["quiet benches called changed"].split()[-1] == "60"
+    assert sum("place with probability" in line for line in lines) >= 1
