@@ -115,7 +115,9 @@ def _calibrate(options: argparse.Namespace) -> None:
     from evaluation.calibrate.check_up import calibrate
 
     benches = _named(options.benches)
-    calibrate(options.banks, options.kept, options.out, benches, jobs=options.jobs)
+    calibrate(
+        options.banks, options.kept, options.out, benches, jobs=options.jobs, result=options.result
+    )
 
 
 def _named(text: str) -> list[str]:
@@ -254,6 +256,7 @@ def _constants(commands: _Commands) -> None:
     fitted.add_argument("banks", type=Path, nargs="+", help="development banks of `play`")
     fitted.add_argument("--kept", type=Path, required=True, help="folder for what was found")
     fitted.add_argument("--out", type=Path, help="write them to this TOML")
+    fitted.add_argument("--result", type=Path, help="keep what they are worth in this JSON")
     fitted.add_argument("--benches", default="", help="only these, separated by commas")
     fitted.add_argument("--jobs", type=int, default=1, help="benches at a time")
     fitted.set_defaults(run=_calibrate)

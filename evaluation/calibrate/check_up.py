@@ -20,6 +20,7 @@ import numpy as np
 from scipy import optimize
 
 from evaluation.names import canonical
+from evaluation.results.record import keep
 from evaluation.run.check_ups import benches_of, manifest_of
 from evaluation.score.answers import CaseKey, Key
 from evaluation.score.openings import refuse_sealed
@@ -28,6 +29,7 @@ from smad.checkup.paired.difference import paired
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.search.odds import Hypothesis, odds, of_places, told
 from smad.diagnosis.spring_pair import SmaPlant
+from smad.report.page import Table
 
 FALSE_ALARMS = 1.0 / 60.0
 """Of quiet benches, one in so many may be called changed, by either limit."""
@@ -259,11 +261,13 @@ def _rounded(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def report(cases: Sequence[tuple[Case, Constants]]) -> list[str]:
-    """What the cases come to, each by constants of its own."""
+def report(cases: Sequence[tuple[Case, Constants]]) -> list[tuple[str, str]]:
+    """What the cases come to, each by constants of its own: rows of what, and how many."""
 
-    def share(what: str, some: Sequence[tuple[Case, Constants]], test: Callable[..., bool]) -> str:
-        return f"  {what:<44} {sum(test(x, c) for x, c in some):>4} of {len(some)}"
+    def share(
+        what: str, some: Sequence[tuple[Case, Constants]], test: Callable[..., bool]
+    ) -> tuple[str, str]:
+        return what, f"{sum(test(x, c) for x, c in some)} of {len(some)}"
 
     def of(*kinds: str) -> list[tuple[Case, Constants]]:
         return [(x, c) for x, c in cases if x.truth.kind in kinds]
@@ -296,7 +300,7 @@ def report(cases: Sequence[tuple[Case, Constants]]) -> list[str]:
         share("first place right, unlisted", other, first),
         share("told places hold the truth, listed", listed, held),
         share("told places hold the truth, unlisted", other, held),
-        f"  {'told places, mean number':<44} {np.mean(sizes) if sizes else 0.0:>7.2f}",
+        ("told places, mean number", f"{np.mean(sizes) if sizes else 0.0:.2f}"),
         share("right name, of noticed listed", listed, named),
         share("right name, of names given", given, named),
         share("unlisted given a name", other, lambda x, c: x.name(c)[1] >= c.name_level),
@@ -306,7 +310,7 @@ def report(cases: Sequence[tuple[Case, Constants]]) -> list[str]:
     ]  # fmt: skip
 
 
-def _reliability(what: str, told: Sequence[tuple[float, bool]]) -> list[str]:
+def _reliability(what: str, told: Sequence[tuple[float, bool]]) -> list[tuple[str, str]]:
     """How often what had a probability was right: the reliability diagram as a table."""
     out = []
     for k in range(_BINS):
@@ -315,7 +319,7 @@ def _reliability(what: str, told: Sequence[tuple[float, bool]]) -> list[str]:
         if own:
             mean = float(np.mean([p for p, _ in own]))
             right = sum(right for _, right in own)
-            out.append(f"  {f'{what} with probability {mean:.2f}':<44} {right:>4} of {len(own)}")
+            out.append((f"{what} with probability {mean:.2f}", f"{right} of {len(own)}"))
     return out
 
 
@@ -326,9 +330,11 @@ def calibrate(
     benches: Sequence[str] = (),
     *,
     jobs: int = 1,
+    result: Path | None = None,
 ) -> Constants:
     """The constants of banks: prints what the shipped ones, the new ones, and for each bench those
-    of the others come to. `out` is where the new ones go as TOML."""
+    of the others come to. `out` is where the new ones go as TOML; `result` keeps what the benches
+    come to by constants of the others."""
     before = shipped()
     cases = [x for bank in banks for x in kept_cases(bank, kept, benches, jobs)]
     after = chosen(cases, before)
@@ -336,17 +342,23 @@ def calibrate(
     for bench in sorted({x.bench for x in cases}):
         own = chosen([x for x in cases if x.bench != bench], before)
         held += [(x, own) for x in cases if x.bench == bench]
+    names = ", ".join(b.name for b in banks)
     for title, some in (
         ("before", [(x, before) for x in cases]),
         ("each bench by constants from the others", held),
         ("after, on the benches they come from", [(x, after) for x in cases]),
     ):
-        print(f"{title}:", *report(some), sep="\n")
+        print(f"{title}:", *(f"  {what:<44} {value}" for what, value in report(some)), sep="\n")
+    if result is not None:
+        table = Table(("what", "cases"), report(held), numeric=frozenset({1}))
+        note = f"{len(cases)} check-ups of {names}; each bench by constants from the others."
+        keep(result, {"": table}, title="Check-ups of development banks, benches left out",
+             command="python -m evaluation calibrate", note=note)  # fmt: skip
     for name in before.__struct_fields__:
         if getattr(before, name) != getattr(after, name):
             print(f"  {name:<18} {getattr(before, name):>8g} -> {getattr(after, name):g}")
     if out is not None:
-        out.write_text(_toml(after, ", ".join(b.name for b in banks), len(cases)))
+        out.write_text(_toml(after, names, len(cases)))
         print(f"written: {out}")
     return after
 

@@ -65,8 +65,7 @@ def test_the_odds_of_an_effect_are_as_often_as_it_was_one() -> None:
 def test_places_hold_the_truth_as_often_as_they_should() -> None:
     some = cases(40, 20)
     c = chosen(some, shipped())
-    lines = report([(x, c) for x in some])
-    said = {line.split("  ")[1].strip(): line for line in lines}
-    assert said["told places hold the truth, listed"].split()[-3:] == ["40", "of", "40"]
-    assert said["quiet benches called changed"].split()[-1] == "60"
-    assert sum("place with probability" in line for line in lines) >= 1
+    said = dict(report([(x, c) for x in some]))
+    assert said["told places hold the truth, listed"] == "40 of 40"
+    assert said["quiet benches called changed"].endswith(" of 60")
+    assert any(what.startswith("place with probability") for what in said)

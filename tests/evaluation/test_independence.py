@@ -14,7 +14,7 @@ ROOMS: dict[str, tuple[set[str], set[str]]] = {
     "quiz": ({"plant", "bank", "errors"}, {"firmware_protocol"}),
     "run": ({"score", "errors"}, {"smad"}),
     "score": ({"run", "results", "errors"}, {"smad", "sim_device"}),
-    "calibrate": ({"run", "score", "errors"}, {"smad"}),
+    "calibrate": ({"run", "score", "results", "errors"}, {"smad"}),
     "programme": (set(), {"smad"}),
     "results": ({"errors"}, {"smad"}),
 }
