@@ -51,7 +51,10 @@ class Found:
         moved = self.parameters >= c.quiet_parameters
         if self.gain < c.quiet_gain and not moved and self.ratio < c.quiet_ratio:
             return QUIET
-        trusted = self.located.left + c.slopes_trusted * self.parameters
+        # A further place fits more, whatever has changed: it must earn what noise gives to one.
+        steps = range(1, len(self.located.where.steps) + 1)
+        left = min((self.located.left(n) + (n - 1) * c.quiet_gain for n in steps), default=0.0)
+        trusted = left + c.slopes_trusted * self.parameters
         stands_out = self.gain >= c.quiet_gain and bool(self.located.told)
         if moved and (not stands_out or self.beside_parameters <= trusted):
             return PARAMETERS
@@ -92,7 +95,7 @@ class Judged:
     @property
     def variance(self) -> float:
         """Variance of a white row beside the places told; 1 at least."""
-        return max(self.located.left / max(self.located.rows.count, 1), 1.0)
+        return max(self.located.left() / max(self.located.rows.count, 1), 1.0)
 
     @property
     def uncertainty(self) -> Uncertainty | None:

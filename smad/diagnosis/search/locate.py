@@ -54,10 +54,9 @@ class Located:
     where: Where
     rows: FoldRows
 
-    @property
-    def left(self) -> float:
-        """What the places leave of the rows' sum of squares."""
-        steps = self.where.steps
+    def left(self, places: int | None = None) -> float:
+        """What the first so many places leave of the rows' sum of squares; all, if not given."""
+        steps = self.where.steps[:places]
         return self.rows.square - (steps[-1].share * self.where.size if steps else 0.0)
 
 
