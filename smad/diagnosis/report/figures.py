@@ -112,7 +112,7 @@ def places_map(shares: Sequence[PlaceShare]) -> Picture:
     ax.set_xlabel("share that a law of this place takes, on runs left out")
     return Picture(
         svg_of(figure, "Places"),
-        "Each place alone. Places whose bars are nearly as long as the first are not told apart.",
+        "Each place alone, by a law. Probabilities count every channel, and effects as well.",
     )
 
 
