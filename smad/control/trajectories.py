@@ -221,7 +221,7 @@ def compile_piece(
             f"{where}.{kind.reach_field} takes the reference to {reach_mm:g} mm",
             value=_field_of(piece, kind.reach_field),
             limit=f"|displacement| up to {limits.displacement_max_mm:g} mm "
-            "(limits.displacement_max_mm)",
+            "(limits.displacement_max_mm, or an axis's travel_mm)",
             action="ask for less, or raise the limit in the configuration",
         )
     speed_mm_per_s = compiled.speed_m_per_s / MM
