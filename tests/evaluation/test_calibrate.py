@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluation.calibrate.check_up import Case, chosen, report
+from evaluation.calibrate.check_up import WRONG, Case, chosen, report
 from evaluation.score.answers import CaseKey, TrueEffect
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.search.odds import Hypothesis
@@ -60,6 +60,12 @@ def test_the_odds_of_an_effect_are_as_often_as_it_was_one() -> None:
         if x.truth.effects
     ]
     assert np.mean(probability) == pytest.approx(0.8, abs=0.08)
+
+
+def test_the_level_of_names_is_what_a_wrong_name_costs_and_the_shipped_one() -> None:
+    found = chosen(cases(20, 10), shipped())
+    assert found.name_level == pytest.approx(WRONG / (1.0 + WRONG), abs=1e-3)
+    assert shipped().name_level == found.name_level
 
 
 def test_places_hold_the_truth_as_often_as_they_should() -> None:
