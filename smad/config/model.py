@@ -37,7 +37,12 @@ class LinkConfig(Section, frozen=True, kw_only=True):
         Literal[100, 250, 500], Meta(description="samples, and control steps, per second")
     ] = 100
     axis: Annotated[
-        int, Meta(ge=0, le=15, description="which antagonistic pair of the board to drive; several boards: `[[axes]]`")
+        int,
+        Meta(
+            ge=0,
+            le=15,
+            description="which antagonistic pair of the board to drive; several boards: `[[axes]]`",
+        ),
     ] = 0
     setpoint_ttl_ms: Annotated[
         int,

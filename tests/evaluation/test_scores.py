@@ -160,7 +160,7 @@ def test_without_the_right_entry_its_place_may_still_be_told(tmp_path: Path) -> 
 
 def test_probabilities_of_places_are_compared_with_how_often_they_are_right(tmp_path: Path) -> None:
     cases = {
-        f"{i}": (true("single", LAG), said(place(code, probability=0.9)))
+        f"{i}": (true("single", LAG), said(place(code, probabilities=[0.9])))
         for i, code in enumerate(("reading_rtd", "film"))
     }
     assert rows(tmp_path, cases)["error of the probabilities of places"].value == pytest.approx(0.4)
