@@ -28,7 +28,9 @@ NAMES = ["pitch-1", "yaw-1", "pitch-2"]
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     assert not MISSING, MISSING
     folder = tmp_path_factory.mktemp("axes")
-    arguments = ["--sim", "--paced-by-host", "--axes", str(len(NAMES))]
+    (folder / "bench.toml").write_text(f'[recorder]\nfolder = "{folder / "runs"}"\n')
+    arguments = ["--sim", "--paced-by-host", "--axes", str(len(NAMES)), "--config",
+                 str(folder / "bench.toml")]  # fmt: skip
     with running_daemon(arguments, folder) as daemon, live_page(folder) as page:
         made = Bench(folder, daemon, page)
         with made.client:
