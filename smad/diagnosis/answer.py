@@ -47,15 +47,14 @@ _APART_SETS = 8
 class Answer:
     """A verdict with what it rests on, for figures and models; None where runs were refused.
 
-    `rows` are those that the laws of `listed` were fitted to,
-    `points` and `uncertain` are of the models with the parameters alone and after each place.
+    `rows` are those that the laws of `listed` were fitted to, `points` are the models
+    with the parameters alone and after each place.
     """
 
     verdict: Verdict
     listed: Listed | None = None
     rows: FoldRows | None = None
     points: tuple[ModelPoint, ...] = ()
-    uncertain: tuple[Uncertainty, ...] = ()
 
     @property
     def model(self) -> ModelPoint:
@@ -147,7 +146,7 @@ def _answer(asked: Asked, listing: Listed, rows: FoldRows, verdict: Verdict) -> 
         judged_on=_judged_on(asked),
         models=_models(asked.plant, points, uncertain, verdict.headline),
     )
-    return Answer(verdict=said, listed=listing, rows=rows, points=points, uncertain=uncertain)
+    return Answer(verdict=said, listed=listing, rows=rows, points=points)
 
 
 def _judged_on(asked: Asked) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -116,7 +116,3 @@ class Space:
             return self._centre(q) + q.prior_sd * coordinate
         flat = [q for e in self.effects for q in e.parameters]
         return coordinate * flat[index - self.n_theta].scale
-
-    def with_effects(self, effects: Sequence[Effect]) -> Space:
-        """The same model parameters with other effects."""
-        return replace(self, effects=tuple(effects))

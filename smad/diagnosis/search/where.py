@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -117,16 +118,12 @@ def where(
     size = max(rows.square if size is None else size, alone[0].share if alone else 0.0, 1e-12)
     ranked = scored = tuple(replace(s, share=s.share / size) for s in alone)
     while scored and len(steps) < constants.most_places:
-        beside = _beside(left, now)
-
-        def gains(one: Scored, left: FoldRows = left, now: Index = now) -> Array:
-            return held_out_gains(left, now, one.columns)
-
+        beside = replace(left, rows=_beside(left, now))
         step = step_of(
-            scored, constants, taken=taken, size=size, naming=naming, gains=gains, noise=least,
-            left=replace(left, rows=beside), effects_stand=effects_stand,
+            scored, constants, taken=taken, size=size, naming=naming, noise=least, left=beside,
+            gains=_HeldOut(left, now), effects_stand=effects_stand,
         )  # fmt: skip
-        if density_gained(left, beside, step.gains) < least:
+        if density_gained(beside, step.gains) < least:
             break
         there = there if steps else np.max([h.gains for h in step.hypotheses], axis=0)
         if steps and shares(step.gains[None], least, there)[0] < constants.place_share:
@@ -169,7 +166,7 @@ def step_of(
         laws.setdefault(s.candidate.place, s)
     taken_by = {p: gains(s) for p, s in laws.items()}
     if not effects_stand:
-        adds = {p for p, g in taken_by.items() if density_gained(left, left.rows, g) >= noise}
+        adds = {p for p, g in taken_by.items() if density_gained(left, g) >= noise}
         laws = {p: s for p, s in laws.items() if p in adds} or laws
     found = [] if naming is None else naming.likely(left.rows)
     square = left.by_channel(left.rows)
@@ -212,21 +209,31 @@ def without_named(naming: Naming | None, step: Step) -> Naming | None:
     return naming.without(entry.names[0])
 
 
-def density_gained(rows: FoldRows, left: Array, gains: Array) -> float:
+def density_gained(rows: FoldRows, gains: Array) -> float:
     """Twice the log predictive density that rows gain, each channel by the variance it is left.
 
-    `left` (rows,) are the rows before, `gains` (channels,) what is taken off their squares.
+    `gains` (channels,) are what is taken off the squares of the rows.
     """
-    before = rows.by_channel(left)
-    after = np.maximum(before - gains, 1e-9)
-    count = rows.by_channel(np.ones(len(left)))
+    after = np.maximum(rows.by_channel(rows.rows) - gains, 1e-9)
+    count = rows.by_channel(np.ones(len(rows.rows)))
     return float(np.sum(gains / np.maximum(after / np.maximum(count, 1.0), 1.0)))
 
 
-def held_out_gains(rows: FoldRows, before: Index, columns: Index) -> Array:
-    """What responses take of each channel of rows they were not fitted to, beside some; (c,)."""
-    both = np.concatenate([before, np.setdiff1d(columns, before)])
-    return rows.by_channel(left_out(rows, before)) - rows.by_channel(left_out(rows, both))
+@dataclass(frozen=True)
+class _HeldOut:
+    """What laws take of each channel of rows they were not fitted to, beside responses `now`."""
+
+    rows: FoldRows
+    now: Index
+
+    def __call__(self, one: Scored) -> Array:
+        """That of one law, (channels,)."""
+        both = np.concatenate([self.now, np.setdiff1d(one.columns, self.now)])
+        return self._before - self.rows.by_channel(left_out(self.rows, both))
+
+    @cached_property
+    def _before(self) -> Array:
+        return self.rows.by_channel(left_out(self.rows, self.now))
 
 
 def left_out(rows: FoldRows, columns: Index) -> Array:
