@@ -85,16 +85,19 @@ def _usual(options: argparse.Namespace) -> None:
         print("{}  {:.3g}, {:.2f} floors".format(name, *usual(name)))
 
 
-def _check_up(options: argparse.Namespace) -> None:
-    from evaluation.run.check_ups import run
+def _check(options: argparse.Namespace) -> None:
+    from evaluation.run.running import run
 
     run(
         options.bank,
         options.out,
         benches=_named(options.benches),
+        only=_named(options.only),
         repeats=options.repeats,
         key=options.leave_out,
         jobs=options.jobs,
+        params=options.params,
+        variant=options.variant,
     )
 
 
@@ -226,17 +229,20 @@ def _of_all(command: argparse.ArgumentParser) -> None:
 
 
 def _runs(commands: _Commands) -> None:
-    judged = commands.add_parser("check-up", help="judge a bank of `play` with the product")
-    judged.add_argument("bank", type=Path)
-    judged.add_argument("--out", type=Path, required=True, help="the verdicts, for `score`")
-    judged.add_argument("--benches", default="", help="only these, as bench-1,bench-4")
-    judged.add_argument("--repeats", type=int, help="only so many of the good repeats")
-    judged.add_argument("--jobs", type=int, default=1, help="benches at a time")
-    judged.add_argument(
+    check = commands.add_parser("check", help="judge a bank with the product; goes on from V")
+    check.add_argument("bank", type=Path, help="a bank of `make` or `play`, or one of your own")
+    check.add_argument("--out", type=Path, required=True, metavar="V", help="the verdicts")
+    check.add_argument("--only", default="", help="only these cases, as case-001,case-004")
+    check.add_argument("--jobs", type=int, default=1, help="cases, or benches, at a time")
+    check.add_argument("--params", default="A", help="of the model: a file, or A, B, conserving")
+    check.add_argument("--variant", choices=("extended", "printed"), default="extended")
+    check.add_argument("--benches", default="", help="of check-ups: only these, as bench-1,bench-4")
+    check.add_argument("--repeats", type=int, help="of check-ups: only so many good repeats")
+    check.add_argument(
         "--leave-out", metavar="KEY", type=Path,
         help="judge single effects once more, the right entry out of the library; the key's folder",
     )  # fmt: skip
-    judged.set_defaults(run=_check_up)
+    check.set_defaults(run=_check)
     score = commands.add_parser("score", help="scores as they are published, with their goals")
     score.add_argument("verdicts", type=Path)
     score.add_argument("key", type=Path)

@@ -51,11 +51,11 @@ MOST_ARGUMENTS = 7
 
 # The rooms of the diagnosis, each with those that it must not know.
 ROOMS_ABOVE = {
-    "numerics": ("data", "places", "search", "report", "spring_pair", "bank"),
-    "data": ("places", "search", "report", "spring_pair", "bank"),
-    "places": ("search", "report", "spring_pair", "bank"),
-    "search": ("report", "spring_pair", "bank"),
-    "report": ("search.", "constants", "simulator", "changed", "diagnose", "spring_pair", "bank"),
+    "numerics": ("data", "places", "search", "report", "spring_pair"),
+    "data": ("places", "search", "report", "spring_pair"),
+    "places": ("search", "report", "spring_pair"),
+    "search": ("report", "spring_pair"),
+    "report": ("search.", "constants", "simulator", "changed", "diagnose", "spring_pair"),
 }
 # Who shows the report: what it says decides nothing.
 SHOW_REPORTS = ("smad.cli.", "smad.checkup.page", "smad.diagnosis.report.")

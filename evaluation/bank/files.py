@@ -1,6 +1,6 @@
 """The folder form of a bank: run files, the manifest, and the key that lies apart.
 
-The form is described in docs/guide/check-your-own-bank.md; `read_run` reads what anybody may bring.
+The form is described in evaluation/README.md; `read_run` reads what anybody may bring.
 """
 
 import gzip

@@ -21,14 +21,14 @@ from scipy import optimize
 
 from evaluation.names import canonical
 from evaluation.results.record import keep
-from evaluation.run.check_ups import benches_of, manifest_of
+from evaluation.run.judging import Check
+from evaluation.run.manifest import read_manifest
 from evaluation.score.answers import CaseKey, Key
 from evaluation.score.openings import refuse_sealed
 from smad.checkup.judge import examined
 from smad.checkup.paired.difference import paired
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.search.odds import Hypothesis, odds, of_places, told
-from smad.diagnosis.spring_pair import SmaPlant
 from smad.report.page import Table
 
 FALSE_ALARMS = 1.0 / 60.0
@@ -118,10 +118,10 @@ def kept_cases(bank: Path, kept: Path, only: Sequence[str] = (), jobs: int = 1) 
     """The cases of a bank, whose key is in the folder of its name with `-key` beside it; each bench
     is kept once it is examined. Raises BankError for a sealed key."""
     key = bank.with_name(f"{bank.name}-key")
-    manifest = manifest_of(bank)
+    benches = read_manifest(bank).benches
     refuse_sealed(key)
     kept.mkdir(parents=True, exist_ok=True)
-    wanted = only or sorted({c["bench"] for c in manifest["cases"]})
+    wanted = only or list(benches)
     places = {bench: kept / f"{bank.name}-{bench}.pickle" for bench in wanted}
     with ProcessPoolExecutor(jobs) as pool:
         tasks = [pool.submit(_examined, bank, key, b, p) for b, p in places.items()
@@ -133,19 +133,19 @@ def kept_cases(bank: Path, kept: Path, only: Sequence[str] = (), jobs: int = 1) 
 
 def _examined(bank: Path, key: Path, bench: str, place: Path) -> str:
     """Keeps what the rule reads of the check-ups of one bench at `place`."""
-    plant = SmaPlant()
+    check = Check(folder=bank, manifest=read_manifest(bank))
     truths = msgspec.json.decode((key / "KEY.json").read_bytes(), type=Key).cases
     # One step, whatever it takes.
     asked = msgspec.structs.replace(shipped(), most_places=1, quiet_gain=0.0)
-    ((_, reference, cases),) = benches_of(bank, manifest_of(bank), plant, only=[bench])
     out = []
-    for case, runs in cases:
-        found = examined(paired(plant, reference, runs), asked)
+    for case in check.manifest.benches[bench]:
+        runs = [(run, run.name) for run in check.runs(case, "fit")["fit"]]
+        found = examined(paired(check.plant, check.reference(case), runs), asked)
         w, rows = found.located.where, found.located.rows
         step = w.steps[0]
         out.append(
             Case(
-                bench=f"{bank.name} {bench}", truth=truths[case], square=rows.square,
+                bench=f"{bank.name} {bench}", truth=truths[case.id], square=rows.square,
                 count=rows.count, ratio=found.ratio, gain=found.gain,
                 explained=w.size * max(step.share, w.ranked[0].share), parameters=found.parameters,
                 beside_parameters=found.beside_parameters, hypotheses=step.hypotheses,

@@ -1,6 +1,6 @@
 """Keys and answers as they are read for scoring, and a case with both.
 
-Only what is scored is read; the forms are in docs/guide/check-your-own-bank.md.
+Only what is scored is read; the form of answers is in evaluation/run/running.py.
 """
 
 from __future__ import annotations

@@ -97,12 +97,13 @@ def _stem(path: Path) -> str:
     return path.name.split(".")[0]
 
 
-def read_file(path: Path) -> GapRun:
+def read_file(path: Path, together: Together | None = None) -> GapRun:
     """A run of a file; columns are told from their names as `smad log import` does.
 
-    Raises RunLogError, LogImportError and GapError, which name the file and what is wrong.
+    Raises RunLogError, LogImportError and GapError, which name the file and what is wrong, and
+    where it is one too many of those held `together`.
     """
-    return _read(path)[0]
+    return _read(path, together)[0]
 
 
 def _read(path: Path, together: Together | None = None) -> tuple[GapRun, str, str]:

@@ -16,7 +16,6 @@ from smad.cli.gap_asked import (
     read_runs,
     variant_option,
 )
-from smad.cli.gap_check import check
 from smad.cli.gap_checkup import checkup, commission
 from smad.cli.gap_investigate import investigate
 from smad.cli.gap_next import next_experiment
@@ -40,7 +39,6 @@ def gap() -> None:
     """Diagnose the gap between the simulator and recorded runs."""
 
 
-gap.add_command(check)
 gap.add_command(commission)
 gap.add_command(checkup)
 gap.add_command(investigate)

@@ -19,7 +19,3 @@ class PlantMismatch(GapError):
 
 class PairingError(GapError):
     """Runs of a good day and of now do not have the same inputs."""
-
-
-class BankError(GapError):
-    """A bank's folder, its manifest or a run file of it cannot be used."""

@@ -13,7 +13,7 @@ from evaluation.calibrate.check_up import kept_cases
 from evaluation.command import main
 from evaluation.errors import BankError
 from evaluation.plant.effects import names
-from evaluation.run.check_ups import run
+from evaluation.run.running import run
 from evaluation.score.openings import Ledger
 
 PROGRAMME = """format = "smad-programme-1"

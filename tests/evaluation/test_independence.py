@@ -12,7 +12,7 @@ ROOMS: dict[str, tuple[set[str], set[str]]] = {
     "plant": (set(), set()),
     "bank": ({"plant", "errors"}, set()),
     "quiz": ({"plant", "bank", "errors"}, {"firmware_protocol"}),
-    "run": ({"score", "names", "errors"}, {"smad"}),
+    "run": ({"score", "names", "errors"}, {"smad", "sim_device"}),
     "score": ({"run", "results", "names", "checkout", "errors"}, {"smad", "sim_device"}),
     "calibrate": ({"run", "score", "results", "names", "errors"}, {"smad"}),
     "programme": (set(), {"smad"}),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,22 +13,13 @@ import msgspec
 import pytest
 
 import sim_device.plant
-from smad.cli.gap_check import _Progress
-from smad.diagnosis.bank import (
-    Case,
-    Check,
-    Judged,
-    VerdictFile,
-    answered,
-    begun,
-    judge,
-    source_digest,
-    write_verdicts,
-)
+from evaluation.run.judging import Check, Judged, judge, source_digest
+from evaluation.run.manifest import Case
+from evaluation.run.running import Task, VerdictFile, Work, answered, begun
 from smad.diagnosis.verdict import DIFFERS, REFUSED, Verdict
-from tests.smad.diagnosis.bank.test_bank import columns, make, opened, write
+from tests.evaluation.test_manifest import columns, make, opened, write
 
-QUIET = Verdict(question=DIFFERS, outcome="quiet", headline="no gap")
+QUIET = msgspec.to_builtins(Verdict(question=DIFFERS, outcome="quiet", headline="no gap"))
 
 
 @pytest.fixture
@@ -39,7 +30,11 @@ def order(tmp_path: Path, here: None) -> Check:
 @pytest.fixture
 def here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every case is worked on in this process."""
-    monkeypatch.setattr("smad.diagnosis.bank.apart", lambda work, *task: work(*task))
+
+    def at_once(work: Work, check: Check, group: Sequence[Task]) -> Iterator[Judged]:
+        return (work(check, *task) for task in group)
+
+    monkeypatch.setattr("evaluation.run.running.apart", at_once)
 
 
 def counting(seen: list[str], failing: tuple[str, ...] = ()) -> Callable[..., Judged]:
@@ -58,9 +53,10 @@ def out(check: Check) -> Path:
     return check.folder.with_name("verdicts.json")
 
 
-def run(check: Check, work: Callable[..., Judged], **options: Any) -> VerdictFile:
+def run(check: Check, work: Work, cases: Sequence[Case] = ()) -> VerdictFile:
     """What the command does."""
-    return answered(check, begun(check, out(check)), out(check), jobs=1, work=work, **options)
+    some = cases or check.manifest.cases
+    return answered(check, some, begun(check, out(check)), out(check), work=work)
 
 
 def asked_again(check: Check) -> list[str]:
@@ -71,18 +67,19 @@ def asked_again(check: Check) -> list[str]:
 
 
 def test_an_interrupted_check_goes_on_where_it_stopped(order: Check) -> None:
-    seen: list[str] = []
-
-    def interrupt(judged: Judged, left: int) -> None:
-        raise KeyboardInterrupt
+    def interrupted(check: Check, case: Case, made_of: str) -> Judged:
+        if case.id == "case-3":
+            raise KeyboardInterrupt
+        return Judged(case.id, QUIET)
 
     with pytest.raises(KeyboardInterrupt):
-        run(order, counting(seen), report=interrupt)
-    assert seen[0] in begun(order, out(order)).verdicts
+        run(order, interrupted)
+    kept = set(begun(order, out(order)).verdicts)
+    assert {"case-1", "case-2"} <= kept
     again: list[str] = []
     file = run(order, counting(again))
     assert list(file.verdicts) == ["case-1", "case-2", "case-3", "case-4"]
-    assert seen[0] not in again
+    assert not kept & set(again)
     assert run(order, counting(once := [])).verdicts == file.verdicts
     assert once == []
 
@@ -95,8 +92,8 @@ def test_half_a_verdict_file_is_done_again(order: Check) -> None:
 
 @pytest.mark.parametrize(
     "change",
-    [{"variant": "printed"}, {"params": "B"}, {"effects": ("rtd_lag",)}],
-    ids=["variant", "parameters", "library"],
+    [{"variant": "printed"}, {"params": "B"}, {"repeats": 1}],
+    ids=["variant", "parameters", "repeats"],
 )
 def test_verdicts_made_in_another_way_are_not_taken_up(
     order: Check, change: dict[str, Any]
@@ -132,7 +129,7 @@ def test_verdicts_of_other_parameters_in_a_file_of_one_name_are_not_taken_up(
 
 def test_code_counts_as_other_code_with_another_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
     before = source_digest()
-    monkeypatch.setattr("smad.diagnosis.bank.version", lambda name: f"{name} of tomorrow")
+    monkeypatch.setattr("evaluation.run.judging.version", lambda name: f"{name} of tomorrow")
     assert source_digest.__wrapped__() != before
 
 
@@ -146,23 +143,23 @@ def test_a_verdict_on_another_question_or_in_another_role_is_not_taken_up(order:
         *rest,
     ]
     manifest = msgspec.structs.replace(order.manifest, cases=cases)
-    changed = dataclasses.replace(order, manifest=manifest, cases=cases)
+    changed = dataclasses.replace(order, manifest=manifest)
     assert asked_again(changed) == ["case-1", "case-2"]
 
 
 def test_a_check_of_some_cases_keeps_the_verdicts_of_the_others(order: Check) -> None:
     run(order, counting([]))
-    some = dataclasses.replace(order, cases=order.cases[:1])
-    assert len(run(some, counting([])).verdicts) == 4
+    some = order.manifest.cases[:1]
+    assert len(run(order, counting([]), some).verdicts) == 4
     (order.folder / "case-3/fit.parquet").unlink()
-    assert sorted(run(some, counting([])).verdicts) == ["case-1", "case-2", "case-4"]
+    anew = dataclasses.replace(order)
+    assert sorted(run(anew, counting([]), some).verdicts) == ["case-1", "case-2", "case-4"]
 
 
 def test_a_failed_case_is_named_and_only_it_is_tried_again(order: Check) -> None:
     file = run(order, counting([], ("case-2",)))
     assert set(file.verdicts) == {"case-1", "case-3", "case-4"}
     assert file.notes == {"case-2": "the run is made of cheese"}
-    write_verdicts(out(order), file)
     assert msgspec.json.decode(out(order).read_bytes(), type=VerdictFile).notes == file.notes
     again: list[str] = []
     whole = run(order, counting(again))
@@ -174,13 +171,12 @@ def test_a_failed_case_is_named_and_only_it_is_tried_again(order: Check) -> None
 def test_progress_tells_the_time_left_from_the_cases_of_this_run(
     order: Check, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run(dataclasses.replace(order, cases=order.cases[:1]), counting([]))
+    run(order, counting([]), order.manifest.cases[:1])
+    capsys.readouterr()
     ticks = iter([1000.0, 1600.0, 2200.0, 2800.0])
     monkeypatch.setattr("time.monotonic", lambda: next(ticks))
-    tell = _Progress(order, begun(order, out(order)))
-    for left in (2, 1, 0):
-        tell(Judged("case-2", QUIET), left)
-    told = [line.split("[")[1] for line in capsys.readouterr().err.splitlines()]
+    run(order, counting([]))
+    told = [line.split("[")[1] for line in capsys.readouterr().out.splitlines()]
     assert told == ["2/4, 20 min left]", "3/4, 10 min left]", "4/4, 0 min left]"]
 
 
@@ -198,9 +194,18 @@ def test_a_worker_that_dies_costs_its_own_case_only(tmp_path: Path) -> None:
     assert "fewer --jobs" in file.notes["case-2"]
 
 
+def test_the_cases_of_a_bench_go_on_after_one_whose_worker_died(tmp_path: Path) -> None:
+    order = opened(make(tmp_path / "bank", 4))
+    cases = [msgspec.structs.replace(c, bench="b") for c in order.manifest.cases]
+    file = run(order, functools.partial(die_on, cases=("case-2",)), cases)
+    assert set(file.verdicts) == {"case-1", "case-3", "case-4"}
+    assert list(file.notes) == ["case-2"]
+
+
 def judged(order: Check) -> Judged:
     """What becomes of the first case."""
-    return judge(order, order.cases[0], order.made_of(order.cases[0]))
+    case = order.manifest.cases[0]
+    return judge(order, case, order.made_of(case))
 
 
 def test_a_run_that_cannot_be_read_is_part_of_the_answer(order: Check) -> None:
@@ -215,12 +220,12 @@ def test_a_run_that_cannot_be_read_is_part_of_the_answer(order: Check) -> None:
 def test_runs_that_are_too_short_give_a_verdict_that_says_why(order: Check) -> None:
     verdict = judged(order).verdict
     assert verdict is not None
-    assert verdict.outcome == REFUSED
-    assert verdict.places == []
-    assert "at least 8 s are needed" in " ".join(f.text for f in verdict.findings)
+    assert verdict["outcome"] == REFUSED
+    assert verdict["places"] == []
+    assert "at least 8 s are needed" in " ".join(f["text"] for f in verdict["findings"])
 
 
 def test_a_worker_with_other_code_or_runs_refuses(order: Check) -> None:
-    found = judge(order, order.cases[0], "0" * 64)
+    found = judge(order, order.manifest.cases[0], "0" * 64)
     assert found.verdict is None
     assert "code or runs are other" in found.error

@@ -1,4 +1,4 @@
-"""Banks that others bring: which cases are taken, and what is said of one that is broken."""
+"""Banks that others bring: how they are read, and what is said of one that is broken."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from smad.cli import execute
-from smad.diagnosis.bank import Check, chosen, read_manifest
-from smad.diagnosis.errors import BankError
+from evaluation.command import main
+from evaluation.errors import BankError
+from evaluation.run.judging import Check
+from evaluation.run.manifest import ROLES, read_manifest
 from smad.diagnosis.runs import GapRun
 
 N = 400
@@ -67,14 +68,13 @@ def make(folder: Path, count: int = 1, **changes: Any) -> Path:
 
 def opened(folder: Path) -> Check:
     """A check of the whole bank."""
-    manifest = read_manifest(folder)
-    return Check(folder=folder, manifest=manifest, cases=manifest.cases)
+    return Check(folder=folder, manifest=read_manifest(folder))
 
 
 def first(folder: Path) -> dict[str, list[GapRun]]:
     """The runs of its first case."""
     check = opened(folder)
-    return check.runs(check.cases[0])
+    return check.runs(check.manifest.cases[0], *ROLES)
 
 
 def test_a_bank_is_read_by_role_and_units(tmp_path: Path) -> None:
@@ -92,8 +92,8 @@ def test_a_case_that_asks_what_differs_has_no_good_runs(tmp_path: Path) -> None:
     assert first(tmp_path)["good"] == []
 
 
-def test_the_manifest_that_the_guide_shows_can_be_read(tmp_path: Path) -> None:
-    guide = Path(__file__).parents[4] / "docs" / "guide" / "check-your-own-bank.md"
+def test_the_manifest_that_the_page_shows_can_be_read(tmp_path: Path) -> None:
+    guide = Path(__file__).parents[2] / "evaluation" / "README.md"
     manifest, *_ = re.findall(r"```json\n(.*?)```", guide.read_text(), re.DOTALL)
     (tmp_path / "manifest.json").write_text(manifest)
     assert read_manifest(tmp_path).cases[0].id == "case-001"
@@ -143,37 +143,43 @@ def test_a_run_of_flagged_rows_only_keeps_its_channels_and_has_no_valid_sample(
     assert not run.good.any()
 
 
-def test_a_subset_is_spread_nested_and_the_same_every_time(tmp_path: Path) -> None:
-    bank = read_manifest(make(tmp_path, 60))
-    few, more = ([c.id for c in chosen(bank, count=n, seed=3)] for n in (10, 20))
-    assert few == [c.id for c in chosen(bank, count=10, seed=3)]
-    assert few != [c.id for c in chosen(bank, count=10, seed=4)]
-    assert set(few) < set(more)
-    numbers = [int(c.removeprefix("case-")) for c in few]
-    assert numbers == sorted(numbers)
-    assert max(np.diff([numbers[-1] - 60, *numbers])) <= 12
-    assert [c.id for c in chosen(bank, only=["case-7", "case-2"])] == ["case-2", "case-7"]
-    assert len(chosen(bank, count=99)) == 60
+def test_a_bank_of_check_ups_has_the_files_of_its_folders(tmp_path: Path) -> None:
+    manifest = {"format": "smad-checkup-1", "bank": "m", "cases": [{"id": "a", "bench": "b"}]}
+    for place in ("cases/a", "benches/b/good-1", "benches/b/good-2"):
+        for name in ("run-1", "run-2"):
+            write(tmp_path, f"{place}/{name}.parquet", columns())
+    (tmp_path / "manifest.json").write_text(json.dumps(manifest))
+    (case,) = read_manifest(tmp_path).benches["b"]
+    assert [(r.file, r.role) for r in case.of("fit")] == [
+        ("cases/a/run-1.parquet", "fit"),
+        ("cases/a/run-2.parquet", "fit"),
+    ]
+    assert [r.name for r in case.of("good")] == ["run-1", "run-2"] * 2
+    assert [r.name for r in opened(tmp_path).runs(case, "fit")["fit"]] == ["run-1", "run-2"]
 
 
 def _refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    assert execute(["gap", "check", *arguments]) == 1
-    said = capsys.readouterr().err.strip().splitlines()
-    assert said[-1].startswith("smad: ")
-    return said[-1]
+    folder, *more = arguments
+    with pytest.raises(SystemExit, match="2"):
+        main(["check", folder, "--out", f"{folder}/verdicts.json", *more])
+    (said,) = capsys.readouterr().err.strip().splitlines()
+    assert said.startswith("error: ")
+    return said
 
 
 @pytest.mark.parametrize(
     ("changes", "parts"),
     [
-        ({"format": "smad-bank-9"}, ("smad-bank-9", "allowed: smad-bank-1", "check-your-own-bank")),
-        ({"cases": []}, ("no cases", "got 0")),
+        ({"format": "smad-bank-9"}, ("smad-bank-9", "A bank of your own")),
+        ({"format": "smad-checkup-1"}, ("asks changed", "smad-checkup-1")),
+        ({"cases": []}, ("no cases",)),
+        ({"cases": [{"id": "a"}]}, ("asks check-up", "smad-bank-1")),
         ({"cases": [{"id": "a", "question": "why", "runs": []}]}, ("question", "why")),
         ({"cases": [{"id": "a", "question": "differs", "runs": []}]}, ("no run to fit on",)),
         (
             {"cases": [{"id": "a", "question": "changed",
                         "runs": [{"file": "x.parquet", "role": "fit"}]}]},
-            ("a asks what has changed", "got fit", "role good", "what differs"),
+            ("a asks what has changed", "known-good run", "what differs"),
         ),
         (
             {"cases": [{"id": "a", "question": "differs",
@@ -221,12 +227,6 @@ def test_a_case_that_the_bank_does_not_have_is_refused(
     said = _refused(capsys, str(tmp_path), "--only", "case-9")
     assert "case-9" in said
     assert "case-1 … case-2" in said
-
-
-def test_an_effect_that_the_library_does_not_have_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert "rtd_lg" in _refused(capsys, str(make(tmp_path)), "--effects", "rtd_lg")
 
 
 @pytest.mark.parametrize(

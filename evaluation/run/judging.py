@@ -1,0 +1,222 @@
+"""What the product says of a case of a bank, and of what that depends. Nothing here opens a key."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import random
+import time
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+import evaluation.run
+import sim_device.plant
+import smad.checkup
+import smad.control
+import smad.diagnosis
+from evaluation.errors import BankError
+from evaluation.run.manifest import ROLES, BankRun, Case, Manifest
+from sim_device.plant import load_parameters
+from smad.checkup.commission import commissioned
+from smad.checkup.files import read_file
+from smad.checkup.judge import judged
+from smad.checkup.paired.difference import Paired
+from smad.checkup.paired.reference import Reference
+from smad.diagnosis.diagnose import diagnose
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.search.names import likely_entries
+from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.verdict import CHECK_UP, PLACES, QUIET
+from smad.errors import SmadError
+from smad.runlog.bounds import Together
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What became of one case: a verdict as JSON has it, or why there is none; processor time."""
+
+    case: str
+    verdict: dict[str, Any] | None = None
+    error: str = ""
+    cpu_s: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """A check of a bank: how its cases are judged, and what was worked out for several of them.
+
+    `params` and `variant` are those of the plant. Of each bench the first `repeats` good recordings
+    count, None: all. A check-up of `left_out` is judged once more without these entries of the
+    library: cause and entries by case.
+    """
+
+    folder: Path
+    manifest: Manifest
+    params: str = "A"
+    variant: str = "extended"
+    repeats: int | None = None
+    left_out: Mapping[str, tuple[str, tuple[str, ...]]] = field(default_factory=dict)
+
+    @functools.cached_property
+    def plant(self) -> SmaPlant:
+        """The model that the bank is compared with."""
+        return SmaPlant(load_parameters(self.params), self.variant)
+
+    @functools.cached_property
+    def _digests(self) -> dict[str, str]:
+        return {}
+
+    @functools.cached_property
+    def _references(self) -> dict[str, Reference]:
+        return {}
+
+    @property
+    def how(self) -> dict[str, Any]:
+        """How every case is judged, as the verdict file tells it."""
+        return {"params": self.params, "variant": self.variant, "repeats": self.repeats}
+
+    def made_of(self, case: Case) -> str:
+        """SHA-256 of all that a verdict depends on: runs, code, model, question.
+
+        A whole bank takes seconds. The Python interpreter and the processor, which may turn a last
+        digit, do not count. Raises BankError for a run file that is missing.
+        """
+        files = [(r.file, r.role, self._digest(case, r.file)) for x in ROLES for r in case.of(x)]
+        left_out = self.left_out.get(case.id)
+        said = (case.question, files, source_digest(), self.plant.version, self.how, left_out)
+        return hashlib.sha256(msgspec.json.encode(said, order="deterministic")).hexdigest()
+
+    def _digest(self, case: Case, file: str) -> str:
+        if file not in self._digests:
+            try:
+                with (self.folder / file).open("rb") as opened:
+                    self._digests[file] = hashlib.file_digest(opened, "sha256").hexdigest()
+            except OSError as error:
+                raise BankError(
+                    f"{case.id}: run file {file} cannot be read ({error.strerror}): restore it, "
+                    "or leave the case out with --only"
+                ) from None
+        return self._digests[file]
+
+    def runs(self, case: Case, *roles: str) -> dict[str, list[GapRun]]:
+        """The runs of a case by role. Raises BankError, naming the file, for one of no use."""
+        names = [] if case.question == CHECK_UP else [r.name for r in case.runs]
+        together = Together()
+
+        def read(run: BankRun) -> GapRun:
+            try:
+                found = read_file(self.folder / run.file, together)
+            except SmadError as error:
+                raise BankError(f"{self.folder / run.file} cannot be used: {error}") from error
+            return replace(found, name=run.file) if names.count(run.name) > 1 else found
+
+        return {role: [read(run) for run in case.of(role)] for role in roles}
+
+    def reference(self, case: Case) -> Reference:
+        """The good bench of a check-up, commissioned once from its repeats."""
+        if case.bench not in self._references:
+            groups: dict[str, list[GapRun]] = {}
+            for run in self.runs(case, "good")["good"]:
+                groups.setdefault(run.name, []).append(run)
+            kept = [group[: self.repeats] for group in groups.values()]
+            self._references[case.bench] = commissioned(self.plant, kept)
+        return self._references[case.bench]
+
+
+@functools.cache
+def source_digest() -> str:
+    """SHA-256 over the code that a verdict depends on, and the versions of what it calculates with.
+
+    That is the product's diagnosis and check-up, the plant, the controller of the simulated
+    experiments, and how cases are judged.
+    """
+    h = hashlib.sha256()
+    for name in ("numpy", "scipy"):
+        h.update(f"{name} {version(name)}\0".encode())
+    for package in (smad.diagnosis, smad.checkup, sim_device.plant, smad.control, evaluation.run):
+        folder = Path(package.__file__ or "").parent
+        for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.toml")]):
+            h.update(str(path.relative_to(folder)).encode() + b"\0" + path.read_bytes())
+    return h.hexdigest()
+
+
+def judge(check: Check, case: Case, made_of: str) -> Judged:
+    """The verdict on one case, if it is still of what it was to be `made_of`.
+
+    An error in it becomes part of the answer, and stops nothing else.
+    """
+    try:
+        if check.made_of(case) != made_of:
+            raise BankError("code or runs are other than the check began with: start it again")
+        return _checked_up(check, case) if case.question == CHECK_UP else _diagnosed(check, case)
+    except (SmadError, BankError) as error:
+        return Judged(case.id, error=str(error))
+    except Exception as error:
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        place = f"{Path(last.filename).name}:{last.lineno}"
+        return Judged(case.id, error=f"internal error: {type(error).__name__}: {error} ({place})")
+
+
+def _diagnosed(check: Check, case: Case) -> Judged:
+    began = time.process_time()
+    runs = check.runs(case, *ROLES)
+    found = diagnose(runs["fit"], plant=check.plant, good=runs["good"], hold_out=runs["hold_out"])
+    return Judged(case.id, msgspec.to_builtins(found.verdict), cpu_s=_since(began))
+
+
+def _checked_up(check: Check, case: Case) -> Judged:
+    reference = check.reference(case)
+    began = time.process_time()
+    runs = [(run, run.name) for run in check.runs(case, "fit")["fit"]]
+    found = judged(check.plant, reference, runs)
+    cpu_s = _since(began)
+    told = msgspec.to_builtins(found.verdict) | {"baselines": _baselines(found.pairs, case.id)}
+    if case.id in check.left_out and found.verdict.outcome != QUIET:
+        cause, entries = check.left_out[case.id]
+        less = judged(check.plant, reference, runs, exclude=entries).verdict
+        places = [p.place for p in less.places]
+        told["left_out"] = {cause: {"outcome": less.outcome, "places": places}}
+    return Judged(case.id, told, cpu_s=cpu_s)
+
+
+def _since(began: float) -> float:
+    return round(time.process_time() - began, 2)
+
+
+def _baselines(pairs: Paired, case: str) -> dict[str, Any]:
+    """What simpler rules say: `match`, `bic` and `random`. None of them knows unknown.
+
+    `match` is the signature most like the difference in floors, days, correlation and form left
+    in. `bic` takes the entry with the best Bayesian information criterion, nothing among them.
+    """
+    floors = np.concatenate(
+        [np.where(p.rows.valid, p.difference / p.rows.sd, 0.0).ravel() for p in pairs.pairs]
+    )
+    like: dict[str, float] = {}
+    for i, atom in enumerate(pairs.reference.atoms):
+        rows = np.concatenate(
+            [
+                np.where(p.rows.valid, p.reference.signatures[i] / p.rows.sd, 0.0).ravel()
+                for p in pairs.pairs
+            ]
+        )
+        size = float(rows @ rows)
+        match = max(float(rows @ floors), 0.0) ** 2 / size if size > 0.0 else 0.0
+        like[atom.entry] = max(like.get(atom.entry, 0.0), match)
+    known = pairs.reference.atoms
+    found = likely_entries(pairs, known, pairs.signatures, pairs.plant.effects, pairs.z)
+    penalty = float(np.log(pairs.white.count))
+    best = max(found, key=lambda e: e.gain - penalty * len(e.coordinates), default=None)
+    speaks = best is not None and best.gain > penalty * len(best.coordinates)
+    return {
+        "match": {"outcome": PLACES, "names": [max(like, key=lambda n: like[n])]},
+        "bic": {"outcome": PLACES if speaks else QUIET, "names": list(best.names) if best else []},
+        "random": {"outcome": PLACES, "names": [random.Random(case).choice(sorted(like))]},
+    }
