@@ -20,7 +20,7 @@ from smad.checkup.paired.difference import paired
 from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.series import Play, keep, write_whole
-from smad.checkup.told import budget_of, stages_of
+from smad.checkup.told import budget_of_pairs
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.gap import change_of
 from smad.diagnosis.places.bare import with_places
@@ -172,8 +172,8 @@ class Inquiry:
         runs = [(read_file(self.folder / r.file), r.run) for r in report.records if r.held_out]
         pairs = paired(with_places(self.plant), self.reference, runs)
         change = change_of(pairs, found.model)
-        shares, whole = budget_of(pairs, stages_of(pairs, [change] if change is not None else []))
-        return msgspec.structs.replace(report, proof=[*shares, whole])
+        budget = budget_of_pairs(pairs, [] if change is None else [change])
+        return msgspec.structs.replace(report, proof=budget.rows)
 
     def _with_model(self, report: Report, found: Judged) -> Report:
         if not found.has_model:

@@ -7,40 +7,31 @@ from collections.abc import Sequence
 import numpy as np
 
 from smad.checkup.paired.difference import SHARE, Paired
-from smad.diagnosis.gap import rms
-from smad.diagnosis.plant import Array, Mask
+from smad.diagnosis.budget import Budget, budget_of
+from smad.diagnosis.plant import Array
 from smad.diagnosis.search.locate import Located
 from smad.diagnosis.search.told import place_shares, unseen, unseen_effects
-from smad.diagnosis.verdict import (
-    CHECK_UP,
-    PARAMETERS,
-    PLACES,
-    QUIET,
-    PlaceTold,
-    RunGap,
-    SignalGap,
-    Verdict,
-    change_headline,
-)
+from smad.diagnosis.verdict import CHECK_UP, PLACES, RunGap, Verdict, change_headline
 from smad.version import VERSION
 
 
 def verdict_of(paired: Paired, located: Located, outcome: str, least: float) -> Verdict:
     """The verdict. `least` is the gain, in squares of rows, that a place must have to be seen."""
     places = list(located.told) if outcome == PLACES else []
-    changes = located.changes if places else ()
-    stages = stages_of(paired, changes)
-    budget, whole = budget_of(paired, stages)
+    budget = budget_of_pairs(paired, located.changes if places else ())
     ranked = located.where.ranked
     known = paired.reference.atoms
     return Verdict(
         question=CHECK_UP,
         outcome=outcome,
-        headline=_headline(outcome, places),
+        headline=change_headline(outcome, places, "no change beyond the repeat floor"),
         places=places,
-        budget=budget,
-        whole=whole,
-        by_run=_by_run(paired, stages),
+        budget=budget.signals,
+        whole=budget.whole,
+        by_run=[
+            RunGap(run=p.now, raw=float(raw), parameters=float(final[0]), final=float(final[-1]))
+            for p, (raw, *final) in zip(paired.pairs, budget.by_run.T, strict=True)
+        ],
         ranked=place_shares(paired.plant, ranked),
         judged_on="each run by laws of the others",
         unseen=[
@@ -54,16 +45,8 @@ def verdict_of(paired: Paired, located: Located, outcome: str, least: float) -> 
     )
 
 
-def _headline(outcome: str, places: Sequence[PlaceTold]) -> str:
-    if outcome == QUIET:
-        return "no change beyond the repeat floor"
-    if outcome == PARAMETERS:
-        return "changed: other values of the parameters explain it"
-    return change_headline(places)
-
-
-def stages_of(paired: Paired, changes: Sequence[Sequence[Array]]) -> list[list[Array]]:
-    """What is left of the difference of each pair, (bins, channels), stage by stage.
+def budget_of_pairs(paired: Paired, changes: Sequence[Sequence[Array]]) -> Budget:
+    """What is left of the differences, stage by stage.
 
     Raw; less days and small moves of parameters; and less what the model makes of the first
     1, 2 … places (`changes`) as well.
@@ -71,53 +54,10 @@ def stages_of(paired: Paired, changes: Sequence[Sequence[Array]]) -> list[list[A
     raw = [p.difference for p in paired.pairs]
     less = [[d - c for d, c in zip(raw, own, strict=True)] for own in changes]
     tied = SHARE * paired.tie(paired.slopes)
-    return [raw, *(_without_days(paired, tied, x) for x in (raw, *less))]
-
-
-def budget_of(
-    paired: Paired, stages: Sequence[Sequence[Array]]
-) -> tuple[list[SignalGap], SignalGap]:
-    """The stages by signal, and over all signals in floors."""
-    valid = [p.rows.valid for p in paired.pairs]
-    sd = [p.rows.sd for p in paired.pairs]
-    table = np.array([rms(x, valid) for x in stages])
-    floor = rms(sd, valid)
-    there: Mask = np.concatenate(valid).sum(axis=0) > 0
-    budget = [
-        SignalGap(
-            signal=c.name, unit=c.unit, floor=float(floor[i]), raw=float(table[0, i]),
-            parameters=float(table[1, i]), places=[float(x) for x in table[2:, i]],
-        )
-        for i, c in enumerate(paired.plant.channels)
-        if there[i]
-    ]  # fmt: skip
-    every = range(len(paired.pairs))
-    total = [_in_floors(paired, x, every) for x in stages]
-    whole = SignalGap(
-        signal="all signals", unit="floors", floor=1.0, raw=total[0], parameters=total[1],
-        places=total[2:],
-    )  # fmt: skip
-    return budget, whole
-
-
-def _by_run(paired: Paired, stages: Sequence[Sequence[Array]]) -> list[RunGap]:
-    raw, parameters, *_ = stages
-    return [
-        RunGap(
-            run=p.now,
-            raw=_in_floors(paired, raw, [k]),
-            parameters=_in_floors(paired, parameters, [k]),
-            final=_in_floors(paired, stages[-1], [k]),
-        )
-        for k, p in enumerate(paired.pairs)
-    ]  # fmt: skip
-
-
-def _in_floors(paired: Paired, left: Sequence[Array], pairs: Sequence[int]) -> float:
-    rows = np.concatenate(
-        [(left[k] / paired.pairs[k].rows.sd)[paired.pairs[k].rows.valid] for k in pairs]
-    )
-    return float(np.sqrt(np.mean(rows**2)))
+    stages = [raw, *(_without_days(paired, tied, x) for x in (raw, *less))]
+    rows = [p.rows for p in paired.pairs]
+    channels = paired.plant.channels
+    return budget_of(channels, stages, [r.valid for r in rows], [r.sd for r in rows])
 
 
 def _without_days(paired: Paired, tied: Array, difference: list[Array]) -> list[Array]:

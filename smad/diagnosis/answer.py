@@ -10,19 +10,19 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from smad.diagnosis.budget import budget_of
 from smad.diagnosis.changed import Changed
 from smad.diagnosis.data.played import predictions
-from smad.diagnosis.gap import rms
 from smad.diagnosis.model_file import SavesModel
 from smad.diagnosis.numerics.folds import Array, FoldRows, Index
 from smad.diagnosis.numerics.forward import Fit
 from smad.diagnosis.places.place import PlacesPlant
-from smad.diagnosis.plant import Mask, ModelPoint, Uncertainty
+from smad.diagnosis.plant import ModelPoint, Uncertainty
 from smad.diagnosis.search.contrast import apart
 from smad.diagnosis.search.listed import Listed
 from smad.diagnosis.search.locate import name_told
 from smad.diagnosis.search.told import Teller, best_of_places, place_shares, unseen
-from smad.diagnosis.search.where import Fits
+from smad.diagnosis.search.where import Fits, Scored
 from smad.diagnosis.simulator import Asked, Held
 from smad.diagnosis.verdict import (
     CHANGED,
@@ -41,6 +41,7 @@ from smad.diagnosis.verdict import (
 
 _APART_SETS = 8
 """Of the likeliest places, whose laws are asked whether a run needs one of its own."""
+_NOTHING_NEW = "nothing is new beyond what good runs differ in"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,84 +65,88 @@ class Answer:
 
 def answer_of_differs(asked: Asked, held: Held) -> Answer:
     """The list of what the simulator lacks."""
-    listing = held.listed
-    budget, whole, gaps = _budget(asked, listing, asked.floors)
-    columns = [s.columns for s in best_of_places(held.where.ranked)[:_APART_SETS]]
-    by_run = _by_run(asked, held.rows, held.gap.run_of_row, columns, gaps)
-    odd = [r.run for r in by_run if r.contradicts]
-    places = _told(asked.plant, listing)
-    c = asked.constants
+    c, ranked = asked.constants, held.where.ranked
+    v = _verdict(
+        asked, DIFFERS, held.listed, rows=held.rows, run_of_row=held.gap.run_of_row, ranked=ranked,
+        share=c.place_share,
+    )  # fmt: skip
+    assert v.whole is not None
+    whole, odd = v.whole, [r.run for r in v.by_run if r.contradicts]
     if odd:
         outcome = CONTRADICTING
-    elif places:
+    elif v.places:
         outcome = PLACES
     else:
         outcome = QUIET if whole.raw < c.quiet_floors else PARAMETERS
-    return _answer(
-        asked, listing, held.rows,
-        Verdict(
-            question=DIFFERS,
-            outcome=outcome,
-            headline=_headline(outcome, places, whole, odd),
-            places=places,
-            budget=budget,
-            whole=whole,
-            by_run=by_run,
-            ranked=place_shares(asked.plant, held.where.ranked),
-            unseen=unseen(
-                asked.plant, held.rows, held.where.ranked, c.place_share * held.rows.square
-            ),
-        ),
-    )  # fmt: skip
+    taken = (whole.raw**2 - whole.parameters**2) / max(whole.raw**2 - 1.0, 1e-9)
+    v = msgspec.structs.replace(
+        v,
+        outcome=outcome,
+        headline=_headline(outcome, v.places, whole, odd),
+        parameters_take=float(np.clip(taken, 0.0, 1.0)),
+    )
+    return _with_models(asked, held.listed, held.rows, v)
 
 
 def answer_of_changed(asked: Asked, found: Changed) -> Answer:
     """What is new since the good runs."""
-    listing = found.listed
-    budget, whole, gaps = _budget(asked, listing, asked.floors)
-    rows = found.contrast.own
-    columns = [s.columns for s in best_of_places(found.contrast.ranked)[:_APART_SETS]]
-    joint_run = found.joint.run_of_row - len(asked.good)
-    by_run = _by_run(asked, rows, joint_run, columns, gaps)
-    odd = [r.run for r in by_run if r.contradicts]
-    places = _told(asked.plant, listing)
-    outcome = found.outcome
+    c, own, ranked = asked.constants, found.contrast.own, found.contrast.ranked
+    run_of_row = found.joint.run_of_row - len(asked.good)
+    v = _verdict(
+        asked, CHANGED, found.listed, rows=own, run_of_row=run_of_row, ranked=ranked,
+        share=c.changed_share,
+    )  # fmt: skip
+    odd = [r.run for r in v.by_run if r.contradicts]
+    outcome, headline = found.outcome, change_headline(found.outcome, v.places, _NOTHING_NEW)
     if odd and outcome == PLACES:
         outcome = CONTRADICTING
-    return _answer(
-        asked, listing, found.rows,
-        Verdict(
-            question=CHANGED,
-            parameters_take=max(found.parameters, 0.0),
-            outcome=outcome,
-            headline=_changed_headline(outcome, places, odd),
-            places=places,
-            budget=budget,
-            whole=whole,
-            by_run=by_run,
-            ranked=place_shares(asked.plant, found.contrast.ranked),
-            unseen=unseen(
-                asked.plant, rows, found.contrast.ranked,
-                asked.constants.changed_share * rows.square,
-            ),
-        ),
-    )  # fmt: skip
+        headline = (
+            f"changed, but not alike in all runs: {_apart(odd)} of another state than the rest"
+        )
+    v = msgspec.structs.replace(
+        v, outcome=outcome, headline=headline, parameters_take=max(found.parameters, 0.0)
+    )
+    return _with_models(asked, found.listed, found.rows, v)
 
 
-def _answer(asked: Asked, listing: Listed, rows: FoldRows, verdict: Verdict) -> Answer:
-    whole = verdict.whole
-    assert whole is not None
+def _verdict(
+    asked: Asked,
+    question: str,
+    listing: Listed,
+    *,
+    rows: FoldRows,
+    run_of_row: Index,
+    ranked: Sequence[Scored],
+    share: float,
+) -> Verdict:
+    """What both questions say alike; a place must take `share` of `rows` to be seen."""
+    plant, m = asked.plant, listing.settler.gap.measured
+    raw = predictions(plant, listing.settler.start, m.played)
+    stages = [
+        [y - p for y, p in zip(m.values, stage, strict=True)] for stage in (raw, *listing.predicted)
+    ]
+    floors = [asked.floors] * len(m.played)
+    budget = budget_of(plant.channels, stages, m.valid, floors, asked.judged)
+    columns = [s.columns for s in best_of_places(ranked)[:_APART_SETS]]
+    return Verdict(
+        question=question,
+        outcome="",
+        headline="",
+        places=_told(plant, listing),
+        budget=budget.signals,
+        whole=budget.whole,
+        by_run=_by_run(asked, rows, run_of_row, columns, budget.by_run),
+        ranked=place_shares(plant, ranked),
+        unseen=unseen(plant, rows, ranked, share * rows.square),
+    )
+
+
+def _with_models(asked: Asked, listing: Listed, rows: FoldRows, verdict: Verdict) -> Answer:
     settler = listing.settler
     points = tuple(settler.model(s) for s in listing.settled)
     uncertain = tuple(settler.uncertainty(s) for s in listing.settled)
-    taken = (whole.raw**2 - whole.parameters**2) / max(whole.raw**2 - 1.0, 1e-9)
     said = msgspec.structs.replace(
         verdict,
-        parameters_take=(
-            verdict.parameters_take
-            if verdict.question == CHANGED
-            else float(np.clip(taken, 0.0, 1.0))
-        ),
         parameters=_parameters(asked.plant, settler.start, points[-1], uncertain[-1]),
         judged_on=_judged_on(asked),
         models=_models(asked.plant, points, uncertain, verdict.headline),
@@ -177,45 +182,6 @@ def _told(plant: PlacesPlant, listing: Listed) -> list[PlaceTold]:
 def _scale(listing: Listed, column: int) -> float:
     law, _ = listing.settler.found.home(column)
     return listing.settler.found.scales[law.place]
-
-
-def _budget(
-    asked: Asked, listing: Listed, floors: Array
-) -> tuple[list[SignalGap], SignalGap, Array]:
-    """By signal, over all in floors, and by run (stages, runs) in floors."""
-    settler, m = listing.settler, listing.settler.gap.measured
-    raw = predictions(asked.plant, settler.start, m.played)
-    stages = [tuple(raw), *listing.predicted]
-    judged = list(asked.judged)
-    valid = [m.valid[k] for k in judged]
-    table = np.array([
-        rms([m.values[k] - stage[k] for k in judged], valid) for stage in stages
-    ])  # fmt: skip
-    there: Mask = np.concatenate(valid).sum(axis=0) > 0
-    channels = [(i, c) for i, c in enumerate(asked.plant.channels) if there[i]]
-    budget = [
-        SignalGap(
-            signal=c.name, unit=c.unit, floor=float(floors[i]), raw=float(table[0, i]),
-            parameters=float(table[1, i]), places=[float(x) for x in table[2:, i]],
-        )
-        for i, c in channels
-    ]  # fmt: skip
-    by_run = np.array([
-        [_floors(m.values[k] - stage[k], m.valid[k], floors) for k in range(len(m.played))]
-        for stage in stages
-    ])  # fmt: skip
-    sizes = np.array([float(m.valid[k].sum()) for k in judged])
-    total = np.sqrt((by_run[:, judged] ** 2 @ sizes) / sizes.sum())
-    whole = SignalGap(
-        signal="all signals", unit="floors", floor=1.0, raw=float(total[0]),
-        parameters=float(total[1]), places=[float(x) for x in total[2:]],
-    )  # fmt: skip
-    return budget, whole, by_run
-
-
-def _floors(left: Array, valid: Mask, floors: Array) -> float:
-    scaled = np.where(valid, left / floors, 0.0)
-    return float(np.sqrt((scaled**2).sum() / max(int(valid.sum()), 1)))
 
 
 def _by_run(
@@ -290,16 +256,6 @@ def _headline(
         f"the simulator lacks something at {len(places)} place{'s'[: len(places) > 1]}: {listing}; "
         f"the gap goes from {whole.raw:.1f} to {whole.final:.1f} floors"
     )
-
-
-def _changed_headline(outcome: str, places: Sequence[PlaceTold], odd: Sequence[str]) -> str:
-    if outcome == CONTRADICTING:
-        return f"changed, but not alike in all runs: {_apart(odd)} of another state than the rest"
-    if outcome == QUIET:
-        return "nothing is new beyond what good runs differ in"
-    if outcome == PARAMETERS:
-        return "changed: other values of the parameters explain it"
-    return change_headline(places)
 
 
 def _apart(odd: Sequence[str]) -> str:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import msgspec
-import numpy as np
 
 from firmware_protocol.nearest import instead
 from smad.diagnosis.answer import Answer, answer_of_changed, answer_of_differs
@@ -24,13 +23,7 @@ from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import Effect, PlantModel
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.simulator import Asked, held_against
-from smad.diagnosis.verdict import (
-    CHANGED,
-    DIFFERS,
-    REFUSED,
-    RunRecord,
-    Verdict,
-)
+from smad.diagnosis.verdict import CHANGED, DIFFERS, REFUSED, RunRecord, Verdict
 from smad.version import VERSION
 
 
@@ -69,14 +62,10 @@ def diagnose(
     else:
         findings += goes_further(roles, plant)
         every = (*roles[FIT], *roles[HOLD_OUT])
-        floors = estimate_floors([*every, *roles[GOOD]], plant, period_s)
         asked = Asked(
             plant=with_places(plant), runs=every, fit=len(roles[FIT]), good=roles[GOOD],
             effects=tuple(effects), period_s=period_s, constants=constants or shipped(),
-            say=progress,
-            floors=np.array([
-                floors.get(c.name, max(c.noise, c.quantum)) for c in plant.channels
-            ]),
+            say=progress, floors=estimate_floors([*every, *roles[GOOD]], plant, period_s),
         )  # fmt: skip
         answer = _answered(asked)
     verdict = msgspec.structs.replace(

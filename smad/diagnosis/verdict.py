@@ -95,8 +95,15 @@ class PlaceTold(msgspec.Struct, frozen=True, kw_only=True):
         return self.terms[:-1] if len(self.terms) > 1 else self.terms
 
 
-def change_headline(places: Sequence[PlaceTold]) -> str:
-    """A change in one line: its first place with the size of the law there, and how many more."""
+def change_headline(outcome: str, places: Sequence[PlaceTold], quiet: str) -> str:
+    """A change in one line: its first place with the size of the law there, and how many more.
+
+    `quiet` is what is said of none.
+    """
+    if outcome == QUIET:
+        return quiet
+    if outcome == PARAMETERS:
+        return "changed: other values of the parameters explain it"
     if not places:
         return "changed, and no place takes enough of it"
     first, *further = places

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
+from smad.diagnosis.budget import budget_of
 from smad.diagnosis.data.admission import admit
 from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.data.played import predictions
 from smad.diagnosis.data.scales import row_length_s
 from smad.diagnosis.errors import RunRefused
-from smad.diagnosis.gap import Measured, rms
+from smad.diagnosis.gap import Measured
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import ModelPoint, PlantModel, nominal_point
 from smad.diagnosis.runs import GapRun
@@ -32,23 +31,10 @@ def verified(plant: PlantModel, runs: Sequence[GapRun], model: ModelPoint) -> li
             action="record runs that drive the bench, and give those",
         )
     floors = estimate_floors(admission.admitted, plant, period_s)
-    measured = Measured.of(plant, admission.admitted, period_s)
-    points = (nominal_point(plant), model)
-    found = [predictions(with_places(plant), point, measured.played) for point in points]
-    left = [[y - p for y, p in zip(measured.values, stage, strict=True)] for stage in found]
-    before, after = (rms(x, measured.valid) for x in left)
-    rows = []
-    scaled = np.zeros((2, 0))
-    for i, c in enumerate(plant.channels):
-        if c.name in floors and any(v[:, i].any() for v in measured.valid):
-            floor = floors[c.name]
-            rows.append(_row(c.name, c.unit, floor, float(before[i]), float(after[i])))
-            scaled = np.c_[scaled, [before[i] / floor, after[i] / floor]]
-    together = np.sqrt((scaled**2).mean(axis=1))
-    return [*rows, _row("all signals", "floors", 1.0, *map(float, together))]
-
-
-def _row(signal: str, unit: str, floor: float, before: float, after: float) -> SignalGap:
-    return SignalGap(
-        signal=signal, unit=unit, floor=floor, raw=before, parameters=before, places=[after]
+    m = Measured.of(plant, admission.admitted, period_s)
+    before, after = (
+        [y - p for y, p in zip(m.values, predictions(with_places(plant), x, m.played), strict=True)]
+        for x in (nominal_point(plant), model)
     )
+    stages, channels = (before, before, after), plant.channels
+    return budget_of(channels, stages, m.valid, [floors] * len(m.played)).rows

@@ -79,15 +79,16 @@ def _third_differences(courses: Sequence[Array]) -> float:
     return float(np.quantile(joined, 0.25) / 0.3186 / np.sqrt(20.0)) if len(joined) else 0.0
 
 
-def estimate_floors(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> dict[str, float]:
-    """Return what a residual of each channel that some run has is measured by, in its unit.
+def estimate_floors(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> Array:
+    """Return what a residual of each channel is measured by, in its unit; (channels,).
 
     The noise of one row of `period_s`, and the resolution that no simulator is trusted below, in
-    quadrature. Noise is at least that of the quantum; by name of the channel.
+    quadrature. Noise is at least that of the quantum. A channel that no run has keeps its typical
+    noise.
     """
     grids = [Grid.of(run, period_s) for run in runs]
-    floors = {}
-    for channel in plant.channels:
+    floors = np.array([max(c.noise, c.quantum) for c in plant.channels])
+    for i, channel in enumerate(plant.channels):
         name = channel.name
         if not any(name in run.outputs for run in runs):
             continue
@@ -105,7 +106,7 @@ def estimate_floors(runs: Sequence[GapRun], plant: PlantModel, period_s: float) 
         if sigma <= 0.0 and least == 0.0:
             sigma = channel.noise
         resolution = _RESOLUTION * _excursion(runs, name)
-        floors[name] = float(np.hypot(max(sigma, least), resolution))
+        floors[i] = np.hypot(max(sigma, least), resolution)
     return floors
 
 

@@ -21,6 +21,7 @@ from smad.diagnosis.verdict import (
     PLACES,
     QUIET,
     REFUSED,
+    UNPLACED,
     Finding,
     PlaceShare,
     PlaceTold,
@@ -113,8 +114,8 @@ def test_what_runs_say_that_repeat_good_ones_is_said_beside() -> None:
 
 
 def test_a_change_that_no_place_takes_is_said() -> None:
-    assert change_headline([]) == "changed, and no place takes enough of it"
-    assert change_headline([PLACE, PLACE]) == (
+    assert change_headline(UNPLACED, [], "") == "changed, and no place takes enough of it"
+    assert change_headline(PLACES, [PLACE, PLACE], "") == (
         "changed: friction, X and Y, by up to 0.3 N, and 1 more"
     )
 

@@ -108,8 +108,7 @@ def test_an_effect_is_recovered_with_its_side_from_runs_made_with_it(
     effect = next(e for e in PLANT.effects if e.name == name)
     truth = effect.at(0.7) | {"y_share": y_share}
     run = recorded("mixed", PLANT, ModelPoint({}, {name: truth}), 5, duration_s=30.0)
-    floors = estimate_floors([run], PLANT, 0.2)
-    least = np.array([floors[c.name] for c in PLANT.channels])
+    least = estimate_floors([run], PLANT, 0.2)
     free = residual(
         PLANT, nominal_point(PLANT), Measured.of(PLANT, [run], 0.2), counts=(True,), least=least
     )
