@@ -1,4 +1,4 @@
-"""Designs the check-up's programme and prints what it separates."""
+"""Designs the check-up's programme, or prints what a programme separates."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from evaluation.programme.separations import Separations, design
-from smad.checkup.programme import write_programme
+from evaluation.programme.separations import Separations, design, merit, separations_of
+from evaluation.programme.writing import write_programme
+from smad.checkup.programme import read_programme
 from smad.diagnosis.spring_pair import SmaPlant
 
-TARGET = Path(__file__).parents[2] / "smad/checkup/data/spring-pair"
-_NEAR = 16.0
+_CLOSE = 0.3
+"""Pairs are printed of which a free law at the rival leaves less than this share."""
+_MOST = 40
 # A day's difference of one bin, over what sensors show: floors of channels in their units.
 _REPEAT_SD = {"A": 0.004, "V": 0.004, "degC": 0.12, "mm": 0.04, "N": 0.008}
 _ROWS_PER_NUMBER = 6.0
@@ -29,21 +31,28 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument("--runs", type=int, default=8)
     parser.add_argument("--quick", type=int, default=2)
     parser.add_argument("--duration", type=float, default=75.0, help="of a run, in s")
-    parser.add_argument("--out", type=Path, default=TARGET)
+    parser.add_argument("--out", type=Path, help="folder to write the programme to")
+    parser.add_argument("--of", type=Path, help="design none: print what this folder's separates")
     options = parser.parse_args(arguments)
     plant = SmaPlant()
     sd = np.array([_REPEAT_SD[c.unit] for c in plant.channels]) * np.sqrt(2.0 * _ROWS_PER_NUMBER)
-    programme, whole, part = design(
-        plant,
-        sd,
-        runs=options.runs,
-        quick=options.quick,
-        duration_s=options.duration,
-        candidates=options.candidates,
-        seed=options.seed,
-        progress=lambda text: print(text, end="\r", file=sys.stderr),
-    )
-    write_programme(programme, options.out)
+    if options.of is not None:
+        programme = read_programme(options.of)
+        whole, part = separations_of(plant, sd, programme)
+    else:
+        programme, whole, part = design(
+            plant,
+            sd,
+            runs=options.runs,
+            quick=options.quick,
+            duration_s=options.duration,
+            candidates=options.candidates,
+            seed=options.seed,
+            progress=lambda text: print(f"\r{text}\x1b[K", end="", file=sys.stderr),
+        )
+        print(file=sys.stderr)
+    if options.out is not None:
+        write_programme(programme, options.out)
     print(f"{programme.title}: {programme.duration_s / 60:.1f} min of runs")
     for run in programme.runs:
         print(f"  {run.name}{' (quick)' if run.quick else '':8}  {run.title}")
@@ -52,17 +61,8 @@ def main(arguments: Sequence[str]) -> None:
 
 
 def _print_separations(label: str, found: Separations) -> None:
-    both = np.minimum(found.d2, found.d2.T)
-    upper = both[np.triu_indices(len(both))]
-    shares = ", ".join(f"{100 * np.mean(upper > level):.0f} % above {level}" for level in (16, 100))
-    print(f"{label}: {len(upper)} separations d², smallest {upper.min():.2g}, {shares}")
-    for a, b, d2 in found.worst(30):
-        if d2 < _NEAR:
-            print(f"  not separated: {a} and {b}, d² {d2:.1f}")
-    for i, name in enumerate(found.names):
-        row = both[i].copy()
-        row[i] = np.inf
-        j = int(np.argmin(row))
-        print(
-            f"  {name:24} parameters {both[i, i]:9.1f}   nearest {found.names[j]:24} {row[j]:9.1f}"
-        )
+    print(f"{label}: {len(found.share)} pairs of a law and a rival place, merit {merit(found):.3f}")
+    print("  what a free law at the rival leaves of a law: the share, and its d²")
+    for a, b, d2, share in found.worst(_MOST):
+        if share < _CLOSE:
+            print(f"  {share:5.3f}  {d2:8.2f}  {a:28} beside {b}")

@@ -1,9 +1,10 @@
-"""Choosing the runs of a programme: the smallest separation between any two causes, made large.
+"""Choosing the runs of a programme: the smallest separation between places with free laws, made
+large.
 
-For every candidate run the model gives the signatures of all entries at their typical strength and
-the slopes of all parameters. Information adds up over runs, so that a choice is judged by sums of
-small matrices: d²_ij is what is left of entry i when entry j takes any strength and the parameters
-move within their priors; d²_i against the parameters alone likewise.
+For every candidate run the model gives the responses of the terms of each place and the slopes of
+all parameters. Information adds up over runs, so that a choice is judged by sums of small matrices:
+d² of a term beside a rival is what is left of it, at the place's scale, when the rival place has a
+law of any coefficients and the parameters move within their priors. No law's form is assumed.
 """
 
 from __future__ import annotations
@@ -13,14 +14,27 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from evaluation.errors import WithheldError
 from evaluation.programme.segments import candidate, milder
+from sim_device.plant.laws import Law
 from smad.checkup.programme import Programme, ProgrammeRun
-from smad.diagnosis.data.played import Played, finite, predictions, slopes
-from smad.diagnosis.plant import Array, ModelPoint, PlantModel
+from smad.diagnosis.data.played import Played, predictions, slopes
+from smad.diagnosis.places.candidate import Candidate
+from smad.diagnosis.places.place import PlacesPlant
+from smad.diagnosis.places.responses import Responses, candidate_laws, responses
+from smad.diagnosis.plant import Array, ModelPoint, PlantModel, nominal_point
 
 WATER_DEGC = 27.0
+_HIGHEST_ORDER = 2
+"""Terms of the design: constants, lines and signs. Lags of them go nearly the same way."""
+_STRENGTH = 0.1
+"""Size of the laws, in scales of their places: so large that a half can just be told from none."""
 _ENOUGH = 400.0
 _REACH = 2.0
+_TIES = 30.0
+"""Of so many closest pairs the first counts twice as much as the last."""
+_TYPICAL = 12
+"""Runs whose states say over what range laws are asked."""
 
 
 @dataclass(frozen=True)
@@ -33,30 +47,65 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """A safe run, and its information matrix: entries first, then parameters."""
+class Safe:
+    """A safe run, and its information matrix: terms of the laws first, then parameters."""
 
     run: ProgrammeRun
     gram: Array
 
 
 @dataclass(frozen=True)
-class Separations:
-    """d² between entries, shape (n, n), the diagonal against the parameters alone."""
+class Rivals:
+    """The terms of each law, and the places with free laws that each is held against.
 
+    `own` are the numbers of the terms of a law, `beside` the candidate.
+    """
+
+    candidates: tuple[Candidate, ...]
     names: tuple[str, ...]
-    d2: Array
+    own: tuple[range, ...]
+    pairs: tuple[tuple[int, int], ...]
 
-    def worst(self, count: int) -> list[tuple[str, str, float]]:
-        """The pairs that lie closest; the second name is "parameters" on the diagonal."""
-        n = len(self.names)
-        both = np.minimum(self.d2, self.d2.T)
-        pairs = [
-            (self.names[i], self.names[j] if i != j else "parameters", float(both[i, j]))
-            for i in range(n)
-            for j in range(i, n)
-        ]
-        return sorted(pairs, key=lambda p: p[2])[:count]
+    @staticmethod
+    def of(found: Responses) -> Rivals:
+        """All pairs of a single law and another place, or another side of its own."""
+        candidates = tuple(found.candidates())
+        return Rivals(
+            candidates,
+            tuple(f"{law.place} {law.side}" for law in found.laws),
+            found.columns,
+            tuple(
+                (k, i)
+                for k, law in enumerate(found.laws)
+                for i, c in enumerate(candidates)
+                if (c.place, c.side) != (law.place, law.side)
+            ),
+        )
+
+    @property
+    def terms(self) -> int:
+        """How many terms there are."""
+        return self.own[-1].stop
+
+
+@dataclass(frozen=True)
+class Separations:
+    """What rivals leave of each law: mean over its terms of log(1 + d²), and of the share of d²."""
+
+    rivals: Rivals
+    log_d2: Array
+    share: Array
+
+    def worst(self, count: int) -> list[tuple[str, str, float, float]]:
+        """The pairs that lie closest: both names, the d² that the mean stands for, the share."""
+        out = []
+        for n in np.argsort(self.share)[:count]:
+            k, i = self.rivals.pairs[n]
+            rival = self.rivals.candidates[i]
+            told = f"{rival.place} {rival.side}"
+            d2 = float(np.expm1(self.log_d2[n]))
+            out.append((self.rivals.names[k], told, d2, float(self.share[n])))
+        return out
 
 
 def corners(plant: PlantModel) -> list[ModelPoint]:
@@ -96,65 +145,94 @@ def _within(plant: PlantModel, point: ModelPoint, run: ProgrammeRun, limits: Lim
     )
 
 
-def typical_gram(plant: PlantModel, run: ProgrammeRun, sd: Array) -> tuple[tuple[str, ...], Array]:
-    """Names of the entries, and the Gram matrix of their typical signatures and the slopes."""
+def gram_of(
+    plant: PlacesPlant, run: ProgrammeRun, space: tuple[Law, ...], sd: Array
+) -> tuple[Responses, Array]:
+    """Responses to the terms of `space`, and the Gram matrix of them and the slopes."""
     played = [Played.of(run.as_run(WATER_DEGC, WATER_DEGC))]
-    nominal = ModelPoint({q.name: q.nominal for q in plant.parameters})
-    base = predictions(plant, nominal, played)
-    rows, names = [], []
-    for e in plant.effects:
-        if not any(q.strength for q in e.parameters):
-            continue
-        changed = predictions(plant, ModelPoint(nominal.theta, {e.name: e.at()}), played)
-        rows.append(changed[0] - base[0] if finite(changed) else np.zeros_like(base[0]))
-        names.append(e.name)
-    whole = np.concatenate([np.array(rows), slopes(plant, nominal, played)[0]]) / sd
+    point = nominal_point(plant)
+    found = responses(plant, point, played, space=space)
+    moved = slopes(plant, point, played)[0]
+    whole = np.concatenate([_STRENGTH * found.runs[0].astype(np.float64), moved]) / sd
     flat = whole.reshape(len(whole), -1)
-    return tuple(names), flat @ flat.T
+    return found, flat @ flat.T
 
 
-def separations(names: tuple[str, ...], gram: Array) -> Separations:
-    """d² of a summed Gram matrix; parameters have a prior of variance 1."""
-    n = len(names)
+def separations(rivals: Rivals, gram: Array) -> Separations:
+    """What rivals leave in a summed Gram matrix; parameters have a prior of variance 1."""
+    n = rivals.terms
     A = gram[n:, n:] + np.eye(len(gram) - n)
     G = gram[:n, :n] - gram[:n, n:] @ np.linalg.solve(A, gram[n:, :n])
-    own = np.maximum(np.diag(G), 0.0)
-    d2 = own[:, None] - G**2 / np.maximum(own[None, :], 1e-9)
-    np.fill_diagonal(d2, own)
-    return Separations(names, np.maximum(d2, 0.0))
+    alone = np.maximum(np.diag(G), 1e-9)
+    left = np.empty((n, len(rivals.candidates)))
+    for i, c in enumerate(rivals.candidates):
+        across = G[:, c.groups].sum(axis=2)
+        own = across[c.groups].sum(axis=1)
+        own += np.diag(1e-6 * np.diag(own) + 1e-9)
+        left[:, i] = alone - np.einsum("nm,nm->n", across, np.linalg.solve(own, across.T).T)
+    left = np.maximum(left, 0.0)
+    logs, shares = np.log1p(left), left / alone[:, None]
+    rows = [(slice(own.start, own.stop), i) for k, i in rivals.pairs for own in [rivals.own[k]]]
+    return Separations(
+        rivals,
+        np.array([logs[own, i].mean() for own, i in rows]),
+        np.array([shares[own, i].mean() for own, i in rows]),
+    )
 
 
 def merit(found: Separations) -> float:
-    """What the choice maximises: mean of log d² up to enough, the closest pairs counting most."""
-    both = np.minimum(found.d2, found.d2.T)
-    flat = np.sort(np.log1p(np.minimum(both[np.triu_indices(len(both))], _ENOUGH)))
-    weight = 1.0 / (1.0 + np.arange(len(flat)) / 10.0)
-    return float((weight * flat).sum() / weight.sum())
+    """What the choice maximises: mean of log(1 + d²) up to enough, the closest counting most."""
+    values = np.sort(np.minimum(found.log_d2, np.log1p(_ENOUGH)))
+    weight = 1.0 / (1.0 + np.arange(len(values)) / _TIES)
+    return float((weight * values).sum() / weight.sum())
 
 
-def chosen(candidates: Sequence[Candidate], names: tuple[str, ...], count: int) -> list[int]:
+def chosen(runs: Sequence[Safe], rivals: Rivals, count: int) -> list[int]:
     """Indices of the best runs: greedily, then exchanged one by one while that helps."""
     picked: list[int] = []
 
     def value(indices: Sequence[int]) -> float:
-        return merit(separations(names, np.sum([candidates[i].gram for i in indices], axis=0)))
+        return merit(separations(rivals, np.sum([runs[i].gram for i in indices], axis=0)))
 
     while len(picked) < count:
-        rest = [i for i in range(len(candidates)) if i not in picked]
+        rest = [i for i in range(len(runs)) if i not in picked]
         picked.append(max(rest, key=lambda i: value([*picked, i])))
     for _ in range(2):
         before = list(picked)
         for place in range(count):
             others = [*picked[:place], *picked[place + 1 :]]
-            rest = [i for i in range(len(candidates)) if i not in others]
+            rest = [i for i in range(len(runs)) if i not in others]
             picked[place] = max(rest, key=lambda i: value([*others, i]))
         if picked == before:
             break
     return picked
 
 
+def designed_space(plant: PlacesPlant, programme: Sequence[ProgrammeRun]) -> tuple[Law, ...]:
+    """The simpler terms of all laws, over the states that some runs go through."""
+    played = [Played.of(run.as_run(WATER_DEGC, WATER_DEGC)) for run in programme]
+    return tuple(
+        replace(law, terms=tuple(t for t in law.terms if t.order <= _HIGHEST_ORDER))
+        for law in candidate_laws(plant, nominal_point(plant), played)
+    )
+
+
+def separations_of(
+    plant: PlacesPlant, sd: Array, programme: Programme
+) -> tuple[Separations, Separations]:
+    """The separations of a programme, and those of its quick part."""
+    space = designed_space(plant, programme.runs)
+    found = [gram_of(plant, run, space, sd) for run in programme.runs]
+    rivals = Rivals.of(found[0][0])
+    quick = [g for (_, g), run in zip(found, programme.runs, strict=True) if run.quick]
+    return (
+        separations(rivals, np.sum([g for _, g in found], axis=0)),
+        separations(rivals, np.sum(quick, axis=0)),
+    )
+
+
 def design(
-    plant: PlantModel,
+    plant: PlacesPlant,
     sd: Array,
     *,
     runs: int,
@@ -162,24 +240,33 @@ def design(
     duration_s: float,
     candidates: int,
     seed: int,
-    limits: Limits | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> tuple[Programme, Separations, Separations]:
     """The programme with its separations, and those of its quick part."""
-    pool: list[Candidate] = []
-    names: tuple[str, ...] = ()
+    found = []
     for k in range(candidates):
-        progress(f"candidate {k + 1} of {candidates}")
-        run = safe(plant, candidate(f"c{k}", seed + k, duration_s), limits or Limits())
+        progress(f"candidate {k + 1} of {candidates}: limits")
+        run = safe(plant, candidate(f"c{k}", seed + k, duration_s), Limits())
         if run is not None:
-            names, gram = typical_gram(plant, run, sd)
-            pool.append(Candidate(run, gram))
-    best = chosen(pool, names, runs)
-    own = [pool[i] for i in best]
-    first = [own[i] for i in chosen(own, names, quick)]
-    order = [*first, *(c for c in own if c not in first)]
+            found.append(run)
+    if len(found) < runs:
+        raise WithheldError(
+            f"{len(found)} of {candidates} candidates are safe, {runs} are wanted: give more"
+            " --candidates"
+        )
+    space = designed_space(plant, found[:_TYPICAL])
+    pool = []
+    for k, run in enumerate(found):
+        progress(f"candidate {k + 1} of {len(found)}: responses")
+        own, gram = gram_of(plant, run, space, sd)
+        pool.append(Safe(run, gram))
+    rivals = Rivals.of(own)
+    progress("choosing")
+    best = chosen(pool, rivals, runs)
+    own_runs = [pool[i] for i in best]
+    first = [own_runs[i] for i in chosen(own_runs, rivals, quick)]
+    order = [*first, *(c for c in own_runs if c not in first)]
     out = tuple(replace(c.run, name=f"run-{n + 1}", quick=n < quick) for n, c in enumerate(order))
-    total = separations(names, np.sum([c.gram for c in order], axis=0))
-    part = separations(names, np.sum([c.gram for c in first], axis=0))
     title = f"{runs} runs of {duration_s:g} s, designed with seed {seed} from {candidates}"
-    return Programme("spring-pair", title, out), total, part
+    programme = Programme("spring-pair", title, out)
+    return programme, *separations_of(plant, sd, programme)
