@@ -34,7 +34,6 @@ from sim_device.plant.effects.registry import effect
 from sim_device.plant.models import read_model
 from sim_device.plant.parameters import load_parameters
 from smad.diagnosis import diagnose
-from smad.diagnosis.model_file import apply
 from smad.diagnosis.spring_pair import SmaPlant, read_gap_run
 from smad.envs.search import Search, tracking_error_mm
 from smad.envs.vector import SpringPairVectorEnv
@@ -101,7 +100,7 @@ def diagnosed(bench: Withheld, path: Path) -> str:
             files.write_run(table, made.log)
             runs.append(replace(read_gap_run(table), name=family))
         plant = SmaPlant()
-        apply(diagnose(runs, plant=plant).verdict, path)
+        diagnose(runs, plant=plant).verdict.write_model(path)
     return read_model(path).note
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from smad.checkup.paired.difference import SHARE, Paired, rows_of
 from smad.checkup.programme import Programme
 from smad.diagnosis.constants import Constants
 from smad.diagnosis.data.played import Played, predictions
+from smad.diagnosis.next_run import separation
 from smad.diagnosis.numerics.white import RunRows, Shrink
 from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.search.locate import Alternative
@@ -146,9 +146,7 @@ def unpaired_offers(found: Judged, programme: Programme) -> list[Offer]:
             continue
         played = Played.of(run.as_run(_WATER_DEGC, _WATER_DEGC))
         changes = [_change(pairs, played, x) for x in found.alternatives]
-        shape = next((c.shape for c in changes if c is not None), None)
-        if shape is None:
-            continue
+        shape = (played.bins, len(sd))
         rows = RunRows(
             np.broadcast_to(sd, shape), np.ones(shape, dtype=bool), np.zeros((0, *shape)),
             np.zeros(0), floor.rho,
@@ -158,20 +156,15 @@ def unpaired_offers(found: Judged, programme: Programme) -> list[Offer]:
     return sorted(out, key=lambda o: -o.separation)
 
 
-def _change(pairs: Paired, played: Played, x: Alternative) -> Array | None:
-    """What the law of a place changes of a run; None where the model cannot say."""
+def _change(pairs: Paired, played: Played, x: Alternative) -> Array:
+    """What the law of a place changes of a run; no numbers where the model cannot say."""
     point = pairs.reference.point
     model = ModelPoint(point.theta, point.effects, x.laws)
-    (moved,) = predictions(pairs.plant, model, [played])
-    (base,) = predictions(pairs.plant, point, [played])
-    change = moved - base
-    return change if np.isfinite(change).all() else None
+    (moved,), (base,) = (predictions(pairs.plant, own, [played]) for own in (model, point))
+    return moved - base
 
 
-def _separation(changes: Sequence[Array | None], rows: RunRows, slopes: Array) -> float:
-    """The least d² over pairs of changes; 0 where one of them is not known."""
+def _separation(changes: Sequence[Array], rows: RunRows, slopes: Array) -> float:
+    """The least d² over pairs of changes, in white rows."""
     tie = Shrink(slopes)
-    if any(c is None for c in changes):
-        return 0.0
-    white = [tie(rows.shrink(rows.independent(c[None])))[0] for c in changes if c is not None]
-    return min((float((a - b) @ (a - b)) for a, b in combinations(white, 2)), default=0.0)
+    return separation([tie(rows.shrink(rows.independent(c[None])))[0] for c in changes])

@@ -17,12 +17,11 @@ from smad.checkup.paired.difference import SHARE, Paired, paired
 from smad.checkup.paired.reference import Reference
 from smad.checkup.told import verdict_of
 from smad.diagnosis.constants import Constants, shipped
-from smad.diagnosis.model_file import SavesModel
 from smad.diagnosis.numerics.folds import FoldRows
 from smad.diagnosis.numerics.threads import repeatable
 from smad.diagnosis.numerics.white import Shrink
 from smad.diagnosis.places.bare import with_places
-from smad.diagnosis.plant import ModelPoint, PlantModel, Uncertainty
+from smad.diagnosis.plant import ModelPoint, PlantModel, SavesModel, Uncertainty
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.search.contrast import with_priors
 from smad.diagnosis.search.locate import Alternative, Located, locate

@@ -13,6 +13,9 @@ import numpy as np
 
 from firmware_protocol.nearest import instead
 from smad.checkup.errors import ProgrammeError
+from smad.control.commands import FollowInputs
+from smad.control.pieces import rows_in_pieces
+from smad.control.plan import Do, Plan, UntilDone
 from smad.diagnosis.plant import Array
 from smad.diagnosis.runs import GapRun
 
@@ -21,6 +24,7 @@ INPUTS = ("i_applied_x_A", "i_applied_y_A", "duty_x", "duty_y")
 _HIGHEST = (4.0, 4.0, 1.0, 1.0)
 LONGEST_S = 600.0
 TICK_S = 0.01
+_LATE_S = 5.0
 _SAFE_NAME = re.compile(r"[a-z0-9][a-z0-9-]*")
 
 
@@ -92,6 +96,20 @@ class ProgrammeRun:
             "rtd_ambient_degC": np.full(len(t_s), ambient_degC),
         }
         return GapRun(self.name, t_s, dict(zip(INPUTS, inputs.T, strict=True)), around)
+
+    def plan(self) -> Plan:
+        """The run as a bench carries it out from rest; the host's limits apply as in every mode."""
+        i_x_A, i_y_A, duty_x, duty_y = (tuple(column.tolist()) for column in self.inputs.T)
+        command = FollowInputs(
+            t_s=tuple(self.t_s.tolist()),
+            end_s=self.duration_s,
+            i_x_A=i_x_A,
+            i_y_A=i_y_A,
+            pump_x_duty=duty_x,
+            pump_y_duty=duty_y,
+        )
+        pieces = [Do(piece) for piece in rows_in_pieces(command)]
+        return Plan(self.name, (*pieces, UntilDone(self.duration_s + _LATE_S)))
 
 
 @dataclass(frozen=True)
@@ -182,35 +200,6 @@ def _read_run(folder: Path, entry: RunEntry) -> ProgrammeRun:
         name=entry.name, title=entry.title, t_s=rows[:, 0], inputs=rows[:, 1:],
         duration_s=entry.duration_s, quick=entry.quick,
     )  # fmt: skip
-
-
-def write_programme(programme: Programme, folder: Path) -> None:
-    """Writes `programme.toml` and a CSV for each run."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for old in folder.glob("*.csv"):
-        old.unlink()
-    for run in programme.runs:
-        lines = [",".join(COLUMNS)]
-        for t, row in zip(run.t_s, run.inputs, strict=True):
-            lines.append(",".join(f"{v:.6g}" for v in (t, *row)))
-        (folder / f"{run.name}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    head = ("smad-programme-1", programme.name, programme.title)
-    text = [f"{k} = {_quoted(v)}" for k, v in zip(("format", "name", "title"), head, strict=True)]
-    for run in programme.runs:
-        text += [
-            "",
-            "[[runs]]",
-            f"name = {_quoted(run.name)}",
-            f"title = {_quoted(run.title)}",
-            f"duration_s = {run.duration_s:.6g}",
-            f"quick = {'true' if run.quick else 'false'}",
-        ]
-    (folder / "programme.toml").write_text("\n".join(text) + "\n", encoding="utf-8")
-
-
-def _quoted(text: str) -> str:
-    """A TOML basic string, whose escapes are those of JSON."""
-    return msgspec.json.encode(text).decode()
 
 
 def shipped() -> Programme:

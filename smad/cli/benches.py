@@ -28,11 +28,10 @@ _SEED_STEP = 100_003
 
 
 def _planned(run: ProgrammeRun, original: Path | None) -> tuple[Plan, Repeat | None]:
-    from smad.checkup.playing import plan_of
     from smad.experiments.repeating import read_repeat
 
     if original is None:
-        return plan_of(run, run.name), None
+        return run.plan(), None
     repeat = read_repeat(original)
     return repeat.plan(run.name), repeat
 

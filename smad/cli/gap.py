@@ -110,9 +110,7 @@ def diagnose(
 
             write_page(page_of(answer, asked), html_path)
         if model_path is not None:
-            from smad.diagnosis.model_file import apply as write
-
-            write(answer.verdict, model_path)
+            answer.verdict.write_model(model_path)
     for path in (json_path, html_path, model_path):
         if path is not None:
             click.echo(f"written: {path}", err=True)
@@ -128,7 +126,6 @@ def apply(*, verdict: Path, out: Path, first: int | None) -> None:
     import msgspec
 
     from smad.diagnosis.errors import GapError
-    from smad.diagnosis.model_file import apply as write
     from smad.diagnosis.verdict import Verdict
 
     try:
@@ -139,7 +136,7 @@ def apply(*, verdict: Path, out: Path, first: int | None) -> None:
             value=str(error),
             action="give a file that smad gap diagnose --json wrote",
         ) from error
-    write(told, out, first)
+    told.write_model(out, first)
     kept = told.places if first is None else told.places[:first]
     click.echo(f"{out}: parameters" + "".join(f", {p.words}" for p in kept))
 

@@ -110,8 +110,10 @@ def next_experiment(
         click.echo("Nothing is confused that a run of the catalogue could tell apart.")
         return
     click.echo(f"Not told apart: {' or '.join(confused)}. Least d² between two of them:")
-    for x in found[:_OFFERS]:
-        click.echo(f"  d² {x.separation:>7.1f}  {x.duration_s:>4.0f} s  {x.title}:  {x.command}")
+    for offer in found[:_OFFERS]:
+        x = offer.experiment
+        d2 = f"d² {offer.separation:>7.1f}"
+        click.echo(f"  {d2}  {x.duration_s:>4.0f} s  {x.title}:  {x.command}")
 
 
 def _propose(baseline: Path) -> None:

@@ -13,11 +13,10 @@ import numpy as np
 from smad.diagnosis.budget import budget_of
 from smad.diagnosis.changed import Changed
 from smad.diagnosis.data.played import predictions
-from smad.diagnosis.model_file import SavesModel
 from smad.diagnosis.numerics.folds import Array, FoldRows, Index
 from smad.diagnosis.numerics.forward import Fit
 from smad.diagnosis.places.place import PlacesPlant
-from smad.diagnosis.plant import ModelPoint, Uncertainty
+from smad.diagnosis.plant import ModelPoint, SavesModel, Uncertainty
 from smad.diagnosis.search.contrast import apart
 from smad.diagnosis.search.listed import Listed
 from smad.diagnosis.search.locate import name_told

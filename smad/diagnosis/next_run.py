@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
 
-import msgspec
 import numpy as np
 
 from sim_device.plant.laws import joined
 from smad.diagnosis.answer import Answer
 from smad.diagnosis.data.played import Played, predictions
-from smad.diagnosis.plant import Array, Experimenter, ModelPoint
+from smad.diagnosis.plant import Array, Experiment, Experimenter, ModelPoint
 from smad.diagnosis.search.told import side_words
 from smad.diagnosis.search.where import Fits, fits
 
 
-class Offer(msgspec.Struct, frozen=True, kw_only=True):
+@dataclass(frozen=True)
+class Offer:
     """An experiment of the plant's catalogue, and the smallest d² between two of the places."""
 
-    name: str
-    title: str
-    duration_s: float
+    experiment: Experiment
     separation: float
-    command: str
 
 
 def offers(
@@ -59,20 +57,12 @@ def offers(
         run = plant.perform(experiment.name, replace(base, laws=()), 0)
         played = Played.of(run, float(run.t_s[0] - run.dt_s), settler.gap.played[0].period_s)
         told = [predictions(plant, point, [played])[0] / scale for point in points]
-        out.append(
-            Offer(
-                name=experiment.name, title=experiment.title, command=experiment.command,
-                duration_s=experiment.duration_s, separation=_least(told),
-            )
-        )  # fmt: skip
-    return words, sorted(out, key=lambda o: (-o.separation, o.name))
+        out.append(Offer(experiment, separation(told)))
+    return words, sorted(out, key=lambda o: (-o.separation, o.experiment.name))
 
 
-def _least(told: list[Array]) -> float:
-    pairs = [
-        float(((a - b) ** 2).sum())
-        for i, a in enumerate(told)
-        for b in told[i + 1 :]
-        if np.isfinite(a).all() and np.isfinite(b).all()
-    ]
-    return min(pairs, default=0.0)
+def separation(told: Sequence[Array]) -> float:
+    """The least d² between two of what laws tell of a run; 0 where one of them is no number."""
+    if not all(np.isfinite(x).all() for x in told):
+        return 0.0
+    return min((float(((a - b) ** 2).sum()) for a, b in combinations(told, 2)), default=0.0)

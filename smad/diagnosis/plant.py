@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -217,6 +218,15 @@ class Experimenter(Protocol):
     def perform(self, experiment: str, point: ModelPoint, seed: int) -> GapRun:
         """The run that the plant at `point` would give: inputs and noise-free measured channels."""
         ...
+
+
+@runtime_checkable
+class SavesModel(Protocol):
+    """A plant that can write a model file, with what is uncertain of it where that is known."""
+
+    def save_model(
+        self, point: ModelPoint, path: Path, note: str, uncertainty: Uncertainty | None = None
+    ) -> None: ...
 
 
 def nominal_point(plant: PlantModel) -> ModelPoint:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import msgspec
+
+from smad.diagnosis.errors import PlantMismatch
 
 QUIET, PARAMETERS, PLACES = "quiet", "parameters", "places"
 UNPLACED, REFUSED, CONTRADICTING = "unplaced", "refused", "contradicting"
@@ -221,3 +224,24 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     def from_json(cls, data: bytes) -> Verdict:
         """Read what `to_json` wrote. Raises msgspec.DecodeError."""
         return msgspec.json.decode(data, type=cls)
+
+    def write_model(self, path: Path, first: int | None = None) -> None:
+        """Write the model file: with the first places, or all.
+
+        Raises PlantMismatch where the verdict has no model, or not as many places.
+        """
+        if not self.models:
+            raise PlantMismatch(
+                "this verdict has no model to write",
+                value=f"{self.outcome}, plant {self.plant}",
+                action="mend what it refuses, or ask a plant that writes model files",
+            )
+        most = len(self.models) - 1
+        if first is not None and not 0 <= first <= most:
+            raise PlantMismatch(
+                "the verdict has fewer places",
+                value=first,
+                limit=f"0 (parameters alone) to {most}",
+                action="give a number of places that it lists",
+            )
+        path.write_text(self.models[most if first is None else first], "utf-8")

@@ -15,7 +15,7 @@ ROOMS: dict[str, tuple[set[str], set[str]]] = {
     "run": ({"score", "names", "errors"}, {"smad", "sim_device"}),
     "score": ({"run", "results", "names", "checkout", "errors"}, {"smad", "sim_device"}),
     "calibrate": ({"run", "score", "results", "names", "errors"}, {"smad"}),
-    "programme": (set(), {"smad"}),
+    "programme": ({"errors"}, {"smad", "sim_device"}),
     "results": ({"checkout", "errors"}, {"smad"}),
 }
 PRODUCT = ("evaluation/quiz/session.py", "evaluation/quiz/ends.py")

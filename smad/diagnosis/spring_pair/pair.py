@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -14,9 +15,10 @@ from sim_device.plant import ParameterSet, load_parameters
 from sim_device.plant.covariance import Covariance
 from sim_device.plant.effects.record import Effect as RegistryEffect
 from sim_device.plant.effects.registry import EFFECTS
-from sim_device.plant.errors import PlantError
-from sim_device.plant.laws import own_states
+from sim_device.plant.errors import InputError, PlantError
+from sim_device.plant.laws import own_states, unit_of_state
 from sim_device.plant.parameters import spring_factors
+from sim_device.plant.places import PLACES, STATES, check_place_needs
 from smad.diagnosis.errors import PlantMismatch
 from smad.diagnosis.places.place import Forcing, Place
 from smad.diagnosis.plant import (
@@ -30,7 +32,6 @@ from smad.diagnosis.plant import (
 )
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import catalogue, signals
-from smad.diagnosis.spring_pair.places import places_of_pair, state_words
 from smad.diagnosis.spring_pair.recorded import recorded
 from smad.diagnosis.spring_pair.replays import GivenPoint, GivenRun, OneReplay, Recent
 
@@ -152,7 +153,18 @@ class SmaPlant:
 
     @cached_property
     def places(self) -> Sequence[Place]:
-        return places_of_pair(self.variant)
+        options = {"variant": self.variant, "fixture": "antagonistic", "cooling": "water"}
+        found = []
+        for entry in PLACES:
+            with contextlib.suppress(InputError):
+                check_place_needs(entry.name, options)
+                found.append(
+                    Place(
+                        name=entry.name, label=entry.label, unit=entry.unit, scale=entry.scale,
+                        sides=entry.sides, states=entry.states, reading=entry.reading,
+                    )
+                )  # fmt: skip
+        return tuple(found)
 
     def trajectory(
         self, point: ModelPoint, run: GapRun, *, fast: bool = False
@@ -169,7 +181,8 @@ class SmaPlant:
 
     def state_words(self, place: str, state: str) -> tuple[str, str]:
         """A state in words and its unit."""
-        return state_words(place, state)
+        label = next(s.label for s in STATES if s.name == state)
+        return label, unit_of_state(place, state)
 
     def forced(
         self, point: ModelPoint, run: GapRun, forcing: Forcing, *, fast: bool = False

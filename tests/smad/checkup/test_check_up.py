@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from evaluation.programme.segments import run_of
+from evaluation.programme.writing import write_programme
 from smad.checkup.commission import checked_files, commissioned, repeated
 from smad.checkup.errors import BaselineError, ProgrammeError
 from smad.checkup.files import Found, read_file, read_folder, require_other_recordings
@@ -24,7 +25,6 @@ from smad.checkup.programme import (
     ProgrammeRun,
     read_programme,
     shipped,
-    write_programme,
 )
 from smad.checkup.store import SCHEMA, Baseline, load, save
 from smad.diagnosis.errors import PairingError

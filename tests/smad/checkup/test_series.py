@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from smad.checkup.errors import BaselineError
-from smad.checkup.playing import plan_of
 from smad.checkup.programme import Programme, ProgrammeRun, shipped
 from smad.checkup.series import Recorded, finished, folder_for, play_series, read_state
 from smad.control.commands import FollowInputs
@@ -95,7 +94,7 @@ def test_a_disk_that_is_full_leaves_no_half_run(
 
 def test_a_run_of_a_programme_is_one_timeline_of_its_rows() -> None:
     run = PROGRAMME.runs[0]
-    commands = [a.command for a in plan_of(run, "x").actions if isinstance(a, Do)]
+    commands = [a.command for a in run.plan().actions if isinstance(a, Do)]
     assert all(isinstance(c, FollowInputs) for c in commands)
     times = [t for c in commands if isinstance(c, FollowInputs) for t in c.t_s]
     assert times == run.t_s.tolist()

@@ -11,7 +11,6 @@ import msgspec
 import pytest
 
 from smad import api
-from smad.checkup.playing import plan_of
 from smad.cli.benches import _LivePlayer, simulated
 from smad.experiments.driver import log_path
 from smad.experiments.errors import TrippedError
@@ -52,7 +51,7 @@ def client(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Tripping:
 
 
 def test_a_repeat_that_trips_is_kept_as_far_as_it_goes(client: Tripping, tmp_path: Path) -> None:
-    plan = plan_of(RUN, RUN.name)
+    plan = RUN.plan()
     driver(folder=tmp_path).run(plan)
     recorded = _LivePlayer(client, "bench", "test")(RUN, log_path(tmp_path, plan))  # type: ignore[arg-type]
     assert recorded.ended == "run short: the board left ARMED (FAULT, no_cooling)"

@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 from smad.cli.gap import gap
 from smad.diagnosis.answer import Answer
 from smad.diagnosis.next_run import Offer
-from smad.diagnosis.plant import ModelPoint
+from smad.diagnosis.plant import Experiment, ModelPoint
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.catalogue import CATALOGUE
 from smad.diagnosis.spring_pair.recorded import recorded
@@ -55,10 +55,9 @@ def test_next_prints_what_is_confused_and_each_experiment_that_parts_it_the_best
 ) -> None:
     def offered(answer: Answer, say: object) -> tuple[list[str], list[Offer]]:
         return ["film, X", "reading of the RTD, X"], [
-            Offer(name=f"n{k}", title=f"title {k}", duration_s=60.0, separation=9.0 - k,
-                  command=f"smad gap next --run n{k}")
+            Offer(Experiment(f"n{k}", f"title {k}", 60.0, f"smad gap next --run n{k}"), 9.0 - k)
             for k in range(6)
-        ]  # fmt: skip
+        ]
 
     left = Answer(verdict=Verdict(question="differs", outcome="places", headline="it lacks"))
     monkeypatch.setattr("smad.cli.gap_next.diagnosed", lambda *asked: left)

@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from smad.diagnosis.errors import PlantMismatch
-from smad.diagnosis.model_file import apply
 from smad.diagnosis.verdict import DIFFERS, PLACES, Verdict
 
 TOLD = Verdict(
@@ -17,19 +16,19 @@ TOLD = Verdict(
     ("first", "text"), [(0, "parameters"), (1, "one"), (2, "one and two"), (None, "one and two")]
 )
 def test_the_first_places_are_written_or_all(first: int | None, text: str, tmp_path: Path) -> None:
-    apply(TOLD, tmp_path / "m.toml", first)
+    TOLD.write_model(tmp_path / "m.toml", first)
     assert (tmp_path / "m.toml").read_text() == text
 
 
 @pytest.mark.parametrize("first", [3, -1])
 def test_more_places_than_there_are_are_refused_with_the_limit(first: int, tmp_path: Path) -> None:
     with pytest.raises(PlantMismatch, match=r"fewer places.*0 \(parameters alone\) to 2"):
-        apply(TOLD, tmp_path / "m.toml", first)
+        TOLD.write_model(tmp_path / "m.toml", first)
     assert not (tmp_path / "m.toml").exists()
 
 
 def test_a_verdict_without_a_model_writes_nothing_and_says_why(tmp_path: Path) -> None:
     bare = Verdict(question=DIFFERS, outcome="refused", headline="", plant="heater")
     with pytest.raises(PlantMismatch, match="refused, plant heater"):
-        apply(bare, tmp_path / "m.toml")
+        bare.write_model(tmp_path / "m.toml")
     assert not (tmp_path / "m.toml").exists()

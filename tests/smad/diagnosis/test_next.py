@@ -33,7 +33,7 @@ def test_places_that_runs_do_not_tell_apart_are_parted_by_experiments_the_best_f
 ) -> None:
     words, found = offers(confused)
     assert set(words) == {"reading of power_l_W", "reading of power_r_W"}
-    assert {o.name for o in found} == {e.name for e in HeaterPlant().catalogue()}
+    assert {o.experiment.name for o in found} == {e.name for e in HeaterPlant().catalogue()}
     separations = [o.separation for o in found]
     assert separations == sorted(separations, reverse=True)
     # A law of either side shows in a run that drives them, and they differ by it.
