@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -96,6 +97,41 @@ def _points(
         xs.append(plant.seen(law.place, side, states)[state])
         ys.append(law_values(plant, law, states, run.t_s) @ weights)
     return np.concatenate(xs), np.concatenate(ys)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Values of all channels over a run, (bins, channels), and how they are drawn."""
+
+    values: Array
+    label: str
+    pen: str
+    style: str = "-"
+
+
+def courses(
+    title: str,
+    caption: str,
+    *,
+    period_s: float,
+    shown: Mapping[int, str],
+    curves: Sequence[Curve],
+    band: Array | None = None,
+) -> Picture:
+    """Some channels over a run, each by its number and label; `band` is their floor around 0."""
+    from smad.report.plots import draw, label, new_figure, svg_of
+
+    figure, axes = new_figure(len(shown), height_in=1.5 * len(shown) + 0.4, share_x=True)
+    t = (np.arange(len(curves[0].values)) + 0.5) * period_s
+    for ax, (c, name) in zip(axes, shown.items(), strict=True):
+        if band is not None:
+            ax.fill_between(t, -band[:, c], band[:, c], color=in_print("reference"), alpha=0.25,
+                            linewidth=0.0, label="floor")  # fmt: skip
+        for curve in curves:
+            draw(ax, t, curve.values[:, c], curve.label, curve.pen, style=curve.style)
+        label(ax, "", name, legend=c == next(iter(shown)))
+    axes[-1].set_xlabel("time of the run, s")
+    return Picture(svg_of(figure, title), caption)
 
 
 def places_map(shares: Sequence[PlaceShare]) -> Picture:

@@ -88,11 +88,11 @@ def _laws(answer: Answer) -> list[Block]:
 
 def budget(v: Verdict) -> list[Block]:
     """Where the gap goes, signal by signal: bars from zero, and the numbers."""
-    stage = budget_stages(v.question)
+    of, less = budget_stages(v.question)
     names = [s.signal for s in v.budget]
     stages: list[tuple[str, Sequence[float]]] = [
         ("raw", [s.raw for s in v.budget]),
-        (stage.less, [s.parameters for s in v.budget]),
+        (less, [s.parameters for s in v.budget]),
     ]
     if v.places:
         stages.append(("and laws", [s.final for s in v.budget]))
@@ -102,11 +102,11 @@ def budget(v: Verdict) -> list[Block]:
         for s in (*v.budget, *([v.whole] if v.whole else []))
     ]
     count = 4 + (len(v.whole.places) if v.whole else 0) - 1
-    header = ("signal", "unit", "raw", stage.less, *(f"+ {w}" for w in told), "floor")
+    header = ("signal", "unit", "raw", less, *(f"+ {w}" for w in told), "floor")
     return [
         Picture(
             figures.budget(names, [s.floor for s in v.budget], stages),
-            f"RMS of {stage.of} in floors, each run judged by a model that had no part of it.",
+            f"RMS of {of} in floors, each run judged by a model that had no part of it.",
         ),
         Table(header, rows, numeric=frozenset(range(2, 2 + count))),
     ]
@@ -114,38 +114,33 @@ def budget(v: Verdict) -> list[Block]:
 
 def _course(answer: Answer) -> Picture:
     """The run with the largest gap: measured, as configured, and with everything told."""
-    from smad.report.plots import draw, label, new_figure, svg_of
-
     assert answer.listed is not None
     listing = answer.listed
     gap, v = listing.settler.gap, answer.verdict
     k = int(np.argmax([r.raw for r in v.by_run]))
-    played, measured = gap.played[k], gap.measured
+    played, values, valid = gap.played[k], gap.measured.values[k], gap.measured.valid[k]
     (raw,) = predictions(gap.plant, listing.settler.start, [played])
-    last = listing.predicted[-1][k]
     floors = {s.signal: s.floor for s in v.budget}
-    channels = list(enumerate(gap.plant.channels))
+    channels = gap.plant.channels
+    left = np.where(valid, values - raw, np.nan)
     size = {
-        i: float(np.nanmean(np.where(measured.valid[k][:, i], measured.values[k][:, i] - raw[:, i],
-                                     np.nan) ** 2)) / floors[c.name] ** 2
-        for i, c in channels
-        if c.name in floors and measured.valid[k][:, i].any()
-    }  # fmt: skip
-    shown = sorted(size, key=lambda i: -size[i])[:_SIGNALS]
-    figure, axes = new_figure(len(shown), height_in=1.5 * len(shown) + 0.4, share_x=True)
-    t = (np.arange(played.bins) + 0.5) * played.period_s
-    for ax, i in zip(axes, shown, strict=True):
-        there = measured.valid[k][:, i]
-        draw(ax, t, np.where(there, measured.values[k][:, i], np.nan), "measured", "main")
-        draw(ax, t, raw[:, i], "simulator as configured", "reference", style="--")
-        draw(ax, t, last[:, i], "with what is told", "y")
-        c = gap.plant.channels[i]
-        label(ax, "", f"{c.name}, {c.unit}", legend=i == shown[0])
-    axes[-1].set_xlabel("time of the run, s")
-    return Picture(
-        svg_of(figure, "Measured and simulated"),
+        i: float(np.nanmean(left[:, i] ** 2)) / floors[c.name] ** 2
+        for i, c in enumerate(channels)
+        if c.name in floors and valid[:, i].any()
+    }
+    order = sorted(size, key=lambda i: -size[i])[:_SIGNALS]
+    curves = (
+        figures.Curve(np.where(valid, values, np.nan), "measured", "main"),
+        figures.Curve(raw, "simulator as configured", "reference", "--"),
+        figures.Curve(listing.predicted[-1][k], "with what is told", "y"),
+    )
+    return figures.courses(
+        "Measured and simulated",
         f"{played.whole.name}, the run with the largest gap: the signals that are furthest off. "
         "The model with what is told had no part of this run.",
+        period_s=played.period_s,
+        shown={i: f"{channels[i].name}, {channels[i].unit}" for i in order},
+        curves=curves,
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from smad.diagnosis.verdict import (
     CHECK_UP,
@@ -89,27 +88,19 @@ def _likely(told: PlaceTold, name: str) -> str:
     return f", probability {told.names[name]:.2f}{beside}"
 
 
-@dataclass(frozen=True)
-class Stages:
-    """What a budget is of, and what its second column has less."""
-
-    of: str
-    less: str
-
-
-def budget_stages(question: str) -> Stages:
-    """The words of a question's budget."""
+def budget_stages(question: str) -> tuple[str, str]:
+    """What a question's budget is of, and what its second column has less."""
     if question == CHECK_UP:
-        return Stages("now − then", "less days")
-    return Stages("measured − predicted", "parameters")
+        return "now − then", "less days"
+    return "measured − predicted", "parameters"
 
 
 def budget_lines(rows: Sequence[SignalGap], question: str) -> list[str]:
     """Where the gap goes, signal by signal."""
     if not rows:
         return []
-    stage, laws = budget_stages(question), bool(rows[0].places)
-    head = f"  {'RMS of ' + stage.of:<29} {'raw':>9} {stage.less:>10}"
+    (of, less), laws = budget_stages(question), bool(rows[0].places)
+    head = f"  {'RMS of ' + of:<29} {'raw':>9} {less:>10}"
     head += f" {'and laws':>9}" * laws + f" {'floor':>9}"
     out = [head]
     for s in rows:

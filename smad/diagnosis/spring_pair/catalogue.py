@@ -37,14 +37,6 @@ Part = tuple[float, ModeCommand]
 
 
 @dataclass(frozen=True, slots=True)
-class At:
-    """A command at a time of the run."""
-
-    t_s: float
-    command: ModeCommand
-
-
-@dataclass(frozen=True, slots=True)
 class Timeline:
     """One experiment: what it separates is in the title.
 
@@ -57,13 +49,13 @@ class Timeline:
     make: Callable[[np.random.Generator], Sequence[Part]]
     start_s: float = REST_S
 
-    def commands(self, seed: int) -> list[At]:
-        """The commands in the order of their times; `seed` draws what is random."""
-        out, t_s = [], self.start_s
+    def commands(self, seed: int) -> list[tuple[float, ModeCommand]]:
+        """Times, s, and the commands then, in their order; `seed` draws what is random."""
+        out, t_s = list[tuple[float, ModeCommand]](), self.start_s
         for duration_s, command in self.make(np.random.default_rng([seed, *self.name.encode()])):
-            out.append(At(t_s, command))
+            out.append((t_s, command))
             t_s += duration_s
-        return [*out, At(t_s, Idle())] if t_s < self.duration_s else out
+        return [*out, (t_s, Idle())] if t_s < self.duration_s else out
 
 
 def _current(x: float = 0.0, y: float = 0.0, px: float = 0.0, py: float = 0.0) -> DriveCurrent:
@@ -214,11 +206,11 @@ def plan_named(name: str, seed: int) -> Plan:
     timeline = timeline_named(name)
     actions: list[Action] = []
     now = 0.0
-    for at in timeline.commands(seed):
-        if at.t_s > now:
-            actions.append(Pause(at.t_s - now))
-            now = at.t_s
-        actions.append(Do(at.command))
+    for t_s, command in timeline.commands(seed):
+        if t_s > now:
+            actions.append(Pause(t_s - now))
+            now = t_s
+        actions.append(Do(command))
     if timeline.duration_s > now:
         actions.append(Pause(timeline.duration_s - now))
     return Plan(f"gap {timeline.name}", tuple(actions))

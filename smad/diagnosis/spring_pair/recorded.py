@@ -64,8 +64,8 @@ def recorded(
             (k + 1) * dt_s, *drive.i_A, *drive.pump_duty, *read.i_A, *read.v_V, *read.rtd_degC,
             1e3 * read.displacement_m, read.force_N,
         )  # fmt: skip
-        while pending and pending[0].t_s <= k * dt_s:
-            controller.command(pending.pop(0).command)
+        while pending and pending[0][0] <= k * dt_s:
+            controller.command(pending.pop(0)[1])
         sample = Sample(
             t_us=round((k + 1) * 1e6 * dt_s),
             tick=(k + 1) & 0xFFFF,
