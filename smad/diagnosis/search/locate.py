@@ -107,7 +107,7 @@ class _Kept:
     @property
     def effects(self) -> EffectValues:
         """Values of the effects that stand."""
-        return {n: v for e in self.standing for n, v in e.values.items()}
+        return {e.name: e.values for e in self.standing}
 
     @property
     def standing(self) -> list[Refined]:
@@ -143,9 +143,9 @@ def name_told(step: Step) -> dict[str, Any]:
     told: dict[str, Any] = {"names": {n: p for n, p in likely if p >= LEAST_TOLD}}
     if step.entry is None:
         return told
-    told |= {"nearest": step.entry.names[0], "takes": step.takes}
+    told |= {"nearest": step.entry.name, "takes": step.takes}
     if step.named:
-        told |= {"name": step.entry.names[0], "values": step.entry.values}
+        told |= {"name": step.entry.name, "values": {step.entry.name: step.entry.values}}
     return told
 
 
@@ -204,8 +204,7 @@ def _in_simulator(gap: Gap, found: Responses, kept: _Kept, fold: Index) -> tuple
     for k, (played, base) in enumerate(zip(gap.played, gap.base, strict=True)):
         mine = np.unique(fold[(gap.run_of_row == k) & (fold >= 0)])
         others = (fold >= 0) & ~np.isin(fold, mine)
-        effects = {n: v for e in kept.standing
-                   for n, v in without(e, kept.rows.rows, others).items()}  # fmt: skip
+        effects = {e.name: without(e, kept.rows.rows, others) for e in kept.standing}
         laws = point.laws
         if own is not None:
             values = np.mean([own.without[f] for f in mine], axis=0) if len(mine) else own.fit.mean

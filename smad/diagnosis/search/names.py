@@ -13,7 +13,7 @@ from smad.diagnosis.gap import Gap, white_change
 from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.plant import Effect
 from smad.diagnosis.search.refine import Refined, refine
-from smad.diagnosis.search.screen import Screened, screen
+from smad.diagnosis.search.screen import screen
 
 PER_COORDINATE = 6.0
 """What a free coordinate takes of noise off the sum of squares, and must take beyond to count."""
@@ -60,28 +60,12 @@ def likely_entries(
     `S` (atoms, rows) are white signatures; with `only` effects act in the runs marked alone. Empty
     where none takes anything.
     """
-    found = [
-        refine([s.effect], {s.effect.name: s.values}, z, partial(white_change, gap, only=only))
-        for s in _screened(effects, atoms, S @ S.T, S @ z)[:_REFINED]
-    ]
+    G, b = S @ S.T, S @ z
+    screened = [s for s in (screen(e, atoms, G, b) for e in effects) if s is not None]
+    likely = sorted(screened, key=lambda s: -s.gain)[:_REFINED]
+    white = partial(white_change, gap, only=only)
+    found = [refine(s.effect, s.values, z, white) for s in likely]
     return sorted((f for f in found if f is not None and score(f) > 0.0), key=lambda f: -score(f))
-
-
-def _screened(
-    effects: Sequence[Effect], atoms: Sequence[Atom], G: Array, b: Array
-) -> list[Screened]:
-    """The best linear fit of each of these effects, best first; G, b are products of the atoms."""
-    out = []
-    for effect in effects:
-        rows = [
-            (i, a.strength, a.level, a.variant, a.values)
-            for i, a in enumerate(atoms)
-            if a.entry == effect.name
-        ]
-        found = screen(effect, rows, G, b) if rows else None
-        if found is not None:
-            out.append(found)
-    return sorted(out, key=lambda s: -s.gain)
 
 
 @dataclass

@@ -1,108 +1,67 @@
-"""Least squares in white space: entries at bounded strength, alone, in sets, refined by replay."""
+"""The best linear fit of an effect in white space: its signatures at bounded strength."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import groupby, product
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
+from smad.diagnosis.data.played import Atom
 from smad.diagnosis.plant import Array, Effect
 
-_MOST_COLUMNS = 4
-
-
-@dataclass(frozen=True)
-class Bounded:
-    """A bounded least-squares fit: coefficients and what it takes off the sum of squares."""
-
-    coefficients: Array
-    gain: float
-
-
-def bounded(G: Array, b: Array, low: Array, high: Array) -> Bounded:
-    """Minimises xᵀGx − 2bᵀx for low ≤ x ≤ high by trying which bounds hold (few columns only)."""
-    k = len(b)
-    if k > _MOST_COLUMNS:
-        return _projected(G, b, low, high)
-    ridge = G + 1e-9 * np.trace(G) / max(k, 1) * np.eye(k) + 1e-12 * np.eye(k)
-    best = Bounded(np.clip(np.zeros(k), low, high), 0.0)
-    for state in product((0, -1, 1), repeat=k):
-        held = np.array(state)
-        x = np.where(held < 0, low, np.where(held > 0, high, 0.0))
-        free = held == 0
-        if free.any():
-            rest = b[free] - G[np.ix_(free, ~free)] @ x[~free]
-            x[free] = np.linalg.solve(ridge[np.ix_(free, free)], rest)
-        if np.all(x >= low - 1e-9) and np.all(x <= high + 1e-9):
-            gain = float(2.0 * b @ x - x @ G @ x)
-            if gain > best.gain:
-                best = Bounded(np.clip(x, low, high), gain)
-    return best
-
-
-def _projected(G: Array, b: Array, low: Array, high: Array) -> Bounded:
-    """Coordinate descent, for more columns than there is time to enumerate."""
-    x = np.clip(np.zeros(len(b)), low, high)
-    for _ in range(200):
-        for i in range(len(b)):
-            if G[i, i] > 1e-12:
-                x[i] = np.clip(x[i] + (b[i] - G[i] @ x) / G[i, i], low[i], high[i])
-    return Bounded(x, float(2.0 * b @ x - x @ G @ x))
+_FURTHEST = 2.5
+"""How far a signature is scaled beyond the level that it was made at."""
+_RIDGE = 1e-9
 
 
 @dataclass(frozen=True)
 class Screened:
-    """The best linear fit of one entry: values of its parameters, and what it takes."""
+    """The best linear fit of an effect: values of its parameters, and what it takes."""
 
     effect: Effect
     values: dict[str, float]
     gain: float
-    columns: tuple[int, ...]
 
 
-def screen(
-    effect: Effect,
-    rows: Sequence[tuple[int, str, float, str, dict[str, float]]],
-    G: Array,
-    b: Array,
-) -> Screened | None:
-    """The best combination of an entry's signatures, one a strength, all of one variant and size.
+def screen(effect: Effect, atoms: Sequence[Atom], G: Array, b: Array) -> Screened | None:
+    """The best combination of an effect's signatures, one a strength, all of one variant and size.
 
-    `rows` are (index, strength, level, variant, values) of the entry's atoms. A coefficient scales
-    its signature by up to a factor of two either way of the level it was made at, from nothing on.
+    G (atoms, atoms) and b (atoms,) are products of all `atoms`. None where nothing takes anything.
     """
-    best: Screened | None = None
-    for variant, size in sorted({(v, abs(level)) for _, _, level, v, _ in rows}):
-        group = [r for r in rows if r[3] == variant and abs(r[2]) == size]
-        by_strength: dict[str, list[tuple[int, str, float, str, dict[str, float]]]] = {}
-        for r in group:
-            by_strength.setdefault(r[1], []).append(r)
-        for choice in product(*by_strength.values()):
-            found = _combined(effect, choice, G, b)
-            if found is not None and (best is None or found.gain > best.gain):
-                best = found
-    return best
+    own = [(i, a) for i, a in enumerate(atoms) if a.entry == effect.name]
+    found: list[Screened] = []
+    alike = sorted(own, key=lambda one: (one[1].variant, abs(one[1].level)))
+    for _, group in groupby(alike, key=lambda one: (one[1].variant, abs(one[1].level))):
+        by_strength: dict[str, list[tuple[int, Atom]]] = {}
+        for one in group:
+            by_strength.setdefault(one[1].strength, []).append(one)
+        found += [_combined(effect, choice, G, b) for choice in product(*by_strength.values())]
+    best = max(found, key=lambda s: s.gain, default=None)
+    return best if best is not None and best.gain > 0.0 else None
 
 
-def _combined(
-    effect: Effect,
-    choice: Sequence[tuple[int, str, float, str, dict[str, float]]],
-    G: Array,
-    b: Array,
-) -> Screened | None:
-    index = np.array([r[0] for r in choice])
-    low, high = np.zeros(len(choice)), np.full(len(choice), 1.0)
+def _combined(effect: Effect, choice: Sequence[tuple[int, Atom]], G: Array, b: Array) -> Screened:
+    """One signature of each strength, from nothing on to what its parameter's range allows."""
+    at = [i for i, _ in choice]
     ranges = {q.name: q for q in effect.parameters}
-    for i, (_, strength, _, _, values) in enumerate(choice):
-        q, value = ranges[strength], values[strength]
-        edge = q.high if value > 0 else q.low
-        high[i] = min(2.5, edge / value)
-    fit = bounded(G[np.ix_(index, index)], b[index], low, high)
-    if fit.gain <= 0.0:
-        return None
-    values = dict(choice[0][4])
-    for x, (_, strength, _, _, own) in zip(fit.coefficients, choice, strict=True):
-        values[strength] = float(x * own[strength])
-    return Screened(effect, values, fit.gain, tuple(int(i) for i in index))
+    high = []
+    for _, atom in choice:
+        q, value = ranges[atom.strength], atom.values[atom.strength]
+        high.append(min(_FURTHEST, (q.high if value > 0 else q.low) / value))
+    x = _bounded(G[np.ix_(at, at)], b[at], np.array(high))
+    values = dict(choice[0][1].values)
+    for scale, (_, atom) in zip(x, choice, strict=True):
+        values[atom.strength] = float(scale * atom.values[atom.strength])
+    return Screened(effect, values, float(2.0 * b[at] @ x - x @ G[np.ix_(at, at)] @ x))
+
+
+def _bounded(G: Array, b: Array, high: Array) -> Array:
+    """The least of xᵀGx − 2bᵀx for 0 ≤ x ≤ high."""
+    ridge = G + (_RIDGE * np.trace(G) + 1e-12) * np.eye(len(b))
+    if len(b) == 1:
+        return np.asarray(np.clip(b / ridge[0], 0.0, high))
+    root = np.linalg.cholesky(ridge)
+    return np.asarray(lsq_linear(root.T, np.linalg.solve(root, b), (0.0, high), method="bvls").x)

@@ -173,12 +173,12 @@ def step_of(
     hypotheses = [Hypothesis(place=p, gains=taken_by[p]) for p in laws]
     entries: dict[str, Refined] = {}
     for e in found:
-        acts = e.effects[0].places
+        acts = e.effect.places
         at = next((p for p in laws if p in acts or not acts), None)
         if at is not None:
             own = square - left.by_channel(left.rows - e.change)
-            hypotheses.append(Hypothesis(place=at, effect=e.names[0], gains=own))
-            entries[e.names[0]] = e
+            hypotheses.append(Hypothesis(place=at, effect=e.name, gains=own))
+            entries[e.name] = e
     probability = odds(hypotheses, constants, noise)
     places = of_places(hypotheses, probability)
     near = tuple(laws[p] for p in told(places, constants.told_level))
@@ -204,9 +204,9 @@ def step_of(
 def without_named(naming: Naming | None, step: Step) -> Naming | None:
     """The effects that may still be named: one that says where it acts is told once."""
     entry = step.entry
-    if naming is None or entry is None or not (step.named and entry.effects[0].places):
+    if naming is None or entry is None or not (step.named and entry.effect.places):
         return naming
-    return naming.without(entry.names[0])
+    return naming.without(entry.name)
 
 
 def density_gained(rows: FoldRows, gains: Array) -> float:

@@ -109,7 +109,7 @@ def found_with(laid, candidates, change, own, **changes):
 
     def refine(effects, z):
         gain = float(2.0 * z @ change - change @ change)
-        fit = Refined((own,), {own.name: {}}, gain, change, np.zeros((1, N)), np.zeros(1), ())
+        fit = Refined(own, gain, change, np.zeros((0, N)), np.zeros(0))
         return [fit] if own in effects else []
 
     constants = msgspec.structs.replace(shipped(), **changes)
@@ -130,7 +130,7 @@ def test_an_effect_that_takes_more_than_any_law_says_where_and_is_the_name():
     (step,) = found_with(laid, candidates, change, own).steps
     assert step.chosen.candidate.place == "place-3"
     assert step.named
-    assert step.entry.names == ("kink",)
+    assert step.entry.name == "kink"
     assert step.share == pytest.approx(0.7, abs=0.05)
 
 
@@ -140,7 +140,7 @@ def test_an_effect_that_takes_little_of_what_a_law_takes_is_only_the_nearest():
     (step,) = found_with(laid, candidates, small, effect("faint", "place-1")).steps
     assert step.chosen.candidate.place == "place-1"
     assert not step.named
-    assert step.entry.names == ("faint",)
+    assert step.entry.name == "faint"
     assert 0.2 < step.takes < 0.5
 
 

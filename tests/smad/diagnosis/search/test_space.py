@@ -18,21 +18,19 @@ DRAUGHT = Effect(
 
 
 def test_a_shape_that_is_typically_zero_has_a_scale_bounds_and_a_prior() -> None:
-    space = Space((), (DRAUGHT,))
+    space = Space(DRAUGHT)
     low, high = space.bounds()
     mean, precision = space.prior()
     assert [*low, *high] == pytest.approx([0.0, -0.5, 6.0, 1.5])
     assert list(mean) == [0.0, 0.0]
     assert np.diag(precision) == pytest.approx([1 / 9, 1.0], rel=1e-6)
-    assert (space.steps(space.start()) > 0).all()
+    assert (space.steps(np.zeros(2)) > 0).all()
 
 
 def test_coordinates_turn_back_into_the_values_they_stand_for() -> None:
     values = {"more_W_K": 0.1, "from_degC": -12.0}
-    for space in (Space((), (DRAUGHT,)), Space((), (DRAUGHT,), fixed={"draught": values})):
-        p = space.start({"draught": values})
-        assert space.point(p).effects["draught"] == pytest.approx(values)
-        assert [space.value(i, p[i]) for i in (0, 1)] == pytest.approx([0.1, -12.0])
+    space = Space(DRAUGHT)
+    assert space.values(space.coordinates(values)) == pytest.approx(values)
 
 
 @pytest.mark.parametrize(
