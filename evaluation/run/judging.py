@@ -217,6 +217,6 @@ def _baselines(pairs: Paired, case: str) -> dict[str, Any]:
     speaks = best is not None and best.gain > penalty * len(best.coordinates)
     return {
         "match": {"outcome": PLACES, "names": [max(like, key=lambda n: like[n])]},
-        "bic": {"outcome": PLACES if speaks else QUIET, "names": list(best.names) if best else []},
+        "bic": {"outcome": PLACES if speaks else QUIET, "names": [best.name] if best else []},
         "random": {"outcome": PLACES, "names": [random.Random(case).choice(sorted(like))]},
     }

@@ -39,7 +39,7 @@ class Found:
     @classmethod
     def of(cls, path: Path, run: GapRun) -> Found:
         """A run that was read already."""
-        return cls(_stem(path), path, run)
+        return cls(path.name.split(".")[0], path, run)
 
 
 def read_folder(folder: Path) -> list[Found]:
@@ -57,7 +57,7 @@ def read_folder(folder: Path) -> list[Found]:
             f"{folder} holds no run file", limit=", ".join(_KINDS), action="put the runs there"
         )
     together = Together()
-    return [Found(_stem(p), p, *_read(p, together)) for p in paths]
+    return [_found(p, together) for p in paths]
 
 
 def read_good(folder: Path, say: Callable[[str], None]) -> list[Found]:
@@ -93,28 +93,25 @@ def _files_below(folder: Path) -> Iterator[Path]:
         yield from (here / name for name in names)
 
 
-def _stem(path: Path) -> str:
-    return path.name.split(".")[0]
-
-
 def read_file(path: Path, together: Together | None = None) -> GapRun:
     """A run of a file; columns are told from their names as `smad log import` does.
 
     Raises RunLogError, LogImportError and GapError, which name the file and what is wrong, and
     where it is one too many of those held `together`.
     """
-    return _read(path, together)[0]
+    return _found(path, together).run
 
 
-def _read(path: Path, together: Together | None = None) -> tuple[GapRun, str, str]:
-    """A run, its board's serial number, and what cut it; empty where the file does not tell."""
+def _found(path: Path, together: Together | None) -> Found:
     run, log = read_recorded(path, together)
     if not len(run.t_s):
         raise PairingError(
             f"{path} holds no sample", action="play the run again, or leave the file out"
         )
     require_columns(path, run)
-    return (run, "", "") if log is None else (run, log.header.board.get("uid", ""), cut_in(log))
+    if log is None:
+        return Found.of(path, run)
+    return replace(Found.of(path, run), board=log.header.board.get("uid", ""), cut=cut_in(log))
 
 
 @dataclass(frozen=True)

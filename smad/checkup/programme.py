@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
@@ -38,12 +39,12 @@ class RunEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class ProgrammeFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """`programme.toml`: what the CSV files beside it are. `format` is smad-programme-1."""
+    """`programme.toml`: what the CSV files beside it are."""
 
-    format: str
+    format: Literal["smad-programme-1"]
     name: str
     title: str
-    runs: list[RunEntry]
+    runs: Annotated[list[RunEntry], msgspec.Meta(min_length=1)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,15 +163,9 @@ def read_programme(folder: Path) -> Programme:
         ) from error
     except (msgspec.MsgspecError, ValueError) as error:
         raise ProgrammeError(
-            f"{folder / 'programme.toml'} is not valid: {error}", action="correct it"
+            f"{folder / 'programme.toml'} is not valid: {error}",
+            action="correct it, or design it again with python -m evaluation design",
         ) from None
-    if entry.format != "smad-programme-1" or not entry.runs:
-        raise ProgrammeError(
-            f"{folder} holds no programme of this version",
-            value=f"format {entry.format}, {len(entry.runs)} runs",
-            limit="smad-programme-1, at least one run",
-            action="design it again with python -m evaluation design",
-        )
     runs = [_read_run(folder, r) for r in entry.runs]
     return Programme(entry.name, entry.title, tuple(runs))
 

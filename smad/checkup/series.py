@@ -56,7 +56,10 @@ class State(msgspec.Struct, frozen=True):
 
 
 def folder_for(parent: Path, kind: str, programme: Programme, clock_s: Callable[[], float]) -> Path:
-    """Where the next series of a kind goes: the newest that is not finished, or a new one."""
+    """Where the next series of a kind goes: the newest that is not finished, or a new one.
+
+    Raises BaselineError when its folder cannot be written.
+    """
 
     def goes_on(folder: Path) -> bool:
         state = read_state(folder)
@@ -64,7 +67,7 @@ def folder_for(parent: Path, kind: str, programme: Programme, clock_s: Callable[
 
     folder = newest_open(parent, kind, goes_on)
     if read_state(folder) is None:
-        begin(folder, programme, clock_s())
+        _write(folder, State(programme.digest, clock_s()))
     return folder
 
 
@@ -82,11 +85,6 @@ def read_state(folder: Path) -> State | None:
         return msgspec.json.decode((folder / _STATE).read_bytes(), type=State)
     except (OSError, msgspec.MsgspecError):
         return None
-
-
-def begin(folder: Path, programme: Programme, now_unix_s: float) -> None:
-    """Make the folder of a series. Raises BaselineError when it cannot be written."""
-    _write(folder, State(programme.digest, now_unix_s))
 
 
 def play_series(

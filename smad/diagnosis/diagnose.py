@@ -13,9 +13,9 @@ from smad.diagnosis.answer import Answer, answer_of_changed, answer_of_differs
 from smad.diagnosis.changed import changed
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.data.admission import RunSet, admit_groups
+from smad.diagnosis.data.grid import row_length_s
 from smad.diagnosis.data.guards import FIT, GOOD, HOLD_OUT, goes_further, too_few
 from smad.diagnosis.data.noise import estimate_floors
-from smad.diagnosis.data.scales import row_length_s
 from smad.diagnosis.errors import PlantMismatch
 from smad.diagnosis.gap import Measured
 from smad.diagnosis.numerics.threads import repeatable

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from smad.diagnosis.budget import budget_of
 from smad.diagnosis.data.admission import admit
+from smad.diagnosis.data.grid import row_length_s
 from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.data.played import predictions
-from smad.diagnosis.data.scales import row_length_s
 from smad.diagnosis.errors import RunRefused
 from smad.diagnosis.gap import Measured
 from smad.diagnosis.places.bare import with_places

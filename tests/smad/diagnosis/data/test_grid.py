@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from smad.diagnosis.data.grid import PERIOD_S, Grid
-from smad.diagnosis.data.scales import correlation_time_s, row_length_s
+from smad.diagnosis.data.grid import PERIOD_S, Grid, correlation_time_s, row_length_s
 from smad.diagnosis.runs import Array, GapRun
 from tests.smad.diagnosis.heater_plant import HeaterPlant, recorded
 
