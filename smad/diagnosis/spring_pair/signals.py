@@ -123,17 +123,13 @@ def _warmth(run: GapRun, side: str) -> Array:
     return run.outputs[name] - base
 
 
-def _springs(side: str) -> tuple[str, ...]:
-    """The springs of a side, both where it is none."""
-    return (side.lower(),) if side else ("x", "y")
-
-
 def regimes(run: GapRun, side: str) -> dict[str, Mask]:
     """Regimes of one spring ("X", "Y") or of the pair (""): see `smad.diagnosis.plant`.
 
     Order is precedence where a row must belong to one only.
     """
-    sides, dt_s, speed = _springs(side), run.dt_s, _speed(run)
+    sides = (side.lower(),) if side else ("x", "y")
+    dt_s, speed = run.dt_s, _speed(run)
     current = np.max([run.inputs[f"i_applied_{s}_A"] for s in sides], axis=0)
     water = np.max([run.inputs[f"duty_{s}"] for s in sides], axis=0) > 0.02
     driven = np.max([run.inputs[s.name] for s in INPUTS], axis=0) > 0.01
