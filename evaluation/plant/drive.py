@@ -11,15 +11,18 @@ from numpy.typing import NDArray
 from evaluation.plant.compiled import compiled
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
+    AIR_DRAWN,
     AMPERE,
     DRAINED,
     FLOW,
     GLANCE,
+    HELD_DOWN,
     HOT,
     LAG_A,
     LAG_B,
     LAG_C,
     LIMITED,
+    LONG_ON,
     OHM,
     PUMP,
     PUMP_ON,
@@ -27,10 +30,12 @@ from evaluation.plant.layout import (
     RING_DUTY_X,
     RING_LENGTH,
     SETTLED,
+    SPEED,
     SPIN,
     SPIN_RATE,
     STARTED,
     TIME,
+    TIRED,
     X,
 )
 from evaluation.plant.parameters import index
@@ -59,8 +64,13 @@ COASTING = slot("coasting_pump")
 CROSSTALK = slot("driver_crosstalk")
 HOLD = slot("absorbing_hold")
 KINKED = slot("kinked_hose")
+CHATTER = slot("chattering_plug")
+PEAK_AND_HOLD = slot("peak_and_hold")
+SUCTION = slot("shared_suction")
+MEMBRANE = slot("tired_membrane")
 
 CURRENT_LIMIT_A = 4.0
+PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
 
 
 @compiled
@@ -82,7 +92,7 @@ def approach(state: float, target: float, dt: float, time_constant: float) -> fl
 
 @compiled
 def current(
-    s: int, command: float, p: Array, e: Array, side: Array, time: float, dt: float
+    s: int, command: float, p: Array, e: Array, side: Array, pair: Array, dt: float
 ) -> float:
     """Real current (A) through spring `s` for a commanded one."""
     i = min(max(command, 0.0), CURRENT_LIMIT_A)
@@ -90,7 +100,7 @@ def current(
         i *= 1.0 + e[s, DRIVER_GAIN] * (1.0 - 0.08 * i)
     if e[s, BEAT] > 0.0:
         hertz = 0.17 + 0.23 * e[2, BEAT]
-        i *= 1.0 + e[s, BEAT] * math.sin(2.0 * math.pi * hertz * time + 0.6 * s)
+        i *= 1.0 + e[s, BEAT] * math.sin(2.0 * math.pi * hertz * pair[TIME] + 0.6 * s)
     if e[s, SATURATION] > 0.0:
         knee = CURRENT_LIMIT_A / e[s, SATURATION] * p[RESISTANCE] / side[s, OHM]
         i /= (1.0 + (i / knee) ** 8) ** 0.125
@@ -112,6 +122,14 @@ def current(
     if e[s, HOLD] > 0.0:
         side[s, SETTLED] = approach(side[s, SETTLED], i, dt, 7.0)
         i -= e[s, HOLD] * (i - side[s, SETTLED])
+    if e[s, CHATTER] > 0.0:
+        speed = abs(pair[SPEED])
+        i *= 1.0 - min(e[s, CHATTER], 0.9) * speed / (speed + 2e-3)
+    if e[s, PEAK_AND_HOLD] > 0.0:
+        side[s, LONG_ON] = side[s, LONG_ON] + dt if i > PEAK_A else 0.0
+        held = 1.0 if side[s, LONG_ON] > PEAK_S else 0.0
+        side[s, HELD_DOWN] = approach(side[s, HELD_DOWN], held, dt, 0.4)
+        i *= 1.0 - min(e[s, PEAK_AND_HOLD], 0.9) * side[s, HELD_DOWN]
     side[s, LAG_A] = approach(side[s, LAG_A], i, dt, p[DRIVER_LAG])
     slow = e[s, SLOW_DRIVER]
     if slow <= 0.0:
@@ -159,6 +177,10 @@ def flow(
     if e[s, KINKED] > 0.0:
         drawn_in = pair[X] if s == 0 else -pair[X]
         share *= 1.0 - min(e[s, KINKED], 0.98) * min(max((1e-3 - drawn_in) / 5e-3, 0.0), 1.0)
+    if e[s, MEMBRANE] > 0.0:
+        slow = 10.0 if share > side[s, TIRED] else 25.0
+        side[s, TIRED] = approach(side[s, TIRED], share, dt, slow)
+        share *= 1.0 - min(e[s, MEMBRANE], 0.95) * min(side[s, TIRED], 1.0)
     full = p[FULL_FLOW] * (p[Y_FLOW] if s == 1 else 1.0)
     return float(full * share)
 
@@ -178,6 +200,11 @@ def flows(
     x = flow(0, p, e, side, pair, ring, heat_x, dt)
     y = flow(1, p, e, side, pair, ring, heat_y, dt)
     full = p[FULL_FLOW]
+    if e[0, SUCTION] > 0.0:
+        side[0, AIR_DRAWN] = max(x / full, approach(side[0, AIR_DRAWN], 0.0, dt, 6.0))
+        side[1, AIR_DRAWN] = max(y / full, approach(side[1, AIR_DRAWN], 0.0, dt, 6.0))
+        x *= 1.0 - min(e[0, SUCTION] * side[1, AIR_DRAWN], 0.95)
+        y *= 1.0 - min(e[0, SUCTION] * side[0, AIR_DRAWN], 0.95)
     side[0, FLOW] = x + e[1, LEAK] * y**2 / full
     side[1, FLOW] = y + e[0, LEAK] * x**2 / full
     pair[TIME] += dt

@@ -17,7 +17,7 @@ SIGNED = frozenset(
         "convection_exponent", "stress_latent_heat", "rtd_current_pickup", "force_frame_warming",
         "pump_bourdon", "rtd_bow", "shaft_bending", "cell_span_drift", "hydrogen_uptake",
         "water_hammer", "galvanic_clip", "rtd_warmup",
-        "bracket_growth", "cell_shock", "hall_zero_drift",
+        "bracket_growth", "cell_shock", "hall_zero_drift", "motor_beside_sensor",
     )
 )  # fmt: skip
 """Effects whose magnitude may be negative."""

@@ -44,6 +44,7 @@ from evaluation.plant.layout import (
     RTD_B,
     RTD_BEFORE,
     SIDE_WIDTH,
+    SINK_WARM,
     STEM,
     TIME,
     TURNED,
@@ -57,6 +58,7 @@ from evaluation.plant.parameters import Bench
 from evaluation.plant.sensors import read, truth
 from evaluation.plant.thermal import ROW_WIDTH
 from evaluation.plant.tube import tube
+from evaluation.plant.water import HEATSINK
 
 Array = NDArray[np.float64]
 
@@ -165,8 +167,11 @@ def tick(
     flows(p, e, side, pair, ring, heat_x, heat_y, dt)
     if e[0, DRIVER_FAN] > 0.0:
         cool_drivers(side, pair, dt)
+    if e[0, HEATSINK] > 0.0:
+        total = side[0, AMPERE] + side[1, AMPERE]
+        pair[SINK_WARM] = approach(pair[SINK_WARM], total / 4.0, dt, 15.0)
     for s in range(2):
-        amperes = current(s, u[I_X + s], p, e, side, pair[TIME], dt)
+        amperes = current(s, u[I_X + s], p, e, side, pair, dt)
         stress = wire_stress(s, p, e, cells, side, pair)
         tube(
             s,

@@ -68,8 +68,19 @@ CELL_WIDTH = PLAY + PLAYS
     RTD_BEFORE,
     AMPERE_BEFORE,
     HOSE,
+    LONG_ON,
+    HELD_DOWN,
+    CORRODED,
+    MISTED,
+    LIMED,
+    AIR_DRAWN,
+    TIRED,
+    INNER_STRESS,
+    LEAD_WARM,
+    AVERAGED,
+    SHRUNK,
     SIDE_WIDTH,
-) = range(46)
+) = range(57)
 
 (
     TIME,
@@ -96,8 +107,11 @@ CELL_WIDTH = PLAY + PLAYS
     SKIN,
     CORE,
     SHEARED,
+    SINK_WARM,
+    INDEXED,
+    SPONGE,
     PAIR_WIDTH,
-) = range(25)
+) = range(28)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256

@@ -33,8 +33,11 @@ from evaluation.plant.layout import (
     PUMP,
     R_PHASE,
     RATCHETED,
+    RATE,
     SHEARED,
+    SHRUNK,
     SPEED,
+    SPONGE,
     STARTED,
     TIME,
     TURNED,
@@ -75,6 +78,10 @@ LIP = slot("lip_seal")
 CRIMP_CREEPS = slot("creeping_crimp")
 GREASE = slot("stiff_grease")
 DETENT = slot("iron_beside_tendon")
+MOBILE = slot("mobile_interfaces")
+SHRINKING = slot("shrinking_tendon")
+SOAKING = slot("hanging_sponge")
+GRIPPING = slot("gripping_hose")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
@@ -102,6 +109,9 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     side[s, GROWN] += e[s, RATCHET] * 1e-3 * side[s, RATCHETED]
     side[s, GROWN] += e[s, ANCHOR] * 1e-3 * side[s, GIVEN_WAY]
     side[s, GROWN] += e[s, CRIMP_CREEPS] * 1e-3 * side[s, CRIMP]
+    side[s, GROWN] -= e[s, SHRINKING] * 1e-3 * side[s, SHRUNK]
+    if e[s, MOBILE] > 0.0:
+        total *= 1.0 + e[s, MOBILE] * side[s, RATE] / (side[s, RATE] + 0.03)
     side[s, COMPLIANT] = total / CELLS
     side[s, FREE_STRAIN] = strain / CELLS
 
@@ -208,7 +218,14 @@ def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
 
 @compiled
 def resisting(
-    x: float, before: float, tension: float, dt: float, e: Array, side: Array, pair: Array
+    x: float,
+    before: float,
+    tension: float,
+    dt: float,
+    full_flow: float,
+    e: Array,
+    side: Array,
+    pair: Array,
 ) -> tuple[float, float, float]:
     """Friction and drag against a move to `x` (N), their slope (N/m), and the bristle's force."""
     bristle = 0.0
@@ -251,6 +268,12 @@ def resisting(
         scale = e[0, DETENT] * math.exp(0.5 * (1.0 - off * off))
         total += scale * off
         slope += scale * max(1.0 - off * off, 0.0) / DETENT_m  # beyond, the springs are stiffer
+    total += e[0, SOAKING] * pair[SPONGE]
+    if e[0, GRIPPING] > 0.0:
+        v = (x - before) / dt / 5e-4
+        scale = e[0, GRIPPING] * (side[0, FLOW] + side[1, FLOW]) / full_flow
+        total += scale * v / (abs(v) + 1.0)
+        slope += scale / (abs(v) + 1.0) ** 2 / dt / 5e-4
     return total, slope, bristle
 
 
@@ -270,7 +293,7 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
         force_y, slope_y = pull(1, 0.5 * p[SPAN] + x, force_y, p, e, cells, side)
         longer, slope_t = longer_tendon(force_y, e, pair)
         force_x, slope_x = pull(0, 0.5 * p[SPAN] - x - longer, force_x, p, e, cells, side)
-        against, slope_f, bristle = resisting(x, before, force_y, dt, e, side, pair)
+        against, slope_f, bristle = resisting(x, before, force_y, dt, p[FULL_FLOW], e, side, pair)
         residual = force_x - force_y - against
         own = slope_x * (1.0 + slope_t * slope_y)
         step = residual / (own + slope_y + slope_f)
@@ -291,6 +314,9 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     if e[0, GREASE] > 0.0:
         stirred = (1.0 - pair[SHEARED]) * abs(pair[SPEED]) / 4e-3
         pair[SHEARED] = min(pair[SHEARED] + dt * (stirred - pair[SHEARED] / 8.0), 1.0)
+    if e[0, SOAKING] > 0.0:
+        spilt = (side[0, FLOW] + side[1, FLOW]) / p[FULL_FLOW]
+        pair[SPONGE] += dt * (spilt / 10.0 - pair[SPONGE] / 40.0)
     for s in range(2):
         wire = wire_stress(s, p, e, cells, side, pair)
         turned = turned_by(wire, p)
@@ -305,6 +331,9 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
             tension = force_x if s == 0 else force_y
             hot = max(cells[s, CELLS - 1, T] - 40.0, 0.0) / 10.0
             side[s, CRIMP] += dt / 10.0 * hot * tension / 1.24
+        if e[s, SHRINKING] > 0.0:
+            warm = (cells[s, CELLS - 1, W] - 27.0) / 20.0
+            side[s, SHRUNK] = approach(side[s, SHRUNK], warm, dt, 3.0)
 
 
 @compiled

@@ -15,6 +15,7 @@ from evaluation.plant.layout import (
     AMMETER,
     AMPERE,
     AMPERE_BEFORE,
+    AVERAGED,
     BOARD,
     BOUND,
     BRACKET,
@@ -36,8 +37,12 @@ from evaluation.plant.layout import (
     GLANCE,
     GUIDE,
     HOSE,
+    INDEXED,
+    LEAD_WARM,
     LOST,
+    MISTED,
     OHM,
+    PUMP,
     RESERVOIR,
     RING_FORCE,
     RING_X,
@@ -100,6 +105,12 @@ LOST_COUNTS = slot("lost_counts")
 BRACKET_GROWS = slot("bracket_growth")
 SHOCK = slot("cell_shock")
 HOSES = slot("hoses_on_cell")
+MIST = slot("misted_board")
+RTD_LEAD = slot("rtd_lead_on_neighbour")
+RIPPLE_FILTER = slot("ripple_filter")
+WIDE_INDEX = slot("wide_index")
+RIPPLE = slot("rectified_ripple")
+MOTOR_FIELD = slot("motor_beside_sensor")
 
 TURN_mm = 13.0
 GUIDE_m = 3e-4  # travel over which the friction of the load cell's guide builds up
@@ -138,6 +149,16 @@ def rtd(
         side[s, BOUND] = min(max(strained, -1.0), 1.0)
         side[s, RTD_BEFORE] = side[s, RTD_B]
         reading -= e[s, RTD_BOUND] * side[s, BOUND]
+    if e[1 - s, RTD_LEAD] > 0.0:
+        warm = 0.0
+        for j in range(CELLS):
+            warm += (cells[1 - s, j, W] - 27.0) / CELLS
+        side[s, LEAD_WARM] = approach(side[s, LEAD_WARM], warm / 20.0, dt, 8.0)
+        reading += e[1 - s, RTD_LEAD] * side[s, LEAD_WARM]
+    if e[s, RIPPLE_FILTER] > 0.0:
+        slow = e[s, RIPPLE_FILTER] * side[s, AMPERE] / 4.0
+        side[s, AVERAGED] = approach(side[s, AVERAGED], reading, dt, slow)
+        reading = side[s, AVERAGED]
     return float(reading)
 
 
@@ -177,6 +198,11 @@ def travel(seen_mm: float, dt: float, e: Array, cells: Array, side: Array, pair:
             warm += (cells[0, i, W] - 27.0) / CELLS
         pair[BRACKET] = approach(pair[BRACKET], warm / 20.0, dt, 25.0)
         reading += e[0, BRACKET_GROWS] * pair[BRACKET]
+    if e[0, WIDE_INDEX] > 0.0:
+        off = seen_mm - 6.0 * (e[2, WIDE_INDEX] - 0.5)
+        if abs(off) > 1.0:
+            pair[INDEXED] = 1.0 if off > 0.0 else 0.0
+        reading += e[0, WIDE_INDEX] * pair[INDEXED]
     return float(reading)
 
 
@@ -215,6 +241,9 @@ def load(
         for s in range(2):
             side[s, HOSE] = approach(side[s, HOSE], side[s, FLOW] / p[FULL_FLOW], dt, 0.4)
         reading += e[0, HOSES] * (side[0, HOSE] - 0.6 * side[1, HOSE])
+    for s in range(2):
+        ampere = side[s, AMPERE]
+        reading += e[0, RIPPLE] * ampere * max(4.0 - ampere, 0.0) / 4.0
     return float(reading)
 
 
@@ -242,6 +271,7 @@ def read(
             side[s, AMMETER] = approach(side[s, AMMETER], out[s], dt, e[s, AMMETER_LAG])
             out[s] = side[s, AMMETER]
         out[s] += e[0, HALL_DRIFT] * pair[BOARD]
+        out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
         if e[s, CLIPS] > 0.0:
@@ -251,6 +281,11 @@ def read(
             side[s, CLIP] = approach(side[s, CLIP], cells[s, CELLS - 1, T] - 27.0, dt, 4.0)
             out[2 + s] += e[s, GALVANIC] * side[s, CLIP] / 20.0
         out[2 + s] *= 1.0 + e[1 - s, WARMED_AMPLIFIER] * side[1 - s, CONTACT]
+        if e[s, MIST] > 0.0:
+            share = side[s, FLOW] / p[FULL_FLOW]
+            slow = 3.0 if share > side[s, MISTED] else 15.0
+            side[s, MISTED] = approach(side[s, MISTED], share, dt, slow)
+            out[2 + s] *= 1.0 - e[s, MIST] * side[s, MISTED]
         if e[s, INDUCTANCE] > 0.0:
             rate = (side[s, AMPERE] - side[s, AMPERE_BEFORE]) / dt
             out[2 + s] += 1e-3 * e[s, INDUCTANCE] * rate

@@ -15,6 +15,7 @@ from evaluation.plant.layout import (
     CHARGE,
     COOLED_FROM,
     HEATED_FROM,
+    INNER_STRESS,
     PRECIPITATED,
     RATE,
     WORK_DONE,
@@ -32,6 +33,7 @@ OVERSHOOT = slot("rate_overshoot")
 STABILISED = slot("martensite_stabilisation")
 HYDROGEN = slot("hydrogen_uptake")
 PRECIPITATION = slot("precipitation")
+LINGERING = slot("lingering_stress")
 
 
 @compiled
@@ -62,4 +64,8 @@ def shifts(
         risen = e[s, PRECIPITATION] * (1.0 - math.exp(-cells[s, i, PRECIPITATED]))
         heat += risen
         cool += risen
+    if e[s, LINGERING] > 0.0:
+        lifted = e[s, LINGERING] * max(side[s, INNER_STRESS] - 1.35, 0.0) / 0.4
+        heat += lifted
+        cool += lifted
     return heat, cool

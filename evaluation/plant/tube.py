@@ -19,6 +19,7 @@ from evaluation.plant.layout import (
     CHARGE,
     CONTACT,
     COOLED_FROM,
+    CORRODED,
     FAN,
     FLOW,
     FORCE_X,
@@ -26,6 +27,8 @@ from evaluation.plant.layout import (
     FRACTION,
     HEATED_FROM,
     HEATING,
+    INNER_STRESS,
+    LIMED,
     OHM,
     OPENED,
     PLAY,
@@ -39,6 +42,7 @@ from evaluation.plant.layout import (
     SHUNT,
     SPEED,
     SWIRL,
+    TIME,
     TURNED,
     WET,
     WORK_DONE,
@@ -79,6 +83,7 @@ MIXING = index("mixing")
 CONDUCTION = index("conduction_W_K")
 RESISTANCE = index("resistance_ohm")
 AT_START = index("turned_at_start")
+STRESS = index("stress_MPa_N")
 Y_RESISTANCE = index("y_resistance")
 Y_LOSS = index("y_loss")
 
@@ -105,8 +110,18 @@ DRIVER_FAN = slot("driver_fan")
 SWEATING = slot("sweating_tube")
 TURNED_RESISTS = slot("turned_resists")
 SHAKEN = slot("shaken_interfaces")
+TEXTURED = slot("textured_resistance")
+CORRODING = slot("corroding_wire")
+LIME = slot("lime_on_wire")
+DRIPPING = slot("dripping_outlet")
+ROD = slot("rod_in_coil")
+LAMP = slot("cycling_lamp")
+LATENT_FADES = slot("fading_latent")
+BENT = slot("bent_coils")
+LINGERING = slot("lingering_stress")
 
 OPENS_MPa, CLOSES_MPa = 66.0, 59.0  # stress at which a crack in the wire opens and closes
+LAMP_S, LAMP_ON = 24.0, 0.375  # how often a lamp comes on, and for what share of that
 
 
 @compiled
@@ -118,6 +133,8 @@ def resistance(
     if e[s, SHORTED] > 0.0:
         drawn_in = pair[X] if s == 0 else -pair[X]
         base *= 1.0 - min(e[s, SHORTED] * max(drawn_in - 1e-3, 0.0) / 5e-3, 0.8)
+    if e[s, CORRODING] > 0.0:
+        base *= 1.0 + min(e[s, CORRODING] * side[s, CORRODED], 2.0)
     total = 0.0
     strength = e[s, RESISTIVITY]
     for i in range(CELLS):
@@ -127,6 +144,9 @@ def resistance(
             off = cells[s, i, FRACTION] - 0.5
             factor += strength * (0.008 * warm + 1.2e-4 * warm * warm + off * (1.0 + 0.5 * off))
             factor += strength * 0.3 * cells[s, i, R_PHASE]
+        if e[s, TEXTURED] > 0.0:
+            further = cells[s, i, FRACTION] * (cells[s, i, TURNED] - p[AT_START])
+            factor += e[s, TEXTURED] * min(max(further, 0.0) / 0.05, 8.0)
         heat[i] = base * factor / CELLS
         total += heat[i]
     if e[s, CRACK] > 0.0:
@@ -159,8 +179,10 @@ def coefficients(
     if e[s, STRESS_LATENT] != 0.0:
         relative = stress / 57.0
         latent *= max(0.1, 1.0 + e[s, STRESS_LATENT] * (relative - 1.0) * abs(relative))
+    if e[s, LATENT_FADES] > 0.0:
+        latent *= 1.0 - min(e[s, LATENT_FADES], 0.9) * (1.0 - math.exp(-side[s, WORK_DONE] / 1.5))
     share = min(side[s, FLOW] / p[FULL_FLOW], 1.5)
-    reach = 1.0
+    reach = 1.0 / (1.0 + e[s, LIME] * side[s, LIMED])
     if e[s, STIRRING] > 0.0:
         reach *= 1.0 + e[s, STIRRING] * min(abs(pair[SPEED]) / 5e-3, 3.0)
     if e[s, ON_THE_WALL] > 0.0:
@@ -197,8 +219,10 @@ def coefficients(
     rows[CELLS - 1, HEAT_WIRE] += 0.5 * e[s, HOT_CLIPS] * side[s, CONTACT]
     if e[s, SWEATING] > 0.0 or e[1 - s, LEADS] > 0.0 or e[s, PEAK] > 0.0:
         odd_heat(s, e, cells, side, rows)
-    if e[s, TURNED_RESISTS] > 0.0 or e[s, SHAKEN] > 0.0:
-        odd_shifts(s, share, p, e, cells, rows)
+    if e[s, ROD] > 0.0 or e[1 - s, DRIPPING] > 0.0 or e[0, LAMP] > 0.0:
+        elsewhere(s, p, e, cells, side, pair, rows)
+    if e[s, TURNED_RESISTS] > 0.0 or e[s, SHAKEN] > 0.0 or e[s, BENT] > 0.0:
+        odd_shifts(s, share, p, e, cells, pair, rows)
     return float(CELLS * p[CONDUCTION] + p[MIXING] * side[s, FLOW] * CELLS / 6.0)
 
 
@@ -214,13 +238,33 @@ def odd_heat(s: int, e: Array, cells: Array, side: Array, rows: Array) -> None:
 
 
 @compiled
-def odd_shifts(s: int, share: float, p: Array, e: Array, cells: Array, rows: Array) -> None:
+def elsewhere(
+    s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, rows: Array
+) -> None:
+    """Add to `rows` the heat of rarer effects: to a rod, from the other outlet and from a lamp."""
+    drawn_out = pair[X] if s == 1 else -pair[X]
+    gripped = min(max((drawn_out + 1e-3) / 5e-3, 0.0), 1.0)
+    dripping = e[1 - s, DRIPPING] * min(side[1 - s, FLOW] / p[FULL_FLOW], 1.5)
+    warm = cells[1 - s, CELLS - 1, W]
+    turn = pair[TIME] / LAMP_S + e[2, LAMP]
+    shone = e[0, LAMP] if turn - math.floor(turn) < LAMP_ON else 0.0
+    for i in range(CELLS):
+        rows[i, TO_CLAMP] += e[s, ROD] * gripped / CELLS
+        rows[i, HEAT_WATER] += (dripping * (warm - cells[s, i, W]) + shone) / CELLS
+
+
+@compiled
+def odd_shifts(
+    s: int, share: float, p: Array, e: Array, cells: Array, pair: Array, rows: Array
+) -> None:
     """Add to `rows` what rarer effects do to the temperatures of transformation."""
     eased = e[s, SHAKEN] * share
+    length = 1.0 + (pair[X] if s == 1 else -pair[X]) / 25e-3
+    bent = e[s, BENT] * (length * length - 1.0)
     for i in range(CELLS):
         further = (cells[s, i, TURNED] - p[AT_START]) / 0.05
-        rows[i, SHIFT_HEAT] += e[s, TURNED_RESISTS] * further - eased
-        rows[i, SHIFT_COOL] += eased
+        rows[i, SHIFT_HEAT] += e[s, TURNED_RESISTS] * further - eased + bent
+        rows[i, SHIFT_COOL] += eased + bent
 
 
 @compiled
@@ -230,6 +274,7 @@ def remember(
     """Update what each cell remembers after its fraction has moved."""
     moved_all = 0.0
     mean = 0.0
+    warmth = 0.0
     turned_new = turned_by(stress, p)
     for i in range(CELLS):
         cell = cells[s, i]
@@ -250,6 +295,7 @@ def remember(
             cell[PRECIPITATED] += dt * max(cell[T] - 38.0, 0.0) / 50.0
         moved_all += abs(moved) / CELLS
         mean += fraction / CELLS
+        warmth += cell[T] / CELLS
         if e[s, R_PHASES] > 0.0 or e[s, RESISTIVITY] > 0.0:
             lift = 0.1 * (stress - 57.0)
             comes = falling((cell[T] - 37.0 - lift) / 2.0) * (1.0 - fraction)
@@ -261,6 +307,14 @@ def remember(
         side[s, OPENED] = approach(side[s, OPENED], 1.0, dt, 0.3)
     elif stress < CLOSES_MPa:
         side[s, OPENED] = approach(side[s, OPENED], 0.0, dt, 0.3)
+    if e[s, CORRODING] > 0.0:
+        side[s, CORRODED] += dt / 30.0 * math.exp(min(warmth - 45.0, 30.0) / 10.0)
+    if e[s, LIME] > 0.0:
+        side[s, LIMED] += dt / 20.0 * max(warmth - 36.0, 0.0) / 10.0
+    if e[s, LINGERING] > 0.0:
+        tension = stress / p[STRESS]
+        fading = approach(side[s, INNER_STRESS], tension, dt, 25.0)
+        side[s, INNER_STRESS] = max(tension, fading)
     side[s, CHARGE] += abs(side[s, AMPERE]) * dt
     side[s, WORK_DONE] += moved_all
     side[s, RATCHETED] += moved_all * stress / 57.0

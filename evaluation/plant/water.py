@@ -20,6 +20,7 @@ from evaluation.plant.layout import (
     POCKET,
     PUMP,
     RESERVOIR,
+    SINK_WARM,
     WET,
     W,
 )
@@ -29,6 +30,7 @@ Array = NDArray[np.float64]
 DRAIN = slot("water_drain")
 BUBBLES = slot("air_bubbles")
 WASTE = slot("pump_waste_heat")
+HEATSINK = slot("hose_on_heatsink")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
@@ -78,4 +80,6 @@ def entering(s: int, inlet: float, dt: float, e: Array, side: Array, pair: Array
     if e[s, WASTE] > 0.0:
         side[s, MOTOR] = approach(side[s, MOTOR], side[s, PUMP], dt, 20.0)
         source += e[s, WASTE] * side[s, MOTOR]
+    if e[0, HEATSINK] > 0.0:
+        source += e[0, HEATSINK] * pair[SINK_WARM]
     return float(source)
