@@ -1,4 +1,4 @@
-"""`python -m evaluation make|score|where|…`: see evaluation/README.md."""
+"""`python -m evaluation make|check|score|…`: see evaluation/README.md."""
 
 import os
 
