@@ -7,8 +7,8 @@ the variance of a row. 16 is four standard errors.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,8 +19,7 @@ from smad.diagnosis.constants import Constants
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.next_run import separation
 from smad.diagnosis.numerics.white import RunRows, Shrink
-from smad.diagnosis.plant import Array, ModelPoint
-from smad.diagnosis.search.locate import Alternative
+from smad.diagnosis.plant import Array
 from smad.diagnosis.verdict import PARAMETERS, QUIET
 
 _WATER_DEGC = 27.0
@@ -28,14 +27,10 @@ _WATER_DEGC = 27.0
 
 @dataclass(frozen=True)
 class Offer:
-    """A run with d² of the laws that stay: the least over their pairs.
-
-    `known` says that the baseline has the run, so that it is judged as a pair.
-    """
+    """A run with d² of the laws that stay: the least over their pairs."""
 
     run: str
     separation: float
-    known: bool = True
 
 
 @dataclass(frozen=True)
@@ -50,11 +45,6 @@ class Proposal:
     why: str
     staying: tuple[str, ...] = ()
     offers: tuple[Offer, ...] = ()
-
-    @property
-    def settled(self) -> bool:
-        """Whether nothing is left to decide."""
-        return self.run is None and not self.staying
 
 
 def propose(
@@ -78,34 +68,23 @@ def propose(
         return Proposal(None, f"settled: {verdict.places[0].words}; no other place is near")
     names = tuple(x.words for x in staying)
     either = " or ".join(names)
-    offers = sorted(_offers(found, staying), key=lambda o: -o.separation)
-    useful = [o for o in offers if o.separation >= constants.separation]
-    if not useful:
-        most = offers[0]
-        return Proposal(
-            None,
+    offers = tuple(sorted(_offers(found), key=lambda o: -o.separation))
+    most = offers[0]
+    affordable = [o for o in offers if o.separation >= constants.separation and costs_s[o.run] <= left_s]
+    best = max(affordable, key=lambda o: o.separation / costs_s[o.run], default=None)
+    if best is not None:
+        why = f"it separates {either} best for its time, by d² = {best.separation:.0f}"
+    elif most.separation < constants.separation:
+        why = (
             f"no run on offer tells {either}: {most.run}, the best, separates them by "
-            f"d² = {most.separation:.1f}; {constants.separation:g} would be wanted",
-            names,
-            tuple(offers),
+            f"d² = {most.separation:.1f}; {constants.separation:g} would be wanted"
         )
-    affordable = [o for o in useful if costs_s[o.run] <= left_s]
-    if not affordable:
-        return Proposal(
-            None,
-            f"the time is spent: {useful[0].run} would tell {either} by "
-            f"d² = {useful[0].separation:.0f}, and takes {costs_s[useful[0].run] / 60:.1f} min of "
-            f"{max(left_s, 0.0) / 60:.1f} left",
-            names,
-            tuple(offers),
+    else:
+        why = (
+            f"the time is spent: {most.run} would tell {either} by d² = {most.separation:.0f}, and "
+            f"takes {costs_s[most.run] / 60:.1f} min of {max(left_s, 0.0) / 60:.1f} left"
         )
-    best = max(affordable, key=lambda o: o.separation / costs_s[o.run])
-    return Proposal(
-        best.run,
-        f"it separates {either} best for its time, by d² = {best.separation:.0f}",
-        names,
-        tuple(offers),
-    )
+    return Proposal(None if best is None else best.run, why, names, offers)
 
 
 def _next_new(paired: Paired, costs_s: Mapping[str, float], left_s: float) -> str | None:
@@ -115,19 +94,16 @@ def _next_new(paired: Paired, costs_s: Mapping[str, float], left_s: float) -> st
     return next((name for name in names if costs_s[name] <= left_s), None)
 
 
-def _offers(found: Judged, staying: Sequence[Alternative]) -> list[Offer]:
+def _offers(found: Judged) -> list[Offer]:
     """Runs of the baseline that were not played as often as the others, with their separation."""
     pairs = found.pairs
     times = [sum(p.reference.name == r.name for p in pairs.pairs) for r in pairs.reference.runs]
     out = []
     for run, played in zip(pairs.reference.runs, times, strict=True):
-        if played > min(times):
-            continue
-        changes = [_change(pairs, run.played, x) for x in staying]
-        rows = rows_of(pairs.plant, pairs.reference, run, run.valid)
-        slopes = rows.shrink(rows.independent(run.slopes))
-        d2 = _separation(changes, rows, SHARE * slopes)
-        out.append(Offer(run.name, d2 / found.variance))
+        if played == min(times):
+            rows = rows_of(pairs.plant, pairs.reference, run, run.valid)
+            slopes = SHARE * rows.shrink(rows.independent(run.slopes))
+            out.append(_offer(found, run.name, run.played, rows, slopes))
     return out
 
 
@@ -136,35 +112,28 @@ def unpaired_offers(found: Judged, programme: Programme) -> list[Offer]:
 
     Without a good recording the model's own form error stays in, so this is more than they bring.
     """
-    pairs = found.pairs
-    known = {r.name for r in pairs.reference.runs}
-    floor = pairs.reference.floor
+    reference = found.pairs.reference
+    known, floor = {r.name for r in reference.runs}, reference.floor
     sd = (floor.gauge * floor.sd.max(axis=1)) * np.sqrt(2.0)
     out = []
     for run in programme.runs:
-        if run.name in known:
-            continue
-        played = Played.of(run.as_run(_WATER_DEGC, _WATER_DEGC))
-        changes = [_change(pairs, played, x) for x in found.alternatives]
-        shape = (played.bins, len(sd))
-        rows = RunRows(
-            np.broadcast_to(sd, shape), np.ones(shape, dtype=bool), np.zeros((0, *shape)),
-            np.zeros(0), floor.rho,
-        )  # fmt: skip
-        d2 = _separation(changes, rows, np.zeros((0, shape[0] * shape[1])))
-        out.append(Offer(run.name, d2 / found.variance, known=False))
+        if run.name not in known:
+            played = Played.of(run.as_run(_WATER_DEGC, _WATER_DEGC))
+            shape = (played.bins, len(sd))
+            rows = RunRows(
+                np.broadcast_to(sd, shape), np.ones(shape, dtype=bool), np.zeros((0, *shape)),
+                np.zeros(0), floor.rho,
+            )  # fmt: skip
+            out.append(_offer(found, run.name, played, rows, np.zeros((0, sd.size * played.bins))))
     return sorted(out, key=lambda o: -o.separation)
 
 
-def _change(pairs: Paired, played: Played, x: Alternative) -> Array:
-    """What the law of a place changes of a run; no numbers where the model cannot say."""
-    point = pairs.reference.point
-    model = ModelPoint(point.theta, point.effects, x.laws)
-    (moved,), (base,) = (predictions(pairs.plant, own, [played]) for own in (model, point))
-    return moved - base
-
-
-def _separation(changes: Sequence[Array], rows: RunRows, slopes: Array) -> float:
-    """The least d² over pairs of changes, in white rows."""
-    tie = Shrink(slopes)
-    return separation([tie(rows.shrink(rows.independent(c[None])))[0] for c in changes])
+def _offer(found: Judged, run: str, played: Played, rows: RunRows, slopes: Array) -> Offer:
+    """A run with the separation of the laws that stay, in white rows beside `slopes`."""
+    plant, point, tie = found.pairs.plant, found.pairs.reference.point, Shrink(slopes)
+    (base,) = predictions(plant, point, [played])
+    white = []
+    for x in found.alternatives:
+        (moved,) = predictions(plant, replace(point, laws=x.laws), [played])
+        white.append(tie(rows.shrink(rows.independent((moved - base)[None])))[0])
+    return Offer(run, separation(white) / found.variance)

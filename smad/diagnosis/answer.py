@@ -47,19 +47,13 @@ _NOTHING_NEW = "nothing is new beyond what good runs differ in"
 class Answer:
     """A verdict with what it rests on, for figures and models; None where runs were refused.
 
-    `rows` are those that the laws of `listed` were fitted to, `points` are the models
-    with the parameters alone and after each place.
+    `rows` are those that the laws of `listed` were fitted to, `model` has all that is told.
     """
 
     verdict: Verdict
     listed: Listed | None = None
     rows: FoldRows | None = None
-    points: tuple[ModelPoint, ...] = ()
-
-    @property
-    def model(self) -> ModelPoint:
-        """The model with everything that is told."""
-        return self.points[-1]
+    model: ModelPoint | None = None
 
 
 def answer_of_differs(asked: Asked, held: Held) -> Answer:
@@ -142,15 +136,15 @@ def _verdict(
 
 def _with_models(asked: Asked, listing: Listed, rows: FoldRows, verdict: Verdict) -> Answer:
     settler = listing.settler
-    points = tuple(settler.model(s) for s in listing.settled)
-    uncertain = tuple(settler.uncertainty(s) for s in listing.settled)
+    points = [settler.model(s) for s in listing.settled]
+    uncertain = [settler.uncertainty(s) for s in listing.settled]
     said = msgspec.structs.replace(
         verdict,
         parameters=_parameters(asked.plant, settler.start, points[-1], uncertain[-1]),
         judged_on=_judged_on(asked),
         models=_models(asked.plant, points, uncertain, verdict.headline),
     )
-    return Answer(verdict=said, listed=listing, rows=rows, points=points)
+    return Answer(verdict=said, listed=listing, rows=rows, model=points[-1])
 
 
 def _judged_on(asked: Asked) -> str:
@@ -167,20 +161,16 @@ def _told(plant: PlacesPlant, listing: Listed) -> list[PlaceTold]:
     n = len(plant.parameters)
     last, gap = listing.settled[-1], listing.settler.gap
     unit = listing.settler.uncertainty(last).covariance[n:, n:]
-    scale = np.array([_scale(listing, int(c)) for c in last.columns])
+    found = listing.settler.found
+    scale = np.array([found.scales[found.home(int(c))[0].place] for c in last.columns])
     covariance = unit / np.outer(scale, scale) if len(scale) else np.zeros((0, 0))
     own = Fits(last.columns, Fit(last.x[n:], covariance), ())
-    teller = Teller(plant, gap, listing.settler.found, own)
+    teller = Teller(plant, gap, found, own)
     out = []
     for step, share in zip(listing.steps, listing.shares, strict=True):
         told = teller.told(step, share, in_simulator=True)
         out.append(msgspec.structs.replace(told, **name_told(step)))
     return out
-
-
-def _scale(listing: Listed, column: int) -> float:
-    law, _ = listing.settler.found.home(column)
-    return listing.settler.found.scales[law.place]
 
 
 def _by_run(
