@@ -70,7 +70,9 @@ def propose(
     either = " or ".join(names)
     offers = tuple(sorted(_offers(found), key=lambda o: -o.separation))
     most = offers[0]
-    affordable = [o for o in offers if o.separation >= constants.separation and costs_s[o.run] <= left_s]
+    affordable = [
+        o for o in offers if o.separation >= constants.separation and costs_s[o.run] <= left_s
+    ]
     best = max(affordable, key=lambda o: o.separation / costs_s[o.run], default=None)
     if best is not None:
         why = f"it separates {either} best for its time, by d² = {best.separation:.0f}"
