@@ -21,7 +21,6 @@ from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.series import Play, keep, write_whole
 from smad.checkup.told import budget_of_pairs
-from smad.diagnosis.constants import shipped
 from smad.diagnosis.gap import change_of
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.verdict import SignalGap, Verdict
@@ -152,7 +151,7 @@ class Inquiry:
         costs = self._costs_s(report)
         reserved = sum(costs[run.name] for run in quick)
         left = self.seconds - self.spent_s(report) - reserved
-        return found, propose(found, shipped(), costs, left)
+        return found, propose(found, costs, left)
 
     def _costs_s(self, report: Report) -> dict[str, float]:
         """What each run takes: its length, and the longest rest so far."""

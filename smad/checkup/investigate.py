@@ -15,13 +15,14 @@ import numpy as np
 from smad.checkup.judge import Judged
 from smad.checkup.paired.difference import SHARE, Paired, rows_of
 from smad.checkup.programme import Programme
-from smad.diagnosis.constants import Constants
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.next_run import separation
 from smad.diagnosis.numerics.white import RunRows, Shrink
 from smad.diagnosis.plant import Array
 from smad.diagnosis.verdict import PARAMETERS, QUIET
 
+SEPARATED = 16.0
+"""Two laws are told apart by a run from this d² on: four standard errors."""
 _WATER_DEGC = 27.0
 
 
@@ -47,9 +48,7 @@ class Proposal:
     offers: tuple[Offer, ...] = ()
 
 
-def propose(
-    found: Judged, constants: Constants, costs_s: Mapping[str, float], left_s: float
-) -> Proposal:
+def propose(found: Judged, costs_s: Mapping[str, float], left_s: float) -> Proposal:
     """The run that best separates what stays, for its time; none when it is settled or of no use.
 
     `costs_s` is what playing each run takes, `left_s` the time that is left. Where no place is
@@ -70,16 +69,14 @@ def propose(
     either = " or ".join(names)
     offers = tuple(sorted(_offers(found), key=lambda o: -o.separation))
     most = offers[0]
-    affordable = [
-        o for o in offers if o.separation >= constants.separation and costs_s[o.run] <= left_s
-    ]
+    affordable = [o for o in offers if o.separation >= SEPARATED and costs_s[o.run] <= left_s]
     best = max(affordable, key=lambda o: o.separation / costs_s[o.run], default=None)
     if best is not None:
         why = f"it separates {either} best for its time, by d² = {best.separation:.0f}"
-    elif most.separation < constants.separation:
+    elif most.separation < SEPARATED:
         why = (
             f"no run on offer tells {either}: {most.run}, the best, separates them by "
-            f"d² = {most.separation:.1f}; {constants.separation:g} would be wanted"
+            f"d² = {most.separation:.1f}; {SEPARATED:g} would be wanted"
         )
     else:
         why = (

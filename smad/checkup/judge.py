@@ -13,51 +13,83 @@ from typing import Protocol
 
 import numpy as np
 
-from smad.checkup.paired.difference import SHARE, Paired, paired
+from smad.checkup.paired.difference import Paired, paired
 from smad.checkup.paired.reference import Reference
 from smad.checkup.told import verdict_of
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.numerics.folds import FoldRows
 from smad.diagnosis.numerics.threads import repeatable
-from smad.diagnosis.numerics.white import Shrink
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import ModelPoint, PlantModel, SavesModel, Uncertainty
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.search.contrast import with_priors
 from smad.diagnosis.search.locate import Alternative, Located, locate
 from smad.diagnosis.search.names import Naming, likely_entries
+from smad.diagnosis.search.where import MOST_PLACES
 from smad.diagnosis.verdict import PARAMETERS, PLACES, QUIET, UNPLACED, Verdict
+
+QUIET_RATIO = 1.1
+"""Mean square of a white row from which on something has changed, whatever it is. Floors are so
+wide that it stays below 1 where nothing has."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Found:
     """What a check-up found before it is told.
 
-    `gain` is what the best law of a place takes of runs left out, `parameters` what other values of
-    the parameters take, in squares of rows; `ratio` the mean square of a row. `beside_parameters`
-    is what rows keep with parameters open within their priors, and what that freedom costs: twice
-    the log of the volume that it adds to theirs of one day to the next.
+    `gain` is what the best law of a place takes of runs left out, `explained` what the first place
+    takes, be it a law or an effect, `parameters` what other values of the parameters take, in
+    squares of rows; `count` are the rows and `ratio` is the mean square of one.
     """
 
     located: Located
     gain: float
+    explained: float
     parameters: float
+    count: int
     ratio: float
-    beside_parameters: float
 
     def outcome(self, c: Constants) -> str:
         """Quiet, parameters, places, or changed without a place, by the rule of `Constants`."""
-        moved = self.parameters >= c.quiet_parameters
-        if self.gain < c.quiet_gain and not moved and self.ratio < c.quiet_ratio:
+        if not noticed(self, c):
             return QUIET
-        # A further place fits more, whatever has changed: it must earn what noise gives to one.
-        steps = range(1, len(self.located.where.steps) + 1)
-        left = min((self.located.left(n) + (n - 1) * c.quiet_gain for n in steps), default=0.0)
-        trusted = left + c.slopes_trusted * self.parameters
-        stands_out = self.gain >= c.quiet_gain and bool(self.located.told)
-        if moved and (not stands_out or self.beside_parameters <= trusted):
+        if of_parameters(self, c):
             return PARAMETERS
         return PLACES if self.located.told else UNPLACED
+
+
+class Sizes(Protocol):
+    """What decides whether anything has changed, and whether parameters are the answer."""
+
+    @property
+    def gain(self) -> float: ...
+    @property
+    def explained(self) -> float: ...
+    @property
+    def parameters(self) -> float: ...
+    @property
+    def count(self) -> int: ...
+    @property
+    def ratio(self) -> float: ...
+
+
+def noticed(found: Sizes, c: Constants) -> bool:
+    """Whether a check-up stands out of the repeat floor."""
+    moved = found.parameters >= c.quiet_parameters
+    return found.gain >= c.quiet_gain or moved or found.ratio >= QUIET_RATIO
+
+
+def of_parameters(found: Sizes, c: Constants) -> bool:
+    """Whether other values of the parameters are the answer to a change that was noticed.
+
+    The model's slopes have not the bench's form, so a change of parameters leaves something that a
+    law takes, more of a larger change: on development benches it grows with the square root. The
+    rows, whose number stands for their noise, make that a number without unit.
+    """
+    if found.parameters < c.quiet_parameters:
+        return False
+    form = c.parameters_form * np.sqrt(found.parameters * found.count)
+    return bool(found.gain < c.quiet_gain or found.explained < form)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,24 +170,27 @@ def examined(
     constants: Constants,
     exclude: Sequence[str] = (),
     progress: Callable[[str], None] = lambda text: None,
+    most: int = MOST_PLACES,
 ) -> Found:
-    """Everything that the rule needs of a check-up."""
+    """Everything that the rule needs of a check-up, `most` places at most."""
     plant, reference = pairs.plant, pairs.reference
     progress("where it lies")
     naming = Naming(
         tuple(e for e in plant.effects if e.name not in exclude),
         lambda effects, z: likely_entries(pairs, reference.atoms, pairs.signatures, effects, z),
     )
-    located = locate(pairs, plant, reference.responses, naming, constants=constants)
+    located = locate(pairs, plant, reference.responses, naming, constants=constants, most=most)
     kept = pairs.fold >= 0
     own = FoldRows(pairs.untied, pairs.slopes.astype(np.float32), pairs.fold)
     taken = with_priors(own.products(np.arange(len(pairs.slopes))), np.unique(pairs.fold[kept]))
-    opened = Shrink(pairs.slopes)(pairs.untied[None])[0][kept]
-    squares = np.linalg.eigvalsh(pairs.slopes @ pairs.slopes.T).clip(0.0)
-    freedom = float(np.sum(np.log1p(squares) - np.log1p(SHARE**2 * squares)))
-    best = located.where.ranked[0].share if located.where.ranked else 0.0
+    ranked, steps = located.where.ranked, located.where.steps
+    best = ranked[0].share if ranked else 0.0
+    first = steps[0].share if steps else 0.0
     return Found(
-        located=located, gain=best * located.where.size, parameters=taken,
+        located=located,
+        gain=best * located.where.size,
+        explained=max(best, first) * located.where.size,
+        parameters=taken,
+        count=located.rows.count,
         ratio=float(pairs.z @ pairs.z) / max(pairs.white.count, 1),
-        beside_parameters=float(opened @ opened) + freedom,
-    )  # fmt: skip
+    )

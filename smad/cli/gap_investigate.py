@@ -113,7 +113,6 @@ def proposal(folder: Path, now: Path | None) -> Proposal:
     from smad.checkup.investigate import propose
     from smad.checkup.judge import judged
     from smad.checkup.store import load
-    from smad.diagnosis.constants import shipped
 
     plant = new_plant()
     reference = load(folder, plant).reference
@@ -131,4 +130,4 @@ def proposal(folder: Path, now: Path | None) -> Proposal:
     with progress() as line:
         found = judged(plant, reference, runs, progress=line.say)
     click.secho(found.verdict.headline, bold=True)
-    return propose(found, shipped(), dict.fromkeys(known, 1.0), left_s=1.0)
+    return propose(found, dict.fromkeys(known, 1.0), left_s=1.0)

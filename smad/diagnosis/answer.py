@@ -21,7 +21,7 @@ from smad.diagnosis.search.contrast import apart
 from smad.diagnosis.search.listed import Listed
 from smad.diagnosis.search.locate import name_told
 from smad.diagnosis.search.told import Teller, best_of_places, place_shares, unseen
-from smad.diagnosis.search.where import Fits, Scored
+from smad.diagnosis.search.where import WORTH_TELLING, Fits, Scored
 from smad.diagnosis.simulator import Asked, Held
 from smad.diagnosis.verdict import (
     CHANGED,
@@ -38,6 +38,10 @@ from smad.diagnosis.verdict import (
     change_headline,
 )
 
+QUIET_FLOORS = 1.35
+"""A gap to the simulator that is smaller, in floors, is none: floors are known to a third."""
+APART = 0.6
+"""A run is of another state when coefficients of its own take this share of it, above the floor."""
 _APART_SETS = 8
 """Of the likeliest places, whose laws are asked whether a run needs one of its own."""
 _NOTHING_NEW = "nothing is new beyond what good runs differ in"
@@ -58,10 +62,9 @@ class Answer:
 
 def answer_of_differs(asked: Asked, held: Held) -> Answer:
     """The list of what the simulator lacks."""
-    c, ranked = asked.constants, held.where.ranked
     v = _verdict(
-        asked, DIFFERS, held.listed, rows=held.rows, run_of_row=held.gap.run_of_row, ranked=ranked,
-        share=c.place_share,
+        asked, DIFFERS, held.listed, rows=held.rows, run_of_row=held.gap.run_of_row,
+        ranked=held.where.ranked,
     )  # fmt: skip
     assert v.whole is not None
     whole, odd = v.whole, [r.run for r in v.by_run if r.contradicts]
@@ -70,7 +73,7 @@ def answer_of_differs(asked: Asked, held: Held) -> Answer:
     elif v.places:
         outcome = PLACES
     else:
-        outcome = QUIET if whole.raw < c.quiet_floors else PARAMETERS
+        outcome = QUIET if whole.raw < QUIET_FLOORS else PARAMETERS
     taken = (whole.raw**2 - whole.parameters**2) / max(whole.raw**2 - 1.0, 1e-9)
     v = msgspec.structs.replace(
         v,
@@ -83,11 +86,10 @@ def answer_of_differs(asked: Asked, held: Held) -> Answer:
 
 def answer_of_changed(asked: Asked, found: Changed) -> Answer:
     """What is new since the good runs."""
-    c, own, ranked = asked.constants, found.contrast.own, found.contrast.ranked
     run_of_row = found.joint.run_of_row - len(asked.good)
     v = _verdict(
-        asked, CHANGED, found.listed, rows=own, run_of_row=run_of_row, ranked=ranked,
-        share=c.changed_share,
+        asked, CHANGED, found.listed, rows=found.contrast.own, run_of_row=run_of_row,
+        ranked=found.contrast.ranked,
     )  # fmt: skip
     odd = [r.run for r in v.by_run if r.contradicts]
     outcome, headline = found.outcome, change_headline(found.outcome, v.places, _NOTHING_NEW)
@@ -110,9 +112,8 @@ def _verdict(
     rows: FoldRows,
     run_of_row: Index,
     ranked: Sequence[Scored],
-    share: float,
 ) -> Verdict:
-    """What both questions say alike; a place must take `share` of `rows` to be seen."""
+    """What both questions say alike."""
     plant, m = asked.plant, listing.settler.gap.measured
     raw = predictions(plant, listing.settler.start, m.played)
     stages = [
@@ -130,7 +131,7 @@ def _verdict(
         whole=budget.whole,
         by_run=_by_run(asked, rows, run_of_row, columns, budget.by_run),
         ranked=place_shares(plant, ranked),
-        unseen=unseen(plant, rows, ranked, share * rows.square),
+        unseen=unseen(plant, rows, ranked, WORTH_TELLING * rows.square),
     )
 
 
@@ -180,7 +181,7 @@ def _by_run(
     columns: Sequence[Index],
     gaps: Array,
 ) -> list[RunGap]:
-    alone, c = asked.fit < 2, asked.constants
+    alone = asked.fit < 2
     out = []
     for k, run in enumerate(asked.runs):
         own = 0.0 if alone or k >= asked.fit else apart(rows, of_row, columns, k)
@@ -188,7 +189,7 @@ def _by_run(
             RunGap(
                 run=run.name, raw=float(gaps[0, k]), parameters=float(gaps[1, k]),
                 final=float(gaps[-1, k]), apart=max(own, 0.0),
-                contradicts=own >= c.apart_share and gaps[0, k] >= 1.0,
+                contradicts=own >= APART and gaps[0, k] >= 1.0,
             )
         )  # fmt: skip
     return out

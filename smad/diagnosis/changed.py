@@ -21,9 +21,12 @@ from smad.diagnosis.search.listed import Listed, listed
 from smad.diagnosis.search.names import Library, Naming
 from smad.diagnosis.search.rows import fold_rows
 from smad.diagnosis.search.settle import Settler
+from smad.diagnosis.search.where import WORTH_TELLING
 from smad.diagnosis.simulator import Asked, cannot_replay, held_against
 from smad.diagnosis.verdict import PARAMETERS, PLACES, QUIET, UNPLACED
 
+PARAMETERS_FIRST = 0.8
+"""Other values of the parameters are the answer when they take so much of what places take."""
 _TIE = 0.3
 """How far parameters of a bench may have moved since its good runs, in prior deviations."""
 _DAY = 0.05
@@ -71,11 +74,11 @@ def changed(asked: Asked) -> Changed:
     )  # fmt: skip
     # Parameters are asked first: they are the answer if they take nearly what places take.
     told = min(news.steps[-1].share, 1.0) if news.steps else 0.0
-    free = parameters >= max(c.parameters_first * told, c.changed_share)
+    free = parameters >= max(PARAMETERS_FIRST * told, WORTH_TELLING)
     gap = _residual(asked, taught.model, now, scale)
     settler = Settler(gap, found, taught.model, spread=1.0 if free else _DAY)
     rows = _of_now(news, joint, len(asked.good))
-    listing = listed(settler, rows, () if free else news.steps, c.place_share)
+    listing = listed(settler, rows, () if free else news.steps)
     if listing is None:
         raise cannot_replay(gap)
     otherwise = PARAMETERS if free else UNPLACED if news.steps else QUIET

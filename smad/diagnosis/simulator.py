@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import msgspec
 import numpy as np
 
 from smad.diagnosis.constants import Constants
@@ -24,6 +23,7 @@ from smad.diagnosis.search.settle import Settler
 from smad.diagnosis.search.where import Where, where
 
 Say = Callable[[str], None]
+_LONGEST_LIST = 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,11 +103,12 @@ def held_against(
     gap = replace(gap, open=by_itself(gap.open, wandering))
     rows = fold_rows(gap, found)
     asked.say("where it lies")
-    limits = msgspec.structs.replace(c, most_places=c.most_listed)
     naming = Naming(asked.effects, Library(gap)) if named else None
-    searched = where(rows, found.candidates(), limits, least=LIST_GAIN, naming=naming)
+    searched = where(
+        rows, found.candidates(), c, least=LIST_GAIN, most=_LONGEST_LIST, naming=naming
+    )
     asked.say("in the simulator")
-    listing = listed(Settler(gap, found, start), rows, searched.steps, c.place_share)
+    listing = listed(Settler(gap, found, start), rows, searched.steps)
     if listing is None:
         raise cannot_replay(gap)
     return Held(gap=gap, found=found, rows=rows, where=searched, listed=listing)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evaluation.calibrate.check_up import WRONG, Case, chosen, report
+from evaluation.calibrate.check_up import Case, chosen, report
 from evaluation.score.answers import CaseKey, TrueEffect
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.search.odds import Hypothesis
@@ -18,8 +18,8 @@ def case(bench: int, kind: str, *, gain: float, found: tuple[Hypothesis, ...] = 
                      side="both", known=known)  # fmt: skip
     effects = [lag] if kind in ("single", "unknown") else []
     return Case(
-        bench=f"bench {bench}", truth=CaseKey(kind=kind, effects=effects), square=3e4, count=10_000,
-        ratio=0.5, gain=gain, explained=gain, parameters=min(gain, 50.0), beside_parameters=3e4,
+        bench=f"bench {bench}", truth=CaseKey(kind=kind, effects=effects),
+        ratio=0.5, gain=gain, explained=gain, parameters=min(gain, 50.0), count=10_000,
         hypotheses=found,
     )  # fmt: skip
 
@@ -60,12 +60,6 @@ def test_the_odds_of_an_effect_are_as_often_as_it_was_one() -> None:
         if x.truth.effects
     ]
     assert np.mean(probability) == pytest.approx(0.8, abs=0.08)
-
-
-def test_the_level_of_names_is_what_a_wrong_name_costs_and_the_shipped_one() -> None:
-    found = chosen(cases(20, 10), shipped())
-    assert found.name_level == pytest.approx(WRONG / (1.0 + WRONG), abs=1e-3)
-    assert shipped().name_level == found.name_level
 
 
 def test_places_hold_the_truth_as_often_as_they_should() -> None:

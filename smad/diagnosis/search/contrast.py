@@ -20,6 +20,9 @@ from smad.diagnosis.numerics.forward import Forward, fitted, forward
 from smad.diagnosis.places.candidate import Candidate
 from smad.diagnosis.search.names import LIST_GAIN, Naming
 from smad.diagnosis.search.where import (
+    MOST_PLACES,
+    MOST_TERMS,
+    WORTH_TELLING,
     Scored,
     Step,
     left_out,
@@ -29,6 +32,8 @@ from smad.diagnosis.search.where import (
     worth_of_side,
 )
 
+CHANCE = 0.01
+"""Runs of one kind differ as much with this probability at most."""
 _NONE = np.zeros((0, 1), dtype=np.intp)
 
 
@@ -62,19 +67,20 @@ def contrast(
     *,
     run_of_row: Index,
     only: Sequence[bool],
+    worth: float = WORTH_TELLING,
     naming: Naming | None = None,
 ) -> Contrast:
     """Return what is new in the rows `asked`.
 
     `rows` has every response twice, of all runs and of those in question (`fold_rows`). Steps go on
-    while a place adds `changed_share`, to at most `most_places`, each of a size in the runs in
-    question (`only`) that the others would have with `chance` at most (`by_chance`).
+    while a place adds a share `worth` telling, to at most `MOST_PLACES`, each of a size in the runs
+    in question (`only`) that the others would have with `CHANCE` at most (`by_chance`).
     """
     square = float(rows.rows[asked] @ rows.rows[asked])
-    search = _Search(rows, asked, constants.most_terms, max(square, 1e-12))
+    search = _Search(rows, asked, max(square, 1e-12))
     before, steps, taken = np.zeros(0, dtype=np.intp), list[Step](), 0.0
     first = found = search.ranked(before, candidates)
-    while found and len(steps) < constants.most_places:
+    while found and len(steps) < MOST_PLACES:
         by_scored = {id(f.scored): f for f in found}
         scored = [f.scored for f in found]
 
@@ -87,11 +93,11 @@ def contrast(
             scored, constants, taken=0.0, size=search.square, naming=naming, gains=gains,
             noise=LIST_GAIN, left=left,
         )  # fmt: skip
-        if step.share < constants.changed_share:
+        if step.share < worth:
             break
         both = by_scored[id(step.chosen)].both
         own = search.own(np.union1d(before, both))
-        if by_chance(own, rows, step.chosen.columns, run_of_row, only) > constants.chance:
+        if by_chance(own, rows, step.chosen.columns, run_of_row, only) > CHANCE:
             break
         taken += step.share
         steps.append(replace(step, share=taken))
@@ -111,7 +117,6 @@ class _Search:
 
     rows: FoldRows
     asked: Index
-    depth: int
     square: float
 
     @property
@@ -167,7 +172,7 @@ class _Search:
         asked = np.searchsorted(free, c.groups[1:][groups] + shift) + len(always)
         products = self.rows.products(free, always)
         worth = worth_of(c)[groups]
-        found = forward(products, asked, worth, depth=self.depth, before=len(always))
+        found = forward(products, asked, worth, depth=MOST_TERMS, before=len(always))
         return replace(found, chosen=tuple(groups[g] for g in found.chosen))
 
     def _held_out(self, columns: Index) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from smad.diagnosis.numerics.folds import Array, FoldRows
 from smad.diagnosis.search.settle import Settled, Settler
-from smad.diagnosis.search.where import Step, fits
+from smad.diagnosis.search.where import WORTH_TELLING, Step, fits
 
 _ROUNDS = 4
 """Steps at most in which the whole list is settled."""
@@ -39,10 +39,8 @@ _Tried = tuple[float, Settled, list[Array]]
 """What a model leaves of runs that it had no part of, the model, and its predictions."""
 
 
-def listed(
-    settler: Settler, rows: FoldRows, steps: Sequence[Step], least_share: float
-) -> Listed | None:
-    """The steps that each take `least_share` more in the simulator; None if it cannot replay.
+def listed(settler: Settler, rows: FoldRows, steps: Sequence[Step]) -> Listed | None:
+    """The steps that each take what is worth telling in the simulator; None if it cannot replay.
 
     What counts are the runs that laws are selected on, each by a model that had no part of it:
     runs that are held out altogether have no say in the list.
@@ -68,7 +66,7 @@ def listed(
                 break
             last = settler.refreshed(last)
             best = _better(settler, runs, last, best)
-        if best is None or squares[-1] - best[0] < least_share * squares[0]:
+        if best is None or squares[-1] - best[0] < WORTH_TELLING * squares[0]:
             continue
         kept.append(step)
         squares.append(best[0])

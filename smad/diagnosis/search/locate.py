@@ -67,15 +67,16 @@ def locate(
     naming: Naming,
     *,
     constants: Constants,
+    most: int,
 ) -> Located:
-    """Search the places of a check-up.
+    """Search the places of a check-up, `most` of them at most.
 
     A further place counts only if it brings the simulator nearer to the bench, in runs that had no
     part in it.
     """
     rows = fold_rows(gap, found)
     w = where(
-        rows, found.candidates(), constants, least=constants.quiet_gain, naming=naming,
+        rows, found.candidates(), constants, least=constants.quiet_gain, most=most, naming=naming,
         size=rows.square - constants.quiet_variance * rows.count, effects_stand=True,
     )  # fmt: skip
     nearer, changes = _tried(gap, found, rows, w.steps)

@@ -16,6 +16,10 @@ import numpy as np
 from smad.diagnosis.constants import Constants
 from smad.diagnosis.numerics.folds import Array
 
+WRONG = 2.0
+"""A wrong name costs as much as so many right ones are worth."""
+NAMED = WRONG / (1.0 + WRONG)
+"""From this probability on an effect is the name."""
 _LEAST_SHARE = 0.01
 
 

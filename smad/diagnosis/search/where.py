@@ -19,9 +19,15 @@ from smad.diagnosis.numerics.folds import Array, FoldRows, Index
 from smad.diagnosis.numerics.forward import Fit, Forward, fitted, forward
 from smad.diagnosis.places.candidate import Candidate
 from smad.diagnosis.search.names import Naming, score
-from smad.diagnosis.search.odds import Hypothesis, odds, of_places, shares, told
+from smad.diagnosis.search.odds import NAMED, Hypothesis, odds, of_places, shares, told
 from smad.diagnosis.search.refine import Refined
 
+MOST_TERMS = 3
+"""Terms of a law at most, so that it can be read."""
+MOST_PLACES = 3
+"""Places at most that add to each other."""
+WORTH_TELLING = 0.03
+"""A place that takes a smaller share is not told."""
 _SIMPLER = 0.97
 """What a term of one order more is worth, and a law on both springs beside one on either."""
 
@@ -98,6 +104,8 @@ def where(
     constants: Constants,
     *,
     least: float,
+    most: int = MOST_PLACES,
+    worth: float = WORTH_TELLING,
     naming: Naming | None = None,
     size: float | None = None,
     effects_stand: bool = False,
@@ -107,17 +115,18 @@ def where(
     Shares are of `size`, the rows' sum of squares, or what of it a bench without a change lacks;
     of what the best law takes, where that is more.
     A place enters while twice the log predictive density that it adds to held-out rows (Geisser
-    1975), each channel by the variance that it is left with, exceeds `least`. A later one must take
-    `place_share` of what there was to take, each channel by its own: a second cause is seen where
-    the first says nothing, however small it is beside it. Later places are beside the law of one
-    before, or beside its effect where that takes more and `effects_stand`.
+    1975), each channel by the variance that it is left with, exceeds `least`, to at most `most`. A
+    later one must take a share `worth` telling of what there was to take, each channel by its own:
+    a second cause is seen where the first says nothing, however small it is beside it. Later places
+    are beside the law of one before, or beside its effect where that takes more and
+    `effects_stand`.
     """
     now, steps, taken = np.zeros(0, dtype=np.intp), list[Step](), 0.0
     left, entries, there = rows, 0.0, np.zeros(rows.channels)
-    alone = _scored(left, now, candidates, constants, size=1.0)
+    alone = _scored(left, now, candidates, size=1.0)
     size = max(rows.square if size is None else size, alone[0].share if alone else 0.0, 1e-12)
     ranked = scored = tuple(replace(s, share=s.share / size) for s in alone)
-    while scored and len(steps) < constants.most_places:
+    while scored and len(steps) < most:
         beside = replace(left, rows=_beside(left, now))
         step = step_of(
             scored, constants, taken=taken, size=size, naming=naming, noise=least, left=beside,
@@ -126,7 +135,7 @@ def where(
         if density_gained(beside, step.gains) < least:
             break
         there = there if steps else np.max([h.gains for h in step.hypotheses], axis=0)
-        if steps and shares(step.gains[None], least, there)[0] < constants.place_share:
+        if steps and shares(step.gains[None], least, there)[0] < worth:
             break
         steps.append(step)
         taken = step.share
@@ -138,7 +147,7 @@ def where(
         naming = without_named(naming, step)
         told = {s.chosen.candidate.place for s in steps}
         rest = [c for c in candidates if c.place not in told]
-        scored = _scored(left, now, rest, constants, size=size, before=entries, least=taken)
+        scored = _scored(left, now, rest, size=size, before=entries, least=taken)
     return Where(size, ranked, tuple(steps))
 
 
@@ -158,7 +167,7 @@ def step_of(
 
     Hypotheses are the best law of each place, and effects of the library refined by replay, each at
     the one of its places whose law takes most. `gains` are what a law takes of each channel, held
-    out, of the rows `left`. An effect is the name when it has `name_level` of the probability.
+    out, of the rows `left`. An effect is the name when it has `NAMED` of the probability.
     Where only laws stand, places count whose own law adds to the rows.
     """
     laws: dict[str, Scored] = {}
@@ -189,7 +198,7 @@ def step_of(
     entry = entries.get(name)
     gain = 0.0 if entry is None else score(entry) / size
     law = max(chosen.share - taken, 0.0)
-    named = bool(name) and effects[name] >= constants.name_level
+    named = bool(name) and effects[name] >= NAMED
     stands = effects_stand and entry is not None and (named or gain > law)
     of = name if stands else ""
     return Step(
@@ -261,7 +270,6 @@ def _scored(
     rows: FoldRows,
     now: Index,
     candidates: Sequence[Candidate],
-    constants: Constants,
     *,
     size: float,
     before: float = 0.0,
@@ -275,9 +283,7 @@ def _scored(
         start = np.concatenate([now, always])
         products = rows.products(free, start)
         groups = len(start) + np.searchsorted(free, c.groups[1:])
-        found = forward(
-            products, groups, worth_of(c), depth=constants.most_terms, before=len(start)
-        )
+        found = forward(products, groups, worth_of(c), depth=MOST_TERMS, before=len(start))
         out.append(Scored(c, found, max(before + found.best / size, least)))
     return tuple(
         sorted(out, key=lambda s: (-worth_of_side(s), s.candidate.place, s.candidate.side))

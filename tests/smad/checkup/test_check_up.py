@@ -256,11 +256,14 @@ def _write(path: Path, run: GapRun) -> None:
 def test_files_of_another_laboratory_are_paired_by_their_inputs(tmp_path: Path) -> None:
     for k, seed in enumerate((1, 2)):
         _write(tmp_path / "good" / f"day-{k}" / "a.csv", played(seed))
-    _write(tmp_path / "now" / "renamed.csv", played(20, {"force_offset": {"offset_N": 0.1}}))
+    _write(
+        tmp_path / "now" / "renamed.csv",
+        played(20, {"driver_gain": {"gain": 0.06, "y_share": 1.0}}),
+    )
     found, matched = checked_files(
         PLANT, read_folder(tmp_path / "good"), read_folder(tmp_path / "now")
     )
-    assert named(found.verdict) == ["force_offset"]
+    assert named(found.verdict) == ["driver_gain"]
     assert "repeats 2 good runs" in matched.lines[0]
 
 

@@ -17,7 +17,6 @@ from smad.checkup.judge import Judged, judged
 from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.series import Recorded
-from smad.diagnosis.constants import shipped
 from smad.diagnosis.plant import EffectValues
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.search.locate import Alternative
@@ -33,8 +32,7 @@ STILL = run_of(
 )
 PROGRAMME = Programme("short", "two runs", (replace(SHORT, quick=True), STILL))
 LAG = {"rtd_lag": {"tau_s": 0.1, "y_share": 1.0}}
-OFFSET = {"force_offset": {"offset_N": 0.1}}
-CONSTANTS = shipped()
+GAIN = {"driver_gain": {"gain": 0.06, "y_share": 1.0}}
 COSTS = {"short": 60.0, "still": 60.0}
 
 
@@ -75,7 +73,7 @@ def undecided(found: Judged, *laws: Law) -> Judged:
 
 
 def test_the_run_that_tells_places_apart_is_proposed_with_the_reason(lagging: Judged) -> None:
-    found = propose(undecided(lagging, LAG_LIKE, FORCE_LIKE), CONSTANTS, COSTS, 600.0)
+    found = propose(undecided(lagging, LAG_LIKE, FORCE_LIKE), COSTS, 600.0)
     assert found.run == "short"
     assert found.staying == ("reading_rtd 0", "reading_force 1")
     assert [o.run for o in found.offers] == ["short"]
@@ -88,28 +86,28 @@ def test_nothing_is_settled_without_a_place_before_every_run_was_played(
 ) -> None:
     nowhere = msgspec.structs.replace(lagging.verdict, outcome=outcome, places=[])
     unplaced = replace(lagging, verdict=nowhere)
-    found = propose(unplaced, CONSTANTS, COSTS, 600.0)
+    found = propose(unplaced, COSTS, 600.0)
     assert found.run == "short"
     assert "for the first time now" in found.why
-    assert propose(unplaced, CONSTANTS, COSTS, 30.0).run is None
+    assert propose(unplaced, COSTS, 30.0).run is None
 
 
 def test_one_place_that_no_other_is_near_is_settled(lagging: Judged) -> None:
-    found = propose(undecided(lagging, LAG_LIKE), CONSTANTS, COSTS, 600.0)
+    found = propose(undecided(lagging, LAG_LIKE), COSTS, 600.0)
     assert found.run is None
     assert not found.staying
     assert found.why == "settled: reading_rtd; no other place is near"
 
 
 def test_laws_that_predict_the_same_are_not_played_for(lagging: Judged) -> None:
-    found = propose(undecided(lagging, SMALL, SMALL), CONSTANTS, COSTS, 600.0)
+    found = propose(undecided(lagging, SMALL, SMALL), COSTS, 600.0)
     assert found.run is None
     assert found.staying
     assert "no run on offer tells" in found.why
 
 
 def test_a_run_that_takes_longer_than_is_left_is_told_and_not_played(lagging: Judged) -> None:
-    found = propose(undecided(lagging, LAG_LIKE, FORCE_LIKE), CONSTANTS, COSTS, 30.0)
+    found = propose(undecided(lagging, LAG_LIKE, FORCE_LIKE), COSTS, 30.0)
     assert found.run is None
     assert "the time is spent: short would tell" in found.why
 
@@ -166,15 +164,15 @@ def test_an_investigation_names_the_cause_proves_it_and_writes_the_model(
     reference: Reference, tmp_path: Path
 ) -> None:
     folder = tmp_path / "investigation-1"
-    report = inquiry(reference, folder, OFFSET).carry_out(lambda text: None)
+    report = inquiry(reference, folder, GAIN).carry_out(lambda text: None)
     assert report.verdict is not None
-    assert [p.name for p in report.verdict.places] == ["force_offset"]
+    assert [p.name for p in report.verdict.places] == ["driver_gain"]
     assert [r.held_out for r in report.records] == [False, True]
-    force = next(s for s in report.proof if s.signal == "force_N")
-    assert force.raw > 5.0 * force.floor
-    assert force.final < 2.0 * force.floor
-    assert PLANT.load_model(Path(report.model)).effects["force_offset"]["offset_N"] == (
-        pytest.approx(0.1, rel=0.1)
+    current = next(s for s in report.proof if s.signal == "i_meas_x_A")
+    assert current.raw > 5.0 * current.floor
+    assert current.final < 2.0 * current.floor
+    assert PLANT.load_model(Path(report.model)).effects["driver_gain"]["gain"] == (
+        pytest.approx(0.06, rel=0.1)
     )
     assert msgspec.json.decode((folder / "investigation.json").read_bytes(), type=Report) == report
 
@@ -184,8 +182,8 @@ def test_an_investigation_that_lost_its_bench_goes_on_with_what_it_has(
 ) -> None:
     folder = tmp_path / "investigation-1"
     with pytest.raises(ConnectionError):
-        inquiry(reference, folder, OFFSET, fails_at=2).carry_out(lambda text: None)
-    report = inquiry(reference, folder, OFFSET).carry_out(lambda text: None)
+        inquiry(reference, folder, GAIN, fails_at=2).carry_out(lambda text: None)
+    report = inquiry(reference, folder, GAIN).carry_out(lambda text: None)
     assert [r.file for r in report.records] == ["01-short.mcap", "02-short.mcap"]
     assert report.proof
 
@@ -193,13 +191,13 @@ def test_an_investigation_that_lost_its_bench_goes_on_with_what_it_has(
 def test_a_bench_that_trips_is_judged_by_what_was_recorded_and_asked_no_more(
     reference: Reference, tmp_path: Path
 ) -> None:
-    asked = inquiry(reference, tmp_path / "investigation-1", OFFSET, trips_at=1)
+    asked = inquiry(reference, tmp_path / "investigation-1", GAIN, trips_at=1)
     both = replace(PROGRAMME, runs=tuple(replace(run, quick=True) for run in PROGRAMME.runs))
     report = replace(asked, programme=both).carry_out(lambda text: None)
     assert [r.run for r in report.records] == ["short"]
     assert report.why_over == "a run was ended early: it tripped"
     assert report.verdict is not None
-    assert [p.name for p in report.verdict.places] == ["force_offset"]
+    assert [p.name for p in report.verdict.places] == ["driver_gain"]
     assert report.proof == []
 
 
@@ -210,7 +208,7 @@ def test_a_report_that_was_torn_is_told_with_what_to_do(
     folder.mkdir()
     (folder / "investigation.json").write_text('{"records": [')
     with pytest.raises(BaselineError, match=r"cannot be read.*move .*investigation-1 away"):
-        inquiry(reference, folder, OFFSET).carry_out(lambda text: None)
+        inquiry(reference, folder, GAIN).carry_out(lambda text: None)
 
 
 def test_a_quiet_bench_needs_no_proof(reference: Reference, tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -40,8 +39,7 @@ LEAST = 80.0
 
 
 def found_in(laid, candidates, **changes):
-    constants = msgspec.structs.replace(shipped(), **changes)
-    return where(laid, candidates, constants, least=LEAST)
+    return where(laid, candidates, shipped(), least=LEAST, **changes)
 
 
 @pytest.mark.parametrize("place", range(6))
@@ -65,13 +63,13 @@ def test_two_places_are_found_one_beside_the_other():
 
 def test_no_more_places_are_told_than_allowed():
     laid, candidates = bench(3, strengths={0: 2.0, 1: 1.4, 2: 1.0, 3: 0.7})
-    assert len(found_in(laid, candidates, most_places=2).steps) == 2
+    assert len(found_in(laid, candidates, most=2).steps) == 2
 
 
 def test_a_place_that_takes_too_little_is_not_told():
     laid, candidates = bench(4, strengths={2: 1.0, 5: 0.3})
-    assert len(found_in(laid, candidates, place_share=0.01).steps) == 2
-    assert len(found_in(laid, candidates, place_share=0.2).steps) == 1
+    assert len(found_in(laid, candidates, worth=0.01).steps) == 2
+    assert len(found_in(laid, candidates, worth=0.2).steps) == 1
 
 
 def test_places_that_respond_alike_are_told_together():
@@ -112,9 +110,10 @@ def found_with(laid, candidates, change, own, **changes):
         fit = Refined(own, gain, change, np.zeros((0, N)), np.zeros(0))
         return [fit] if own in effects else []
 
-    constants = msgspec.structs.replace(shipped(), **changes)
     naming = Naming((own,), refine)
-    return where(laid, candidates, constants, least=LEAST, naming=naming, effects_stand=True)
+    return where(
+        laid, candidates, shipped(), least=LEAST, naming=naming, effects_stand=True, **changes
+    )
 
 
 def curved(seed):
@@ -162,5 +161,5 @@ def test_an_effect_that_says_no_place_is_a_name_and_moves_no_place():
 
 def test_the_constants_are_few_and_all_have_a_meaning():
     names = Constants.__struct_fields__
-    assert len(names) <= 20
+    assert len(names) <= 8
     assert all(f"`{name}`" in (Constants.__doc__ or "") for name in names)

@@ -1,6 +1,5 @@
 """What is new in some runs, beside what all runs share; and the run that is of another state."""
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -35,9 +34,10 @@ def runs_of(seed, *, shared=None, new=None):
 
 def news(rows, asked, candidates):
     only = tuple(k >= RUNS - 2 for k in range(RUNS))
-    constants = msgspec.structs.replace(shipped(), changed_share=0.08)
     run_of_row = np.repeat(np.arange(RUNS), ROWS)
-    return contrast(rows, asked, candidates, constants, run_of_row=run_of_row, only=only)
+    return contrast(
+        rows, asked, candidates, shipped(), run_of_row=run_of_row, only=only, worth=0.08
+    )
 
 
 def places(found):

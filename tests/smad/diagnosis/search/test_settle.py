@@ -110,7 +110,7 @@ def test_laws_in_the_simulator_are_found_back_within_their_deviation_parameters_
 def in_order(*keys: tuple[str, str]) -> Listed:
     b = bench()
     steps = [b.step(*key) for key in keys]
-    found = listed(Settler(b.gap, b.found, nominal_point(PLANT)), b.rows, steps, least_share=0.03)
+    found = listed(Settler(b.gap, b.found, nominal_point(PLANT)), b.rows, steps)
     assert found is not None
     return found
 
