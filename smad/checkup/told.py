@@ -11,7 +11,7 @@ from smad.diagnosis.budget import Budget, budget_of
 from smad.diagnosis.plant import Array
 from smad.diagnosis.search.locate import Located
 from smad.diagnosis.search.told import place_shares, unseen, unseen_effects
-from smad.diagnosis.verdict import CHECK_UP, PLACES, RunGap, Verdict, change_headline
+from smad.diagnosis.verdict import CHECK_UP, PARAMETERS, PLACES, RunGap, Verdict, change_headline
 from smad.version import VERSION
 
 
@@ -38,11 +38,21 @@ def verdict_of(paired: Paired, located: Located, outcome: str, least: float) -> 
             *unseen_effects(paired.plant.effects, known, paired.signatures, least),
             *unseen(paired.plant, located.rows, ranked, least),
         ],
-        notes=_notes(paired),
+        notes=[*_otherwise(outcome, located), *_notes(paired)],
         plant=paired.plant.name,
         plant_version=paired.plant.version,
         smad_version=VERSION,
     )
+
+
+def _otherwise(outcome: str, located: Located) -> list[str]:
+    if outcome != PARAMETERS or not located.told:
+        return []
+    first = located.told[0]
+    return [
+        f"if no parameter has moved, it lies likeliest here: {first.words}, probability "
+        f"{first.probability:.2f}"
+    ]
 
 
 def budget_of_pairs(paired: Paired, changes: Sequence[Sequence[Array]]) -> Budget:

@@ -1,5 +1,7 @@
 """A short programme on a simulated bench whose day and noise follow from a seed."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from evaluation.programme.segments import run_of
@@ -23,14 +25,19 @@ def played(
     *,
     water_degC: float = 27.0,
     what: ProgrammeRun = SHORT,
+    moved: Mapping[str, float] | None = None,
 ) -> GapRun:
-    """A run on a simulated bench whose day and noise follow from the seed."""
+    """A run on a simulated bench whose day and noise follow from the seed.
+
+    `moved` are parameters with what they are multiplied by.
+    """
     rng = np.random.default_rng(seed)
     run = what.as_run(water_degC, 27.0 + 0.3 * rng.normal())
     theta = {
         name: PLANT.parameter_set[name] * (1.0 + spread * rng.normal())
         for name, spread in (("tube_loss", 0.01), ("flow_max", 0.006), ("film_scale", 0.01))
     }
+    theta |= {n: PLANT.parameter_set[n] * factor for n, factor in (moved or {}).items()}
     found = PLANT.simulate(ModelPoint(theta, effects or {}), run)
     shown = {
         c.name: found[c.name] + c.noise * rng.normal(size=len(run.t_s)) for c in PLANT.channels

@@ -112,6 +112,19 @@ def test_what_no_effect_explains_has_a_place_and_no_name(reference: Reference) -
     assert named(verdict) == []
 
 
+def test_what_other_values_of_the_parameters_explain_is_theirs(reference: Reference) -> None:
+    moved = {"resistivity": 1.03, "modulus_martensite": 0.95, "initial_force": 1.02}
+    verdict = checked(PLANT, reference, [(played(16, moved=moved), "short")])
+    assert (verdict.outcome, verdict.places) == ("parameters", [])
+
+
+def test_what_parameters_imitate_is_told_with_where_else_it_may_lie(reference: Reference) -> None:
+    now = played(17, {"force_offset": {"offset_N": 0.1}})
+    verdict = checked(PLANT, reference, [(now, "short")])
+    assert verdict.outcome == "parameters"
+    assert any("if no parameter has moved" in n and "force cell" in n for n in verdict.notes)
+
+
 def test_warmer_water_is_carried_over_and_told(reference: Reference) -> None:
     verdict = checked(PLANT, reference, [(played(15, water_degC=28.5), "short")])
     assert verdict.outcome in ("quiet", "parameters")
