@@ -107,8 +107,11 @@ class Judged:
 
     @property
     def model(self) -> ModelPoint:
-        """The reference model with what was found: named effects, and laws without a name."""
+        """The reference model with what was found: named effects, and laws without a name, or
+        other values of the parameters."""
         point, own = self.pairs.point, self.located
+        if self.verdict.outcome == PARAMETERS:
+            return self.pairs.moved[0]
         if self.verdict.outcome != PLACES:
             return point
         return ModelPoint(point.theta, {**point.effects, **own.effects}, own.own)
@@ -130,7 +133,9 @@ class Judged:
 
     @property
     def uncertainty(self) -> Uncertainty | None:
-        """The covariance of the laws of `model`; None where it has none."""
+        """The covariance of what `model` has; None where nothing was found."""
+        if self.verdict.outcome == PARAMETERS:
+            return self.pairs.moved[1]
         return self.located.uncertainty if self.verdict.outcome == PLACES else None
 
 
@@ -139,7 +144,7 @@ class SavablePlant(PlantModel, SavesModel, Protocol):
 
 
 def save_found(plant: SavesModel, found: Judged, path: Path) -> None:
-    """Writes the model that a check-up found, with the covariance of its laws."""
+    """Writes the model that a check-up found, with its covariance."""
     plant.save_model(found.model, path, found.verdict.headline, found.uncertainty)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from smad.checkup.judge import Judged
 from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.report import figures
-from smad.diagnosis.report.page import answer_table, budget, unseen
+from smad.diagnosis.report.page import answer_table, budget, parameters, unseen
 from smad.diagnosis.verdict import PLACES
 from smad.report.page import Block, Page, Picture, Section, Text
 
@@ -28,6 +28,8 @@ def checkup_page(judged: Judged, facts: Sequence[tuple[str, str]]) -> Page:
         runs = [p.reference.played.run for p in judged.pairs.pairs]
         laws = figures.laws(plant, point, runs, v.places, judged.located.laws)
         sections.append(Section("Law", laws))
+    if v.parameters:
+        sections.append(Section("Parameters", [parameters(v)]))
     sections += [
         Section("Places", [figures.places_map(v.ranked)]),
         Section("Budget", budget(v)),

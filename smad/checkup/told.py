@@ -10,8 +10,16 @@ from smad.checkup.paired.difference import SHARE, Paired
 from smad.diagnosis.budget import Budget, budget_of
 from smad.diagnosis.plant import Array
 from smad.diagnosis.search.locate import Located
-from smad.diagnosis.search.told import place_shares, unseen, unseen_effects
-from smad.diagnosis.verdict import CHECK_UP, PARAMETERS, PLACES, RunGap, Verdict, change_headline
+from smad.diagnosis.search.told import parameters_told, place_shares, unseen, unseen_effects
+from smad.diagnosis.verdict import (
+    CHECK_UP,
+    PARAMETERS,
+    PLACES,
+    ParameterTold,
+    RunGap,
+    Verdict,
+    change_headline,
+)
 from smad.version import VERSION
 
 
@@ -26,6 +34,7 @@ def verdict_of(paired: Paired, located: Located, outcome: str, least: float) -> 
         outcome=outcome,
         headline=change_headline(outcome, places, "no change beyond the repeat floor"),
         places=places,
+        parameters=_moved(paired) if outcome == PARAMETERS else [],
         budget=budget.signals,
         whole=budget.whole,
         by_run=[
@@ -43,6 +52,12 @@ def verdict_of(paired: Paired, located: Located, outcome: str, least: float) -> 
         plant_version=paired.plant.version,
         smad_version=VERSION,
     )
+
+
+def _moved(paired: Paired) -> list[ParameterTold]:
+    """The parameters, those first that moved most beside their deviation."""
+    found = parameters_told(paired.plant, paired.point, *paired.moved)
+    return sorted(found, key=lambda q: -abs(q.after - q.before) / max(q.sd, 1e-30))
 
 
 def _otherwise(outcome: str, located: Located) -> list[str]:

@@ -20,7 +20,13 @@ from smad.diagnosis.plant import ModelPoint, SavesModel, Uncertainty
 from smad.diagnosis.search.contrast import apart
 from smad.diagnosis.search.listed import Listed
 from smad.diagnosis.search.locate import name_told
-from smad.diagnosis.search.told import Teller, best_of_places, place_shares, unseen
+from smad.diagnosis.search.told import (
+    Teller,
+    best_of_places,
+    parameters_told,
+    place_shares,
+    unseen,
+)
 from smad.diagnosis.search.where import WORTH_TELLING, Fits, Scored
 from smad.diagnosis.simulator import Asked, Held
 from smad.diagnosis.verdict import (
@@ -30,7 +36,6 @@ from smad.diagnosis.verdict import (
     PARAMETERS,
     PLACES,
     QUIET,
-    ParameterTold,
     PlaceTold,
     RunGap,
     SignalGap,
@@ -141,7 +146,7 @@ def _with_models(asked: Asked, listing: Listed, rows: FoldRows, verdict: Verdict
     uncertain = [settler.uncertainty(s) for s in listing.settled]
     said = msgspec.structs.replace(
         verdict,
-        parameters=_parameters(asked.plant, settler.start, points[-1], uncertain[-1]),
+        parameters=parameters_told(asked.plant, settler.start, points[-1], uncertain[-1]),
         judged_on=_judged_on(asked),
         models=_models(asked.plant, points, uncertain, verdict.headline),
     )
@@ -190,22 +195,6 @@ def _by_run(
                 run=run.name, raw=float(gaps[0, k]), parameters=float(gaps[1, k]),
                 final=float(gaps[-1, k]), apart=max(own, 0.0),
                 contradicts=own >= APART and gaps[0, k] >= 1.0,
-            )
-        )  # fmt: skip
-    return out
-
-
-def _parameters(
-    plant: PlacesPlant, start: ModelPoint, point: ModelPoint, uncertain: Uncertainty
-) -> list[ParameterTold]:
-    sd = np.sqrt(np.maximum(np.diag(uncertain.covariance), 0.0))
-    out = []
-    for q, own in zip(plant.parameters, sd, strict=False):
-        after = point.theta.get(q.name, q.nominal)
-        out.append(
-            ParameterTold(
-                name=q.name, unit=q.unit, before=start.theta.get(q.name, q.nominal), after=after,
-                sd=float(own), at_bound=bool(after <= q.low or after >= q.high),
             )
         )  # fmt: skip
     return out

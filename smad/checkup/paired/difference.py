@@ -27,7 +27,7 @@ from smad.diagnosis.gap import folds
 from smad.diagnosis.numerics.folds import Index
 from smad.diagnosis.numerics.white import RunRows, Shrink, White
 from smad.diagnosis.places.place import PlacesPlant
-from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, traits_of
+from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, Uncertainty, traits_of
 from smad.diagnosis.runs import GapRun
 
 SHARE = 0.05
@@ -84,6 +84,20 @@ class Paired:
     def z(self) -> Array:
         """White difference beside tied parameters; shape (rows,)."""
         return np.asarray(self.tie(self.untied[None])[0])
+
+    @cached_property
+    def moved(self) -> tuple[ModelPoint, Uncertainty]:
+        """The reference with the parameters that now is likeliest with, and how sure they are."""
+        J, own = self.slopes, self.plant.parameters
+        covariance = np.linalg.inv(J @ J.T + np.eye(len(J)))
+        sd = np.array([q.prior_sd for q in own])
+        theta = {
+            q.name: float(np.clip(self.point.theta.get(q.name, q.nominal) + x, q.low, q.high))
+            for q, x in zip(own, sd * (covariance @ (J @ self.untied)), strict=True)
+        }
+        names = tuple(q.name for q in own)
+        point = replace(self.point, theta=theta)
+        return point, Uncertainty(names, sd[:, None] * covariance * sd)
 
     @property
     def point(self) -> ModelPoint:

@@ -27,7 +27,7 @@ def page_of(answer: Answer, asked: str = "", facts: Sequence[tuple[str, str]] = 
             Section("Places", [figures.places_map(v.ranked)], "places"),
             Section("Budget", budget(v), "budget"),
             Section("Measured and simulated", [_course(answer)], "course"),
-            Section("Parameters", [_parameters(v)], "parameters"),
+            Section("Parameters", [parameters(v)], "parameters"),
             Section("What these runs would not have shown", [unseen(v)], "unseen"),
         ]
     sections.append(Section("Runs", _runs(v), "runs"))
@@ -144,14 +144,15 @@ def _course(answer: Answer) -> Picture:
     )
 
 
-def _parameters(v: Verdict) -> Table:
+def parameters(v: Verdict) -> Table:
+    """The parameters before and in the model that is told."""
     rows = [
         (q.name, q.unit, f"{q.before:.5g}", f"{q.after:.5g}", f"{q.sd:.2g}",
          "at the end of its range" if q.at_bound else "")
         for q in v.parameters
     ]  # fmt: skip
     header = ("parameter", "unit", "before", "in the model", "± sd", "")
-    caption = "sd is what the scatter of these runs leaves open, laws beside them free."
+    caption = "sd is what the scatter of these runs leaves open, laws that are told beside them free."
     return Table(header, rows, caption, frozenset((2, 3, 4)))
 
 

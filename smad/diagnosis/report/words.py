@@ -11,12 +11,14 @@ from smad.diagnosis.verdict import (
     PLACES,
     QUIET,
     REFUSED,
+    ParameterTold,
     PlaceTold,
     SignalGap,
     Verdict,
 )
 
 _NEAR = 3
+_MOVED = 4
 _UNSEEN = 4
 
 
@@ -29,6 +31,8 @@ def lines(verdict: Verdict) -> list[str]:
         return out
     if v.outcome != QUIET and v.question == DIFFERS:
         out.append(f"  parameters: other values take {100 * v.parameters_take:.0f} % of the gap")
+    if v.question == CHECK_UP:
+        out += parameter_lines(v.parameters)
     for place in v.places:
         out += place_lines(place, _of(v))
     out += budget_lines((*v.budget, *([v.whole] if v.whole else [])), v.question)
@@ -48,6 +52,15 @@ def lines(verdict: Verdict) -> list[str]:
 
 def _of(verdict: Verdict) -> str:
     return "what the parameters leave" if verdict.question == DIFFERS else "the change"
+
+
+def parameter_lines(parameters: Sequence[ParameterTold]) -> list[str]:
+    """The parameters that moved most, beside their deviation."""
+    return [
+        f"  {'moved' if not k else '':<6} {q.name} {q.before:.4g} -> {q.after:.4g} ± {q.sd:.2g} "
+        f"{'' if q.unit == '1' else q.unit}".rstrip()
+        for k, q in enumerate(parameters[:_MOVED])
+    ]
 
 
 def place_lines(told: PlaceTold, of: str = "the change") -> list[str]:

@@ -13,10 +13,10 @@ from smad.diagnosis.gap import Gap
 from smad.diagnosis.numerics.folds import Array, FoldRows, Index
 from smad.diagnosis.places.place import BOTH, Place, PlacesPlant
 from smad.diagnosis.places.responses import Responses, law_values
-from smad.diagnosis.plant import Effect
+from smad.diagnosis.plant import Effect, ModelPoint, Uncertainty
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.search.where import Fits, Scored, Step
-from smad.diagnosis.verdict import PlaceShare, PlaceTold, TermTold
+from smad.diagnosis.verdict import ParameterTold, PlaceShare, PlaceTold, TermTold
 
 
 @dataclass(frozen=True)
@@ -109,6 +109,23 @@ def law_series(plant: PlacesPlant, gap: Gap, law: Law, run: GapRun) -> Array:
     return np.asarray(
         law_values(plant, law, states, run.t_s) @ np.array([t.coefficient for t in law.terms])
     )
+
+
+def parameters_told(
+    plant: PlacesPlant, start: ModelPoint, point: ModelPoint, uncertain: Uncertainty
+) -> list[ParameterTold]:
+    """The parameters of a model beside those that it had, with their deviation."""
+    sd = np.sqrt(np.maximum(np.diag(uncertain.covariance), 0.0))
+    out = []
+    for q, own in zip(plant.parameters, sd, strict=False):
+        after = point.theta.get(q.name, q.nominal)
+        out.append(
+            ParameterTold(
+                name=q.name, unit=q.unit, before=start.theta.get(q.name, q.nominal), after=after,
+                sd=float(own), at_bound=bool(after <= q.low or after >= q.high),
+            )
+        )  # fmt: skip
+    return out
 
 
 def best_of_places(ranked: Sequence[Scored]) -> list[Scored]:

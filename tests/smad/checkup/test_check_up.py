@@ -28,6 +28,7 @@ from smad.checkup.programme import (
 )
 from smad.checkup.store import SCHEMA, Baseline, load, save
 from smad.diagnosis.errors import PairingError
+from smad.diagnosis.report.words import lines
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.verdict import Verdict
@@ -116,6 +117,10 @@ def test_what_other_values_of_the_parameters_explain_is_theirs(reference: Refere
     moved = {"resistivity": 1.03, "modulus_martensite": 0.95, "initial_force": 1.02}
     verdict = checked(PLANT, reference, [(played(16, moved=moved), "short")])
     assert (verdict.outcome, verdict.places) == ("parameters", [])
+    first = verdict.parameters[0]
+    assert first.name == "resistivity"
+    assert first.after == pytest.approx(1.03 * first.before, rel=0.005)
+    assert any("moved  resistivity" in line for line in lines(verdict))
 
 
 def test_what_parameters_imitate_is_told_with_where_else_it_may_lie(reference: Reference) -> None:
