@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from smad.checkup.paired.difference import SHARE, Paired
+from smad.checkup.paired.difference import Paired
 from smad.diagnosis.budget import Budget, budget_of
 from smad.diagnosis.plant import Array
 from smad.diagnosis.search.locate import Located
@@ -78,7 +78,7 @@ def budget_of_pairs(paired: Paired, changes: Sequence[Sequence[Array]]) -> Budge
     """
     raw = [p.difference for p in paired.pairs]
     less = [[d - c for d, c in zip(raw, own, strict=True)] for own in changes]
-    tied = SHARE * paired.tie(paired.slopes)
+    tied = paired.rows(paired.open)
     stages = [raw, *(_without_days(paired, tied, x) for x in (raw, *less))]
     rows = [p.rows for p in paired.pairs]
     channels = paired.plant.channels
@@ -88,14 +88,14 @@ def budget_of_pairs(paired: Paired, changes: Sequence[Sequence[Array]]) -> Budge
 def _without_days(paired: Paired, tied: Array, difference: list[Array]) -> list[Array]:
     """The difference less the most likely day of each run and the parameters' small move.
 
-    `tied` (parameters, rows) are the white slopes of what parameters may move.
+    `tied` (parameters, rows) are the white rows of what parameters may move.
     """
-    r = paired.tie(paired.white([d[None] for d in difference]))[0]
+    r = paired.rows([d[None] for d in difference])[0]
     # The posterior mean of directions that were shrunk is their product with the white rows.
-    theta = tied @ r * SHARE
+    theta = tied @ r
     out = []
-    for p, d in zip(paired.pairs, difference, strict=True):
-        moved = d - np.tensordot(theta, p.reference.slopes, axes=1)
+    for p, d, free in zip(paired.pairs, difference, paired.open, strict=True):
+        moved = d - np.tensordot(theta, free, axes=1)
         own = p.rows.shrink(p.rows.independent(moved[None]))[0]
         days = p.rows.shrink(p.rows.days) @ own
         out.append(moved - np.tensordot(days * p.rows.day_sd, p.rows.day, axes=1))

@@ -7,19 +7,20 @@ same terms that good runs share; so what the simulator still gets wrong everywhe
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from smad.diagnosis.data.played import predictions, slopes
-from smad.diagnosis.gap import Measured, Residual, by_itself, neighbours, row_scale
+from smad.diagnosis.data.played import slopes
+from smad.diagnosis.gap import Measured, Residual, by_itself, kept_in, neighbours, row_scale
 from smad.diagnosis.numerics.folds import Array, FoldRows
+from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses, responses
-from smad.diagnosis.plant import ModelPoint, traits_of
+from smad.diagnosis.plant import traits_of
 from smad.diagnosis.search.contrast import Contrast, contrast, parameters_share
 from smad.diagnosis.search.listed import Listed, listed
 from smad.diagnosis.search.names import Library, Naming
-from smad.diagnosis.search.rows import fold_rows
 from smad.diagnosis.search.settle import Settler
 from smad.diagnosis.search.where import WORTH_TELLING
 from smad.diagnosis.simulator import Asked, cannot_replay, held_against
@@ -61,21 +62,23 @@ def changed(asked: Asked) -> Changed:
     scale = row_scale(left, good.valid, asked.floors)
     found = responses(plant, taught.model, now.played, space=taught.found.laws, progress=asked.say)
     both = replace(taught.found, runs=(*taught.found.runs, *found.runs))
-    joint, J = _joint(asked, taught.model, good + now, both, scale)
-    joint = replace(joint, rho=neighbours(left, good.valid))
     only = (*(False for _ in every), *(True for _ in asked.runs))
+    J = slopes(plant, taught.model, (good + now).played)
+    joint = Residual.of(
+        plant, taught.model, good + now, scale=scale, rho=neighbours(left, good.valid),
+        counts=(*(True for _ in every), *asked.counts), left_open=_open(plant, J, both),
+    )  # fmt: skip
     at = np.flatnonzero((joint.run_of_row >= len(asked.good)) & (joint.fold >= 0))
     asked.say("what is new")
-    moved = tuple(j if own else np.zeros_like(j) for j, own in zip(J, only, strict=True))
-    parameters = parameters_share(joint, moved, at)
+    parameters = parameters_share(joint, kept_in(only, J), at)
     news = contrast(
-        fold_rows(joint, both, only), at, both.candidates(), c, run_of_row=joint.run_of_row,
+        joint.fold_rows(both, only), at, both.candidates(), c, run_of_row=joint.run_of_row,
         only=only, naming=Naming(asked.effects, Library(joint, only)),
     )  # fmt: skip
     # Parameters are asked first: they are the answer if they take nearly what places take.
     told = min(news.steps[-1].share, 1.0) if news.steps else 0.0
     free = parameters >= max(PARAMETERS_FIRST * told, WORTH_TELLING)
-    gap = _residual(asked, taught.model, now, scale)
+    gap = Residual.of(plant, taught.model, now, scale=scale, counts=asked.counts)
     settler = Settler(gap, found, taught.model, spread=1.0 if free else _DAY)
     rows = _of_now(news, joint, len(asked.good))
     listing = listed(settler, rows, () if free else news.steps)
@@ -88,38 +91,16 @@ def changed(asked: Asked) -> Changed:
     )  # fmt: skip
 
 
-def _joint(
-    asked: Asked,
-    point: ModelPoint,
-    measured: Measured,
-    both: Responses,
-    scale: Array,
-) -> tuple[Residual, list[Array]]:
-    """The gap of good runs and runs in question to what good runs taught, and its slopes.
+def _open(plant: PlacesPlant, J: Sequence[Array], found: Responses) -> tuple[Array, ...]:
+    """What stays open beside slopes `J` a run.
 
-    Parameters stay open within `_TIE`; in each run by itself those of a day, and what wanders.
+    Parameters within `_TIE`; in each run by itself those of a day, and what wanders.
     """
-    plant = asked.plant
-    J = slopes(plant, point, measured.played)
     traits = traits_of(plant)
     at = [n for n, q in enumerate(plant.parameters) if q.name in traits.day]
     share = np.array([traits.day[plant.parameters[n].name] for n in at])[:, None, None]
-    own = [np.concatenate([share * j[at], both.drifts(traits.drift, k)]) for k, j in enumerate(J)]
-    count = (*(True for _ in asked.good), *asked.counts)
-    return Residual(
-        plant=plant, point=point, measured=measured,
-        base=tuple(predictions(plant, point, measured.played)), scale=scale,
-        open=by_itself([_TIE * j for j in J], own), counts=count,
-    ), J  # fmt: skip
-
-
-def _residual(asked: Asked, point: ModelPoint, now: Measured, scale: Array) -> Residual:
-    """The gap of the runs in question alone, for the simulator."""
-    base = tuple(predictions(asked.plant, point, now.played))
-    return Residual(
-        plant=asked.plant, point=point, measured=now, base=base, scale=scale,
-        open=tuple(np.zeros((0, *b.shape)) for b in base), counts=asked.counts,
-    )  # fmt: skip
+    own = [np.concatenate([share * j[at], found.drifts(traits.drift, k)]) for k, j in enumerate(J)]
+    return by_itself([_TIE * j for j in J], own)
 
 
 def _of_now(news: Contrast, joint: Residual, good: int) -> FoldRows:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
 from smad.diagnosis.data.played import Played, finite, predictions, slopes
 from smad.diagnosis.data.rows import binned
-from smad.diagnosis.numerics.folds import Array, Index
-from smad.diagnosis.numerics.white import Shrink, freed
+from smad.diagnosis.numerics.folds import Array, FoldRows, Index
+from smad.diagnosis.numerics.white import Shrink, White
 from smad.diagnosis.places.place import PlacesPlant
+from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import EffectValues, Mask, ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
 
@@ -24,34 +24,81 @@ _FOLDS = 4
 _TURNS = 2
 
 
-class Gap(Protocol):
+@dataclass(frozen=True, kw_only=True)
+class Gap:
     """A difference of bench and model over some runs, and the white space that it is judged in.
 
     `point` is the reference that responses are of, `base` its prediction of each of `played`,
-    (bins, channels). `z` (rows,) are the white rows of the difference, `fold` (rows,) the fold of
-    each, negative where it does not count. `kind_of_run` tells which run of the responses each is.
+    `difference` what it leaves, (bins, channels). `open` are directions per run (k, bins, channels)
+    at one standard deviation, that stay open. `counts`: runs that laws are selected on.
     """
 
+    plant: PlacesPlant
+    point: ModelPoint
+    played: tuple[Played, ...]
+    base: tuple[Array, ...]
+    difference: tuple[Array, ...]
+    white: White
+    open: tuple[Array, ...]
+    counts: tuple[bool, ...]
+
     @property
-    def plant(self) -> PlantModel: ...
-    @property
-    def point(self) -> ModelPoint: ...
-    @property
-    def played(self) -> Sequence[Played]: ...
-    @property
-    def base(self) -> Sequence[Array]: ...
-    @property
-    def z(self) -> Array: ...
-    @property
-    def fold(self) -> Index: ...
-    @property
-    def run_of_row(self) -> Index: ...
-    @property
-    def kind_of_run(self) -> Sequence[int]: ...
+    def kind_of_run(self) -> Sequence[int]:
+        """Which run of the responses each run is: here each has its own."""
+        return range(len(self.played))
+
+    @cached_property
+    def _shrink(self) -> Shrink:
+        return Shrink(self.white(self.open))
 
     def rows(self, values: Sequence[Array]) -> Array:
         """White rows of per-run arrays (m, bins, channels), beside what is left open; (m, rows)."""
-        ...
+        return self._shrink(self.white(values))
+
+    @cached_property
+    def z(self) -> Array:
+        """White rows of the difference, (rows,)."""
+        return np.asarray(self.rows([d[None] for d in self.difference])[0])
+
+    @cached_property
+    def run_of_row(self) -> Index:
+        """Number of the run of each row."""
+        return np.concatenate([np.full(b.size, k, dtype=np.intp) for k, b in enumerate(self.base)])
+
+    @cached_property
+    def fold(self) -> Index:
+        """The fold of each row: a run, or every fourth stretch of few runs; −1 for runs that do not
+        count and rows that are not valid."""
+        kept = [k for k, own in enumerate(self.counts) if own]
+        fold = np.full(len(self.run_of_row), -1, dtype=np.intp)
+        for n, k in enumerate(kept):
+            at = np.flatnonzero(self.run_of_row == k)
+            block = (np.arange(len(at)) * _FOLDS * _TURNS) // len(at)
+            fold[at] = n if len(kept) >= _FOLDS else block % _FOLDS
+        fold[~self.white.valid] = -1
+        return fold
+
+    def fold_rows(self, found: Responses, only: Sequence[bool] | None = None) -> FoldRows:
+        """The white rows with the responses of every term.
+
+        With `only`, every response stands twice: as it is, and for the runs marked alone.
+        """
+        count = len(found.runs[0])
+        copies = 1 if only is None else 2
+        responses = np.zeros((copies * count, len(self.z)), dtype=np.float32)
+        # A law at a time: all in double precision would be a gigabyte.
+        for own in found.columns:
+            raw = [found.runs[k][own.start : own.stop].astype(np.float64) for k in self.kind_of_run]
+            responses[own.start : own.stop] = self.rows(raw)
+            if only is not None:
+                responses[count + own.start : count + own.stop] = self.rows(kept_in(only, raw))
+        return FoldRows(self.z, responses, self.fold, found.runs[0].shape[2])
+
+
+def kept_in(only: Sequence[bool] | None, values: Sequence[Array]) -> list[Array]:
+    """Per-run arrays, 0 in runs that are not marked; None: all are."""
+    marked = [True] * len(values) if only is None else only
+    return [v if own else np.zeros_like(v) for v, own in zip(values, marked, strict=True)]
 
 
 def change_of(gap: Gap, point: ModelPoint) -> list[Array] | None:
@@ -75,21 +122,7 @@ def white_change(
     moved = change_of(gap, with_effects(gap.point, effects))
     if moved is None:
         return None
-    kept = [True] * len(moved) if only is None else only
-    return np.asarray(gap.rows([m[None] * float(k) for m, k in zip(moved, kept, strict=True)])[0])
-
-
-def folds(run_of_row: Index, count: Sequence[bool], valid: Mask) -> Index:
-    """The fold of each row: a run, or every fourth stretch of few runs; −1 for runs that do not
-    count and rows that are not valid."""
-    kept = [k for k, own in enumerate(count) if own]
-    fold = np.full(len(run_of_row), -1, dtype=np.intp)
-    for n, k in enumerate(kept):
-        at = np.flatnonzero(run_of_row == k)
-        block = (np.arange(len(at)) * _FOLDS * _TURNS) // len(at)
-        fold[at] = n if len(kept) >= _FOLDS else block % _FOLDS
-    fold[~valid] = -1
-    return fold
+    return np.asarray(gap.rows(kept_in(only, [m[None] for m in moved]))[0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,78 +155,38 @@ class Measured:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Residual:
-    """Measured − predicted by a reference model; a `Gap`.
+class Residual(Gap):
+    """Measured − predicted by a reference model."""
 
-    `scale` (channels,) is the standard deviation of a row, what neighbours tell of each other
-    counted in. `open` are directions per run (k, bins, channels) at one standard deviation, that
-    stay open. `counts`: runs that laws are selected on. `rho` (channels,): what a row tells of the
-    next, where that is taken off.
-    """
-
-    plant: PlacesPlant
-    point: ModelPoint
     measured: Measured
-    base: tuple[Array, ...]
-    scale: Array
-    open: tuple[Array, ...]
-    counts: tuple[bool, ...]
-    rho: Array | None = None
 
-    @property
-    def played(self) -> tuple[Played, ...]:
-        """The runs as they are replayed."""
-        return self.measured.played
+    @classmethod
+    def of(
+        cls,
+        plant: PlacesPlant,
+        point: ModelPoint,
+        measured: Measured,
+        *,
+        scale: Array,
+        counts: Sequence[bool],
+        left_open: Sequence[Array] | None = None,
+        rho: Array | None = None,
+    ) -> Residual:
+        """The gap to a model with these directions left open, or none.
 
-    @property
-    def kind_of_run(self) -> Sequence[int]:
-        """Each run has responses of its own."""
-        return range(len(self.played))
-
-    @cached_property
-    def difference(self) -> tuple[Array, ...]:
-        """Measured − predicted, (bins, channels) a run; 0 where nothing was measured."""
-        m = self.measured
-        return tuple(
-            np.where(v, y - b, 0.0) for v, y, b in zip(m.valid, m.values, self.base, strict=True)
-        )
-
-    def scaled(self, values: Sequence[Array]) -> Array:
-        """Rows of per-run arrays (m, bins, channels) over their scale, nothing left open."""
-        parts = []
-        for v, x in zip(self.measured.valid, values, strict=True):
-            rows = np.where(v, x, 0.0) / self.scale
-            free = rows if self.rho is None else freed(rows, v, self.rho)
-            parts.append(free.reshape(len(x), v.size))
-        return np.concatenate(parts, axis=1)
-
-    @cached_property
-    def _shrink(self) -> Shrink:
-        return Shrink(self.scaled(self.open))
-
-    def rows(self, values: Sequence[Array]) -> Array:
-        """See `Gap`."""
-        return self._shrink(self.scaled(values))
-
-    @cached_property
-    def z(self) -> Array:
-        """See `Gap`."""
-        return np.asarray(self.rows([d[None] for d in self.difference])[0])
-
-    @cached_property
-    def run_of_row(self) -> Index:
-        """See `Gap`."""
-        return np.concatenate([np.full(b.size, k, dtype=np.intp) for k, b in enumerate(self.base)])
-
-    @cached_property
-    def valid(self) -> Mask:
-        """Which rows were measured."""
-        return np.concatenate([v.ravel() for v in self.measured.valid])
-
-    @cached_property
-    def fold(self) -> Index:
-        """See `Gap`."""
-        return folds(self.run_of_row, self.counts, self.valid)
+        `scale` (channels,) is the standard deviation of a row, what neighbours tell of each other
+        counted in; `rho` (channels,) is what a row tells of the next, where that is taken off.
+        """
+        base = tuple(predictions(plant, point, measured.played))
+        of_m = zip(measured.valid, measured.values, base, strict=True)
+        return cls(
+            plant=plant, point=point, measured=measured, played=measured.played, base=base,
+            difference=tuple(np.where(v, y - b, 0.0) for v, y, b in of_m),
+            white=White.plain(scale, measured.valid, np.zeros_like(scale) if rho is None else rho),
+            open=tuple(np.zeros((0, *b.shape)) for b in base) if left_open is None
+            else tuple(left_open),
+            counts=tuple(counts),
+        )  # fmt: skip
 
 
 def by_itself(shared: Sequence[Array], own: Sequence[Array]) -> tuple[Array, ...]:
@@ -245,13 +238,9 @@ def residual(
 
     Its scale is that of the residual of the runs that count.
     """
-    base = tuple(predictions(plant, point, measured.played))
-    J = slopes(plant, point, measured.played)
     kept = [k for k, own in enumerate(counts) if own]
-    scale = row_scale(
-        [measured.values[k] - base[k] for k in kept], [measured.valid[k] for k in kept], least
-    )
-    return Residual(
-        plant=plant, point=point, measured=measured, base=base, scale=scale,
-        open=tuple(J), counts=tuple(counts),
-    )  # fmt: skip
+    base = predictions(plant, point, [measured.played[k] for k in kept])
+    left = [measured.values[k] - b for k, b in zip(kept, base, strict=True)]
+    scale = row_scale(left, [measured.valid[k] for k in kept], least)
+    J = slopes(plant, point, measured.played)
+    return Residual.of(plant, point, measured, scale=scale, counts=counts, left_open=J)

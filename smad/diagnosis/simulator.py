@@ -18,7 +18,6 @@ from smad.diagnosis.plant import Effect, ModelPoint, nominal_point, traits_of
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.search.listed import Listed, listed
 from smad.diagnosis.search.names import LIST_GAIN, Library, Naming
-from smad.diagnosis.search.rows import fold_rows
 from smad.diagnosis.search.settle import Settler
 from smad.diagnosis.search.where import Where, where
 
@@ -101,7 +100,7 @@ def held_against(
     drift = traits_of(plant).drift
     wandering = [found.drifts(drift, k) for k in range(len(measured.played))]
     gap = replace(gap, open=by_itself(gap.open, wandering))
-    rows = fold_rows(gap, found)
+    rows = gap.fold_rows(found)
     asked.say("where it lies")
     naming = Naming(asked.effects, Library(gap)) if named else None
     searched = where(

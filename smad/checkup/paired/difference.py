@@ -23,9 +23,8 @@ from smad.diagnosis.data.rows import (
     without_other_end,
 )
 from smad.diagnosis.errors import PairingError
-from smad.diagnosis.gap import folds
-from smad.diagnosis.numerics.folds import Index
-from smad.diagnosis.numerics.white import RunRows, Shrink, White
+from smad.diagnosis.gap import Gap
+from smad.diagnosis.numerics.white import RunRows, White
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, Uncertainty, traits_of
 from smad.diagnosis.runs import GapRun
@@ -53,22 +52,12 @@ class Pair:
     base: Array
 
 
-@dataclass(frozen=True)
-class Paired:
-    """All pairs of a check-up, in white space."""
+@dataclass(frozen=True, kw_only=True)
+class Paired(Gap):
+    """All pairs of a check-up, beside what parameters may have moved between days."""
 
-    plant: PlacesPlant
     reference: Reference
     pairs: tuple[Pair, ...]
-
-    @cached_property
-    def white(self) -> White:
-        return White(tuple(p.rows for p in self.pairs))
-
-    @cached_property
-    def tie(self) -> Shrink:
-        """Takes off what parameters may have moved between days."""
-        return Shrink(SHARE * self.slopes)
 
     @cached_property
     def slopes(self) -> Array:
@@ -78,12 +67,7 @@ class Paired:
     @cached_property
     def untied(self) -> Array:
         """White difference with no parameter moved; shape (rows,)."""
-        return np.asarray(self.white([p.difference[None] for p in self.pairs])[0])
-
-    @cached_property
-    def z(self) -> Array:
-        """White difference beside tied parameters; shape (rows,)."""
-        return np.asarray(self.tie(self.untied[None])[0])
+        return np.asarray(self.white([d[None] for d in self.difference])[0])
 
     @cached_property
     def moved(self) -> tuple[ModelPoint, Uncertainty]:
@@ -100,41 +84,10 @@ class Paired:
         return point, Uncertainty(names, sd[:, None] * covariance * sd)
 
     @property
-    def point(self) -> ModelPoint:
-        """The reference model; with the following, what a `Gap` has."""
-        return self.reference.point
-
-    @property
-    def played(self) -> tuple[Played, ...]:
-        """What the model replays of each pair."""
-        return tuple(p.played for p in self.pairs)
-
-    @property
-    def base(self) -> tuple[Array, ...]:
-        """Its prediction of each pair."""
-        return tuple(p.base for p in self.pairs)
-
-    @property
     def kind_of_run(self) -> list[int]:
         """The run of the reference that each pair repeats."""
         names = [r.name for r in self.reference.runs]
         return [names.index(p.reference.name) for p in self.pairs]
-
-    @cached_property
-    def run_of_row(self) -> Index:
-        """Number of the pair of each row."""
-        return self.white.run_of_row().astype(np.intp)
-
-    @cached_property
-    def fold(self) -> Index:
-        """Fold of each row. Runs whose inputs the model carried over are in none beside others:
-        responses are of the good run's inputs."""
-        same = [not p.carried for p in self.pairs]
-        return folds(self.run_of_row, same if any(same) else [True] * len(same), self.white.valid)
-
-    def rows(self, values: Sequence[Array]) -> Array:
-        """White rows of per-pair arrays (m, bins, channels) beside tied parameters; (m, rows)."""
-        return self.tie(self.white(values))
 
     @cached_property
     def signatures(self) -> Array:
@@ -153,7 +106,7 @@ class Paired:
         )
         for i, signature in zip(other, own, strict=True):
             found[i] = signature
-        return self.tie(self.white(found))
+        return self.rows(found)
 
 
 def paired(
@@ -175,7 +128,15 @@ def paired(
             limit=_LEAST_ROWS,
             action="play the runs again to their end",
         )
-    return Paired(plant, reference, pairs)
+    # Responses are of the good run's inputs: runs with others count in no fold beside the rest.
+    same = tuple(not p.carried for p in pairs)
+    return Paired(
+        plant=plant, point=reference.point, played=tuple(p.played for p in pairs),
+        base=tuple(p.base for p in pairs), difference=tuple(p.difference for p in pairs),
+        white=White(tuple(p.rows for p in pairs)),
+        open=tuple(SHARE * p.reference.slopes for p in pairs),
+        counts=same if any(same) else (True,) * len(pairs), reference=reference, pairs=pairs,
+    )  # fmt: skip
 
 
 def _pair(plant: PlantModel, reference: Reference, run: GapRun, then: RunReference) -> Pair:

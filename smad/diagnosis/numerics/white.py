@@ -112,6 +112,14 @@ class White:
 
     runs: tuple[RunRows, ...]
 
+    @classmethod
+    def plain(cls, scale: Array, valid: Sequence[Mask], rho: Array) -> White:
+        """Of runs without day directions; `scale` and `rho` are one number a channel."""
+        return cls(tuple(
+            RunRows(np.broadcast_to(scale, v.shape), v, np.zeros((0, *v.shape)), np.zeros(0), rho)
+            for v in valid
+        ))  # fmt: skip
+
     def __call__(self, values: Sequence[Array]) -> Array:
         """White rows of per-run arrays (m, bins, channels); shape (m, all rows)."""
         parts = [r.shrink(r.independent(v)) for r, v in zip(self.runs, values, strict=True)]
@@ -126,7 +134,3 @@ class White:
     def valid(self) -> Mask:
         """Which of the white rows count."""
         return np.concatenate([r.valid.ravel() for r in self.runs])
-
-    def run_of_row(self) -> Array:
-        """Number of the run of each row."""
-        return np.concatenate([np.full(r.sd.size, i) for i, r in enumerate(self.runs)])

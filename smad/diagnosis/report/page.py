@@ -152,7 +152,9 @@ def parameters(v: Verdict) -> Table:
         for q in v.parameters
     ]  # fmt: skip
     header = ("parameter", "unit", "before", "in the model", "± sd", "")
-    caption = "sd is what the scatter of these runs leaves open, laws that are told beside them free."
+    caption = (
+        "sd is what the scatter of these runs leaves open, laws that are told beside them free."
+    )
     return Table(header, rows, caption, frozenset((2, 3, 4)))
 
 

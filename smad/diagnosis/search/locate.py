@@ -20,7 +20,6 @@ from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import EffectValues, Uncertainty
 from smad.diagnosis.search.names import Naming
 from smad.diagnosis.search.refine import Refined, without
-from smad.diagnosis.search.rows import fold_rows
 from smad.diagnosis.search.told import Teller, side_words
 from smad.diagnosis.search.where import Fits, Step, Where, fits, where
 from smad.diagnosis.verdict import PlaceTold
@@ -74,7 +73,7 @@ def locate(
     A further place counts only if it brings the simulator nearer to the bench, in runs that had no
     part in it.
     """
-    rows = fold_rows(gap, found)
+    rows = gap.fold_rows(found)
     w = where(
         rows, found.candidates(), constants, least=constants.quiet_gain, most=most, naming=naming,
         size=rows.square - constants.quiet_variance * rows.count, effects_stand=True,

@@ -173,7 +173,7 @@ class Settler:
     def square(self, predicted: Sequence[Array], runs: Sequence[int]) -> float:
         """Sum of squares of the rows that predictions leave, over some runs."""
         r = self._rows(predicted)
-        own = np.isin(self.gap.run_of_row, runs) & self.gap.valid
+        own = np.isin(self.gap.run_of_row, runs) & self.gap.white.valid
         return float(r[own] @ r[own])
 
     def _centre(self, name: str, nominal: float) -> float:
@@ -233,7 +233,7 @@ class Settler:
     def _rows(self, predicted: Sequence[Array]) -> Array:
         m = self.gap.measured
         left = [(y - p)[None] for y, p in zip(m.values, predicted, strict=True)]
-        return np.asarray(self.gap.scaled(left)[0])
+        return np.asarray(self.gap.white(left)[0])
 
     def _slopes(self, columns: Index, x: Array, left: Array, which: range) -> Array:
         """−d left/dx of some coordinates, (k, rows); 0 for those that cannot be moved."""

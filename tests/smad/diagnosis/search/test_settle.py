@@ -16,7 +16,6 @@ from smad.diagnosis.places.responses import Responses, candidate_laws, responses
 from smad.diagnosis.plant import ModelPoint, nominal_point
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.search.listed import Listed, listed
-from smad.diagnosis.search.rows import fold_rows
 from smad.diagnosis.search.settle import Settler
 from smad.diagnosis.search.where import Scored, Step
 from tests.smad.diagnosis.cases import OTHER
@@ -80,7 +79,7 @@ def bench() -> Bench:
     measured = Measured.of(PLANT, runs_with(laws), 0.2)
     gap = residual(PLANT, start, measured, counts=(True, True), least=LEAST)
     found = responses(PLANT, start, measured.played, space=space)
-    return Bench(gap, found, fold_rows(gap, found))
+    return Bench(gap, found, gap.fold_rows(found))
 
 
 def test_laws_in_the_simulator_are_found_back_within_their_deviation_parameters_beside() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import pytest
 from sim_device.plant.draws import draw
 from sim_device.plant.models import read_model
 from smad.diagnosis.data.noise import estimate_floors
-from smad.diagnosis.gap import Measured, residual, white_change
+from smad.diagnosis.gap import Measured, Residual, white_change
 from smad.diagnosis.plant import ModelPoint, Uncertainty, nominal_point
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.search.refine import refine
@@ -109,10 +108,8 @@ def test_an_effect_is_recovered_with_its_side_from_runs_made_with_it(
     truth = effect.at(0.7) | {"y_share": y_share}
     run = recorded("mixed", PLANT, ModelPoint({}, {name: truth}), 5, duration_s=30.0)
     least = estimate_floors([run], PLANT, 0.2)
-    free = residual(
-        PLANT, nominal_point(PLANT), Measured.of(PLANT, [run], 0.2), counts=(True,), least=least
-    )
-    gap = replace(free, open=tuple(np.zeros_like(x) for x in free.open), scale=least)
+    measured = Measured.of(PLANT, [run], 0.2)
+    gap = Residual.of(PLANT, nominal_point(PLANT), measured, scale=least, counts=(True,))
     values = effect.at(0.25)
     for _ in range(3):
         end = refine(effect, values, gap.z, lambda v: white_change(gap, v))
