@@ -64,7 +64,7 @@ class Case:
 
     def odds(self, c: Constants) -> np.ndarray:
         """The probability of each hypothesis."""
-        return odds(self.hypotheses, c, c.quiet_gain)
+        return odds(self.hypotheses, c, c.most_quiet(self.count)[0])
 
     def places(self, c: Constants) -> dict[str, float]:
         """The probability of each place, the likeliest first."""
@@ -204,11 +204,12 @@ def _quiet(cases: Sequence[Case], before: Constants) -> Constants:
     """
     quiet = [x for x in cases if x.truth.kind in QUIET]
     benches = [x.bench for x in quiet]
+    root = np.sqrt([x.count for x in quiet])
     return msgspec.structs.replace(
         before,
         quiet_variance=_rounded(float(np.median([x.ratio for x in quiet]))),
-        quiet_gain=_rounded(_limit(np.array([x.gain for x in quiet]), benches)),
-        quiet_parameters=_rounded(_limit(np.array([x.parameters for x in quiet]), benches)),
+        quiet_gain=_rounded(_limit(np.array([x.gain for x in quiet]) / root, benches)),
+        quiet_parameters=_rounded(_limit(np.array([x.parameters for x in quiet]) / root, benches)),
     )
 
 

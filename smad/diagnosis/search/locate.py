@@ -20,8 +20,8 @@ from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import EffectValues, Uncertainty
 from smad.diagnosis.search.names import Naming
 from smad.diagnosis.search.refine import Refined, without
-from smad.diagnosis.search.told import Teller, side_words
-from smad.diagnosis.search.where import Fits, Step, Where, fits, where
+from smad.diagnosis.search.told import Teller, words_of
+from smad.diagnosis.search.where import Fits, Scored, Step, Where, fits, where
 from smad.diagnosis.verdict import PlaceTold
 
 
@@ -75,8 +75,8 @@ def locate(
     """
     rows = gap.fold_rows(found)
     w = where(
-        rows, found.candidates(), constants, least=constants.quiet_gain, most=most, naming=naming,
-        size=rows.square - constants.quiet_variance * rows.count, effects_stand=True,
+        rows, found.candidates(), constants, least=constants.most_quiet(rows.count)[0], most=most,
+        size=rows.square - constants.quiet_variance * rows.count, naming=naming, effects_stand=True,
     )  # fmt: skip
     nearer, changes = _tried(gap, found, rows, w.steps)
     shown = nearer or w.steps[:1]
@@ -88,9 +88,7 @@ def locate(
         told = _told(teller, shown, in_simulator=bool(nearer))
     return Located(
         told=told,
-        laws=tuple(
-            law for s in shown for law in _law_alone(found, rows, s)
-        ),
+        laws=tuple(law for s in shown for law in law_alone(found, rows, s, s.chosen)),
         effects=kept.effects, own=laws, uncertainty=uncertainty, changes=tuple(changes),
         alternatives=_alternatives(plant, found, rows, shown[0]) if shown else (),
         where=w, rows=rows,
@@ -149,33 +147,26 @@ def name_told(step: Step) -> dict[str, Any]:
     return told
 
 
-def _law_alone(found: Responses, rows: FoldRows, step: Step) -> tuple[Law, ...]:
-    own = fits(rows, [step])
+def law_alone(found: Responses, rows: FoldRows, step: Step, chosen: Scored) -> tuple[Law, ...]:
+    """The law that a step would have at the place of `chosen`, beside nothing else."""
+    own = fits(rows, [replace(step, chosen=chosen)])
     return found.law_of(own.columns, own.fit.mean)
 
 
 def _alternatives(
     plant: PlacesPlant, found: Responses, rows: FoldRows, step: Step
 ) -> tuple[Alternative, ...]:
-    places = {p.name: p for p in plant.places}
     return tuple(
-        Alternative(
-            side_words(places[s.candidate.place], s.candidate.side),
-            _law_alone(found, rows, replace(step, chosen=s)),
-        )
+        Alternative(words_of(plant, s.candidate), law_alone(found, rows, step, s))
         for s in step.near
     )
 
 
 def _laws(found: Responses, own: Fits) -> tuple[tuple[Law, ...], Uncertainty]:
     """Laws for a model file, and the covariance of their coefficients by the names it has there."""
-    homes = [found.home(int(c)) for c in own.columns]
-    names = tuple(law.name_of(term) for law, term in homes)
-    s = np.array([found.scales[law.place] for law, _ in homes])
-    return (
-        found.law_of(own.columns, own.fit.mean),
-        Uncertainty(names, s[:, None] * own.fit.covariance * s),
-    )
+    names, s = found.coefficients(own.columns)
+    laws = found.law_of(own.columns, own.fit.mean)
+    return laws, Uncertainty(names, s[:, None] * own.fit.covariance * s)
 
 
 def _tried(
