@@ -19,9 +19,8 @@ from evaluation.programme.segments import candidate, milder
 from sim_device.plant.laws import Law
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.diagnosis.data.played import Played, predictions, slopes
-from smad.diagnosis.places.candidate import Candidate
 from smad.diagnosis.places.place import PlacesPlant
-from smad.diagnosis.places.responses import Responses, candidate_laws, responses
+from smad.diagnosis.places.responses import Candidate, Responses, candidate_laws, responses
 from smad.diagnosis.plant import Array, ModelPoint, PlantModel, nominal_point
 
 WATER_DEGC = 27.0

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -75,8 +76,8 @@ class Sizes(Protocol):
 
 def noticed(found: Sizes, c: Constants) -> bool:
     """Whether a check-up stands out of the repeat floor."""
-    moved = found.parameters >= c.quiet_parameters
-    return found.gain >= c.quiet_gain or moved or found.ratio >= QUIET_RATIO
+    gain, parameters = c.most_quiet(found.count)
+    return found.gain >= gain or found.parameters >= parameters or found.ratio >= QUIET_RATIO
 
 
 def of_parameters(found: Sizes, c: Constants) -> bool:
@@ -86,10 +87,11 @@ def of_parameters(found: Sizes, c: Constants) -> bool:
     law takes, more of a larger change: on development benches it grows with the square root. The
     rows, whose number stands for their noise, make that a number without unit.
     """
-    if found.parameters < c.quiet_parameters:
+    gain, parameters = c.most_quiet(found.count)
+    if found.parameters < parameters:
         return False
     form = c.parameters_form * np.sqrt(found.parameters * found.count)
-    return bool(found.gain < c.quiet_gain or found.explained < form)
+    return bool(found.gain < gain or found.explained < form)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,7 +168,7 @@ def judged(
     pairs = paired(with_places(plant), reference, runs)
     found = examined(pairs, constants, exclude, progress)
     return Judged(pairs=pairs, verdict=verdict_of(
-        pairs, found.located, found.outcome(constants), constants.quiet_gain
+        pairs, found.located, found.outcome(constants), constants.most_quiet(found.count)[0]
     ), found=found)  # fmt: skip
 
 
@@ -182,12 +184,12 @@ def examined(
     progress("where it lies")
     naming = Naming(
         tuple(e for e in plant.effects if e.name not in exclude),
-        lambda effects, z: likely_entries(pairs, reference.atoms, pairs.signatures, effects, z),
+        partial(likely_entries, pairs, reference.atoms, pairs.signatures),
     )
     located = locate(pairs, plant, reference.responses, naming, constants=constants, most=most)
     kept = pairs.fold >= 0
-    own = FoldRows(pairs.untied, pairs.slopes.astype(np.float32), pairs.fold)
-    taken = with_priors(own.products(np.arange(len(pairs.slopes))), np.unique(pairs.fold[kept]))
+    moved = FoldRows(pairs.untied, pairs.slopes.astype(np.float32), pairs.fold)
+    taken = with_priors(moved, np.unique(pairs.fold[kept]))
     ranked, steps = located.where.ranked, located.where.steps
     best = ranked[0].share if ranked else 0.0
     first = steps[0].share if steps else 0.0

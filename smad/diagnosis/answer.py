@@ -22,12 +22,11 @@ from smad.diagnosis.search.listed import Listed
 from smad.diagnosis.search.locate import name_told
 from smad.diagnosis.search.told import (
     Teller,
-    best_of_places,
     parameters_told,
     place_shares,
     unseen,
 )
-from smad.diagnosis.search.where import WORTH_TELLING, Fits, Scored
+from smad.diagnosis.search.where import WORTH_TELLING, Fits, Scored, best_of_places
 from smad.diagnosis.simulator import Asked, Held
 from smad.diagnosis.verdict import (
     CHANGED,
@@ -168,7 +167,7 @@ def _told(plant: PlacesPlant, listing: Listed) -> list[PlaceTold]:
     last, gap = listing.settled[-1], listing.settler.gap
     unit = listing.settler.uncertainty(last).covariance[n:, n:]
     found = listing.settler.found
-    scale = np.array([found.scales[found.home(int(c))[0].place] for c in last.columns])
+    _, scale = found.coefficients(last.columns)
     covariance = unit / np.outer(scale, scale) if len(scale) else np.zeros((0, 0))
     own = Fits(last.columns, Fit(last.x[n:], covariance), ())
     teller = Teller(plant, gap, found, own)

@@ -18,9 +18,9 @@ from smad.diagnosis.numerics.folds import Array, FoldRows
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses, responses
 from smad.diagnosis.plant import traits_of
-from smad.diagnosis.search.contrast import Contrast, contrast, parameters_share
+from smad.diagnosis.search.contrast import Contrast, contrast, with_priors
 from smad.diagnosis.search.listed import Listed, listed
-from smad.diagnosis.search.names import Library, Naming
+from smad.diagnosis.search.names import naming_at
 from smad.diagnosis.search.settle import Settler
 from smad.diagnosis.search.where import WORTH_TELLING
 from smad.diagnosis.simulator import Asked, cannot_replay, held_against
@@ -70,10 +70,13 @@ def changed(asked: Asked) -> Changed:
     )  # fmt: skip
     at = np.flatnonzero((joint.run_of_row >= len(asked.good)) & (joint.fold >= 0))
     asked.say("what is new")
-    parameters = parameters_share(joint, kept_in(only, J), at)
+    moved = FoldRows(joint.z, joint.rows(kept_in(only, J)).astype(np.float32), joint.fold)
+    parameters = with_priors(moved, np.unique(joint.fold[at])) / max(
+        float(joint.z[at] @ joint.z[at]), 1e-12
+    )
     news = contrast(
         joint.fold_rows(both, only), at, both.candidates(), c, run_of_row=joint.run_of_row,
-        only=only, naming=Naming(asked.effects, Library(joint, only)),
+        only=only, naming=naming_at(joint, asked.effects, only),
     )  # fmt: skip
     # Parameters are asked first: they are the answer if they take nearly what places take.
     told = min(news.steps[-1].share, 1.0) if news.steps else 0.0

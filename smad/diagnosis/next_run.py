@@ -12,8 +12,8 @@ from sim_device.plant.laws import joined
 from smad.diagnosis.answer import Answer
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.plant import Array, Experiment, Experimenter, ModelPoint
-from smad.diagnosis.search.told import side_words
-from smad.diagnosis.search.where import Fits, fits
+from smad.diagnosis.search.locate import law_alone
+from smad.diagnosis.search.told import words_of
 
 
 @dataclass(frozen=True)
@@ -41,14 +41,12 @@ def offers(
     settler = listing.settler
     plant, scale = settler.plant, settler.gap.white.runs[0].sd[0]
     base = settler.start
-    places = {p.name: p for p in plant.places}
-    words, points = [], []
-    for one in step.near:
-        own: Fits = fits(answer.rows, [replace(step, chosen=one)])
-        laws = settler.found.law_of(own.columns, own.fit.mean)
-        points.append(ModelPoint(settler.gap.point.theta, base.effects,
-                                 joined((*base.laws, *laws))))  # fmt: skip
-        words.append(side_words(places[one.candidate.place], one.candidate.side))
+    points = [
+        ModelPoint(settler.gap.point.theta, base.effects,
+                   joined((*base.laws, *law_alone(settler.found, answer.rows, step, one))))
+        for one in step.near
+    ]  # fmt: skip
+    words = [words_of(plant, one.candidate) for one in step.near]
     out: list[Offer] = []
     if not isinstance(plant, Experimenter):
         return words, out

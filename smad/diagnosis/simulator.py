@@ -17,7 +17,7 @@ from smad.diagnosis.places.responses import Responses, candidate_laws, responses
 from smad.diagnosis.plant import Effect, ModelPoint, nominal_point, traits_of
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.search.listed import Listed, listed
-from smad.diagnosis.search.names import LIST_GAIN, Library, Naming
+from smad.diagnosis.search.names import LIST_GAIN, naming_at
 from smad.diagnosis.search.settle import Settler
 from smad.diagnosis.search.where import Where, where
 
@@ -102,7 +102,7 @@ def held_against(
     gap = replace(gap, open=by_itself(gap.open, wandering))
     rows = gap.fold_rows(found)
     asked.say("where it lies")
-    naming = Naming(asked.effects, Library(gap)) if named else None
+    naming = naming_at(gap, asked.effects) if named else None
     searched = where(
         rows, found.candidates(), c, least=LIST_GAIN, most=_LONGEST_LIST, naming=naming
     )

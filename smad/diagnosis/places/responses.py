@@ -20,12 +20,28 @@ from sim_device.plant.laws import Law, Term, basis, terms_over
 from smad.diagnosis.data.played import Played, finite
 from smad.diagnosis.numerics.folds import Array, Index
 from smad.diagnosis.places.bare import BarePlaces
-from smad.diagnosis.places.candidate import Candidate
 from smad.diagnosis.places.place import BOTH, Forcing, Place, PlacesPlant, single_sides
 from smad.diagnosis.plant import ModelPoint
 
 Singles = NDArray[np.float32]
 _WANDERING = ("constant", "time")
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A hypothesis of where: a place, a side, and the terms that a law may have there.
+
+    `groups` (m, w) are the numbers of a term's responses, one for each spring that it acts on;
+    `terms` (m,) their names. The first is the constant, which is in every law: the lines of the
+    others have their zero in the middle of the state's range. `orders` (m,) are theirs: 1 for a
+    line, more for what is less simple.
+    """
+
+    place: str
+    side: str
+    groups: Index
+    terms: tuple[str, ...]
+    orders: tuple[int, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,6 +101,12 @@ class Responses:
             if column in own:
                 return law, law.terms[column - own.start]
         raise ValueError(f"no response {column}; there are {self.columns[-1].stop}")
+
+    def coefficients(self, columns: Index) -> tuple[tuple[str, ...], Array]:
+        """Names of responses in a model file, and what 1 is in the place's unit."""
+        homes = [self.home(int(c)) for c in columns]
+        names = tuple(law.name_of(term) for law, term in homes)
+        return names, np.array([self.scales[law.place] for law, _ in homes])
 
     def law_of(self, columns: Index, values: Array) -> tuple[Law, ...]:
         """The laws that these responses with these coefficients are, one for each place and side.
@@ -146,6 +168,12 @@ def law_values(plant: PlacesPlant, law: Law, states: Mapping[str, Array], t_s: A
     place = next(p for p in plant.places if p.name == law.place)
     (side, *_) = single_sides(place, law.side)
     return basis(plant.seen(law.place, side, states), law.terms, t_s)
+
+
+def law_series(plant: PlacesPlant, law: Law, states: Mapping[str, Array], t_s: Array) -> Array:
+    """Values of a law on a trajectory, (n,), in the unit of the place."""
+    X = law_values(plant, law, states, t_s)
+    return np.asarray(X @ np.array([t.coefficient for t in law.terms]))
 
 
 def responses(

@@ -10,7 +10,7 @@ import numpy as np
 from sim_device.plant.laws import Law
 from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.place import PlacesPlant, single_sides
-from smad.diagnosis.places.responses import law_values
+from smad.diagnosis.places.responses import law_series
 from smad.diagnosis.plant import ModelPoint
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import PlaceShare, PlaceTold
@@ -90,12 +90,11 @@ def _points(
     """Values of a state and of the law over all runs."""
     place = next(p for p in plant.places if p.name == law.place)
     (side, *_) = single_sides(place, law.side)
-    weights = np.array([t.coefficient for t in law.terms])
     xs, ys = [], []
     for run in runs:
         states = plant.trajectory(point, run, fast=True)
         xs.append(plant.seen(law.place, side, states)[state])
-        ys.append(law_values(plant, law, states, run.t_s) @ weights)
+        ys.append(law_series(plant, law, states, run.t_s))
     return np.concatenate(xs), np.concatenate(ys)
 
 

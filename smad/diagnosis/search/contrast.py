@@ -14,21 +14,21 @@ import numpy as np
 from scipy import stats
 
 from smad.diagnosis.constants import Constants
-from smad.diagnosis.gap import Residual
-from smad.diagnosis.numerics.folds import Array, FoldProducts, FoldRows, Index
+from smad.diagnosis.numerics.folds import Array, FoldRows, Index
 from smad.diagnosis.numerics.forward import Forward, fitted, forward
-from smad.diagnosis.places.candidate import Candidate
+from smad.diagnosis.places.responses import Candidate
 from smad.diagnosis.search.names import LIST_GAIN, Naming
 from smad.diagnosis.search.where import (
     MOST_PLACES,
-    MOST_TERMS,
     WORTH_TELLING,
     Scored,
     Step,
+    best_of_places,
     left_out,
+    not_told,
+    selected,
     step_of,
     without_named,
-    worth_of,
     worth_of_side,
 )
 
@@ -81,30 +81,24 @@ def contrast(
     before, steps, taken = np.zeros(0, dtype=np.intp), list[Step](), 0.0
     first = found = search.ranked(before, candidates)
     while found and len(steps) < MOST_PLACES:
-        by_scored = {id(f.scored): f for f in found}
-        scored = [f.scored for f in found]
-
-        def gains(one: Scored, own: dict[int, _Found] = by_scored) -> Array:
-            return search.gains(own[id(one)])
-
+        by_law = {id(f.scored): f for f in found}
+        laws = best_of_places([f.scored for f in found])
         left = search.own(before)
-        left = replace(left, rows=np.where(left.fold >= 0, left.rows, 0.0))
         step = step_of(
-            scored, constants, taken=0.0, size=search.square, naming=naming, gains=gains,
-            noise=LIST_GAIN, left=left,
+            laws, [search.gains(by_law[id(s)]) for s in laws], constants, taken=0.0,
+            size=search.square, naming=naming, noise=LIST_GAIN,
+            left=replace(left, rows=np.where(left.fold >= 0, left.rows, 0.0)),
         )  # fmt: skip
         if step.share < worth:
             break
-        both = by_scored[id(step.chosen)].both
-        own = search.own(np.union1d(before, both))
-        if by_chance(own, rows, step.chosen.columns, run_of_row, only) > CHANCE:
+        both = np.union1d(before, by_law[id(step.chosen)].both)
+        if by_chance(search.own(both), rows, step.chosen.columns, run_of_row, only) > CHANCE:
             break
         taken += step.share
         steps.append(replace(step, share=taken))
-        before = np.unique(np.concatenate([before, both]))
+        before = both
         naming = without_named(naming, step)
-        told = {s.chosen.candidate.place for s in steps}
-        found = search.ranked(before, [c for c in candidates if c.place not in told])
+        found = search.ranked(before, not_told(candidates, steps))
     return Contrast(
         ranked=tuple(f.scored for f in first), steps=tuple(steps), own=search.own(before),
         square=square,
@@ -153,27 +147,14 @@ class _Search:
 
     def _found(self, before: Index, c: Candidate) -> _Found:
         """A law in the runs in question beside one of all runs that has all its terms too."""
-        half = self.half
-        common = self._selected(np.union1d(before, c.groups[0]), c, 0)
-        shared = np.union1d(np.union1d(before, c.groups[0]), _columns(c, common))
-        own = self._selected(np.union1d(shared, c.groups[0] + half), c, half)
+        half, always = self.half, np.union1d(before, c.groups[0])
+        common = selected(self.rows, always, c)
+        shared = np.union1d(always, _columns(c, common))
+        own = selected(self.rows, np.union1d(shared, c.groups[0] + half), c, half)
         shared = np.union1d(shared, _columns(c, own))
         both = np.concatenate([shared, c.groups[0] + half, _columns(c, own) + half])
         added = self._held_out(both) - max(self._held_out(shared), 0.0)
         return _Found(Scored(c, own, added / self.square), both, shared)
-
-    def _selected(self, always: Index, c: Candidate, shift: int) -> Forward:
-        free = np.setdiff1d(np.unique(c.groups[1:] + shift), always)
-        groups = [
-            g for g in range(len(c.groups) - 1) if np.isin(c.groups[1 + g] + shift, free).all()
-        ]
-        if not groups:
-            return Forward(np.zeros((1, self.rows.folds)), ())
-        asked = np.searchsorted(free, c.groups[1:][groups] + shift) + len(always)
-        products = self.rows.products(free, always)
-        worth = worth_of(c)[groups]
-        found = forward(products, asked, worth, depth=MOST_TERMS, before=len(always))
-        return replace(found, chosen=tuple(groups[g] for g in found.chosen))
 
     def _held_out(self, columns: Index) -> float:
         """What these responses take of rows that they were not fitted to."""
@@ -215,20 +196,9 @@ _SHOWN = 0.02
 """Of what the run with most of a law shows of it, that another must show to be counted."""
 
 
-def parameters_share(gap: Residual, moved: Sequence[Array], asked: Index) -> float:
-    """Share of the rows in question that other values of the parameters in them take, held out.
-
-    `moved` (k, bins, channels) a run are slopes for one prior standard deviation, 0 elsewhere.
-    """
-    own = FoldRows(gap.z, gap.rows(moved).astype(np.float32), gap.fold)
-    products = own.products(np.arange(len(own.responses)))
-    taken = with_priors(products, np.unique(gap.fold[asked]))
-    square = float(gap.z[asked] @ gap.z[asked])
-    return taken / max(square, 1e-12)
-
-
-def with_priors(products: FoldProducts, folds: Index) -> float:
+def with_priors(rows: FoldRows, folds: Index) -> float:
     """What responses with coefficients of prior variance 1 take of some folds, held out."""
+    products = rows.products(np.arange(len(rows.responses)))
     gram, against = products.gram.sum(axis=0), products.against.sum(axis=0)
     taken, unit = 0.0, np.eye(len(against))
     for f in folds:
@@ -244,25 +214,20 @@ def apart(rows: FoldRows, run_of_row: Index, columns: Sequence[Index], run: int)
     Stretches of the run are predicted from its other stretches, or from all the rest. The best of
     several sets of `columns` counts.
     """
-    mine = (run_of_row == run) & (rows.fold >= 0)
-    at = np.flatnonzero(mine)
+    at = np.flatnonzero((run_of_row == run) & (rows.fold >= 0))
     square = float(rows.rows[at] @ rows.rows[at])
-    block = np.full(len(mine), -1)
+    block = np.where(rows.fold >= 0, _BLOCKS, -1)
     block[at] = (np.arange(len(at)) * _BLOCKS * 2) // max(len(at), 1) % _BLOCKS
     best = 0.0
     for own in columns:
-        A = rows.responses[own].astype(np.float64)
-        rest = (rows.fold >= 0) & ~mine
-        others = _products(A, rows.rows, rest)
-        whole = _products(A, rows.rows, mine)
+        products = replace(rows, fold=block).products(own)
+        *grams, G_others = products.gram
+        *againsts, g_others = products.against
         gain = 0.0
-        for b in range(_BLOCKS):
-            asked = block == b
-            G, g = _products(A, rows.rows, asked)
-            pooled = _solved(others[0] + whole[0] - G, others[1] + whole[1] - g)
-            alone = pooled + _solved(
-                whole[0] - G, whole[1] - g - (whole[0] - G) @ pooled, ridge=others[0]
-            )
+        for G, g in zip(grams, againsts, strict=True):
+            rest_G, rest_g = np.sum(grams, axis=0) - G, np.sum(againsts, axis=0) - g
+            pooled = _solved(G_others + rest_G, g_others + rest_g)
+            alone = pooled + _solved(rest_G, rest_g - rest_G @ pooled, ridge=G_others)
             gain += float(2 * alone @ g - alone @ G @ alone - 2 * pooled @ g + pooled @ G @ pooled)
         best = max(best, gain / max(square, 1e-12))
     return best
@@ -271,11 +236,6 @@ def apart(rows: FoldRows, run_of_row: Index, columns: Sequence[Index], run: int)
 _BLOCKS = 4
 _SHRUNK = 0.05
 """How much a run's own coefficients lean on the others', of a run's own weight."""
-
-
-def _products(A: Array, r: Array, rows: Array) -> tuple[Array, Array]:
-    part = A[:, rows]
-    return part @ part.T, part @ r[rows]
 
 
 def _solved(G: Array, b: Array, ridge: Array | None = None) -> Array:

@@ -35,7 +35,7 @@ class Listed:
         return tuple((a - b) / first for a, b in zip(self.squares, self.squares[1:], strict=False))
 
 
-_Tried = tuple[float, Settled, list[Array]]
+_Tried = tuple[float, Settled, tuple[Array, ...]]
 """What a model leaves of runs that it had no part of, the model, and its predictions."""
 
 
@@ -43,62 +43,39 @@ def listed(settler: Settler, rows: FoldRows, steps: Sequence[Step]) -> Listed | 
     """The steps that each take what is worth telling in the simulator; None if it cannot replay.
 
     What counts are the runs that laws are selected on, each by a model that had no part of it:
-    runs that are held out altogether have no say in the list.
+    runs that are held out altogether have no say in the list. Beside a new law the parameters stay
+    where they were, or move as well, whichever leaves less.
     """
-    runs = [k for k, own in enumerate(settler.gap.counts) if own]
-    now = settler.first()
-    predicted = None if now is None else settler.held_out(now)
-    if now is None or predicted is None:
+    first = _tried(settler, settler.first())
+    if first is None:
         return None
     kept: list[Step] = []
-    settled, found = [now], [tuple(predicted)]
-    squares = [settler.square(predicted, runs)]
+    found = [first]
     for step in steps:
         own = fits(rows, [*kept, step])
-        best: _Tried | None = None
-        for alone in (True, False):
-            more = settler.extended(settled[-1], own.columns, own.fit.mean, alone=alone)
-            best = _better(settler, runs, more, best)
-        # A large law moves the other coordinates far: one step may end beside what it is after.
-        last = None if best is None else best[1]
-        for _ in range(_ROUNDS):
-            if last is None or best is None or best[0] < squares[-1]:
-                break
-            last = settler.refreshed(last)
-            best = _better(settler, runs, last, best)
-        if best is None or squares[-1] - best[0] < WORTH_TELLING * squares[0]:
-            continue
-        kept.append(step)
-        squares.append(best[0])
-        settled.append(best[1])
-        found.append(tuple(best[2]))
+        tries = [
+            _tried(settler, settler.extended(found[-1][1], own.columns, own.fit.mean, alone=alone))
+            for alone in (True, False)
+        ]
+        best = min((t for t in tries if t is not None), key=lambda t: t[0], default=None)
+        if best is not None and found[-1][0] - best[0] >= WORTH_TELLING * first[0]:
+            kept.append(step)
+            found.append(best)
     for _ in range(_ROUNDS if kept else 0):
-        last = settler.refreshed(settled[-1])
-        predicted = settler.held_out(last)
-        if predicted is None or (left := settler.square(predicted, runs)) >= squares[-1]:
+        last = _tried(settler, settler.refreshed(found[-1][1]))
+        if last is None or last[0] >= found[-1][0]:
             break
-        settled[-1], found[-1], squares[-1] = last, tuple(predicted), left
-    if kept:
-        n = len(settler.plant.parameters)
-        still = settler.unmoved(settled[-1].columns, settled[-1].x[n:])
-        predicted = None if still is None else settler.held_out(still)
-        if still is not None and predicted is not None:
-            left = settler.square(predicted, runs)
-            # With the laws in it the model may need no other values of its parameters.
-            if left <= squares[-1]:
-                settled[-1], found[-1], squares[-1] = still, tuple(predicted), left
+        found[-1] = last
+    squares, settled, predicted = zip(*found, strict=True)
     return Listed(
-        settler=settler, steps=tuple(kept), settled=tuple(settled), predicted=tuple(found),
-        squares=tuple(squares),
-    )  # fmt: skip
+        settler=settler, steps=tuple(kept), settled=settled, predicted=predicted, squares=squares
+    )
 
 
-def _better(
-    settler: Settler, runs: Sequence[int], more: Settled | None, best: _Tried | None
-) -> _Tried | None:
-    """The one of two models that leaves less of runs that it had no part of."""
-    predicted = None if more is None else settler.held_out(more)
-    if more is None or predicted is None:
-        return best
-    left = settler.square(predicted, runs)
-    return (left, more, predicted) if best is None or left < best[0] else best
+def _tried(settler: Settler, model: Settled | None) -> _Tried | None:
+    """A model with what it leaves of runs that it had no part of; None if it cannot replay them."""
+    predicted = None if model is None else settler.held_out(model)
+    if model is None or predicted is None:
+        return None
+    runs = [k for k, own in enumerate(settler.gap.counts) if own]
+    return settler.square(predicted, runs), model, tuple(predicted)

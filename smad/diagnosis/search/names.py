@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from smad.diagnosis.data.played import Atom, signatures
-from smad.diagnosis.gap import Gap, white_change
+from smad.diagnosis.gap import Gap, kept_in, white_change
 from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.plant import Effect
 from smad.diagnosis.search.refine import Refined, refine
@@ -41,10 +41,6 @@ class Naming:
         """The others."""
         return replace(self, effects=tuple(e for e in self.effects if e.name != name))
 
-    def likely(self, z: Array) -> list[Refined]:
-        """The effects that take most of white rows, the best first."""
-        return self.refine(self.effects, z)
-
 
 def likely_entries(
     gap: Gap,
@@ -68,32 +64,11 @@ def likely_entries(
     return sorted((f for f in found if f is not None and score(f) > 0.0), key=lambda f: -score(f))
 
 
-@dataclass
-class Library:
-    """Effects asked at a gap; signatures are made as they are first asked for."""
-
-    gap: Gap
-    only: tuple[bool, ...] | None = None
-    _known: dict[str, tuple[list[Atom], Array]] = field(default_factory=dict)
-
-    def __call__(self, effects: Sequence[Effect], z: Array) -> list[Refined]:
-        """See `likely_entries`."""
-        atoms: list[Atom] = []
-        parts = [np.zeros((0, len(z)))]
-        for effect in effects:
-            own, rows = self._signatures(effect)
-            atoms += own
-            parts.append(rows)
-        return likely_entries(self.gap, atoms, np.concatenate(parts), effects, z, only=self.only)
-
-    def _signatures(self, effect: Effect) -> tuple[list[Atom], Array]:
-        if effect.name not in self._known:
-            gap = self.gap
-            atoms, found = signatures(gap.plant, gap.point, gap.played, effects=[effect])
-            raw = [f.astype(np.float64).reshape(len(atoms), *b.shape)
-                   for f, b in zip(found, gap.base, strict=True)]  # fmt: skip
-            if self.only is not None:
-                raw = [r if own else np.zeros_like(r)
-                       for r, own in zip(raw, self.only, strict=True)]  # fmt: skip
-            self._known[effect.name] = atoms, gap.rows(raw)
-        return self._known[effect.name]
+def naming_at(gap: Gap, effects: tuple[Effect, ...], only: Sequence[bool] | None = None) -> Naming:
+    """Naming by signatures that are made at a gap; with `only` effects act in these runs alone."""
+    atoms, found = signatures(gap.plant, gap.point, gap.played, effects=effects)
+    S = np.zeros((len(atoms), len(gap.z)))
+    for i in range(len(atoms)):
+        raw = [f[i : i + 1].astype(np.float64) for f in found]
+        S[i] = gap.rows(kept_in(only, raw))[0]
+    return Naming(effects, partial(likely_entries, gap, atoms, S, only=only))

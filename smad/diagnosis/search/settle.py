@@ -84,14 +84,10 @@ class Settler:
         left = self._left(none, x)
         if left is None:
             return None
-        slopes = self._slopes(none, x, left, range(len(x)))
-        now = self._stepped(Settled(columns=none, x=x, left=left, slopes=slopes))
-        for _ in range(_ROUNDS):
-            before = self._cost(now.columns, now.left, now.x)
-            better = self.refreshed(now)
-            gained = before - self._cost(better.columns, better.left, better.x)
-            now = better
-            if gained < _LEAST_GAIN * before:
+        now = Settled(columns=none, x=x, left=left, slopes=np.zeros((len(x), len(left))))
+        for k in range(1 + _ROUNDS):
+            before, now = self._cost(now), self.refreshed(now)
+            if k and before - self._cost(now) < _LEAST_GAIN * before:
                 break
         return now
 
@@ -108,33 +104,12 @@ class Settler:
         left = self._left(columns, x)
         if left is None:
             return None
-        known = len(before.columns)
-        slopes = np.zeros((len(x), len(left)))
-        slopes[: n + known] = before.slopes
-        new = self._slopes(columns, x, left, range(n + known, len(x)))
-        slopes[n + known :] = new[n + known :]
+        known = len(before.x)
+        slopes = self._slopes(columns, x, left, range(known, len(x)))
+        slopes[:known] = before.slopes
         made = Settled(columns=columns, x=x, left=left, slopes=slopes)
-        if not alone:
-            return self._stepped(made)
-        return self._stepped(made, [w[:n] - before.x[:n] for w in before.without])
-
-    def unmoved(self, columns: Index, coefficients: Array) -> Settled | None:
-        """Laws alone, the parameters where their priors have them; None where it cannot replay."""
-        n = len(self.plant.parameters)
-        x = np.r_[np.zeros(n), coefficients]
-        still = [np.zeros(n)] * (int(self.gap.fold.max(initial=-1)) + 1)
-        for _ in range(_ROUNDS):
-            left = self._left(columns, x)
-            if left is None:
-                return None
-            slopes = self._slopes(columns, x, left, range(n, len(x)))
-            made = Settled(columns=columns, x=x, left=left, slopes=slopes)
-            x = self._stepped(made, still).x
-        made = self._stepped(made, still)
-        # What is uncertain of the parameters counts all the same.
-        own = self._slopes(columns, made.x, made.left, range(n))
-        own[n:] = made.slopes[n:]
-        return replace(made, slopes=own)
+        held = [w[:n] - before.x[:n] for w in before.without] if alone else None
+        return self._stepped(made, held)
 
     def refreshed(self, settled: Settled) -> Settled:
         """One more step with slopes of where it stands."""
@@ -151,13 +126,9 @@ class Settler:
         kept = self.gap.fold >= 0
         r = settled.left[kept]
         variance = max(float(r @ r) / max(int(kept.sum()), 1), 1e-12)
-        homes = [self.found.home(int(c)) for c in settled.columns]
-        names = tuple(q.name for q in self.plant.parameters)
-        names += tuple(law.name_of(term) for law, term in homes)
-        unit = np.r_[
-            [q.prior_sd for q in self.plant.parameters],
-            [self.found.scales[law.place] for law, _ in homes],
-        ]
+        laws, scales = self.found.coefficients(settled.columns)
+        names = (*(q.name for q in self.plant.parameters), *laws)
+        unit = np.r_[[q.prior_sd for q in self.plant.parameters], scales]
         return Uncertainty(names, unit[:, None] * np.asarray(variance * np.linalg.inv(A)) * unit)
 
     def held_out(self, settled: Settled) -> list[Array] | None:
@@ -195,15 +166,14 @@ class Settler:
         """
         first = 0 if held is None else len(self.plant.parameters)
         A, g = self._normal(s)
-        now = self._cost(s.columns, s.left, s.x)
         for damping in _DAMPING:
             x = s.x.copy()
             x[first:] += np.linalg.solve(
                 A[first:, first:] + damping * np.diag(np.diag(A)[first:]), g[first:]
             )
             left = self._left(s.columns, x)
-            if left is not None and self._cost(s.columns, left, x) < now:
-                s = replace(s, x=x, left=left)
+            if left is not None and self._cost(moved := replace(s, x=x, left=left)) < self._cost(s):
+                s = moved
                 break
         return replace(s, without=self._without(s, held))
 
@@ -222,9 +192,9 @@ class Settler:
             out.append(s.x + step)
         return tuple(out)
 
-    def _cost(self, columns: Index, left: Array, x: Array) -> float:
-        own = left[self.gap.fold >= 0]
-        return float(own @ own + x @ (self._precision(columns) * x))
+    def _cost(self, s: Settled) -> float:
+        own = s.left[self.gap.fold >= 0]
+        return float(own @ own + s.x @ (self._precision(s.columns) * s.x))
 
     def _left(self, columns: Index, x: Array) -> Array | None:
         found = predictions(self.plant, self.point(columns, x), self.gap.played)

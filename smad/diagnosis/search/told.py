@@ -7,15 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_device.plant.laws import Law, Term
+from sim_device.plant.laws import Term
 from smad.diagnosis.data.played import Atom
 from smad.diagnosis.gap import Gap
 from smad.diagnosis.numerics.folds import Array, FoldRows, Index
 from smad.diagnosis.places.place import BOTH, Place, PlacesPlant
-from smad.diagnosis.places.responses import Responses, law_values
+from smad.diagnosis.places.responses import Candidate, Responses, law_series
 from smad.diagnosis.plant import Effect, ModelPoint, Uncertainty
-from smad.diagnosis.runs import GapRun
-from smad.diagnosis.search.where import Fits, Scored, Step
+from smad.diagnosis.search.where import Fits, Scored, Step, best_of_places
 from smad.diagnosis.verdict import ParameterTold, PlaceShare, PlaceTold, TermTold
 
 
@@ -30,15 +29,14 @@ class Teller:
 
     def told(self, step: Step, share: float, *, in_simulator: bool) -> PlaceTold:
         """A step without a name yet; `share` is what it adds."""
-        places = {p.name: p for p in self.plant.places}
         chosen = step.chosen.candidate
-        place = places[chosen.place]
+        place = next(p for p in self.plant.places if p.name == chosen.place)
         return PlaceTold(
             place=chosen.place,
             side=chosen.side,
-            words=side_words(place, chosen.side),
+            words=words_of(self.plant, chosen),
             share=min(share, 1.0),
-            near=[side_words(places[s.candidate.place], s.candidate.side) for s in step.near[1:]],
+            near=[words_of(self.plant, s.candidate) for s in step.near[1:]],
             near_places=[s.candidate.place for s in step.near],
             probabilities=[step.places[s.candidate.place] for s in step.near],
             terms=self._terms(step, place),
@@ -74,7 +72,8 @@ class Teller:
         at = self._at(step)
         for law in self.found.law_of(self.own.columns[at], self.own.fit.mean[at]):
             for p in self.gap.played:
-                series = law_series(self.plant, self.gap, law, p.run)
+                states = self.plant.trajectory(self.gap.point, p.run, fast=True)
+                series = law_series(self.plant, law, states, p.run.t_s)
                 most = max(most, float(np.abs(series).max(initial=0.0)))
         return most
 
@@ -96,19 +95,12 @@ class Teller:
         return factor.scale, slope, label, factor.state
 
 
-def side_words(place: Place, side: str) -> str:
+def words_of(plant: PlacesPlant, candidate: Candidate) -> str:
     """A place with its spring, as users read it."""
+    place = next(p for p in plant.places if p.name == candidate.place)
     if len(place.sides) < 2:
         return place.label
-    return f"{place.label}, {'X and Y' if side == BOTH else side.upper()}"
-
-
-def law_series(plant: PlacesPlant, gap: Gap, law: Law, run: GapRun) -> Array:
-    """Values of a law on the reference trajectory of a run, in the unit of the place."""
-    states = plant.trajectory(gap.point, run, fast=True)
-    return np.asarray(
-        law_values(plant, law, states, run.t_s) @ np.array([t.coefficient for t in law.terms])
-    )
+    return f"{place.label}, {'X and Y' if candidate.side == BOTH else candidate.side.upper()}"
 
 
 def parameters_told(
@@ -128,21 +120,12 @@ def parameters_told(
     return out
 
 
-def best_of_places(ranked: Sequence[Scored]) -> list[Scored]:
-    """The best candidate of each place, of candidates that come best first."""
-    best: dict[str, Scored] = {}
-    for s in ranked:
-        best.setdefault(s.candidate.place, s)
-    return list(best.values())
-
-
 def place_shares(plant: PlacesPlant, ranked: Sequence[Scored]) -> list[PlaceShare]:
     """What each place alone takes, the best of its sides, best first."""
-    places = {p.name: p for p in plant.places}
     return [
         PlaceShare(
             place=s.candidate.place, side=s.candidate.side, share=max(s.share, 0.0),
-            words=side_words(places[s.candidate.place], s.candidate.side),
+            words=words_of(plant, s.candidate),
         )
         for s in best_of_places(ranked)
     ]  # fmt: skip
@@ -150,19 +133,18 @@ def place_shares(plant: PlacesPlant, ranked: Sequence[Scored]) -> list[PlaceShar
 
 def unseen(plant: PlacesPlant, rows: FoldRows, ranked: Sequence[Scored], need: float) -> list[str]:
     """For each place the size of a constant law that would take `need` off the sum of squares."""
-    places = {p.name: p for p in plant.places}
-    kept = rows.fold >= 0
+    kept, best = rows.fold >= 0, {s.candidate.place: s.candidate for s in best_of_places(ranked)}
     out = []
-    for s in sorted(best_of_places(ranked), key=lambda s: list(places).index(s.candidate.place)):
-        place = places[s.candidate.place]
-        a = rows.responses[s.candidate.groups[0]][:, kept].astype(np.float64).sum(axis=0)
+    for place in (p for p in plant.places if p.name in best):
+        words = words_of(plant, best[place.name])
+        a = rows.responses[best[place.name].groups[0]][:, kept].astype(np.float64).sum(axis=0)
         square = float(a @ a)
         if square <= 0.0:
-            out.append(f"{side_words(place, s.candidate.side)}: nothing, whatever its size")
+            out.append(f"{words}: nothing, whatever its size")
             continue
         size = place.scale * np.sqrt(need / square)
         text = f"{100 * size:.2g} %" if place.unit == "1" else f"{size:.2g} {place.unit}"
-        out.append(f"{side_words(place, s.candidate.side)}: less than {text}, always there")
+        out.append(f"{words}: less than {text}, always there")
     return out
 
 

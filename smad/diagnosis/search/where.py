@@ -8,16 +8,15 @@ tell them apart. A further place is sought beside those before.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 
 from smad.diagnosis.constants import Constants
 from smad.diagnosis.numerics.folds import Array, FoldRows, Index
 from smad.diagnosis.numerics.forward import Fit, Forward, fitted, forward
-from smad.diagnosis.places.candidate import Candidate
+from smad.diagnosis.places.responses import Candidate
 from smad.diagnosis.search.names import Naming, score
 from smad.diagnosis.search.odds import NAMED, Hypothesis, odds, of_places, shares, told
 from smad.diagnosis.search.refine import Refined
@@ -128,9 +127,10 @@ def where(
     ranked = scored = tuple(replace(s, share=s.share / size) for s in alone)
     while scored and len(steps) < most:
         beside = replace(left, rows=_beside(left, now))
+        laws = best_of_places(scored)
         step = step_of(
-            scored, constants, taken=taken, size=size, naming=naming, noise=least, left=beside,
-            gains=_HeldOut(left, now), effects_stand=effects_stand,
+            laws, _gains(left, now, laws), constants, taken=taken, size=size, naming=naming,
+            noise=least, left=beside, effects_stand=effects_stand,
         )  # fmt: skip
         if density_gained(beside, step.gains) < least:
             break
@@ -145,39 +145,50 @@ def where(
         else:
             now = np.concatenate([now, step.chosen.columns])
         naming = without_named(naming, step)
-        told = {s.chosen.candidate.place for s in steps}
-        rest = [c for c in candidates if c.place not in told]
+        rest = not_told(candidates, steps)
         scored = _scored(left, now, rest, size=size, before=entries, least=taken)
     return Where(size, ranked, tuple(steps))
 
 
+def best_of_places(ranked: Sequence[Scored]) -> list[Scored]:
+    """The best candidate of each place, of candidates that come best first."""
+    best: dict[str, Scored] = {}
+    for s in ranked:
+        best.setdefault(s.candidate.place, s)
+    return list(best.values())
+
+
+def not_told(candidates: Sequence[Candidate], steps: Sequence[Step]) -> list[Candidate]:
+    """Those of places that no step has told."""
+    told = {s.chosen.candidate.place for s in steps}
+    return [c for c in candidates if c.place not in told]
+
+
 def step_of(
-    scored: Sequence[Scored],
+    best: Sequence[Scored],
+    gains: Sequence[Array],
     constants: Constants,
     *,
     taken: float,
     size: float,
     naming: Naming | None,
-    gains: Callable[[Scored], Array],
     noise: float,
     left: FoldRows,
     effects_stand: bool = False,
 ) -> Step:
     """The step that the likeliest place makes, with its likeliest effect.
 
-    Hypotheses are the best law of each place, and effects of the library refined by replay, each at
-    the one of its places whose law takes most. `gains` are what a law takes of each channel, held
-    out, of the rows `left`. An effect is the name when it has `NAMED` of the probability.
+    Hypotheses are the `best` law of each place, and effects of the library refined by replay, each
+    at the one of its places whose law takes most. `gains` are what a law takes of each channel,
+    held out, of the rows `left`. An effect is the name when it has `NAMED` of the probability.
     Where only laws stand, places count whose own law adds to the rows.
     """
-    laws: dict[str, Scored] = {}
-    for s in scored:
-        laws.setdefault(s.candidate.place, s)
-    taken_by = {p: gains(s) for p, s in laws.items()}
+    laws = {s.candidate.place: s for s in best}
+    taken_by = dict(zip(laws, gains, strict=True))
     if not effects_stand:
         adds = {p for p, g in taken_by.items() if density_gained(left, g) >= noise}
         laws = {p: s for p, s in laws.items() if p in adds} or laws
-    found = [] if naming is None else naming.likely(left.rows)
+    found = [] if naming is None else naming.refine(naming.effects, left.rows)
     square = left.by_channel(left.rows)
     hypotheses = [Hypothesis(place=p, gains=taken_by[p]) for p in laws]
     entries: dict[str, Refined] = {}
@@ -228,21 +239,11 @@ def density_gained(rows: FoldRows, gains: Array) -> float:
     return float(np.sum(gains / np.maximum(after / np.maximum(count, 1.0), 1.0)))
 
 
-@dataclass(frozen=True)
-class _HeldOut:
+def _gains(rows: FoldRows, now: Index, laws: Sequence[Scored]) -> list[Array]:
     """What laws take of each channel of rows they were not fitted to, beside responses `now`."""
-
-    rows: FoldRows
-    now: Index
-
-    def __call__(self, one: Scored) -> Array:
-        """That of one law, (channels,)."""
-        both = np.concatenate([self.now, np.setdiff1d(one.columns, self.now)])
-        return self._before - self.rows.by_channel(left_out(self.rows, both))
-
-    @cached_property
-    def _before(self) -> Array:
-        return self.rows.by_channel(left_out(self.rows, self.now))
+    before = rows.by_channel(left_out(rows, now))
+    beside = (np.concatenate([now, np.setdiff1d(s.columns, now)]) for s in laws)
+    return [before - rows.by_channel(left_out(rows, columns)) for columns in beside]
 
 
 def left_out(rows: FoldRows, columns: Index) -> Array:
@@ -278,16 +279,25 @@ def _scored(
     """Candidates beside the responses `now`, best first; `before` was taken off the rows."""
     out = []
     for c in candidates:
-        always = np.setdiff1d(c.groups[0], now)
-        free = np.setdiff1d(np.unique(c.groups[1:]), always)
-        start = np.concatenate([now, always])
-        products = rows.products(free, start)
-        groups = len(start) + np.searchsorted(free, c.groups[1:])
-        found = forward(products, groups, worth_of(c), depth=MOST_TERMS, before=len(start))
+        found = selected(rows, np.concatenate([now, np.setdiff1d(c.groups[0], now)]), c)
         out.append(Scored(c, found, max(before + found.best / size, least)))
     return tuple(
         sorted(out, key=lambda s: (-worth_of_side(s), s.candidate.place, s.candidate.side))
     )
+
+
+def selected(rows: FoldRows, always: Index, c: Candidate, shift: int = 0) -> Forward:
+    """The terms of a candidate that take most beside the responses that are `always` in.
+
+    Its responses begin `shift` later; a term of which one is in already is not asked.
+    """
+    numbers = c.groups[1:] + shift
+    groups = np.flatnonzero(~np.isin(numbers, always).any(axis=1))
+    free = np.unique(numbers[groups])
+    asked = len(always) + np.searchsorted(free, numbers[groups])
+    products = rows.products(free, always)
+    found = forward(products, asked, worth_of(c)[groups], depth=MOST_TERMS, before=len(always))
+    return replace(found, chosen=tuple(int(groups[g]) for g in found.chosen))
 
 
 def worth_of_side(s: Scored) -> float:

@@ -7,7 +7,7 @@ import pytest
 
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.numerics.folds import FoldRows
-from smad.diagnosis.places.candidate import Candidate
+from smad.diagnosis.places.responses import Candidate
 from smad.diagnosis.plant import Effect
 from smad.diagnosis.search.names import Naming
 from smad.diagnosis.search.refine import Refined
