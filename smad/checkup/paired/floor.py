@@ -8,7 +8,7 @@ bin for each output. A regime with few rows leans on its output's other regimes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,12 +26,11 @@ _GAUGES = (0.9, 2.0)
 
 
 @dataclass(frozen=True)
-class Deviations:
-    """One run's repeats: deviations from their mean, scaled to the spread of a single one.
+class Deviation:
+    """A repeat's deviation from the mean of its run, scaled to the spread of a single one.
 
-    `values` (repeats, bins, channels), `valid` likewise, `regime` (bins, channels) as numbers,
-    `day` (directions, bins, channels). `free` is how many of the repeats are independent of the
-    mean: one less than there are.
+    `values`, `valid` and `regime` as numbers are (bins, channels), `day` is (directions, bins,
+    channels).
     """
 
     values: Array
@@ -39,9 +38,9 @@ class Deviations:
     regime: Array
     day: Array
 
-    @property
-    def free(self) -> int:
-        return max(len(self.values) - 1, 0)
+    def of_regime(self, sd: Array) -> Array:
+        """Of standard deviations (channels, regimes) those of each bin, (bins, channels)."""
+        return np.asarray(sd[np.arange(len(sd))[None, :], self.regime])
 
 
 @dataclass(frozen=True)
@@ -66,37 +65,34 @@ class Floor:
 
 
 def repeat_floor(
-    groups: Sequence[Deviations], regimes: int, least: Array, usual_day: Array
+    repeats: Sequence[Deviation], degrees: int, regimes: int, least: Array, usual_day: Array
 ) -> Floor:
-    """The floor from repeats; `least` is a channel's smallest believed sd, and its usual one where
-    nothing was repeated. `usual_day` is the spread of each day direction before any repeat."""
+    """The floor from repeats, of which `degrees` are independent of the means.
+
+    `least` is a channel's smallest believed sd, and its usual one where nothing was repeated.
+    `usual_day` is the spread of each day direction before any repeat.
+    """
     channels = len(least)
-    degrees = sum(g.free for g in groups)
     sd = np.tile(4.0 * least[:, None], (1, regimes))
     rho, day_sd = np.full(channels, 0.5), usual_day.copy()
     if degrees == 0:
         return Floor(sd, rho, day_sd, 0, np.ones(channels))
     for _ in range(_ROUNDS):
-        left, squares, number = [], np.zeros_like(day_sd), 0.0
-        for g in groups:
-            if not g.free:
-                continue
-            scale = sd[np.arange(channels)[None, :], g.regime]
-            for values, valid in zip(g.values, g.valid, strict=True):
-                # Correlated rows tell as much as (1 − ρ)/(1 + ρ) of them.
-                share = np.sqrt((1.0 - rho) / (1.0 + rho))
-                weight = np.where(valid, share / scale, 0.0)
-                coefficient, variance = _day(values, weight, g.day, day_sd)
-                rest = values - np.tensordot(coefficient, g.day, axes=1)
-                left.append((rest, valid, g.regime))
-                squares += coefficient**2 + variance
-                number += 1.0
+        left, squares = list[Deviation](), np.zeros_like(day_sd)
+        for d in repeats:
+            # Correlated rows tell as much as (1 − ρ)/(1 + ρ) of them.
+            share = np.sqrt((1.0 - rho) / (1.0 + rho))
+            weight = np.where(d.valid, share / d.of_regime(sd), 0.0)
+            coefficient, variance = _day(d.values, weight, d.day, day_sd)
+            rest = d.values - np.tensordot(coefficient, d.day, axes=1)
+            left.append(replace(d, values=rest))
+            squares += coefficient**2 + variance
         sd = _pooled(left, regimes, least)
         rho = _correlation(left, sd)
-        day_sd = np.sqrt((squares + _PSEUDO * usual_day**2) / (number + _PSEUDO))
+        day_sd = np.sqrt((squares + _PSEUDO * usual_day**2) / (len(repeats) + _PSEUDO))
     # A variance of few degrees of freedom is often too small: that of a t distribution.
     few = np.sqrt((degrees + _T) / max(degrees + _T - 2.0, 1.0))
-    gauge = few * _gauge(groups, sd, rho, day_sd)
+    gauge = few * _gauge(repeats, sd, rho, day_sd)
     return Floor(sd, rho, day_sd, degrees, gauge)
 
 
@@ -109,42 +105,37 @@ def _day(values: Array, weight: Array, day: Array, day_sd: Array) -> tuple[Array
     return np.asarray(inverse @ (X @ y)), np.diag(inverse)
 
 
-def _gauge(groups: Sequence[Deviations], sd: Array, rho: Array, day_sd: Array) -> Array:
+def _gauge(repeats: Sequence[Deviation], sd: Array, rho: Array, day_sd: Array) -> Array:
     """Root mean square of the repeats' own white rows, (channels,), within `_GAUGES`."""
-    channels = len(rho)
-    total, count = np.full(channels, _GAUGE_ROWS), np.full(channels, _GAUGE_ROWS)
-    for g in groups:
-        if not g.free:
-            continue
-        scale = sd[np.arange(channels)[None, :], g.regime]
-        for values, valid in zip(g.values, g.valid, strict=True):
-            own = with_day_form(scale, g.day, day_sd)
-            rows = RunRows(own, valid, g.day, day_sd, rho)
-            white = rows.shrink(rows.independent(values[None]))[0].reshape(values.shape)
-            total = total + (white**2 * valid).sum(axis=0)
-            count += valid.sum(axis=0)
+    total, count = np.full(len(rho), _GAUGE_ROWS), np.full(len(rho), _GAUGE_ROWS)
+    for d in repeats:
+        own = with_day_form(d.of_regime(sd), d.day, day_sd)
+        rows = RunRows(own, d.valid, d.day, day_sd, rho)
+        white = rows.shrink(rows.independent(d.values[None]))[0].reshape(d.values.shape)
+        total = total + (white**2 * d.valid).sum(axis=0)
+        count += d.valid.sum(axis=0)
     return np.asarray(np.clip(np.sqrt(total / count), *_GAUGES))
 
 
-def _pooled(left: Sequence[tuple[Array, Mask, Array]], regimes: int, least: Array) -> Array:
+def _pooled(left: Sequence[Deviation], regimes: int, least: Array) -> Array:
     channels = len(least)
     total, count = np.zeros((channels, regimes)), np.zeros((channels, regimes))
-    for rest, valid, regime in left:
+    for d in left:
         for c in range(channels):
-            good = valid[:, c]
-            total[c] += np.bincount(regime[good, c], rest[good, c] ** 2, minlength=regimes)
-            count[c] += np.bincount(regime[good, c], minlength=regimes)
+            good = d.valid[:, c]
+            regime, rest = d.regime[good, c], d.values[good, c]
+            total[c] += np.bincount(regime, rest**2, minlength=regimes)
+            count[c] += np.bincount(regime, minlength=regimes)
     whole = total.sum(axis=1) / np.maximum(count.sum(axis=1), 1.0)
     mean = (total + _LEAN_ROWS * whole[:, None]) / (count + _LEAN_ROWS)
     bottom = np.maximum(least, _LEAST_SHARE * np.sqrt(whole))
     return np.asarray(np.maximum(np.sqrt(mean), bottom[:, None]))
 
 
-def _correlation(left: Sequence[tuple[Array, Mask, Array]], sd: Array) -> Array:
-    channels = len(sd)
-    product, square = np.zeros(channels), np.full(channels, 1e-12)
-    for rest, valid, regime in left:
-        e = np.where(valid, rest / sd[np.arange(channels)[None, :], regime], 0.0)
+def _correlation(left: Sequence[Deviation], sd: Array) -> Array:
+    product, square = np.zeros(len(sd)), np.full(len(sd), 1e-12)
+    for d in left:
+        e = np.where(d.valid, d.values / d.of_regime(sd), 0.0)
         product += (e[1:] * e[:-1]).sum(axis=0)
         square += (e**2).sum(axis=0)
     return np.asarray(np.clip(product / square, 0.0, _MOST_RHO))

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from smad.checkup.paired.floor import Deviations, Floor, repeat_floor
+from smad.checkup.paired.floor import Deviation, Floor, repeat_floor
 from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.data.played import (
     Atom,
@@ -139,7 +139,7 @@ def reference_from(
     base = predictions(plant, point, played)
     atoms, found = signatures(plant, point, played, progress)
     runs: list[RunReference] = []
-    deviations: list[Deviations] = []
+    deviations: list[Deviation] = []
     regimes = 1
     for k, (group, r) in enumerate(zip(groups, repeated, strict=True)):
         moved = np.array([carried(plant, J[k], around, r.middle) for around in r.around])
@@ -147,9 +147,13 @@ def reference_from(
         mean, count = r.mean(values)
         regime, own = regime_numbers(plant, group[0], r.played.bins, r.played.start_s)
         regimes = max(regimes, own)
-        inflate = np.sqrt(count / np.maximum(count - 1, 1))
+        off = (values - mean) * np.sqrt(count / np.maximum(count - 1, 1))
         day = day_directions(plant, J[k], base[k])
-        deviations.append(Deviations((values - mean) * inflate, r.valid & (count > 1), regime, day))
+        if len(group) > 1:
+            deviations += [
+                Deviation(one, valid, regime, day)
+                for one, valid in zip(off, r.valid & (count > 1), strict=True)
+            ]
         runs.append(
             RunReference(
                 name=group[0].name, played=r.played, mean=mean, valid=count > 0, count=count,
@@ -158,8 +162,9 @@ def reference_from(
             )
         )  # fmt: skip
     return Reference(
-        runs=tuple(runs), point=point, floor=repeat_floor(deviations, regimes, least,
-        usual_day(plant)), atoms=tuple(atoms), repeats=min(len(g) for g in groups),
+        runs=tuple(runs), point=point, atoms=tuple(atoms), repeats=min(len(g) for g in groups),
+        floor=repeat_floor(deviations, sum(len(g) - 1 for g in groups), regimes, least,
+                           usual_day(plant)),
         responses=responses(plant, point, played, progress=progress),
     )  # fmt: skip
 

@@ -1,7 +1,7 @@
 """Inner products of rows and responses by fold: all that linear inference needs of the data.
 
 Rows r (n,) are explained by responses A (k, n) with coefficients x (k,): r ≈ Aᵀx. Every estimate
-and its share of held-out rows follow from AAᵀ, Ar and rᵀr of each fold.
+and what it takes of held-out rows follow from AAᵀ and Ar of each fold.
 """
 
 from __future__ import annotations
@@ -19,22 +19,21 @@ Index = NDArray[np.intp]
 class FoldProducts:
     """Inner products of f folds and k responses.
 
-    `gram` (f, k, k) is AAᵀ, `against` (f, k) is Ar and `square` (f,) is rᵀr of each fold.
+    `gram` (f, k, k) is AAᵀ and `against` (f, k) is Ar of each fold.
     """
 
     gram: Array
     against: Array
-    square: Array
 
     @property
     def folds(self) -> int:
         """How many folds there are."""
-        return len(self.square)
+        return len(self.gram)
 
     def without(self, *folds: int) -> FoldProducts:
         """The products of the other folds."""
         kept = ~np.isin(np.arange(self.folds), folds)
-        return FoldProducts(self.gram[kept], self.against[kept], self.square[kept])
+        return FoldProducts(self.gram[kept], self.against[kept])
 
 
 @dataclass(frozen=True)
@@ -77,9 +76,8 @@ class FoldRows:
         A = self.responses[chosen].astype(np.float64)
         k = len(chosen)
         gram, against = np.zeros((self.folds, k, k)), np.zeros((self.folds, k))
-        square = np.zeros(self.folds)
         for f in range(self.folds):
             own = self.fold == f
             part, r = A[:, own], self.rows[own]
-            gram[f], against[f], square[f] = part @ part.T, part @ r, r @ r
-        return FoldProducts(gram, against, square)
+            gram[f], against[f] = part @ part.T, part @ r
+        return FoldProducts(gram, against)

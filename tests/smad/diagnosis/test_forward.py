@@ -27,13 +27,14 @@ def test_products_of_all_folds_add_up_to_those_of_all_rows():
     found = products(rows)
     assert found.gram.sum(axis=0) == pytest.approx(A @ A.T)
     assert found.against.sum(axis=0) == pytest.approx(A @ rows.rows)
-    assert found.square.sum() == pytest.approx(rows.square)
 
 
 def test_rows_of_no_fold_count_nowhere():
     rows = problem(1)
     rows.fold[:100] = -1
-    assert products(rows).square.sum() == pytest.approx(rows.rows[100:] @ rows.rows[100:])
+    A = rows.responses[:, 100:].astype(float)
+    assert products(rows).against.sum(axis=0) == pytest.approx(A @ rows.rows[100:])
+    assert rows.square == pytest.approx(rows.rows[100:] @ rows.rows[100:])
     assert rows.count == 700
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from smad.diagnosis.errors import GapError
 from smad.diagnosis.plant import Effect, EffectParameter
-from smad.diagnosis.search.space import Space
+from smad.diagnosis.search.refine import Space
 
 DRAUGHT = Effect(
     name="draught", title="a draught", signals=("rtd",),
