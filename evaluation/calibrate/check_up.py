@@ -25,7 +25,7 @@ from evaluation.run.judging import Check
 from evaluation.run.manifest import read_manifest
 from evaluation.score.answers import CaseKey, Key
 from evaluation.score.openings import refuse_sealed
-from smad.checkup.judge import examined, noticed, of_parameters
+from smad.checkup.judge import Sizes, examined
 from smad.checkup.paired.difference import paired
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.search.odds import NAMED, Hypothesis, odds, of_places, told
@@ -46,25 +46,19 @@ _BINS = 5
 
 
 @dataclass(frozen=True, kw_only=True)
-class Case:
+class Case(Sizes):
     """What the rule reads of a check-up, in squares of rows, beside the truth.
 
-    `hypotheses` are those of the first step, `gain` is what the best law takes, `explained` the
-    most that a law or an effect takes.
+    `hypotheses` are those of the first step.
     """
 
     bench: str
     truth: CaseKey
-    count: int
-    ratio: float
-    gain: float
-    explained: float
-    parameters: float
     hypotheses: tuple[Hypothesis, ...]
 
     def odds(self, c: Constants) -> np.ndarray:
         """The probability of each hypothesis."""
-        return odds(self.hypotheses, c, c.most_quiet(self.count)[0])
+        return odds(self.hypotheses, c, c.quiet_gain)
 
     def places(self, c: Constants) -> dict[str, float]:
         """The probability of each place, the likeliest first."""
@@ -140,7 +134,7 @@ def _examined(bank: Path, key: Path, bench: str, place: Path) -> str:
 def chosen(cases: Sequence[Case], before: Constants) -> Constants:
     """The constants that these cases ask for."""
     c = _quiet(cases, before)
-    changed = [x for x in cases if noticed(x, c)]
+    changed = [x for x in cases if x.noticed(c)]
     tried = [msgspec.structs.replace(c, parameters_form=f) for f in FORMS]
     right = np.array([_parameters_right(changed, c) for c in tried])
     # Where several are equally good, the one in their middle.
@@ -191,8 +185,8 @@ def _is_of(name: str, case: Case) -> bool:
 
 def _parameters_right(cases: Sequence[Case], c: Constants) -> float:
     """Share of changed parameters that are told as such, and of effects that are not; their sum."""
-    own = [of_parameters(x, c) for x in cases if x.truth.kind == "parameters"]
-    other = [not of_parameters(x, c) for x in cases if x.truth.kind not in (*QUIET, "parameters")]
+    own = [x.of_parameters(c) for x in cases if x.truth.kind == "parameters"]
+    other = [not x.of_parameters(c) for x in cases if x.truth.kind not in (*QUIET, "parameters")]
     return float(sum(np.mean(some) for some in (own, other) if some))
 
 
@@ -204,12 +198,11 @@ def _quiet(cases: Sequence[Case], before: Constants) -> Constants:
     """
     quiet = [x for x in cases if x.truth.kind in QUIET]
     benches = [x.bench for x in quiet]
-    root = np.sqrt([x.count for x in quiet])
     return msgspec.structs.replace(
         before,
         quiet_variance=_rounded(float(np.median([x.ratio for x in quiet]))),
-        quiet_gain=_rounded(_limit(np.array([x.gain for x in quiet]) / root, benches)),
-        quiet_parameters=_rounded(_limit(np.array([x.parameters for x in quiet]) / root, benches)),
+        quiet_gain=_rounded(_limit(np.array([x.gain for x in quiet]), benches)),
+        quiet_parameters=_rounded(_limit(np.array([x.parameters for x in quiet]), benches)),
     )
 
 
@@ -257,7 +250,7 @@ def report(cases: Sequence[tuple[Case, Constants]]) -> list[tuple[str, str]]:
     def of(*kinds: str) -> list[tuple[Case, Constants]]:
         return [(x, c) for x, c in cases if x.truth.kind in kinds]
 
-    changed = [(x, c) for x, c in of("single", "unknown") if noticed(x, c)]
+    changed = [(x, c) for x, c in of("single", "unknown") if x.noticed(c)]
     listed = [(x, c) for x, c in changed if x.truth.kind == "single"]
     other = [(x, c) for x, c in changed if x.truth.kind == "unknown"]
     given = [(x, c) for x, c in changed if x.name(c)[1] >= NAMED]
@@ -275,12 +268,12 @@ def report(cases: Sequence[tuple[Case, Constants]]) -> list[tuple[str, str]]:
     sizes = [len(told(x.places(c), c.told_level)) for x, c in changed]
     return [
         share("quiet benches called changed", of(*QUIET),
-              noticed),
+              Case.noticed),
         share("parameters told as such, of noticed",
-              [(x, c) for x, c in of("parameters") if noticed(x, c)],
-              of_parameters),
-        share("effects noticed", of("single", "unknown"), noticed),
-        share("effects told as parameters", changed, of_parameters),
+              [(x, c) for x, c in of("parameters") if x.noticed(c)],
+              Case.of_parameters),
+        share("effects noticed", of("single", "unknown"), Case.noticed),
+        share("effects told as parameters", changed, Case.of_parameters),
         share("first place right, listed", listed, first),
         share("first place right, unlisted", other, first),
         share("told places hold the truth, listed", listed, held),

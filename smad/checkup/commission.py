@@ -7,13 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from smad.checkup.files import (
-    Found,
-    Matched,
-    match,
-    require_one_bench,
-    require_other_recordings,
-)
+from smad.checkup.files import Found, Matched, match, require_one_bench, require_other_recordings
 from smad.checkup.judge import Judged, judged
 from smad.checkup.paired.reference import Reference, reference_from
 from smad.diagnosis.errors import PairingError
@@ -26,15 +20,11 @@ from smad.diagnosis.verdict import Repeated
 _LEAST_REPEATS = 2
 
 
-def _silent(text: str) -> None:
-    pass
-
-
 @repeatable
 def commissioned(
     plant: PlantModel,
     groups: Sequence[Sequence[GapRun]],
-    progress: Callable[[str], None] = _silent,
+    progress: Callable[[str], None] = lambda text: None,
 ) -> Reference:
     """The reference of good runs, the repeats of each run of a programme in a group."""
     return reference_from(with_places(plant), groups, progress)
@@ -44,7 +34,7 @@ def checked_files(
     plant: PlantModel,
     good: Sequence[Found],
     now: Sequence[Found],
-    progress: Callable[[str], None] = _silent,
+    progress: Callable[[str], None] = lambda text: None,
 ) -> tuple[Judged, Matched]:
     """The verdict over files of a good day and of now, and what was paired with what.
 
@@ -68,7 +58,7 @@ def repeated(
     plant: PlantModel,
     good: Sequence[Found],
     runs: Sequence[Found],
-    progress: Callable[[str], None] = _silent,
+    progress: Callable[[str], None] = lambda text: None,
 ) -> Repeated | None:
     """What the runs say that repeat the inputs of known-good ones; None where none does.
 

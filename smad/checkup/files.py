@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from smad.checkup.paired.reference import input_spans
 from smad.checkup.series import cut_in
 from smad.diagnosis.data.guards import same_recording
 from smad.diagnosis.data.rows import binned, edges_s, input_difference, offset_s
@@ -208,5 +207,5 @@ def _repeats(plant: PlantModel, one: Found, other: Found) -> bool:
     both = first.covered & second.covered
     if both.mean() < 0.05:
         return False
-    off = input_difference(second, first, input_spans(plant))[both].max(axis=1)
+    off = input_difference(second, first)[both].max(axis=1)
     return bool(off.mean() < _LIKE)

@@ -17,7 +17,7 @@ from smad.checkup.paired.difference import SHARE, Paired, rows_of
 from smad.checkup.programme import Programme
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.next_run import separation
-from smad.diagnosis.numerics.white import RunRows, Shrink
+from smad.diagnosis.numerics.white import RunRows, Shrink, White
 from smad.diagnosis.plant import Array
 from smad.diagnosis.verdict import PARAMETERS, QUIET
 
@@ -118,12 +118,9 @@ def unpaired_offers(found: Judged, programme: Programme) -> list[Offer]:
     for run in programme.runs:
         if run.name not in known:
             played = Played.of(run.as_run(_WATER_DEGC, _WATER_DEGC))
-            shape = (played.bins, len(sd))
-            rows = RunRows(
-                np.broadcast_to(sd, shape), np.ones(shape, dtype=bool), np.zeros((0, *shape)),
-                np.zeros(0), floor.rho,
-            )  # fmt: skip
-            out.append(_offer(found, run.name, played, rows, np.zeros((0, sd.size * played.bins))))
+            there = np.ones((played.bins, len(sd)), dtype=bool)
+            (rows,) = White.plain(sd, [there], floor.rho).runs
+            out.append(_offer(found, run.name, played, rows, np.zeros((0, there.size))))
     return sorted(out, key=lambda o: -o.separation)
 
 

@@ -19,11 +19,11 @@ from smad.checkup.paired.reference import Reference
 from smad.checkup.told import verdict_of
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.numerics.folds import FoldRows
+from smad.diagnosis.numerics.forward import held_out
 from smad.diagnosis.numerics.threads import repeatable
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import ModelPoint, PlantModel, SavesModel, Uncertainty
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.search.contrast import with_priors
 from smad.diagnosis.search.locate import Alternative, Located, locate
 from smad.diagnosis.search.names import Naming, likely_entries
 from smad.diagnosis.search.where import MOST_PLACES
@@ -35,63 +35,51 @@ wide that it stays below 1 where nothing has."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
-    """What a check-up found before it is told.
+class Sizes:
+    """What decides whether anything has changed, and whether parameters are the answer.
 
     `gain` is what the best law of a place takes of runs left out, `explained` what the first place
     takes, be it a law or an effect, `parameters` what other values of the parameters take, in
     squares of rows; `count` are the rows and `ratio` is the mean square of one.
     """
 
-    located: Located
     gain: float
     explained: float
     parameters: float
     count: int
     ratio: float
 
+    def noticed(self, c: Constants) -> bool:
+        """Whether a check-up stands out of the repeat floor."""
+        moved = self.parameters >= c.quiet_parameters
+        return self.gain >= c.quiet_gain or moved or self.ratio >= QUIET_RATIO
+
+    def of_parameters(self, c: Constants) -> bool:
+        """Whether other values of the parameters are the answer to a change that was noticed.
+
+        The model's slopes have not the bench's form, so a change of parameters leaves something
+        that a law takes, more of a larger change: on development benches it grows with the square
+        root. The rows, whose number stands for their noise, make that a number without unit.
+        """
+        if self.parameters < c.quiet_parameters:
+            return False
+        form = c.parameters_form * np.sqrt(self.parameters * self.count)
+        return bool(self.gain < c.quiet_gain or self.explained < form)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found(Sizes):
+    """What a check-up found before it is told."""
+
+    located: Located
+
     def outcome(self, c: Constants) -> str:
         """Quiet, parameters, places, or changed without a place, by the rule of `Constants`."""
-        if not noticed(self, c):
+        if not self.noticed(c):
             return QUIET
-        if of_parameters(self, c):
+        if self.of_parameters(c):
             return PARAMETERS
         return PLACES if self.located.told else UNPLACED
-
-
-class Sizes(Protocol):
-    """What decides whether anything has changed, and whether parameters are the answer."""
-
-    @property
-    def gain(self) -> float: ...
-    @property
-    def explained(self) -> float: ...
-    @property
-    def parameters(self) -> float: ...
-    @property
-    def count(self) -> int: ...
-    @property
-    def ratio(self) -> float: ...
-
-
-def noticed(found: Sizes, c: Constants) -> bool:
-    """Whether a check-up stands out of the repeat floor."""
-    gain, parameters = c.most_quiet(found.count)
-    return found.gain >= gain or found.parameters >= parameters or found.ratio >= QUIET_RATIO
-
-
-def of_parameters(found: Sizes, c: Constants) -> bool:
-    """Whether other values of the parameters are the answer to a change that was noticed.
-
-    The model's slopes have not the bench's form, so a change of parameters leaves something that a
-    law takes, more of a larger change: on development benches it grows with the square root. The
-    rows, whose number stands for their noise, make that a number without unit.
-    """
-    gain, parameters = c.most_quiet(found.count)
-    if found.parameters < parameters:
-        return False
-    form = c.parameters_form * np.sqrt(found.parameters * found.count)
-    return bool(found.gain < gain or found.explained < form)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,7 +119,7 @@ class Judged:
     @property
     def variance(self) -> float:
         """Variance of a white row beside the places told; 1 at least."""
-        return max(self.located.left() / max(self.located.rows.count, 1), 1.0)
+        return max(self.located.left / max(self.located.rows.count, 1), 1.0)
 
     @property
     def uncertainty(self) -> Uncertainty | None:
@@ -168,7 +156,7 @@ def judged(
     pairs = paired(with_places(plant), reference, runs)
     found = examined(pairs, constants, exclude, progress)
     return Judged(pairs=pairs, verdict=verdict_of(
-        pairs, found.located, found.outcome(constants), constants.most_quiet(found.count)[0]
+        pairs, found.located, found.outcome(constants), constants.quiet_gain
     ), found=found)  # fmt: skip
 
 
@@ -180,16 +168,15 @@ def examined(
     most: int = MOST_PLACES,
 ) -> Found:
     """Everything that the rule needs of a check-up, `most` places at most."""
-    plant, reference = pairs.plant, pairs.reference
     progress("where it lies")
     naming = Naming(
-        tuple(e for e in plant.effects if e.name not in exclude),
-        partial(likely_entries, pairs, reference.atoms, pairs.signatures),
+        tuple(e for e in pairs.plant.effects if e.name not in exclude),
+        partial(likely_entries, pairs, pairs.reference.atoms, pairs.signatures),
     )
-    located = locate(pairs, plant, reference.responses, naming, constants=constants, most=most)
+    located = locate(pairs, pairs.responses, naming, constants=constants, most=most)
     kept = pairs.fold >= 0
     moved = FoldRows(pairs.untied, pairs.slopes.astype(np.float32), pairs.fold)
-    taken = with_priors(moved, np.unique(pairs.fold[kept]))
+    taken = held_out(moved.products(), np.unique(pairs.fold[kept]), prior=1.0)
     ranked, steps = located.where.ranked, located.where.steps
     best = ranked[0].share if ranked else 0.0
     first = steps[0].share if steps else 0.0

@@ -19,13 +19,7 @@ from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import ModelPoint, SavesModel, Uncertainty
 from smad.diagnosis.search.contrast import apart
 from smad.diagnosis.search.listed import Listed
-from smad.diagnosis.search.locate import name_told
-from smad.diagnosis.search.told import (
-    Teller,
-    parameters_told,
-    place_shares,
-    unseen,
-)
+from smad.diagnosis.search.told import Teller, parameters_told, place_shares, unseen
 from smad.diagnosis.search.where import WORTH_TELLING, Fits, Scored, best_of_places
 from smad.diagnosis.simulator import Asked, Held
 from smad.diagnosis.verdict import (
@@ -170,20 +164,15 @@ def _told(plant: PlacesPlant, listing: Listed) -> list[PlaceTold]:
     _, scale = found.coefficients(last.columns)
     covariance = unit / np.outer(scale, scale) if len(scale) else np.zeros((0, 0))
     own = Fits(last.columns, Fit(last.x[n:], covariance), ())
-    teller = Teller(plant, gap, found, own)
-    out = []
-    for step, share in zip(listing.steps, listing.shares, strict=True):
-        told = teller.told(step, share, in_simulator=True)
-        out.append(msgspec.structs.replace(told, **name_told(step)))
-    return out
+    teller = Teller(gap, found, own)
+    return [
+        teller.told(step, share, in_simulator=True)
+        for step, share in zip(listing.steps, listing.shares, strict=True)
+    ]
 
 
 def _by_run(
-    asked: Asked,
-    rows: FoldRows,
-    of_row: Index,
-    columns: Sequence[Index],
-    gaps: Array,
+    asked: Asked, rows: FoldRows, of_row: Index, columns: Sequence[Index], gaps: Array
 ) -> list[RunGap]:
     alone = asked.fit < 2
     out = []
@@ -200,10 +189,7 @@ def _by_run(
 
 
 def _models(
-    plant: PlacesPlant,
-    points: Sequence[ModelPoint],
-    uncertain: Sequence[Uncertainty],
-    note: str,
+    plant: PlacesPlant, points: Sequence[ModelPoint], uncertain: Sequence[Uncertainty], note: str
 ) -> list[str]:
     """The models as the plant writes them, as text; none for a plant that writes no files."""
     if not isinstance(plant, SavesModel):

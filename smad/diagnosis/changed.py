@@ -15,10 +15,11 @@ import numpy as np
 from smad.diagnosis.data.played import slopes
 from smad.diagnosis.gap import Measured, Residual, by_itself, kept_in, neighbours, row_scale
 from smad.diagnosis.numerics.folds import Array, FoldRows
+from smad.diagnosis.numerics.forward import held_out
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses, responses
 from smad.diagnosis.plant import traits_of
-from smad.diagnosis.search.contrast import Contrast, contrast, with_priors
+from smad.diagnosis.search.contrast import Contrast, contrast
 from smad.diagnosis.search.listed import Listed, listed
 from smad.diagnosis.search.names import naming_at
 from smad.diagnosis.search.settle import Settler
@@ -71,7 +72,7 @@ def changed(asked: Asked) -> Changed:
     at = np.flatnonzero((joint.run_of_row >= len(asked.good)) & (joint.fold >= 0))
     asked.say("what is new")
     moved = FoldRows(joint.z, joint.rows(kept_in(only, J)).astype(np.float32), joint.fold)
-    parameters = with_priors(moved, np.unique(joint.fold[at])) / max(
+    parameters = held_out(moved.products(), np.unique(joint.fold[at]), prior=1.0) / max(
         float(joint.z[at] @ joint.z[at]), 1e-12
     )
     news = contrast(

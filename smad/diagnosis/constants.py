@@ -6,7 +6,6 @@ is defined, as how many terms can be read, stands where it is used.
 
 from __future__ import annotations
 
-import math
 from functools import cache
 from importlib.resources import files
 
@@ -22,10 +21,10 @@ class Constants(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     probability together.
 
     Check-ups: rows of a bench without a change have the variance `quiet_variance`. It has changed
-    when the best law takes `quiet_gain` times the root of the number of rows off the sum of
-    squares, or the parameters `quiet_parameters` times that. If these take that much, other values
-    of the parameters are the answer where the first place takes less than `parameters_form` times
-    the root of what they take times the number of rows.
+    when the best law takes `quiet_gain` of the sum of squares, or the parameters
+    `quiet_parameters`. If these take that much, other values of the parameters are the answer where
+    the first place takes less than `parameters_form` times the root of what they take times the
+    number of rows.
     """
 
     effect_odds: float
@@ -36,11 +35,6 @@ class Constants(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     quiet_variance: float
     quiet_gain: float
     quiet_parameters: float
-
-    def most_quiet(self, rows: int) -> tuple[float, float]:
-        """What the best law, and what the parameters take of so many rows at most, if nothing has
-        changed."""
-        return self.quiet_gain * math.sqrt(rows), self.quiet_parameters * math.sqrt(rows)
 
 
 @cache

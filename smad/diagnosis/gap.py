@@ -42,11 +42,6 @@ class Gap:
     open: tuple[Array, ...]
     counts: tuple[bool, ...]
 
-    @property
-    def kind_of_run(self) -> Sequence[int]:
-        """Which run of the responses each run is: here each has its own."""
-        return range(len(self.played))
-
     @cached_property
     def _shrink(self) -> Shrink:
         return Shrink(self.white(self.open))
@@ -88,7 +83,7 @@ class Gap:
         responses = np.zeros((copies * count, len(self.z)), dtype=np.float32)
         # A law at a time: all in double precision would be a gigabyte.
         for own in found.columns:
-            raw = [found.runs[k][own.start : own.stop].astype(np.float64) for k in self.kind_of_run]
+            raw = [r[own.start : own.stop].astype(np.float64) for r in found.runs]
             responses[own.start : own.stop] = self.rows(raw)
             if only is not None:
                 responses[count + own.start : count + own.stop] = self.rows(kept_in(only, raw))

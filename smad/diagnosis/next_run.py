@@ -39,7 +39,7 @@ def offers(
         return [], []
     step = confused[0]
     settler = listing.settler
-    plant, scale = settler.plant, settler.gap.white.runs[0].sd[0]
+    plant, scale = settler.gap.plant, settler.gap.white.runs[0].sd[0]
     base = settler.start
     points = [
         ModelPoint(settler.gap.point.theta, base.effects,

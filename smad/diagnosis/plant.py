@@ -237,3 +237,11 @@ def nominal_point(plant: PlantModel) -> ModelPoint:
 def nominal_replay(run: GapRun, plant: PlantModel) -> dict[str, Array]:
     """What the nominal model predicts of a run, by channel, (n,) each."""
     return plant.simulate(nominal_point(plant), run, fast=True)
+
+
+def moved_parameters(plant: PlantModel, start: ModelPoint, x: Array) -> dict[str, float]:
+    """Parameters so many prior standard deviations from those of a point, within their ranges."""
+    return {
+        q.name: float(np.clip(start.theta.get(q.name, q.nominal) + q.prior_sd * v, q.low, q.high))
+        for q, v in zip(plant.parameters, x, strict=True)
+    }

@@ -8,12 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from smad.checkup.paired.reference import (
-    Reference,
-    RunReference,
-    day_directions,
-    input_spans,
-)
+from smad.checkup.paired.reference import Reference, RunReference, day_directions
 from smad.diagnosis.data.played import Played, predictions, scaled_signatures
 from smad.diagnosis.data.rows import (
     binned,
@@ -26,7 +21,16 @@ from smad.diagnosis.errors import PairingError
 from smad.diagnosis.gap import Gap
 from smad.diagnosis.numerics.white import RunRows, White
 from smad.diagnosis.places.place import PlacesPlant
-from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, Uncertainty, traits_of
+from smad.diagnosis.places.responses import Responses
+from smad.diagnosis.plant import (
+    Array,
+    Mask,
+    ModelPoint,
+    PlantModel,
+    Uncertainty,
+    moved_parameters,
+    traits_of,
+)
 from smad.diagnosis.runs import GapRun
 
 SHARE = 0.05
@@ -75,19 +79,17 @@ class Paired(Gap):
         J, own = self.slopes, self.plant.parameters
         covariance = np.linalg.inv(J @ J.T + np.eye(len(J)))
         sd = np.array([q.prior_sd for q in own])
-        theta = {
-            q.name: float(np.clip(self.point.theta.get(q.name, q.nominal) + x, q.low, q.high))
-            for q, x in zip(own, sd * (covariance @ (J @ self.untied)), strict=True)
-        }
+        theta = moved_parameters(self.plant, self.point, covariance @ (J @ self.untied))
         names = tuple(q.name for q in own)
         point = replace(self.point, theta=theta)
         return point, Uncertainty(names, sd[:, None] * covariance * sd)
 
     @property
-    def kind_of_run(self) -> list[int]:
-        """The run of the reference that each pair repeats."""
-        names = [r.name for r in self.reference.runs]
-        return [names.index(p.reference.name) for p in self.pairs]
+    def responses(self) -> Responses:
+        """Responses of the run that each pair repeats."""
+        known = self.reference.responses
+        of_run = {r.name: x for r, x in zip(self.reference.runs, known.runs, strict=True)}
+        return replace(known, runs=tuple(of_run[p.reference.name] for p in self.pairs))
 
     @cached_property
     def signatures(self) -> Array:
@@ -95,25 +97,15 @@ class Paired(Gap):
 
         Those of runs with other inputs are made anew for these.
         """
-        other = [i for i, p in enumerate(self.pairs) if p.carried]
-        found = [p.reference.signatures for p in self.pairs]
-        own = scaled_signatures(
-            self.plant,
-            self.reference.point,
-            [self.pairs[i].played for i in other],
-            [self.pairs[i].base for i in other],
-            self.reference.atoms,
-        )
-        for i, signature in zip(other, own, strict=True):
-            found[i] = signature
-        return self.rows(found)
+        atoms = self.reference.atoms
+        return self.rows([
+            scaled_signatures(self.plant, self.point, p.played, p.base, atoms)
+            if p.carried else p.reference.signatures
+            for p in self.pairs
+        ])  # fmt: skip
 
 
-def paired(
-    plant: PlacesPlant,
-    reference: Reference,
-    runs: Sequence[tuple[GapRun, str]],
-) -> Paired:
+def paired(plant: PlacesPlant, reference: Reference, runs: Sequence[tuple[GapRun, str]]) -> Paired:
     """Pairs of `runs`, each with the name of the run of the reference that it repeats.
 
     Raises PairingError for inputs that differ too much and when too little is left to judge.
@@ -142,11 +134,10 @@ def paired(
 def _pair(plant: PlantModel, reference: Reference, run: GapRun, then: RunReference) -> Pair:
     start = then.played.start_s + offset_s(run, then.played.whole)
     now = binned(run, then.played.bins, plant, start)
-    spans = input_spans(plant)
-    now = without_other_end(now, then.inputs, spans)
-    require_like_inputs(now, then.inputs, spans)
+    now = without_other_end(now, then.inputs)
+    require_like_inputs(now, then.inputs)
     around = run.at_start(traits_of(plant).environment.values())
-    other = not same_inputs(now, then.inputs, spans)
+    other = not same_inputs(now, then.inputs)
     difference = now.values - then.mean
     played, base = then.played, then.base
     again = _again(then, run if other else None, around, start)

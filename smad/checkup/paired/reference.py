@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +18,7 @@ from smad.diagnosis.data.played import (
     signatures,
     slopes,
 )
-from smad.diagnosis.data.rows import (
-    Binned,
-    bin_numbers,
-    binned,
-    offset_s,
-    require_like_inputs,
-)
+from smad.diagnosis.data.rows import Binned, bin_numbers, binned, offset_s, require_like_inputs
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses, responses
 from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, nominal_point, traits_of
@@ -68,11 +61,6 @@ class Reference:
     atoms: tuple[Atom, ...]
     repeats: int
     responses: Responses
-
-
-def input_spans(plant: PlantModel) -> Array:
-    """Width of the range of each input, (inputs,)."""
-    return np.array([s.high - s.low for s in plant.inputs])
 
 
 def carried(
@@ -157,7 +145,7 @@ def reference_from(
         runs.append(
             RunReference(
                 name=group[0].name, played=r.played, mean=mean, valid=count > 0, count=count,
-                inputs=r.repeats[0], regime=regime, around=r.middle, base=base[k], slopes=J[k],
+                inputs=r.first, regime=regime, around=r.middle, base=base[k], slopes=J[k],
                 signatures=found[k],
             )
         )  # fmt: skip
@@ -169,24 +157,19 @@ def reference_from(
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Repeats:
-    """Repeats of one run on the grid of the first, each with what its surroundings showed."""
+    """Repeats of one run on the grid of the first, each with what its surroundings showed.
+
+    `values` are readings (repeats, bins, channels), `valid` which of them count.
+    """
 
     played: Played
-    repeats: list[Binned]
+    first: Binned
+    values: Array
+    valid: Mask
     around: list[dict[str, float]]
     middle: dict[str, float]
-
-    @cached_property
-    def values(self) -> Array:
-        """Readings, (repeats, bins, channels)."""
-        return np.array([b.values for b in self.repeats])
-
-    @cached_property
-    def valid(self) -> Mask:
-        """Which of them count."""
-        return np.array([b.valid for b in self.repeats])
 
     def mean(self, values: Array) -> tuple[Array, Array]:
         """Mean of such values where they count, and over how many, both (bins, channels)."""
@@ -202,10 +185,10 @@ def _on_one_grid(plant: PlantModel, group: Sequence[GapRun]) -> _Repeats:
     middle = {n: float(np.mean([a[n] for a in around])) for n in sorted(shared)}
     shown = {c: np.full(len(first.t_s), v) for c, v in middle.items()}
     played = Played.of(GapRun(first.name, first.t_s, first.inputs, shown), start_s)
-    repeats: list[Binned] = []
-    for run in group:
-        start = start_s + offset_s(run, first)
-        repeats.append(binned(run, played.bins, plant, start))
-        if len(repeats) > 1:
-            require_like_inputs(repeats[-1], repeats[0], input_spans(plant))
-    return _Repeats(played, repeats, around, middle)
+    repeats = [binned(r, played.bins, plant, start_s + offset_s(r, first)) for r in group]
+    for other in repeats[1:]:
+        require_like_inputs(other, repeats[0])
+    return _Repeats(
+        played=played, first=repeats[0], values=np.array([b.values for b in repeats]),
+        valid=np.array([b.valid for b in repeats]), around=around, middle=middle,
+    )  # fmt: skip

@@ -13,7 +13,7 @@ import numpy as np
 
 from smad.diagnosis.data.grid import PERIOD_S, thinned
 from smad.diagnosis.data.rows import bin_numbers
-from smad.diagnosis.plant import Array, Effect, Mask, ModelPoint, PlantModel
+from smad.diagnosis.plant import Array, Effect, Mask, ModelPoint, PlantModel, moved_parameters
 from smad.diagnosis.runs import GapRun
 
 LEVELS = (0.3, 1.0, 3.0, 10.0)
@@ -136,13 +136,7 @@ def reference_point(
     offset = np.zeros(len(parameters))
     best, best_cost = start, np.inf
     for _ in range(_ROUNDS + 1):
-        theta = {
-            q.name: float(
-                np.clip(start.theta.get(q.name, q.nominal) + q.prior_sd * x, q.low, q.high)
-            )
-            for q, x in zip(parameters, offset, strict=True)
-        }
-        point = ModelPoint(theta, start.effects)
+        point = ModelPoint(moved_parameters(plant, start, offset), start.effects)
         base = predictions(plant, point, runs)
         if not finite(base):
             break
@@ -223,29 +217,23 @@ def signatures(
 
 
 def scaled_signatures(
-    plant: PlantModel,
-    point: ModelPoint,
-    runs: Sequence[Played],
-    bases: Sequence[Array],
-    atoms: Sequence[Atom],
-) -> list[Array]:
-    """Signatures of atoms at the inputs of other runs, quickly; as `signatures`.
+    plant: PlantModel, point: ModelPoint, played: Played, base: Array, atoms: Sequence[Atom]
+) -> Array:
+    """Signatures of atoms at the inputs of another run, quickly, float32; (atoms, bins, channels).
 
     One replay tells all atoms of a strength and a sign: it is scaled with the level, and shapes are
     typical. Good enough to choose what is refined by replay.
     """
-    found = [np.zeros((len(atoms), *b.shape), dtype=np.float32) for b in bases]
+    out = np.zeros((len(atoms), *base.shape), dtype=np.float32)
     alike: dict[tuple[str, str, float], list[int]] = {}
     for i, a in enumerate(atoms):
         alike.setdefault((a.entry, a.strength, float(np.sign(a.level))), []).append(i)
     for (entry, _, sign), members in alike.items():
-        usual = [i for i in members if atoms[i].variant == "typical"]
-        one = min(usual, key=lambda i: abs(atoms[i].level - sign))
-        at = replace(point, effects={**point.effects, entry: atoms[one].values})
-        changed = predictions(plant, at, runs)
-        if not finite(changed):
-            continue
-        levels = np.array([atoms[i].level / atoms[one].level for i in members])
-        for own, new, old in zip(found, changed, bases, strict=True):
-            own[members] = levels[:, None, None] * (new - old)
-    return found
+        usual = [atoms[i] for i in members if atoms[i].variant == "typical"]
+        one = min(usual, key=lambda a: abs(a.level - sign))
+        at = replace(point, effects={**point.effects, entry: one.values})
+        (changed,) = predictions(plant, at, [played])
+        if finite([changed]):
+            levels = np.array([atoms[i].level / one.level for i in members])
+            out[members] = levels[:, None, None] * (changed - base)
+    return out

@@ -22,7 +22,8 @@ _NEARLY = 0.1
 class Binned:
     """One run on the grid: means and whether they count, both (bins, channels).
 
-    `inputs` are the means of the inputs (bins, inputs); bins that were not recorded are 0.
+    `inputs` are the means of the inputs over their ranges (bins, inputs); bins that were not
+    recorded are 0.
     """
 
     name: str
@@ -110,20 +111,21 @@ def binned(
     applied = np.zeros((bins, len(plant.inputs)))
     for i, signal in enumerate(plant.inputs):
         if signal.name in run.inputs:
-            applied[:, i] = mean(np.asarray(run.inputs[signal.name], float), everything)[0]
+            means, _ = mean(np.asarray(run.inputs[signal.name], float), everything)
+            applied[:, i] = means / (signal.high - signal.low)
     covered = np.bincount(at, minlength=bins) >= whole
     return Binned(run.name, values, valid, applied, covered)
 
 
-def input_difference(now: Binned, reference: Binned, spans: Array) -> Array:
-    """|difference| of the inputs over their spans, in bins that both recorded; (bins, inputs)."""
+def input_difference(now: Binned, reference: Binned) -> Array:
+    """|difference| of the inputs over their ranges, in bins that both recorded; (bins, inputs)."""
     both = now.covered & reference.covered
-    return np.where(both[:, None], np.abs(now.inputs - reference.inputs) / spans, 0.0)
+    return np.where(both[:, None], np.abs(now.inputs - reference.inputs), 0.0)
 
 
-def without_other_end(now: Binned, reference: Binned, spans: Array) -> Binned:
+def without_other_end(now: Binned, reference: Binned) -> Binned:
     """The run up to where its inputs leave the reference's for good, as after an early end."""
-    other = input_difference(now, reference, spans).max(axis=1) > _OTHER_INPUT
+    other = input_difference(now, reference).max(axis=1) > _OTHER_INPUT
     covered = np.flatnonzero(now.covered & reference.covered)
     alike = np.flatnonzero(now.covered & reference.covered & ~other)
     if not len(alike) or alike[-1] == covered[-1]:
@@ -132,19 +134,19 @@ def without_other_end(now: Binned, reference: Binned, spans: Array) -> Binned:
     return replace(now, valid=now.valid & kept[:, None], covered=now.covered & kept)
 
 
-def same_inputs(now: Binned, reference: Binned, spans: Array) -> bool:
+def same_inputs(now: Binned, reference: Binned) -> bool:
     """Whether nothing has to be carried over: inputs equal within 2 % but for single bins.
 
     Those are edges that fall a little elsewhere within their bin.
     """
-    off = input_difference(now, reference, spans).max(axis=1)
+    off = input_difference(now, reference).max(axis=1)
     return bool(np.mean(off > _SAME_INPUT) < 0.01 and off.max() < _OTHER_INPUT)
 
 
-def require_like_inputs(now: Binned, reference: Binned, spans: Array) -> None:
+def require_like_inputs(now: Binned, reference: Binned) -> None:
     """Raises PairingError when the inputs differ by more than the model can carry over."""
     both = now.covered & reference.covered
-    off = input_difference(now, reference, spans)
+    off = input_difference(now, reference)
     mean = float(off[both].max(axis=1).mean()) if both.any() else 1.0
     if mean > _OTHER_INPUT:
         raise PairingError(

@@ -70,11 +70,10 @@ class FoldRows:
         kept = self.rows[self.fold >= 0]
         return float(kept @ kept)
 
-    def products(self, columns: Index, beside: Index | None = None) -> FoldProducts:
-        """The products of some responses, in the order given; `beside` come before them."""
-        chosen = columns if beside is None else np.concatenate([beside, columns])
-        A = self.responses[chosen].astype(np.float64)
-        k = len(chosen)
+    def products(self, columns: Index | slice = slice(None)) -> FoldProducts:
+        """The products of some responses, in the order given, or of all."""
+        A = self.responses[columns].astype(np.float64)
+        k = len(A)
         gram, against = np.zeros((self.folds, k, k)), np.zeros((self.folds, k))
         for f in range(self.folds):
             own = self.fold == f

@@ -83,12 +83,27 @@ def forward(
     return Forward(taken, tuple(sorted(told, key=without)))
 
 
-def fitted(products: FoldProducts, columns: Index) -> Fit:
-    """The least-squares fit of these responses to all folds."""
+def fitted(products: FoldProducts) -> Fit:
+    """The least-squares fit of all responses to all folds."""
     gram, against = products.gram.sum(axis=0), products.against.sum(axis=0)
-    inner = gram[np.ix_(columns, columns)]
-    inverse = np.linalg.inv(inner + np.diag(_RIDGE * np.diag(inner) + _TINY))
-    return Fit(np.asarray(inverse @ against[columns]), np.asarray(inverse))
+    inverse = np.linalg.inv(gram + np.diag(_RIDGE * np.diag(gram) + _TINY))
+    return Fit(np.asarray(inverse @ against), np.asarray(inverse))
+
+
+def held_out(products: FoldProducts, folds: Index, prior: float | None = None) -> float:
+    """What all responses take of some folds, by coefficients fitted without them.
+
+    These are free, or have the precision `prior`.
+    """
+    gram, against = products.gram.sum(axis=0), products.against.sum(axis=0)
+    taken = 0.0
+    for f in folds:
+        G, b = products.gram[f], products.against[f]
+        inner = gram - G
+        ridge = _RIDGE * np.diag(inner) + _TINY if prior is None else np.full(len(b), prior)
+        x = np.linalg.solve(inner + np.diag(ridge), against - b)
+        taken += float(2.0 * x @ b - x @ G @ x)
+    return taken
 
 
 def _columns(groups: Index, chosen: list[int], start: Index) -> Index:

@@ -76,7 +76,7 @@ def _laws(answer: Answer) -> list[Block]:
     if listing is None or not answer.verdict.places or not listing.steps:
         return []
     settler, last = listing.settler, listing.settled[-1]
-    found = settler.found.law_of(last.columns, last.x[len(settler.plant.parameters) :])
+    found = settler.found.law_of(last.columns, last.x[len(settler.gap.plant.parameters) :])
     return figures.laws(
         settler.gap.plant,
         settler.gap.point,

@@ -15,7 +15,7 @@ from scipy import stats
 
 from smad.diagnosis.constants import Constants
 from smad.diagnosis.numerics.folds import Array, FoldRows, Index
-from smad.diagnosis.numerics.forward import Forward, fitted, forward
+from smad.diagnosis.numerics.forward import Forward, fitted, held_out
 from smad.diagnosis.places.responses import Candidate
 from smad.diagnosis.search.names import LIST_GAIN, Naming
 from smad.diagnosis.search.where import (
@@ -34,22 +34,20 @@ from smad.diagnosis.search.where import (
 
 CHANCE = 0.01
 """Runs of one kind differ as much with this probability at most."""
-_NONE = np.zeros((0, 1), dtype=np.intp)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Contrast:
     """Places whose law is another in the runs in question, the best first, alone and in steps.
 
-    A `share` is of the sum of squares of their rows, `square`. `steps` count beside those before;
-    `own` are the rows less what is common, with the responses of the runs in question, from which
-    laws of the steps are fitted.
+    A `share` is of the sum of squares of their rows. `steps` count beside those before; `own` are
+    the rows less what is common, with the responses of the runs in question, from which laws of the
+    steps are fitted.
     """
 
     ranked: tuple[Scored, ...]
     steps: tuple[Step, ...]
     own: FoldRows
-    square: float
 
 
 @dataclass(frozen=True)
@@ -76,8 +74,7 @@ def contrast(
     while a place adds a share `worth` telling, to at most `MOST_PLACES`, each of a size in the runs
     in question (`only`) that the others would have with `CHANCE` at most (`by_chance`).
     """
-    square = float(rows.rows[asked] @ rows.rows[asked])
-    search = _Search(rows, asked, max(square, 1e-12))
+    search = _Search(rows, asked, max(float(rows.rows[asked] @ rows.rows[asked]), 1e-12))
     before, steps, taken = np.zeros(0, dtype=np.intp), list[Step](), 0.0
     first = found = search.ranked(before, candidates)
     while found and len(steps) < MOST_PLACES:
@@ -99,10 +96,8 @@ def contrast(
         before = both
         naming = without_named(naming, step)
         found = search.ranked(before, not_told(candidates, steps))
-    return Contrast(
-        ranked=tuple(f.scored for f in first), steps=tuple(steps), own=search.own(before),
-        square=square,
-    )  # fmt: skip
+    ranked = tuple(f.scored for f in first)
+    return Contrast(ranked=ranked, steps=tuple(steps), own=search.own(before))
 
 
 @dataclass(frozen=True)
@@ -132,7 +127,7 @@ class _Search:
         """The rows in question less what is common in the joint fit of these responses."""
         rows, left = self.rows, self.rows.rows
         if len(columns):
-            x = fitted(rows.products(columns), np.arange(len(columns))).mean
+            x = fitted(rows.products(columns)).mean
             common = columns < self.half
             left = left - rows.responses[columns[common]].astype(np.float64).T @ x[common]
         return replace(self._own, rows=left)
@@ -153,13 +148,10 @@ class _Search:
         own = selected(self.rows, np.union1d(shared, c.groups[0] + half), c, half)
         shared = np.union1d(shared, _columns(c, own))
         both = np.concatenate([shared, c.groups[0] + half, _columns(c, own) + half])
-        added = self._held_out(both) - max(self._held_out(shared), 0.0)
+        every = np.arange(self.rows.folds)
+        taken, known = (held_out(self.rows.products(x), every) for x in (both, shared))
+        added = taken - max(known, 0.0)
         return _Found(Scored(c, own, added / self.square), both, shared)
-
-    def _held_out(self, columns: Index) -> float:
-        """What these responses take of rows that they were not fitted to."""
-        products = self.rows.products(columns)
-        return forward(products, _NONE, np.zeros(0), depth=0, before=len(columns)).best
 
 
 def _columns(c: Candidate, found: Forward) -> Index:
@@ -177,12 +169,11 @@ def by_chance(
     """
     A = rows.responses[columns].astype(np.float64)
     products = own.products(columns)
-    every = np.arange(len(columns))
     sizes, weights = np.zeros(len(only)), np.zeros(len(only))
     for k in range(len(only)):
         mine = (run_of_row == k) & (rows.fold >= 0)
         part = products.without(*np.unique(own.fold[mine & (own.fold >= 0)]))
-        shape = A[:, mine].T @ fitted(part if part.folds else products, every).mean
+        shape = A[:, mine].T @ fitted(part if part.folds else products).mean
         weights[k] = shape @ shape
         sizes[k] = shape @ own.rows[mine] / max(weights[k], 1e-12)
     shown = weights > _SHOWN * weights.max()
@@ -194,18 +185,6 @@ def by_chance(
 
 _SHOWN = 0.02
 """Of what the run with most of a law shows of it, that another must show to be counted."""
-
-
-def with_priors(rows: FoldRows, folds: Index) -> float:
-    """What responses with coefficients of prior variance 1 take of some folds, held out."""
-    products = rows.products(np.arange(len(rows.responses)))
-    gram, against = products.gram.sum(axis=0), products.against.sum(axis=0)
-    taken, unit = 0.0, np.eye(len(against))
-    for f in folds:
-        G, b = products.gram[f], products.against[f]
-        x = np.linalg.solve(gram - G + unit, against - b)
-        taken += float(2.0 * x @ b - x @ G @ x)
-    return taken
 
 
 def apart(rows: FoldRows, run_of_row: Index, columns: Sequence[Index], run: int) -> float:

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
-import msgspec
 import numpy as np
 
 from sim_device.plant.laws import Law, joined
@@ -15,7 +13,6 @@ from smad.diagnosis.constants import Constants
 from smad.diagnosis.data.played import finite, predictions
 from smad.diagnosis.gap import Gap, with_effects
 from smad.diagnosis.numerics.folds import Array, FoldRows, Index
-from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import EffectValues, Uncertainty
 from smad.diagnosis.search.names import Naming
@@ -53,20 +50,15 @@ class Located:
     where: Where
     rows: FoldRows
 
-    def left(self, places: int | None = None) -> float:
-        """What the first so many places leave of the rows' sum of squares; all, if not given."""
-        steps = self.where.steps[:places]
+    @property
+    def left(self) -> float:
+        """What all places leave of the rows' sum of squares."""
+        steps = self.where.steps
         return self.rows.square - (steps[-1].share * self.where.size if steps else 0.0)
 
 
 def locate(
-    gap: Gap,
-    plant: PlacesPlant,
-    found: Responses,
-    naming: Naming,
-    *,
-    constants: Constants,
-    most: int,
+    gap: Gap, found: Responses, naming: Naming, *, constants: Constants, most: int
 ) -> Located:
     """Search the places of a check-up, `most` of them at most.
 
@@ -75,22 +67,29 @@ def locate(
     """
     rows = gap.fold_rows(found)
     w = where(
-        rows, found.candidates(), constants, least=constants.most_quiet(rows.count)[0], most=most,
+        rows, found.candidates(), constants, least=constants.quiet_gain, most=most,
         size=rows.square - constants.quiet_variance * rows.count, naming=naming, effects_stand=True,
     )  # fmt: skip
     nearer, changes = _tried(gap, found, rows, w.steps)
     shown = nearer or w.steps[:1]
     kept = _Kept(rows, nearer)
-    laws, uncertainty = _laws(found, kept.own) if kept.own is not None else ((), None)
-    told: tuple[PlaceTold, ...] = ()
-    if shown:
-        teller = Teller(plant, gap, found, fits(rows, shown))
-        told = _told(teller, shown, in_simulator=bool(nearer))
+    names, scale = found.coefficients(kept.own.columns)
+    covariance = scale[:, None] * kept.own.fit.covariance * scale
+    teller, before = Teller(gap, found, fits(rows, shown)), (0.0, *(s.share for s in shown))
     return Located(
-        told=told,
+        told=tuple(
+            teller.told(s, s.share - b, in_simulator=bool(nearer))
+            for s, b in zip(shown, before, strict=False)
+        ),
         laws=tuple(law for s in shown for law in law_alone(found, rows, s, s.chosen)),
-        effects=kept.effects, own=laws, uncertainty=uncertainty, changes=tuple(changes),
-        alternatives=_alternatives(plant, found, rows, shown[0]) if shown else (),
+        effects={e.name: e.values for e in kept.standing},
+        own=found.law_of(kept.own.columns, kept.own.fit.mean),
+        uncertainty=Uncertainty(names, covariance) if names else None,
+        changes=tuple(changes),
+        alternatives=tuple(
+            Alternative(words_of(gap.plant, near.candidate), law_alone(found, rows, s, near))
+            for s in shown[:1] for near in s.near
+        ),
         where=w, rows=rows,
     )  # fmt: skip
 
@@ -102,71 +101,23 @@ class _Kept:
     rows: FoldRows
     steps: Sequence[Step]
 
-    @property
-    def effects(self) -> EffectValues:
-        """Values of the effects that stand."""
-        return {e.name: e.values for e in self.standing}
-
-    @property
+    @cached_property
     def standing(self) -> list[Refined]:
         """The effects that stand in place of a law."""
         return [s.entry for s in self.steps if s.stands and s.entry is not None]
 
     @cached_property
-    def own(self) -> Fits | None:
-        """The laws of the other steps, fitted beside the effects; None where all are effects."""
-        others = [s for s in self.steps if not s.stands]
-        if not others:
-            return None
+    def own(self) -> Fits:
+        """The laws of the other steps, fitted beside the effects."""
         less = sum((e.change for e in self.standing), np.zeros(len(self.rows.rows)))
-        return fits(replace(self.rows, rows=self.rows.rows - less), others)
-
-
-def _told(teller: Teller, steps: Sequence[Step], *, in_simulator: bool) -> tuple[PlaceTold, ...]:
-    out, before = [], 0.0
-    for s in steps:
-        one = teller.told(s, s.share - before, in_simulator=in_simulator)
-        out.append(msgspec.structs.replace(one, **name_told(s)))
-        before = s.share
-    return tuple(out)
-
-
-LEAST_TOLD = 0.05
-"""An effect less probable than this is not worth reading."""
-
-
-def name_told(step: Step) -> dict[str, Any]:
-    """What is told of a step's name."""
-    likely = sorted(step.effects.items(), key=lambda item: -item[1])
-    told: dict[str, Any] = {"names": {n: p for n, p in likely if p >= LEAST_TOLD}}
-    if step.entry is None:
-        return told
-    told |= {"nearest": step.entry.name, "takes": step.takes}
-    if step.named:
-        told |= {"name": step.entry.name, "values": {step.entry.name: step.entry.values}}
-    return told
+        left = replace(self.rows, rows=self.rows.rows - less)
+        return fits(left, [s for s in self.steps if not s.stands])
 
 
 def law_alone(found: Responses, rows: FoldRows, step: Step, chosen: Scored) -> tuple[Law, ...]:
     """The law that a step would have at the place of `chosen`, beside nothing else."""
     own = fits(rows, [replace(step, chosen=chosen)])
     return found.law_of(own.columns, own.fit.mean)
-
-
-def _alternatives(
-    plant: PlacesPlant, found: Responses, rows: FoldRows, step: Step
-) -> tuple[Alternative, ...]:
-    return tuple(
-        Alternative(words_of(plant, s.candidate), law_alone(found, rows, step, s))
-        for s in step.near
-    )
-
-
-def _laws(found: Responses, own: Fits) -> tuple[tuple[Law, ...], Uncertainty]:
-    """Laws for a model file, and the covariance of their coefficients by the names it has there."""
-    names, s = found.coefficients(own.columns)
-    laws = found.law_of(own.columns, own.fit.mean)
-    return laws, Uncertainty(names, s[:, None] * own.fit.covariance * s)
 
 
 def _tried(
@@ -196,10 +147,8 @@ def _in_simulator(gap: Gap, found: Responses, kept: _Kept, fold: Index) -> tuple
         mine = np.unique(fold[(gap.run_of_row == k) & (fold >= 0)])
         others = (fold >= 0) & ~np.isin(fold, mine)
         effects = {e.name: without(e, kept.rows.rows, others) for e in kept.standing}
-        laws = point.laws
-        if own is not None:
-            values = np.mean([own.without[f] for f in mine], axis=0) if len(mine) else own.fit.mean
-            laws = joined((*laws, *found.law_of(own.columns, values)))
+        values = np.mean([own.without[f] for f in mine], axis=0) if len(mine) else own.fit.mean
+        laws = joined((*point.laws, *found.law_of(own.columns, values)))
         model = replace(with_effects(point, effects), laws=laws)
         (moved,) = predictions(gap.plant, model, [played])
         if not finite([moved]):

@@ -45,19 +45,13 @@ def shares(gains: Array, noise: float, most: Array) -> Array:
     return np.asarray(np.clip(gains / best, -1.0, 1.0) @ (weight / weight.sum()))
 
 
-def scores(hypotheses: Sequence[Hypothesis], c: Constants, noise: float) -> Array:
-    """Log odds of each hypothesis, up to a number that all share; (hypotheses,)."""
-    gains = np.array([h.gains for h in hypotheses])
-    share = shares(gains, noise, gains.max(axis=0))
-    log = np.log(np.maximum(share, 0.0) + _LEAST_SHARE)
-    named = np.array([bool(h.effect) for h in hypotheses])
-    return np.where(named, c.effect_odds + c.effect_weight * log, c.law_weight * log)
-
-
 def odds(hypotheses: Sequence[Hypothesis], c: Constants, noise: float) -> Array:
     """The probability of each hypothesis where one of them is right; (hypotheses,)."""
-    s = scores(hypotheses, c, noise)
-    e = np.exp(s - s.max())
+    gains = np.array([h.gains for h in hypotheses])
+    log = np.log(np.maximum(shares(gains, noise, gains.max(axis=0)), 0.0) + _LEAST_SHARE)
+    named = np.array([bool(h.effect) for h in hypotheses])
+    score = np.where(named, c.effect_odds + c.effect_weight * log, c.law_weight * log)
+    e = np.exp(score - score.max())
     return np.asarray(e / e.sum())
 
 

@@ -16,9 +16,8 @@ from sim_device.plant.laws import joined
 from smad.diagnosis.data.played import finite, predictions
 from smad.diagnosis.gap import Residual
 from smad.diagnosis.numerics.folds import Array, Index
-from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
-from smad.diagnosis.plant import Mask, ModelPoint, Uncertainty
+from smad.diagnosis.plant import Mask, ModelPoint, Uncertainty, moved_parameters
 
 _DAMPING = (0.0, 0.1, 1.0, 10.0)
 _STEP = 0.1
@@ -56,30 +55,20 @@ class Settler:
     start: ModelPoint
     spread: float = 1.0
 
-    @property
-    def plant(self) -> PlacesPlant:
-        """The plant of the gap."""
-        return self.gap.plant
-
     def point(self, columns: Index, x: Array) -> ModelPoint:
         """The model at some coordinates; laws add to those of the start."""
-        n = len(self.plant.parameters)
-        theta = {
-            q.name: float(np.clip(self._centre(q.name, q.nominal) + q.prior_sd * v, q.low, q.high))
-            for q, v in zip(self.plant.parameters, x[:n], strict=True)
-        }
+        n = len(self.gap.plant.parameters)
+        theta = moved_parameters(self.gap.plant, self.start, x[:n])
         laws = self.found.law_of(columns, x[n:])
         return ModelPoint(theta, self.start.effects, joined((*self.start.laws, *laws)))
 
     def first(self) -> Settled | None:
         """The parameters alone, from the gap's reference on; None where nothing can be replayed."""
-        at = self.gap.point.theta
-        x = np.array(
-            [
-                (at.get(q.name, q.nominal) - self._centre(q.name, q.nominal)) / q.prior_sd
-                for q in self.plant.parameters
-            ]
-        )
+        at, start = self.gap.point.theta, self.start.theta
+        x = np.array([
+            (at.get(q.name, q.nominal) - start.get(q.name, q.nominal)) / q.prior_sd
+            for q in self.gap.plant.parameters
+        ])  # fmt: skip
         none = np.zeros(0, dtype=np.intp)
         left = self._left(none, x)
         if left is None:
@@ -99,7 +88,7 @@ class Settler:
         Slopes of what was there are kept: `refreshed` makes them anew. `alone`: the parameters
         stay where they were.
         """
-        n = len(self.plant.parameters)
+        n = len(self.gap.plant.parameters)
         x = np.r_[before.x[:n], coefficients]
         left = self._left(columns, x)
         if left is None:
@@ -127,8 +116,8 @@ class Settler:
         r = settled.left[kept]
         variance = max(float(r @ r) / max(int(kept.sum()), 1), 1e-12)
         laws, scales = self.found.coefficients(settled.columns)
-        names = (*(q.name for q in self.plant.parameters), *laws)
-        unit = np.r_[[q.prior_sd for q in self.plant.parameters], scales]
+        names = (*(q.name for q in self.gap.plant.parameters), *laws)
+        unit = np.r_[[q.prior_sd for q in self.gap.plant.parameters], scales]
         return Uncertainty(names, unit[:, None] * np.asarray(variance * np.linalg.inv(A)) * unit)
 
     def held_out(self, settled: Settled) -> list[Array] | None:
@@ -138,7 +127,7 @@ class Settler:
             folds = np.unique(gap.fold[(gap.run_of_row == k) & (gap.fold >= 0)])
             x = [settled.without[f] for f in folds]
             mean = np.mean(x, axis=0) if x else settled.x
-            out += predictions(self.plant, self.point(settled.columns, mean), [played])
+            out += predictions(self.gap.plant, self.point(settled.columns, mean), [played])
         return out if finite(out) else None
 
     def square(self, predicted: Sequence[Array], runs: Sequence[int]) -> float:
@@ -147,11 +136,8 @@ class Settler:
         own = np.isin(self.gap.run_of_row, runs) & self.gap.white.valid
         return float(r[own] @ r[own])
 
-    def _centre(self, name: str, nominal: float) -> float:
-        return self.start.theta.get(name, nominal)
-
     def _precision(self, columns: Index) -> Array:
-        own = np.full(len(self.plant.parameters), self.spread**-2)
+        own = np.full(len(self.gap.plant.parameters), self.spread**-2)
         return np.concatenate([own, np.full(len(columns), _RIDGE)])
 
     def _normal(self, s: Settled, rows: Mask | None = None) -> tuple[Array, Array]:
@@ -164,13 +150,10 @@ class Settler:
 
         `held` are how far the first coordinates are without each fold: these do not move.
         """
-        first = 0 if held is None else len(self.plant.parameters)
         A, g = self._normal(s)
+        fixed = np.zeros(0 if held is None else len(self.gap.plant.parameters))
         for damping in _DAMPING:
-            x = s.x.copy()
-            x[first:] += np.linalg.solve(
-                A[first:, first:] + damping * np.diag(np.diag(A)[first:]), g[first:]
-            )
+            x = s.x + _step(A, g, fixed, damping)
             left = self._left(s.columns, x)
             if left is not None and self._cost(moved := replace(s, x=x, left=left)) < self._cost(s):
                 s = moved
@@ -182,14 +165,7 @@ class Settler:
         out = []
         for f in range(int(self.gap.fold.max(initial=-1)) + 1):
             A, g = self._normal(s, (self.gap.fold >= 0) & (self.gap.fold != f))
-            step = np.zeros(len(s.x))
-            first = 0
-            if held is not None:
-                first = len(held[f])
-                step[:first] = held[f]
-                g = g - A @ step
-            step[first:] = np.linalg.solve(A[first:, first:], g[first:])
-            out.append(s.x + step)
+            out.append(s.x + _step(A, g, np.zeros(0) if held is None else held[f]))
         return tuple(out)
 
     def _cost(self, s: Settled) -> float:
@@ -197,7 +173,7 @@ class Settler:
         return float(own @ own + s.x @ (self._precision(s.columns) * s.x))
 
     def _left(self, columns: Index, x: Array) -> Array | None:
-        found = predictions(self.plant, self.point(columns, x), self.gap.played)
+        found = predictions(self.gap.plant, self.point(columns, x), self.gap.played)
         return self._rows(found) if finite(found) else None
 
     def _rows(self, predicted: Sequence[Array]) -> Array:
@@ -208,7 +184,7 @@ class Settler:
     def _slopes(self, columns: Index, x: Array, left: Array, which: range) -> Array:
         """−d left/dx of some coordinates, (k, rows); 0 for those that cannot be moved."""
         out = np.zeros((len(x), len(left)))
-        n = len(self.plant.parameters)
+        n = len(self.gap.plant.parameters)
         for i in which:
             step = _STEP if i < n else max(_STEP, _STEP * abs(x[i]))
             for sign in (1.0, -1.0):
@@ -219,3 +195,12 @@ class Settler:
                     out[i] = (left - moved) / (sign * step)
                     break
         return out
+
+
+def _step(A: Array, g: Array, fixed: Array, damping: float = 0.0) -> Array:
+    """The solution of the normal equations whose first coordinates are `fixed`."""
+    step, rest = np.zeros(len(g)), slice(len(fixed), None)
+    step[: len(fixed)] = fixed
+    damped = A + damping * np.diag(np.diag(A))
+    step[rest] = np.linalg.solve(damped[rest, rest], (g - A @ step)[rest])
+    return step

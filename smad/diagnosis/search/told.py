@@ -17,32 +17,41 @@ from smad.diagnosis.plant import Effect, ModelPoint, Uncertainty
 from smad.diagnosis.search.where import Fits, Scored, Step, best_of_places
 from smad.diagnosis.verdict import ParameterTold, PlaceShare, PlaceTold, TermTold
 
+LEAST_TOLD = 0.05
+"""An effect less probable than this is not worth reading."""
+
 
 @dataclass(frozen=True)
 class Teller:
     """Reads laws that were fitted together."""
 
-    plant: PlacesPlant
     gap: Gap
     found: Responses
     own: Fits
 
     def told(self, step: Step, share: float, *, in_simulator: bool) -> PlaceTold:
-        """A step without a name yet; `share` is what it adds."""
-        chosen = step.chosen.candidate
-        place = next(p for p in self.plant.places if p.name == chosen.place)
+        """What is told of a step; `share` is what it adds."""
+        chosen, entry = step.chosen.candidate, step.entry
+        place = next(p for p in self.gap.plant.places if p.name == chosen.place)
+        likely = sorted(step.effects.items(), key=lambda item: -item[1])
+        name = entry.name if entry is not None and step.named else ""
         return PlaceTold(
             place=chosen.place,
             side=chosen.side,
-            words=words_of(self.plant, chosen),
+            words=words_of(self.gap.plant, chosen),
             share=min(share, 1.0),
-            near=[words_of(self.plant, s.candidate) for s in step.near[1:]],
+            near=[words_of(self.gap.plant, s.candidate) for s in step.near[1:]],
             near_places=[s.candidate.place for s in step.near],
             probabilities=[step.places[s.candidate.place] for s in step.near],
             terms=self._terms(step, place),
             largest=self._largest(step),
             unit=place.unit,
             in_simulator=in_simulator,
+            name=name,
+            values={name: entry.values} if entry is not None and name else {},
+            names={n: p for n, p in likely if p >= LEAST_TOLD},
+            nearest="" if entry is None else entry.name,
+            takes=0.0 if entry is None else step.takes,
         )
 
     def _at(self, step: Step) -> Index:
@@ -72,8 +81,8 @@ class Teller:
         at = self._at(step)
         for law in self.found.law_of(self.own.columns[at], self.own.fit.mean[at]):
             for p in self.gap.played:
-                states = self.plant.trajectory(self.gap.point, p.run, fast=True)
-                series = law_series(self.plant, law, states, p.run.t_s)
+                states = self.gap.plant.trajectory(self.gap.point, p.run, fast=True)
+                series = law_series(self.gap.plant, law, states, p.run.t_s)
                 most = max(most, float(np.abs(series).max(initial=0.0)))
         return most
 
@@ -82,10 +91,10 @@ class Teller:
         if not term.factors:
             return 1.0, unit, "always", ""
         factor, *more = term.factors
-        label, own = self.plant.state_words(place, factor.state)
+        label, own = self.gap.plant.state_words(place, factor.state)
         label += f", behind by {factor.lag_s:g} s" if factor.lag_s else ""
         if more:
-            other, _ = self.plant.state_words(place, more[0].state)
+            other, _ = self.gap.plant.state_words(place, more[0].state)
             return 1.0, unit, f"{label} times {other}", factor.state
         if factor.kind == "sign":
             return 1.0, unit, f"sign of the {label}", factor.state

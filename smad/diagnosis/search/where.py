@@ -251,11 +251,11 @@ def left_out(rows: FoldRows, columns: Index) -> Array:
     left = rows.rows.copy()
     if not len(columns):
         return left
-    products, every = rows.products(columns), np.arange(len(columns))
+    products = rows.products(columns)
     A = rows.responses[columns].astype(np.float64)
     for f in range(products.folds):
         own = rows.fold == f
-        left[own] -= A[:, own].T @ fitted(products.without(f), every).mean
+        left[own] -= A[:, own].T @ fitted(products.without(f)).mean
     return left
 
 
@@ -263,7 +263,7 @@ def _beside(rows: FoldRows, columns: Index) -> Array:
     """The rows less what these responses take of them."""
     if not len(columns):
         return rows.rows
-    x = fitted(rows.products(columns), np.arange(len(columns))).mean
+    x = fitted(rows.products(columns)).mean
     return np.asarray(rows.rows - rows.responses[columns].astype(np.float64).T @ x)
 
 
@@ -295,7 +295,7 @@ def selected(rows: FoldRows, always: Index, c: Candidate, shift: int = 0) -> For
     groups = np.flatnonzero(~np.isin(numbers, always).any(axis=1))
     free = np.unique(numbers[groups])
     asked = len(always) + np.searchsorted(free, numbers[groups])
-    products = rows.products(free, always)
+    products = rows.products(np.concatenate([always, free]))
     found = forward(products, asked, worth_of(c)[groups], depth=MOST_TERMS, before=len(always))
     return replace(found, chosen=tuple(int(groups[g]) for g in found.chosen))
 
@@ -312,8 +312,7 @@ def worth_of(c: Candidate) -> Array:
 
 def fits(rows: FoldRows, steps: Sequence[Step]) -> Fits:
     """The laws of these steps fitted together."""
-    columns = np.concatenate([s.chosen.columns for s in steps])
+    columns = np.concatenate([np.zeros(0, dtype=np.intp), *(s.chosen.columns for s in steps)])
     products = rows.products(columns)
-    every = np.arange(len(columns))
-    without = (fitted(products.without(f), every).mean for f in range(products.folds))
-    return Fits(columns, fitted(products, every), tuple(without))
+    without = (fitted(products.without(f)).mean for f in range(products.folds))
+    return Fits(columns, fitted(products), tuple(without))

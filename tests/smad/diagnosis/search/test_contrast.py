@@ -5,8 +5,9 @@ import pytest
 
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.numerics.folds import FoldRows
+from smad.diagnosis.numerics.forward import held_out
 from smad.diagnosis.places.responses import Candidate
-from smad.diagnosis.search.contrast import apart, contrast, with_priors
+from smad.diagnosis.search.contrast import apart, contrast
 from smad.diagnosis.search.where import fits
 
 PLACES, K, RUNS, ROWS = 5, 3, 6, 500
@@ -110,5 +111,7 @@ def test_coefficients_with_priors_take_what_is_there_and_little_of_what_priors_f
     loose = FoldRows(rows.rows, rows.responses[1:2], rows.fold)
     tight = FoldRows(rows.rows, 1e-3 * rows.responses[1:2], rows.fold)
     folds = np.arange(RUNS)
-    assert with_priors(loose, folds) / rows.square == pytest.approx(0.64 / 1.64, abs=0.05)
-    assert with_priors(tight, folds) / rows.square < 0.01
+    assert held_out(loose.products(), folds, prior=1.0) / rows.square == pytest.approx(
+        0.64 / 1.64, abs=0.05
+    )
+    assert held_out(tight.products(), folds, prior=1.0) / rows.square < 0.01
