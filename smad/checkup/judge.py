@@ -99,12 +99,9 @@ class Judged:
     def model(self) -> ModelPoint:
         """The reference model with what was found: named effects, and laws without a name, or
         other values of the parameters."""
-        point, own = self.pairs.point, self.located
         if self.verdict.outcome == PARAMETERS:
             return self.pairs.moved[0]
-        if self.verdict.outcome != PLACES:
-            return point
-        return ModelPoint(point.theta, {**point.effects, **own.effects}, own.own)
+        return self.located.model if self.verdict.outcome == PLACES else self.pairs.point
 
     @property
     def has_model(self) -> bool:

@@ -72,9 +72,8 @@ def changed(asked: Asked) -> Changed:
     at = np.flatnonzero((joint.run_of_row >= len(asked.good)) & (joint.fold >= 0))
     asked.say("what is new")
     moved = FoldRows(joint.z, joint.rows(kept_in(only, J)).astype(np.float32), joint.fold)
-    parameters = held_out(moved.products(), np.unique(joint.fold[at]), prior=1.0) / max(
-        float(joint.z[at] @ joint.z[at]), 1e-12
-    )
+    square = max(float(joint.z[at] @ joint.z[at]), 1e-12)
+    parameters = held_out(moved.products(), np.unique(joint.fold[at]), prior=1.0) / square
     news = contrast(
         joint.fold_rows(both, only), at, both.candidates(), c, run_of_row=joint.run_of_row,
         only=only, naming=naming_at(joint, asked.effects, only),

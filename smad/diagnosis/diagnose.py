@@ -67,7 +67,11 @@ def diagnose(
             effects=tuple(effects), period_s=period_s, constants=constants or shipped(),
             say=progress, floors=estimate_floors([*every, *roles[GOOD]], plant, period_s),
         )  # fmt: skip
-        answer = _answered(asked)
+        if asked.good:
+            answer = answer_of_changed(asked, changed(asked))
+        else:
+            measured = Measured.of(asked.plant, asked.runs, asked.period_s)
+            answer = answer_of_differs(asked, held_against(asked, measured, counts=asked.counts))
     verdict = msgspec.structs.replace(
         answer.verdict,
         findings=findings,
@@ -78,14 +82,6 @@ def diagnose(
         seconds=round(time.perf_counter() - began, 2),
     )
     return replace(answer, verdict=verdict)
-
-
-def _answered(asked: Asked) -> Answer:
-    if asked.good:
-        return answer_of_changed(asked, changed(asked))
-    measured = Measured.of(asked.plant, asked.runs, asked.period_s)
-    held = held_against(asked, measured, counts=asked.counts)
-    return answer_of_differs(asked, held)
 
 
 def library(plant: PlantModel, candidates: Sequence[str] | None) -> list[Effect]:

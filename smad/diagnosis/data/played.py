@@ -40,11 +40,7 @@ class Played:
 
     @classmethod
     def of(
-        cls,
-        run: GapRun,
-        start_s: float = 0.0,
-        period_s: float = PERIOD_S,
-        pieces: int = _PIECES,
+        cls, run: GapRun, start_s: float = 0.0, period_s: float = PERIOD_S, pieces: int = _PIECES
     ) -> Played:
         """The run on the grid that begins at `start_s` of its clock, thinned for a quick replay.
 

@@ -51,17 +51,6 @@ def with_day_form(sd: Array, day: Array, day_sd: Array) -> Array:
     return np.asarray(np.sqrt(sd**2 + _DAY_FORM**2 * moved))
 
 
-def freed(rows: Array, valid: Mask, rho: Array) -> Array:
-    """Rows (m, bins, channels) freed of what a bin tells of the next (AR(1), `rho` a channel).
-
-    The first of a stretch of `valid` ones (bins, channels) stays as it is.
-    """
-    out = rows.copy()
-    step = (rows[:, 1:] - rho * rows[:, :-1]) / np.sqrt(1.0 - rho**2)
-    out[:, 1:] = np.where(valid[1:] & valid[:-1], step, rows[:, 1:])
-    return out
-
-
 @dataclass(frozen=True)
 class RunRows:
     """What white space needs of one run of a programme.
@@ -77,9 +66,15 @@ class RunRows:
     rho: Array
 
     def independent(self, values: Array) -> Array:
-        """Scaled by the floor and freed of correlation: (m, bins, channels) to (m, rows)."""
+        """Scaled, freed of what a bin tells of the next: (m, bins, channels) to (m, rows).
+
+        That is AR(1); the first of a stretch of valid ones stays as it is.
+        """
         scaled = np.where(self.valid, values / self.sd, 0.0)
-        return freed(scaled, self.valid, self.rho).reshape(len(values), self.sd.size)
+        out = scaled.copy()
+        step = (scaled[:, 1:] - self.rho * scaled[:, :-1]) / np.sqrt(1.0 - self.rho**2)
+        out[:, 1:] = np.where(self.valid[1:] & self.valid[:-1], step, scaled[:, 1:])
+        return out.reshape(len(values), self.sd.size)
 
     def carried(self, moved: Array) -> RunRows:
         """The same beside what the model carried over, as a day direction of its own.

@@ -47,29 +47,21 @@ class BarePlaces:
         rates = [f"{c.name}_rate" for c in self.plain.channels]
         states = [s.name for s in self.plain.inputs] + [c.name for c in self.plain.channels]
         states += [*rates, "time"]
+        shared: dict[str, Any] = {"sides": (BOTH,), "states": tuple(states)}
         readings = [
             Place(
-                name=f"{_READING}{c.name}",
-                label=f"reading of {c.name}",
-                unit=c.unit,
-                scale=max(c.quantum, c.noise, 1e-3 * (c.high - c.low)),
-                sides=(BOTH,),
-                states=tuple(states),
-                reading=True,
+                name=f"{_READING}{c.name}", label=f"reading of {c.name}", unit=c.unit,
+                scale=max(c.quantum, c.noise, 1e-3 * (c.high - c.low)), reading=True, **shared,
             )
             for c in self.plain.channels
-        ]
+        ]  # fmt: skip
         inputs = [
             Place(
-                name=f"{_INPUT}{s.name}",
-                label=f"what {s.name} does",
-                unit=s.unit,
-                scale=0.03 * (s.high - s.low),
-                sides=(BOTH,),
-                states=tuple(states),
+                name=f"{_INPUT}{s.name}", label=f"what {s.name} does", unit=s.unit,
+                scale=0.03 * (s.high - s.low), **shared,
             )
             for s in self.plain.inputs
-        ]
+        ]  # fmt: skip
         return (*readings, *inputs)
 
     def state_words(self, place: str, state: str) -> tuple[str, str]:

@@ -64,23 +64,11 @@ class Responses:
 
     def candidates(self) -> list[Candidate]:
         """Each place on each of its sides, and on both where it has two."""
-        out: list[Candidate] = []
         by_place: dict[str, list[tuple[Law, range]]] = {}
         for law, own in zip(self.laws, self.columns, strict=True):
-            names = tuple(t.name for t in law.terms)
-            groups = np.arange(own.start, own.stop, dtype=np.intp)[:, None]
-            orders = tuple(t.order for t in law.terms)
-            out.append(Candidate(law.place, law.side, groups, names, orders))
             by_place.setdefault(law.place, []).append((law, own))
-        for place, sides in by_place.items():
-            if len(sides) < 2:
-                continue
-            known = [{t.name: own[k] for k, t in enumerate(law.terms)} for law, own in sides]
-            names = tuple(t for t in known[0] if all(t in other for other in known[1:]))
-            groups = np.array([[own[t] for own in known] for t in names], dtype=np.intp)
-            orders = tuple(t.order for t in sides[0][0].terms if t.name in names)
-            out.append(Candidate(place, BOTH, groups, names, orders))
-        return out
+        single = [_candidate(law.side, [(law, own)]) for x in by_place.values() for law, own in x]
+        return single + [_candidate(BOTH, x) for x in by_place.values() if len(x) > 1]
 
     def drifts(self, drift: Mapping[str, float], run: int) -> Array:
         """A run's responses to places that wander by themselves, (k, bins, channels).
@@ -125,6 +113,16 @@ class Responses:
                 chosen = Law(law.place, law.side, terms)
                 out.append(chosen.with_coefficients([scale * total[c] for c in mine]))
         return tuple(out)
+
+
+def _candidate(side: str, laws: Sequence[tuple[Law, range]]) -> Candidate:
+    """The terms that laws of one place have in common."""
+    known = [{t.name: n for t, n in zip(law.terms, own, strict=True)} for law, own in laws]
+    first, _ = laws[0]
+    terms = [t for t in first.terms if all(t.name in other for other in known)]
+    groups = np.array([[own[t.name] for own in known] for t in terms], dtype=np.intp)
+    names, orders = tuple(t.name for t in terms), tuple(t.order for t in terms)
+    return Candidate(first.place, side, groups, names, orders)
 
 
 def candidate_laws(

@@ -15,7 +15,7 @@ from scipy import stats
 
 from smad.diagnosis.constants import Constants
 from smad.diagnosis.numerics.folds import Array, FoldRows, Index
-from smad.diagnosis.numerics.forward import Forward, fitted, held_out
+from smad.diagnosis.numerics.forward import fitted, held_out
 from smad.diagnosis.places.responses import Candidate
 from smad.diagnosis.search.names import LIST_GAIN, Naming
 from smad.diagnosis.search.where import (
@@ -144,18 +144,15 @@ class _Search:
         """A law in the runs in question beside one of all runs that has all its terms too."""
         half, always = self.half, np.union1d(before, c.groups[0])
         common = selected(self.rows, always, c)
-        shared = np.union1d(always, _columns(c, common))
+        shared = np.union1d(always, Scored(c, common, 0.0).columns)
         own = selected(self.rows, np.union1d(shared, c.groups[0] + half), c, half)
-        shared = np.union1d(shared, _columns(c, own))
-        both = np.concatenate([shared, c.groups[0] + half, _columns(c, own) + half])
+        law = Scored(c, own, 0.0)
+        shared = np.union1d(shared, law.columns)
+        both = np.concatenate([shared, law.columns + half])
         every = np.arange(self.rows.folds)
         taken, known = (held_out(self.rows.products(x), every) for x in (both, shared))
         added = taken - max(known, 0.0)
-        return _Found(Scored(c, own, added / self.square), both, shared)
-
-
-def _columns(c: Candidate, found: Forward) -> Index:
-    return c.groups[[1 + g for g in found.chosen]].ravel()
+        return _Found(replace(law, share=added / self.square), both, shared)
 
 
 def by_chance(

@@ -14,7 +14,7 @@ from smad.diagnosis.data.played import finite, predictions
 from smad.diagnosis.gap import Gap, with_effects
 from smad.diagnosis.numerics.folds import Array, FoldRows, Index
 from smad.diagnosis.places.responses import Responses
-from smad.diagnosis.plant import EffectValues, Uncertainty
+from smad.diagnosis.plant import ModelPoint, Uncertainty
 from smad.diagnosis.search.names import Naming
 from smad.diagnosis.search.refine import Refined, without
 from smad.diagnosis.search.told import Teller, words_of
@@ -34,16 +34,16 @@ class Alternative:
 class Located:
     """Places that were told, and what explains them: effects where one is named, laws elsewhere.
 
-    `laws` are those of every place, for figures. `changes` are what the simulator makes of the
-    first 1, 2 … places, (bins, channels) a pair, each pair with coefficients that it had no part
-    in; a place that does not bring the simulator nearer has none, nor those after it.
-    `alternatives` are the places of the first answer between which these runs do not decide.
+    `model` is the reference with them, `laws` are those of every place, for figures. `changes` are
+    what the simulator makes of the first 1, 2 … places, (bins, channels) a pair, each pair with
+    coefficients that it had no part in; a place that does not bring the simulator nearer has none,
+    nor those after it. `alternatives` are the places of the first answer between which these runs
+    do not decide.
     """
 
     told: tuple[PlaceTold, ...]
     laws: tuple[Law, ...]
-    effects: EffectValues
-    own: tuple[Law, ...]
+    model: ModelPoint
     uncertainty: Uncertainty | None
     changes: tuple[tuple[Array, ...], ...]
     alternatives: tuple[Alternative, ...]
@@ -82,8 +82,10 @@ def locate(
             for s, b in zip(shown, before, strict=False)
         ),
         laws=tuple(law for s in shown for law in law_alone(found, rows, s, s.chosen)),
-        effects={e.name: e.values for e in kept.standing},
-        own=found.law_of(kept.own.columns, kept.own.fit.mean),
+        model=replace(
+            with_effects(gap.point, {e.name: e.values for e in kept.standing}),
+            laws=found.law_of(kept.own.columns, kept.own.fit.mean),
+        ),
         uncertainty=Uncertainty(names, covariance) if names else None,
         changes=tuple(changes),
         alternatives=tuple(

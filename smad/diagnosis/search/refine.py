@@ -109,20 +109,16 @@ def refine(
     now = cost(p, change)
     for _ in range(_ROUNDS):
         J = _slopes(space, p, change, changed, high)
-        left = z - change
-        A, g = J @ J.T + precision, J @ left - precision @ (p - mean)
-        better = False
+        A, g = J @ J.T + precision, J @ (z - change) - precision @ (p - mean)
+        before = now
         for damping in _DAMPING:
             step = np.linalg.solve(A + damping * np.diag(np.diag(A)), g)
             q = np.clip(p + step, low, high)
             moved = changed(q)
-            if moved is None:
-                continue
-            new = cost(q, moved)
-            if new < now:
-                gained, p, change, now, better = now - new, q, moved, new, True
+            if moved is not None and (new := cost(q, moved)) < now:
+                p, change, now = q, moved, new
                 break
-        if not better or gained < max(_SMALL, _SMALL_SHARE * (float(z @ z) - now)):
+        if before - now < max(_SMALL, _SMALL_SHARE * (float(z @ z) - now)):
             break
     gain = float(z @ z - (z - change) @ (z - change))
     return Refined(effect, gain, change, J, p)

@@ -117,16 +117,14 @@ def parameters_told(
 ) -> list[ParameterTold]:
     """The parameters of a model beside those that it had, with their deviation."""
     sd = np.sqrt(np.maximum(np.diag(uncertain.covariance), 0.0))
-    out = []
-    for q, own in zip(plant.parameters, sd, strict=False):
-        after = point.theta.get(q.name, q.nominal)
-        out.append(
-            ParameterTold(
-                name=q.name, unit=q.unit, before=start.theta.get(q.name, q.nominal), after=after,
-                sd=float(own), at_bound=bool(after <= q.low or after >= q.high),
-            )
-        )  # fmt: skip
-    return out
+    return [
+        ParameterTold(
+            name=q.name, unit=q.unit, before=start.theta.get(q.name, q.nominal), after=after,
+            sd=float(own), at_bound=bool(after <= q.low or after >= q.high),
+        )
+        for q, own in zip(plant.parameters, sd, strict=False)
+        for after in (point.theta.get(q.name, q.nominal),)
+    ]  # fmt: skip
 
 
 def place_shares(plant: PlacesPlant, ranked: Sequence[Scored]) -> list[PlaceShare]:
