@@ -23,6 +23,7 @@ from smad.control.commands import (
 )
 from smad.control.inforce import tune_of
 from smad.control.plan import Cooling, Do, Fixture, Mark, Pause, Plan, UntilDone
+from smad.errors import CommandError
 from smad.experiments.driver import PARTS, Mounting, Progress, log_name
 from smad.experiments.errors import (
     BenchLacksError,
@@ -144,6 +145,10 @@ class LiveDriver:
             # A stop came before what was sent; a fault is told by its name.
             self._require_armed(plan, client.motion())
             raise
+        except CommandError:
+            # Inputs that a reading ended take none that are queued behind them.
+            _require_whole(plan, client.motion())
+            raise
         self._require_armed(plan, client.motion())
 
     def _carry_out(self, plan: Plan) -> None:
@@ -220,11 +225,7 @@ class LiveDriver:
             self._progress(f"{plan.name}: {passed_s:.0f} of at most {seconds:.0f} s of this step")
             self._sleep(POLL_S)
             motion = client.motion()
-        if motion.ended:
-            raise EndedEarlyError(
-                f"run {plan.name} was ended: {motion.ended}",
-                action="what was recorded until then is kept",
-            )
+        _require_whole(plan, motion)
         return True
 
     def _require_armed(self, plan: Plan, motion: api.Motion) -> None:
@@ -296,3 +297,11 @@ class LiveDriver:
                 action="check the pumps and the temperature sensors",
             )
         client.idle()
+
+
+def _require_whole(plan: Plan, motion: api.Motion) -> None:
+    if motion.ended:
+        raise EndedEarlyError(
+            f"run {plan.name} was ended: {motion.ended}",
+            action="what was recorded until then is kept",
+        )

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from smad.config import Config, ControlConfig, LimitsConfig, LinkConfig
-from smad.control.commands import Follow, Step
+from smad.control.commands import Follow, FollowInputs, Step
+from smad.control.pieces import rows_in_pieces
 from smad.control.plan import Do, Plan, UntilDone
 from smad.experiments.driver import log_path
 from smad.experiments.errors import EndedEarlyError, ExperimentError
@@ -126,6 +127,27 @@ def test_a_bench_that_answers_otherwise_ends_the_repeat_and_keeps_the_log(
     assert client.motion().running == "idle"
     assert live.log is not None
     assert 0.4 < read_run(live.log).duration_s < 1.5
+
+
+def test_a_repeat_that_ends_before_all_of_it_is_sent_is_told_as_ended(
+    recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("smad.control.pieces.LONGEST_INPUTS", 100)
+
+    class Slow(FakeClient):
+        """Sends the inputs in pieces, one each second."""
+
+        def follow_inputs(self, command: FollowInputs) -> None:
+            for piece in rows_in_pieces(command):
+                super().follow_inputs(piece)
+                self.let_pass(1.0)
+
+    client = Slow(tmp_path)
+    repeat = read_repeat(recorded)
+    far = tuple(20.0 for _ in repeat.command.t_s)
+    other = replace(repeat, command=msgspec.structs.replace(repeat.command, displacement_mm=far))
+    with pytest.raises(EndedEarlyError, match=r"displacement is .* instead of 20"):
+        Replayer(client, sleep=client.let_pass).run(other.plan("other"))
 
 
 def test_a_rest_that_the_bench_does_not_come_to_is_told_and_nothing_is_played(
