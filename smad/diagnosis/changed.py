@@ -83,7 +83,8 @@ def changed(asked: Asked) -> Changed:
     free = parameters >= max(PARAMETERS_FIRST * told, WORTH_TELLING)
     gap = Residual.of(plant, taught.model, now, scale=scale, counts=asked.counts)
     settler = Settler(gap, found, taught.model, spread=1.0 if free else _DAY)
-    rows = _of_now(news, joint, len(asked.good))
+    mine, own = joint.run_of_row >= len(asked.good), news.own
+    rows = replace(own, rows=own.rows[mine], responses=own.responses[:, mine], fold=own.fold[mine])
     listing = listed(settler, rows, () if free else news.steps)
     if listing is None:
         raise cannot_replay(gap)
@@ -104,10 +105,3 @@ def _open(plant: PlacesPlant, J: Sequence[Array], found: Responses) -> tuple[Arr
     share = np.array([traits.day[plant.parameters[n].name] for n in at])[:, None, None]
     own = [np.concatenate([share * j[at], found.drifts(traits.drift, k)]) for k, j in enumerate(J)]
     return by_itself([_TIE * j for j in J], own)
-
-
-def _of_now(news: Contrast, joint: Residual, good: int) -> FoldRows:
-    """Rows of the contrast that are of the runs in question."""
-    own = joint.run_of_row >= good
-    rows = news.own
-    return replace(rows, rows=rows.rows[own], responses=rows.responses[:, own], fold=rows.fold[own])

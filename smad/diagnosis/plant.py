@@ -118,10 +118,6 @@ class Effect:
     reference: str = ""
     places: tuple[str, ...] = ()
 
-    def at(self, level: float = 1.0) -> dict[str, float]:
-        """Parameter values with every strength at `level` times its typical value."""
-        return {p.name: p.typical * level if p.strength else p.typical for p in self.parameters}
-
 
 @dataclass(frozen=True, slots=True)
 class Experiment:

@@ -22,6 +22,7 @@ from examples.public_records.tanks import STEP_S, Tanks
 from smad.diagnosis import Verdict, diagnose
 from smad.diagnosis.plant import Array, ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
+from tests.smad.diagnosis.cases import strong
 
 TANKS, SILVERBOX, EMPS = RECORDS["tanks"], RECORDS["silverbox"], RECORDS["emps"]
 PART = 1500
@@ -246,7 +247,7 @@ def test_an_effect_of_no_size_changes_nothing_and_each_of_usual_size_does(
     assert len(plant.effects) >= 6
     for effect in plant.effects:
         at = [
-            answered(plant, ModelPoint({}, {effect.name: effect.at(level)}), given, 0.0, 0)
+            answered(plant, ModelPoint({}, {effect.name: strong(effect, level)}), given, 0.0, 0)
             for level in (0.0, 1.0)
         ]
         assert np.array_equal(at[0], bare)

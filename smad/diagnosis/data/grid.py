@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import correlate
 
+from smad.diagnosis.numerics.folds import Index
 from smad.diagnosis.plant import Array, Mask, PlantModel
 from smad.diagnosis.runs import GapRun, bridged
-
-Index = NDArray[np.intp]
 
 PERIOD_S = 0.2
 """Length of a row of the spring pair."""

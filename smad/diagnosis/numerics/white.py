@@ -35,8 +35,6 @@ class Shrink:
 
     def __call__(self, values: Array) -> Array:
         """`values` (m, n), shrunk along the directions."""
-        if not len(self.directions):
-            return values
         basis, factor = self._parts
         return np.asarray(values - ((values @ basis.T) * factor) @ basis)
 

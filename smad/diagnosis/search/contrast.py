@@ -23,7 +23,6 @@ from smad.diagnosis.search.where import (
     WORTH_TELLING,
     Scored,
     Step,
-    best_of_places,
     left_out,
     not_told,
     selected,
@@ -78,17 +77,18 @@ def contrast(
     before, steps, taken = np.zeros(0, dtype=np.intp), list[Step](), 0.0
     first = found = search.ranked(before, candidates)
     while found and len(steps) < MOST_PLACES:
-        by_law = {id(f.scored): f for f in found}
-        laws = best_of_places([f.scored for f in found])
+        best: dict[str, _Found] = {}
+        for f in found:
+            best.setdefault(f.scored.candidate.place, f)
         left = search.own(before)
         step = step_of(
-            laws, [search.gains(by_law[id(s)]) for s in laws], constants, taken=0.0,
-            size=search.square, naming=naming, noise=LIST_GAIN,
+            [f.scored for f in best.values()], [search.gains(f) for f in best.values()], constants,
+            taken=0.0, size=search.square, naming=naming, noise=LIST_GAIN,
             left=replace(left, rows=np.where(left.fold >= 0, left.rows, 0.0)),
         )  # fmt: skip
         if step.share < worth:
             break
-        both = np.union1d(before, by_law[id(step.chosen)].both)
+        both = np.union1d(before, best[step.chosen.candidate.place].both)
         if by_chance(search.own(both), rows, step.chosen.columns, run_of_row, only) > CHANCE:
             break
         taken += step.share
@@ -125,11 +125,9 @@ class _Search:
 
     def own(self, columns: Index) -> FoldRows:
         """The rows in question less what is common in the joint fit of these responses."""
-        rows, left = self.rows, self.rows.rows
-        if len(columns):
-            x = fitted(rows.products(columns)).mean
-            common = columns < self.half
-            left = left - rows.responses[columns[common]].astype(np.float64).T @ x[common]
+        rows, common = self.rows, columns < self.half
+        x = fitted(rows.products(columns)).mean
+        left = rows.rows - rows.responses[columns[common]].astype(np.float64).T @ x[common]
         return replace(self._own, rows=left)
 
     @cached_property

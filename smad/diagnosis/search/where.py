@@ -249,8 +249,6 @@ def _gains(rows: FoldRows, now: Index, laws: Sequence[Scored]) -> list[Array]:
 def left_out(rows: FoldRows, columns: Index) -> Array:
     """What these responses leave of rows, each fold by coefficients of the others; (rows,)."""
     left = rows.rows.copy()
-    if not len(columns):
-        return left
     products = rows.products(columns)
     A = rows.responses[columns].astype(np.float64)
     for f in range(products.folds):
@@ -261,8 +259,6 @@ def left_out(rows: FoldRows, columns: Index) -> Array:
 
 def _beside(rows: FoldRows, columns: Index) -> Array:
     """The rows less what these responses take of them."""
-    if not len(columns):
-        return rows.rows
     x = fitted(rows.products(columns)).mean
     return np.asarray(rows.rows - rows.responses[columns].astype(np.float64).T @ x)
 

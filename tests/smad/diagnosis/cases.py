@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from smad.diagnosis import Verdict, diagnose
+from smad.diagnosis.plant import Effect
 from smad.diagnosis.runs import GapRun
 from tests.smad.diagnosis.heater_plant import HeaterPlant, recorded
 
@@ -35,3 +36,8 @@ def ask(
 ) -> Verdict:
     """The verdict of a whole diagnosis of the tiny plant."""
     return diagnose(runs, plant=plant or HeaterPlant(), good=good, hold_out=hold_out).verdict
+
+
+def strong(effect: Effect, level: float = 1.0) -> dict[str, float]:
+    """Values of an effect with every strength at `level` times its typical value."""
+    return {q.name: q.typical * level if q.strength else q.typical for q in effect.parameters}

@@ -17,6 +17,7 @@ from smad.fmi.errors import FmiError
 from smad.fmi.map_file import read_map
 from smad.fmi.plant import FmuPlant
 from smad.fmi.unit_file import MOST_BYTES, open_unit
+from tests.smad.diagnosis.cases import strong
 from tests.smad.runlog.helpers import write_small_run
 
 from .heater import MAP, compiled_unit, heater_unit, run_file
@@ -98,7 +99,7 @@ def test_an_effect_that_is_off_leaves_the_replay_as_it_is(unit: Path, tmp_path: 
         same = plant.simulate(ModelPoint({}, {name: values}), run)
         np.testing.assert_array_equal(same["temperature_degC"], plain, err_msg=name)
     for effect in plant.effects:
-        other = plant.simulate(ModelPoint({}, {effect.name: effect.at()}), run)
+        other = plant.simulate(ModelPoint({}, {effect.name: strong(effect)}), run)
         assert np.abs(other["temperature_degC"] - plain).max() > 0.01, effect.name
 
 

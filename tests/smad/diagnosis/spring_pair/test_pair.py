@@ -18,6 +18,7 @@ from smad.diagnosis.search.refine import refine
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded
 from smad.diagnosis.spring_pair.signals import CHANNELS, run_from_columns
+from tests.smad.diagnosis.cases import strong
 
 PLANT, PRINTED = SmaPlant(), SmaPlant(variant="printed")
 EXTENDED_EFFECTS = [e.name for e in PLANT.effects]
@@ -43,7 +44,7 @@ def test_an_effect_at_zero_strength_changes_no_bit_of_any_channel(name: str) -> 
     effect = next(e for e in PLANT.effects if e.name == name)
     run = clean().part(0, 1500)
     without = PLANT.simulate(ModelPoint({}), run)
-    with_zero = PLANT.simulate(ModelPoint({}, {name: effect.at(0.0)}), run)
+    with_zero = PLANT.simulate(ModelPoint({}, {name: strong(effect, 0.0)}), run)
     assert all(np.array_equal(without[k], with_zero[k]) for k in without)
 
 
@@ -105,12 +106,12 @@ def test_an_effect_is_recovered_with_its_side_from_runs_made_with_it(
 ) -> None:
     """Through sensors, noise and quanta, from a third of the strength; parameters known."""
     effect = next(e for e in PLANT.effects if e.name == name)
-    truth = effect.at(0.7) | {"y_share": y_share}
+    truth = strong(effect, 0.7) | {"y_share": y_share}
     run = recorded("mixed", PLANT, ModelPoint({}, {name: truth}), 5, duration_s=30.0)
     least = estimate_floors([run], PLANT, 0.2)
     measured = Measured.of(PLANT, [run], 0.2)
     gap = Residual.of(PLANT, nominal_point(PLANT), measured, scale=least, counts=(True,))
-    values = effect.at(0.25)
+    values = strong(effect, 0.25)
     for _ in range(3):
         end = refine(effect, values, gap.z, lambda v: white_change(gap, v))
         assert end is not None
