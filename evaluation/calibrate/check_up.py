@@ -19,6 +19,7 @@ import msgspec
 import numpy as np
 from scipy import optimize
 
+from evaluation.errors import BankError
 from evaluation.names import canonical
 from evaluation.results.record import keep
 from evaluation.run.judging import Check
@@ -40,6 +41,11 @@ FORMS = tuple(float(f"{x:.3g}") for x in np.geomspace(0.005, 1.0, 107))
 LEVELS = tuple(round(0.02 * k, 2) for k in range(20, 50))
 HELD = 0.95
 """Share of changes of which the told places should hold the truth."""
+_NEEDED = {
+    "a bench without a change": QUIET,
+    "a single effect": ("single", "unknown"),
+    "changed parameters": ("parameters",),
+}
 _PENALTY = 0.05
 """Of the squares of the weights, per case of none: keeps them finite."""
 _BINS = 5
@@ -132,7 +138,13 @@ def _examined(bank: Path, key: Path, bench: str, place: Path) -> str:
 
 
 def chosen(cases: Sequence[Case], before: Constants) -> Constants:
-    """The constants that these cases ask for."""
+    """The constants that these cases ask for. Raises BankError where they lack a kind."""
+    for what, kinds in _NEEDED.items():
+        if not any(x.truth.kind in kinds for x in cases):
+            raise BankError(
+                f"none of {len(cases)} check-ups is of {what}, which constants are fitted to: add a"
+                " bank of the mixture `scores`, or more --benches"
+            )
     c = _quiet(cases, before)
     changed = [x for x in cases if x.noticed(c)]
     tried = [msgspec.structs.replace(c, parameters_form=f) for f in FORMS]

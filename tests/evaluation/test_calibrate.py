@@ -6,12 +6,20 @@ import numpy as np
 import pytest
 
 from evaluation.calibrate.check_up import Case, chosen, report
+from evaluation.errors import BankError
 from evaluation.score.answers import CaseKey, TrueEffect
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.search.odds import Hypothesis
 
 
-def case(bench: int, kind: str, *, gain: float, found: tuple[Hypothesis, ...] = ()) -> Case:
+def case(
+    bench: int,
+    kind: str,
+    *,
+    gain: float,
+    parameters: float | None = None,
+    found: tuple[Hypothesis, ...] = (),
+) -> Case:
     """A check-up whose truth, where it has an effect, is rtd_lag at reading_rtd."""
     known = kind == "single"
     lag = TrueEffect(name="rtd_lag" if known else "slow glue", places=["reading_rtd"], states=[],
@@ -19,7 +27,7 @@ def case(bench: int, kind: str, *, gain: float, found: tuple[Hypothesis, ...] = 
     effects = [lag] if kind in ("single", "unknown") else []
     return Case(
         bench=f"bench {bench}", truth=CaseKey(kind=kind, effects=effects),
-        ratio=0.5, gain=gain, explained=gain, parameters=min(gain, 50.0), count=10_000,
+        ratio=0.5, gain=gain, explained=gain, parameters=min(gain, 50.0) if parameters is None else parameters, count=10_000,
         hypotheses=found,
     )  # fmt: skip
 
@@ -40,6 +48,11 @@ def cases(listed: int, unlisted: int) -> list[Case]:
         kind = "single" if n < listed else "unknown"
         wrong = float(rng.uniform(0.1, 0.9)) * 1e5
         out.append(case(n % 6, kind, gain=1e5, found=hypotheses(1e5, wrong)))
+    # Of what parameters of 1e4, 1e5 and 1e6 leave, a law takes a twentieth of the root of 1e4 rows.
+    for n, size in enumerate((1e4, 1e5, 1e6)):
+        for bench in range(6):
+            gain = (0.04 + 0.004 * n) * np.sqrt(size * 1e4)
+            out.append(case(bench, "parameters", gain=gain, parameters=size))
     return out
 
 
@@ -60,6 +73,24 @@ def test_the_odds_of_an_effect_are_as_often_as_it_was_one() -> None:
         if x.truth.effects
     ]
     assert np.mean(probability) == pytest.approx(0.8, abs=0.08)
+
+
+def test_changed_parameters_are_told_from_effects_by_what_a_law_takes_beside_them() -> None:
+    some = cases(20, 10)
+    some += [case(n % 6, "single", gain=2e4, parameters=1e6, found=hypotheses(2e4, 1e3))
+             for n in range(6)]  # fmt: skip
+    c = chosen(some, shipped())
+    assert 0.048 < c.parameters_form < 0.2
+    moved = [x for x in some if x.truth.kind == "parameters"]
+    assert all(x.of_parameters(c) for x in moved)
+    assert not any(x.of_parameters(c) for x in some if x.truth.kind == "single")
+
+
+@pytest.mark.parametrize("kind", ["none", "parameters"])
+def test_banks_that_lack_a_kind_are_refused(kind: str) -> None:
+    some = [x for x in cases(20, 10) if x.truth.kind != kind]
+    with pytest.raises(BankError, match="constants are fitted to"):
+        chosen(some, shipped())
 
 
 def test_places_hold_the_truth_as_often_as_they_should() -> None:
