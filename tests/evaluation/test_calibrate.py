@@ -27,7 +27,8 @@ def case(
     effects = [lag] if kind in ("single", "unknown") else []
     return Case(
         bench=f"bench {bench}", truth=CaseKey(kind=kind, effects=effects),
-        ratio=0.5, gain=gain, explained=gain, parameters=min(gain, 50.0) if parameters is None else parameters, count=10_000,
+        ratio=0.5, gain=gain, explained=gain, count=10_000,
+        parameters=min(gain, 50.0) if parameters is None else parameters,
         hypotheses=found,
     )  # fmt: skip
 
