@@ -13,6 +13,7 @@ from evaluation.bank import any_inputs, check_ups
 from evaluation.bank.making import Order
 from evaluation.errors import WithheldError
 from evaluation.quiz import mystery
+from smad.errors import SmadError
 
 if TYPE_CHECKING:
     _Commands = argparse._SubParsersAction[argparse.ArgumentParser]
@@ -311,7 +312,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             case _:
                 options = _arguments().parse_args(given)
                 options.run(options)
-    except WithheldError as error:
+    except (WithheldError, SmadError) as error:
         print(f"error: {error}", file=sys.stderr)
         raise SystemExit(2) from None
     except KeyboardInterrupt:

@@ -48,9 +48,8 @@ def main(arguments: Sequence[str]) -> None:
             duration_s=options.duration,
             candidates=options.candidates,
             seed=options.seed,
-            progress=lambda text: print(f"\r{text}\x1b[K", end="", file=sys.stderr),
+            progress=_progress,
         )
-        print(file=sys.stderr)
     if options.out is not None:
         write_programme(programme, options.out)
     print(f"{programme.title}: {programme.duration_s / 60:.1f} min of runs")
@@ -58,6 +57,12 @@ def main(arguments: Sequence[str]) -> None:
         print(f"  {run.name}{' (quick)' if run.quick else '':8}  {run.title}")
     for label, found in (("whole programme", whole), ("quick part", part)):
         _print_separations(label, found)
+
+
+def _progress(text: str) -> None:
+    """The line so far on a terminal, nothing elsewhere."""
+    if sys.stderr.isatty():
+        print(f"{text}\x1b[K", end="\r", file=sys.stderr, flush=True)
 
 
 def _print_separations(label: str, found: Separations) -> None:

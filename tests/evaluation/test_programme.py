@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from evaluation.command import main
 from evaluation.errors import WithheldError
 from evaluation.programme.segments import candidate
 from evaluation.programme.separations import (
@@ -80,6 +81,18 @@ def test_a_candidate_keeps_to_its_time_and_to_the_limits_at_every_corner() -> No
     kept = safe(plant, run, Limits())
     assert kept is not None
     assert safe(plant, run, Limits(temperature_degC=30.0)) is None
+
+
+@pytest.mark.parametrize("arguments", [["--of", "nowhere"], ["--candidates", "1", "--runs", "2"]])
+def test_a_design_that_cannot_be_made_is_told_in_one_sentence(
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["design", *arguments])
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert said.startswith("error: ")
+    assert said.count("\n") == 1
 
 
 def test_a_design_of_few_candidates_says_what_it_separates() -> None:
