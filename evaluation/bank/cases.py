@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from evaluation.errors import BankError
 from evaluation.plant.effects import BY_NAME, SIGNED, Active, names
 
 KINDS = ("single", "unknown", "pair", "triple")
@@ -53,7 +54,9 @@ def _drawn(rng: np.random.Generator, name: str) -> Active:
 
 
 def _spread(rng: np.random.Generator, pool: tuple[str, ...], count: int) -> list[str]:
-    """`count` effects, every one about equally often."""
+    """`count` effects, every one about equally often. Raises BankError where there are none."""
+    if count and not pool:
+        raise BankError("there are no effects to draw from: write new ones (evaluation/README.md)")
     order: list[str] = []
     while len(order) < count:
         order += [str(n) for n in rng.permutation(pool)]

@@ -181,6 +181,12 @@ def test_dev_and_sealed_banks_have_different_unknown_effects() -> None:
     assert unknown[True] == set(names("sealed"))
 
 
+def test_a_bank_without_effects_to_draw_from_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("evaluation.bank.cases.names", lambda pool: ())
+    with pytest.raises(BankError, match="no effects to draw from"):
+        draw(5, {"unknown": 3}, sealed=True)
+
+
 def test_half_of_the_effects_of_single_springs_act_on_one_of_them() -> None:
     sides = [c.choices[0][0].side for c in draw(6, {"single": 200}, sealed=False)]
     assert 0.1 < sides.count("x") / 200 < 0.3
