@@ -57,7 +57,8 @@ class Safe:
 class Rivals:
     """The terms of each law, and the places with free laws that each is held against.
 
-    `own` are the numbers of the terms of a law, `beside` the candidate.
+    `own` are the numbers of the terms of a law; `pairs` those of a law and of the candidate that it
+    is held against.
     """
 
     candidates: tuple[Candidate, ...]
