@@ -1,4 +1,4 @@
-"""From what a search proved to a verdict: budgets, laws in words, models."""
+"""From a search to a verdict: the table of rivals, causes in words, gaps, models."""
 
 from __future__ import annotations
 
@@ -10,217 +10,270 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from smad.diagnosis.budget import budget_of
-from smad.diagnosis.changed import Changed
-from smad.diagnosis.data.played import predictions
-from smad.diagnosis.numerics.folds import Array, FoldRows, Index
-from smad.diagnosis.numerics.forward import Fit
+from smad.diagnosis.constants import Constants
+from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import ModelPoint, SavesModel, Uncertainty
-from smad.diagnosis.search.contrast import apart
-from smad.diagnosis.search.listed import Listed
-from smad.diagnosis.search.told import Teller, parameters_told, place_shares, unseen
-from smad.diagnosis.search.where import WORTH_TELLING, Fits, Scored, best_of_places
-from smad.diagnosis.simulator import Asked, Held
+from smad.diagnosis.rivals.describe import Describer
+from smad.diagnosis.rivals.fit import Fit, covariance
+from smad.diagnosis.rivals.parts import EffectPart, LawPart
+from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, credible_set
+from smad.diagnosis.rivals.search import Question, Rival, Searched, Step
+from smad.diagnosis.rivals.unseen import unseen_strengths
 from smad.diagnosis.verdict import (
-    CHANGED,
-    CONTRADICTING,
+    CAUSES,
     DIFFERS,
     PARAMETERS,
-    PLACES,
     QUIET,
-    PlaceTold,
+    UNEXPLAINED,
+    Cause,
+    ParameterMoved,
+    RivalGap,
     RunGap,
     SignalGap,
     Verdict,
-    change_headline,
+    headline_of,
 )
 
-QUIET_FLOORS = 1.35
-"""A gap to the simulator that is smaller, in floors, is none: floors are known to a third."""
-APART = 0.6
-"""A run is of another state when coefficients of its own take this share of it, above the floor."""
-_APART_SETS = 8
-"""Of the likeliest places, whose laws are asked whether a run needs one of its own."""
-_NOTHING_NEW = "nothing is new beyond what good runs differ in"
+_ROWS = 8
+"""Rivals of a table at most."""
+_LEAST_NAMED = 0.005
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Answer:
-    """A verdict with what it rests on, for figures and models; None where runs were refused.
+    """A verdict with what it rests on; `search` is None where runs were refused.
 
-    `rows` are those that the laws of `listed` were fitted to, `model` has all that is told.
+    `stages` are the rivals whose gaps are told: as configured, with other parameters, and with the
+    first 1, 2 … causes; `model` is the last one's.
     """
 
     verdict: Verdict
-    listed: Listed | None = None
-    rows: FoldRows | None = None
+    search: Searched | None = None
+    stages: tuple[Rival, ...] = ()
     model: ModelPoint | None = None
+    uncertainty: Uncertainty | None = None
 
 
-def answer_of_differs(asked: Asked, held: Held) -> Answer:
-    """The list of what the simulator lacks."""
-    v = _verdict(
-        asked, DIFFERS, held.listed, rows=held.rows, run_of_row=held.gap.run_of_row,
-        ranked=held.where.ranked,
-    )  # fmt: skip
-    assert v.whole is not None
-    whole, odd = v.whole, [r.run for r in v.by_run if r.contradicts]
-    if odd:
-        outcome = CONTRADICTING
-    elif v.places:
-        outcome = PLACES
-    else:
-        outcome = QUIET if whole.raw < QUIET_FLOORS else PARAMETERS
-    taken = (whole.raw**2 - whole.parameters**2) / max(whole.raw**2 - 1.0, 1e-9)
-    v = msgspec.structs.replace(
-        v,
-        outcome=outcome,
-        headline=_headline(outcome, v.places, whole, odd),
-        parameters_take=float(np.clip(taken, 0.0, 1.0)),
-    )
-    return _with_models(asked, held.listed, held.rows, v)
-
-
-def answer_of_changed(asked: Asked, found: Changed) -> Answer:
-    """What is new since the good runs."""
-    run_of_row = found.joint.run_of_row - len(asked.good)
-    v = _verdict(
-        asked, CHANGED, found.listed, rows=found.contrast.own, run_of_row=run_of_row,
-        ranked=found.contrast.ranked,
-    )  # fmt: skip
-    odd = [r.run for r in v.by_run if r.contradicts]
-    outcome, headline = found.outcome, change_headline(found.outcome, v.places, _NOTHING_NEW)
-    if odd and outcome == PLACES:
-        outcome = CONTRADICTING
-        headline = (
-            f"changed, but not alike in all runs: {_apart(odd)} of another state than the rest"
-        )
-    v = msgspec.structs.replace(
-        v, outcome=outcome, headline=headline, parameters_take=max(found.parameters, 0.0)
-    )
-    return _with_models(asked, found.listed, found.rows, v)
-
-
-def _verdict(
-    asked: Asked,
-    question: str,
-    listing: Listed,
-    *,
-    rows: FoldRows,
-    run_of_row: Index,
-    ranked: Sequence[Scored],
-) -> Verdict:
-    """What both questions say alike."""
-    plant, m = asked.plant, listing.settler.gap.measured
-    raw = predictions(plant, listing.settler.start, m.played)
-    stages = [
-        [y - p for y, p in zip(m.values, stage, strict=True)] for stage in (raw, *listing.predicted)
+def answer_of(
+    plant: PlacesPlant, search: Searched, *, question: str, constants: Constants, judged_on: str
+) -> Answer:
+    """The answer that a search gives."""
+    asked, final = search.question, search.final
+    stages = _stages(search)
+    causes = [
+        _cause(plant, search, step, rival, constants)
+        for step, rival in zip(_entered(search), stages[2:], strict=True)
     ]
-    floors = [asked.floors] * len(m.played)
-    budget = budget_of(plant.channels, stages, m.valid, floors, asked.judged)
-    columns = [s.columns for s in best_of_places(ranked)[:_APART_SETS]]
-    return Verdict(
+    gaps = _signal_gaps(plant, asked, stages)
+    whole = _gap("all signals", "floors", 1.0, [asked.gap(r) for r in stages])
+    outcome = _outcome(search, causes)
+    point = asked.model.start if final.fit is None else final.fit.point
+    uncertainty = None if final.fit is None else uncertainty_of(plant, asked, final.fit)
+    verdict = Verdict(
         question=question,
-        outcome="",
-        headline="",
-        places=_told(plant, listing),
-        budget=budget.signals,
-        whole=budget.whole,
-        by_run=_by_run(asked, rows, run_of_row, columns, budget.by_run),
-        ranked=place_shares(plant, ranked),
-        unseen=unseen(plant, rows, ranked, WORTH_TELLING * rows.square),
+        outcome=outcome,
+        headline=headline_of(question, outcome, causes, whole),
+        causes=causes,
+        rivals=_table(plant, asked, search.steps[-1].rivals) if search.steps else [],
+        parameters=_moved(plant, asked.model.start, final.fit, uncertainty),
+        budget=gaps,
+        whole=whole,
+        by_run=_by_run(asked, search.configured, search.parameters, final),
+        judged_on=judged_on,
+        unseen=unseen_strengths(asked, final),
+        models=_models(plant, asked, stages, headline_of(question, outcome, causes, whole)),
     )
+    return Answer(verdict=verdict, search=search, stages=stages, model=point,
+                  uncertainty=uncertainty)  # fmt: skip
 
 
-def _with_models(asked: Asked, listing: Listed, rows: FoldRows, verdict: Verdict) -> Answer:
-    settler = listing.settler
-    points = [settler.model(s) for s in listing.settled]
-    uncertain = [settler.uncertainty(s) for s in listing.settled]
-    said = msgspec.structs.replace(
-        verdict,
-        parameters=parameters_told(asked.plant, settler.start, points[-1], uncertain[-1]),
-        judged_on=_judged_on(asked),
-        models=_models(asked.plant, points, uncertain, verdict.headline),
-    )
-    return Answer(verdict=said, listed=listing, rows=rows, model=points[-1])
+def _outcome(search: Searched, causes: Sequence[Cause]) -> str:
+    """Causes, parameters, or quiet.
+
+    Parameters are the answer only where what they leave is near the floor, or where nothing more
+    is likelier; else something is missing that no rival brings nearer.
+    """
+    if causes:
+        return CAUSES
+    if not search.moved:
+        return QUIET
+    likeliest = search.steps[-1].rivals[0] if search.steps else search.final
+    return UNEXPLAINED if likeliest.kind in (EFFECT, LAW) else PARAMETERS
 
 
-def _judged_on(asked: Asked) -> str:
-    if asked.fit < len(asked.runs):
-        held = len(asked.runs) - asked.fit
-        return f"{held} run{'s'[: held > 1]} held out"
-    if asked.fit == 1:
-        return "stretches of the one run, each by a model of the others"
-    return f"{asked.fit} runs, each by a model of the others"
+def _entered(search: Searched) -> list[Step]:
+    """The steps by which parts entered, in their order."""
+    return [s for s in search.steps if s.entered is not None and s.entered.kind in (EFFECT, LAW)]
 
 
-def _told(plant: PlacesPlant, listing: Listed) -> list[PlaceTold]:
-    """The places of the list with the coefficients that they have in the simulator."""
-    n = len(plant.parameters)
-    last, gap = listing.settled[-1], listing.settler.gap
-    unit = listing.settler.uncertainty(last).covariance[n:, n:]
-    found = listing.settler.found
-    _, scale = found.coefficients(last.columns)
-    covariance = unit / np.outer(scale, scale) if len(scale) else np.zeros((0, 0))
-    own = Fits(last.columns, Fit(last.x[n:], covariance), ())
-    teller = Teller(gap, found, own)
+def _stages(search: Searched) -> tuple[Rival, ...]:
+    """As configured, with other parameters, then with each cause."""
+    entered = _entered(search)
+    prefixes = [s.entered for s in entered[:-1] if s.entered is not None]
+    last = [search.final] if entered else []
+    return (search.configured, search.parameters, *prefixes, *last)
+
+
+def _gap(signal: str, unit: str, floor: float, left: Sequence[float]) -> SignalGap:
+    raw, parameters, *causes = left
+    return SignalGap(signal=signal, unit=unit, floor=floor, raw=raw, parameters=parameters,
+                     causes=causes)  # fmt: skip
+
+
+def _signal_gaps(plant: PlacesPlant, asked: Question, stages: Sequence[Rival]) -> list[SignalGap]:
+    counts, floors = asked.judged.counts.sum(axis=0), asked.judged.floors
+    left = [np.sqrt(r.squares.sum(axis=0) / np.maximum(counts, 1.0)) * floors for r in stages]
     return [
-        teller.told(step, share, in_simulator=True)
-        for step, share in zip(listing.steps, listing.shares, strict=True)
+        _gap(c.name, c.unit, float(floors[i]), [float(x[i]) for x in left])
+        for i, c in enumerate(plant.channels)
+        if counts[i] > 0
     ]
 
 
-def _by_run(
-    asked: Asked, rows: FoldRows, of_row: Index, columns: Sequence[Index], gaps: Array
-) -> list[RunGap]:
-    alone = asked.fit < 2
-    out = []
-    for k, run in enumerate(asked.runs):
-        own = 0.0 if alone or k >= asked.fit else apart(rows, of_row, columns, k)
-        out.append(
-            RunGap(
-                run=run.name, raw=float(gaps[0, k]), parameters=float(gaps[1, k]),
-                final=float(gaps[-1, k]), apart=max(own, 0.0),
-                contradicts=own >= APART and gaps[0, k] >= 1.0,
-            )
-        )  # fmt: skip
-    return out
+def _by_run(asked: Question, *stages: Rival) -> list[RunGap]:
+    counts = np.maximum(asked.judged.counts.sum(axis=1), 1.0)
+    raw, parameters, final = (np.sqrt(r.squares.sum(axis=1) / counts) for r in stages)
+    return [
+        RunGap(run=p.whole.name, raw=float(raw[k]), parameters=float(parameters[k]),
+               final=float(final[k]))
+        for k, p in enumerate(asked.judged.played)
+    ]  # fmt: skip
+
+
+def _table(plant: PlacesPlant, asked: Question, rivals: Sequence[Rival]) -> list[RivalGap]:
+    """The likeliest rivals, and those without a part whatever their probability."""
+    described = Describer(plant)
+    kept = [r for k, r in enumerate(rivals) if k < _ROWS or r.kind not in (EFFECT, LAW)]
+    counts = asked.judged.counts.sum(axis=0)
+    return [
+        RivalGap(
+            kind=r.kind, name=r.name.removeprefix("law:"), words=described.rival(r),
+            places=list(r.places), gap=asked.gap(r), probability=r.probability,
+            by_signal={
+                c.name: float(np.sqrt(r.squares[:, i].sum() / counts[i]))
+                for i, c in enumerate(plant.channels) if counts[i] > 0
+            },
+        )
+        for r in kept
+    ]  # fmt: skip
+
+
+def _cause(
+    plant: PlacesPlant, search: Searched, step: Step, stage: Rival, constants: Constants
+) -> Cause:
+    """A cause that entered, with the rivals of its step."""
+    asked = search.question
+    assert stage.fit is not None
+    index = _entered(search).index(step)
+    parts = stage.fit.model.parts
+    part, coordinates = parts[index], stage.fit.x[stage.fit.model.slices[index]]
+    of_parts = [r for r in step.rivals if r.kind in (EFFECT, LAW)]
+    total = max(sum(r.probability for r in of_parts), 1e-300)
+    laws = [r.places[0] for r in of_parts if r.kind == LAW]
+    places: dict[str, float] = {}
+    for r in of_parts:
+        at = _place_of(r, laws)
+        places[at] = places.get(at, 0.0) + r.probability / total
+    named = {r.name: r.probability for r in of_parts if r.kind == EFFECT}
+    in_library = max(sum(named.values()), 1e-300)
+    names = {n: p / in_library for n, p in sorted(named.items(), key=lambda item: -item[1])}
+    described = Describer(plant)
+    sd = np.sqrt(np.maximum(np.diag(covariance(asked.evidence, stage.fit)), 0.0))
+    own_sd = sd[stage.fit.model.slices[index]]
+    place = _place_of(step.entered, laws) if step.entered is not None else part.places[0]
+    if step.entered is None or part.name != step.entered.name:
+        place = part.places[0]
+    side = part.candidate.side if isinstance(part, LawPart) else "both"
+    about = next((p for p in plant.places if p.name == place), None)
+    return Cause(
+        kind=EFFECT if isinstance(part, EffectPart) else LAW,
+        name=part.name if isinstance(part, EffectPart) else "",
+        place=place,
+        side=side,
+        words=described.place(place, side),
+        probability=places.get(place, 0.0),
+        places=dict(sorted(places.items(), key=lambda item: -item[1])),
+        names={n: p for n, p in names.items() if p >= _LEAST_NAMED},
+        outside=1.0 - in_library / total,
+        credible_names=credible_set(names, constants.told_level),
+        credible_places=credible_set(places, constants.told_level),
+        values=described.values(part, coordinates, own_sd) if isinstance(part, EffectPart) else [],
+        terms=described.terms(part, coordinates, own_sd) if isinstance(part, LawPart) else [],
+        largest=described.largest(part, coordinates, asked, stage.fit)
+        if isinstance(part, LawPart) else 0.0,
+        unit=about.unit if about is not None else "",
+        gap=asked.gap(stage),
+        rivals=_table(plant, asked, step.rivals),
+    )  # fmt: skip
+
+
+def _place_of(rival: Rival, laws: Sequence[str]) -> str:
+    """The place of a rival: of several, that whose law is likeliest, else the first listed."""
+    listed = rival.places or ("",)
+    return next((p for p in laws if p in listed), listed[0])
+
+
+def uncertainty_of(plant: PlacesPlant, asked: Question, fitted: Fit) -> Uncertainty:
+    """Covariance of parameters and coefficients in the plant's units."""
+    names: list[str] = [q.name for q in plant.parameters]
+    scale: list[float] = [q.prior_sd for q in plant.parameters]
+    for part in fitted.model.parts:
+        if isinstance(part, EffectPart):
+            names += [f"{part.name}.{q.name}" for q in part.effect.parameters]
+            scale += [q.scale for q in part.effect.parameters]
+        elif isinstance(part, LawPart):
+            of_terms, scales = part.responses.coefficients(part.columns)
+            names += of_terms
+            scale += scales.tolist()
+    unit = np.array(scale)
+    return Uncertainty(tuple(names), unit[:, None] * covariance(asked.evidence, fitted) * unit)
+
+
+def _moved(
+    plant: PlacesPlant, start: ModelPoint, fitted: Fit | None, uncertainty: Uncertainty | None
+) -> list[ParameterMoved]:
+    """The parameters, those first that moved most beside their standard deviation."""
+    if fitted is None or uncertainty is None:
+        return []
+    sd = np.sqrt(np.maximum(np.diag(uncertainty.covariance), 0.0))
+    theta = fitted.point.theta
+    moved = [
+        ParameterMoved(
+            name=q.name, unit=q.unit, before=start.theta.get(q.name, q.nominal),
+            after=theta[q.name], sd=float(sd[k]),
+            at_bound=bool(theta[q.name] <= q.low or theta[q.name] >= q.high),
+        )
+        for k, q in enumerate(plant.parameters)
+    ]  # fmt: skip
+    return sorted(moved, key=lambda q: -abs(q.after - q.before) / max(q.sd, 1e-30))
 
 
 def _models(
-    plant: PlacesPlant, points: Sequence[ModelPoint], uncertain: Sequence[Uncertainty], note: str
+    plant: PlacesPlant, asked: Question, stages: Sequence[Rival], note: str
 ) -> list[str]:
-    """The models as the plant writes them, as text; none for a plant that writes no files."""
+    """Models with other parameters and with each cause, as text; none where none are written."""
     if not isinstance(plant, SavesModel):
         return []
     out = []
     with tempfile.TemporaryDirectory() as folder:
-        for k, (point, own) in enumerate(zip(points, uncertain, strict=True)):
+        for k, rival in enumerate(stages[1:]):
+            if rival.fit is None:
+                continue
             path = Path(folder) / f"model-{k}.toml"
-            plant.save_model(point, path, note, own)
+            plant.save_model(rival.fit.point, path, note, uncertainty_of(plant, asked, rival.fit))
             out.append(path.read_text("utf-8"))
     return out
 
 
-def _headline(
-    outcome: str, places: Sequence[PlaceTold], whole: SignalGap, odd: Sequence[str]
-) -> str:
-    if outcome == CONTRADICTING:
-        return f"no answer for all runs: {_apart(odd)} of another state than the rest"
-    if outcome == QUIET:
-        return "no gap beyond the floor: the simulator is as good as the readings"
-    if outcome == PARAMETERS:
-        return (
-            f"other values of the parameters bring the gap from {whole.raw:.1f} to "
-            f"{whole.parameters:.1f} floors; no place takes enough of the rest"
-        )
-    listing = ", ".join(p.words for p in places[:3]) + (" and more" if len(places) > 3 else "")
-    return (
-        f"the simulator lacks something at {len(places)} place{'s'[: len(places) > 1]}: {listing}; "
-        f"the gap goes from {whole.raw:.1f} to {whole.final:.1f} floors"
-    )
+def with_notes(answer: Answer, notes: Sequence[str]) -> Answer:
+    """The answer with more that a reader must know."""
+    verdict = msgspec.structs.replace(answer.verdict, notes=[*answer.verdict.notes, *notes])
+    return msgspec_replace(answer, verdict)
 
 
-def _apart(odd: Sequence[str]) -> str:
-    return f"{', '.join(odd)} {'is' if len(odd) == 1 else 'are'}"
+def msgspec_replace(answer: Answer, verdict: Verdict) -> Answer:
+    """The answer with another verdict."""
+    from dataclasses import replace
+
+    return replace(answer, verdict=verdict)

@@ -1,4 +1,4 @@
-"""The numbers of the diagnosis that were fitted to development benches, in one file.
+"""The five numbers of the diagnosis that were fitted to development benches, in one file.
 
 `python -m evaluation calibrate` writes `constants.toml`, which says what they were fitted to. What
 is defined, as how many terms can be read, stands where it is used.
@@ -13,28 +13,19 @@ import msgspec
 
 
 class Constants(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What was fitted to development benches.
+    """What was fitted to development benches (see `rivals/score.py` for the formula).
 
-    Odds of laws and effects (`search/odds.py`): an effect of the library has the log odds
-    `effect_odds` beside a law that takes as much. `effect_weight` and `law_weight` are what the log
-    of the share that each takes counts. As few places are told as hold `told_level` of the
-    probability together.
-
-    Check-ups: rows of a bench without a change have the variance `quiet_variance`. It has changed
-    when the best law takes `quiet_gain` of the sum of squares, or the parameters
-    `quiet_parameters`. If these take that much, other values of the parameters are the answer where
-    the first place takes less than `parameters_form` times the root of what they take times the
-    number of rows.
+    `evidence` is κ, the independent pieces of evidence of a run and channel. Log prior odds beside
+    a law at some place: `nothing` that nothing is missing, `parameters` that other values of them
+    are the answer, `effect` that it is one of the library. The fewest rivals are told that together
+    have the probability `told_level`.
     """
 
-    effect_odds: float
-    effect_weight: float
-    law_weight: float
+    evidence: float
+    nothing: float
+    parameters: float
+    effect: float
     told_level: float
-    parameters_form: float
-    quiet_variance: float
-    quiet_gain: float
-    quiet_parameters: float
 
 
 @cache

@@ -9,20 +9,18 @@ from dataclasses import replace
 import msgspec
 
 from firmware_protocol.nearest import instead
-from smad.diagnosis.answer import Answer, answer_of_changed, answer_of_differs
-from smad.diagnosis.changed import changed
+from smad.diagnosis.answer import Answer, answer_of
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.data.admission import RunSet, admit_groups
 from smad.diagnosis.data.grid import row_length_s
 from smad.diagnosis.data.guards import FIT, GOOD, HOLD_OUT, goes_further, too_few
 from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.errors import PlantMismatch
-from smad.diagnosis.gap import Measured
 from smad.diagnosis.numerics.threads import repeatable
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import Effect, PlantModel
+from smad.diagnosis.questions import Inquiry, changed, differs
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.simulator import Asked, held_against
 from smad.diagnosis.verdict import CHANGED, DIFFERS, REFUSED, RunRecord, Verdict
 from smad.version import VERSION
 
@@ -38,7 +36,7 @@ def diagnose(
     constants: Constants | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Answer:
-    """Where the model and the runs disagree, which law is missing there, and what it is called.
+    """What the model lacks beside the runs: rivals refitted by replay, compared by what they leave.
 
     With runs that are known to be `good` the question is what has changed since. `hold_out` are
     runs to judge on; without them each run is judged by a model that had no part of it.
@@ -61,17 +59,18 @@ def diagnose(
         answer = Answer(verdict=Verdict(question=question, outcome=REFUSED, headline=headline))
     else:
         findings += goes_further(roles, plant)
-        every = (*roles[FIT], *roles[HOLD_OUT])
-        asked = Asked(
-            plant=with_places(plant), runs=every, fit=len(roles[FIT]), good=roles[GOOD],
-            effects=tuple(effects), period_s=period_s, constants=constants or shipped(),
-            say=progress, floors=estimate_floors([*every, *roles[GOOD]], plant, period_s),
+        given = (*roles[FIT], *roles[HOLD_OUT], *roles[GOOD])
+        c = constants or shipped()
+        inquiry = Inquiry(
+            plant=with_places(plant), fit=roles[FIT], held_out=roles[HOLD_OUT], good=roles[GOOD],
+            effects=tuple(effects), period_s=period_s, constants=c, say=progress,
+            floors=estimate_floors(given, plant, period_s),
         )  # fmt: skip
-        if asked.good:
-            answer = answer_of_changed(asked, changed(asked))
-        else:
-            measured = Measured.of(asked.plant, asked.runs, asked.period_s)
-            answer = answer_of_differs(asked, held_against(asked, measured, counts=asked.counts))
+        question = CHANGED if good else DIFFERS
+        search = changed(inquiry) if good else differs(inquiry)
+        answer = answer_of(
+            inquiry.plant, search, question=question, constants=c, judged_on=_judged_on(inquiry)
+        )
     verdict = msgspec.structs.replace(
         answer.verdict,
         findings=findings,
@@ -95,6 +94,14 @@ def library(plant: PlantModel, candidates: Sequence[str] | None) -> list[Effect]
             action=instead(foreign[0], sorted(known), "name effects of the plant's library"),
         )
     return [e for e in plant.effects if candidates is None or e.name in candidates]
+
+
+def _judged_on(inquiry: Inquiry) -> str:
+    if held := len(inquiry.held_out):
+        return f"{held} run{'s'[: held > 1]} held out"
+    if len(inquiry.fit) == 1:
+        return "stretches of the one run, each by a model of the others"
+    return f"{len(inquiry.fit)} runs, each by a model of the others"
 
 
 def _lacking(groups: Mapping[str, RunSet]) -> str:

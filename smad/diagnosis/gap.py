@@ -131,7 +131,7 @@ class Measured:
     @classmethod
     def of(cls, plant: PlantModel, runs: Sequence[GapRun], period_s: float) -> Measured:
         """The runs, each on a grid of `period_s` that begins with it."""
-        played = tuple(Played.of(r, float(r.t_s[0] - r.dt_s), period_s) for r in runs)
+        played = tuple(Played.of(r, plant.inputs, float(r.t_s[0] - r.dt_s), period_s) for r in runs)
         found = [
             binned(r, p.bins, plant, p.start_s, period_s) for r, p in zip(runs, played, strict=True)
         ]

@@ -25,12 +25,13 @@ EffectValues = Mapping[str, Mapping[str, float]]
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """An input that was applied, as recorded."""
+    """An input that was applied, as recorded. Its `power` acts: 2 for a current that heats."""
 
     name: str
     unit: str
     low: float
     high: float
+    power: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

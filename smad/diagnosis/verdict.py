@@ -9,11 +9,12 @@ import msgspec
 
 from smad.diagnosis.errors import PlantMismatch
 
-QUIET, PARAMETERS, PLACES = "quiet", "parameters", "places"
-UNPLACED, REFUSED, CONTRADICTING = "unplaced", "refused", "contradicting"
-OUTCOMES = (QUIET, PARAMETERS, PLACES, UNPLACED, CONTRADICTING, REFUSED)
-"""Nothing beyond the floor; other values of parameters explain it; places with laws; changed, and
-no place takes enough; no verdict."""
+QUIET, PARAMETERS, CAUSES, UNEXPLAINED, REFUSED = (
+    "quiet", "parameters", "causes", "unexplained", "refused",
+)  # fmt: skip
+OUTCOMES = (QUIET, PARAMETERS, CAUSES, UNEXPLAINED, REFUSED)
+"""Nothing beyond the floor; other values of the parameters explain it; causes are told; more than
+the parameters is missing, and no rival brings the judged runs nearer; no verdict."""
 DIFFERS, CHANGED, CHECK_UP = "differs", "changed", "check-up"
 
 
@@ -35,7 +36,7 @@ class RunRecord(msgspec.Struct, frozen=True):
     sha256: str
 
 
-class TermTold(msgspec.Struct, frozen=True, kw_only=True):
+class LawTerm(msgspec.Struct, frozen=True, kw_only=True):
     """A term of a law: what it goes with in `words`, its `slopes` by spring with their standard
     deviations `sd`, in `unit`. `state` is the state's name."""
 
@@ -56,41 +57,77 @@ class TermTold(msgspec.Struct, frozen=True, kw_only=True):
         return f"{self.words}: {slopes}{'' if self.unit == '1' else ' ' + self.unit}"
 
 
-class PlaceTold(msgspec.Struct, frozen=True, kw_only=True):
-    """One answer: where, which law, what name.
+class EffectValue(msgspec.Struct, frozen=True, kw_only=True):
+    """A parameter of an effect with its standard deviation, in `unit`."""
 
-    `share` is what the place adds on runs left out; `near` are the other places that may be it, in
-    words, `near_places` their names with the first's own, `probabilities` theirs. `largest` is the
-    law's largest value in the runs, in `unit`. `in_simulator` says whether the law brought the
-    simulator nearer to the bench. `name` is an effect of the library that acts there, empty for
-    none, and `values` its values; `names` are effects with their probabilities, `nearest` the best
-    of those that act there, `takes` what it takes of what the law takes.
+    name: str
+    value: float
+    sd: float
+    unit: str
+
+    @property
+    def text(self) -> str:
+        """As users read it: tau_s = 0.600 ± 0.002 s."""
+        digits = max(len(f"{self.value:.3g}"), 1) and 3
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"{self.name} = {self.value:.{digits}g} ± {self.sd:.1g}{unit}"
+
+
+class RivalGap(msgspec.Struct, frozen=True, kw_only=True):
+    """A row of the table of rivals: a hypothesis, what it leaves of the judged runs, how likely.
+
+    `kind` is nothing, parameters, effect or law; `name` that of the effect or of the law's place,
+    `places` where it acts. `gap` is over all signals in floors, `by_signal` that of each.
     """
 
+    kind: str
+    name: str
+    words: str
+    places: list[str]
+    gap: float
+    by_signal: dict[str, float]
+    probability: float
+
+
+class Cause(msgspec.Struct, frozen=True, kw_only=True):
+    """One thing that the simulator lacks, with the rivals that it was told from.
+
+    `kind` is effect or law, `name` that of the effect (empty for a law), `place` where it acts, in
+    `words`. `probability` is that of the place. `names` are effects of the library with their
+    probabilities if it is one of them, `outside` the probability that it is none. `credible_names`
+    and `credible_places` are the fewest that together hold the level of the constants. `terms`
+    are a law's, `values` an effect's. `gap` is what the judged runs are left with by all causes up
+    to this one.
+    """
+
+    kind: str
+    name: str
     place: str
     side: str
     words: str
-    share: float
-    near: list[str]
-    near_places: list[str]
-    probabilities: list[float]
-    terms: list[TermTold]
+    probability: float
+    names: dict[str, float]
+    outside: float
+    credible_names: list[str]
+    credible_places: list[str]
+    places: dict[str, float]
+    values: list[EffectValue]
+    terms: list[LawTerm]
     largest: float
     unit: str
-    in_simulator: bool
-    name: str = ""
-    values: dict[str, dict[str, float]] = {}
-    nearest: str = ""
-    names: dict[str, float] = {}
-    takes: float = 0.0
+    gap: float
+    rivals: list[RivalGap]
 
     @property
-    def probability(self) -> float:
-        """That of the first place, of all that may be what is missing."""
-        return self.probabilities[0]
+    def title(self) -> str:
+        """The cause in words: the effect with its values, or the law's place."""
+        if self.kind == "effect":
+            values = ", ".join(v.text for v in self.values)
+            return f"{self.name} ({values})"
+        return f"a law at the {self.words}"
 
     @property
-    def read(self) -> list[TermTold]:
+    def read(self) -> list[LawTerm]:
         """The terms that say something: a constant only where there is no other.
 
         Beside others it depends on where the middle of their states lies.
@@ -98,29 +135,8 @@ class PlaceTold(msgspec.Struct, frozen=True, kw_only=True):
         return self.terms[:-1] if len(self.terms) > 1 else self.terms
 
 
-def change_headline(outcome: str, places: Sequence[PlaceTold], quiet: str) -> str:
-    """A change in one line: its first place with the size of the law there, and how many more.
-
-    `quiet` is what is said of none.
-    """
-    if outcome == QUIET:
-        return quiet
-    if outcome == PARAMETERS:
-        return "changed: other values of the parameters explain it"
-    if not places:
-        return "changed, and no place takes enough of it"
-    first, *further = places
-    size = (
-        f", by up to {first.largest:.2g} {first.unit}"
-        if first.unit != "1"
-        else f", by up to {100 * first.largest:.2g} %"
-    )
-    beside = f", and {len(further)} more" if further else ""
-    return f"changed: {first.words}{size}{beside}"
-
-
-class ParameterTold(msgspec.Struct, frozen=True, kw_only=True):
-    """A parameter of the model: as configured, in the model that is told, and its deviation."""
+class ParameterMoved(msgspec.Struct, frozen=True, kw_only=True):
+    """A parameter of the model: as configured, in the final model, and its standard deviation."""
 
     name: str
     unit: str
@@ -133,9 +149,8 @@ class ParameterTold(msgspec.Struct, frozen=True, kw_only=True):
 class SignalGap(msgspec.Struct, frozen=True, kw_only=True):
     """One signal's RMS of measured − predicted on the runs judged, in its unit.
 
-    `raw`: the model before; `parameters`: with other values of the parameters; `places`: with the
-    laws of the first place, the first two, and so on. Each run is judged by a model that had no
-    part of it. `floor` is its noise.
+    `raw`: the simulator as configured; `parameters`: with other values of the parameters;
+    `causes`: with the first cause, the first two, and so on. `floor` is its noise.
     """
 
     signal: str
@@ -143,36 +158,21 @@ class SignalGap(msgspec.Struct, frozen=True, kw_only=True):
     floor: float
     raw: float
     parameters: float
-    places: list[float]
+    causes: list[float]
 
     @property
     def final(self) -> float:
-        """With all that is told."""
-        return self.places[-1] if self.places else self.parameters
+        """With everything that is told."""
+        return self.causes[-1] if self.causes else self.parameters
 
 
 class RunGap(msgspec.Struct, frozen=True, kw_only=True):
-    """One run's gap over all signals, in floors, as in `SignalGap`.
-
-    `apart` is the share that a law of its own would add for this run alone; where the run is not of
-    one state with the others, `contradicts` is set.
-    """
+    """One judged run's gap over all signals, in floors, as in `SignalGap`."""
 
     run: str
     raw: float
     parameters: float
     final: float
-    apart: float = 0.0
-    contradicts: bool = False
-
-
-class PlaceShare(msgspec.Struct, frozen=True, kw_only=True):
-    """What the best law of a place alone takes, beside nothing else; for the map of places."""
-
-    place: str
-    side: str
-    words: str
-    share: float
 
 
 class Repeated(msgspec.Struct, frozen=True, kw_only=True):
@@ -188,22 +188,21 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     """The answer to one question: *differs* (no good runs), *changed* (since the good runs) or
     *check-up* (the same inputs).
 
-    `places` are in the order in which they take most; `models` are model files as text: after the
-    parameters, then after each place (empty for a plant that writes none). `parameters_take` is the
-    share of the gap that other values of the parameters take, `unseen` what these runs could not
-    have shown. `whole` is over all signals, in floors.
+    `causes` are in the order in which they entered; `rivals` is the table of the last step, in
+    which nothing more was likeliest (or nothing at all). `models` are model files as text: with
+    other parameters, then with each cause (empty for a plant that writes none). `whole` is over all
+    signals, in floors. `unseen` says of each effect which strength these runs would not have shown.
     """
 
     question: str
     outcome: str
     headline: str
-    parameters_take: float = 0.0
-    places: list[PlaceTold] = []
-    parameters: list[ParameterTold] = []
+    causes: list[Cause] = []
+    rivals: list[RivalGap] = []
+    parameters: list[ParameterMoved] = []
     budget: list[SignalGap] = []
     whole: SignalGap | None = None
     by_run: list[RunGap] = []
-    ranked: list[PlaceShare] = []
     judged_on: str = ""
     unseen: list[str] = []
     notes: list[str] = []
@@ -226,22 +225,47 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
         return msgspec.json.decode(data, type=cls)
 
     def write_model(self, path: Path, first: int | None = None) -> None:
-        """Write the model file: with the first places, or all.
+        """Write the model file: with the first causes, or all.
 
-        Raises PlantMismatch where the verdict has no model, or not as many places.
+        Raises PlantMismatch where the verdict has no model, or not as many causes.
         """
         if not self.models:
             raise PlantMismatch(
                 "this verdict has no model to write",
                 value=f"{self.outcome}, plant {self.plant}",
-                action="mend what it refuses, or ask a plant that writes model files",
+                action="correct what it refuses, or ask a plant that writes model files",
             )
         most = len(self.models) - 1
         if first is not None and not 0 <= first <= most:
             raise PlantMismatch(
-                "the verdict has fewer places",
+                "the verdict has fewer causes",
                 value=first,
                 limit=f"0 (parameters alone) to {most}",
-                action="give a number of places that it lists",
+                action="give a number of causes that it lists",
             )
         path.write_text(self.models[most if first is None else first], "utf-8")
+
+
+def headline_of(
+    question: str, outcome: str, causes: Sequence[Cause], whole: SignalGap | None
+) -> str:
+    """The verdict in one line."""
+    before, after = ("", "") if whole is None else (f"{whole.parameters:.1f}", f"{whole.final:.1f}")
+    if outcome == QUIET:
+        return {
+            DIFFERS: "nothing is missing: the simulator is as good as the readings",
+            CHANGED: "nothing is new beyond what good runs differ in",
+            CHECK_UP: "no change beyond the repeat floor",
+        }[question]
+    if outcome == PARAMETERS:
+        raw = "" if whole is None else f": {whole.raw:.1f} → {before} floors"
+        verb = "changed: " if question != DIFFERS else ""
+        return f"{verb}other values of the parameters explain it{raw}"
+    if outcome == UNEXPLAINED:
+        verb = "changed" if question != DIFFERS else "something is missing"
+        return f"{verb}, and no rival brings the judged runs nearer: {before} floors are left"
+    first = causes[0]
+    missing = f"the {first.words} {'has changed' if question != DIFFERS else 'lacks something'}"
+    what = first.title if first.kind == "effect" else "no effect of the library fits"
+    beside = f", and {len(causes) - 1} more" if len(causes) > 1 else ""
+    return f"{missing}: {what}{beside}; {before} → {after} floors"

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.signal import correlate
 
 from smad.diagnosis.numerics.folds import Index
-from smad.diagnosis.plant import Array, Mask, PlantModel
+from smad.diagnosis.plant import Array, Mask, PlantModel, Signal
 from smad.diagnosis.runs import GapRun, bridged
 
 PERIOD_S = 0.2
@@ -21,6 +21,8 @@ _ROWS = 10
 _FEWEST = 3
 """Samples that a mean is worth while over; a row of fewer is one sample."""
 _STEADY = 0.5
+_EDGE = 0.05
+"""Of an input's range, that it steps by where a piece ends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,25 +58,36 @@ class Grid:
         return out
 
 
-def thinned(run: GapRun, step_s: float) -> GapRun:
-    """The run with its samples averaged over `step_s`.
+def thinned(run: GapRun, step_s: float, inputs: Sequence[Signal]) -> GapRun:
+    """The run with its samples averaged over pieces of `step_s`, cut where an input steps.
 
     A sample lies at the end of the time it stands for, so that what was applied during that time is
-    in force up to it. Falls back to the run itself where it is sampled no finer than that.
+    in force up to it. An input whose square acts (`Signal.power`) is averaged as it acts. A run
+    that is sampled no finer than that is returned as it is.
     """
     if run.dt_s > 0.7 * step_s or len(run.t_s) < 2:
         return run
     piece = np.floor((run.t_s - run.t_s[0]) / step_s + 1e-6).astype(np.intp)
-    starts = np.flatnonzero(np.r_[True, np.diff(piece) > 0])
+    new = np.r_[True, np.diff(piece) > 0]
+    for signal in inputs:
+        if signal.name in run.inputs:
+            step = np.abs(np.diff(run.inputs[signal.name])) > _EDGE * (signal.high - signal.low)
+            new[1:] |= step
+    starts = np.flatnonzero(new)
     size = np.diff(np.r_[starts, len(piece)]).astype(np.float64)
+    powers = {signal.name: signal.power for signal in inputs}
 
-    def mean(column: Array) -> Array:
-        return np.asarray(np.add.reduceat(np.asarray(column, np.float64), starts) / size)
+    def mean(column: Array, power: float = 1.0) -> Array:
+        values = np.asarray(column, np.float64)
+        if power == 1.0:
+            return np.asarray(np.add.reduceat(values, starts) / size)
+        acting = np.add.reduceat(np.abs(values) ** power, starts) / size
+        return np.asarray(acting ** (1.0 / power))
 
     return replace(
         run,
         t_s=run.t_s[np.r_[starts[1:], len(piece)] - 1],
-        inputs={k: mean(v) for k, v in run.inputs.items()},
+        inputs={k: mean(v, powers.get(k, 1.0)) for k, v in run.inputs.items()},
         outputs={k: mean(v) for k, v in run.outputs.items()},
         valid=None if run.valid is None else np.logical_and.reduceat(run.valid, starts),
         whole=run,

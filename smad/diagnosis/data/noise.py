@@ -14,6 +14,8 @@ _MIN_REST_ROWS = 30
 _MIN_REST_RUN = 12
 _RESOLUTION = 0.001
 """Share of a channel's excursion below which no simulator is trusted."""
+_OUTLIER = 4.0
+"""Standard deviations beyond which a row at rest is no noise."""
 _BANDS = 8
 """Equal parts of a channel's spectrum."""
 
@@ -40,6 +42,16 @@ def _rest_residuals(
         y = grid.mean(run.outputs[channel.name])
         found += [_detrended(y[s]) for s in _stretches(rest) if s.stop - s.start >= _MIN_REST_RUN]
     return found
+
+
+def _scale(values: Array) -> float:
+    """Standard deviation of values but for outliers: a lost contact or a late edge is not noise.
+
+    Outliers are told by the median, whose own estimate would be a third off for a hundred rows.
+    """
+    middle = float(np.median(np.abs(values))) / 0.6745
+    kept = values[np.abs(values) <= _OUTLIER * middle] if middle > 0.0 else values
+    return float(np.sqrt(np.mean(kept**2)))
 
 
 def _difference_sigma(runs: Sequence[GapRun], grids: Sequence[Grid], name: str) -> float:
@@ -98,9 +110,7 @@ def estimate_floors(runs: Sequence[GapRun], plant: PlantModel, period_s: float) 
         if rows >= _MIN_REST_ROWS:
             # Three coefficients were fitted to each stretch.
             freedom = max(rows - 3 * len(rest), 1) / rows
-            # By the median, since a lost contact or a late edge is not noise.
-            middle = float(np.median(np.abs(np.concatenate(rest))))
-            sigma = middle / 0.6745 / float(np.sqrt(freedom))
+            sigma = _scale(np.concatenate(rest)) / float(np.sqrt(freedom))
         else:
             sigma = _difference_sigma(runs, grids, name)
         if sigma <= 0.0 and least == 0.0:

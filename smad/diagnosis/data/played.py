@@ -13,7 +13,15 @@ import numpy as np
 
 from smad.diagnosis.data.grid import PERIOD_S, thinned
 from smad.diagnosis.data.rows import bin_numbers
-from smad.diagnosis.plant import Array, Effect, Mask, ModelPoint, PlantModel, moved_parameters
+from smad.diagnosis.plant import (
+    Array,
+    Effect,
+    Mask,
+    ModelPoint,
+    PlantModel,
+    Signal,
+    moved_parameters,
+)
 from smad.diagnosis.runs import GapRun
 
 LEVELS = (0.3, 1.0, 3.0, 10.0)
@@ -29,6 +37,7 @@ class Played:
     """A run of the programme as the model replays it: its inputs and how many bins it has."""
 
     run: GapRun
+    inputs: tuple[Signal, ...]
     bins: int
     start_s: float = 0.0
     period_s: float = PERIOD_S
@@ -40,21 +49,35 @@ class Played:
 
     @classmethod
     def of(
-        cls, run: GapRun, start_s: float = 0.0, period_s: float = PERIOD_S, pieces: int = _PIECES
+        cls,
+        run: GapRun,
+        inputs: Sequence[Signal],
+        start_s: float = 0.0,
+        period_s: float = PERIOD_S,
+        pieces: int = _PIECES,
     ) -> Played:
         """The run on the grid that begins at `start_s` of its clock, thinned for a quick replay.
 
-        A row is replayed in so many `pieces`.
+        A row is replayed in so many `pieces`, and more where an input steps.
         """
         bins = int(np.floor((run.t_s[-1] - start_s) / period_s + 1e-6))
-        return cls(thinned(run, period_s / pieces), max(bins, 1), start_s, period_s)
+        return cls(
+            run=thinned(run, period_s / pieces, inputs), inputs=tuple(inputs), bins=max(bins, 1),
+            start_s=start_s, period_s=period_s,
+        )  # fmt: skip
 
-    def means(self, series: Array) -> Array:
-        """Means of series over its samples (m, n) in each bin, (m, bins)."""
-        at = bin_numbers(self.run, self.start_s, self.period_s)
+    def means(self, series: Array, *, exact: bool = False) -> Array:
+        """Means of series over its samples (m, n) in each bin, (m, bins).
+
+        `exact`: the samples are those of the run as it was recorded.
+        """
+        run = self.whole if exact else self.run
+        at = bin_numbers(run, self.start_s, self.period_s)
         inside = (at >= 0) & (at < self.bins)
-        count = np.maximum(np.bincount(at[inside], minlength=self.bins), 1)
-        sums = [np.bincount(at[inside], s[inside], minlength=self.bins) for s in series]
+        size = np.ones(len(at)) if exact else run.pieces
+        at, size = at[inside], size[inside]
+        count = np.maximum(np.bincount(at, size, minlength=self.bins), 1.0)
+        sums = [np.bincount(at, s[inside] * size, minlength=self.bins) for s in series]
         return np.array(sums) / count
 
     @property
@@ -63,7 +86,9 @@ class Played:
 
         Two in place of five leave 2 % of such a change out (median over terms), at half the time.
         """
-        return replace(Played.of(self.whole, self.start_s, self.period_s, _COARSE), bins=self.bins)
+        return replace(
+            Played.of(self.whole, self.inputs, self.start_s, self.period_s, _COARSE), bins=self.bins
+        )
 
 
 @dataclass(frozen=True)
@@ -77,13 +102,19 @@ class Atom:
     values: dict[str, float]
 
 
-def predictions(plant: PlantModel, point: ModelPoint, runs: Sequence[Played]) -> list[Array]:
-    """Predictions of all runs, each (bins, channels); NaN where the model cannot run."""
+def predictions(
+    plant: PlantModel, point: ModelPoint, runs: Sequence[Played], *, exact: bool = False
+) -> list[Array]:
+    """Predictions of all runs, each (bins, channels); NaN where the model cannot run.
+
+    `exact` replays the inputs as they were recorded; else averaged ones, which serve for
+    differences of two replays only.
+    """
     out = []
     for played in runs:
-        found = plant.simulate(point, played.run, fast=True)
+        found = plant.simulate(point, played.whole if exact else played.run, fast=True)
         series = np.stack([found[c.name] for c in plant.channels])
-        out.append(np.ascontiguousarray(played.means(series).T))
+        out.append(np.ascontiguousarray(played.means(series, exact=exact).T))
     return out
 
 

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from smad.runlog.reader import Run
 
 INPUTS = (
-    Signal("i_applied_x_A", "A", 0.0, 4.0),
-    Signal("i_applied_y_A", "A", 0.0, 4.0),
+    Signal("i_applied_x_A", "A", 0.0, 4.0, power=2.0),
+    Signal("i_applied_y_A", "A", 0.0, 4.0, power=2.0),
     Signal("duty_x", "1", 0.0, 1.0),
     Signal("duty_y", "1", 0.0, 1.0),
 )

@@ -1,0 +1,151 @@
+"""The two questions about recorded runs, as evidence and a model: *differs* and *changed*.
+
+*Differs*: parameters are free from the start, and a rival acts in every run. *Changed*: the good
+runs are asked first, as *differs*; the simulator that they leave is the model of the runs in
+question, its parameters tied to where the good runs have them, give or take a day, until other
+values of them are the answer. What the good runs are left with counts as floor: what the simulator
+still gets wrong everywhere is not new.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from smad.diagnosis.constants import Constants
+from smad.diagnosis.errors import GapError
+from smad.diagnosis.numerics.folds import Array
+from smad.diagnosis.places.place import PlacesPlant
+from smad.diagnosis.plant import Effect, ModelPoint, nominal_point, traits_of
+from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
+from smad.diagnosis.rivals.fit import covariance
+from smad.diagnosis.rivals.parts import Model
+from smad.diagnosis.rivals.score import Temper
+from smad.diagnosis.rivals.search import Question, Searched, searched
+from smad.diagnosis.runs import GapRun
+
+Say = Callable[[str], None]
+_MOST_CAUSES = 3
+_CORRELATED = 16.0
+"""Rows that an error of the model's form is correlated over: as many count as one."""
+DAY = 0.05
+"""How far a parameter may be from where good runs have it, in prior standard deviations."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inquiry:
+    """Runs that were admitted: `fit` to fit, `held_out` to judge on (or none), and `good` ones.
+
+    `floors` (channels,) is the noise of a row of `period_s`, in channel units.
+    """
+
+    plant: PlacesPlant
+    fit: tuple[GapRun, ...]
+    held_out: tuple[GapRun, ...]
+    good: tuple[GapRun, ...]
+    effects: tuple[Effect, ...]
+    period_s: float
+    floors: Array
+    constants: Constants
+    say: Say
+
+    def evidence(self, runs: Sequence[GapRun], point: ModelPoint, floors: Array) -> Evidence:
+        """Some of the runs as rows."""
+        return recorded_evidence(self.plant, runs, floors, self.period_s, point)
+
+    def question(
+        self, model: Model, fit: Sequence[GapRun], held_out: Sequence[GapRun], floors: Array,
+        tied: Array | None = None,
+    ) -> Question:  # fmt: skip
+        """What is asked of some runs with a model."""
+        point = model.start
+        return question_of(
+            model, self.evidence(fit, point, floors), self.effects, self.constants, self.say,
+            held_out=self.evidence(held_out, point, floors) if held_out else None, tied=tied,
+        )  # fmt: skip
+
+
+def question_of(
+    model: Model,
+    evidence: Evidence,
+    effects: Sequence[Effect],
+    c: Constants,
+    say: Say,
+    *,
+    held_out: Evidence | None = None,
+    tied: Array | None = None,
+) -> Question:
+    """A question with the constants' temper; every place of the plant may be asked for a law."""
+    places: PlacesPlant = model.plant  # type: ignore[assignment]
+    return Question(
+        evidence=evidence, held_out=held_out, model=model, tied=tied, effects=tuple(effects),
+        places=len(places.places), tau=np.full(evidence.channels, _CORRELATED), say=say,
+        temper=Temper(evidence=c.evidence, nothing=c.nothing, parameters=c.parameters,
+                      effect=c.effect, law=0.0),
+    )  # fmt: skip
+
+
+def free_model(plant: PlacesPlant, start: ModelPoint) -> Model:
+    """A model whose parameters have the plant's priors around a point."""
+    n = len(plant.parameters)
+    return Model(plant=plant, start=start, parameter_mean=np.zeros(n),
+                 parameter_precision=np.eye(n))  # fmt: skip
+
+
+def day_variance(plant: PlacesPlant) -> Array:
+    """Variance of each parameter from day to day, in prior deviations, (p,)."""
+    day = traits_of(plant).day
+    return np.array([max(day.get(q.name, 0.0), DAY) ** 2 for q in plant.parameters])
+
+
+def differs(inquiry: Inquiry) -> Searched:
+    """What the simulator lacks. Raises GapError where the model cannot replay the runs."""
+    model = free_model(inquiry.plant, nominal_point(inquiry.plant))
+    question = inquiry.question(model, inquiry.fit, inquiry.held_out, inquiry.floors)
+    return _searched(question)
+
+
+def changed(inquiry: Inquiry) -> Searched:
+    """What is new since the good runs. Raises GapError as `differs`."""
+    plant = inquiry.plant
+    model = free_model(plant, nominal_point(plant))
+    inquiry.say("the good runs")
+    good = _searched(inquiry.question(model, inquiry.good, (), inquiry.floors))
+    asked = good.question
+    counts = asked.judged.counts.sum(axis=0)
+    left = np.sqrt(good.final.squares.sum(axis=0) / np.maximum(counts, 1.0))
+    floors = inquiry.floors * np.maximum(left, 1.0)
+    n = len(plant.parameters)
+    known = np.diag(day_variance(plant))
+    start = model.start
+    if good.final.fit is not None:
+        start = good.final.fit.point
+        known = known + covariance(asked.evidence, good.final.fit)[:n, :n]
+    tied = np.linalg.inv(known)
+    return _searched(
+        inquiry.question(free_model(plant, start), inquiry.fit, inquiry.held_out, floors, tied)
+    )
+
+
+def _searched(question: Question) -> Searched:
+    found = searched(question, most=_MOST_CAUSES)
+    if found is None:
+        raise cannot_replay(question)
+    return found
+
+
+def cannot_replay(question: Question) -> GapError:
+    """The model gives no numbers for the runs."""
+    names = [p.whole.name for p in question.evidence.played]
+    return GapError(
+        "the model cannot replay these runs",
+        value=", ".join(names),
+        action="leave them out, or correct the model where it stops",
+    )
+
+
+def without(question: Question, name: str) -> Question:
+    """The same question without an effect of the library."""
+    return replace(question, effects=tuple(e for e in question.effects if e.name != name))

@@ -1,0 +1,100 @@
+"""Rivals, places and laws in words, with units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_device.plant.laws import Term
+from smad.diagnosis.numerics.folds import Array
+from smad.diagnosis.places.place import BOTH, PlacesPlant
+from smad.diagnosis.places.responses import law_series
+from smad.diagnosis.rivals.fit import Fit
+from smad.diagnosis.rivals.parts import EffectPart, LawPart
+from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS
+from smad.diagnosis.rivals.search import Question, Rival
+from smad.diagnosis.verdict import EffectValue, LawTerm
+
+
+@dataclass(frozen=True)
+class Describer:
+    """Says in the plant's words what a rival is."""
+
+    plant: PlacesPlant
+
+    def rival(self, rival: Rival) -> str:
+        """A row of the table of rivals."""
+        if rival.kind == NOTHING:
+            has_parts = rival.fit is not None and bool(rival.fit.model.parts)
+            return "nothing more" if has_parts else "the simulator as configured"
+        if rival.kind == PARAMETERS:
+            return "parameters alone"
+        if rival.kind == EFFECT:
+            return rival.name
+        side = BOTH
+        if rival.fit is not None and isinstance(part := rival.fit.model.parts[-1], LawPart):
+            side = part.candidate.side
+        assert rival.kind == LAW
+        return f"a law at the {self.place(rival.places[0], side)}"
+
+    def place(self, name: str, side: str) -> str:
+        """A place with its spring, as users read it."""
+        place = next((p for p in self.plant.places if p.name == name), None)
+        if place is None:
+            return name or "model"
+        if len(place.sides) < 2 or side == BOTH:
+            return place.label
+        return f"{place.label}, {side.upper()}"
+
+    def values(self, part: EffectPart, x: Array, sd: Array) -> list[EffectValue]:
+        """An effect's parameters at coordinates `x` (k,) with deviations `sd` (k,)."""
+        rows = zip(part.effect.parameters, x, sd, strict=True)
+        return [
+            EffectValue(name=q.name, value=float(v) * q.scale, sd=float(s) * q.scale, unit=q.unit)
+            for q, v, s in rows
+        ]
+
+    def terms(self, part: LawPart, x: Array, sd: Array) -> list[LawTerm]:
+        """The terms of a law at coordinates `x` (k,) with deviations `sd` (k,)."""
+        place = next(p for p in self.plant.places if p.name == part.candidate.place)
+        out: dict[str, LawTerm] = {}
+        for column, value, deviation in zip(part.columns, x, sd, strict=True):
+            law, term = part.responses.home(int(column))
+            span, unit, words, state = self._read(law.place, term, place.unit)
+            known = out.get(term.name)
+            slopes = {} if known is None else dict(known.slopes)
+            spread = {} if known is None else dict(known.sd)
+            slopes[law.side] = place.scale * float(value) / span
+            spread[law.side] = place.scale * float(deviation) / span
+            out[term.name] = LawTerm(
+                name=term.name, state=state, words=words, slopes=slopes, sd=spread, unit=unit
+            )
+        return list(out.values())
+
+    def largest(self, part: LawPart, x: Array, question: Question, fitted: Fit) -> float:
+        """The largest value of a law in the runs, in the unit of its place."""
+        most = 0.0
+        for law in part.responses.law_of(part.columns, x):
+            for played in question.evidence.played:
+                states = self.plant.trajectory(fitted.point, played.run, fast=True)
+                series = law_series(self.plant, law, states, played.run.t_s)
+                most = max(most, float(np.abs(series).max(initial=0.0)))
+        return most
+
+    def _read(self, place: str, term: Term, unit: str) -> tuple[float, str, str, str]:
+        """The span of a term's state, the unit of its slope, what it goes with, and its state."""
+        if not term.factors:
+            return 1.0, unit, "always", ""
+        factor, *more = term.factors
+        label, of_state = self.plant.state_words(place, factor.state)
+        label += f", behind by {factor.lag_s:g} s" if factor.lag_s else ""
+        if more:
+            other, _ = self.plant.state_words(place, more[0].state)
+            return 1.0, unit, f"{label} times {other}", factor.state
+        if factor.kind == "sign":
+            return 1.0, unit, f"sign of the {label}", factor.state
+        if factor.kind == "bend":
+            label += f" above {factor.centre:.3g} {of_state}"
+        per = f"({of_state})" if "/" in of_state else of_state
+        return factor.scale, unit if of_state == "1" else f"{unit}/{per}", label, factor.state

@@ -1,0 +1,200 @@
+"""Evidence: recorded runs as rows in floors, and the channel variances that a model leaves there.
+
+A row is one channel of one bin, measured − predicted, in standard deviations of what a perfect
+model leaves (its floor), what neighbours tell of each other taken off. Directions in which one run
+differs from another by itself (a day, a room that wanders) are fitted to each run beside any model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from smad.diagnosis.data.played import Played
+from smad.diagnosis.gap import Measured
+from smad.diagnosis.numerics.folds import Array, Index
+from smad.diagnosis.numerics.white import RunRows, Shrink
+from smad.diagnosis.places.place import PlacesPlant
+from smad.diagnosis.plant import ModelPoint, traits_of
+from smad.diagnosis.runs import GapRun
+
+_MOST_CORRELATED = 0.98
+_FOLDS = 4
+_TURNS = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """One run: what is replayed, and what the simulator should show there.
+
+    `target` (bins, channels) is in channel units; `rows` says which of it counts and how much.
+    """
+
+    played: Played
+    target: Array
+    rows: RunRows
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evidence:
+    """Some trials as rows; n rows in all, each of one of the channels.
+
+    `fold` (n,) numbers the part of the data that a row is left out with, −1 where it is not valid.
+    """
+
+    trials: tuple[Trial, ...]
+
+    @property
+    def played(self) -> list[Played]:
+        """What is replayed."""
+        return [t.played for t in self.trials]
+
+    @cached_property
+    def channels(self) -> int:
+        """How many channels there are."""
+        return int(self.trials[0].target.shape[1])
+
+    @cached_property
+    def run_of_row(self) -> Index:
+        """Number of the trial of each row, (n,)."""
+        sizes = [t.target.size for t in self.trials]
+        return np.repeat(np.arange(len(sizes), dtype=np.intp), sizes)
+
+    @cached_property
+    def channel_of_row(self) -> Index:
+        """Number of the channel of each row, (n,)."""
+        return np.concatenate([
+            np.tile(np.arange(t.target.shape[1], dtype=np.intp), len(t.target)) for t in self.trials
+        ])  # fmt: skip
+
+    @cached_property
+    def valid(self) -> Array:
+        """1 for rows that count, else 0; (n,)."""
+        return np.concatenate([t.rows.valid.ravel() for t in self.trials]).astype(np.float64)
+
+    @cached_property
+    def counts(self) -> Array:
+        """Valid rows of each trial and channel, (trials, channels)."""
+        return np.array([t.rows.valid.sum(axis=0) for t in self.trials], dtype=np.float64)
+
+    @cached_property
+    def floors(self) -> Array:
+        """Root mean square of the floors of valid rows, in channel units, (channels,)."""
+        square = sum((t.rows.sd**2 * t.rows.valid).sum(axis=0) for t in self.trials)
+        return np.asarray(np.sqrt(square / np.maximum(self.counts.sum(axis=0), 1.0)))
+
+    @cached_property
+    def fold(self) -> Index:
+        """Each run, or of fewer than four every fourth stretch of them; −1 where not valid."""
+        fold = np.empty(len(self.run_of_row), dtype=np.intp)
+        for k in range(len(self.trials)):
+            mine = np.flatnonzero(self.run_of_row == k)
+            block = (np.arange(len(mine)) * _FOLDS * _TURNS) // len(mine)
+            fold[mine] = k if len(self.trials) >= _FOLDS else block % _FOLDS
+        fold[self.valid == 0.0] = -1
+        return fold
+
+    def rows(self, values: Sequence[Array]) -> Array:
+        """Per-run arrays (m, bins, channels) in channel units as rows, (m, n)."""
+        parts = [t.rows.independent(v) for t, v in zip(self.trials, values, strict=True)]
+        return np.concatenate(parts, axis=1)
+
+    def left(self, predicted: Sequence[Array]) -> Array:
+        """Rows that predictions (bins, channels) leave of the targets, (n,)."""
+        pairs = zip(self.trials, predicted, strict=True)
+        return np.asarray(self.rows([(t.target - p)[None] for t, p in pairs])[0])
+
+    @cached_property
+    def wandering(self) -> tuple[Array, ...]:
+        """Directions of each run by itself at one standard deviation, (k, rows of the run)."""
+        return tuple(t.rows.days for t in self.trials)
+
+    def freed(self, r: Array, weight: Array) -> Array:
+        """Rows `r` (n,) less what the directions of each run take, at weights (n,) of squares."""
+        if not any(len(d) for d in self.wandering):
+            return r
+        out = r.copy()
+        for k, D in enumerate(self.wandering):
+            if len(D):
+                mine = self.run_of_row == k
+                W = D * weight[mine]
+                u = np.linalg.solve(W @ D.T + np.eye(len(D)), W @ r[mine])
+                out[mine] -= u @ D
+        return out
+
+    def shrunk(self, values: Array, weight: Array) -> Array:
+        """Rows (m, n) times the root of their weights, shrunk along each run's directions."""
+        out = values * np.sqrt(weight)
+        for k, D in enumerate(self.wandering):
+            if len(D):
+                mine = self.run_of_row == k
+                out[:, mine] = Shrink(D * np.sqrt(weight[mine]))(out[:, mine])
+        return out
+
+    def squares(self, r: Array) -> Array:
+        """Sum of squares of rows by trial and channel, (trials, channels)."""
+        key = self.run_of_row * self.channels + self.channel_of_row
+        size = len(self.trials) * self.channels
+        sums = np.bincount(key, r * r * self.valid, minlength=size)
+        return sums.reshape(len(self.trials), self.channels)
+
+    def variances(self, r: Array) -> Array:
+        """Mean square of the valid rows of each channel, (channels,); 0 where it has none."""
+        return np.asarray(self.squares(r).sum(axis=0) / np.maximum(self.counts.sum(axis=0), 1.0))
+
+    def correlation_rows(self, r: Array) -> Array:
+        """Correlation time of each channel's rows, in rows, (channels,): (1 + ρ)/(1 − ρ)."""
+        product, square = np.zeros(self.channels), np.full(self.channels, 1e-12)
+        for k, trial in enumerate(self.trials):
+            e = (r * self.valid)[self.run_of_row == k].reshape(trial.target.shape)
+            product += (e[1:] * e[:-1]).sum(axis=0)
+            square += (e**2).sum(axis=0)
+        rho = np.clip(product / square, 0.0, _MOST_CORRELATED)
+        return np.asarray((1.0 + rho) / (1.0 - rho))
+
+    def part(self, kept: Sequence[int]) -> Evidence:
+        """Some of the trials."""
+        return Evidence(trials=tuple(self.trials[k] for k in kept))
+
+
+def recorded_evidence(
+    plant: PlacesPlant, runs: Sequence[GapRun], floors: Array, period_s: float, point: ModelPoint
+) -> Evidence:
+    """Recorded runs as evidence, each on a grid of `period_s`; `floors` (channels,) of a row.
+
+    What the plant's traits say wanders by itself is left open in each run, as the model at `point`
+    shows it.
+    """
+    measured = Measured.of(plant, runs, period_s)
+    trials = []
+    for played, values, valid in zip(measured.played, measured.values, measured.valid, strict=True):
+        day = _wandering(plant, point, played)
+        rows = RunRows(
+            np.broadcast_to(floors, valid.shape), valid, day, np.ones(len(day)),
+            np.zeros(len(floors)),
+        )  # fmt: skip
+        trials.append(Trial(played=played, target=values, rows=rows))
+    return Evidence(trials=tuple(trials))
+
+
+def _wandering(plant: PlacesPlant, point: ModelPoint, played: Played) -> Array:
+    """What a constant and a straight line at each place that wanders change, at its usual size."""
+    run = played.run
+    elapsed = run.t_s - run.t_s[0]
+    courses = (np.ones(len(run.t_s)), elapsed / max(float(elapsed[-1]), 1e-9))
+    base = _shown(plant, plant.forced(point, run, {}, fast=True), played)
+    out = [np.zeros((0, *base.shape))]
+    places = {p.name: p for p in plant.places}
+    for name, size in traits_of(plant).drift.items():
+        for side in places[name].sides:
+            for course in courses:
+                forced = plant.forced(point, run, {(name, side): size * course}, fast=True)
+                out.append((_shown(plant, forced, played) - base)[None])
+    return np.concatenate(out)
+
+
+def _shown(plant: PlacesPlant, outputs: Mapping[str, Array], played: Played) -> Array:
+    return np.ascontiguousarray(played.means(np.stack([outputs[c.name] for c in plant.channels])).T)

@@ -1,0 +1,264 @@
+"""One fit of a rival: parameters and its own coefficients together, by replay.
+
+Minimises, over the coordinates x of a model,
+
+    F(x) = Σ_c n_c/τ_c · log(v_c(x) + 1) + (x − m)ᵀ P (x − m),
+
+v_c being the mean square of channel c's n_c rows in floors and τ_c their correlation time. So each
+channel counts by what the fit leaves of it now: neither a loud channel nor one that the model
+cannot show decides alone. Gauss–Newton steps with damping; a step that does not lessen F is not
+taken, and a fit ends when no damping lessens it or F falls by less than `_ENOUGH`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from smad.diagnosis.data.played import finite, predictions
+from smad.diagnosis.numerics.folds import Array
+from smad.diagnosis.plant import ModelPoint
+from smad.diagnosis.rivals.evidence import Evidence
+from smad.diagnosis.rivals.parts import Model
+
+_DAMPING = (0.0, 0.003, 0.03, 0.3, 3.0, 30.0)
+_LONGER = (2.0, 4.0, 8.0)
+_RIDGE, _TINY = 1e-9, 1e-12
+_ROUNDS = 8
+_ENOUGH = 0.2
+_LEAST_VARIANCE = 1e-2
+_POLISHES, _POLISH_ROUNDS, _POLISH_ENOUGH = 5, 4, 1.0
+Predict = Callable[[ModelPoint], list[Array] | None]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reference:
+    """A point with its predictions: as recorded, and of averaged inputs, (bins, channels) a run.
+
+    `slopes` (p, n) are rows of what a prior standard deviation of each parameter changes there.
+    """
+
+    model: Model
+    x: Array
+    exact: tuple[Array, ...]
+    averaged: tuple[Array, ...]
+    slopes: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fit:
+    """A fitted model: coordinates x (k,), rows `left` (n,), `slopes` (k, n) = −d left/dx.
+
+    `objective` is F. `without` are coordinates without each fold.
+    """
+
+    model: Model
+    x: Array
+    left: Array
+    slopes: Array
+    objective: float
+    without: tuple[Array, ...] = ()
+
+    @property
+    def point(self) -> ModelPoint:
+        """The simulator that was fitted."""
+        return self.model.point(self.x)
+
+
+def replayed(evidence: Evidence, point: ModelPoint, model: Model, *, exact: bool
+             ) -> list[Array] | None:  # fmt: skip
+    """Predictions of all trials by a point; None where the model cannot run."""
+    found = predictions(model.plant, point, evidence.played, exact=exact)
+    return found if finite(found) else None
+
+
+def reference_at(evidence: Evidence, model: Model, x: Array) -> Reference | None:
+    """Predictions and parameter slopes of a model without parts; None where it cannot run."""
+    exact = replayed(evidence, model.point(x), model, exact=True)
+    averaged = replayed(evidence, model.point(x), model, exact=False)
+    if exact is None or averaged is None:
+        return None
+    made = Reference(
+        model=model, x=x, exact=tuple(exact), averaged=tuple(averaged), slopes=np.zeros((0, 0))
+    )
+    return replace(made, slopes=slopes_at(evidence, made, range(model.parameters)))
+
+
+def shifted(reference: Reference, averaged: Sequence[Array]) -> list[Array]:
+    """Predictions as recorded, from those of averaged inputs by their difference."""
+    triples = zip(reference.exact, reference.averaged, averaged, strict=True)
+    return [e + (a - r) for e, r, a in triples]
+
+
+def slopes_at(evidence: Evidence, reference: Reference, which: Sequence[int]) -> Array:
+    """Rows of what the coordinates `which` change, for a unit of each; (len(which), n)."""
+    model, x = reference.model, reference.x
+    steps = model.steps(x)
+    _, high = model.bounds
+    out = np.zeros((len(which), len(evidence.run_of_row)))
+    for row, i in enumerate(which):
+        signs = (1.0, -1.0) if x[i] + steps[i] <= high[i] else (-1.0, 1.0)
+        for sign in signs:
+            moved = x.copy()
+            moved[i] += sign * steps[i]
+            found = replayed(evidence, model.point(moved), model, exact=False)
+            if found is not None:
+                change = [(f - b)[None] for f, b in zip(found, reference.averaged, strict=True)]
+                out[row] = evidence.rows(change)[0] / (sign * steps[i])
+                break
+    return out
+
+
+def weights(evidence: Evidence, left: Array, tau: Array) -> Array:
+    """What each row's square counts, (n,): 1/((v_c + 1) τ_c), 0 where it is not valid."""
+    of_channel = 1.0 / ((evidence.variances(left) + 1.0) * tau)
+    return np.asarray(of_channel[evidence.channel_of_row] * evidence.valid)
+
+
+def objective(evidence: Evidence, model: Model, x: Array, left: Array, tau: Array) -> float:
+    """F, see the module; `tau` (channels,) are correlation times in rows."""
+    mean, precision = model.prior
+    likelihood = evidence.counts.sum(axis=0) / tau @ np.log(evidence.variances(left) + 1.0)
+    return float(likelihood + (x - mean) @ precision @ (x - mean))
+
+
+def fit(
+    evidence: Evidence,
+    model: Model,
+    start: Array,
+    reference: Reference,
+    *,
+    tau: Array,
+    rounds: int = _ROUNDS,
+    fresh: bool = False,
+) -> Fit | None:
+    """Fit a model from `start`; None where it cannot run there.
+
+    Predictions are those of averaged inputs shifted by what exact replays of the `reference` differ
+    by. Slopes of the parameters are the reference's, or with `fresh` made anew in each round.
+    """
+    low, high = model.bounds
+    mean, precision = model.prior
+    free = range(model.parameters, len(start))
+
+    def left_at(x: Array) -> tuple[Array, list[Array]] | None:
+        averaged = replayed(evidence, model.point(x), model, exact=False)
+        if averaged is None:
+            return None
+        return evidence.left(shifted(reference, averaged)), averaged
+
+    x = np.clip(start, low, high)
+    found = left_at(x)
+    if found is None:
+        return None
+    left, averaged = found
+    slopes = np.zeros((len(x), len(left)))
+    slopes[: model.parameters] = reference.slopes
+    value = np.inf
+    for _ in range(rounds):
+        weight = weights(evidence, left, tau)
+        value = objective(evidence, model, x, evidence.freed(left, weight), tau)
+        here = replace(reference, model=model, x=x, averaged=tuple(averaged))
+        which = range(len(x)) if fresh else free
+        slopes[list(which)] = slopes_at(evidence, here, which)
+        J, r = evidence.shrunk(slopes, weight), evidence.shrunk(left[None], weight)[0]
+        A, g = J @ J.T + precision, J @ r - precision @ (x - mean)
+        before, origin = value, x
+
+        def moved_to(trial: Array) -> bool:
+            """Go there if that lessens F."""
+            nonlocal x, left, averaged, value
+            found = left_at(trial)
+            if found is None:
+                return False
+            new = objective(evidence, model, trial, evidence.freed(found[0], weight), tau)
+            if not new < value:
+                return False
+            x, (left, averaged), value = trial, found, new
+            return True
+
+        for damping in _DAMPING:
+            step = bounded_step(A, g, low - x, high - x, damping)
+            if moved_to(np.clip(origin + step, low, high)):
+                # The weights of the log-likelihood lag behind the fit: steps are rather too short.
+                for times in _LONGER:
+                    if not moved_to(np.clip(origin + times * step, low, high)):
+                        break
+                break
+        if before - value < _ENOUGH:
+            break
+    return Fit(model=model, x=x, left=left, slopes=slopes.copy(), objective=value)
+
+
+def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
+    """The fitted model as a reference of its own, with the slopes that the fit has."""
+    exact = replayed(evidence, fitted.point, fitted.model, exact=True)
+    averaged = replayed(evidence, fitted.point, fitted.model, exact=False)
+    if exact is None or averaged is None:
+        return None
+    return Reference(
+        model=fitted.model, x=fitted.x, exact=tuple(exact), averaged=tuple(averaged),
+        slopes=fitted.slopes[: fitted.model.parameters],
+    )  # fmt: skip
+
+
+def polished(evidence: Evidence, fitted: Fit, tau: Array) -> Fit:
+    """The fit carried on with slopes of its own and exact replays of where it stands."""
+    for _ in range(_POLISHES):
+        here = rebased(evidence, fitted)
+        made = here and fit(
+            evidence, fitted.model, fitted.x, here, tau=tau, rounds=_POLISH_ROUNDS, fresh=True
+        )
+        if not made:
+            return fitted
+        gained, fitted = fitted.objective - made.objective, made
+        if abs(gained) < _POLISH_ENOUGH:
+            break
+    return fitted
+
+
+def leave_out(evidence: Evidence, fitted: Fit, tau: Array) -> tuple[Array, ...]:
+    """Coordinates without each fold, one Gauss–Newton step from those of all rows."""
+    model, x = fitted.model, fitted.x
+    low, high = model.bounds
+    mean, precision = model.prior
+    weight = weights(evidence, fitted.left, tau)
+    J = evidence.shrunk(fitted.slopes, weight)
+    r = evidence.shrunk(fitted.left[None], weight)[0]
+    out = []
+    for f in range(int(evidence.fold.max(initial=-1)) + 1):
+        kept = evidence.fold != f
+        A = J[:, kept] @ J[:, kept].T + precision
+        g = J[:, kept] @ r[kept] - precision @ (x - mean)
+        out.append(np.clip(x + bounded_step(A, g, low - x, high - x), low, high))
+    return tuple(out)
+
+
+def covariance(evidence: Evidence, fitted: Fit) -> Array:
+    """Covariance (k, k) of a fit's coordinates, rows scattering as it leaves them."""
+    v = np.maximum(evidence.variances(fitted.left), _LEAST_VARIANCE)
+    of_channel = 1.0 / (v * evidence.correlation_rows(fitted.left))
+    J = evidence.shrunk(fitted.slopes, of_channel[evidence.channel_of_row] * evidence.valid)
+    _, precision = fitted.model.prior
+    return np.asarray(np.linalg.inv(J @ J.T + precision + _RIDGE * np.eye(len(precision))))
+
+
+def bounded_step(A: Array, g: Array, low: Array, high: Array, damping: float = 0.0) -> Array:
+    """The step s (k,) that minimises ½ sᵀ(A + damping·diag A)s − gᵀs, with low ≤ s ≤ high.
+
+    By active sets: coordinates that would leave their range are put to its end, and the others
+    solved anew beside them. Every round fixes one more, so there are at most k.
+    """
+    damped = A + np.diag((damping + _RIDGE) * np.diag(A) + _TINY)
+    step, free = np.zeros(len(g)), np.ones(len(g), dtype=bool)
+    while free.any():
+        rest = g[free] - damped[np.ix_(free, ~free)] @ step[~free]
+        step[free] = np.linalg.solve(damped[np.ix_(free, free)], rest)
+        out = free & ((step < low) | (step > high))
+        if not out.any():
+            break
+        step = np.clip(step, low, high)
+        free &= ~out
+    return step

@@ -1,0 +1,215 @@
+"""A model of the bench as coordinates: parameters, and the parts that a hypothesis adds to them.
+
+A part is an effect of the library or a law at a place. Every part has `size` coordinates of order
+1 with bounds and a normal prior, so that one fit serves all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from sim_device.plant.laws import joined
+from smad.diagnosis.numerics.folds import Array, Index
+from smad.diagnosis.places.responses import Candidate, Responses
+from smad.diagnosis.plant import Effect, ModelPoint, PlantModel, moved_parameters
+
+_LAW_PRECISION = 1e-3
+_STEP, _LEAST_STEP = 0.15, 0.02
+_PARAMETER_STEP = 0.1
+
+
+class Part(Protocol):
+    """What a hypothesis adds to the simulator."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def size(self) -> int: ...
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Places where it acts, the first one first."""
+        ...
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bound of each coordinate."""
+        ...
+
+    def prior(self) -> tuple[Array, Array]:
+        """Mean and precision of each coordinate's normal prior."""
+        ...
+
+    def steps(self, p: Array) -> Array:
+        """Finite-difference steps at coordinates `p`."""
+        ...
+
+    def added(self, point: ModelPoint, p: Array) -> ModelPoint:
+        """The point with this part at coordinates `p`."""
+        ...
+
+
+@dataclass(frozen=True)
+class EffectPart:
+    """An effect of the library; a coordinate is one of its parameters over its scale."""
+
+    effect: Effect
+
+    @property
+    def name(self) -> str:
+        return self.effect.name
+
+    @property
+    def size(self) -> int:
+        return len(self.effect.parameters)
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        return self.effect.places
+
+    def bounds(self) -> tuple[Array, Array]:
+        low = [q.low / q.scale for q in self.effect.parameters]
+        high = [q.high / q.scale for q in self.effect.parameters]
+        return np.array(low), np.array(high)
+
+    def prior(self) -> tuple[Array, Array]:
+        """Half the range wide, around no strength and the typical shape.
+
+        It only keeps a direction from wandering that the runs say nothing of.
+        """
+        parameters = self.effect.parameters
+        mean = [0.0 if q.strength else float(np.sign(q.typical)) for q in parameters]
+        precision = [(2 * q.scale / (q.high - q.low)) ** 2 for q in parameters]
+        return np.array(mean), np.array(precision)
+
+    def steps(self, p: Array) -> Array:
+        # Wide, since a hysteretic replay is rough on a small scale; but no wider than half of where
+        # an effect stands, since a lag of milliseconds in a library that goes to seconds is sharp.
+        away = np.abs(p)
+        return np.where(away < 1e-9, _STEP, np.clip(0.5 * away, _LEAST_STEP, _STEP))
+
+    def coordinates(self, values: dict[str, float]) -> Array:
+        """The coordinates of the effect's values."""
+        return np.array([values[q.name] / q.scale for q in self.effect.parameters])
+
+    def values(self, p: Array) -> dict[str, float]:
+        """The effect's values at coordinates `p`."""
+        pairs = zip(self.effect.parameters, p, strict=True)
+        return {q.name: float(x) * q.scale for q, x in pairs}
+
+    def added(self, point: ModelPoint, p: Array) -> ModelPoint:
+        effects = {**point.effects, self.effect.name: self.values(p)}
+        return replace(point, effects=effects)
+
+
+@dataclass(frozen=True, eq=False)
+class LawPart:
+    """A law of a few terms at a place; a coordinate is a coefficient at the place's scale."""
+
+    candidate: Candidate
+    columns: Index
+    responses: Responses
+
+    @property
+    def name(self) -> str:
+        return f"law:{self.candidate.place}"
+
+    @property
+    def size(self) -> int:
+        return len(self.columns)
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        return (self.candidate.place,)
+
+    def bounds(self) -> tuple[Array, Array]:
+        wide = np.full(self.size, np.inf)
+        return -wide, wide
+
+    def prior(self) -> tuple[Array, Array]:
+        return np.zeros(self.size), np.full(self.size, _LAW_PRECISION)
+
+    def steps(self, p: Array) -> Array:
+        return np.asarray(np.maximum(_PARAMETER_STEP, _PARAMETER_STEP * np.abs(p)))
+
+    def added(self, point: ModelPoint, p: Array) -> ModelPoint:
+        laws = self.responses.law_of(self.columns, p)
+        return replace(point, laws=joined((*point.laws, *laws)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Model:
+    """Coordinates x (k,): parameters in prior standard deviations from `start`, then the parts'.
+
+    `parameter_mean` and `parameter_precision` (p, p) are the normal prior of the parameters in
+    these coordinates.
+    """
+
+    plant: PlantModel
+    start: ModelPoint
+    parameter_mean: Array
+    parameter_precision: Array
+    parts: tuple[Part, ...] = ()
+
+    @property
+    def parameters(self) -> int:
+        """How many parameters there are."""
+        return len(self.plant.parameters)
+
+    @cached_property
+    def slices(self) -> tuple[slice, ...]:
+        """Where the coordinates of each part stand."""
+        stops = np.cumsum([self.parameters, *(part.size for part in self.parts)])
+        return tuple(slice(int(a), int(b)) for a, b in zip(stops, stops[1:], strict=False))
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bound of each coordinate."""
+        theta = self.start.theta
+        low = [(q.low - theta.get(q.name, q.nominal)) / q.prior_sd for q in self.plant.parameters]
+        high = [(q.high - theta.get(q.name, q.nominal)) / q.prior_sd for q in self.plant.parameters]
+        own = [part.bounds() for part in self.parts]
+        return np.concatenate([low, *(a for a, _ in own)]), np.concatenate(
+            [high, *(b for _, b in own)]
+        )
+
+    @cached_property
+    def prior(self) -> tuple[Array, Array]:
+        """Mean (k,) and precision (k, k) of the normal prior of all coordinates."""
+        own = [part.prior() for part in self.parts]
+        mean = np.concatenate([self.parameter_mean, *(m for m, _ in own)])
+        precision = np.zeros((len(mean), len(mean)))
+        n = self.parameters
+        precision[:n, :n] = self.parameter_precision
+        at = np.arange(n, len(mean))
+        precision[at, at] = np.concatenate([np.zeros(0), *(p for _, p in own)])
+        return mean, precision
+
+    def steps(self, x: Array) -> Array:
+        """Finite-difference steps of all coordinates."""
+        own = [part.steps(x[s]) for part, s in zip(self.parts, self.slices, strict=True)]
+        return np.concatenate([np.full(self.parameters, _PARAMETER_STEP), *own])
+
+    def point(self, x: Array) -> ModelPoint:
+        """The simulator at coordinates `x`."""
+        theta = moved_parameters(self.plant, self.start, x[: self.parameters])
+        point = replace(self.start, theta=theta)
+        for part, s in zip(self.parts, self.slices, strict=True):
+            point = part.added(point, x[s])
+        return point
+
+    def with_parts(self, parts: Sequence[Part]) -> Model:
+        """The same with other parts."""
+        return replace(self, parts=tuple(parts))
+
+    def with_precision(self, precision: Array) -> Model:
+        """The same with another prior precision (p, p) of the parameters."""
+        return replace(self, parameter_precision=precision)
+
+    def log_prior(self, x: Array) -> float:
+        """Log density of the parameters' prior at coordinates `x`, less that at its mean."""
+        off = x[: self.parameters] - self.parameter_mean
+        return float(-0.5 * off @ self.parameter_precision @ off)

@@ -1,0 +1,88 @@
+"""One score for every rival, and from it one probability in two levels.
+
+A rival's score in run r and channel c is −log(v_rc + 1), v_rc being the mean square in floors that
+it leaves of rows it was not fitted to. Thousands of rows do not contain the error of a model's
+form, so the likelihood is tempered (a power posterior, Grünwald 2017): κ independent pieces of
+evidence are counted for each run and channel, whatever its length,
+
+    p(rival) ∝ prior(rival) · exp(−κ/2 · Σ_rc log(v_rc + 1)),
+
+averaged over resampled runs (BayesBag, Huggins and Miller 2023): what hangs on one run is not sure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from smad.diagnosis.numerics.folds import Array
+
+_RESAMPLED = 400
+_SEED = 20261125
+
+NOTHING, PARAMETERS, EFFECT, LAW = "nothing", "parameters", "effect", "law"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Temper:
+    """What the score is turned into probabilities with.
+
+    `evidence` is κ. Log priors: `nothing` of the simulator as it is, `parameters` of other values
+    of them; `effect` of all effects together, shared equally; `law` of all places together.
+    """
+
+    evidence: float
+    nothing: float
+    parameters: float
+    effect: float
+    law: float
+
+
+def log_scores(squares: Array, counts: Array) -> Array:
+    """−log(v + 1) of each run, summed over channels that it has, (runs,).
+
+    `squares` and `counts` are (runs, channels): sums of squares in floors, and how many rows.
+    """
+    v = squares / np.maximum(counts, 1.0)
+    return np.asarray(-np.where(counts > 0, np.log(v + 1.0), 0.0).sum(axis=1))
+
+
+def probabilities(
+    scores: Array,
+    kinds: Sequence[str],
+    temper: Temper,
+    *,
+    effects: int,
+    laws: int,
+    log_prior: Array,
+) -> Array:
+    """Probability of each rival, (rivals,), from `scores` (rivals, runs).
+
+    `effects` and `laws` are how many of each kind might have been asked: a prior is shared by all
+    of them, asked or not. `log_prior` (rivals,) is that of where each one's parameters are: what
+    imitates an effect by moving them far is less likely than the effect.
+    """
+    prior = log_prior + np.array([
+        {
+            NOTHING: temper.nothing,
+            PARAMETERS: temper.parameters,
+            EFFECT: temper.effect - np.log(max(effects, 1)),
+            LAW: temper.law - np.log(max(laws, 1)),
+        }[kind]
+        for kind in kinds
+    ])  # fmt: skip
+    runs = scores.shape[1]
+    rng = np.random.default_rng(_SEED)
+    times = rng.multinomial(runs, np.full(runs, 1.0 / runs), size=_RESAMPLED)
+    log = prior + 0.5 * temper.evidence * (times @ scores.T)
+    e = np.exp(log - log.max(axis=1, keepdims=True))
+    return np.asarray((e / e.sum(axis=1, keepdims=True)).mean(axis=0))
+
+
+def credible_set(probability: Mapping[str, float], level: float) -> list[str]:
+    """The fewest names that together hold the `level`, the likeliest first."""
+    ordered = sorted(probability.items(), key=lambda item: (-item[1], item[0]))
+    before = np.cumsum([0.0, *(p for _, p in ordered)])[:-1]
+    return [name for (name, _), so_far in zip(ordered, before, strict=True) if so_far < level]

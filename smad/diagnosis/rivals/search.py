@@ -1,0 +1,387 @@
+"""The search: rivals of each step, refitted by replay, compared by what they leave, exchanged.
+
+A step asks what the simulator lacks beside the parts that it has already. The rivals are: nothing
+more, an effect of the library, a law at a place. Each is fitted with the parameters and the parts
+before, and scored on rows that it was not fitted to. The likeliest one enters if it is likelier
+than nothing more and brings the judged runs nearer; then each part before is asked again with the
+others kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from smad.diagnosis.data.played import predictions
+from smad.diagnosis.numerics.folds import Array
+from smad.diagnosis.places.responses import Responses
+from smad.diagnosis.plant import Effect
+from smad.diagnosis.rivals.evidence import Evidence
+from smad.diagnosis.rivals.fit import (
+    Fit,
+    Reference,
+    fit,
+    leave_out,
+    polished,
+    rebased,
+    reference_at,
+    replayed,
+    weights,
+)
+from smad.diagnosis.rivals.laws import LawSpace
+from smad.diagnosis.rivals.parts import Model, Part
+from smad.diagnosis.rivals.score import (
+    EFFECT,
+    LAW,
+    NOTHING,
+    PARAMETERS,
+    Temper,
+    log_scores,
+    probabilities,
+)
+from smad.diagnosis.rivals.screening import screened
+
+Say = Callable[[str], None]
+_SCREENED = 8
+"""Effects of each reference that are fitted."""
+_LAWS = 5
+"""Places whose law is fitted."""
+_FIRST_ROUNDS = 3
+_LONG = 6
+"""Fits that go on to their end."""
+_POLISHED = 3
+"""Fits that get slopes of the parameters of their own."""
+NEAR = 1.3
+"""A channel that leaves at most so many floors shows nothing more: floors are known to a third."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rival:
+    """A hypothesis with its fit (None for the simulator as configured), and what it leaves.
+
+    `squares` (judged runs, channels) are in floors, of rows that it was not fitted to; `scores`
+    (judged runs,) are those of `log_scores`. `log_prior` is that of where its parameters are.
+    """
+
+    kind: str
+    name: str
+    fit: Fit | None
+    squares: Array
+    scores: Array
+    log_prior: float = 0.0
+    probability: float = 0.0
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Where the part that is asked acts; empty for parameters and nothing."""
+        if self.kind not in (EFFECT, LAW) or self.fit is None:
+            return ()
+        return self.fit.model.parts[-1].places
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Question:
+    """What is asked: evidence to fit, evidence held out or None, and the model that is fitted.
+
+    `effects` may be told; `places` are how many places there are. `tied` (p, p) is the precision of
+    the parameters until other values of them are the answer; None: they are free from the start.
+    `tau` (channels,) are correlation times in rows.
+    """
+
+    evidence: Evidence
+    held_out: Evidence | None
+    model: Model
+    tied: Array | None
+    effects: tuple[Effect, ...]
+    places: int
+    temper: Temper
+    tau: Array
+    say: Say
+
+    @property
+    def judged(self) -> Evidence:
+        """The runs that rivals are judged on."""
+        return self.evidence if self.held_out is None else self.held_out
+
+    def rival(self, kind: str, name: str, fitted: Fit) -> Rival | None:
+        """A rival by what it leaves of the judged runs; None where it cannot run there."""
+        squares = self._squares(fitted)
+        if squares is None:
+            return None
+        scores = log_scores(squares, self.judged.counts)
+        return Rival(kind=kind, name=name, fit=fitted, squares=squares, scores=scores,
+                     log_prior=fitted.model.log_prior(fitted.x))  # fmt: skip
+
+    def fitted(self, kind: str, name: str, reference: Reference) -> Rival | None:
+        """The model of a reference fitted from there on to its end, as a rival."""
+        made = fit(self.evidence, reference.model, reference.x, reference, tau=self.tau, fresh=True)
+        return made and self.rival(kind, name, polished(self.evidence, made, self.tau))
+
+    def as_configured(self, nominal: Reference) -> Rival | None:
+        """The simulator as it is; None where it cannot run."""
+        judged = self.judged
+        found = replayed(judged, nominal.model.point(nominal.x), nominal.model, exact=True)
+        if found is None:
+            return None
+        squares = self.squares_of(judged, judged.left(found))
+        scores = log_scores(squares, judged.counts)
+        return Rival(kind=NOTHING, name=NOTHING, fit=None, squares=squares, scores=scores)
+
+    def near(self, rival: Rival) -> bool:
+        """Whether a rival leaves nothing that could be told in any channel of the judged runs."""
+        counts = self.judged.counts.sum(axis=0)
+        return bool((rival.squares.sum(axis=0) <= NEAR**2 * counts).all())
+
+    def gap(self, rival: Rival) -> float:
+        """What a rival leaves of the judged runs, root mean square in floors."""
+        return float(np.sqrt(rival.squares.sum() / max(self.judged.counts.sum(), 1.0)))
+
+    def ranked(self, rivals: Sequence[Rival]) -> list[Rival]:
+        """Rivals with their probabilities, the likeliest first."""
+        p = probabilities(
+            np.array([r.scores for r in rivals]), [r.kind for r in rivals], self.temper,
+            effects=len(self.effects), laws=self.places,
+            log_prior=np.array([r.log_prior for r in rivals]),
+        )  # fmt: skip
+        made = [replace(r, probability=float(x)) for r, x in zip(rivals, p, strict=True)]
+        return sorted(made, key=lambda r: -r.probability)
+
+    def squares_of(self, evidence: Evidence, left: Array) -> Array:
+        """Squares by run and channel of rows, what wanders in each run taken off."""
+        return evidence.squares(evidence.freed(left, weights(evidence, left, self.tau)))
+
+    def _squares(self, fitted: Fit) -> Array | None:
+        if self.held_out is not None:
+            found = replayed(self.held_out, fitted.point, fitted.model, exact=True)
+            return None if found is None else self.squares_of(
+                self.held_out, self.held_out.left(found)
+            )
+        evidence = self.evidence
+        left = np.zeros(len(evidence.run_of_row))
+        for f, x in enumerate(leave_out(evidence, fitted, self.tau)):
+            point = fitted.model.point(x)
+            for k in np.unique(evidence.run_of_row[evidence.fold == f]):
+                found = predictions(fitted.model.plant, point, [evidence.played[k]], exact=True)
+                if not np.isfinite(found[0]).all():
+                    return None
+                mine = np.flatnonzero(evidence.run_of_row == k)
+                kept = evidence.fold[mine] == f
+                left[mine[kept]] = evidence.part([int(k)]).left(found)[kept]
+        return self.squares_of(evidence, left)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Step:
+    """One step: its rivals by probability, and what entered (None: nothing more)."""
+
+    rivals: tuple[Rival, ...]
+    entered: Rival | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Searched:
+    """What a search gave.
+
+    `configured` is the simulator as it was, `parameters` with other values of them and no part,
+    `final` with everything that entered. `moved`: other values of the parameters are among that.
+    """
+
+    question: Question
+    configured: Rival
+    parameters: Rival
+    steps: tuple[Step, ...]
+    final: Rival
+    moved: bool
+
+
+def searched(question: Question, *, most: int) -> Searched | None:
+    """Ask step by step, until nothing more is likeliest, or for `most` parts.
+
+    None where the model cannot replay the runs.
+    """
+    search = _Search.begun(question)
+    if search is None:
+        return None
+    configured, parameters = search.configured, search.parameters
+    steps: list[Step] = []
+    done = False
+    while not done and len(search.parts) < most:
+        step = search.step(first=not steps)
+        steps.append(step)
+        done = step.entered is None or question.near(search.current)
+    if len(search.parts) == 0 and not search.moved:
+        search.current = configured
+    return Searched(
+        question=question, configured=configured, parameters=parameters, steps=tuple(steps),
+        final=search.current, moved=search.moved,
+    )  # fmt: skip
+
+
+@dataclass(kw_only=True, eq=False)
+class _Search:
+    """The state of a search: what has entered so far.
+
+    `current` has all of it; `moved` says whether the parameters are free, or tied to where they
+    were. Responses of laws are made once, where they are first asked for.
+    """
+
+    question: Question
+    nominal: Reference
+    configured: Rival
+    parameters: Rival
+    current: Rival
+    moved: bool
+    responses: Responses | None = None
+
+    @classmethod
+    def begun(cls, question: Question) -> _Search | None:
+        """The simulator as configured and with fitted parameters; None where it cannot run."""
+        e, free = question.evidence, question.model
+        tied = free if question.tied is None else free.with_precision(question.tied)
+        zero = np.zeros(free.parameters)
+        question.say("parameters")
+        nominal = reference_at(e, tied, zero)
+        if nominal is None:
+            return None
+        configured = question.as_configured(nominal)
+        parameters = question.fitted(PARAMETERS, PARAMETERS, replace(nominal, model=free))
+        current = parameters
+        if question.tied is not None:
+            current = question.fitted(NOTHING, NOTHING, nominal)
+        if configured is None or parameters is None or current is None:
+            return None
+        return cls(question=question, nominal=nominal, configured=configured,
+                   parameters=parameters, current=current, moved=question.tied is None)  # fmt: skip
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """What has entered."""
+        return self.current.fit.model.parts if self.current.fit is not None else ()
+
+    def step(self, *, first: bool) -> Step:
+        """Ask what more there is; what is likeliest enters."""
+        question = self.question
+        same: list[Rival] = [replace(self.current, kind=NOTHING)]
+        if first and self.moved:
+            same = [self.configured, self.parameters]
+        elif not self.moved and (free := self._freed()) is not None:
+            same.append(free)
+        ranked = question.ranked([*same, *self._rivals(self.current, first=first)])
+        gap = min(question.gap(r) for r in same)
+        entered = None
+        for best in ranked:
+            if best.kind == NOTHING or (best.kind == PARAMETERS and self.moved):
+                break
+            if best.kind == PARAMETERS or question.gap(best) < gap:
+                entered = best
+                break
+        if first and self.moved and entered is None and ranked[0].kind == NOTHING:
+            self.moved = False
+        if entered is not None:
+            self.moved |= entered.kind == PARAMETERS
+            self.current = self._exchanged(entered)
+        return Step(rivals=tuple(ranked), entered=entered)
+
+    def _freed(self) -> Rival | None:
+        """What has entered so far, with free parameters."""
+        fitted = self.current.fit
+        if fitted is None or not self.parts:
+            return self.parameters
+        here = rebased(self.question.evidence, fitted)
+        free = fitted.model.with_precision(self.question.model.parameter_precision)
+        return here and self.question.fitted(PARAMETERS, PARAMETERS, replace(here, model=free))
+
+    def _exchanged(self, current: Rival) -> Rival:
+        """The model with each part before its last asked again, the others kept."""
+        question = self.question
+        count = len(current.fit.model.parts) if current.fit is not None else 0
+        for i in range(count - 1):
+            fitted = current.fit
+            if fitted is None or question.near(current):
+                break
+            name = fitted.model.parts[i].name
+            base = self._without(fitted, i)
+            if base is None:
+                continue
+            others = [r for r in self._rivals(base, first=False) if r.name != name]
+            ranked = question.ranked([replace(current, kind=EFFECT, name=name), *others])
+            if ranked[0].name != name and question.gap(ranked[0]) < question.gap(current):
+                current = ranked[0]
+        return current
+
+    def _without(self, fitted: Fit, i: int) -> Rival | None:
+        """The model without one of its parts, fitted anew."""
+        model = fitted.model
+        kept = [k for k in range(len(model.parts)) if k != i]
+        x = np.concatenate([
+            fitted.x[: model.parameters], *(fitted.x[model.slices[k]] for k in kept)
+        ])  # fmt: skip
+        smaller = model.with_parts([model.parts[k] for k in kept])
+        here = reference_at(self.question.evidence, smaller, x)
+        return here and self.question.fitted(NOTHING, NOTHING, here)
+
+    def _rivals(self, current: Rival, *, first: bool) -> list[Rival]:
+        """Effects and laws beside what a model has, each fitted and scored."""
+        question, e = self.question, self.question.evidence
+        here = current.fit and rebased(e, current.fit)
+        if here is None:
+            return []
+        present = {part.name for part in here.model.parts}
+        effects = [x for x in question.effects if x.name not in present and x.parameters]
+        question.say("screening the effects")
+        fits = _Fits(question)
+        # The nominal simulator, too: where parameters have moved to imitate an effect it is hidden.
+        for reference in (here, replace(self.nominal, model=here.model)) if first else (here,):
+            for s in screened(e, reference, effects, question.tau)[:_SCREENED]:
+                fits.begin(EFFECT, reference, s.part, s.coordinates)
+        rivals = fits.rivals()
+        best = max(rivals, key=lambda r: r.scores.sum(), default=None)
+        if best is not None and question.near(best):
+            return rivals
+        question.say("laws of the places")
+        space = LawSpace.at(e, here, question.tau, self.responses, question.say)
+        self.responses = space.responses
+        laws = _Fits(question)
+        for law in space.selected()[:_LAWS]:
+            if law.part.name not in present:
+                laws.begin(LAW, here, law.part, law.coordinates)
+        return rivals + laws.rivals()
+
+
+class _Fits:
+    """Fits that compete: a few rounds for all, more for the best, their own slopes for the first."""
+
+    def __init__(self, question: Question) -> None:
+        self._question = question
+        self._found: dict[str, tuple[str, Fit, Reference]] = {}
+
+    def begin(self, kind: str, reference: Reference, part: Part, coordinates: Array) -> None:
+        """A few rounds of a part beside a reference; the better of two of one name stays."""
+        question = self._question
+        question.say(f"fitting {part.name}")
+        model = reference.model.with_parts([*reference.model.parts, part])
+        start = np.r_[reference.x, coordinates]
+        made = fit(question.evidence, model, start, reference, tau=question.tau,
+                   rounds=_FIRST_ROUNDS)  # fmt: skip
+        known = self._found.get(part.name)
+        if made and (known is None or made.objective < known[1].objective):
+            self._found[part.name] = kind, made, reference
+
+    def rivals(self) -> list[Rival]:
+        """The fits as rivals."""
+        question, e, tau = self._question, self._question.evidence, self._question.tau
+        fits = {name: made for name, (_, made, _) in self._found.items()}
+        for name in _best(fits)[:_LONG]:
+            _, made, reference = self._found[name]
+            fits[name] = fit(e, made.model, made.x, reference, tau=tau) or made
+        for name in _best(fits)[:_POLISHED]:
+            fits[name] = polished(e, fits[name], tau)
+        kinds = {name: kind for name, (kind, _, _) in self._found.items()}
+        made = [question.rival(kinds[name], name, f) for name, f in fits.items()]
+        return [r for r in made if r is not None]
+
+
+def _best(fits: dict[str, Fit]) -> list[str]:
+    return sorted(fits, key=lambda name: (fits[name].objective, name))

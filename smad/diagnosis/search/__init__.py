@@ -1,1 +1,0 @@
-"""Decides where, which law and what name; reads products, never fits or files."""
