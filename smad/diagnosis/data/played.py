@@ -112,7 +112,8 @@ def predictions(
     """
     out = []
     for played in runs:
-        found = plant.simulate(point, played.whole if exact else played.run, fast=True)
+        run = played.whole if exact else played.run
+        found = plant.simulate(point, run, fast=not exact)
         series = np.stack([found[c.name] for c in plant.channels])
         out.append(np.ascontiguousarray(played.means(series, exact=exact).T))
     return out
