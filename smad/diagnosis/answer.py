@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
@@ -27,6 +27,7 @@ from smad.diagnosis.verdict import (
     QUIET,
     UNEXPLAINED,
     Cause,
+    EffectValue,
     ParameterMoved,
     RivalGap,
     RunGap,
@@ -66,7 +67,7 @@ def answer_of(
         for step, rival in zip(_entered(search), stages[2:], strict=True)
     ]
     gaps = _signal_gaps(plant, asked, stages)
-    whole = _gap("all signals", "floors", 1.0, [asked.gap(r) for r in stages])
+    whole = _gap("all signals", "", "floors", 1.0, [asked.gap(r) for r in stages])
     outcome = _outcome(search, causes)
     point = asked.model.start if final.fit is None else final.fit.point
     uncertainty = None if final.fit is None else uncertainty_of(plant, asked, final.fit)
@@ -115,17 +116,17 @@ def _stages(search: Searched) -> tuple[Rival, ...]:
     return (search.configured, search.parameters, *prefixes, *last)
 
 
-def _gap(signal: str, unit: str, floor: float, left: Sequence[float]) -> SignalGap:
+def _gap(signal: str, words: str, unit: str, floor: float, left: Sequence[float]) -> SignalGap:
     raw, parameters, *causes = left
-    return SignalGap(signal=signal, unit=unit, floor=floor, raw=raw, parameters=parameters,
-                     causes=causes)  # fmt: skip
+    return SignalGap(signal=signal, words=words, unit=unit, floor=floor, raw=raw,
+                     parameters=parameters, causes=causes)  # fmt: skip
 
 
 def _signal_gaps(plant: PlacesPlant, asked: Question, stages: Sequence[Rival]) -> list[SignalGap]:
     counts, floors = asked.judged.counts.sum(axis=0), asked.judged.floors
     left = [np.sqrt(r.squares.sum(axis=0) / np.maximum(counts, 1.0)) * floors for r in stages]
     return [
-        _gap(c.name, c.unit, float(floors[i]), [float(x[i]) for x in left])
+        _gap(c.name, c.words, c.unit, float(floors[i]), [float(x[i]) for x in left])
         for i, c in enumerate(plant.channels)
         if counts[i] > 0
     ]
@@ -142,21 +143,41 @@ def _by_run(asked: Question, *stages: Rival) -> list[RunGap]:
 
 
 def _table(plant: PlacesPlant, asked: Question, rivals: Sequence[Rival]) -> list[RivalGap]:
-    """The likeliest rivals, and those without a part whatever their probability."""
+    """The likeliest rivals, and those without a part whatever their probability.
+
+    Those that are equally likely, as far as it is shown, by what they leave.
+    """
     described = Describer(plant)
     kept = [r for k, r in enumerate(rivals) if k < _ROWS or r.kind not in (EFFECT, LAW)]
     counts = asked.judged.counts.sum(axis=0)
+    titles = {e.name: e.title for e in asked.effects}
     return [
         RivalGap(
             kind=r.kind, name=r.name.removeprefix("law:"), words=described.rival(r),
+            title=titles.get(r.name, ""), values=_values(described, asked, r),
             places=list(r.places), gap=asked.gap(r), probability=r.probability,
             by_signal={
                 c.name: float(np.sqrt(r.squares[:, i].sum() / counts[i]))
                 for i, c in enumerate(plant.channels) if counts[i] > 0
             },
         )
-        for r in kept
+        for r in sorted(kept, key=lambda r: (-round(r.probability, 2), asked.gap(r)))
     ]  # fmt: skip
+
+
+def _values(described: Describer, asked: Question, rival: Rival) -> list[EffectValue]:
+    """The values of the effect that a rival adds."""
+    if rival.kind != EFFECT or rival.fit is None:
+        return []
+    part, mine = rival.fit.model.parts[-1], rival.fit.model.slices[-1]
+    if not isinstance(part, EffectPart):
+        return []
+    return described.values(part, rival.fit.x[mine], _deviations(asked, rival.fit)[mine])
+
+
+def _deviations(asked: Question, fitted: Fit) -> Array:
+    """Standard deviations of a fit's coordinates, (k,)."""
+    return np.sqrt(np.maximum(np.diag(covariance(asked.evidence, fitted)), 0.0))
 
 
 def _cause(
@@ -179,8 +200,7 @@ def _cause(
     in_library = max(sum(named.values()), 1e-300)
     names = {n: p / in_library for n, p in sorted(named.items(), key=lambda item: -item[1])}
     described = Describer(plant)
-    sd = np.sqrt(np.maximum(np.diag(covariance(asked.evidence, stage.fit)), 0.0))
-    own_sd = sd[stage.fit.model.slices[index]]
+    deviations = _deviations(asked, stage.fit)[stage.fit.model.slices[index]]
     place = _place_of(step.entered, laws) if step.entered is not None else part.places[0]
     if step.entered is None or part.name != step.entered.name:
         place = part.places[0]
@@ -198,8 +218,8 @@ def _cause(
         outside=1.0 - in_library / total,
         credible_names=credible_set(names, constants.told_level),
         credible_places=credible_set(places, constants.told_level),
-        values=described.values(part, coordinates, own_sd) if isinstance(part, EffectPart) else [],
-        terms=described.terms(part, coordinates, own_sd) if isinstance(part, LawPart) else [],
+        values=described.values(part, coordinates, deviations) if isinstance(part, EffectPart) else [],
+        terms=described.terms(part, coordinates, deviations) if isinstance(part, LawPart) else [],
         largest=described.largest(part, coordinates, asked, stage.fit)
         if isinstance(part, LawPart) else 0.0,
         unit=about.unit if about is not None else "",
@@ -240,7 +260,7 @@ def _moved(
     theta = fitted.point.theta
     moved = [
         ParameterMoved(
-            name=q.name, unit=q.unit, before=start.theta.get(q.name, q.nominal),
+            name=q.name, words=q.words, unit=q.unit, before=start.theta.get(q.name, q.nominal),
             after=theta[q.name], sd=float(sd[k]),
             at_bound=bool(theta[q.name] <= q.low or theta[q.name] >= q.high),
         )
@@ -269,11 +289,4 @@ def _models(
 def with_notes(answer: Answer, notes: Sequence[str]) -> Answer:
     """The answer with more that a reader must know."""
     verdict = msgspec.structs.replace(answer.verdict, notes=[*answer.verdict.notes, *notes])
-    return msgspec_replace(answer, verdict)
-
-
-def msgspec_replace(answer: Answer, verdict: Verdict) -> Answer:
-    """The answer with another verdict."""
-    from dataclasses import replace
-
     return replace(answer, verdict=verdict)

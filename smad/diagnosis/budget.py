@@ -47,7 +47,7 @@ def budget_of(
     table = np.array([rms([stage[k] for k in kept], own) for stage in stages])
     there: Mask = np.concatenate(own).sum(axis=0) > 0
     signals = [
-        _gap(c.name, c.unit, floor[i], table[:, i]) for i, c in enumerate(channels) if there[i]
+        _gap(c.name, c.words, c.unit, floor[i], table[:, i]) for i, c in enumerate(channels) if there[i]
     ]
     by_run = np.array([
         [_in_floors(x / f, v) for x, f, v in zip(stage, floors, valid, strict=True)]
@@ -55,14 +55,13 @@ def budget_of(
     ])  # fmt: skip
     sizes = np.array([float(v.sum()) for v in own])
     total = np.sqrt((by_run[:, list(kept)] ** 2 @ sizes) / sizes.sum())
-    return Budget(signals=signals, whole=_gap("all signals", "floors", 1.0, total), by_run=by_run)
+    return Budget(signals=signals, whole=_gap("all signals", "", "floors", 1.0, total), by_run=by_run)
 
 
-def _gap(signal: str, unit: str, floor: float, left: Array) -> SignalGap:
-    raw, parameters, *places = map(float, left)
-    return SignalGap(
-        signal=signal, unit=unit, floor=float(floor), raw=raw, parameters=parameters, places=places
-    )
+def _gap(signal: str, words: str, unit: str, floor: float, left: Array) -> SignalGap:
+    raw, parameters, *causes = map(float, left)
+    return SignalGap(signal=signal, words=words, unit=unit, floor=float(floor), raw=raw,
+                     parameters=parameters, causes=causes)  # fmt: skip
 
 
 def _in_floors(scaled: Array, valid: Mask) -> float:
