@@ -120,7 +120,8 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
     `kind` is effect or law, `name` that of the effect (empty for a law), `place` where it acts, in
     `words`. `probability` is that of the place. `names` are effects of the library with their
     probabilities if it is one of them, `outside` the probability that it is none. `credible_names`
-    and `credible_places` are the fewest that together hold the level of the constants. `terms`
+    and `credible_places` are the fewest that together hold the level of the constants; `places` has
+    the probabilities of all, `place_words` what they are. `terms`
     are a law's, `values` an effect's. `gap` is what the judged runs are left with by all causes up
     to this one.
     """
@@ -136,6 +137,7 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
     credible_names: list[str]
     credible_places: list[str]
     places: dict[str, float]
+    place_words: dict[str, str]
     values: list[EffectValue]
     terms: list[LawTerm]
     largest: float
