@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from smad.diagnosis.constants import Constants
+from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.place import BOTH, PlacesPlant
 from smad.diagnosis.plant import ModelPoint, SavesModel, Uncertainty
 from smad.diagnosis.rivals.describe import Describer

@@ -147,11 +147,12 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def title(self) -> str:
-        """The cause in words, for a heading: the likeliest effects, or that there is only a law."""
+        """The cause in words, for a heading: the effect with its first value, or a law."""
         if self.kind != "effect":
             return "a law, no effect of the library fits"
         others = [n for n in self.credible_names if n != self.name]
-        return " or ".join((self.name, *others))
+        value = "" if others or not self.values else f", {self.values[0].text}"
+        return " or ".join((self.name, *others)) + value
 
     @property
     def rival(self) -> RivalGap | None:
@@ -305,8 +306,8 @@ def headline_of(
         verb = "changed" if changed else "something is missing"
         return f"{verb}, and no rival brings the judged runs nearer: {before:.1f} floors are left"
     first = causes[0]
-    verb = "has changed" if changed else "lacks something"
+    verb = "something has changed at" if changed else "the simulator lacks something at"
     likely = f", probability {first.rival.probability:.2f}" if first.rival else ""
     beside = f", and {len(causes) - 1} more" if len(causes) > 1 else ""
     goes = f"the gap goes from {before:.1f} to {after:.1f} floors"
-    return f"the {first.words} {verb}: {first.title}{likely}{beside}; {goes}"
+    return f"{verb} the {first.words}: {first.title}{likely}{beside}; {goes}"
