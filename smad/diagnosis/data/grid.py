@@ -101,9 +101,11 @@ def row_length_s(runs: Sequence[GapRun], plant: PlantModel) -> float:
     """Length of a row that suits these records: a 10th of the usual correlation time of what is
     measured, in whole samples, and long enough that all runs together have at most `MOST_ROWS`.
 
-    Without a channel that moves it is that of the spring pair.
+    Without a channel that moves, or without a run, it is that of the spring pair.
     """
     usual = correlation_time_s(runs, plant)
+    if not runs:
+        return PERIOD_S
     total_s = sum(run.duration_s for run in runs)
     wanted_s = max(PERIOD_S if usual is None else usual / _ROWS, total_s / MOST_ROWS)
     sample_s = float(np.median([r.dt_s for r in runs]))

@@ -8,10 +8,8 @@ import pytest
 
 from smad.diagnosis import Verdict
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.verdict import CHANGED, PARAMETERS, PLACES, QUIET
+from smad.diagnosis.verdict import CAUSES, CHANGED, PARAMETERS, QUIET
 from tests.smad.diagnosis.cases import GAIN, OTHER, ask, bank
-
-INPUTS = {"input_cmd_l_W", "input_cmd_r_W"}
 
 
 def good(effects: dict[str, dict[str, float]] | None = None) -> list[GapRun]:
@@ -23,44 +21,43 @@ def new_gain() -> Verdict:
     return ask(bank(OTHER, GAIN), good=good())
 
 
-def test_what_has_come_since_the_good_runs_is_found_with_its_size(new_gain: Verdict) -> None:
-    assert (new_gain.question, new_gain.outcome) == (CHANGED, PLACES)
-    assert {p.place for p in new_gain.places} == INPUTS
-    for told in new_gain.places:
-        assert told.read[0].slopes["both"] == pytest.approx(0.05, abs=0.003)
-        assert told.in_simulator
-        assert told.name == "driver_gain"
+def test_what_has_come_since_the_good_runs_is_named_with_its_value(new_gain: Verdict) -> None:
+    assert (new_gain.question, new_gain.outcome) == (CHANGED, CAUSES)
+    (cause,) = new_gain.causes
+    assert cause.name == "driver_gain"
+    assert cause.names["driver_gain"] > 0.99
+    assert cause.values[0].value == pytest.approx(0.05, abs=0.001)
     assert new_gain.whole is not None
-    assert new_gain.whole.final < 1.2
+    assert new_gain.whole.final < 1.0
 
 
 def test_a_bench_as_it_was_has_nothing_new_whatever_its_inputs() -> None:
     found = ask(bank(OTHER)[:2], good=good())
-    assert (found.outcome, found.places) == (QUIET, [])
+    assert (found.outcome, found.causes) == (QUIET, [])
 
 
 def test_what_the_good_runs_show_too_is_not_new() -> None:
     found = ask(bank(OTHER, GAIN)[:2], good=good(GAIN))
-    assert (found.outcome, found.places) == (QUIET, [])
+    assert (found.outcome, found.causes) == (QUIET, [])
 
 
 def test_what_is_new_is_found_beside_what_was_there() -> None:
     late = {**GAIN, "dial_delay": {"delay_s": 0.5}}
     found = ask(bank(OTHER, late)[:2], good=good(GAIN))
-    assert [p.place for p in found.places] == ["reading_rod_um"]
-    assert max(found.places[0].names.items(), key=lambda one: one[1])[0] == "dial_delay"
+    assert [c.name for c in found.causes] == ["dial_delay"]
+    assert found.causes[0].values[0].value == pytest.approx(0.5, abs=0.03)
 
 
 def test_other_values_of_the_parameters_are_asked_first() -> None:
     found = ask(bank({**OTHER, "ha_W_K": 0.66})[:2], good=good())
-    assert (found.outcome, found.places) == (PARAMETERS, [])
+    assert (found.outcome, found.causes) == (PARAMETERS, [])
     after = {q.name: q.after for q in found.parameters}
     assert after["ha_W_K"] == pytest.approx(0.66, abs=0.01)
 
 
 def test_the_order_of_the_runs_does_not_matter(new_gain: Verdict) -> None:
     found = ask(bank(OTHER, GAIN)[::-1], good=good()[::-1])
-    assert found.places == new_gain.places
+    assert found.causes == new_gain.causes
     assert found.budget == new_gain.budget
 
 
@@ -69,7 +66,7 @@ def test_a_channel_that_only_one_group_has_is_switched_off_in_all() -> None:
         replace(r, outputs={k: v for k, v in r.outputs.items() if k != "rod_um"}) for r in good()
     ]
     found = ask(bank(OTHER, GAIN), good=lacking)
-    assert {p.place for p in found.places} == INPUTS
+    assert [c.name for c in found.causes] == ["driver_gain"]
     assert "rod_um" not in {s.signal for s in found.budget}
     assert any(f.kind == "channel not shared" for f in found.findings)
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from smad.diagnosis.data.grid import PERIOD_S, Grid, correlation_time_s, row_length_s
+from smad.diagnosis.data.grid import MOST_ROWS, PERIOD_S, Grid, correlation_time_s, row_length_s
 from smad.diagnosis.runs import Array, GapRun
 from tests.smad.diagnosis.heater_plant import HeaterPlant, recorded
 
@@ -23,10 +23,29 @@ def finer(run: GapRun) -> GapRun:
     return GapRun(run.name, t_s, between(run.inputs), between(run.outputs))
 
 
-@pytest.mark.parametrize("family", ["random", "sines", "still"])
-def test_a_row_is_the_same_for_every_kind_of_run_of_a_bench(family: str) -> None:
+@pytest.mark.parametrize("family", ["random", "sines"])
+def test_a_row_is_a_tenth_of_the_correlation_time_in_whole_samples(family: str) -> None:
     runs = [finer(recorded(family, seed, duration_s=60.0)) for seed in (1, 2)]
-    assert row_length_s(runs, HeaterPlant()) == pytest.approx(0.2)
+    usual = correlation_time_s(runs, HeaterPlant())
+    assert usual is not None
+    row_s = row_length_s(runs, HeaterPlant())
+    assert row_s == pytest.approx(usual / 10.0, abs=runs[0].dt_s)
+    assert row_s / runs[0].dt_s == pytest.approx(round(row_s / runs[0].dt_s))
+
+
+def test_a_row_has_no_cliff_in_the_time_scale_of_a_bench() -> None:
+    run = finer(recorded("random", 1, duration_s=60.0))
+    lengths = [
+        row_length_s([slowed(run, f)], HeaterPlant()) / f for f in np.linspace(0.9, 1.1, 21)
+    ]
+    assert max(lengths) < 1.15 * min(lengths)
+
+
+def test_all_runs_together_have_rows_that_fit_into_memory() -> None:
+    run = finer(recorded("random", 1, duration_s=60.0))
+    many = [replace(run, name=str(k)) for k in range(200)]
+    rows = sum(r.duration_s for r in many) / row_length_s(many, HeaterPlant())
+    assert rows <= MOST_ROWS
 
 
 def slowed(run: GapRun, factor: float) -> GapRun:
@@ -36,7 +55,9 @@ def slowed(run: GapRun, factor: float) -> GapRun:
 @pytest.mark.parametrize("factor", [10.0, 100.0, 0.1])
 def test_rows_go_with_the_time_scale(factor: float) -> None:
     runs = [slowed(finer(recorded("random", 1, duration_s=60.0)), factor)]
-    assert row_length_s(runs, HeaterPlant()) == pytest.approx(0.2 * factor)
+    usual = correlation_time_s(runs, HeaterPlant())
+    assert usual is not None
+    assert row_length_s(runs, HeaterPlant()) == pytest.approx(usual / 10.0, abs=runs[0].dt_s)
 
 
 def test_a_row_is_no_shorter_than_a_sample() -> None:
