@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from smad.diagnosis.constants import Constants
-from smad.diagnosis.places.place import PlacesPlant
+from smad.diagnosis.numerics.folds import Array
+from smad.diagnosis.places.place import BOTH, PlacesPlant
 from smad.diagnosis.plant import ModelPoint, SavesModel, Uncertainty
 from smad.diagnosis.rivals.describe import Describer
 from smad.diagnosis.rivals.evidence import Evidence
@@ -25,6 +26,7 @@ from smad.diagnosis.verdict import (
     QUIET,
     UNEXPLAINED,
     Cause,
+    EffectValue,
     ParameterMoved,
     RivalGap,
     RunGap,
@@ -126,10 +128,10 @@ def _stages(search: Searched) -> tuple[Rival, ...]:
     return (search.configured, search.parameters, *prefixes, *last)
 
 
-def _gap(signal: str, unit: str, floor: float, left: Sequence[float]) -> SignalGap:
+def _gap(signal: str, words: str, unit: str, floor: float, left: Sequence[float]) -> SignalGap:
     raw, parameters, *causes = left
-    return SignalGap(signal=signal, unit=unit, floor=floor, raw=raw, parameters=parameters,
-                     causes=causes)  # fmt: skip
+    return SignalGap(signal=signal, words=words, unit=unit, floor=floor, raw=raw,
+                     parameters=parameters, causes=causes)  # fmt: skip
 
 
 def signal_gaps(plant: PlacesPlant, asked: Question, stages: Sequence[Rival]) -> list[SignalGap]:
@@ -137,11 +139,11 @@ def signal_gaps(plant: PlacesPlant, asked: Question, stages: Sequence[Rival]) ->
     counts, floors = asked.judged.counts.sum(axis=0), asked.judged.floors
     left = [np.sqrt(r.squares.sum(axis=0) / np.maximum(counts, 1.0)) * floors for r in stages]
     signals = [
-        _gap(c.name, c.unit, float(floors[i]), [float(x[i]) for x in left])
+        _gap(c.name, c.words, c.unit, float(floors[i]), [float(x[i]) for x in left])
         for i, c in enumerate(plant.channels)
         if counts[i] > 0
     ]
-    return [*signals, _gap("all signals", "floors", 1.0, [asked.gap(r) for r in stages])]
+    return [*signals, _gap("all signals", "", "floors", 1.0, [asked.gap(r) for r in stages])]
 
 
 def gaps_on(answer: Answer, evidence: Evidence) -> list[SignalGap]:
@@ -170,21 +172,41 @@ def _by_run(asked: Question, *stages: Rival) -> list[RunGap]:
 
 
 def _table(plant: PlacesPlant, asked: Question, rivals: Sequence[Rival]) -> list[RivalGap]:
-    """The likeliest rivals, and those without a part whatever their probability."""
+    """The likeliest rivals, and those without a part whatever their probability.
+
+    Those that are equally likely, as far as it is shown, by what they leave.
+    """
     described = Describer(plant)
     kept = [r for k, r in enumerate(rivals) if k < _ROWS or r.kind not in (EFFECT, LAW)]
     counts = asked.judged.counts.sum(axis=0)
+    titles = {e.name: e.title for e in asked.effects}
     return [
         RivalGap(
             kind=r.kind, name=r.name.removeprefix("law:"), words=described.rival(r),
+            title=titles.get(r.name, ""), values=_values(described, asked, r),
             places=list(r.places), gap=asked.gap(r), probability=r.probability,
             by_signal={
                 c.name: float(np.sqrt(r.squares[:, i].sum() / counts[i]))
                 for i, c in enumerate(plant.channels) if counts[i] > 0
             },
         )
-        for r in kept
+        for r in sorted(kept, key=lambda r: (-round(r.probability, 2), asked.gap(r)))
     ]  # fmt: skip
+
+
+def _values(described: Describer, asked: Question, rival: Rival) -> list[EffectValue]:
+    """The values of the effect that a rival adds."""
+    if rival.kind != EFFECT or rival.fit is None:
+        return []
+    part, mine = rival.fit.model.parts[-1], rival.fit.model.slices[-1]
+    if not isinstance(part, EffectPart):
+        return []
+    return described.values(part, rival.fit.x[mine], _deviations(asked, rival.fit)[mine])
+
+
+def _deviations(asked: Question, fitted: Fit) -> Array:
+    """Standard deviations of a fit's coordinates, (k,)."""
+    return np.sqrt(np.maximum(np.diag(covariance(asked.evidence, fitted)), 0.0))
 
 
 def _cause(
@@ -207,12 +229,11 @@ def _cause(
     in_library = max(sum(named.values()), 1e-300)
     names = {n: p / in_library for n, p in sorted(named.items(), key=lambda item: -item[1])}
     described = Describer(plant)
-    sd = np.sqrt(np.maximum(np.diag(covariance(asked.evidence, stage.fit)), 0.0))
-    own_sd = sd[stage.fit.model.slices[index]]
+    deviations = _deviations(asked, stage.fit)[stage.fit.model.slices[index]]
     place = _place_of(step.entered, laws) if step.entered is not None else part.places[0]
     if step.entered is None or part.name != step.entered.name:
         place = part.places[0]
-    side = part.candidate.side if isinstance(part, LawPart) else "both"
+    side = part.candidate.side if isinstance(part, LawPart) else BOTH
     about = next((p for p in plant.places if p.name == place), None)
     return Cause(
         kind=EFFECT if isinstance(part, EffectPart) else LAW,
@@ -222,12 +243,14 @@ def _cause(
         words=described.place(place, side),
         probability=places.get(place, 0.0),
         places=dict(sorted(places.items(), key=lambda item: -item[1])),
+        place_words={n: described.place(n, BOTH) for n in places},
         names={n: p for n, p in names.items() if p >= _LEAST_NAMED},
         outside=1.0 - in_library / total,
         credible_names=credible_set(names, constants.told_level),
         credible_places=credible_set(places, constants.told_level),
-        values=described.values(part, coordinates, own_sd) if isinstance(part, EffectPart) else [],
-        terms=described.terms(part, coordinates, own_sd) if isinstance(part, LawPart) else [],
+        values=described.values(part, coordinates, deviations)
+        if isinstance(part, EffectPart) else [],
+        terms=described.terms(part, coordinates, deviations) if isinstance(part, LawPart) else [],
         largest=described.largest(part, coordinates, asked, stage.fit)
         if isinstance(part, LawPart) else 0.0,
         unit=about.unit if about is not None else "",
@@ -268,7 +291,7 @@ def _moved(
     theta = fitted.point.theta
     moved = [
         ParameterMoved(
-            name=q.name, unit=q.unit, before=start.theta.get(q.name, q.nominal),
+            name=q.name, words=q.words, unit=q.unit, before=start.theta.get(q.name, q.nominal),
             after=theta[q.name], sd=float(sd[k]),
             at_bound=bool(theta[q.name] <= q.low or theta[q.name] >= q.high),
         )

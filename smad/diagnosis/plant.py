@@ -40,7 +40,7 @@ class Channel:
 
     `twin` names the channel of the same kind on the other side, if there is one; swapped cables are
     looked for between twins. `noise` is a typical standard deviation of one sample, used only when
-    no run allows an estimate.
+    no run allows an estimate. `words` say what it measures.
     """
 
     name: str
@@ -51,11 +51,15 @@ class Channel:
     noise: float
     side: str = ""
     twin: str = ""
+    words: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """A parameter that the refit may move, in its unit, with hard bounds and a prior."""
+    """A parameter that the refit may move, in its unit, with hard bounds and a prior.
+
+    `words` say what it is.
+    """
 
     name: str
     unit: str
@@ -63,6 +67,7 @@ class Parameter:
     low: float
     high: float
     prior_sd: float
+    words: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

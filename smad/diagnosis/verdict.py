@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,6 +17,29 @@ OUTCOMES = (QUIET, PARAMETERS, CAUSES, UNEXPLAINED, REFUSED)
 """Nothing beyond the floor; other values of the parameters explain it; causes are told; more than
 the parameters is missing, and no rival brings the judged runs nearer; no verdict."""
 DIFFERS, CHANGED, CHECK_UP = "differs", "changed", "check-up"
+
+
+_UNITS = {"degC": "°C", "Ohm": "Ω", "1": ""}
+_MOST_DECIMALS, _LARGE = 5, 1e5
+
+
+def unit_words(unit: str) -> str:
+    """A unit as users read it; empty for numbers without one."""
+    return _UNITS.get(unit, unit)
+
+
+def labelled(words: str, unit: str) -> str:
+    """What an axis shows, with its unit: temperature sensor of spring X, °C."""
+    return f"{words}, {unit_words(unit)}".removesuffix(", ")
+
+
+def with_unit(value: float, sd: float, unit: str) -> str:
+    """A value with its standard deviation and unit, to the decimals that the deviation leaves."""
+    unit = f" {unit_words(unit)}".rstrip()
+    decimals = max(0, -math.floor(math.log10(sd))) if 0.0 < sd < math.inf else _MOST_DECIMALS + 1
+    if decimals > _MOST_DECIMALS or abs(value) >= _LARGE:
+        return f"{value:.4g} ± {sd:.1g}{unit}"
+    return f"{value:.{decimals}f} ± {sd:.{decimals}f}{unit}"
 
 
 class Finding(msgspec.Struct, frozen=True):
@@ -54,7 +78,7 @@ class LawTerm(msgspec.Struct, frozen=True, kw_only=True):
             f"{'' if side == 'both' else side.upper() + ' '}{v:+.2g} ± {self.sd[side]:.1g}"
             for side, v in self.slopes.items()
         )
-        return f"{self.words}: {slopes}{'' if self.unit == '1' else ' ' + self.unit}"
+        return f"{self.words}: {slopes} {unit_words(self.unit)}".rstrip()
 
 
 class EffectValue(msgspec.Struct, frozen=True, kw_only=True):
@@ -68,21 +92,22 @@ class EffectValue(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def text(self) -> str:
         """As users read it: tau_s = 0.600 ± 0.002 s."""
-        digits = max(len(f"{self.value:.3g}"), 1) and 3
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        return f"{self.name} = {self.value:.{digits}g} ± {self.sd:.1g}{unit}"
+        return f"{self.name} = {with_unit(self.value, self.sd, self.unit)}"
 
 
 class RivalGap(msgspec.Struct, frozen=True, kw_only=True):
     """A row of the table of rivals: a hypothesis, what it leaves of the judged runs, how likely.
 
     `kind` is nothing, parameters, effect or law; `name` that of the effect or of the law's place,
-    `places` where it acts. `gap` is over all signals in floors, `by_signal` that of each.
+    `places` where it acts. `title` says what an effect is, `values` are those that fit it best.
+    `gap` is over all signals in floors, `by_signal` that of each.
     """
 
     kind: str
     name: str
     words: str
+    title: str = ""
+    values: list[EffectValue] = []
     places: list[str]
     gap: float
     by_signal: dict[str, float]
@@ -95,7 +120,8 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
     `kind` is effect or law, `name` that of the effect (empty for a law), `place` where it acts, in
     `words`. `probability` is that of the place. `names` are effects of the library with their
     probabilities if it is one of them, `outside` the probability that it is none. `credible_names`
-    and `credible_places` are the fewest that together hold the level of the constants. `terms`
+    and `credible_places` are the fewest that together hold the level of the constants; `places` has
+    the probabilities of all, `place_words` what they are. `terms`
     are a law's, `values` an effect's. `gap` is what the judged runs are left with by all causes up
     to this one.
     """
@@ -111,6 +137,7 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
     credible_names: list[str]
     credible_places: list[str]
     places: dict[str, float]
+    place_words: dict[str, str]
     values: list[EffectValue]
     terms: list[LawTerm]
     largest: float
@@ -120,11 +147,18 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def title(self) -> str:
-        """The cause in words: the effect with its values, or the law's place."""
-        if self.kind == "effect":
-            values = ", ".join(v.text for v in self.values)
-            return f"{self.name} ({values})"
-        return f"a law at the {self.words}"
+        """The cause in words, for a heading: the effect with its first value, or a law."""
+        if self.kind != "effect":
+            return "a law, no effect of the library fits"
+        others = [n for n in self.credible_names if n != self.name]
+        value = "" if others or not self.values else f", {self.values[0].text}"
+        return " or ".join((self.name, *others)) + value
+
+    @property
+    def rival(self) -> RivalGap | None:
+        """Its row in the table of rivals; None where it came in exchange for another one."""
+        name = self.name or self.place
+        return next((r for r in self.rivals if r.kind == self.kind and r.name == name), None)
 
     @property
     def read(self) -> list[LawTerm]:
@@ -144,6 +178,7 @@ class ParameterMoved(msgspec.Struct, frozen=True, kw_only=True):
     after: float
     sd: float
     at_bound: bool
+    words: str = ""
 
 
 class SignalGap(msgspec.Struct, frozen=True, kw_only=True):
@@ -159,6 +194,12 @@ class SignalGap(msgspec.Struct, frozen=True, kw_only=True):
     raw: float
     parameters: float
     causes: list[float]
+    words: str = ""
+
+    @property
+    def label(self) -> str:
+        """What it is, in words where there are any."""
+        return self.words or self.signal
 
     @property
     def final(self) -> float:
@@ -250,22 +291,23 @@ def headline_of(
     question: str, outcome: str, causes: Sequence[Cause], whole: SignalGap | None
 ) -> str:
     """The verdict in one line."""
-    before, after = ("", "") if whole is None else (f"{whole.parameters:.1f}", f"{whole.final:.1f}")
     if outcome == QUIET:
         return {
             DIFFERS: "nothing is missing: the simulator is as good as the readings",
             CHANGED: "nothing is new beyond what good runs differ in",
             CHECK_UP: "no change beyond the repeat floor",
         }[question]
+    changed = question != DIFFERS
+    raw, before, after = (0.0,) * 3 if whole is None else (whole.raw, whole.parameters, whole.final)
     if outcome == PARAMETERS:
-        raw = "" if whole is None else f": {whole.raw:.1f} → {before} floors"
-        verb = "changed: " if question != DIFFERS else ""
-        return f"{verb}other values of the parameters explain it{raw}"
+        goes = f"the gap goes from {raw:.1f} to {before:.1f} floors"
+        return f"{'changed: ' * changed}other values of the parameters explain it; {goes}"
     if outcome == UNEXPLAINED:
-        verb = "changed" if question != DIFFERS else "something is missing"
-        return f"{verb}, and no rival brings the judged runs nearer: {before} floors are left"
+        verb = "changed" if changed else "something is missing"
+        return f"{verb}, and no rival brings the judged runs nearer: {before:.1f} floors are left"
     first = causes[0]
-    missing = f"the {first.words} {'has changed' if question != DIFFERS else 'lacks something'}"
-    what = first.title if first.kind == "effect" else "no effect of the library fits"
+    verb = "something has changed at" if changed else "the simulator lacks something at"
+    likely = f", probability {first.rival.probability:.2f}" if first.rival else ""
     beside = f", and {len(causes) - 1} more" if len(causes) > 1 else ""
-    return f"{missing}: {what}{beside}; {before} → {after} floors"
+    goes = f"the gap goes from {before:.1f} to {after:.1f} floors"
+    return f"{verb} the {first.words}: {first.title}{likely}{beside}; {goes}"

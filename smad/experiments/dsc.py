@@ -18,7 +18,7 @@ from smad.experiments.dsc_file import DscData, read_dsc, synthetic_dsc
 from smad.experiments.errors import DataFileError
 from smad.experiments.estimate import Estimate, Tolerance
 from smad.report.page import Picture, Table, Text
-from smad.report.plots import draw, label, new_figure, svg_of
+from smad.report.plots import draw, label, new_figure, picture
 from smad.style.palette import in_print
 
 Array = NDArray[np.float64]
@@ -93,7 +93,7 @@ class Dsc(Experiment[DscOptions]):
                 ),
             ),
             (
-                Picture(_figure(data, heating, cooling), _CAPTION),
+                _figure(data, heating, cooling),
                 _table(estimates),
                 Text(
                     "The intervals hold noise and the choices of the evaluation, not the "
@@ -312,7 +312,7 @@ def _table(estimates: Sequence[Estimate]) -> Table:
     )
 
 
-def _figure(data: DscData, heating: Peak, cooling: Peak) -> str:
+def _figure(data: DscData, heating: Peak, cooling: Peak) -> Picture:
     figure, (axes,) = new_figure(height_in=3.0)
     rate = np.gradient(data.temperature_K, data.t_s)
     for half, name, colour in ((rate > 0, "heating", "x"), (rate < 0, "cooling", "main")):
@@ -334,4 +334,4 @@ def _figure(data: DscData, heating: Peak, cooling: Peak) -> str:
             name, (temperature - ZERO_C, 0.98), xycoords=("data", "axes fraction"), fontsize=8
         )
     label(axes, "temperature, °C", "heat flow, mW")
-    return svg_of(figure, "Heat flow of a calorimetry on heating and cooling")
+    return picture(figure, "Heat flow of a calorimetry on heating and cooling", _CAPTION)

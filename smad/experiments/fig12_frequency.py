@@ -21,7 +21,7 @@ from smad.experiments.tracking import (
     sine_plan,
 )
 from smad.report.page import Picture, Table, Text
-from smad.report.plots import label, new_figure, svg_of
+from smad.report.plots import label, new_figure, picture
 from smad.style.palette import in_print
 
 AMPLITUDES_MM = (2, 4, 6, 8, 10, 12)
@@ -143,7 +143,7 @@ class Fig12Frequency(SineExperiment[FrequencyOptions]):
         return Findings(
             comparisons,
             (
-                Picture(_figure(found), _CAPTION.format("with" if first else "after")),
+                _figure(found, _CAPTION.format("with" if first else "after")),
                 _table(found),
                 Text(
                     "Contradiction in the paper: 12 mm is beyond the full stroke of ±10 mm that it "
@@ -253,7 +253,7 @@ def _table(found: Mapping[str, list[Largest]]) -> Table:
     return Table(header, rows, numeric=frozenset(range(1, 7)))
 
 
-def _figure(found: Mapping[str, list[Largest]]) -> str:
+def _figure(found: Mapping[str, list[Largest]], caption: str) -> Picture:
     pens = {control: f"run-{at}" for at, control in enumerate(CONTROLS, 1)}
     figure, (axes,) = new_figure(height_in=3.4)
     for control, results in found.items():
@@ -271,4 +271,4 @@ def _figure(found: Mapping[str, list[Largest]]) -> str:
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter("")
     label(axes, "amplitude, mm", "largest frequency, Hz")
-    return svg_of(figure, "Largest frequency followed against amplitude")
+    return picture(figure, "Largest frequency followed against amplitude", caption)

@@ -19,7 +19,7 @@ from smad.experiments.errors import ExperimentError
 from smad.experiments.estimate import Estimate, Tolerance, bootstrap
 from smad.experiments.recording import Recording
 from smad.report.page import Picture, Text
-from smad.report.plots import draw, label, new_figure, svg_of
+from smad.report.plots import draw, label, new_figure, picture
 
 Array = NDArray[np.float64]
 POINTS = 400
@@ -91,7 +91,7 @@ class Fig4Stretch(Experiment[StretchOptions]):
         return Findings(
             _comparisons(estimates, cold, warm, model),
             (
-                Picture(_figure(cold, warm, estimates, model), _CAPTION),
+                _figure(cold, warm, estimates, model),
                 Text(
                     f"The cold stretch was done at {cold.temperature_degC:.2f} °C: a bench "
                     "cannot cool a spring below its water. The paper's 25 °C and this temperature "
@@ -235,7 +235,9 @@ def _comparisons(
     ]
 
 
-def _figure(cold: Curve, warm: Curve, estimates: Sequence[Estimate], model: ParameterSet) -> str:
+def _figure(
+    cold: Curve, warm: Curve, estimates: Sequence[Estimate], model: ParameterSet
+) -> Picture:
     c1, c2 = spring_factors(model)
     by_name = {estimate.name: estimate.value for estimate in estimates}
     figure, (axes,) = new_figure(height_in=3.4)
@@ -259,4 +261,4 @@ def _figure(cold: Curve, warm: Curve, estimates: Sequence[Estimate], model: Para
         style=":",
     )
     label(axes, "deflection, mm", "force, N")
-    return svg_of(figure, "Force against deflection of a spring stretched cold and warm")
+    return picture(figure, "Force against deflection of a spring stretched cold and warm", _CAPTION)

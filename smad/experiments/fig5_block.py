@@ -20,7 +20,7 @@ from smad.experiments.errors import ExperimentError
 from smad.experiments.estimate import Estimate, Tolerance, bootstrap
 from smad.experiments.recording import Recording
 from smad.report.page import Picture, Table, Text
-from smad.report.plots import draw, label, new_figure, svg_of
+from smad.report.plots import draw, label, new_figure, picture
 from smad.style.palette import in_print
 
 Array = NDArray[np.float64]
@@ -126,7 +126,7 @@ class Fig5Block(Experiment[BlockOptions]):
                 ),
             ),
             (
-                Picture(_figure(blocks, estimates, model), _CAPTION),
+                _figure(blocks, estimates, model),
                 four_points(blocks, model),
                 Text(
                     "The paper reads four temperatures a run off the corners of the curve and "
@@ -338,7 +338,7 @@ def four_points(blocks: Sequence[Block], model: ParameterSet) -> Table:
     )
 
 
-def _figure(blocks: Sequence[Block], estimates: Sequence[Estimate], model: ParameterSet) -> str:
+def _figure(blocks: Sequence[Block], estimates: Sequence[Estimate], model: ParameterSet) -> Picture:
     by_name = {estimate.name: estimate.value for estimate in estimates}
     figure, (axes,) = new_figure(height_in=3.6)
     for block, style in zip(blocks, ("-", "--"), strict=True):
@@ -370,4 +370,6 @@ def _figure(blocks: Sequence[Block], estimates: Sequence[Estimate], model: Param
     axes.annotate("M, start", (line[1], 172.0), fontsize=7)
     axes.set_ylim(0.0, 190.0)
     label(axes, "temperature, °C", "shear stress, MPa")
-    return svg_of(figure, "Stress against temperature of blocked springs at two prestresses")
+    return picture(
+        figure, "Stress against temperature of blocked springs at two prestresses", _CAPTION
+    )

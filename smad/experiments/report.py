@@ -12,7 +12,7 @@ from smad.experiments.base import Comparison
 from smad.experiments.campaign import CampaignResult
 from smad.experiments.contradictions import numbered, reference
 from smad.experiments.estimate import Estimate
-from smad.report.page import Code, Page, Section, Table, Text
+from smad.report.page import Code, Fold, Page, Section, Table, Text
 
 
 def comparison_table(result: CampaignResult) -> Table:
@@ -122,7 +122,7 @@ def campaign_page(
                         "not those of the sensors' calibration or of the model's form.",
                         "note",
                     ),
-                    Code(parameters_text(result.recovered), "The parameter file"),
+                    Fold("The parameter file", [Code(parameters_text(result.recovered))]),
                 ),
                 "recovered",
             )

@@ -19,7 +19,7 @@ from smad.experiments.errors import ExperimentError
 from smad.experiments.estimate import Estimate, Tolerance, bootstrap
 from smad.experiments.recording import Recording
 from smad.report.page import Picture
-from smad.report.plots import label, new_figure, svg_of
+from smad.report.plots import label, new_figure, picture
 from smad.style.palette import in_print
 
 Array = NDArray[np.float64]
@@ -66,7 +66,7 @@ class Resistance(Experiment[ResistanceOptions]):
                     f"the springs warmed by at most {warmed_K:.2f} K",
                 ),
             ),
-            (Picture(_figure(recording, ohms), "Voltage against current, all samples."),),
+            (_figure(recording, ohms),),
             (estimate,),
         )
 
@@ -120,7 +120,7 @@ def _slope(i_A: Array, v_V: Array, set_A: Array) -> float:
     return float(np.sum(z * (v_V - v_V.mean()))) / below
 
 
-def _figure(recording: Recording, ohms: tuple[float, float]) -> str:
+def _figure(recording: Recording, ohms: tuple[float, float]) -> Picture:
     figure, (axes,) = new_figure(width_in=5.0, height_in=3.0)
     for spring, ohm in zip("xy", ohms, strict=True):
         i, v = recording[f"i_meas_{spring}_A"], recording[f"v_{spring}_V"]
@@ -128,4 +128,4 @@ def _figure(recording: Recording, ohms: tuple[float, float]) -> str:
         line = np.array([0.0, float(np.nanmax(i))])
         axes.plot(line, line * ohm, color=in_print(spring), label=f"{spring.upper()}: {ohm:.4f} Ω")
     label(axes, "current, A", "voltage, V")
-    return svg_of(figure, "Voltage against current of both springs")
+    return picture(figure, "Voltage against current of both springs", "All samples.")

@@ -1,7 +1,7 @@
 """A page of headings, text, tables and figures, as one HTML file without outside resources.
 
-Everything but the figures is escaped. The figures are SVG made by `smad.report.plots`, or panels
-that the page draws itself.
+Everything but the figures is escaped. The figures are SVG made by `smad.report.plots`, which the
+page saves as SVG, PDF or PNG in the colours of print, or panels that the page draws itself.
 """
 
 from __future__ import annotations
@@ -9,7 +9,8 @@ from __future__ import annotations
 import functools
 import os
 import tempfile
-from collections.abc import Sequence
+from base64 import b64encode
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -45,33 +46,58 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure: SVG text from `smad.report.plots.svg_of`, and what it shows."""
+    """A figure as SVG text, and what it shows. `smad.report.plots.picture` makes it.
+
+    `name` is that of its files when the page saves it; without a `pdf` it is not saved.
+    """
 
     svg: str
     caption: str = ""
+    name: str = ""
+    pdf: bytes = b""
+
+    @property
+    def pdf_address(self) -> str:
+        """The PDF as the address of a link."""
+        return f"data:application/pdf;base64,{b64encode(self.pdf).decode()}"
 
 
 @dataclass(frozen=True)
 class Code:
-    """Text that keeps its lines, such as a parameter file or a command.
-
-    With a `title` it is folded away under that.
-    """
+    """Text that keeps its lines, such as a parameter file or a command."""
 
     text: str
-    title: str = ""
 
 
-Block = Text | Table | Picture | Panels | Code
+@dataclass(frozen=True)
+class Fold:
+    """Blocks that are shown on demand, under a title."""
+
+    title: str
+    blocks: Sequence[Block]
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Cells of blocks, beside each other where the screen is wide enough."""
+
+    cells: Sequence[Sequence[Block]]
+
+
+Block = Text | Table | Picture | Panels | Code | Fold | Beside
 
 
 @dataclass(frozen=True)
 class Section:
-    """A heading and what stands under it. `anchor` makes a link of the table of contents."""
+    """A heading and what stands under it. `anchor` makes a link of the table of contents.
+
+    A `folded` section is shown on demand.
+    """
 
     title: str
     blocks: Sequence[Block]
     anchor: str = ""
+    folded: bool = False
 
 
 @dataclass(frozen=True)
@@ -91,21 +117,34 @@ def _template() -> Template:
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     environment.globals["kind_of"] = lambda block: type(block).__name__
     environment.filters["following"] = following
-    return environment.from_string(_OURS.joinpath("page.html").read_text("utf-8"))
+    return environment.from_string(_text("page.html"))
 
 
-_OURS = Path(__file__).parent / "static"
+def _text(name: str) -> str:
+    return (Path(__file__).parent / "static" / name).read_text("utf-8")
+
+
+def _all_of(blocks: Sequence[Block]) -> Iterator[Block]:
+    """Blocks with those inside them."""
+    for block in blocks:
+        yield block
+        if isinstance(block, Fold):
+            yield from _all_of(block.blocks)
+        elif isinstance(block, Beside):
+            for cell in block.cells:
+                yield from _all_of(cell)
 
 
 def render(page: Page, written: str = "") -> str:
     """The page as HTML text; the same page gives the same text. `written` says when, at its end."""
-    blocks = (block for section in page.sections for block in section.blocks)
+    blocks = [block for section in page.sections for block in _all_of(section.blocks)]
     interactive = any(isinstance(block, Panels) for block in blocks)
-    style = assets.style(plots=interactive) + _OURS.joinpath("page.css").read_text("utf-8")
+    saves = any(isinstance(block, Picture) and block.pdf for block in blocks)
+    style = assets.style(plots=interactive) + _text("page.css")
     return _template().render(
         page=page,
         style=style,
-        script=assets.script() if interactive else "",
+        script=(assets.script() if interactive else "") + (_text("save.js") if saves else ""),
         made=f"smad {VERSION}{written and ', '}{written}",
     )
 

@@ -1,14 +1,16 @@
-"""Drawing with matplotlib: figures without pyplot, SVG with text as text, honest decimation."""
+"""Drawing with matplotlib: figures without pyplot, text as text, honest decimation."""
 
 from __future__ import annotations
 
 import io
+import re
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from smad.report.page import Picture
 from smad.style.palette import in_print
 
 if TYPE_CHECKING:
@@ -20,6 +22,7 @@ Array = NDArray[np.float64]
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "smad",
+    "pdf.fonttype": 42,
     "font.size": 9.0,
     "font.sans-serif": ["system-ui", "Helvetica", "Arial", "DejaVu Sans", "sans-serif"],
     "axes.spines.top": False,
@@ -59,17 +62,7 @@ def svg_of(figure: Figure, title: str = "") -> str:
     """
     from xml.sax.saxutils import escape, quoteattr
 
-    import matplotlib as mpl
-
-    # DejaVu is measured for the layout; the reader's own sans-serif is shown.
-    with mpl.rc_context({**_STYLE, "font.sans-serif": ["DejaVu Sans", "sans-serif"]}):
-        buffer = io.StringIO()
-        figure.savefig(
-            buffer,
-            format="svg",
-            metadata={"Date": None, "Creator": None, "Format": None, "Type": None},
-        )
-    text = buffer.getvalue()
+    text = _saved(figure, "svg", ("Date", "Creator", "Format", "Type")).decode()
     text = text[text.index("<svg") :].strip()
     if title:
         close = text.index(">")
@@ -78,6 +71,24 @@ def svg_of(figure: Figure, title: str = "") -> str:
             f"<title>{escape(title)}</title>{text[close + 1 :]}"
         )
     return text
+
+
+def picture(figure: Figure, title: str, caption: str = "") -> Picture:
+    """The figure as a block of a page, which can save it. `title` names its files, too."""
+    pdf = _saved(figure, "pdf", ("CreationDate", "Creator", "Producer"))
+    name = re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
+    return Picture(svg_of(figure, title), caption, name, pdf)
+
+
+def _saved(figure: Figure, kind: str, without: tuple[str, ...]) -> bytes:
+    """The file of a figure, without metadata of these names."""
+    import matplotlib as mpl
+
+    # DejaVu is measured for the layout; in SVG the reader's own sans-serif is shown.
+    with mpl.rc_context({**_STYLE, "font.sans-serif": ["DejaVu Sans", "sans-serif"]}):
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format=kind, metadata=dict.fromkeys(without))
+    return buffer.getvalue()
 
 
 def decimated(t: ArrayLike, y: ArrayLike, buckets: int = 800) -> tuple[Array, Array]:

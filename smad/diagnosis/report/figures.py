@@ -1,51 +1,153 @@
-"""Figures of a verdict as SVG: the law over its state, the map of places, the budget."""
+"""Figures of an answer: the signal with the largest gap, further signals, and laws as curves."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from sim_device.plant.laws import Law
+from smad.diagnosis.answer import Answer
 from smad.diagnosis.numerics.folds import Array
-from smad.diagnosis.places.place import PlacesPlant, single_sides
+from smad.diagnosis.places.place import BOTH, PlacesPlant, single_sides
 from smad.diagnosis.places.responses import law_series
 from smad.diagnosis.plant import ModelPoint
+from smad.diagnosis.rivals.fit import replayed
+from smad.diagnosis.rivals.parts import LawPart
+from smad.diagnosis.rivals.search import Question, Searched
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.verdict import PlaceShare, PlaceTold
-from smad.report.page import Block, Picture, Text
+from smad.diagnosis.verdict import CHECK_UP, Cause, labelled, unit_words
+from smad.report.page import Picture
+from smad.report.plots import decimated, label, new_figure, picture
 from smad.style.palette import in_print
 
 _BINS = 24
-_PLACES_SHOWN = 12
+_MORE_SIGNALS = 5
 
 
-def laws(
-    plant: PlacesPlant,
-    point: ModelPoint,
-    runs: Sequence[GapRun],
-    places: Sequence[PlaceTold],
-    found: Sequence[Law],
-) -> list[Block]:
-    """The law of each place over the state that it goes with most; `runs` as they are replayed."""
-    out: list[Block] = []
-    for told in places:
-        own = [law for law in found if law.place == told.place]
-        state = told.terms[0].state if told.terms else ""
-        if not own or not state:
-            continue
-        words, unit = plant.state_words(told.place, state)
-        out.append(
-            Picture(
-                _law(plant, point, runs, own, told, label=f"{words}, {unit}"),
-                f"{told.words}: the law over {told.terms[0].words}. The line is its mean, the "
-                "band one standard deviation of it within the runs, where other states differ; "
-                "below, how often the runs were there. Beyond its ends the law keeps its last "
-                "value.",
-            )
-        )
-    return out or [Text("No law that brings the simulator nearer goes with a state.")]
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Course:
+    """The judged run with the largest gap; `measured`, `before` and `after` are (bins, channels).
+
+    `before` is the simulator as configured, `after` with what is told (None where that is nothing).
+    `floors` (bins, channels) in channel units. `order` are channels, those first that are furthest
+    off; `labels` what their axes show.
+    """
+
+    run: str
+    t_s: Array
+    measured: Array
+    before: Array
+    after: Array | None
+    floors: Array
+    order: tuple[int, ...]
+    labels: tuple[str, ...]
+    paired: bool
+
+    @classmethod
+    def of(cls, answer: Answer, search: Searched) -> Course | None:
+        """The course of an answer; None where the simulator cannot run."""
+        asked, squares = search.question, search.configured.squares
+        counts = np.maximum(asked.judged.counts, 1.0)
+        k = int(np.argmax((squares / counts).max(axis=1)))
+        trial = asked.judged.trials[k]
+        found = replayed(asked.judged.part([k]), asked.model.start, asked.model, exact=True)
+        if found is None:
+            return None
+        (before,), after = found, _told(asked, search, k)
+        bins, period_s = len(before), trial.played.period_s
+        measured = np.where(trial.rows.valid, trial.target, np.nan)
+        paired = answer.verdict.question == CHECK_UP
+        if paired:
+            measured, before = measured - before, np.zeros_like(before)
+            after = None if after is None else after - found[0]
+        channels = asked.model.plant.channels
+        ranked = np.argsort(-(squares / counts)[k], kind="stable")
+        return cls(
+            run=trial.played.whole.name, t_s=(np.arange(bins) + 0.5) * period_s, measured=measured,
+            before=before, after=after, floors=trial.rows.sd,
+            order=tuple(int(c) for c in ranked if trial.rows.valid[:, c].any()),
+            labels=tuple(labelled(c.words or c.name, c.unit) for c in channels), paired=paired,
+        )  # fmt: skip
+
+    def curves(self, c: int) -> list[tuple[Array, str, str, str, float]]:
+        """The curves of a channel: values, label, colour, style and width."""
+        out = [(self.measured[:, c], "now − then" if self.paired else "measured", "main", "-", 2.0)]
+        if not self.paired:
+            out.append((self.before[:, c], "simulator as configured", "reference", "--", 1.2))
+        if self.after is not None:
+            words = "what is told" if self.paired else "simulator with what is told"
+            out.append((self.after[:, c], words, "x", "-", 1.2))
+        return out
+
+
+def _told(asked: Question, search: Searched, k: int) -> Array | None:
+    """The prediction of run k by what is told, fitted without it; None where nothing is."""
+    if search.final.fit is None:
+        return None
+    found = asked.predicted(search.final.fit)
+    return None if found is None else found[k]
+
+
+def largest_gap(course: Course) -> Picture:
+    """The signal with the largest gap: measured and simulated, and below what is left of it."""
+    c = course.order[0]
+    # Between two days there is only the difference.
+    figure, axes = new_figure(1 if course.paired else 2, height_in=2.6 if course.paired else 4.4,
+                              share_x=True, width_in=7.0)  # fmt: skip
+    _draw(axes[0], course.t_s, course.curves(c))
+    label(axes[0], "", "", course.labels[c])
+    left = axes[-1]
+    left.fill_between(course.t_s, -course.floors[:, c], course.floors[:, c], linewidth=0.0,
+                      color=in_print("reference"), alpha=0.35, label="floor")  # fmt: skip
+    if not course.paired:
+        measured, *simulated = course.curves(c)
+        _draw(left, course.t_s, [(measured[0] - y, "", *pen) for y, _, *pen in simulated])  # type: ignore[misc]
+    label(left, "time of the run, s", "", "" if course.paired else "measured − simulated")
+    what = "The change of the" if course.paired else "The"
+    return picture(
+        figure, "The largest gap",
+        f"{what} signal with the largest gap, in {course.run}. What is told was fitted without it.",
+    )  # fmt: skip
+
+
+def more_signals(course: Course) -> Picture | None:
+    """The signals that are furthest off after that with the largest gap."""
+    shown = course.order[1 : 1 + _MORE_SIGNALS]
+    if not shown:
+        return None
+    figure, axes = new_figure(len(shown), height_in=1.5 * len(shown) + 0.4, share_x=True)
+    for ax, c in zip(axes, shown, strict=True):
+        _draw(ax, course.t_s, course.curves(c))
+        label(ax, "", "", course.labels[c], legend=c == shown[0])
+    axes[-1].set_xlabel("time of the run, s")
+    return picture(figure, "More signals", f"{course.run}: the next signals by their gap.")
+
+
+def _draw(ax, t_s: Array, curves) -> None:  # type: ignore[no-untyped-def]
+    for values, words, colour, style, width in curves:
+        t, y = decimated(t_s, values)
+        ax.plot(t, y, style, color=in_print(colour), linewidth=width, label=words or None)
+
+
+def laws(answer: Answer) -> list[Picture]:
+    """The law of each cause that is one, over the state that it goes with most."""
+    if answer.search is None or not answer.stages:
+        return []
+    asked, fitted = answer.search.question, answer.stages[-1].fit
+    if fitted is None:
+        return []
+    plant: PlacesPlant = asked.model.plant  # type: ignore[assignment]
+    runs = [p.run for p in asked.evidence.played]
+    out = []
+    for cause, part, mine in zip(
+        answer.verdict.causes, fitted.model.parts, fitted.model.slices, strict=True
+    ):
+        if isinstance(part, LawPart) and cause.terms and cause.terms[0].state:
+            found = part.responses.law_of(part.columns, fitted.x[mine])
+            out.append(_law(plant, fitted.point, runs, found, cause))
+    return out
 
 
 def _law(
@@ -53,35 +155,36 @@ def _law(
     point: ModelPoint,
     runs: Sequence[GapRun],
     found: Sequence[Law],
-    told: PlaceTold,
-    *,
-    label: str,
-) -> str:
-    from smad.report.plots import new_figure, svg_of
-
+    cause: Cause,
+) -> Picture:
     figure, (top, low) = new_figure(2, height_in=3.6, share_x=True)
+    state = cause.terms[0].state
     for law, colour in zip(found, ("x", "y"), strict=False):
-        x, y = _points(plant, point, runs, law, told.terms[0].state)
+        x, y = _points(plant, point, runs, law, state)
         edges = np.linspace(x.min(), x.max(), _BINS + 1)
-        at = np.clip(np.digitize(x, edges) - 1, 0, _BINS - 1)
-        count = np.bincount(at, minlength=_BINS)
-        mean = np.bincount(at, y, minlength=_BINS) / np.maximum(count, 1)
-        square = np.bincount(at, y**2, minlength=_BINS) / np.maximum(count, 1)
+        in_bin = np.clip(np.digitize(x, edges) - 1, 0, _BINS - 1)
+        count = np.bincount(in_bin, minlength=_BINS)
+        mean = np.bincount(in_bin, y, minlength=_BINS) / np.maximum(count, 1)
+        square = np.bincount(in_bin, y**2, minlength=_BINS) / np.maximum(count, 1)
         sd = np.sqrt(np.maximum(square - mean**2, 0.0))
         middle = np.where(count > 0, 0.5 * (edges[1:] + edges[:-1]), np.nan)
-        side = "" if law.side == "both" else f" {law.side.upper()}"
+        side = "" if law.side == BOTH else f", spring {law.side.upper()}"
         top.plot(middle, mean, color=in_print(colour), label=f"law{side}")
         top.fill_between(middle, mean - sd, mean + sd, color=in_print(colour), alpha=0.2,
                          linewidth=0.0)  # fmt: skip
         low.bar(middle, count / max(int(count.max()), 1), width=np.diff(edges), alpha=0.4,
                 color=in_print(colour))  # fmt: skip
     top.axhline(0.0, color=in_print("text"), linewidth=0.6)
-    top.set_ylabel(told.unit if told.unit != "1" else "share")
-    top.legend(loc="best")
-    low.set_ylabel("data")
+    label(top, "", unit_words(cause.unit) or "share", cause.words)
     low.set_ylim(0.0, 1.05)
-    low.set_xlabel(label)
-    return svg_of(figure, f"Law: {told.words}")
+    label(
+        low, labelled(*plant.state_words(cause.place, state)), "", "how often the runs were there"
+    )
+    return picture(
+        figure, f"Law at the {cause.words}",
+        f"{cause.words}: the law over {cause.terms[0].words}. Line and band: its mean and standard "
+        "deviation over the runs, where its other states vary. Below: where the runs were.",
+    )  # fmt: skip
 
 
 def _points(
@@ -96,79 +199,3 @@ def _points(
         xs.append(plant.seen(law.place, side, states)[state])
         ys.append(law_series(plant, law, states, run.t_s))
     return np.concatenate(xs), np.concatenate(ys)
-
-
-@dataclass(frozen=True)
-class Curve:
-    """Values of all channels over a run, (bins, channels), and how they are drawn."""
-
-    values: Array
-    label: str
-    pen: str
-    style: str = "-"
-
-
-def courses(
-    title: str,
-    caption: str,
-    *,
-    period_s: float,
-    shown: Mapping[int, str],
-    curves: Sequence[Curve],
-    band: Array | None = None,
-) -> Picture:
-    """Some channels over a run, each by its number and label; `band` is their floor around 0."""
-    from smad.report.plots import draw, label, new_figure, svg_of
-
-    figure, axes = new_figure(len(shown), height_in=1.5 * len(shown) + 0.4, share_x=True)
-    t = (np.arange(len(curves[0].values)) + 0.5) * period_s
-    for ax, (c, name) in zip(axes, shown.items(), strict=True):
-        if band is not None:
-            ax.fill_between(t, -band[:, c], band[:, c], color=in_print("reference"), alpha=0.25,
-                            linewidth=0.0, label="floor")  # fmt: skip
-        for curve in curves:
-            draw(ax, t, curve.values[:, c], curve.label, curve.pen, style=curve.style)
-        label(ax, "", name, legend=c == next(iter(shown)))
-    axes[-1].set_xlabel("time of the run, s")
-    return Picture(svg_of(figure, title), caption)
-
-
-def places_map(shares: Sequence[PlaceShare]) -> Picture:
-    """What each place alone takes of runs left out, the best of its sides."""
-    from smad.report.plots import new_figure, svg_of
-
-    shown = shares[:_PLACES_SHOWN]
-    figure, (ax,) = new_figure(height_in=0.26 * len(shown) + 0.7)
-    at = np.arange(len(shown))
-    ax.barh(at, [s.share for s in shown], 0.6, color=in_print("main"))
-    ax.set_yticks(at, [s.words for s in shown])
-    ax.invert_yaxis()
-    ax.set_xlim(left=0.0)
-    ax.set_xlabel("share that a law of this place takes, on runs left out")
-    return Picture(
-        svg_of(figure, "Places"),
-        "Each place alone, by a law. Probabilities count every channel, and effects as well.",
-    )
-
-
-def budget(
-    signals: Sequence[str], floors: Sequence[float], stages: Sequence[tuple[str, Sequence[float]]]
-) -> str:
-    """Bars of each signal in floors, one for each stage (name, values in the signal's unit)."""
-    from smad.report.plots import new_figure, svg_of
-
-    figure, (ax,) = new_figure(height_in=0.4 * len(signals) + 0.9)
-    at = np.arange(len(signals))
-    width = 0.8 / max(len(stages), 1)
-    for k, ((name, values), colour) in enumerate(zip(stages, ("reference", "main", "y"),
-                                                     strict=False)):  # fmt: skip
-        shown = [x / f if f > 0.0 else 0.0 for x, f in zip(values, floors, strict=True)]
-        ax.barh(at + width * (k - 0.5 * (len(stages) - 1)), shown, 0.9 * width, label=name,
-                color=in_print(colour))  # fmt: skip
-    ax.axvline(1.0, color=in_print("text"), linewidth=0.8)
-    ax.set_yticks(at, signals)
-    ax.invert_yaxis()
-    ax.set_xlim(left=0.0)
-    ax.set_xlabel("floors")
-    ax.legend(loc="lower right")
-    return svg_of(figure, "Budget by signal")

@@ -1,4 +1,8 @@
-"""A verdict in plain words: what a terminal shows."""
+"""A verdict in plain words: what a terminal shows.
+
+The headline first, then the table of rivals, what it is and where, and where the gap goes. A page
+shows the same, and more on demand.
+"""
 
 from __future__ import annotations
 
@@ -14,15 +18,17 @@ from smad.diagnosis.verdict import (
     Cause,
     ParameterMoved,
     RivalGap,
-    SignalGap,
     Verdict,
+    unit_words,
+    with_unit,
 )
 
-_OTHERS = 3
 _MOVED = 4
 _UNSEEN = 4
 _RIVALS = 5
-_NAMED = 0.05
+_LIKELY = 0.05
+_AT_FLOOR = 1.3
+"""Floors are known to a third: a signal below shows nothing."""
 
 
 def lines(verdict: Verdict) -> list[str]:
@@ -38,12 +44,9 @@ def lines(verdict: Verdict) -> list[str]:
         out += rival_lines(v.rivals)
     if v.outcome in (PARAMETERS, UNEXPLAINED) or v.question == CHECK_UP:
         out += parameter_lines(v.parameters)
-    out += budget_lines((*v.budget, *([v.whole] if v.whole else [])), v.question)
-    if v.by_run:
-        most = max(v.by_run, key=lambda r: r.final)
-        out.append(f"judged on {v.judged_on}; the largest gap that is left is in {most.run}")
-    if v.repeated is not None:
-        out += repeated_lines(v)
+    out += budget_lines(v)
+    out += judged_lines(v)
+    out += repeated_lines(v)
     if v.unseen:
         out.append("these runs would not have shown (the page lists all of them)")
         out += [f"  {text}" for text in v.unseen[:_UNSEEN]]
@@ -51,88 +54,110 @@ def lines(verdict: Verdict) -> list[str]:
 
 
 def cause_lines(cause: Cause) -> list[str]:
-    """One cause: its table of rivals, its law if it is one, and what it may be instead."""
-    out = rival_lines(cause.rivals)
-    for k, term in enumerate(cause.read):
-        out.append(f"  {'law' if not k else '':<6} {term.text}")
-    for k, value in enumerate(cause.values):
-        out.append(f"  {'values' if not k else '':<6} {value.text}")
-    out.append(f"  where  {cause.words}: probability {cause.probability:.2f}{_elsewhere(cause)}")
-    out.append(f"  name   {name_words(cause)}")
-    return out
+    """One cause: its table of rivals, its values or its law, and how sure name and place are."""
+    what = [v.text for v in cause.values] or [t.text for t in cause.read]
+    return [
+        *rival_lines(cause.rivals),
+        *_entry("values" if cause.values else "law", what),
+        *_entry("name", [name_words(cause)]),
+        *_entry("place", [place_words(cause)]),
+    ]
 
 
 def name_words(cause: Cause) -> str:
-    """Which effect it is if it is one of the library, and how likely it is none."""
+    """Which effect it is if the library has it, and how likely the library does not."""
     if not cause.names:
-        return "no effect of the library was near"
-    likely = [f"{n} {p:.2f}" for n, p in cause.names.items() if p >= _NAMED][: 1 + _OTHERS]
-    return (
-        f"{', '.join(likely)} of those in the library; {cause.outside:.2f} that it is none of them"
-    )
+        return "no effect of the library comes near"
+    likely = ", ".join(f"{n} {p:.2f}" for n, p in cause.names.items() if p >= _LIKELY)
+    return f"{likely}, if it is in the library; not in the library: {cause.outside:.2f}"
 
 
-def _elsewhere(cause: Cause) -> str:
-    others = [
-        f"{place} {p:.2f}" for place, p in cause.places.items() if place != cause.place
-    ]  # fmt: skip
-    shown = [text for text in others if not text.endswith(" 0.00")][:_OTHERS]
-    return f"; else {', '.join(shown)}" if shown else ""
+def place_words(cause: Cause) -> str:
+    """The likely places."""
+    likely = {n: p for n, p in cause.places.items() if p >= _LIKELY or n == cause.place}
+    return ", ".join(f"{cause.place_words.get(n, n)} {p:.2f}" for n, p in likely.items())
+
+
+def rival_words(rival: RivalGap) -> str:
+    """A rival with the values that fit it best."""
+    return ", ".join((rival.words, *(v.text for v in rival.values)))
 
 
 def rival_lines(rivals: Sequence[RivalGap]) -> list[str]:
     """The table of rivals: what each leaves of the judged runs, and its probability."""
     if not rivals:
         return []
-    out = [f"  {'rival':<46} {'gap left':>9} {'probability':>12}"]
-    always = {"nothing", "parameters"}
-    for k, r in enumerate(rivals):
-        if k < _RIVALS or r.kind in always:
-            out.append(f"  {r.words:<46} {r.gap:>9.3g} {r.probability:>12.2f}")
-    return out
+    return ["  floors left  probability  rival", *(
+        f"  {r.gap:>11.3g}  {r.probability:>11.2f}  {rival_words(r)}" for r in first_rivals(rivals)
+    )]  # fmt: skip
+
+
+def first_rivals(rivals: Sequence[RivalGap]) -> list[RivalGap]:
+    """The first rows of a table of rivals, and those without a part."""
+    return [r for k, r in enumerate(rivals) if k < _RIVALS or r.kind in ("nothing", "parameters")]
+
+
+def _entry(title: str, rows: Sequence[str]) -> list[str]:
+    """Rows under each other beside their title."""
+    return [f"  {'' if k else title:<6}  {row}" for k, row in enumerate(rows)]
 
 
 def parameter_lines(parameters: Sequence[ParameterMoved]) -> list[str]:
-    """The parameters that moved most, beside their deviation."""
-    moved = [q for q in parameters if abs(q.after - q.before) > q.sd]
-    return [
-        f"  {'moved' if not k else '':<6} {q.name} {q.before:.4g} -> {q.after:.4g} ± {q.sd:.2g} "
-        f"{'' if q.unit == '1' else q.unit}".rstrip()
-        for k, q in enumerate(moved[:_MOVED])
-    ]
+    """The parameters that moved most beside their standard deviation."""
+    moved = [q for q in parameters if abs(q.after - q.before) > q.sd][:_MOVED]
+    return _entry("moved", [
+        f"{q.name} from {q.before:.4g} to {with_unit(q.after, q.sd, q.unit)}" for q in moved
+    ])  # fmt: skip
 
 
-def budget_stages(question: str) -> tuple[str, str]:
-    """What a question's gaps are of, and the name of its first column."""
-    if question == CHECK_UP:
-        return "now − then", "then"
-    return "measured − predicted", "raw" if question == DIFFERS else "as good"
+def budget_stages(v: Verdict) -> list[str]:
+    """What a verdict's gaps are of, then the name of each of its stages."""
+    if v.question == CHECK_UP:
+        names = ["now − then", "change", "parameters"]
+    else:
+        names = ["measured − predicted", "as it was", "parameters"]
+    names += [f"+ {c.name or 'a law'}" for c in v.causes]
+    return names
 
 
-def budget_lines(rows: Sequence[SignalGap], question: str) -> list[str]:
-    """Where the gap goes, signal by signal."""
-    if not rows:
+def budget_lines(v: Verdict) -> list[str]:
+    """Where the gap goes, for each signal that shows one, and over all."""
+    if v.whole is None:
         return []
-    (of, first), causes = budget_stages(question), bool(rows[0].causes)
-    head = f"  {'RMS of ' + of:<29} {first:>9} {'parameters':>10}"
-    head += f" {'and causes':>10}" * causes + f" {'floor':>9}"
-    out = [head]
-    for s in rows:
-        line = f"  {s.signal:<21} {s.unit:<7} {s.raw:>9.3g} {s.parameters:>10.3g}"
-        line += f" {s.final:>10.3g}" * causes + f" {s.floor:>9.3g}"
-        out.append(line)
+    of, *stages = budget_stages(v)
+    if len(stages) > 2:
+        stages = [*stages[:2], "with cause" if len(v.causes) == 1 else "with causes"]
+    most = {s.signal: max(s.raw, s.parameters, s.final) for s in v.budget}
+    shown = [s for s in v.budget if most[s.signal] > _AT_FLOOR * s.floor]
+    out = [f"  {'RMS of ' + of:<29}" + "".join(f" {x:>11}" for x in (*stages, "floor"))]
+    for s in (*shown, v.whole):
+        numbers = [s.raw, s.parameters, s.final][: len(stages)]
+        row = "".join(f" {x:>11.3g}" for x in (*numbers, s.floor))
+        out.append(f"  {s.signal:<21} {unit_words(s.unit):<7}{row}")
+    if rest := len(v.budget) - len(shown):
+        out.insert(-1, f"  {rest} other signal{'s'[: rest > 1]} at the floor")
     return out
 
 
-def repeated_lines(verdict: Verdict) -> list[str]:
+def judged_lines(v: Verdict) -> list[str]:
+    """What the gaps were judged on."""
+    if not v.by_run:
+        return []
+    most = max(v.by_run, key=lambda r: r.final)
+    largest = f"; the largest gap left is in {most.run}" if len(v.by_run) > 1 else ""
+    return [f"judged on {v.judged_on}{largest}"]
+
+
+def repeated_lines(v: Verdict) -> list[str]:
     """What runs say that repeat known-good ones."""
-    r = verdict.repeated
+    r = v.repeated
     if r is None:
         return []
+    count = f"{len(r.lines)} run{'s'[: len(r.lines) > 1]} repeat{'s'[: len(r.lines) == 1]}"
     if not r.outcome:
         why = r.headline or ("compare them with smad gap checkup once each is recorded good twice")
-        return [f"{len(r.lines)} runs repeat known-good ones: {why}"]
-    return [f"the {len(r.lines)} runs that repeat known-good ones, as a check-up: {r.headline}"]
+        return [f"{count} known-good ones: {why}"]
+    return [f"{count} known-good ones; as a check-up: {r.headline}"]
 
 
 def advice(verdict: Verdict, asked: str) -> list[tuple[str, str]]:
@@ -141,8 +166,8 @@ def advice(verdict: Verdict, asked: str) -> list[tuple[str, str]]:
     if v.outcome == REFUSED:
         return [("", "correct what is refused above, and ask again")]
     out = []
-    confused = any(len(c.credible_places) > 1 or len(c.credible_names) > 1 for c in v.causes)
-    if confused and v.question == DIFFERS:
+    undecided = any(len(c.credible_places) > 1 or len(c.credible_names) > 1 for c in v.causes)
+    if undecided and v.question == DIFFERS:
         out.append((f"smad gap next {asked}", "which run would tell the rivals apart"))
     if v.models and v.outcome in (CAUSES, PARAMETERS):
         out.append((f"smad gap diagnose {asked} --apply better.toml", "write the better model"))

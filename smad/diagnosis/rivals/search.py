@@ -155,24 +155,30 @@ class Question:
         """Squares by run and channel of rows, what wanders in each run taken off."""
         return evidence.squares(evidence.freed(left, weights(evidence, left, self.tau)))
 
-    def _squares(self, fitted: Fit) -> Array | None:
+    def predicted(self, fitted: Fit) -> list[Array] | None:
+        """What a fit predicts of the judged runs, (bins, channels) each, without a part in them.
+
+        Without runs held out each fold is predicted by coordinates fitted to the others. None where
+        the model cannot run.
+        """
         if self.held_out is not None:
-            found = replayed(self.held_out, fitted.point, fitted.model, exact=True)
-            return (
-                None if found is None else self.squares_of(self.held_out, self.held_out.left(found))
-            )
+            return replayed(self.held_out, fitted.point, fitted.model, exact=True)
         evidence = self.evidence
-        left = np.zeros(len(evidence.run_of_row))
+        out = [np.zeros_like(t.target) for t in evidence.trials]
         for f, x in enumerate(leave_out(evidence, fitted, self.tau)):
             point = fitted.model.point(x)
             for k in np.unique(evidence.run_of_row[evidence.fold == f]):
-                found = predictions(fitted.model.plant, point, [evidence.played[k]], exact=True)
-                if not np.isfinite(found[0]).all():
+                (found,) = predictions(fitted.model.plant, point, [evidence.played[k]], exact=True)
+                if not np.isfinite(found).all():
                     return None
-                mine = np.flatnonzero(evidence.run_of_row == k)
-                kept = evidence.fold[mine] == f
-                left[mine[kept]] = evidence.part([int(k)]).left(found)[kept]
-        return self.squares_of(evidence, left)
+                fold = evidence.fold[evidence.run_of_row == k].reshape(found.shape)
+                # A row that does not count has no fold; any prediction may stand there.
+                out[k] = np.where((fold == f) | (fold < 0), found, out[k])
+        return out
+
+    def _squares(self, fitted: Fit) -> Array | None:
+        found = self.predicted(fitted)
+        return None if found is None else self.squares_of(self.judged, self.judged.left(found))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -65,11 +65,11 @@ _PRIOR_K = 1.5
 # What differs from bench to bench between the two springs, and the encoder's zero: refitted like a
 # parameter, but no entry of a parameter set.
 _MOUNTING = tuple(
-    Parameter(name=name, unit=unit, nominal=0.0, low=-reach, high=reach, prior_sd=sd)
-    for name, unit, reach, sd in (
-        ("side_flow", "1", 0.5, 0.1),
-        ("side_resistance", "1", 0.2, 0.03),
-        ("displacement_zero", "mm", 2.0, 0.15),
+    Parameter(name=name, unit=unit, nominal=0.0, low=-reach, high=reach, prior_sd=sd, words=words)
+    for name, unit, reach, sd, words in (
+        ("side_flow", "1", 0.5, 0.1, "share by which one spring gets more water"),
+        ("side_resistance", "1", 0.2, 0.03, "share by which one spring has more resistance"),
+        ("displacement_zero", "mm", 2.0, 0.15, "zero of the encoder"),
     )
 )
 _FLOW_EFFECT = "uneven_flow"
@@ -132,8 +132,9 @@ class SmaPlant:
         if name == "warming_share":
             high = min(high, 1.0)
         return Parameter(
-            name=name, unit=entry.unit, nominal=entry.value, low=low, high=high, prior_sd=sd
-        )
+            name=name, unit=entry.unit, nominal=entry.value, low=low, high=high, prior_sd=sd,
+            words=entry.meaning,
+        )  # fmt: skip
 
     @cached_property
     def effects(self) -> Sequence[Effect]:

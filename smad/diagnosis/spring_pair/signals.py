@@ -14,6 +14,7 @@ from scipy.signal import lfilter
 from smad.diagnosis.errors import GapError
 from smad.diagnosis.plant import Array, Channel, Mask, Signal, Traits
 from smad.diagnosis.runs import GapRun, bridged
+from smad.runlog import schema
 from smad.runlog.bounds import Together
 from smad.runlog.tables import read_channels
 
@@ -33,10 +34,11 @@ def _channel(stem: str, unit: str, span: tuple[float, float], side: str = "") ->
     """A channel whose converter counts thousandths (of a temperature hundredths), noise of two."""
     quantum = 0.01 if unit == "degC" else 0.001
     named = {s: f"{stem}_{s}_{unit}" for s in "xy"}
+    name = named.get(side, f"{stem}_{unit}")
     return Channel(
-        name=named.get(side, f"{stem}_{unit}"), unit=unit, quantum=quantum, low=span[0],
-        high=span[1], noise=2 * quantum, side=side.upper(),
-        twin=named["y" if side == "x" else "x"] if side else "",
+        name=name, unit=unit, quantum=quantum, low=span[0], high=span[1], noise=2 * quantum,
+        side=side.upper(), twin=named["y" if side == "x" else "x"] if side else "",
+        words=schema.CHANNELS[name].description,
     )  # fmt: skip
 
 

@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 
 from smad.errors import SmadError
 from smad.report.page import (
+    Beside,
     Code,
+    Fold,
     Page,
     Picture,
     Section,
@@ -23,16 +26,20 @@ from smad.report.page import (
     text_table,
     write_page,
 )
-from smad.report.plots import decimated, draw, label, new_figure, svg_of
+from smad.report.plots import decimated, draw, label, new_figure, picture, svg_of
 
 TABLE = Table(("name", "value"), (("a", "1.0"), ("long name", "12.5")), numeric=frozenset({1}))
 
 
-def figure_svg() -> str:
+def drawn() -> Figure:
     figure, (axes,) = new_figure()
     draw(axes, np.arange(10.0), np.arange(10.0) ** 2, "a <b> & c", "main")
     label(axes, "time, s", "mm")
-    return svg_of(figure, 'title with "quotes" & <tags>')
+    return figure
+
+
+def figure_svg() -> str:
+    return svg_of(drawn(), 'title with "quotes" & <tags>')
 
 
 def test_everything_but_figures_is_escaped() -> None:
@@ -68,10 +75,25 @@ def test_a_page_is_written_whole_and_readable_by_others(tmp_path: Path) -> None:
     assert list(path.parent.iterdir()) == [path]
 
 
-def test_a_file_folds_away_under_its_title() -> None:
-    text = render(Page("t", [Section("s", [Code("a = 1", "The file"), Code("b = 2")])]))
-    assert "<details><summary>The file</summary>\n<pre>a = 1</pre></details>" in text
-    assert "\n<pre>b = 2</pre>" in text
+def test_what_is_folded_away_is_under_its_title() -> None:
+    inside = Fold("The file", [Code("a = 1"), Beside([[Code("left")], [Code("right")]])])
+    text = render(Page("t", [Section("s", [inside]), Section("More", [TABLE], folded=True)]))
+    assert "<details><summary>The file</summary>" in text
+    assert text.index("<details>") < text.index("<pre>a = 1</pre>") < text.index("</details>")
+    assert text.index("<pre>left</pre>") < text.index("<pre>right</pre>") < text.index("</details>")
+    assert "<details><summary><h2>More</h2></summary>" in text
+
+
+def test_a_figure_can_be_saved_as_svg_pdf_and_png_and_is_the_same_each_time() -> None:
+    one, again = (picture(drawn(), "Force & time", "what it shows") for _ in range(2))
+    assert one == again
+    assert one.pdf.startswith(b"%PDF")
+    assert one.name == "force-time"
+    text = render(Page("t", [Section("s", [Fold("More", [one])])]))
+    assert 'download="force-time.pdf" href="data:application/pdf;base64,' in text
+    assert all(f'value="{kind}"' in text for kind in ("svg", "png"))
+    assert "<script" in text
+    assert "<script" not in render(Page("t", [Section("s", [Picture(one.svg)])]))
 
 
 def test_a_page_that_cannot_be_written_names_its_path(tmp_path: Path) -> None:
