@@ -29,6 +29,7 @@ from smad.diagnosis.verdict import (
     Cause,
     ParameterMoved,
     RivalGap,
+    RivalScore,
     RunGap,
     SignalGap,
     Verdict,
@@ -76,6 +77,7 @@ def answer_of(
         headline=headline_of(question, outcome, causes, whole),
         causes=causes,
         rivals=_table(plant, asked, search.steps[-1].rivals) if search.steps else [],
+        first_step=_scores(asked, search.steps[0].rivals) if search.steps else [],
         parameters=_moved(plant, asked.model.start, final.fit, uncertainty),
         budget=gaps,
         whole=whole,
@@ -156,6 +158,16 @@ def _table(plant: PlacesPlant, asked: Question, rivals: Sequence[Rival]) -> list
             },
         )
         for r in kept
+    ]  # fmt: skip
+
+
+def _scores(asked: Question, rivals: Sequence[Rival]) -> list[RivalScore]:
+    return [
+        RivalScore(
+            kind=r.kind, name=r.name.removeprefix("law:"), places=list(r.places),
+            gap=asked.gap(r), scores=[float(x) for x in r.scores], log_prior=r.log_prior,
+        )
+        for r in rivals
     ]  # fmt: skip
 
 
@@ -249,9 +261,7 @@ def _moved(
     return sorted(moved, key=lambda q: -abs(q.after - q.before) / max(q.sd, 1e-30))
 
 
-def _models(
-    plant: PlacesPlant, asked: Question, stages: Sequence[Rival], note: str
-) -> list[str]:
+def _models(plant: PlacesPlant, asked: Question, stages: Sequence[Rival], note: str) -> list[str]:
     """Models with other parameters and with each cause, as text; none where none are written."""
     if not isinstance(plant, SavesModel):
         return []
