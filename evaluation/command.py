@@ -115,6 +115,21 @@ def _score(options: argparse.Namespace) -> None:
     )
 
 
+def _recover(options: argparse.Namespace) -> None:
+    from evaluation.recovery.running import run
+
+    run(
+        options.answers,
+        seed=options.seed,
+        only=options.only,
+        count=options.cases,
+        jobs=options.jobs,
+        kept=options.out,
+        title=options.title or "Recovery on the simulator of the product",
+        note=options.note,
+    )
+
+
 def _calibrate(options: argparse.Namespace) -> None:
     from evaluation.calibrate.check_up import calibrate
 
@@ -173,7 +188,7 @@ def _elsewhere() -> dict[str, str]:
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m evaluation", description=__doc__)
     commands = parser.add_subparsers(required=True)
-    for add in (_banks, _runs, _constants, _quiz):
+    for add in (_recovery, _banks, _runs, _constants, _quiz):
         add(commands)
     for name, told in _elsewhere().items():
         commands.add_parser(name, help=told)
@@ -250,6 +265,20 @@ def _runs(commands: _Commands) -> None:
     score.add_argument("--answered-only", action="store_true", help="leave out the other cases")
     _kept_as(score)
     score.set_defaults(run=_score)
+
+
+def _recovery(commands: _Commands) -> None:
+    recover = commands.add_parser("recover", help="the product's simulator with known effects")
+    recover.add_argument("answers", type=Path, help="file of the answers; goes on from it")
+    recover.add_argument("--seed", type=int, default=1)
+    recover.add_argument(
+        "--only", action="append", default=[], metavar="QUESTION",
+        help="differs, changed or check-up; may be given twice",
+    )  # fmt: skip
+    recover.add_argument("--cases", type=int, help="only so many of each question, of all kinds")
+    recover.add_argument("--jobs", type=int, default=1, help="cases at a time")
+    _kept_as(recover)
+    recover.set_defaults(run=_recover)
 
 
 def _kept_as(command: argparse.ArgumentParser) -> None:

@@ -9,18 +9,13 @@ import time
 import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 
-import evaluation.run
-import sim_device.plant
-import smad.checkup
-import smad.control
-import smad.diagnosis
+from evaluation.checkout import source_digest
 from evaluation.errors import BankError
 from evaluation.run.manifest import ROLES, BankRun, Case, Manifest
 from sim_device.plant import load_parameters
@@ -128,23 +123,6 @@ class Check:
             kept = [group[: self.repeats] for group in groups.values()]
             self._references[case.bench] = commissioned(self.plant, kept)
         return self._references[case.bench]
-
-
-@functools.cache
-def source_digest() -> str:
-    """SHA-256 over the code that a verdict depends on, and the versions of what it calculates with.
-
-    That is the product's diagnosis and check-up, the plant, the controller of the simulated
-    experiments, and how cases are judged.
-    """
-    h = hashlib.sha256()
-    for name in ("numpy", "scipy"):
-        h.update(f"{name} {version(name)}\0".encode())
-    for package in (smad.diagnosis, smad.checkup, sim_device.plant, smad.control, evaluation.run):
-        folder = Path(package.__file__ or "").parent
-        for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.toml")]):
-            h.update(str(path.relative_to(folder)).encode() + b"\0" + path.read_bytes())
-    return h.hexdigest()
 
 
 def judge(check: Check, case: Case, made_of: str) -> Judged:

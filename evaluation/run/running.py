@@ -23,9 +23,10 @@ from typing import Any, Literal
 
 import msgspec
 
+from evaluation.checkout import source_digest
 from evaluation.errors import BankError
 from evaluation.names import canonical
-from evaluation.run.judging import Check, Judged, judge, source_digest
+from evaluation.run.judging import Check, Judged, judge
 from evaluation.run.manifest import Case, read_manifest
 from evaluation.score.openings import refuse_sealed
 from smad.diagnosis.spring_pair import SmaPlant
