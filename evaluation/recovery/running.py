@@ -23,7 +23,7 @@ from smad.report.page import Table, text_table
 
 
 class RecoveryFile(msgspec.Struct, kw_only=True):
-    """Answers by name of their case; `source_sha256` is that of the code that gave them."""
+    """Answers by name of their case; `source_sha256` is that of the product that gave them."""
 
     format: Literal["smad-recovery-1"] = "smad-recovery-1"
     seed: int
@@ -96,7 +96,8 @@ def answered(file: RecoveryFile, path: Path, cases: Sequence[Case], jobs: int) -
     A case that failed is tried again. A fork would copy the locks of threads, so that workers are
     fresh interpreters.
     """
-    lacking = [c for c in cases if c.name not in file.answers or file.answers[c.name].error]
+    kept = [a.case for a in file.answers.values() if not a.error]
+    lacking = [c for c in cases if c not in kept]
     lacking.sort(key=lambda c: c.question)
     pool = ProcessPoolExecutor(jobs, get_context("spawn"), _leave_interrupts)
     try:

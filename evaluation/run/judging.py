@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+import evaluation.run
 from evaluation.checkout import source_digest
 from evaluation.errors import BankError
 from evaluation.run.manifest import ROLES, BankRun, Case, Manifest
@@ -85,7 +86,14 @@ class Check:
         """
         files = [(r.file, r.role, self._digest(case, r.file)) for x in ROLES for r in case.of(x)]
         left_out = self.left_out.get(case.id)
-        said = (case.question, files, source_digest(), self.plant.version, self.how, left_out)
+        said = (
+            case.question,
+            files,
+            source_digest(evaluation.run),
+            self.plant.version,
+            self.how,
+            left_out,
+        )
         return hashlib.sha256(msgspec.json.encode(said, order="deterministic")).hexdigest()
 
     def _digest(self, case: Case, file: str) -> str:

@@ -23,6 +23,7 @@ from typing import Any, Literal
 
 import msgspec
 
+import evaluation.run
 from evaluation.checkout import source_digest
 from evaluation.errors import BankError
 from evaluation.names import canonical
@@ -144,7 +145,7 @@ def begun(check: Check, path: Path) -> VerdictFile:
         tool={
             "name": "smad",
             "version": version("smad"),
-            "source_sha256": source_digest(),
+            "source_sha256": source_digest(evaluation.run),
             "how": check.how,
             "cpu_s": {c: old.tool["cpu_s"][c] for c in hold},
         },
