@@ -20,8 +20,7 @@ from smad.checkup.paired.difference import paired
 from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.series import Play, keep, write_whole
-from smad.checkup.told import budget_of_pairs
-from smad.diagnosis.gap import change_of
+from smad.diagnosis.answer import gaps_on
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.verdict import SignalGap, Verdict
 
@@ -170,9 +169,7 @@ class Inquiry:
                 break
         runs = [(read_file(self.folder / r.file), r.run) for r in report.records if r.held_out]
         pairs = paired(with_places(self.plant), self.reference, runs)
-        change = change_of(pairs, found.model)
-        budget = budget_of_pairs(pairs, [] if change is None else [change])
-        return msgspec.structs.replace(report, proof=budget.rows)
+        return msgspec.structs.replace(report, proof=gaps_on(found.answer, pairs.evidence()))
 
     def _with_model(self, report: Report, found: Judged) -> Report:
         if not found.has_model:

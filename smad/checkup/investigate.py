@@ -1,34 +1,35 @@
 """What to play next so that what a check-up leaves open is settled. Pure: a check-up in, runs out.
 
-Places that these runs do not tell apart each have a law. What the simulator makes of a run with one
-law and with another is their separation by that run: d², the squared distance in white space, over
-the variance of a row. 16 is four standard errors.
+What the simulator shows of a run with one rival and with another is their separation by that run:
+d², the squared distance of their rows, over the variance of a row. 16 is four standard errors.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from smad.checkup.judge import Judged
-from smad.checkup.paired.difference import SHARE, Paired, rows_of
+from smad.checkup.paired.difference import Paired, rows_of
 from smad.checkup.programme import Programme
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.next_run import separation
 from smad.diagnosis.numerics.white import RunRows, Shrink, White
 from smad.diagnosis.plant import Array
+from smad.diagnosis.questions import day_variance
+from smad.diagnosis.rivals.describe import Describer
 from smad.diagnosis.verdict import PARAMETERS, QUIET
 
 SEPARATED = 16.0
-"""Two laws are told apart by a run from this d² on: four standard errors."""
+"""Two rivals are told apart by a run from this d² on: four standard errors."""
 _WATER_DEGC = 27.0
 
 
 @dataclass(frozen=True)
 class Offer:
-    """A run with d² of the laws that stay: the least over their pairs."""
+    """A run with d² of the rivals that stay: the least over their pairs."""
 
     run: str
     separation: float
@@ -38,7 +39,7 @@ class Offer:
 class Proposal:
     """What to do after a verdict: play `run`, or nothing more where it is None; `why` in words.
 
-    `staying` names the places between which nothing is decided, `offers` the runs that might part
+    `staying` names the rivals between which nothing is decided, `offers` the runs that might part
     them, best first.
     """
 
@@ -51,21 +52,22 @@ class Proposal:
 def propose(found: Judged, costs_s: Mapping[str, float], left_s: float) -> Proposal:
     """The run that best separates what stays, for its time; none when it is settled or of no use.
 
-    `costs_s` is what playing each run takes, `left_s` the time that is left. Where no place is
+    `costs_s` is what playing each run takes, `left_s` the time that is left. Where no rival is
     told, every run of the baseline is played once before that is the answer.
     """
     verdict, pairs = found.verdict, found.pairs
-    if not verdict.places:
+    if not verdict.causes:
         said = {QUIET: "nothing has changed beyond the repeat floor",
                 PARAMETERS: "other values of the parameters explain it"}.get(
-                    verdict.outcome, "no place is told")  # fmt: skip
+                    verdict.outcome, "no rival is told")  # fmt: skip
         if run := _next_new(pairs, costs_s, left_s):
             return Proposal(run, f"for the first time now: so far {said}")
         return Proposal(None, f"settled: {said}")
-    staying = found.alternatives
+    staying = found.answer.alternatives
+    described = Describer(found.pairs.plant)
+    names = tuple(described.rival(r) for r in staying)
     if len(staying) < 2:
-        return Proposal(None, f"settled: {verdict.places[0].words}; no other place is near")
-    names = tuple(x.words for x in staying)
+        return Proposal(None, f"settled: {verdict.causes[0].title}; no other rival is near")
     either = " or ".join(names)
     offers = tuple(sorted(_offers(found), key=lambda o: -o.separation))
     most = offers[0]
@@ -101,7 +103,8 @@ def _offers(found: Judged) -> list[Offer]:
     for run, played in zip(pairs.reference.runs, times, strict=True):
         if played == min(times):
             rows = rows_of(pairs.plant, pairs.reference, run, run.valid)
-            slopes = SHARE * rows.shrink(rows.independent(run.slopes))
+            sd = np.sqrt(day_variance(pairs.plant))
+            slopes = rows.shrink(rows.independent(sd[:, None, None] * run.slopes))
             out.append(_offer(found, run.name, run.played, rows, slopes))
     return out
 
@@ -117,7 +120,7 @@ def unpaired_offers(found: Judged, programme: Programme) -> list[Offer]:
     out = []
     for run in programme.runs:
         if run.name not in known:
-            played = Played.of(run.as_run(_WATER_DEGC, _WATER_DEGC))
+            played = Played.of(run.as_run(_WATER_DEGC, _WATER_DEGC), found.pairs.plant.inputs)
             there = np.ones((played.bins, len(sd)), dtype=bool)
             (rows,) = White.plain(sd, [there], floor.rho).runs
             out.append(_offer(found, run.name, played, rows, np.zeros((0, there.size))))
@@ -125,11 +128,12 @@ def unpaired_offers(found: Judged, programme: Programme) -> list[Offer]:
 
 
 def _offer(found: Judged, run: str, played: Played, rows: RunRows, slopes: Array) -> Offer:
-    """A run with the separation of the laws that stay, in white rows beside `slopes`."""
+    """A run with the separation of the rivals that stay, in rows beside `slopes`."""
     plant, point, tie = found.pairs.plant, found.pairs.reference.point, Shrink(slopes)
     (base,) = predictions(plant, point, [played])
-    white = []
-    for x in found.alternatives:
-        (moved,) = predictions(plant, replace(point, laws=x.laws), [played])
-        white.append(tie(rows.shrink(rows.independent((moved - base)[None])))[0])
-    return Offer(run, separation(white) / found.variance)
+    shown = []
+    for rival in found.answer.alternatives:
+        assert rival.fit is not None
+        (moved,) = predictions(plant, rival.fit.point, [played])
+        shown.append(tie(rows.shrink(rows.independent((moved - base)[None])))[0])
+    return Offer(run, separation(shown) / found.variance)

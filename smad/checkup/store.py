@@ -21,17 +21,17 @@ from smad.checkup.errors import BaselineError
 from smad.checkup.paired.floor import Floor
 from smad.checkup.paired.reference import Reference, RunReference
 from smad.checkup.series import written_whole
-from smad.diagnosis.data.played import Atom, Played
+from smad.diagnosis.data.played import Played
 from smad.diagnosis.data.rows import binned
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.places.responses import responses
 from smad.diagnosis.plant import ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
 
-SCHEMA = 4
+SCHEMA = 5
 _ABOUT, _ARRAYS = "baseline.json", "reference.npz"
 _FLOOR = ("sd", "rho", "day_sd", "gauge")
-_RUN = ("mean", "valid", "count", "regime", "base", "slopes", "signatures")
+_RUN = ("mean", "valid", "count", "regime", "base", "slopes")
 _ANEW = "commission again in the same folder: it is computed anew from the runs that are there"
 _BROKEN = (
     OSError, ValueError, KeyError, IndexError, EOFError, BadZipFile, NotImplementedError,
@@ -58,7 +58,6 @@ class About(msgspec.Struct, frozen=True, kw_only=True):
     degrees: int
     theta: dict[str, float]
     effects: dict[str, dict[str, float]]
-    atoms: list[Atom]
     runs: list[_RunFile]
     arrays: str = ""
     """SHA-256 of `reference.npz`; empty in a baseline written before it was kept."""
@@ -74,7 +73,7 @@ class Baseline:
 
 
 def identity(plant: PlantModel) -> str:
-    """What signatures and responses depend on beside the inputs: model, library and places."""
+    """What responses depend on beside the inputs: model, library and places."""
     library = sorted(
         (e.name, [(q.name, q.unit, q.typical, q.low, q.high, q.strength) for q in e.parameters])
         for e in plant.effects
@@ -90,7 +89,7 @@ def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
     about = About(
         schema=SCHEMA, bench=baseline.bench, programme=baseline.programme, plant=identity(plant),
         repeats=r.repeats, degrees=r.floor.degrees, theta=dict(r.point.theta),
-        effects={k: dict(v) for k, v in r.point.effects.items()}, atoms=list(r.atoms),
+        effects={k: dict(v) for k, v in r.point.effects.items()},
         runs=[_RunFile(x.name, x.played.bins, x.played.start_s, x.around) for x in r.runs],
     )  # fmt: skip
     arrays = {f"floor.{n}": getattr(r.floor, n) for n in _FLOOR}
@@ -148,8 +147,7 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
         said = getattr(error, "strerror", None) or error
         raise BaselineError(f"{folder / _ARRAYS} cannot be read: {said}", action=_ANEW) from error
     reference = Reference(
-        runs=runs, point=point, floor=floor, atoms=tuple(about.atoms), repeats=about.repeats,
-        responses=placed,
+        runs=runs, point=point, floor=floor, repeats=about.repeats, responses=placed,
     )  # fmt: skip
     return Baseline(about.bench, about.programme, reference)
 
@@ -199,8 +197,6 @@ def _require_fitting(about: About, plant: PlantModel, arrays: Mapping[str, np.nd
         require(arrays, f"{k}.count", grid, "whole numbers", least=0)
         require(arrays, f"{k}.regime", grid, "whole numbers", least=0, below=regimes)
         require(arrays, f"{k}.slopes", (len(plant.parameters), *grid), "floats")
-        if about.atoms:
-            require(arrays, f"{k}.signatures", (len(about.atoms), *grid), "floats")
         require(arrays, f"{k}.responses", (-1, *grid), "floats")
 
 
@@ -209,6 +205,6 @@ def _run(k: int, x: _RunFile, arrays: Mapping[str, np.ndarray], plant: PlantMode
     inputs = {name.removeprefix(prefix): v for name, v in arrays.items() if name.startswith(prefix)}
     whole = GapRun(x.name, t_s, inputs, {c: np.full(len(t_s), v) for c, v in x.around.items()})
     return RunReference(
-        name=x.name, played=Played.of(whole, x.start_s), around=x.around,
+        name=x.name, played=Played.of(whole, plant.inputs, x.start_s), around=x.around,
         inputs=binned(whole, x.bins, plant, x.start_s), **{f: arrays[f"{k}.{f}"] for f in _RUN},
     )  # fmt: skip

@@ -120,9 +120,9 @@ def diagnose(
 @click.argument("verdict", type=_RUN)
 @click.option("--out", type=_OUT, required=True, help="The model file to write.")
 @click.option("--first", type=click.IntRange(0),
-              help="Only the first places of the list; 0: the parameters alone.")  # fmt: skip
+              help="Only the first causes of the list; 0: the parameters alone.")  # fmt: skip
 def apply(*, verdict: Path, out: Path, first: int | None) -> None:
-    """Write the model of a VERDICT (what --json wrote), with all its places or the first ones."""
+    """Write the model of a VERDICT (what --json wrote), with all its causes or the first ones."""
     import msgspec
 
     from smad.diagnosis.errors import GapError
@@ -137,8 +137,8 @@ def apply(*, verdict: Path, out: Path, first: int | None) -> None:
             action="give a file that smad gap diagnose --json wrote",
         ) from error
     told.write_model(out, first)
-    kept = told.places if first is None else told.places[:first]
-    click.echo(f"{out}: parameters" + "".join(f", {p.words}" for p in kept))
+    causes = told.causes if first is None else told.causes[:first]
+    click.echo(f"{out}: parameters" + "".join(f", {c.title}" for c in causes))
 
 
 @gap.command()

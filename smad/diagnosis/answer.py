@@ -4,25 +4,23 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
 from smad.diagnosis.constants import Constants
-from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import ModelPoint, SavesModel, Uncertainty
 from smad.diagnosis.rivals.describe import Describer
+from smad.diagnosis.rivals.evidence import Evidence
 from smad.diagnosis.rivals.fit import Fit, covariance
 from smad.diagnosis.rivals.parts import EffectPart, LawPart
-from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, credible_set
+from smad.diagnosis.rivals.score import EFFECT, LAW, credible_set
 from smad.diagnosis.rivals.search import Question, Rival, Searched, Step
 from smad.diagnosis.rivals.unseen import unseen_strengths
 from smad.diagnosis.verdict import (
     CAUSES,
-    DIFFERS,
     PARAMETERS,
     QUIET,
     UNEXPLAINED,
@@ -54,6 +52,7 @@ class Answer:
     stages: tuple[Rival, ...] = ()
     model: ModelPoint | None = None
     uncertainty: Uncertainty | None = None
+    alternatives: tuple[Rival, ...] = ()
 
 
 def answer_of(
@@ -66,8 +65,7 @@ def answer_of(
         _cause(plant, search, step, rival, constants)
         for step, rival in zip(_entered(search), stages[2:], strict=True)
     ]
-    gaps = _signal_gaps(plant, asked, stages)
-    whole = _gap("all signals", "floors", 1.0, [asked.gap(r) for r in stages])
+    *gaps, whole = signal_gaps(plant, asked, stages)
     outcome = _outcome(search, causes)
     point = asked.model.start if final.fit is None else final.fit.point
     uncertainty = None if final.fit is None else uncertainty_of(plant, asked, final.fit)
@@ -86,8 +84,21 @@ def answer_of(
         unseen=unseen_strengths(asked, final),
         models=_models(plant, asked, stages, headline_of(question, outcome, causes, whole)),
     )
-    return Answer(verdict=verdict, search=search, stages=stages, model=point,
-                  uncertainty=uncertainty)  # fmt: skip
+    return Answer(
+        verdict=verdict, search=search, stages=stages, model=point, uncertainty=uncertainty,
+        alternatives=_alternatives(search, constants.told_level),
+    )  # fmt: skip
+
+
+def _alternatives(search: Searched, level: float) -> tuple[Rival, ...]:
+    """The rivals between which the runs do not decide; one where they do, none without a cause."""
+    entered = _entered(search)
+    if not entered:
+        return ()
+    rivals = {r.name: r for r in entered[0].rivals if r.kind in (EFFECT, LAW)}
+    total = max(sum(r.probability for r in rivals.values()), 1e-300)
+    names = credible_set({n: r.probability / total for n, r in rivals.items()}, level)
+    return tuple(rivals[n] for n in names)
 
 
 def _outcome(search: Searched, causes: Sequence[Cause]) -> str:
@@ -123,14 +134,31 @@ def _gap(signal: str, unit: str, floor: float, left: Sequence[float]) -> SignalG
                      causes=causes)  # fmt: skip
 
 
-def _signal_gaps(plant: PlacesPlant, asked: Question, stages: Sequence[Rival]) -> list[SignalGap]:
+def signal_gaps(plant: PlacesPlant, asked: Question, stages: Sequence[Rival]) -> list[SignalGap]:
+    """What stages leave of the judged runs by signal, in its unit, and over all, in floors."""
     counts, floors = asked.judged.counts.sum(axis=0), asked.judged.floors
     left = [np.sqrt(r.squares.sum(axis=0) / np.maximum(counts, 1.0)) * floors for r in stages]
-    return [
+    signals = [
         _gap(c.name, c.unit, float(floors[i]), [float(x[i]) for x in left])
         for i, c in enumerate(plant.channels)
         if counts[i] > 0
     ]
+    return [*signals, _gap("all signals", "floors", 1.0, [asked.gap(r) for r in stages])]
+
+
+def gaps_on(answer: Answer, evidence: Evidence) -> list[SignalGap]:
+    """The gaps of further runs by signal and over all, for each stage of an answer.
+
+    Nothing is fitted to them. Empty where the model cannot replay them.
+    """
+    search = answer.search
+    if search is None:
+        return []
+    asked = replace(search.question, held_out=evidence)
+    plant: PlacesPlant = asked.model.plant  # type: ignore[assignment]
+    points = [asked.model.start if s.fit is None else s.fit.point for s in answer.stages]
+    rivals = [r for p in points if (r := asked.of_point(p)) is not None]
+    return signal_gaps(plant, asked, rivals) if len(rivals) == len(points) else []
 
 
 def _by_run(asked: Question, *stages: Rival) -> list[RunGap]:
@@ -274,16 +302,3 @@ def _models(plant: PlacesPlant, asked: Question, stages: Sequence[Rival], note: 
             plant.save_model(rival.fit.point, path, note, uncertainty_of(plant, asked, rival.fit))
             out.append(path.read_text("utf-8"))
     return out
-
-
-def with_notes(answer: Answer, notes: Sequence[str]) -> Answer:
-    """The answer with more that a reader must know."""
-    verdict = msgspec.structs.replace(answer.verdict, notes=[*answer.verdict.notes, *notes])
-    return msgspec_replace(answer, verdict)
-
-
-def msgspec_replace(answer: Answer, verdict: Verdict) -> Answer:
-    """The answer with another verdict."""
-    from dataclasses import replace
-
-    return replace(answer, verdict=verdict)

@@ -18,6 +18,7 @@ from smad.diagnosis.constants import Constants
 from smad.diagnosis.errors import GapError
 from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.place import PlacesPlant
+from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Effect, ModelPoint, nominal_point, traits_of
 from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
 from smad.diagnosis.rivals.fit import covariance
@@ -76,12 +77,14 @@ def question_of(
     *,
     held_out: Evidence | None = None,
     tied: Array | None = None,
+    responses: Responses | None = None,
 ) -> Question:
     """A question with the constants' temper; every place of the plant may be asked for a law."""
     places: PlacesPlant = model.plant  # type: ignore[assignment]
     return Question(
         evidence=evidence, held_out=held_out, model=model, tied=tied, effects=tuple(effects),
-        places=len(places.places), tau=np.full(evidence.channels, _CORRELATED), say=say,
+        responses=responses, places=len(places.places), say=say,
+        tau=np.full(evidence.channels, _CORRELATED),
         temper=Temper(evidence=c.evidence, nothing=c.nothing, parameters=c.parameters,
                       effect=c.effect, law=0.0),
     )  # fmt: skip
@@ -123,7 +126,7 @@ def changed(inquiry: Inquiry) -> Searched:
     if good.final.fit is not None:
         start = good.final.fit.point
         known = known + covariance(asked.evidence, good.final.fit)[:n, :n]
-    tied = np.linalg.inv(known)
+    tied = np.asarray(np.linalg.inv(known))
     return _searched(
         inquiry.question(free_model(plant, start), inquiry.fit, inquiry.held_out, floors, tied)
     )

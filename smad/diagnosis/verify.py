@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from smad.diagnosis.budget import budget_of
+from smad.diagnosis.answer import signal_gaps
+from smad.diagnosis.constants import shipped
 from smad.diagnosis.data.admission import admit
 from smad.diagnosis.data.grid import row_length_s
 from smad.diagnosis.data.noise import estimate_floors
-from smad.diagnosis.data.played import predictions
 from smad.diagnosis.errors import RunRefused
-from smad.diagnosis.gap import Measured
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import ModelPoint, PlantModel, nominal_point
+from smad.diagnosis.questions import cannot_replay, free_model, question_of
+from smad.diagnosis.rivals.evidence import recorded_evidence
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import SignalGap
 
 
 def verified(plant: PlantModel, runs: Sequence[GapRun], model: ModelPoint) -> list[SignalGap]:
-    """RMS of every channel with the nominal model (`raw`) and with `model` (`places`).
+    """RMS of every channel with the nominal model (`raw`) and with `model` (`causes`).
 
-    The last is over all channels, in floors. Raises RunRefused when no run is admitted.
+    The last is over all channels, in floors. Rows and floors are those that a diagnosis of these
+    runs has. Raises RunRefused when no run is admitted.
     """
     period_s = row_length_s(runs, plant)
     admission = admit(runs, plant, period_s)
@@ -31,10 +33,14 @@ def verified(plant: PlantModel, runs: Sequence[GapRun], model: ModelPoint) -> li
             action="record runs that drive the bench, and give those",
         )
     floors = estimate_floors(admission.admitted, plant, period_s)
-    m = Measured.of(plant, admission.admitted, period_s)
-    before, after = (
-        [y - p for y, p in zip(m.values, predictions(with_places(plant), x, m.played), strict=True)]
-        for x in (nominal_point(plant), model)
-    )
-    stages, channels = (before, before, after), plant.channels
-    return budget_of(channels, stages, m.valid, [floors] * len(m.played)).rows
+    placed = with_places(plant)
+    evidence = recorded_evidence(
+        placed, admission.admitted, floors, period_s, nominal_point(placed)
+    )  # fmt: skip
+    question = question_of(
+        free_model(placed, nominal_point(placed)), evidence, (), shipped(), lambda text: None
+    )  # fmt: skip
+    before, after = (question.of_point(x) for x in (nominal_point(placed), model))
+    if before is None or after is None:
+        raise cannot_replay(question)
+    return signal_gaps(placed, question, (before, before, after))

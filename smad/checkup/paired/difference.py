@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from smad.checkup.paired.reference import Reference, RunReference, day_directions
-from smad.diagnosis.data.played import Played, predictions, scaled_signatures
+from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.data.rows import (
     binned,
     offset_s,
@@ -18,23 +17,13 @@ from smad.diagnosis.data.rows import (
     without_other_end,
 )
 from smad.diagnosis.errors import PairingError
-from smad.diagnosis.gap import Gap
-from smad.diagnosis.numerics.white import RunRows, White
+from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
-from smad.diagnosis.plant import (
-    Array,
-    Mask,
-    ModelPoint,
-    PlantModel,
-    Uncertainty,
-    moved_parameters,
-    traits_of,
-)
+from smad.diagnosis.plant import Array, Mask, PlantModel, traits_of
+from smad.diagnosis.rivals.evidence import Evidence, Trial
 from smad.diagnosis.runs import GapRun
 
-SHARE = 0.05
-"""How far a parameter may have moved between two days, in its prior's standard deviations."""
 _LEAST_ROWS = 50
 
 
@@ -42,8 +31,7 @@ _LEAST_ROWS = 50
 class Pair:
     """A run of now beside its reference. `share` of the programme's run was recorded; `carried`
     says that inputs differed and the model carried the difference over. `played` is what the model
-    replays to tell what an effect changes, `base` its prediction without one: of the reference's
-    inputs, or of the run's own where it was carried."""
+    replays: the reference's inputs, or the run's own where they were carried."""
 
     now: str
     reference: RunReference
@@ -53,56 +41,34 @@ class Pair:
     carried: bool
     around: Mapping[str, float]
     played: Played
-    base: Array
 
 
 @dataclass(frozen=True, kw_only=True)
-class Paired(Gap):
-    """All pairs of a check-up, beside what parameters may have moved between days."""
+class Paired:
+    """All pairs of a check-up beside the good bench."""
 
+    plant: PlacesPlant
     reference: Reference
     pairs: tuple[Pair, ...]
 
-    @cached_property
-    def slopes(self) -> Array:
-        """White slopes of all parameters, (parameters, rows), days taken off."""
-        return self.white([p.reference.slopes for p in self.pairs])
-
-    @cached_property
-    def untied(self) -> Array:
-        """White difference with no parameter moved; shape (rows,)."""
-        return np.asarray(self.white([d[None] for d in self.difference])[0])
-
-    @cached_property
-    def moved(self) -> tuple[ModelPoint, Uncertainty]:
-        """The reference with the parameters that now is likeliest with, and how sure they are."""
-        J, own = self.slopes, self.plant.parameters
-        covariance = np.linalg.inv(J @ J.T + np.eye(len(J)))
-        sd = np.array([q.prior_sd for q in own])
-        theta = moved_parameters(self.plant, self.point, covariance @ (J @ self.untied))
-        names = tuple(q.name for q in own)
-        point = replace(self.point, theta=theta)
-        return point, Uncertainty(names, sd[:, None] * covariance * sd)
+    def evidence(self) -> Evidence:
+        """The pairs as rows: what the simulator should show now is what it showed then, plus what
+        the bench has changed by."""
+        played = [p.played for p in self.pairs]
+        base = predictions(self.plant, self.reference.point, played, exact=True)
+        return Evidence(trials=tuple(
+            Trial(played=p.played, target=b + p.difference, rows=p.rows)
+            for p, b in zip(self.pairs, base, strict=True)
+        ))  # fmt: skip
 
     @property
-    def responses(self) -> Responses:
-        """Responses of the run that each pair repeats."""
+    def responses(self) -> Responses | None:
+        """Responses of the run that each pair repeats; None where a run has other inputs."""
+        if any(p.carried for p in self.pairs):
+            return None
         known = self.reference.responses
         of_run = {r.name: x for r, x in zip(self.reference.runs, known.runs, strict=True)}
         return replace(known, runs=tuple(of_run[p.reference.name] for p in self.pairs))
-
-    @cached_property
-    def signatures(self) -> Array:
-        """White signatures of all atoms beside tied parameters; (atoms, rows).
-
-        Those of runs with other inputs are made anew for these.
-        """
-        atoms = self.reference.atoms
-        return self.rows([
-            scaled_signatures(self.plant, self.point, p.played, p.base, atoms)
-            if p.carried else p.reference.signatures
-            for p in self.pairs
-        ])  # fmt: skip
 
 
 def paired(plant: PlacesPlant, reference: Reference, runs: Sequence[tuple[GapRun, str]]) -> Paired:
@@ -120,15 +86,7 @@ def paired(plant: PlacesPlant, reference: Reference, runs: Sequence[tuple[GapRun
             limit=_LEAST_ROWS,
             action="play the runs again to their end",
         )
-    # Responses are of the good run's inputs: runs with others count in no fold beside the rest.
-    same = tuple(not p.carried for p in pairs)
-    return Paired(
-        plant=plant, point=reference.point, played=tuple(p.played for p in pairs),
-        base=tuple(p.base for p in pairs), difference=tuple(p.difference for p in pairs),
-        white=White(tuple(p.rows for p in pairs)),
-        open=tuple(SHARE * p.reference.slopes for p in pairs),
-        counts=same if any(same) else (True,) * len(pairs), reference=reference, pairs=pairs,
-    )  # fmt: skip
+    return Paired(plant=plant, reference=reference, pairs=pairs)
 
 
 def _pair(plant: PlantModel, reference: Reference, run: GapRun, then: RunReference) -> Pair:
@@ -144,13 +102,13 @@ def _pair(plant: PlantModel, reference: Reference, run: GapRun, then: RunReferen
     found = predictions(plant, reference.point, [again])[0]
     moved = np.where(np.isfinite(found) & now.covered[:, None], found - base, 0.0)
     if other:
-        played, base = again, base + moved
+        played = again
     difference = difference - moved
     valid = now.valid & then.valid & now.covered[:, None]
     rows = rows_of(plant, reference, then, valid).carried(moved)
     return Pair(
         now=run.name, reference=then, difference=difference, rows=rows, share=now.share,
-        carried=other, around=around, played=played, base=base,
+        carried=other, around=around, played=played,
     )  # fmt: skip
 
 
@@ -175,4 +133,4 @@ def _again(
     shown = {c: np.full(len(source.t_s), around.get(c, value)) for c, value in then.around.items()}
     again = GapRun(source.name, source.t_s, source.inputs, shown)
     at = then.played.start_s if run is None else start_s
-    return replace(Played.of(again, at), bins=then.played.bins)
+    return replace(Played.of(again, then.played.inputs, at), bins=then.played.bins)

@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 from smad.checkup.paired.floor import Deviation, Floor, repeat_floor
 from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.data.played import (
-    Atom,
     Played,
     predictions,
     reference_point,
-    signatures,
     slopes,
 )
 from smad.diagnosis.data.rows import Binned, bin_numbers, binned, offset_s, require_like_inputs
@@ -45,7 +43,6 @@ class RunReference:
     around: dict[str, float]
     base: Array
     slopes: Array
-    signatures: Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +55,6 @@ class Reference:
     runs: tuple[RunReference, ...]
     point: ModelPoint
     floor: Floor
-    atoms: tuple[Atom, ...]
     repeats: int
     responses: Responses
 
@@ -125,7 +121,6 @@ def reference_from(
     progress("slopes of the parameters")
     J = slopes(plant, point, played)
     base = predictions(plant, point, played)
-    atoms, found = signatures(plant, point, played, progress)
     runs: list[RunReference] = []
     deviations: list[Deviation] = []
     regimes = 1
@@ -146,11 +141,10 @@ def reference_from(
             RunReference(
                 name=group[0].name, played=r.played, mean=mean, valid=count > 0, count=count,
                 inputs=r.first, regime=regime, around=r.middle, base=base[k], slopes=J[k],
-                signatures=found[k],
             )
         )  # fmt: skip
     return Reference(
-        runs=tuple(runs), point=point, atoms=tuple(atoms), repeats=min(len(g) for g in groups),
+        runs=tuple(runs), point=point, repeats=min(len(g) for g in groups),
         floor=repeat_floor(deviations, sum(len(g) - 1 for g in groups), regimes, least,
                            usual_day(plant)),
         responses=responses(plant, point, played, progress=progress),
@@ -184,7 +178,8 @@ def _on_one_grid(plant: PlantModel, group: Sequence[GapRun]) -> _Repeats:
     shared = set.intersection(*(set(a) for a in around))
     middle = {n: float(np.mean([a[n] for a in around])) for n in sorted(shared)}
     shown = {c: np.full(len(first.t_s), v) for c, v in middle.items()}
-    played = Played.of(GapRun(first.name, first.t_s, first.inputs, shown), start_s)
+    whole = GapRun(first.name, first.t_s, first.inputs, shown)
+    played = Played.of(whole, plant.inputs, start_s)
     repeats = [binned(r, played.bins, plant, start_s + offset_s(r, first)) for r in group]
     for other in repeats[1:]:
         require_like_inputs(other, repeats[0])

@@ -14,6 +14,9 @@ from smad.diagnosis.runs import GapRun, bridged
 
 PERIOD_S = 0.2
 """Length of a row of the spring pair."""
+MOST_ROWS = 6000
+"""Of all runs together: what is kept of every law's response for each is a gigabyte at most."""
+_NEARLY = 0.01
 LEAST_PERIODS = 40
 """A run must be as many rows long."""
 _ROWS = 10
@@ -95,18 +98,21 @@ def thinned(run: GapRun, step_s: float, inputs: Sequence[Signal]) -> GapRun:
 
 
 def row_length_s(runs: Sequence[GapRun], plant: PlantModel) -> float:
-    """Length of a row that suits these records.
+    """Length of a row that suits these records: a 10th of the usual correlation time of what is
+    measured, in whole samples, and long enough that all runs together have at most `MOST_ROWS`.
 
-    A 10th of the usual correlation time of what is measured, rounded down to twice a power of ten,
-    so that it does not change from one handful of runs to the next; of less than three samples it
-    is one. Without a channel that moves it is that of the spring pair.
+    Without a channel that moves it is that of the spring pair.
     """
     usual = correlation_time_s(runs, plant)
-    if usual is None:
-        return PERIOD_S
+    total_s = sum(run.duration_s for run in runs)
+    wanted_s = max(PERIOD_S if usual is None else usual / _ROWS, total_s / MOST_ROWS)
     sample_s = float(np.median([r.dt_s for r in runs]))
-    row_s = 2.0 * float(10.0 ** np.floor(np.log10(usual / _ROWS / 2.0)))
-    return row_s if row_s > _FEWEST * sample_s else sample_s
+    # Of less than three samples a mean is not worth while.
+    return (
+        sample_s * max(np.ceil(wanted_s / sample_s - _NEARLY), 1.0)
+        if (wanted_s > _FEWEST * sample_s or total_s > MOST_ROWS * sample_s)
+        else sample_s
+    )
 
 
 def correlation_time_s(runs: Sequence[GapRun], plant: PlantModel) -> float | None:

@@ -1,1 +1,1 @@
-"""Rivals: models of the bench, each fitted as a whole and judged by what it leaves of other runs."""
+"""Rivals: models of the bench, each fitted as a whole, judged by what it leaves of other runs."""

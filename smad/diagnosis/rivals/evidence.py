@@ -78,7 +78,7 @@ class Evidence:
     @cached_property
     def counts(self) -> Array:
         """Valid rows of each trial and channel, (trials, channels)."""
-        return np.array([t.rows.valid.sum(axis=0) for t in self.trials], dtype=np.float64)
+        return np.asarray([t.rows.valid.sum(axis=0) for t in self.trials], dtype=np.float64)
 
     @cached_property
     def floors(self) -> Array:
@@ -139,7 +139,7 @@ class Evidence:
         key = self.run_of_row * self.channels + self.channel_of_row
         size = len(self.trials) * self.channels
         sums = np.bincount(key, r * r * self.valid, minlength=size)
-        return sums.reshape(len(self.trials), self.channels)
+        return np.asarray(sums.reshape(len(self.trials), self.channels), dtype=np.float64)
 
     def variances(self, r: Array) -> Array:
         """Mean square of the valid rows of each channel, (channels,); 0 where it has none."""

@@ -12,7 +12,7 @@ taken, and a fit ends when no damping lessens it or F falls by less than `_ENOUG
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,13 +24,12 @@ from smad.diagnosis.rivals.evidence import Evidence
 from smad.diagnosis.rivals.parts import Model
 
 _DAMPING = (0.0, 0.003, 0.03, 0.3, 3.0, 30.0)
-_LONGER = (2.0, 4.0, 8.0)
+_LONGER = (1.0, 2.0, 4.0, 8.0)
 _RIDGE, _TINY = 1e-9, 1e-12
 _ROUNDS = 8
 _ENOUGH = 0.2
 _LEAST_VARIANCE = 1e-2
 _POLISHES, _POLISH_ROUNDS, _POLISH_ENOUGH = 5, 4, 1.0
-Predict = Callable[[ModelPoint], list[Array] | None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -124,6 +123,59 @@ def objective(evidence: Evidence, model: Model, x: Array, left: Array, tau: Arra
     return float(likelihood + (x - mean) @ precision @ (x - mean))
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Stand:
+    """Where a fit stands: coordinates, the rows left there, predictions of averaged inputs, F."""
+
+    x: Array
+    left: Array
+    averaged: list[Array]
+    value: float = np.inf
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Descent:
+    """One round of a fit: F with the weights of where it began."""
+
+    evidence: Evidence
+    model: Model
+    reference: Reference
+    tau: Array
+    weight: Array
+
+    def at(self, x: Array) -> _Stand | None:
+        """A stand at coordinates `x`; None where the model cannot run."""
+        averaged = replayed(self.evidence, self.model.point(x), self.model, exact=False)
+        if averaged is None:
+            return None
+        left = self.evidence.left(shifted(self.reference, averaged))
+        return self.valued(_Stand(x=x, left=left, averaged=averaged))
+
+    def valued(self, stand: _Stand) -> _Stand:
+        """The stand with F by these weights."""
+        left = self.evidence.freed(stand.left, self.weight)
+        value = objective(self.evidence, self.model, stand.x, left, self.tau)
+        return replace(stand, value=value)
+
+    def lessened(self, stand: _Stand, slopes: Array) -> _Stand:
+        """One Gauss–Newton step, damped until it lessens F, lengthened while it does; or none."""
+        e, (mean, precision), (low, high) = self.evidence, self.model.prior, self.model.bounds
+        J, r = e.shrunk(slopes, self.weight), e.shrunk(stand.left[None], self.weight)[0]
+        A, g = J @ J.T + precision, J @ r - precision @ (stand.x - mean)
+        for damping in _DAMPING:
+            step = bounded_step(A, g, low - stand.x, high - stand.x, damping)
+            best = stand
+            # The weights of the log-likelihood lag behind the fit: steps are rather too short.
+            for times in _LONGER:
+                moved = self.at(np.clip(stand.x + times * step, low, high))
+                if moved is None or not moved.value < best.value:
+                    break
+                best = moved
+            if best is not stand:
+                return best
+        return stand
+
+
 def fit(
     evidence: Evidence,
     model: Model,
@@ -140,56 +192,23 @@ def fit(
     by. Slopes of the parameters are the reference's, or with `fresh` made anew in each round.
     """
     low, high = model.bounds
-    mean, precision = model.prior
-    free = range(model.parameters, len(start))
-
-    def left_at(x: Array) -> tuple[Array, list[Array]] | None:
-        averaged = replayed(evidence, model.point(x), model, exact=False)
-        if averaged is None:
-            return None
-        return evidence.left(shifted(reference, averaged)), averaged
-
-    x = np.clip(start, low, high)
-    found = left_at(x)
-    if found is None:
+    even = _Descent(evidence=evidence, model=model, reference=reference, tau=tau,
+                    weight=evidence.valid)  # fmt: skip
+    stand = even.at(np.clip(start, low, high))
+    if stand is None:
         return None
-    left, averaged = found
-    slopes = np.zeros((len(x), len(left)))
+    slopes = np.zeros((len(start), len(stand.left)))
     slopes[: model.parameters] = reference.slopes
-    value = np.inf
+    which = range(0 if fresh else model.parameters, len(start))
     for _ in range(rounds):
-        weight = weights(evidence, left, tau)
-        value = objective(evidence, model, x, evidence.freed(left, weight), tau)
-        here = replace(reference, model=model, x=x, averaged=tuple(averaged))
-        which = range(len(x)) if fresh else free
+        descent = replace(even, weight=weights(evidence, stand.left, tau))
+        begun = descent.valued(stand)
+        here = replace(reference, model=model, x=begun.x, averaged=tuple(begun.averaged))
         slopes[list(which)] = slopes_at(evidence, here, which)
-        J, r = evidence.shrunk(slopes, weight), evidence.shrunk(left[None], weight)[0]
-        A, g = J @ J.T + precision, J @ r - precision @ (x - mean)
-        before, origin = value, x
-
-        def moved_to(trial: Array) -> bool:
-            """Go there if that lessens F."""
-            nonlocal x, left, averaged, value
-            found = left_at(trial)
-            if found is None:
-                return False
-            new = objective(evidence, model, trial, evidence.freed(found[0], weight), tau)
-            if not new < value:
-                return False
-            x, (left, averaged), value = trial, found, new
-            return True
-
-        for damping in _DAMPING:
-            step = bounded_step(A, g, low - x, high - x, damping)
-            if moved_to(np.clip(origin + step, low, high)):
-                # The weights of the log-likelihood lag behind the fit: steps are rather too short.
-                for times in _LONGER:
-                    if not moved_to(np.clip(origin + times * step, low, high)):
-                        break
-                break
-        if before - value < _ENOUGH:
+        stand = descent.lessened(begun, slopes)
+        if begun.value - stand.value < _ENOUGH:
             break
-    return Fit(model=model, x=x, left=left, slopes=slopes.copy(), objective=value)
+    return Fit(model=model, x=stand.x, left=stand.left, slopes=slopes, objective=stand.value)
 
 
 def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -163,7 +164,7 @@ class Model:
     def slices(self) -> tuple[slice, ...]:
         """Where the coordinates of each part stand."""
         stops = np.cumsum([self.parameters, *(part.size for part in self.parts)])
-        return tuple(slice(int(a), int(b)) for a, b in zip(stops, stops[1:], strict=False))
+        return tuple(slice(int(a), int(b)) for a, b in pairwise(stops))
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:

@@ -17,7 +17,7 @@ import numpy as np
 from smad.diagnosis.data.played import predictions
 from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.responses import Responses
-from smad.diagnosis.plant import Effect
+from smad.diagnosis.plant import Effect, ModelPoint
 from smad.diagnosis.rivals.evidence import Evidence
 from smad.diagnosis.rivals.fit import (
     Fit,
@@ -87,13 +87,15 @@ class Question:
 
     `effects` may be told; `places` are how many places there are. `tied` (p, p) is the precision of
     the parameters until other values of them are the answer; None: they are free from the start.
-    `tau` (channels,) are correlation times in rows.
+    `responses` are those of laws where they are known. `tau` (channels,) are correlation times in
+    rows.
     """
 
     evidence: Evidence
     held_out: Evidence | None
     model: Model
     tied: Array | None
+    responses: Responses | None
     effects: tuple[Effect, ...]
     places: int
     temper: Temper
@@ -117,16 +119,17 @@ class Question:
     def fitted(self, kind: str, name: str, reference: Reference) -> Rival | None:
         """The model of a reference fitted from there on to its end, as a rival."""
         made = fit(self.evidence, reference.model, reference.x, reference, tau=self.tau, fresh=True)
-        return made and self.rival(kind, name, polished(self.evidence, made, self.tau))
+        if made is None:
+            return None
+        return self.rival(kind, name, polished(self.evidence, made, self.tau))
 
-    def as_configured(self, nominal: Reference) -> Rival | None:
-        """The simulator as it is; None where it cannot run."""
-        judged = self.judged
-        found = replayed(judged, nominal.model.point(nominal.x), nominal.model, exact=True)
+    def of_point(self, point: ModelPoint) -> Rival | None:
+        """A simulator that is not fitted, by what it leaves; None where it cannot run."""
+        found = replayed(self.judged, point, self.model, exact=True)
         if found is None:
             return None
-        squares = self.squares_of(judged, judged.left(found))
-        scores = log_scores(squares, judged.counts)
+        squares = self.squares_of(self.judged, self.judged.left(found))
+        scores = log_scores(squares, self.judged.counts)
         return Rival(kind=NOTHING, name=NOTHING, fit=None, squares=squares, scores=scores)
 
     def near(self, rival: Rival) -> bool:
@@ -155,8 +158,8 @@ class Question:
     def _squares(self, fitted: Fit) -> Array | None:
         if self.held_out is not None:
             found = replayed(self.held_out, fitted.point, fitted.model, exact=True)
-            return None if found is None else self.squares_of(
-                self.held_out, self.held_out.left(found)
+            return (
+                None if found is None else self.squares_of(self.held_out, self.held_out.left(found))
             )
         evidence = self.evidence
         left = np.zeros(len(evidence.run_of_row))
@@ -233,7 +236,7 @@ class _Search:
     parameters: Rival
     current: Rival
     moved: bool
-    responses: Responses | None = None
+    responses: Responses | None
 
     @classmethod
     def begun(cls, question: Question) -> _Search | None:
@@ -245,7 +248,7 @@ class _Search:
         nominal = reference_at(e, tied, zero)
         if nominal is None:
             return None
-        configured = question.as_configured(nominal)
+        configured = question.of_point(tied.start)
         parameters = question.fitted(PARAMETERS, PARAMETERS, replace(nominal, model=free))
         current = parameters
         if question.tied is not None:
@@ -253,7 +256,8 @@ class _Search:
         if configured is None or parameters is None or current is None:
             return None
         return cls(question=question, nominal=nominal, configured=configured,
-                   parameters=parameters, current=current, moved=question.tied is None)  # fmt: skip
+                   parameters=parameters, current=current, moved=question.tied is None,
+                   responses=question.responses)  # fmt: skip
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -291,7 +295,9 @@ class _Search:
             return self.parameters
         here = rebased(self.question.evidence, fitted)
         free = fitted.model.with_precision(self.question.model.parameter_precision)
-        return here and self.question.fitted(PARAMETERS, PARAMETERS, replace(here, model=free))
+        if here is None:
+            return None
+        return self.question.fitted(PARAMETERS, PARAMETERS, replace(here, model=free))
 
     def _exchanged(self, current: Rival) -> Rival:
         """The model with each part before its last asked again, the others kept."""
@@ -320,12 +326,12 @@ class _Search:
         ])  # fmt: skip
         smaller = model.with_parts([model.parts[k] for k in kept])
         here = reference_at(self.question.evidence, smaller, x)
-        return here and self.question.fitted(NOTHING, NOTHING, here)
+        return None if here is None else self.question.fitted(NOTHING, NOTHING, here)
 
     def _rivals(self, current: Rival, *, first: bool) -> list[Rival]:
         """Effects and laws beside what a model has, each fitted and scored."""
         question, e = self.question, self.question.evidence
-        here = current.fit and rebased(e, current.fit)
+        here = None if current.fit is None else rebased(e, current.fit)
         if here is None:
             return []
         present = {part.name for part in here.model.parts}
@@ -351,7 +357,7 @@ class _Search:
 
 
 class _Fits:
-    """Fits that compete: a few rounds for all, more for the best, their own slopes for the first."""
+    """Fits that compete: a few rounds for all, more for the best, own slopes for the first."""
 
     def __init__(self, question: Question) -> None:
         self._question = question
@@ -379,8 +385,8 @@ class _Fits:
         for name in _best(fits)[:_POLISHED]:
             fits[name] = polished(e, fits[name], tau)
         kinds = {name: kind for name, (kind, _, _) in self._found.items()}
-        made = [question.rival(kinds[name], name, f) for name, f in fits.items()]
-        return [r for r in made if r is not None]
+        scored = [question.rival(kinds[name], name, f) for name, f in fits.items()]
+        return [r for r in scored if r is not None]
 
 
 def _best(fits: dict[str, Fit]) -> list[str]:

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from smad.diagnosis.numerics.folds import Array
-from smad.diagnosis.rivals.fit import reference_at, rebased
+from smad.diagnosis.rivals.fit import rebased, reference_at
 from smad.diagnosis.rivals.screening import changes_of
 from smad.diagnosis.rivals.search import Question, Rival
 
