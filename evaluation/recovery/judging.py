@@ -5,19 +5,18 @@ from __future__ import annotations
 import functools
 import time
 import traceback
-from typing import TYPE_CHECKING
 
 import msgspec
 
-from evaluation.recovery.cases import Case, bench_parameters
+from evaluation.recovery.cases import NONE, Case, bench_parameters
 from evaluation.recovery.playing import FIT, HELD_OUT, REPEATS, Bench
+from smad.checkup.commission import commissioned
+from smad.checkup.judge import judged
+from smad.checkup.paired.reference import Reference
 from smad.diagnosis.diagnose import diagnose
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
-from smad.diagnosis.verdict import CHANGED, DIFFERS, Verdict
-
-if TYPE_CHECKING:
-    from smad.checkup.paired.reference import Reference
+from smad.diagnosis.verdict import CHANGED, CHECK_UP, DIFFERS, Verdict
 
 _GOOD_SEED = 500
 
@@ -66,8 +65,6 @@ def _since(began: float) -> float:
 
 
 def _checked_up(plant: SmaPlant, case: Case, seed: int, now: list[GapRun]) -> tuple[Verdict, float]:
-    from smad.checkup.judge import judged
-
     reference = _commissioned(case.bench, seed)
     began = time.process_time()
     return judged(plant, reference, [(run, run.name) for run in now]).verdict, _since(began)
@@ -81,10 +78,8 @@ def _plant() -> SmaPlant:
 @functools.lru_cache(maxsize=3)
 def _commissioned(bench: int, seed: int) -> Reference:
     """The good bench of that number, from its repeats."""
-    from smad.checkup.commission import commissioned
-
     plant = _plant()
-    case = Case(name="", question="check-up", kind="none", seed=0, bench=bench)
+    case = Case(name="", question=CHECK_UP, kind=NONE, seed=0, bench=bench)
     good, _ = bench_parameters(plant, case, seed)
     days = [Bench(plant, good, {}).programme(_GOOD_SEED * (bench + 1) + k) for k in range(REPEATS)]
     return commissioned(plant, list(zip(*days, strict=True)))

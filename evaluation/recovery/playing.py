@@ -7,10 +7,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from sim_device.plant.effects.registry import resolve
+from smad.checkup.programme import shipped
 from smad.diagnosis.plant import ModelPoint
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded
+from smad.diagnosis.spring_pair.signals import read_gap_run
+from smad.experiments.driver import log_path
+from smad.experiments.virtual import VirtualDriver
 
 FIT = ("pulses", "levels", "sines", "stairs")
 HELD_OUT = ("mixed", "quick levels")
@@ -42,12 +47,6 @@ class Bench:
 
     def programme(self, seed: int, count: int = RUNS) -> list[GapRun]:
         """The first runs of the shipped programme, by their names."""
-        from sim_device.plant.effects.registry import resolve
-        from smad.checkup.programme import shipped
-        from smad.diagnosis.spring_pair.signals import read_gap_run
-        from smad.experiments.driver import log_path
-        from smad.experiments.virtual import VirtualDriver
-
         runs = []
         for k, run in enumerate(shipped().runs[:count]):
             with tempfile.TemporaryDirectory() as folder:
