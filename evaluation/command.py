@@ -131,12 +131,9 @@ def _recover(options: argparse.Namespace) -> None:
 
 
 def _calibrate(options: argparse.Namespace) -> None:
-    from evaluation.calibrate.check_up import calibrate
+    from evaluation.calibrate.command import calibrate
 
-    benches = _named(options.benches)
-    calibrate(
-        options.banks, options.kept, options.out, benches, jobs=options.jobs, result=options.result
-    )
+    calibrate(options.files, options.key, out=options.out, result=options.result)
 
 
 def _named(text: str) -> list[str]:
@@ -288,13 +285,13 @@ def _kept_as(command: argparse.ArgumentParser) -> None:
 
 
 def _constants(commands: _Commands) -> None:
-    fitted = commands.add_parser("calibrate", help="constants of the check-up from banks")
-    fitted.add_argument("banks", type=Path, nargs="+", help="development banks of `play`")
-    fitted.add_argument("--kept", type=Path, required=True, help="folder for what was found")
+    fitted = commands.add_parser("calibrate", help="constants from development banks")
+    fitted.add_argument("files", type=Path, nargs="+", help="files of `recover` and of `check`")
+    fitted.add_argument(
+        "--key", type=Path, action="append", default=[], help="KEY.json of a bank; one for each"
+    )
     fitted.add_argument("--out", type=Path, help="write them to this TOML")
     fitted.add_argument("--result", type=Path, help="keep what they are worth in this JSON")
-    fitted.add_argument("--benches", default="", help="only these, separated by commas")
-    fitted.add_argument("--jobs", type=int, default=1, help="benches at a time")
     fitted.set_defaults(run=_calibrate)
 
 
