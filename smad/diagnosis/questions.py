@@ -29,6 +29,8 @@ from smad.diagnosis.runs import GapRun
 
 Say = Callable[[str], None]
 _MOST_CAUSES = 3
+_MOST_OF_GOOD = 2
+"""What the simulator lacks on the good runs is a floor for the rest: two causes take most of it."""
 _CORRELATED = 16.0
 """Rows that an error of the model's form is correlated over: as many count as one."""
 DAY = 0.05
@@ -115,7 +117,8 @@ def changed(inquiry: Inquiry) -> Searched:
     plant = inquiry.plant
     model = free_model(plant, nominal_point(plant))
     inquiry.say("the good runs")
-    good = _searched(inquiry.question(model, inquiry.good, (), inquiry.floors))
+    asked_good = inquiry.question(model, inquiry.good, (), inquiry.floors)
+    good = _searched(asked_good, most=_MOST_OF_GOOD, exchange=False)
     asked = good.question
     counts = asked.judged.counts.sum(axis=0)
     left = np.sqrt(good.final.squares.sum(axis=0) / np.maximum(counts, 1.0))
@@ -132,8 +135,8 @@ def changed(inquiry: Inquiry) -> Searched:
     )
 
 
-def _searched(question: Question) -> Searched:
-    found = searched(question, most=_MOST_CAUSES)
+def _searched(question: Question, *, most: int = _MOST_CAUSES, exchange: bool = True) -> Searched:
+    found = searched(question, most=most, exchange=exchange)
     if found is None:
         raise cannot_replay(question)
     return found

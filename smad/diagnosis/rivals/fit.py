@@ -29,7 +29,7 @@ _RIDGE, _TINY = 1e-9, 1e-12
 _ROUNDS = 8
 _ENOUGH = 0.2
 _LEAST_VARIANCE = 1e-2
-_POLISHES, _POLISH_ROUNDS, _POLISH_ENOUGH = 5, 4, 1.0
+_POLISHES, _POLISH_ROUNDS, _POLISH_ENOUGH = 6, 4, 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -189,7 +189,7 @@ def fit(
     """Fit a model from `start`; None where it cannot run there.
 
     Predictions are those of averaged inputs shifted by what exact replays of the `reference` differ
-    by. Slopes of the parameters are the reference's, or with `fresh` made anew in each round.
+    by. Slopes of the parameters are the reference's, or with `fresh` made anew where it begins.
     """
     low, high = model.bounds
     even = _Descent(evidence=evidence, model=model, reference=reference, tau=tau,
@@ -199,12 +199,12 @@ def fit(
         return None
     slopes = np.zeros((len(start), len(stand.left)))
     slopes[: model.parameters] = reference.slopes
-    which = range(0 if fresh else model.parameters, len(start))
-    for _ in range(rounds):
+    for k in range(rounds):
         descent = replace(even, weight=weights(evidence, stand.left, tau))
         begun = descent.valued(stand)
         here = replace(reference, model=model, x=begun.x, averaged=tuple(begun.averaged))
-        slopes[list(which)] = slopes_at(evidence, here, which)
+        which = range(0 if fresh and k == 0 else model.parameters, len(start))
+        slopes[which.start :] = slopes_at(evidence, here, which)
         stand = descent.lessened(begun, slopes)
         if begun.value - stand.value < _ENOUGH:
             break

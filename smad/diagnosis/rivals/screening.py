@@ -105,13 +105,18 @@ def changes_of(
 
 
 def _asked(effect: Effect) -> list[dict[str, float]]:
-    """Values that an effect is asked at: each strength alone, at two levels and either sign."""
-    strengths = [q for q in effect.parameters if q.strength]
+    """Values that an effect is asked at: each strength alone, at two levels and either sign.
+
+    At its typical strength each shape is asked at the ends of its range, too: an effect of one
+    spring alone is often hidden where both are asked.
+    """
     rest = {q.name: 0.0 if q.strength else q.typical for q in effect.parameters}
-    return [
-        {**rest, q.name: value}
-        for q in strengths
-        for sign in ((1.0, -1.0) if q.low < 0.0 < q.high else (1.0,))
-        for level in _LEVELS
-        if q.low <= (value := sign * level * q.typical) <= q.high
-    ]
+    shapes = [q for q in effect.parameters if not q.strength]
+    out = []
+    for q in (q for q in effect.parameters if q.strength):
+        for sign in (1.0, -1.0) if q.low < 0.0 < q.high else (1.0,):
+            levels = [sign * level * q.typical for level in _LEVELS]
+            out += [{**rest, q.name: v} for v in levels if q.low <= v <= q.high]
+            typical = {**rest, q.name: min(max(sign * q.typical, q.low), q.high)}
+            out += [{**typical, s.name: end} for s in shapes for end in (s.low, s.high)]
+    return out

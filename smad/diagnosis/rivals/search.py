@@ -44,15 +44,16 @@ from smad.diagnosis.rivals.score import (
 from smad.diagnosis.rivals.screening import screened
 
 Say = Callable[[str], None]
-_SCREENED = 8
+_SCREENED = 6
 """Effects of each reference that are fitted."""
-_LAWS = 5
+_LAWS = 4
 """Places whose law is fitted."""
 _FIRST_ROUNDS = 3
-_LONG = 6
+_LONG = 4
 """Fits that go on to their end."""
-_POLISHED = 3
-"""Fits that get slopes of the parameters of their own."""
+_POLISHED, _WITHIN = 3, 60.0
+"""Fits that get slopes of the parameters of their own, and how much more than the best one they may
+leave to be worth it, in units of F."""
 NEAR = 1.3
 """A channel that leaves at most so many floors shows nothing more: floors are known to a third."""
 
@@ -205,14 +206,16 @@ class Searched:
     moved: bool
 
 
-def searched(question: Question, *, most: int) -> Searched | None:
+def searched(question: Question, *, most: int, exchange: bool = True) -> Searched | None:
     """Ask step by step, until nothing more is likeliest, or for `most` parts.
 
-    None where the model cannot replay the runs.
+    `exchange`: after each step every part before is asked again. None where the model cannot replay
+    the runs.
     """
     search = _Search.begun(question)
     if search is None:
         return None
+    search.exchange = exchange
     configured, parameters = search.configured, search.parameters
     steps: list[Step] = []
     done = False
@@ -243,6 +246,7 @@ class _Search:
     current: Rival
     moved: bool
     responses: Responses | None
+    exchange: bool = True
 
     @classmethod
     def begun(cls, question: Question) -> _Search | None:
@@ -279,7 +283,7 @@ class _Search:
         elif not self.moved and (free := self._freed()) is not None:
             same.append(free)
         ranked = question.ranked([*same, *self._rivals(self.current, first=first)])
-        gap = min(question.gap(r) for r in same)
+        gap = question.gap(self.current)
         entered = None
         for best in ranked:
             if best.kind == NOTHING or (best.kind == PARAMETERS and self.moved):
@@ -291,7 +295,7 @@ class _Search:
             self.moved = False
         if entered is not None:
             self.moved |= entered.kind == PARAMETERS
-            self.current = self._exchanged(entered)
+            self.current = self._exchanged(entered) if self.exchange else entered
         return Step(rivals=tuple(ranked), entered=entered)
 
     def _freed(self) -> Rival | None:
@@ -388,7 +392,9 @@ class _Fits:
         for name in _best(fits)[:_LONG]:
             _, made, reference = self._found[name]
             fits[name] = fit(e, made.model, made.x, reference, tau=tau) or made
-        for name in _best(fits)[:_POLISHED]:
+        ordered = _best(fits)[:_POLISHED]
+        near = [n for n in ordered if fits[n].objective < fits[ordered[0]].objective + _WITHIN]
+        for name in near:
             fits[name] = polished(e, fits[name], tau)
         kinds = {name: kind for name, (kind, _, _) in self._found.items()}
         scored = [question.rival(kinds[name], name, f) for name, f in fits.items()]
