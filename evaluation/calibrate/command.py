@@ -35,9 +35,10 @@ def calibrate(
     cases = [x for f in files for x in cases_of(f, keys)]
     after = fitted(cases, before)
     left_out: list[tuple[Said, Constants]] = []
-    for fold in folds_of(cases):
-        others = fitted([x for x in cases if x.fold != fold], before)
-        left_out += [(x.said(others), others) for x in cases if x.fold == fold]
+    for part in folds_of(cases):
+        folds = {x.fold for x in part}
+        others = fitted([x for x in cases if x.fold not in folds], before)
+        left_out += [(x.said(others), others) for x in part]
     for title, said in (
         ("as shipped", [(x.said(before), before) for x in cases]),
         ("each bench by constants from the others", left_out),

@@ -31,6 +31,7 @@ NONE, MOVED, LISTED, UNLISTED = "none", "parameters", "listed", "unlisted"
 """What may be true of a case: nothing, other parameters, an effect of the library, another one."""
 NEAR = 1.3
 """Floors. What parameters leave of an effect that they imitate: nothing tells it from them."""
+_PARTS = 5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,6 +136,9 @@ class Said:
         return set(credible_set(self.places, level))
 
 
-def folds_of(cases: Sequence[Asked]) -> list[str]:
-    """Names of what is left out together, in order."""
-    return sorted({x.fold for x in cases})
+def folds_of(cases: Sequence[Asked]) -> list[list[Asked]]:
+    """The cases in a few parts that are left out in turn; what shares a bench is in one."""
+    names = sorted({x.fold for x in cases})
+    part = {name: k % _PARTS for k, name in enumerate(names)}
+    parts = [[x for x in cases if part[x.fold] == k] for k in range(_PARTS)]
+    return [some for some in parts if some]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import signal
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Literal
@@ -20,6 +20,8 @@ from evaluation.recovery.scores import tables
 from evaluation.results.record import keep
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.report.page import Table, text_table
+
+Work = Callable[[Case, int], Answer]
 
 
 class RecoveryFile(msgspec.Struct, kw_only=True):
@@ -71,7 +73,8 @@ def run(
         raise WithheldError(f"{count} cases of a question are none: give --cases 1 or more")
     cases = cases_of(SmaPlant(), only or QUESTIONS, seed, count)
     file = begun(path, seed)
-    answered(file, path, cases, jobs)
+    with _workers(jobs) as pool:
+        answered(file, path, cases, pool)
     found = tables([file.answers[c.name] for c in cases])
     for heading, table in found.items():
         print(f"{heading}\n{text_table(table)}")
@@ -90,24 +93,33 @@ def begun(path: Path, seed: int) -> RecoveryFile:
     return empty
 
 
-def answered(file: RecoveryFile, path: Path, cases: Sequence[Case], jobs: int) -> None:
-    """Answer what is lacking, `jobs` cases at a time; the file is written after each case.
-
-    A case that failed is tried again. A fork would copy the locks of threads, so that workers are
-    fresh interpreters.
+def answered(
+    file: RecoveryFile, path: Path, cases: Sequence[Case], pool: Executor, work: Work = answer
+) -> None:
+    """Answer what is lacking; the file is written after each case. A case that failed is tried
+    again.
     """
     kept = [a.case for a in file.answers.values() if not a.error]
-    lacking = [c for c in cases if c not in kept]
-    lacking.sort(key=lambda c: c.question)
+    # Check-ups of one bench follow each other, since a worker keeps its baseline.
+    lacking = sorted((c for c in cases if c not in kept), key=lambda c: (c.question, c.bench))
+    tasks = [pool.submit(work, case, file.seed) for case in lacking]
+    for n, task in enumerate(as_completed(tasks), start=1):
+        made = task.result()
+        file.answers[made.case.name] = made
+        file.write(path)
+        said = made.error or (made.verdict.headline if made.verdict else "")
+        print(f"{made.case.name}  {said}  {made.cpu_s:.0f} s  [{n}/{len(lacking)}]", flush=True)
+
+
+@contextlib.contextmanager
+def _workers(jobs: int) -> Iterator[Executor]:
+    """Processes that end at once when the command is interrupted.
+
+    They are fresh interpreters, since a fork would copy the locks of threads.
+    """
     pool = ProcessPoolExecutor(jobs, get_context("spawn"), _leave_interrupts)
     try:
-        tasks = [pool.submit(answer, case, file.seed) for case in lacking]
-        for n, task in enumerate(as_completed(tasks), start=1):
-            made = task.result()
-            file.answers[made.case.name] = made
-            file.write(path)
-            said = made.error or (made.verdict.headline if made.verdict else "")
-            print(f"{made.case.name}  {said}  {made.cpu_s:.0f} s  [{n}/{len(lacking)}]", flush=True)
+        yield pool
         pool.shutdown()
     except BaseException:
         pool.shutdown(wait=False, cancel_futures=True)

@@ -22,6 +22,11 @@ CALIBRATION = "calibration.json"
 """What `calibrate --result` keeps: how often what had a probability was right."""
 _BEGIN, _END = "<!-- reliability -->", "<!-- end of reliability -->"
 _BARS = 20
+_RELIABILITY = """## The probabilities
+
+How often what was told with a probability was right: the likeliest place, and the likeliest effect.
+{of}
+"""
 _HEAD = """# Results of the evaluation
 
 Made by `python -m evaluation results` from `evaluation/results`, which also has the tables that
@@ -104,18 +109,18 @@ def with_reliability(text: str, result: Result | None) -> str:
     _, end, after = rest.partition(_END)
     if result is None or not begin or not end:
         return text
-    parts = [result.notes[0] if result.notes else ""]
+    parts = [_RELIABILITY.format(of=" ".join(result.notes))]
     for heading, table in result.tables.items():
         if heading.startswith("Probability"):
             head = (heading, "right [95 %]", "cases", "right")
             rows = [(*row, _bar(row[1])) for row in table.rows]
             parts.append(markdown_table(Table(head, rows, numeric=frozenset({0, 1, 2}))))
-    return before + begin + "\n\n" + "\n".join(p for p in parts if p) + "\n" + end + after
+    return before + begin + "\n\n" + "\n".join(parts) + "\n" + end + after
 
 
 def _bar(share: str) -> str:
     """A bar as long as the share that a cell begins with."""
-    full = round(float(share.split(" ")[0]) * _BARS)
+    full = round(float(share.partition(" ")[0]) * _BARS)
     return "█" * full + "·" * (_BARS - full)
 
 

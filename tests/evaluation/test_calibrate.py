@@ -1,103 +1,167 @@
-"""Constants come from cases: limits from quiet benches, odds from what was right."""
+"""Constants come from cases: the right rivals become likely, benches left out."""
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
 import numpy as np
 import pytest
 
-from evaluation.calibrate.check_up import Case, chosen, report
+from evaluation.calibrate.banks import cases_of
+from evaluation.calibrate.command import calibrate
+from evaluation.calibrate.fitting import cost, fitted
+from evaluation.calibrate.rivals import LISTED, MOVED, NONE, UNLISTED, Asked
 from evaluation.errors import BankError
-from evaluation.score.answers import CaseKey, TrueEffect
-from smad.diagnosis.constants import shipped
-from smad.diagnosis.search.odds import Hypothesis
+from evaluation.recovery.cases import Case
+from evaluation.recovery.judging import Answer
+from evaluation.recovery.running import RecoveryFile
+from evaluation.results.page import with_reliability
+from evaluation.results.record import Result
+from evaluation.score.answers import digest
+from smad.diagnosis.constants import Constants, shipped
+from smad.diagnosis.verdict import RivalScore, Verdict
+
+RUNS = 4
 
 
-def case(
-    bench: int,
-    kind: str,
-    *,
-    gain: float,
-    parameters: float | None = None,
-    found: tuple[Hypothesis, ...] = (),
-) -> Case:
-    """A check-up whose truth, where it has an effect, is rtd_lag at reading_rtd."""
-    known = kind == "single"
-    lag = TrueEffect(name="rtd_lag" if known else "slow glue", places=["reading_rtd"], states=[],
-                     side="both", known=known)  # fmt: skip
-    effects = [lag] if kind in ("single", "unknown") else []
-    return Case(
-        bench=f"bench {bench}", truth=CaseKey(kind=kind, effects=effects),
-        ratio=0.5, gain=gain, explained=gain, count=10_000,
-        parameters=min(gain, 50.0) if parameters is None else parameters,
-        hypotheses=found,
-    )  # fmt: skip
+def rival(kind: str, name: str, left: float, *places: str, far: float = 0.0) -> RivalScore:
+    """A rival that leaves so many floors in each of two channels of every run."""
+    score = -2.0 * float(np.log(left**2 + 1.0))
+    return RivalScore(kind=kind, name=name, places=list(places), gap=left,
+                      scores=[score] * RUNS, log_prior=-far)  # fmt: skip
 
 
-def hypotheses(right: float, wrong: float) -> tuple[Hypothesis, ...]:
-    """A law and the effect at the right place, and a law at a wrong one, by what they take."""
-    return (
-        Hypothesis(place="reading_rtd", gains=np.array([right])),
-        Hypothesis(place="film", gains=np.array([wrong])),
-        Hypothesis(place="reading_rtd", effect="rtd_lag", gains=np.array([right])),
-    )
-
-
-def cases(listed: int, unlisted: int) -> list[Case]:
-    rng = np.random.default_rng(3)
-    out = [case(n % 6, "none", gain=float(g)) for n, g in enumerate(rng.exponential(20.0, 60))]
-    for n in range(listed + unlisted):
-        kind = "single" if n < listed else "unknown"
-        wrong = float(rng.uniform(0.1, 0.9)) * 1e5
-        out.append(case(n % 6, kind, gain=1e5, found=hypotheses(1e5, wrong)))
-    # Of what parameters of 1e4, 1e5 and 1e6 leave, a law takes a twentieth of the root of 1e4 rows.
-    for n, size in enumerate((1e4, 1e5, 1e6)):
-        for bench in range(6):
-            gain = (0.04 + 0.004 * n) * np.sqrt(size * 1e4)
-            out.append(case(bench, "parameters", gain=gain, parameters=size))
-    return out
-
-
-def test_the_limit_of_a_quiet_bench_lies_beyond_what_quiet_benches_show() -> None:
-    some = cases(20, 10)
-    found = chosen(some, shipped())
-    quiet = [x.gain for x in some if x.truth.kind == "none"]
-    assert found.quiet_gain > np.quantile(quiet, 0.95)
-    assert found.quiet_gain < 3.0 * max(quiet)
-
-
-def test_the_odds_of_an_effect_are_as_often_as_it_was_one() -> None:
-    often, seldom = chosen(cases(40, 10), shipped()), chosen(cases(10, 40), shipped())
-    assert often.effect_odds > seldom.effect_odds
-    probability = [
-        dict(zip(("law", "wrong", "effect"), x.odds(often), strict=True))["effect"]
-        for x in cases(40, 10)
-        if x.truth.effects
+def rivals(
+    truth: str, effect: float, rng: np.random.Generator, parameters: float = 6.0
+) -> list[RivalScore]:
+    """The rivals of a case; `effect` is what the listed effect leaves in floors."""
+    good, little = 0.7, float(rng.uniform(0.66, 0.74))
+    moved = {NONE: little, MOVED: good}.get(truth, parameters)
+    return [
+        rival("nothing", "nothing", good if truth == NONE else 9.0),
+        rival("parameters", "parameters", moved, far=1.0),
+        rival("effect", "rtd_lag", effect, "reading_rtd"),
+        rival("effect", "channel_delay", 2.0 * effect, "reading_rtd", "reading_force"),
+        rival("law", "reading_rtd", 1.4 if truth != NONE else little, "reading_rtd"),
+        rival("law", "film", 3.0 if truth != NONE else little, "film"),
     ]
-    assert np.mean(probability) == pytest.approx(0.8, abs=0.08)
 
 
-def test_changed_parameters_are_told_from_effects_by_what_a_law_takes_beside_them() -> None:
-    some = cases(20, 10)
-    some += [case(n % 6, "single", gain=2e4, parameters=1e6, found=hypotheses(2e4, 1e3))
-             for n in range(6)]  # fmt: skip
-    c = chosen(some, shipped())
-    assert 0.048 < c.parameters_form < 0.2
-    moved = [x for x in some if x.truth.kind == "parameters"]
-    assert all(x.of_parameters(c) for x in moved)
-    assert not any(x.of_parameters(c) for x in some if x.truth.kind == "single")
+def cases(counts: dict[str, int]) -> list[Asked]:
+    """Cases of which listed effects leave the floor, others more than the law of their place."""
+    rng = np.random.default_rng(3)
+    effect = {NONE: 0.7, MOVED: 0.7, LISTED: 0.7, UNLISTED: 1.9}
+    return [
+        Asked(
+            case=f"{truth}-{n}", fold=f"bench {n % 4}", question="check-up", truth=truth,
+            names=frozenset({"rtd_lag"} if truth == LISTED else {"slow glue"}),
+            places=frozenset({"reading_rtd"}), effects=41, laws=20,
+            rivals=tuple(rivals(truth, effect[truth], rng)),
+        )
+        for truth, count in counts.items()
+        for n in range(count)
+    ]  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", ["none", "parameters"])
-def test_banks_that_lack_a_kind_are_refused(kind: str) -> None:
-    some = [x for x in cases(20, 10) if x.truth.kind != kind]
+FEW = {NONE: 4, MOVED: 4, LISTED: 4, UNLISTED: 4}
+ALL = {NONE: 8, MOVED: 8, LISTED: 8, UNLISTED: 8}
+
+
+def test_fitted_constants_make_the_right_rivals_likelier_than_others_do() -> None:
+    some = cases(ALL)
+    c = fitted(some, shipped())
+    assert cost(some, c) < cost(some, shipped())
+    wrong = msgspec.structs.replace(c, nothing=c.nothing - 6.0)
+    assert cost(some, c) < cost(some, wrong)
+    assert not any(x.said(c).noticed for x in some if x.truth == NONE)
+    assert all(x.said(c).noticed for x in some if x.truth == LISTED)
+
+
+def test_what_is_told_holds_the_truth_as_often_as_it_should() -> None:
+    some = cases(ALL)
+    c = fitted(some, shipped())
+    said = [x.said(c) for x in some if x.truth in (LISTED, UNLISTED)]
+    assert all(s.told_places(c.told_level) & s.asked.places for s in said)
+
+
+def test_an_effect_that_parameters_imitate_says_nothing_of_the_constants() -> None:
+    some = cases(ALL)
+    rng = np.random.default_rng(4)
+    hidden = [replace(x, rivals=tuple(rivals(LISTED, 0.7, rng, parameters=0.8)))
+              for x in some if x.truth == LISTED]  # fmt: skip
+    assert all(x.hidden for x in hidden)
+    assert fitted([*some, *hidden], shipped()) == fitted(some, shipped())
+
+
+@pytest.mark.parametrize("kind", [NONE, MOVED, LISTED])
+def test_cases_that_lack_a_kind_are_refused(kind: str) -> None:
     with pytest.raises(BankError, match="constants are fitted to"):
-        chosen(some, shipped())
+        fitted([x for x in cases(ALL) if x.truth != kind], shipped())
 
 
-def test_places_hold_the_truth_as_often_as_they_should() -> None:
-    some = cases(40, 20)
-    c = chosen(some, shipped())
-    said = dict(report([(x, c) for x in some]))
-    assert said["told places hold the truth, listed"] == "40 of 40"
-    assert said["quiet benches called changed"].endswith(" of 60")
-    assert any(what.startswith("place with probability") for what in said)
+def recovery(folder: Path) -> Path:
+    """A file of `recover`, as if every case had been asked."""
+    kinds = {NONE: "none", MOVED: "parameters", LISTED: "single"}
+    answers = {}
+    for x in cases({NONE: 4, MOVED: 4, LISTED: 4}):
+        case = Case(name=x.case, question="differs", kind=kinds[x.truth], seed=1,
+                    effects={"rtd_lag": {"tau_s": 0.6}} if x.truth == LISTED else {})  # fmt: skip
+        verdict = Verdict(question="differs", outcome="quiet", headline="",
+                          first_step=list(x.rivals))  # fmt: skip
+        answers[x.case] = Answer(case=case, verdict=verdict)
+    path = folder / "recovery.json"
+    RecoveryFile(seed=1, source_sha256="", answers=answers).write(path)
+    return path
+
+
+def bank(folder: Path, name: str = "dev") -> tuple[Path, Path]:
+    """A file of `check` with its key."""
+    of = {NONE: "none", MOVED: "parameters", LISTED: "single", UNLISTED: "unknown"}
+    key, verdicts = {}, {}
+    for n, x in enumerate(cases(FEW)):
+        effect = {"name": next(iter(x.names)), "places": list(x.places), "known": x.truth == LISTED}
+        effects = [effect] if x.truth in (LISTED, UNLISTED) else []
+        key[x.case] = {"kind": of[x.truth], "effects": effects, "bench": n % 4}
+        verdicts[x.case] = msgspec.to_builtins(
+            Verdict(question="check-up", outcome="quiet", headline="", first_step=list(x.rivals))
+        )
+    (folder / "key").mkdir()
+    path = folder / "key" / "KEY.json"
+    path.write_text(json.dumps({"format": "smad-key-1", "bank": name, "cases": key}))
+    told = {"format": "smad-verdicts-3", "bank": name, "key_sha256": digest(path)}
+    (folder / "v.json").write_text(json.dumps(told | {"verdicts": verdicts}))
+    return folder / "v.json", path
+
+
+def test_banks_of_both_kinds_become_a_file_of_constants_and_a_diagram(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    verdicts, key = bank(tmp_path)
+    out, result = tmp_path / "constants.toml", tmp_path / "calibration.json"
+    made = calibrate([recovery(tmp_path), verdicts], [key], out=out, result=result)
+    assert msgspec.toml.decode(out.read_bytes(), type=Constants) == made
+    assert "28 cases of recovery, v" in out.read_text()
+    assert "each bench by constants from the others" in capsys.readouterr().out
+    kept = msgspec.json.decode(result.read_bytes(), type=Result)
+    assert [r[0] for r in kept.tables["Scores"].rows][:2] == [
+        "quiet benches called changed", "parameters told as such",
+    ]  # fmt: skip
+    page = with_reliability("a\n<!-- reliability -->\n<!-- end of reliability -->\nb\n", kept)
+    assert "Probability of the likeliest place" in page
+    assert page.startswith("a\n<!-- reliability -->\n\n## The probabilities")
+    assert page.endswith("<!-- end of reliability -->\nb\n")
+    assert with_reliability(page, kept) == page
+    assert with_reliability("no marks", kept) == "no marks"
+
+
+def test_a_file_without_its_key_and_a_sealed_key_are_refused(tmp_path: Path) -> None:
+    verdicts, key = bank(tmp_path, "sealed")
+    with pytest.raises(BankError, match="--key"):
+        cases_of(verdicts, [])
+    with pytest.raises(BankError, match="sealed"):
+        cases_of(verdicts, [key])
+    with pytest.raises(BankError, match=r"no file of `recover` or `check`"):
+        cases_of(key.parent / "none.json", [])

@@ -13,16 +13,18 @@ from evaluation.quiz import ends
 from evaluation.quiz.session import Order, investigated
 from smad.checkup.inquiry import Record, Report
 from smad.checkup.store import SCHEMA, About
-from smad.diagnosis.verdict import CHECK_UP, PLACES, PlaceTold, Verdict
+from smad.diagnosis.verdict import CAUSES, CHECK_UP, Cause, Verdict
 
 ANSWER = {"seed": 7, "effects": [{"name": "rtd_lag", "listed": True, "places": ["reading_rtd"]}]}
 VERDICT = Verdict(
-    question=CHECK_UP, outcome=PLACES, headline="changed: reading of the RTD",
-    places=[
-        PlaceTold(
-            place="reading_rtd", side="both", words="reading of the RTD", share=0.9, near=[],
-            near_places=["reading_rtd"], probabilities=[0.9], terms=[], largest=1.0, unit="K",
-            in_simulator=True, name="rtd_lag",
+    question=CHECK_UP, outcome=CAUSES, headline="the reading of the RTD has changed",
+    causes=[
+        Cause(
+            kind="effect", name="rtd_lag", place="reading_rtd", side="both",
+            words="reading of the RTD", probability=0.9, names={"rtd_lag": 0.9}, outside=0.1,
+            credible_names=["rtd_lag"], credible_places=["reading_rtd"],
+            places={"reading_rtd": 0.9}, values=[], terms=[], largest=0.0, unit="K", gap=1.0,
+            rivals=[],
         )
     ],
 )  # fmt: skip
@@ -54,7 +56,7 @@ class FakeWire:
             have = 1 if again else 0
             about = About(
                 schema=SCHEMA, bench="quiz", programme="", plant="", degrees=1, theta={},
-                repeats=have + int(options["--repeats"]), effects={}, atoms=[], runs=[],
+                repeats=have + int(options["--repeats"]), effects={}, runs=[],
             )  # fmt: skip
             (baseline / "baseline.json").write_bytes(msgspec.json.encode(about))
         else:
@@ -126,14 +128,14 @@ def ended(outcome: str, *names: str, truth: str = "rtd_lag", listed: bool = True
 @pytest.mark.parametrize(
     ("case", "said"),
     [
-        (ended("places", "rtd_lag"), "rightly"),
-        (ended("places", "rtd_lag", "force_gain"), "with a wrong name"),
-        (ended("places", "force_gain"), "wrongly"),
+        (ended("causes", "rtd_lag"), "rightly"),
+        (ended("causes", "rtd_lag", "force_gain"), "with a wrong name"),
+        (ended("causes", "force_gain"), "wrongly"),
         (ended("quiet"), "not noticed"),
         (ended("parameters"), "wrongly"),
-        (ended("places"), "said to be unknown"),
-        (ended("unplaced", listed=False), "rightly"),
-        (ended("places", "rtd_lag", truth="stirring_coils", listed=False), "wrongly"),
+        (ended("causes"), "said to be unknown"),
+        (ended("unexplained", listed=False), "rightly"),
+        (ended("causes", "rtd_lag", truth="stirring_coils", listed=False), "wrongly"),
     ],
 )
 def test_an_end_is_right_when_it_says_what_there_is(case: dict[str, Any], said: str) -> None:
@@ -141,7 +143,7 @@ def test_an_end_is_right_when_it_says_what_there_is(case: dict[str, Any], said: 
 
 
 def test_the_table_counts_ends_of_listed_and_other_effects() -> None:
-    cases = [ended("places", "rtd_lag"), ended("places", "x"), ended("places", listed=False)]
+    cases = [ended("causes", "rtd_lag"), ended("causes", "x"), ended("causes", listed=False)]
     rows = {row[0]: row for row in ends.table(cases).rows}
     groups = ("in the library", "not in it", "all")
     assert set(rows) == {f"{g}: {what}" for g in groups for what in ("name", "place")}

@@ -88,7 +88,7 @@ def test_an_interrupted_check_goes_on_where_it_stopped(order: Check) -> None:
 
 def test_half_a_verdict_file_is_done_again(order: Check) -> None:
     run(order, counting([]))
-    out(order).write_text('{"format": "smad-verdicts-2", "bank": "mine", "verd')
+    out(order).write_text('{"format": "smad-verdicts-3", "bank": "mine", "verd')
     assert len(asked_again(order)) == 4
 
 
@@ -223,7 +223,7 @@ def test_runs_that_are_too_short_give_a_verdict_that_says_why(order: Check) -> N
     verdict = judged(order).verdict
     assert verdict is not None
     assert verdict["outcome"] == REFUSED
-    assert verdict["places"] == []
+    assert verdict["causes"] == []
     assert "at least 8 s are needed" in " ".join(f["text"] for f in verdict["findings"])
 
 

@@ -1,0 +1,173 @@
+"""The recovery bank: its cases, its file, its scores, and a small part of it asked in earnest."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from evaluation.command import main
+from evaluation.recovery import judging
+from evaluation.recovery.cases import (
+    NONE,
+    PAIR,
+    PARAMETERS,
+    QUESTIONS,
+    SINGLE,
+    THIRD,
+    Case,
+    bench_parameters,
+    cases_of,
+)
+from evaluation.recovery.judging import Answer, answer
+from evaluation.recovery.running import answered, begun, read
+from evaluation.recovery.scores import first_name, identifiable, near, tables
+from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.verdict import CAUSES, CHANGED, CHECK_UP, DIFFERS, Cause, SignalGap, Verdict
+
+LAG = {"rtd_lag": {"tau_s": 0.6, "y_share": 1.0}}
+
+
+@pytest.fixture(scope="module")
+def plant() -> SmaPlant:
+    return SmaPlant()
+
+
+def test_each_effect_acts_alone_at_two_strengths_in_two_benches(plant: SmaPlant) -> None:
+    cases = cases_of(plant, QUESTIONS, seed=1)
+    for question in QUESTIONS:
+        own = [c for c in cases if c.question == question and c.kind == SINGLE]
+        assert {n for c in own for n in c.effects} == {e.name for e in plant.effects}
+        lag = [c for c in own if "rtd_lag" in c.effects]
+        assert len(lag) == 8
+        assert {c.effects["rtd_lag"]["tau_s"] for c in lag} == {0.6, 0.6 * THIRD}
+        assert {(c.bench > 0, c.side, c.effects["rtd_lag"]["y_share"]) for c in lag} == {
+            (moved, side, share)
+            for moved in (False, True)
+            for side, share in (("both", 1.0), ("x", 0.0))
+        }
+        assert len([c for c in cases if c.question == question and c.kind == PAIR]) == 20
+    assert len({c.name for c in cases}) == len(cases)
+
+
+def test_the_first_cases_of_a_bank_are_of_every_kind_and_the_same_again(plant: SmaPlant) -> None:
+    some = cases_of(plant, [DIFFERS], seed=1, count=12)
+    assert {c.kind for c in some} == {SINGLE, PAIR, NONE, PARAMETERS}
+    assert some == cases_of(plant, [DIFFERS], seed=1)[:12]
+    assert some != cases_of(plant, [DIFFERS], seed=2, count=12)
+
+
+def test_a_moved_bench_differs_by_half_a_prior_deviation_and_stays_in_range(
+    plant: SmaPlant,
+) -> None:
+    case = Case(name="a", question=DIFFERS, kind=NONE, seed=3, bench=5)
+    _, now = bench_parameters(plant, case, seed=1)
+    for q in plant.parameters:
+        off = abs(now[q.name] - q.nominal) / q.prior_sd
+        at_bound = now[q.name] in (q.low, q.high)
+        assert off == pytest.approx(0.5) or off == 0.0 or at_bound
+        assert q.low <= now[q.name] <= q.high
+    assert sum(now[q.name] != q.nominal for q in plant.parameters) > 20
+
+
+def test_parameters_change_between_good_runs_and_now_only_where_that_is_the_question(
+    plant: SmaPlant,
+) -> None:
+    for kind, question, same in (
+        (PARAMETERS, CHANGED, False), (PARAMETERS, CHECK_UP, False), (PARAMETERS, DIFFERS, True),
+        (NONE, CHANGED, True),
+    ):  # fmt: skip
+        case = Case(name="a", question=question, kind=kind, seed=3, bench=1)
+        good, now = bench_parameters(plant, case, seed=1)
+        assert (good == now) == same
+
+
+def told(case: Case, *names: str, left: float = 0.7, parameters: float = 9.0) -> Answer:
+    """An answer that tells some effects."""
+    causes = [
+        Cause(
+            kind="effect", name=name, place="reading_rtd", side="both", words="", probability=1.0,
+            names={name: 1.0}, outside=0.0, credible_names=[name], credible_places=["reading_rtd"],
+            places={"reading_rtd": 1.0}, values=[], terms=[], largest=0.0, unit="K", gap=left,
+            rivals=[],
+        )
+        for name in names
+    ]  # fmt: skip
+    whole = SignalGap(signal="all", unit="floors", floor=1.0, raw=20.0, parameters=parameters,
+                      causes=[left] * len(names))  # fmt: skip
+    outcome = CAUSES if causes else "quiet"
+    verdict = Verdict(question=DIFFERS, outcome=outcome, headline="", causes=causes, whole=whole)
+    return Answer(case=case, verdict=verdict, cpu_s=3.0)
+
+
+def single(name: str, kind: str = SINGLE) -> Case:
+    effects = LAG if kind == SINGLE else {}
+    return Case(name=name, question=DIFFERS, kind=kind, seed=1, effects=effects, strength=1.0)  # type: ignore[arg-type]
+
+
+def test_scores_are_given_with_and_without_what_parameters_imitate() -> None:
+    answers = [
+        told(single("a"), "rtd_lag"),
+        told(single("b"), parameters=1.1),
+        told(single("c"), "rtd_offset", left=5.0),
+        told(single("d", NONE)),
+        told(single("e", NONE), "rtd_lag"),
+        Answer(case=single("f", NONE), error="broken"),
+    ]
+    found = tables(answers)
+    rows = {r[0]: r for r in found["Recovery, differs"].rows}
+    assert rows["right name told"][1].startswith("0.33")
+    assert rows["right name told"][3].startswith("0.50")
+    assert (rows["right name told"][2], rows["right name told"][4]) == ("3", "2")
+    assert rows["nothing called something"][1].startswith("0.67")
+    wrong = found["Recovery, differs: wrong, missed or cannot be told"].rows
+    assert [r[0] for r in wrong] == ["b", "c", "e", "f"]
+    apart = {r[0]: r[1:3] for r in found["Recovery, differs: single effects apart"].rows}
+    assert apart["typical strength"] == ("3", "1")
+
+
+def test_a_bank_goes_on_from_its_file_and_tries_failed_cases_again(tmp_path: Path) -> None:
+    path, asked = tmp_path / "answers.json", list[str]()
+
+    def work(case: Case, seed: int) -> Answer:
+        asked.append(case.name)
+        broken = case.name == "b" and asked.count("b") == 1
+        return Answer(case=case, error="broken") if broken else told(case, "rtd_lag")
+
+    cases = [single(n) for n in "abc"]
+    with ThreadPoolExecutor(1) as pool:
+        for some in (cases[:2], cases, cases):
+            answered(begun(path, 1), path, some, pool, work)
+        assert asked == ["a", "b", "b", "c"]
+        assert set(read(path).answers) == {"a", "b", "c"}
+        answered(begun(path, 2), path, cases[:1], pool, work)
+    assert asked[-1] == "a"
+    assert set(read(path).answers) == {"a"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [(("--only", "why"), "differs, changed, check-up"), (("--cases", "0"), "--cases 1 or more")],
+)
+def test_wrong_options_are_refused(
+    arguments: tuple[str, ...], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["recover", str(tmp_path / "a.json"), *arguments])
+    assert said in capsys.readouterr().err
+
+
+def test_a_lag_is_found_by_name_and_a_healthy_bench_is_quiet(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(judging, "FIT", ("levels",))
+    monkeypatch.setattr(judging, "HELD_OUT", ("mixed",))
+    found = answer(Case(name="lag", question=DIFFERS, kind=SINGLE, seed=5, effects=LAG), 1)
+    assert found.error == ""
+    assert first_name(found) == "rtd_lag"
+    assert identifiable(found)
+    assert near(found)
+    quiet = answer(Case(name="none", question=DIFFERS, kind=NONE, seed=6), 1)
+    assert quiet.verdict is not None
+    assert quiet.verdict.outcome == "quiet"
