@@ -26,6 +26,7 @@ from smad.diagnosis.verdict import (
 _MOVED = 4
 _UNSEEN = 4
 _RIVALS = 5
+_NAMES = 4
 _LIKELY = 0.05
 _AT_FLOOR = 1.3
 """Floors are known to a third: a signal below shows nothing."""
@@ -68,7 +69,10 @@ def name_words(cause: Cause) -> str:
     """Which effect it is if the library has it, and how likely the library does not."""
     if not cause.names:
         return "no effect of the library comes near"
-    likely = ", ".join(f"{n} {p:.2f}" for n, p in cause.names.items() if p >= _LIKELY)
+    named = [f"{n} {p:.2f}" for n, p in cause.names.items() if p >= _LIKELY]
+    likely = ", ".join(named[:_NAMES])
+    if cause.outside > 0.5:
+        return f"not in the library: {cause.outside:.2f}; if it is there, {likely}"
     return f"{likely}, if it is in the library; not in the library: {cause.outside:.2f}"
 
 
@@ -99,7 +103,7 @@ def first_rivals(rivals: Sequence[RivalGap]) -> list[RivalGap]:
 
 def _entry(title: str, rows: Sequence[str]) -> list[str]:
     """Rows under each other beside their title."""
-    return [f"  {'' if k else title:<6}  {row}" for k, row in enumerate(rows)]
+    return [f"  {'' if k else title:<6} {row}" for k, row in enumerate(rows)]
 
 
 def parameter_lines(parameters: Sequence[ParameterMoved]) -> list[str]:
