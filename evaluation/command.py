@@ -115,13 +115,25 @@ def _score(options: argparse.Namespace) -> None:
     )
 
 
-def _calibrate(options: argparse.Namespace) -> None:
-    from evaluation.calibrate.check_up import calibrate
+def _recover(options: argparse.Namespace) -> None:
+    from evaluation.recovery.running import run
 
-    benches = _named(options.benches)
-    calibrate(
-        options.banks, options.kept, options.out, benches, jobs=options.jobs, result=options.result
+    run(
+        options.answers,
+        seed=options.seed,
+        only=options.only,
+        count=options.cases,
+        jobs=options.jobs,
+        kept=options.out,
+        title=options.title or "Recovery on the simulator of the product",
+        note=options.note,
     )
+
+
+def _calibrate(options: argparse.Namespace) -> None:
+    from evaluation.calibrate.command import calibrate
+
+    calibrate(options.files, options.key, out=options.out, result=options.result)
 
 
 def _named(text: str) -> list[str]:
@@ -173,7 +185,7 @@ def _elsewhere() -> dict[str, str]:
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m evaluation", description=__doc__)
     commands = parser.add_subparsers(required=True)
-    for add in (_banks, _runs, _constants, _quiz):
+    for add in (_recovery, _banks, _runs, _constants, _quiz):
         add(commands)
     for name, told in _elsewhere().items():
         commands.add_parser(name, help=told)
@@ -252,6 +264,20 @@ def _runs(commands: _Commands) -> None:
     score.set_defaults(run=_score)
 
 
+def _recovery(commands: _Commands) -> None:
+    recover = commands.add_parser("recover", help="the product's simulator with known effects")
+    recover.add_argument("answers", type=Path, help="file of the answers; goes on from it")
+    recover.add_argument("--seed", type=int, default=1)
+    recover.add_argument(
+        "--only", action="append", default=[], metavar="QUESTION",
+        help="differs, changed or check-up; may be given twice",
+    )  # fmt: skip
+    recover.add_argument("--cases", type=int, help="only so many of each question, of all kinds")
+    recover.add_argument("--jobs", type=int, default=1, help="cases at a time")
+    _kept_as(recover)
+    recover.set_defaults(run=_recover)
+
+
 def _kept_as(command: argparse.ArgumentParser) -> None:
     command.add_argument("--out", type=Path, help="keep it: evaluation/results/NAME.json")
     command.add_argument("--title", default="", help="its heading, with --out")
@@ -259,13 +285,13 @@ def _kept_as(command: argparse.ArgumentParser) -> None:
 
 
 def _constants(commands: _Commands) -> None:
-    fitted = commands.add_parser("calibrate", help="constants of the check-up from banks")
-    fitted.add_argument("banks", type=Path, nargs="+", help="development banks of `play`")
-    fitted.add_argument("--kept", type=Path, required=True, help="folder for what was found")
+    fitted = commands.add_parser("calibrate", help="constants from development banks")
+    fitted.add_argument("files", type=Path, nargs="+", help="files of `recover` and of `check`")
+    fitted.add_argument(
+        "--key", type=Path, action="append", default=[], help="KEY.json of a bank; one for each"
+    )
     fitted.add_argument("--out", type=Path, help="write them to this TOML")
     fitted.add_argument("--result", type=Path, help="keep what they are worth in this JSON")
-    fitted.add_argument("--benches", default="", help="only these, separated by commas")
-    fitted.add_argument("--jobs", type=int, default=1, help="benches at a time")
     fitted.set_defaults(run=_calibrate)
 
 

@@ -6,12 +6,15 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+import msgspec
+
 from evaluation.errors import QuizError
 from evaluation.names import canonical
+from evaluation.score.answers import Cause
 from evaluation.score.intervals import wilson
 from smad.checkup.inquiry import Report
 from smad.checkup.programme import Programme
-from smad.diagnosis.verdict import PARAMETERS, PLACES, QUIET, UNPLACED
+from smad.diagnosis.verdict import CAUSES, PARAMETERS, QUIET, UNEXPLAINED
 from smad.report.page import Table
 
 End = dict[str, Any]
@@ -22,14 +25,15 @@ def told(answer: dict[str, Any], report: Report, spent_s: float, programme: Prog
     """What an investigation concluded, beside the answer."""
     assert report.verdict is not None
     verdict = report.verdict
-    names = {p.name for p in verdict.places if p.name}
+    causes = msgspec.convert(msgspec.to_builtins(verdict.causes), list[Cause])
+    names = {c.told_name for c in causes if c.told_name}
     return {
         "seed": answer["seed"],
         "effects": [canonical(e["name"]) for e in answer["effects"]],
         "listed": all(e["listed"] for e in answer["effects"]),
         "outcome": verdict.outcome,
         "names": sorted(canonical(n) for n in names),
-        "place": verdict.places[0].place if verdict.places else "",
+        "place": causes[0].place if causes else "",
         "true_places": sorted({p for e in answer["effects"] for p in e["places"]}),
         "why_over": report.why_over,
         "further_runs": max(
@@ -54,9 +58,9 @@ def mark(case: End) -> str:
     """How an investigation ended, one of `_ENDS`; an effect of no list is rightly unknown."""
     if case["outcome"] == QUIET:
         return "not noticed"
-    if case["outcome"] in (PLACES, UNPLACED) and not case["names"]:
+    if case["outcome"] in (CAUSES, UNEXPLAINED) and not case["names"]:
         return "said to be unknown" if case["listed"] else "rightly"
-    if case["outcome"] != PLACES or not case["listed"]:
+    if case["outcome"] != CAUSES or not case["listed"]:
         return "wrongly"
     truth, said = set(case["effects"]), set(case["names"])
     return "rightly" if said == truth else "with a wrong name" if truth & said else "wrongly"

@@ -1,4 +1,5 @@
-"""`README.md` of this folder from the kept results and the log of openings.
+"""`README.md` of this folder from the kept results and the log of openings, and what docs/trust.md
+shows of the probabilities.
 
 python -m evaluation.results.page [--check]
 """
@@ -9,11 +10,18 @@ import json
 import sys
 from pathlib import Path
 
+import msgspec
+
 from evaluation.results.record import FOLDER, Result, kept
 from smad.report.page import Table, markdown_table
 
 PAGE = Path(__file__).parent / "README.md"
 OPENINGS = FOLDER / "openings.jsonl"
+TRUST = Path(__file__).parents[2] / "docs" / "trust.md"
+CALIBRATION = "calibration.json"
+"""What `calibrate --result` keeps: how often what had a probability was right."""
+_BEGIN, _END = "<!-- reliability -->", "<!-- end of reliability -->"
+_BARS = 20
 _HEAD = """# Results of the evaluation
 
 Made by `python -m evaluation results` from `evaluation/results`, which also has the tables that
@@ -34,9 +42,13 @@ _COLUMNS = {
     "noticed at 3 floors": ("check-up: noticed near 3 floors", "detected at 3× the floor"),
     "at 10": ("check-up: noticed near 10 floors", "detected at 10× the floor"),
     "place right first": ("check-up: place right first, listed",),
-    "right name": ("check-up: right name, of noticed listed", "right name first, of the detected"),
+    "right name": (
+        "check-up: right name told, of noticed listed", "check-up: right name, of noticed listed",
+        "right name first, of the detected",
+    ),
     "unknown given a name": (
-        "check-up: unlisted given a name", "unknown effects named as a known one",
+        "check-up: unlisted told by name", "check-up: unlisted given a name",
+        "unknown effects named as a known one",
     ),
 }  # fmt: skip
 """Heads of the page's columns and what they show, as the log calls it now or did before."""
@@ -83,16 +95,48 @@ def _first(scores: dict[str, float | None], names: tuple[str, ...]) -> float | N
     return next((scores[n] for n in names if n in scores), None)
 
 
+def with_reliability(text: str, result: Result | None) -> str:
+    """The page of trust with the reliability diagrams of a result between its two marks.
+
+    Without marks, or without a result, it stays as it is.
+    """
+    before, begin, rest = text.partition(_BEGIN)
+    _, end, after = rest.partition(_END)
+    if result is None or not begin or not end:
+        return text
+    parts = [result.notes[0] if result.notes else ""]
+    for heading, table in result.tables.items():
+        if heading.startswith("Probability"):
+            head = (heading, "right [95 %]", "cases", "right")
+            rows = [(*row, _bar(row[1])) for row in table.rows]
+            parts.append(markdown_table(Table(head, rows, numeric=frozenset({0, 1, 2}))))
+    return before + begin + "\n\n" + "\n".join(p for p in parts if p) + "\n" + end + after
+
+
+def _bar(share: str) -> str:
+    """A bar as long as the share that a cell begins with."""
+    full = round(float(share.split(" ")[0]) * _BARS)
+    return "█" * full + "·" * (_BARS - full)
+
+
+def _calibration(folder: Path = FOLDER) -> Result | None:
+    path = folder / CALIBRATION
+    return msgspec.json.decode(path.read_bytes(), type=Result) if path.exists() else None
+
+
 def main(arguments: list[str]) -> int:
-    """Write the page; with `--check` say whether it is stale, and end with status 1 if so."""
-    text = rendered(kept())
+    """Write the pages; with `--check` say whether they are stale, and end with status 1 if so."""
+    pages = {PAGE: rendered(kept())}
+    if TRUST.exists():
+        pages[TRUST] = with_reliability(TRUST.read_text(), _calibration())
+    stale = [p for p, text in pages.items() if not p.exists() or p.read_text() != text]
     if "--check" not in arguments:
-        PAGE.write_text(text)
+        for path in stale:
+            path.write_text(pages[path])
         return 0
-    if PAGE.exists() and PAGE.read_text() == text:
-        return 0
-    sys.stderr.write(f"{PAGE.name} is stale: run python -m evaluation results\n")
-    return 1
+    for path in stale:
+        sys.stderr.write(f"{path.name} is stale: run python -m evaluation results\n")
+    return 1 if stale else 0
 
 
 if __name__ == "__main__":

@@ -4,36 +4,29 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import random
 import time
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 
 import evaluation.run
-import sim_device.plant
-import smad.checkup
-import smad.control
-import smad.diagnosis
+from evaluation.checkout import source_digest
 from evaluation.errors import BankError
 from evaluation.run.manifest import ROLES, BankRun, Case, Manifest
+from evaluation.score.answers import Cause as ScoredCause
 from sim_device.plant import load_parameters
 from smad.checkup.commission import commissioned
 from smad.checkup.files import read_file
 from smad.checkup.judge import judged
-from smad.checkup.paired.difference import Paired
 from smad.checkup.paired.reference import Reference
 from smad.diagnosis.diagnose import diagnose
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.search.names import likely_entries
 from smad.diagnosis.spring_pair import SmaPlant
-from smad.diagnosis.verdict import CHECK_UP, PLACES, QUIET
+from smad.diagnosis.verdict import CHECK_UP, QUIET, Verdict
 from smad.errors import SmadError
 from smad.runlog.bounds import Together
 
@@ -53,8 +46,8 @@ class Check:
     """A check of a bank: how its cases are judged, and what was worked out for several of them.
 
     `params` and `variant` are those of the plant. Of each bench the first `repeats` good recordings
-    count, None: all. A check-up of `left_out` is judged once more without these entries of the
-    library: cause and entries by case.
+    count, None: all. A case of `left_out` is judged once more without these entries of the library:
+    cause and entries by case.
     """
 
     folder: Path
@@ -90,7 +83,14 @@ class Check:
         """
         files = [(r.file, r.role, self._digest(case, r.file)) for x in ROLES for r in case.of(x)]
         left_out = self.left_out.get(case.id)
-        said = (case.question, files, source_digest(), self.plant.version, self.how, left_out)
+        said = (
+            case.question,
+            files,
+            source_digest(evaluation.run),
+            self.plant.version,
+            self.how,
+            left_out,
+        )
         return hashlib.sha256(msgspec.json.encode(said, order="deterministic")).hexdigest()
 
     def _digest(self, case: Case, file: str) -> str:
@@ -130,23 +130,6 @@ class Check:
         return self._references[case.bench]
 
 
-@functools.cache
-def source_digest() -> str:
-    """SHA-256 over the code that a verdict depends on, and the versions of what it calculates with.
-
-    That is the product's diagnosis and check-up, the plant, the controller of the simulated
-    experiments, and how cases are judged.
-    """
-    h = hashlib.sha256()
-    for name in ("numpy", "scipy"):
-        h.update(f"{name} {version(name)}\0".encode())
-    for package in (smad.diagnosis, smad.checkup, sim_device.plant, smad.control, evaluation.run):
-        folder = Path(package.__file__ or "").parent
-        for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.toml")]):
-            h.update(str(path.relative_to(folder)).encode() + b"\0" + path.read_bytes())
-    return h.hexdigest()
-
-
 def judge(check: Check, case: Case, made_of: str) -> Judged:
     """The verdict on one case, if it is still of what it was to be `made_of`.
 
@@ -167,56 +150,55 @@ def judge(check: Check, case: Case, made_of: str) -> Judged:
 def _diagnosed(check: Check, case: Case) -> Judged:
     began = time.process_time()
     runs = check.runs(case, *ROLES)
-    found = diagnose(runs["fit"], plant=check.plant, good=runs["good"], hold_out=runs["hold_out"])
-    return Judged(case.id, msgspec.to_builtins(found.verdict), cpu_s=_since(began))
+
+    def ask(exclude: Sequence[str]) -> Verdict:
+        candidates = [e.name for e in check.plant.effects if e.name not in exclude]
+        return diagnose(
+            runs["fit"], plant=check.plant, good=runs["good"], hold_out=runs["hold_out"],
+            candidates=candidates,
+        ).verdict  # fmt: skip
+
+    verdict = ask(())
+    cpu_s = _since(began)
+    return Judged(case.id, _told(check, case, verdict, ask), cpu_s=cpu_s)
 
 
 def _checked_up(check: Check, case: Case) -> Judged:
     reference = check.reference(case)
-    began = time.process_time()
     runs = [(run, run.name) for run in check.runs(case, "fit")["fit"]]
-    found = judged(check.plant, reference, runs)
+
+    def ask(exclude: Sequence[str]) -> Verdict:
+        return judged(check.plant, reference, runs, exclude=exclude).verdict
+
+    began = time.process_time()
+    verdict = ask(())
     cpu_s = _since(began)
-    told = msgspec.to_builtins(found.verdict) | {"baselines": _baselines(found.pairs, case.id)}
-    if case.id in check.left_out and found.verdict.outcome != QUIET:
-        cause, entries = check.left_out[case.id]
-        less = judged(check.plant, reference, runs, exclude=entries).verdict
-        places = [p.place for p in less.places]
-        told["left_out"] = {cause: {"outcome": less.outcome, "places": places}}
-    return Judged(case.id, told, cpu_s=cpu_s)
+    return Judged(case.id, _told(check, case, verdict, ask), cpu_s=cpu_s)
 
 
 def _since(began: float) -> float:
     return round(time.process_time() - began, 2)
 
 
-def _baselines(pairs: Paired, case: str) -> dict[str, Any]:
-    """What simpler rules say: `match`, `bic` and `random`. None of them knows unknown.
+def _told(
+    check: Check, case: Case, verdict: Verdict, ask: Callable[[Sequence[str]], Verdict]
+) -> dict[str, Any]:
+    """The verdict as it is kept: without model files, which are long and which nothing scores.
 
-    `match` is the signature most like the difference in floors, days, correlation and form left
-    in. `bic` takes the entry with the best Bayesian information criterion, nothing among them.
+    Where the right entry is to be left out, what is told without it stands beside.
     """
-    floors = np.concatenate(
-        [np.where(p.rows.valid, p.difference / p.rows.sd, 0.0).ravel() for p in pairs.pairs]
-    )
-    like: dict[str, float] = {}
-    for i, atom in enumerate(pairs.reference.atoms):
-        rows = np.concatenate(
-            [
-                np.where(p.rows.valid, p.reference.signatures[i] / p.rows.sd, 0.0).ravel()
-                for p in pairs.pairs
-            ]
+    kept: dict[str, Any] = msgspec.to_builtins(msgspec.structs.replace(verdict, models=[]))
+    if case.id in check.left_out and verdict.outcome != QUIET:
+        cause, entries = check.left_out[case.id]
+        less = ask(entries)
+        first = msgspec.convert(
+            msgspec.to_builtins(less.causes[0]) if less.causes else {"place": ""}, ScoredCause
         )
-        size = float(rows @ rows)
-        match = max(float(rows @ floors), 0.0) ** 2 / size if size > 0.0 else 0.0
-        like[atom.entry] = max(like.get(atom.entry, 0.0), match)
-    known = pairs.reference.atoms
-    found = likely_entries(pairs, known, pairs.signatures, pairs.plant.effects, pairs.z)
-    penalty = float(np.log(pairs.white.count))
-    best = max(found, key=lambda e: e.gain - penalty * len(e.coordinates), default=None)
-    speaks = best is not None and best.gain > penalty * len(best.coordinates)
-    return {
-        "match": {"outcome": PLACES, "names": [max(like, key=lambda n: like[n])]},
-        "bic": {"outcome": PLACES if speaks else QUIET, "names": [best.name] if best else []},
-        "random": {"outcome": PLACES, "names": [random.Random(case).choice(sorted(like))]},
-    }
+        kept["left_out"] = {
+            cause: {
+                "outcome": less.outcome,
+                "places": sorted(first.told_places),
+                "name": first.told_name,
+            }
+        }
+    return kept

@@ -23,9 +23,11 @@ from typing import Any, Literal
 
 import msgspec
 
+import evaluation.run
+from evaluation.checkout import source_digest
 from evaluation.errors import BankError
 from evaluation.names import canonical
-from evaluation.run.judging import Check, Judged, judge, source_digest
+from evaluation.run.judging import Check, Judged, judge
 from evaluation.run.manifest import Case, read_manifest
 from evaluation.score.openings import refuse_sealed
 from smad.diagnosis.spring_pair import SmaPlant
@@ -43,7 +45,7 @@ class VerdictFile(msgspec.Struct, kw_only=True, omit_defaults=True):
     `made_of` has for each verdict the SHA-256 of all that it depends on (`Check.made_of`).
     """
 
-    format: Literal["smad-verdicts-2"] = "smad-verdicts-2"
+    format: Literal["smad-verdicts-3"] = "smad-verdicts-3"
     bank: str
     key_sha256: str
     verdicts: dict[str, Any] = {}
@@ -81,7 +83,7 @@ def run(
 ) -> None:
     """Judge the cases of a bank (of some benches, or only some) that the file `out` lacks.
 
-    With the key's folder, check-ups of single effects are judged once more without their entry.
+    With the key's folder, cases of single effects are judged once more without their entry.
     Raises BankError for a sealed key, for a manifest that is not sound, and at the end where a case
     has no verdict.
     """
@@ -143,7 +145,7 @@ def begun(check: Check, path: Path) -> VerdictFile:
         tool={
             "name": "smad",
             "version": version("smad"),
-            "source_sha256": source_digest(),
+            "source_sha256": source_digest(evaluation.run),
             "how": check.how,
             "cpu_s": {c: old.tool["cpu_s"][c] for c in hold},
         },

@@ -19,17 +19,17 @@ from evaluation.names import canonical
 CHECK_UP, CHANGED, DIFFERS = "check-up", "changed", "differs"
 STRENGTHS = (1.0, 3.0, 10.0)
 _LITTLE = 0.2
-SILENT = frozenset(("quiet", "parameters", "refused", "contradicting"))
-"""Outcomes that do not say where the bench has changed."""
+SILENT = frozenset(("quiet", "parameters", "refused"))
+"""Outcomes that claim no more than other values of the parameters."""
+NAMED = 0.5
+"""An effect is told by name from so much probability on, that of no effect of the library too."""
 
 
 class TrueEffect(msgspec.Struct, frozen=True):
-    """An effect that was at work: where the model can hold it, and the states of its law."""
+    """An effect that was at work, and where the model can hold it."""
 
     name: str
     places: list[str]
-    states: list[str]
-    side: Literal["x", "y", "both"]
     known: bool = True
 
 
@@ -40,12 +40,13 @@ class Difference(msgspec.Struct, frozen=True):
 
 
 class CaseKey(msgspec.Struct, frozen=True):
-    """What is true of a case; `gap_worst` in floors."""
+    """What is true of a case; `gap_worst` in floors, `bench` the number of a check-up's bench."""
 
     kind: str
     question: str = CHECK_UP
     effects: list[TrueEffect] = []
     gap_worst: float = 0.0
+    bench: int = 0
     own: list[Difference] = []
 
 
@@ -57,82 +58,92 @@ class Key(msgspec.Struct, frozen=True):
     cases: dict[str, CaseKey]
 
 
-class Term(msgspec.Struct, frozen=True):
-    """A term of a law; `name` begins with its state, empty for a constant."""
+class Cause(msgspec.Struct, frozen=True):
+    """A cause that was told: its place, and the effects of the library that it may be.
 
-    name: str = ""
-    state: str | None = None
-
-    @property
-    def of(self) -> str:
-        """Its state, as keys call it."""
-        said = self.state if self.state is not None else self.name.split(" ")[0]
-        return said or "constant"
-
-
-class Place(msgspec.Struct, frozen=True):
-    """A place that was told, with its law and its name (empty for none).
-
-    `probabilities` are those of `near_places`, `names` those of effects.
+    `probability` is that of the place, `names` are effects with their probabilities if it is one of
+    the library, `outside` the probability that it is none. `credible_places` are told beside it.
     """
 
     place: str
-    side: str = "both"
-    near_places: list[str] = []
-    terms: list[Term] = []
     name: str = ""
-    probabilities: list[float] = []
+    probability: float = 0.0
     names: dict[str, float] = {}
+    outside: float = 0.0
+    credible_places: list[str] = []
 
     @property
-    def probability(self) -> float | None:
-        """The place's own probability; None where none was told."""
-        return self.probabilities[0] if self.probabilities else None
+    def likeliest(self) -> str:
+        """The likeliest effect; empty where none was asked."""
+        return max(self.names, key=lambda n: self.names[n], default="")
 
     @property
     def name_probability(self) -> float:
-        """That of the likeliest effect at the place."""
-        return max(self.names.values(), default=0.0)
+        """That of the likeliest effect, with what is none of the library counted."""
+        return (1.0 - self.outside) * max(self.names.values(), default=0.0)
 
     @property
-    def near(self) -> set[str]:
-        """Places that are told as nearly as likely, itself among them."""
-        return {self.place, *self.near_places}
+    def told_name(self) -> str:
+        """The likeliest effect where it is told; else empty."""
+        return self.likeliest if self.name_probability >= NAMED else ""
+
+    @property
+    def told_places(self) -> set[str]:
+        """Places that are told, its own among them."""
+        return {self.place, *self.credible_places} - {""}
 
 
 class Whole(msgspec.Struct, frozen=True):
-    """The gap of all signals in floors: with other parameters, and with laws beside."""
+    """The gap of all signals in floors: with other parameters, and with causes beside."""
 
     parameters: float
-    places: list[float] = []
+    causes: list[float] = []
+
+    @property
+    def final(self) -> float:
+        """With everything that is told."""
+        return (self.causes or [self.parameters])[-1]
 
     @property
     def gone(self) -> float | None:
-        """Share of what is above the floor that goes with the laws; None where little is above."""
-        after = (self.places or [self.parameters])[-1]
+        """Share of what is above the floor that goes; None where little is above."""
         above = self.parameters**2 - 1.0
         if above < _LITTLE:
             return None
-        return min(max((self.parameters**2 - after**2) / above, -1.0), 1.0)
+        return min(max((self.parameters**2 - self.final**2) / above, -1.0), 1.0)
 
 
-class Short(msgspec.Struct, frozen=True):
-    """What a simpler rule says, or a library that lacks the right entry."""
+class LeftOut(msgspec.Struct, frozen=True):
+    """What a library that lacks the right entry says: the told places, and the name told."""
 
     outcome: str
-    names: list[str] = []
     places: list[str] = []
+    name: str = ""
+
+
+class Scored(msgspec.Struct, frozen=True):
+    """A rival of the first step: its kind, and how well it predicts each judged run."""
+
+    kind: str
+    name: str
+    scores: list[float]
 
 
 class Answer(msgspec.Struct, frozen=True):
     """What was said of a case."""
 
     outcome: str
-    places: list[Place] = []
+    causes: list[Cause] = []
     whole: Whole | None = None
     seconds: float = 0.0
-    baselines: dict[str, Short] = {}
-    left_out: dict[str, Short] = {}
+    first_step: list[Scored] = []
+    left_out: dict[str, LeftOut] = {}
+
+    @property
+    def least_misfit(self) -> str:
+        """The effect that leaves least, whatever its probability; empty where none was asked."""
+        effects = [r for r in self.first_step if r.kind == "effect"]
+        return max(effects, key=lambda r: sum(r.scores)).name if effects else ""
 
 
 class Tool(msgspec.Struct, frozen=True):
@@ -175,9 +186,9 @@ class Pair:
         return min(STRENGTHS, key=lambda s: abs(math.log(max(self.truth.gap_worst, 1e-3) / s)))
 
     @property
-    def first(self) -> Place:
-        """The first place told; an empty one where none was."""
-        return self.said.places[0] if self.said.places else Place("")
+    def first(self) -> Cause:
+        """The first cause told; an empty one where none was."""
+        return self.said.causes[0] if self.said.causes else Cause("")
 
     @property
     def true_places(self) -> set[str]:
@@ -185,19 +196,24 @@ class Pair:
         return {p for e in self.truth.effects for p in e.places}
 
     @property
+    def true_names(self) -> set[str]:
+        """Its effects, as keys call them."""
+        return {e.name for e in self.truth.effects}
+
+    @property
     def placed(self) -> bool:
         """Whether the first place is right."""
         return self.first.place in self.true_places
 
     @property
-    def given(self) -> list[str]:
-        """The names given, in the order of their places, as keys call them."""
-        return [canonical(p.name) for p in self.said.places if p.name]
+    def likeliest_right(self) -> bool:
+        """Whether the likeliest effect of the first cause is right, told or not."""
+        return canonical(self.first.likeliest) in self.true_names
 
     @property
     def named(self) -> bool:
-        """Whether the first place has a name, and it is right."""
-        return canonical(self.first.name) in {e.name for e in self.truth.effects}
+        """Whether the first cause is told by name, and the name is right."""
+        return bool(self.first.told_name) and self.likeliest_right
 
 
 def digest(path: Path) -> str:

@@ -1,4 +1,4 @@
-"""Where, which law, what name: every row of the published table, from answers and keys alone."""
+"""Where, and what name: every row of the published table, from answers and keys alone."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from smad.report.page import Table
 _BINS = 5
 _OTHER_DAYS = ("room", "preload", "drift")
 _FIRST_OWN = 4
+_ROUNDING = 1e-6
 
 Test = Callable[[Pair], bool]
 _Case = TypeVar("_Case")
@@ -40,59 +41,43 @@ def of_kind(pairs: Sequence[Pair], *kinds: str) -> list[Pair]:
 
 
 def _in_told(p: Pair) -> bool:
-    return bool(p.first.near & p.true_places)
-
-
-def _side_right(p: Pair) -> bool:
-    return any(p.first.place in e.places and p.first.side == e.side for e in p.truth.effects)
-
-
-def _state_right(p: Pair) -> bool:
-    return p.first.terms[0].of in {s for e in p.truth.effects for s in e.states}
-
-
-def _has_law(p: Pair) -> bool:
-    return p.placed and bool(p.first.terms)
-
-
-def _sided(p: Pair) -> bool:
-    """The place is right, and the model has it on either spring."""
-    return p.placed and not p.first.place.startswith(_SHARED)
-
-
-_SHARED = ("force_cell", "inlet_water", "ambient_air", "reading_inlet", "reading_ambient",
-           "reading_displacement", "reading_force")  # fmt: skip
-"""Places that both springs share."""
+    return bool(p.first.told_places & p.true_places)
 
 
 def _gone(pairs: Sequence[Pair]) -> list[float]:
-    """Of cases whose gap is above the floor, what goes with the laws."""
+    """Of cases whose gap is above the floor, what goes with what is told."""
     found = (p.said.whole.gone for p in pairs if p.said.whole is not None)
     return [x for x in found if x is not None]
 
 
+def _worse(p: Pair) -> bool:
+    """What is told leaves more of the judged runs than other parameters alone."""
+    whole = p.said.whole
+    return whole is not None and whole.final > whole.parameters + _ROUNDING
+
+
 def _both_places(p: Pair) -> bool:
-    first = {q.place for q in p.said.places[:3]}
+    first = {c.place for c in p.said.causes[:3]}
     return all(first & set(e.places) for e in p.truth.effects)
 
 
 def _both_names(p: Pair) -> bool:
-    return set(p.given) == {e.name for e in p.truth.effects}
+    return {canonical(c.told_name) for c in p.said.causes} >= p.true_names
 
 
 def _added_among(p: Pair, first: int) -> bool:
-    return any(q.place in p.true_places for q in p.said.places[:first])
+    return any(c.place in p.true_places for c in p.said.causes[:first])
 
 
 def _added_named(p: Pair) -> bool:
-    """The first place of the effect's that has a name has the right one."""
-    named = [q for q in p.said.places if q.name and q.place in p.true_places]
-    return bool(named) and canonical(named[0].name) == p.truth.effects[0].name
+    """The first cause at the effect's place that is told by name has the right one."""
+    named = [c for c in p.said.causes if c.told_name and c.place in p.true_places]
+    return bool(named) and canonical(named[0].told_name) in p.true_names
 
 
 def _own_found(p: Pair) -> float:
     """Share of the plant's own differences, four at most, that the first four places hold."""
-    told = {q.place for q in p.said.places[:_FIRST_OWN]}
+    told = {c.place for c in p.said.causes[:_FIRST_OWN]}
     found = sum(bool(told & set(own.places)) for own in p.truth.own)
     return min(found / min(len(p.truth.own), _FIRST_OWN), 1.0)
 
@@ -103,18 +88,12 @@ Said = tuple[float, bool]
 
 def said_of_places(pairs: Sequence[Pair]) -> list[Said]:
     """The first places with their probability."""
-    return [(x, p.placed) for p in pairs if (x := p.first.probability) is not None]
+    return [(p.first.probability, p.placed) for p in pairs if p.first.place]
 
 
 def said_of_names(pairs: Sequence[Pair]) -> list[Said]:
     """The likeliest effects with their probability."""
-    out = []
-    for p in pairs:
-        if p.first.names:
-            name = max(p.first.names, key=lambda n: p.first.names[n])
-            right = canonical(name) in {e.name for e in p.truth.effects}
-            out.append((p.first.name_probability, right))
-    return out
+    return [(p.first.name_probability, p.likeliest_right) for p in pairs if p.first.names]
 
 
 def _bins(said: Sequence[Said]) -> list[list[Said]]:
@@ -156,7 +135,7 @@ def rows(pairs: Sequence[Pair]) -> list[Row]:
         share("quiet benches called changed", of_kind(pairs, "none"),
               lambda p: p.said.outcome not in ("quiet", "refused")),
         share("parameters given a cause", of_kind(pairs, "parameters"),
-              lambda p: bool(p.said.places)),
+              lambda p: bool(p.said.causes)),
         *(share(f"called changed on another day: {kind}", days,
                 lambda p: p.said.outcome not in ("quiet", "refused"))
           for kind in _OTHER_DAYS if (days := of_kind(pairs, kind))),
@@ -164,18 +143,21 @@ def rows(pairs: Sequence[Pair]) -> list[Row]:
                 [p for p in effects if p.strength == s], lambda p: p.noticed) for s in STRENGTHS),
         *(share(f"place right first, {k}", some, lambda p: p.placed) for k, some in kinds),
         *(share(f"told places hold the truth, {k}", some, _in_told) for k, some in kinds),
-        _over("told places, mean number", [len(p.first.near) for p in noticed], statistics.fmean),
-        share("side right", [p for p in noticed if _sided(p)], _side_right),
-        share("first state right", [p for p in noticed if _has_law(p)], _state_right),
-        share("right name, of noticed listed", listed, lambda p: p.named),
-        share("right name, of names given", [p for p in noticed if p.first.name],
+        _over("told places, mean number", [len(p.first.told_places) for p in noticed],
+              statistics.fmean),
+        share("right name first, of noticed listed", listed, lambda p: p.likeliest_right),
+        share("right name told, of noticed listed", listed, lambda p: p.named),
+        share("right name, of names told", [p for p in noticed if p.first.told_name],
               lambda p: p.named),
-        share("unlisted given a name", unlisted, lambda p: bool(p.first.name)),
-        *(_over(f"gap gone with the laws, {k}", _gone(some)) for k, some in kinds),
+        share("unlisted told by name", unlisted, lambda p: bool(p.first.told_name)),
+        *(_over(f"gap gone, {k}", _gone(some)) for k, some in kinds),
+        share("held-out gap above that of parameters alone", pairs, _worse),
         share("pairs: both places among the first three", several, _both_places),
-        share("pairs: both names right", several, _both_names),
+        share("pairs: both names told", several, _both_names),
         share("left out: its place still told", left_out,
               lambda p: any(set(s.places) & p.true_places for s in p.said.left_out.values())),
+        share("left out: told by name all the same", left_out,
+              lambda p: any(s.name for s in p.said.left_out.values())),
     ]  # fmt: skip
     for what, said in (("places", of_places), ("names", of_names)):
         if said:
@@ -192,6 +174,7 @@ def rows_of_differs(pairs: Sequence[Pair]) -> list[Row]:
         share("added effect's entry named first at its place",
               [p for p in added if p.truth.effects[0].known], _added_named),
         share("own differences among the first four places", pairs, _own_found),
+        share("held-out gap above that of parameters alone", pairs, _worse),
         *_time(pairs),
     ]  # fmt: skip
 
@@ -231,7 +214,7 @@ def tables(pairs: Sequence[Pair]) -> dict[str, Table]:
         "Over strength": _over_strength(known),
         "Probability of the first place": _reliable(said_of_places(_told_of(known))),
         "Probability of the likeliest name": _reliable(said_of_names(_told_of(known))),
-        "Simpler rules: right name, of noticed listed": _rules(known),
+        "By likelihood alone: right name first, of noticed listed": _rules(known),
         "Wrong or missed": _wrong(pairs),
     }
     return {heading: table for heading, table in out.items() if table.rows}
@@ -266,35 +249,28 @@ def _over_strength(pairs: Sequence[Pair]) -> Table:
         ("noticed", effects, lambda p: p.noticed),
         ("place right first", found, lambda p: p.placed),
         ("told places hold the truth", found, _in_told),
-        ("side right", [p for p in found if _sided(p)], _side_right),
-        ("first state right", [p for p in found if _has_law(p)], _state_right),
-        ("right name, listed", listed, lambda p: p.named),
+        ("right name first, listed", listed, lambda p: p.likeliest_right),
+        ("right name told, listed", listed, lambda p: p.named),
     ]
     lines = [
         (name, *(number(share("", [p for p in some if p.strength == s], holds)) for s in STRENGTHS))
         for name, some, holds in curves
     ]
     gone = [_over("", _gone([p for p in found if p.strength == s])) for s in STRENGTHS]
-    lines.append(("gap gone with the laws", *map(number, gone)))
+    lines.append(("gap gone", *map(number, gone)))
     head = ("of single effects", *(f"near {s:.0f}×" for s in STRENGTHS))
     return Table(head, lines if effects else [], numeric=frozenset(range(1, len(head))))
 
 
 def _rules(pairs: Sequence[Pair]) -> Table:
-    listed = [p for p in of_kind(pairs, "single") if p.noticed and p.said.baselines]
-    rules = sorted({rule for p in listed for rule in p.said.baselines})
-    lines = [("the diagnosis", number(share("", listed, lambda p: p.named)))] if rules else []
-    for rule in rules:
-        hits = share("", listed, lambda p, r=rule: _by_rule(p, r))  # type: ignore[misc]
-        lines.append((rule, number(hits)))
-    return Table(("rule", "right name [95 %]"), lines, numeric=frozenset({1}))
-
-
-def _by_rule(p: Pair, rule: str) -> bool:
-    said = p.said.baselines.get(rule)
-    return said is not None and [canonical(n) for n in said.names] == [
-        e.name for e in p.truth.effects
+    """Beside the diagnosis, the effect that leaves least, which is never silent."""
+    listed = [p for p in of_kind(pairs, "single") if p.noticed and p.said.first_step]
+    rules: list[tuple[str, Test]] = [
+        ("the diagnosis", lambda p: p.likeliest_right),
+        ("the least misfit", lambda p: canonical(p.said.least_misfit) in p.true_names),
     ]
+    lines = [(rule, number(share("", listed, test))) for rule, test in rules] if listed else []
+    return Table(("rule", "right name [95 %]"), lines, numeric=frozenset({1}))
 
 
 def _wrong(pairs: Sequence[Pair]) -> Table:
@@ -309,7 +285,7 @@ def _wrong(pairs: Sequence[Pair]) -> Table:
     lines = [
         (p.case, p.truth.kind, " + ".join(e.name for e in p.truth.effects),
          f"{p.truth.gap_worst:.1f}", p.said.outcome,
-         ", ".join(f"{q.place} {q.side} {q.name}".strip() for q in p.said.places[:3]))
+         ", ".join(f"{c.place} {c.told_name}".strip() for c in p.said.causes[:3]))
         for p in some
     ]  # fmt: skip
     head = ("case", "kind", "truth", "floors", "outcome", "places told")

@@ -16,7 +16,7 @@ from smad.checkup.paired.difference import Paired, rows_of
 from smad.checkup.programme import Programme
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.next_run import separation
-from smad.diagnosis.numerics.white import RunRows, Shrink, White
+from smad.diagnosis.numerics.white import RunRows, Shrink
 from smad.diagnosis.plant import Array
 from smad.diagnosis.questions import day_variance
 from smad.diagnosis.rivals.describe import Describer
@@ -122,7 +122,8 @@ def unpaired_offers(found: Judged, programme: Programme) -> list[Offer]:
         if run.name not in known:
             played = Played.of(run.as_run(_WATER_DEGC, _WATER_DEGC), found.pairs.plant.inputs)
             there = np.ones((played.bins, len(sd)), dtype=bool)
-            (rows,) = White.plain(sd, [there], floor.rho).runs
+            none = np.zeros((0, *there.shape))
+            rows = RunRows(np.broadcast_to(sd, there.shape), there, none, np.zeros(0), floor.rho)
             out.append(_offer(found, run.name, played, rows, np.zeros((0, there.size))))
     return sorted(out, key=lambda o: -o.separation)
 

@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from smad.diagnosis.verdict import (
     EffectValue,
     ParameterMoved,
     RivalGap,
+    RivalScore,
     RunGap,
     SignalGap,
     Verdict,
@@ -76,6 +78,7 @@ def answer_of(
         headline=headline_of(question, outcome, causes, whole),
         causes=causes,
         rivals=_table(plant, asked, search.steps[-1].rivals) if search.steps else [],
+        first_step=_scores(asked, search.steps[0].rivals) if search.steps else [],
         parameters=_moved(plant, asked.model.start, final.fit, uncertainty),
         budget=gaps,
         whole=whole,
@@ -209,6 +212,16 @@ def _deviations(asked: Question, fitted: Fit) -> Array:
     return np.sqrt(np.maximum(np.diag(covariance(asked.evidence, fitted)), 0.0))
 
 
+def _scores(asked: Question, rivals: Sequence[Rival]) -> list[RivalScore]:
+    return [
+        RivalScore(
+            kind=r.kind, name=r.name.removeprefix("law:"), places=list(r.places),
+            gap=asked.gap(r), scores=[float(x) for x in r.scores], log_prior=r.log_prior,
+        )
+        for r in rivals
+    ]  # fmt: skip
+
+
 def _cause(
     plant: PlacesPlant, search: Searched, step: Step, stage: Rival, constants: Constants
 ) -> Cause:
@@ -221,10 +234,7 @@ def _cause(
     of_parts = [r for r in step.rivals if r.kind in (EFFECT, LAW)]
     total = max(sum(r.probability for r in of_parts), 1e-300)
     laws = [r.places[0] for r in of_parts if r.kind == LAW]
-    places: dict[str, float] = {}
-    for r in of_parts:
-        at = _place_of(r, laws)
-        places[at] = places.get(at, 0.0) + r.probability / total
+    places = place_probabilities([(r, r.probability) for r in of_parts])
     named = {r.name: r.probability for r in of_parts if r.kind == EFFECT}
     in_library = max(sum(named.values()), 1e-300)
     names = {n: p / in_library for n, p in sorted(named.items(), key=lambda item: -item[1])}
@@ -242,7 +252,7 @@ def _cause(
         side=side,
         words=described.place(place, side),
         probability=places.get(place, 0.0),
-        places=dict(sorted(places.items(), key=lambda item: -item[1])),
+        places=places,
         place_words={n: described.place(n, BOTH) for n in places},
         names={n: p for n, p in names.items() if p >= _LEAST_NAMED},
         outside=1.0 - in_library / total,
@@ -259,7 +269,32 @@ def _cause(
     )  # fmt: skip
 
 
-def _place_of(rival: Rival, laws: Sequence[str]) -> str:
+class Placed(Protocol):
+    """A rival by what it is and where it acts."""
+
+    @property
+    def kind(self) -> str: ...
+    @property
+    def places(self) -> Sequence[str]: ...
+
+
+def place_probabilities(parts: Sequence[tuple[Placed, float]]) -> dict[str, float]:
+    """Probability of each place, the likeliest first, from those of effects and laws.
+
+    They sum to 1: it is that of the place if anything is missing. An effect counts for the place
+    whose law is likeliest among its own.
+    """
+    ordered = sorted(parts, key=lambda part: -part[1])
+    laws = [r.places[0] for r, _ in ordered if r.kind == LAW]
+    total = max(sum(p for _, p in parts), 1e-300)
+    places: dict[str, float] = {}
+    for rival, p in parts:
+        at = _place_of(rival, laws)
+        places[at] = places.get(at, 0.0) + p / total
+    return dict(sorted(places.items(), key=lambda item: -item[1]))
+
+
+def _place_of(rival: Placed, laws: Sequence[str]) -> str:
     """The place of a rival: of several, that whose law is likeliest, else the first listed."""
     listed = rival.places or ("",)
     return next((p for p in laws if p in listed), listed[0])

@@ -10,7 +10,7 @@ still gets wrong everywhere is not new.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -147,8 +147,3 @@ def cannot_replay(question: Question) -> GapError:
         value=", ".join(names),
         action="leave them out, or correct the model where it stops",
     )
-
-
-def without(question: Question, name: str) -> Question:
-    """The same question without an effect of the library."""
-    return replace(question, effects=tuple(e for e in question.effects if e.name != name))

@@ -114,6 +114,21 @@ class RivalGap(msgspec.Struct, frozen=True, kw_only=True):
     probability: float
 
 
+class RivalScore(msgspec.Struct, frozen=True, kw_only=True):
+    """What the probability of a rival is made of, so that constants are fitted without a replay.
+
+    `scores` are those of `rivals/score.py`, one for each judged run, `log_prior` that of where its
+    parameters are, `gap` what it leaves of the judged runs in floors.
+    """
+
+    kind: str
+    name: str
+    places: list[str]
+    gap: float
+    scores: list[float]
+    log_prior: float
+
+
 class Cause(msgspec.Struct, frozen=True, kw_only=True):
     """One thing that the simulator lacks, with the rivals that it was told from.
 
@@ -230,7 +245,8 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     *check-up* (the same inputs).
 
     `causes` are in the order in which they entered; `rivals` is the table of the last step, in
-    which nothing more was likeliest (or nothing at all). `models` are model files as text: with
+    which nothing more was likeliest (or nothing at all), `first_step` all rivals of the first one.
+    `models` are model files as text: with
     other parameters, then with each cause (empty for a plant that writes none). `whole` is over all
     signals, in floors. `unseen` says of each effect which strength these runs would not have shown.
     """
@@ -240,6 +256,7 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     headline: str
     causes: list[Cause] = []
     rivals: list[RivalGap] = []
+    first_step: list[RivalScore] = []
     parameters: list[ParameterMoved] = []
     budget: list[SignalGap] = []
     whole: SignalGap | None = None

@@ -12,9 +12,10 @@ ROOMS: dict[str, tuple[set[str], set[str]]] = {
     "plant": (set(), set()),
     "bank": ({"plant", "errors"}, set()),
     "quiz": ({"plant", "bank", "errors"}, {"firmware_protocol"}),
-    "run": ({"score", "names", "errors"}, {"smad", "sim_device"}),
+    "run": ({"score", "names", "checkout", "errors"}, {"smad", "sim_device"}),
     "score": ({"run", "results", "names", "checkout", "errors"}, {"smad", "sim_device"}),
-    "calibrate": ({"run", "score", "results", "names", "errors"}, {"smad"}),
+    "calibrate": ({"recovery", "run", "score", "results", "names", "errors"}, {"smad"}),
+    "recovery": ({"score", "results", "checkout", "errors"}, {"smad", "sim_device"}),
     "programme": ({"errors"}, {"smad", "sim_device"}),
     "results": ({"checkout", "errors"}, {"smad"}),
 }

@@ -12,8 +12,10 @@ from typing import Any
 import msgspec
 import pytest
 
+import evaluation.run
 import sim_device.plant
-from evaluation.run.judging import Check, Judged, judge, source_digest
+from evaluation.checkout import source_digest
+from evaluation.run.judging import Check, Judged, judge
 from evaluation.run.manifest import Case
 from evaluation.run.running import Task, VerdictFile, Work, answered, begun
 from smad.diagnosis.verdict import DIFFERS, REFUSED, Verdict
@@ -128,9 +130,9 @@ def test_verdicts_of_other_parameters_in_a_file_of_one_name_are_not_taken_up(
 
 
 def test_code_counts_as_other_code_with_another_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = source_digest()
-    monkeypatch.setattr("evaluation.run.judging.version", lambda name: f"{name} of tomorrow")
-    assert source_digest.__wrapped__() != before
+    before = source_digest(evaluation.run)
+    monkeypatch.setattr("evaluation.checkout.version", lambda name: f"{name} of tomorrow")
+    assert source_digest.__wrapped__(evaluation.run) != before
 
 
 def test_a_verdict_on_another_question_or_in_another_role_is_not_taken_up(order: Check) -> None:

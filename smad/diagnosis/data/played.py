@@ -1,12 +1,8 @@
-"""What the model says of a programme: reference point, slopes of parameters, signatures of entries.
-
-All of it is computed once, at commissioning. A signature is what an entry changes at one level and
-shape, for every bin and channel of every run.
-"""
+"""What the model says of runs: predictions on the grid, slopes of parameters, a reference point."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +11,6 @@ from smad.diagnosis.data.grid import PERIOD_S, thinned
 from smad.diagnosis.data.rows import bin_numbers
 from smad.diagnosis.plant import (
     Array,
-    Effect,
     Mask,
     ModelPoint,
     PlantModel,
@@ -24,7 +19,6 @@ from smad.diagnosis.plant import (
 )
 from smad.diagnosis.runs import GapRun
 
-LEVELS = (0.3, 1.0, 3.0, 10.0)
 _THETA_STEP = 0.1
 _ROUNDS = 3
 _FORM = 0.02
@@ -91,17 +85,6 @@ class Played:
         )
 
 
-@dataclass(frozen=True)
-class Atom:
-    """One signature: an entry at `values`, its strength `strength` alone at `level` × typical."""
-
-    entry: str
-    strength: str
-    level: float
-    variant: str
-    values: dict[str, float]
-
-
 def predictions(
     plant: PlantModel, point: ModelPoint, runs: Sequence[Played], *, exact: bool = False
 ) -> list[Array]:
@@ -112,7 +95,8 @@ def predictions(
     """
     out = []
     for played in runs:
-        found = plant.simulate(point, played.whole if exact else played.run, fast=True)
+        run = played.whole if exact else played.run
+        found = plant.simulate(point, run, fast=not exact)
         series = np.stack([found[c.name] for c in plant.channels])
         out.append(np.ascontiguousarray(played.means(series, exact=exact).T))
     return out
@@ -179,88 +163,3 @@ def reference_point(
         A = J @ J.T + np.eye(len(parameters))
         offset = offset + np.linalg.solve(A, J @ r - offset)
     return best
-
-
-def atoms_of(effect: Effect) -> list[Atom]:
-    """The signatures of an entry that are worth having: each strength, levels, shapes and signs."""
-    strengths = [q for q in effect.parameters if q.strength]
-    shapes = [q for q in effect.parameters if not q.strength]
-    out: list[Atom] = []
-    for q in strengths:
-        zero = {s.name: 0.0 for s in strengths}
-        typical = {s.name: s.typical for s in shapes}
-        signs = (1.0, -1.0) if q.low < 0.0 < q.high else (1.0,)
-        for sign in signs:
-            for level in LEVELS:
-                value = sign * level * q.typical
-                if q.low <= value <= q.high:
-                    values = {**zero, **typical, q.name: value}
-                    out.append(Atom(effect.name, q.name, sign * level, "typical", values))
-        for s in shapes:
-            for tag, value in (("low", _between(s.typical, s.low)),
-                               ("high", _between(s.typical, s.high))):  # fmt: skip
-                values = {**zero, **typical, q.name: q.typical, s.name: value}
-                out.append(Atom(effect.name, q.name, 1.0, f"{tag} {s.name}", values))
-    return out
-
-
-def _between(typical: float, end: float) -> float:
-    """A shape some way towards an end of its range: halfway, or a factor of three."""
-    half = 0.5 * (typical + end)
-    if typical > 0.0 and end > typical:
-        return min(half, 3.0 * typical)
-    if typical > 0.0 and end < typical:
-        return max(half, typical / 3.0)
-    return half
-
-
-def signatures(
-    plant: PlantModel,
-    point: ModelPoint,
-    runs: Sequence[Played],
-    progress: Callable[[str], None] = lambda text: None,
-    effects: Sequence[Effect] | None = None,
-) -> tuple[list[Atom], list[Array]]:
-    """Atoms of the whole library, or of some effects, and their signatures, float32.
-
-    Signatures are (atoms, bins, channels) a run.
-
-    Entries that the model cannot simulate at a level lack that level.
-    """
-    base = predictions(plant, point, runs)
-    atoms: list[Atom] = []
-    found: list[list[Array]] = [[] for _ in runs]
-    for effect in plant.effects if effects is None else effects:
-        progress(f"signatures: {effect.name}")
-        for atom in atoms_of(effect):
-            at = replace(point, effects={**point.effects, effect.name: atom.values})
-            changed = predictions(plant, at, runs)
-            if not finite(changed):
-                continue
-            atoms.append(atom)
-            for j, (new, old) in enumerate(zip(changed, base, strict=True)):
-                found[j].append((new - old).astype(np.float32))
-    return atoms, [np.array(f) for f in found]
-
-
-def scaled_signatures(
-    plant: PlantModel, point: ModelPoint, played: Played, base: Array, atoms: Sequence[Atom]
-) -> Array:
-    """Signatures of atoms at the inputs of another run, quickly, float32; (atoms, bins, channels).
-
-    One replay tells all atoms of a strength and a sign: it is scaled with the level, and shapes are
-    typical. Good enough to choose what is refined by replay.
-    """
-    out = np.zeros((len(atoms), *base.shape), dtype=np.float32)
-    alike: dict[tuple[str, str, float], list[int]] = {}
-    for i, a in enumerate(atoms):
-        alike.setdefault((a.entry, a.strength, float(np.sign(a.level))), []).append(i)
-    for (entry, _, sign), members in alike.items():
-        usual = [atoms[i] for i in members if atoms[i].variant == "typical"]
-        one = min(usual, key=lambda a: abs(a.level - sign))
-        at = replace(point, effects={**point.effects, entry: one.values})
-        (changed,) = predictions(plant, at, [played])
-        if finite([changed]):
-            levels = np.array([atoms[i].level / one.level for i in members])
-            out[members] = levels[:, None, None] * (changed - base)
-    return out

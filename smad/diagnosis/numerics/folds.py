@@ -30,39 +30,23 @@ class FoldProducts:
         """How many folds there are."""
         return len(self.gram)
 
-    def without(self, *folds: int) -> FoldProducts:
-        """The products of the other folds."""
-        kept = ~np.isin(np.arange(self.folds), folds)
-        return FoldProducts(self.gram[kept], self.against[kept])
-
 
 @dataclass(frozen=True)
 class FoldRows:
     """Rows (n,), responses (k, n) in single precision, and the fold of each row (n,).
 
-    Rows go through the `channels` by turns. Those whose fold is negative count nowhere. Products
-    are in double precision: single precision broke combinations of nearly equal responses.
+    Those whose fold is negative count nowhere. Products are in double precision: single precision
+    broke combinations of nearly equal responses.
     """
 
     rows: Array
     responses: NDArray[np.float32]
     fold: Index
-    channels: int = 1
-
-    def by_channel(self, values: Array) -> Array:
-        """Sum of squares of values (n,) of rows that are in a fold, for each channel."""
-        counted = np.where(self.fold >= 0, values, 0.0).reshape(-1, self.channels)
-        return np.asarray((counted**2).sum(axis=0))
 
     @property
     def folds(self) -> int:
         """How many folds there are."""
         return int(self.fold.max(initial=-1)) + 1
-
-    @property
-    def count(self) -> int:
-        """How many rows are in a fold."""
-        return int((self.fold >= 0).sum())
 
     @property
     def square(self) -> float:

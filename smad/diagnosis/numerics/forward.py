@@ -90,22 +90,6 @@ def fitted(products: FoldProducts) -> Fit:
     return Fit(np.asarray(inverse @ against), np.asarray(inverse))
 
 
-def held_out(products: FoldProducts, folds: Index, prior: float | None = None) -> float:
-    """What all responses take of some folds, by coefficients fitted without them.
-
-    These are free, or have the precision `prior`.
-    """
-    gram, against = products.gram.sum(axis=0), products.against.sum(axis=0)
-    taken = 0.0
-    for f in folds:
-        G, b = products.gram[f], products.against[f]
-        inner = gram - G
-        ridge = _RIDGE * np.diag(inner) + _TINY if prior is None else np.full(len(b), prior)
-        x = np.linalg.solve(inner + np.diag(ridge), against - b)
-        taken += float(2.0 * x @ b - x @ G @ x)
-    return taken
-
-
 def _columns(groups: Index, chosen: list[int], start: Index) -> Index:
     return np.concatenate([start, groups[chosen].ravel()])
 

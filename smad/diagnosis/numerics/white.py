@@ -7,7 +7,6 @@ are shrunk by their spread. Missing rows are 0 in everything.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -97,33 +96,3 @@ class RunRows:
     def shrink(self) -> Shrink:
         """Takes off what the day directions explain."""
         return Shrink(self.days)
-
-
-@dataclass(frozen=True)
-class White:
-    """The transformation for a set of runs."""
-
-    runs: tuple[RunRows, ...]
-
-    @classmethod
-    def plain(cls, scale: Array, valid: Sequence[Mask], rho: Array) -> White:
-        """Of runs without day directions; `scale` and `rho` are one number a channel."""
-        return cls(tuple(
-            RunRows(np.broadcast_to(scale, v.shape), v, np.zeros((0, *v.shape)), np.zeros(0), rho)
-            for v in valid
-        ))  # fmt: skip
-
-    def __call__(self, values: Sequence[Array]) -> Array:
-        """White rows of per-run arrays (m, bins, channels); shape (m, all rows)."""
-        parts = [r.shrink(r.independent(v)) for r, v in zip(self.runs, values, strict=True)]
-        return np.concatenate(parts, axis=1)
-
-    @property
-    def count(self) -> int:
-        """Rows that count."""
-        return int(sum(int(r.valid.sum()) for r in self.runs))
-
-    @property
-    def valid(self) -> Mask:
-        """Which of the white rows count."""
-        return np.concatenate([r.valid.ravel() for r in self.runs])

@@ -24,7 +24,6 @@ from smad.diagnosis.places.place import BOTH, Forcing, Place, PlacesPlant, singl
 from smad.diagnosis.plant import ModelPoint
 
 Singles = NDArray[np.float32]
-_WANDERING = ("constant", "time")
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,19 +68,6 @@ class Responses:
             by_place.setdefault(law.place, []).append((law, own))
         single = [_candidate(law.side, [(law, own)]) for x in by_place.values() for law, own in x]
         return single + [_candidate(BOTH, x) for x in by_place.values() if len(x) > 1]
-
-    def drifts(self, drift: Mapping[str, float], run: int) -> Array:
-        """A run's responses to places that wander by themselves, (k, bins, channels).
-
-        A constant and a straight line in time of the size that is given for each place.
-        """
-        out = [np.zeros((0, *self.runs[run].shape[1:]))]
-        for law, own in zip(self.laws, self.columns, strict=True):
-            size = drift.get(law.place, 0.0) / self.scales[law.place]
-            at = [own[n] for n, t in enumerate(law.terms) if t.name in _WANDERING]
-            if size > 0.0 and at:
-                out.append(size * self.runs[run][at].astype(np.float64))
-        return np.concatenate(out)
 
     def home(self, column: int) -> tuple[Law, Term]:
         """The law and the term that a response is of."""

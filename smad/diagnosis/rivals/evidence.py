@@ -13,8 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
+from smad.diagnosis.data.measured import Measured
 from smad.diagnosis.data.played import Played
-from smad.diagnosis.gap import Measured
 from smad.diagnosis.numerics.folds import Array, Index
 from smad.diagnosis.numerics.white import RunRows, Shrink
 from smad.diagnosis.places.place import PlacesPlant

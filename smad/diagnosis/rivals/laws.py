@@ -7,7 +7,7 @@ is selected is then fitted and judged by replay like any other rival.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -65,7 +65,7 @@ class LawSpace:
         for own in made.columns:
             raw = [r[own.start : own.stop].astype(np.float64) for r in made.runs]
             A[own.start : own.stop] = shrink(evidence.shrunk(evidence.rows(raw), weight))
-        return cls(responses=made, rows=FoldRows(z, A, evidence.fold, evidence.channels))
+        return cls(responses=made, rows=FoldRows(z, A, evidence.fold))
 
     def selected(self) -> list[SelectedLaw]:
         """The best law of each place, the place whose law takes most first."""
@@ -97,8 +97,3 @@ def _forward(rows: FoldRows, candidate: Candidate) -> Forward:
     worth = np.asarray(_SIMPLER ** (np.array(candidate.orders[1:]) - 1.0))
     products = rows.products(np.concatenate([constant, free]))
     return forward(products, asked, worth, depth=MOST_TERMS, before=len(constant))
-
-
-def widened(known: Responses, more: Responses) -> Responses:
-    """Responses of further runs joined to those of the first ones."""
-    return replace(known, runs=(*known.runs, *more.runs))

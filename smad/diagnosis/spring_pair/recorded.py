@@ -14,7 +14,7 @@ from smad.diagnosis.spring_pair.catalogue import timeline_named
 from smad.diagnosis.spring_pair.replays import PointReader
 from smad.diagnosis.spring_pair.signals import CHANNELS, run_from_columns
 
-RATE_HZ = 100
+RATE_HZ = 100.0
 _NAMES = (
     "t_s", "i_applied_x_A", "i_applied_y_A", "duty_x", "duty_y",
     "i_meas_x_A", "i_meas_y_A", "v_x_V", "v_y_V",
@@ -33,6 +33,7 @@ def recorded(
     *,
     noise: bool = True,
     duration_s: float | None = None,
+    rate_hz: float = RATE_HZ,
 ) -> GapRun:
     """The run that a bench at `point` gives for an experiment of the catalogue.
 
@@ -53,10 +54,10 @@ def recorded(
         seed=seed,
     )
     controller = Controller(_CONTROL, LimitsConfig())
-    n = round((timeline.duration_s if duration_s is None else duration_s) * RATE_HZ)
+    n = round((timeline.duration_s if duration_s is None else duration_s) * rate_hz)
     rows = np.empty((n, len(_NAMES)))
     drive = Drive()
-    dt_s = 1.0 / RATE_HZ
+    dt_s = 1.0 / rate_hz
     for k in range(n):
         plant.advance(drive, dt_s)
         read = plant.read()

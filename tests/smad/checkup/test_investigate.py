@@ -5,6 +5,7 @@ from itertools import count
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 
 from evaluation.programme.segments import run_of
@@ -18,9 +19,11 @@ from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.series import Recorded
 from smad.diagnosis.plant import EffectValues
+from smad.diagnosis.questions import free_model
+from smad.diagnosis.rivals.fit import Fit
+from smad.diagnosis.rivals.search import Rival
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.search.locate import Alternative
-from smad.diagnosis.search.told import PlaceTold
+from smad.diagnosis.verdict import Cause
 from smad.runlog.header import RunHeader
 from smad.runlog.schema import Row
 from smad.runlog.writer import write_run
@@ -60,19 +63,26 @@ SMALL = law("reading_force", "both", 1e-4)
 
 
 def undecided(found: Judged, *laws: Law) -> Judged:
-    """The check-up with a place told, and these laws between which nothing is decided."""
-    told = PlaceTold(
-        place=laws[0].place, side="x", words=laws[0].place, share=0.5, near=[],
-        near_places=[laws[0].place], probabilities=[0.9], terms=[],
-        largest=1.0, unit="K", in_simulator=True,
+    """The check-up with a cause told, and these laws between which nothing is decided."""
+    cause = Cause(
+        kind="law", name="", place=laws[0].place, side="x", words=laws[0].place, probability=0.9,
+        names={}, outside=1.0, credible_names=[], credible_places=[laws[0].place], places={},
+        values=[], terms=[], largest=1.0, unit="K", gap=1.0, rivals=[],
     )  # fmt: skip
-    near = tuple(Alternative(f"{law.place} {k}", (law,)) for k, law in enumerate(laws))
-    located = replace(found.located, told=(told,), alternatives=near)
-    verdict = msgspec.structs.replace(found.verdict, outcome="places", places=[told])
-    return replace(found, verdict=verdict, found=replace(found.found, located=located))
+    point = found.pairs.reference.point
+    rivals = []
+    for k, law in enumerate(laws):
+        model = free_model(found.pairs.plant, replace(point, laws=(law,)))
+        none = np.zeros((0, 0))
+        made = Fit(model=model, x=np.zeros(model.parameters), left=none, slopes=none, objective=0.0)
+        rivals.append(Rival(kind="effect", name=f"{law.place} {k}", fit=made, squares=none,
+                            scores=none))  # fmt: skip
+    verdict = msgspec.structs.replace(found.verdict, outcome="causes", causes=[cause])
+    answer = replace(found.answer, verdict=verdict, alternatives=tuple(rivals))
+    return replace(found, answer=answer)
 
 
-def test_the_run_that_tells_places_apart_is_proposed_with_the_reason(lagging: Judged) -> None:
+def test_the_run_that_tells_rivals_apart_is_proposed_with_the_reason(lagging: Judged) -> None:
     found = propose(undecided(lagging, LAG_LIKE, FORCE_LIKE), COSTS, 600.0)
     assert found.run == "short"
     assert found.staying == ("reading_rtd 0", "reading_force 1")
@@ -80,26 +90,26 @@ def test_the_run_that_tells_places_apart_is_proposed_with_the_reason(lagging: Ju
     assert "it separates reading_rtd 0 or reading_force 1 best" in found.why
 
 
-@pytest.mark.parametrize("outcome", ["quiet", "unplaced", "parameters"])
-def test_nothing_is_settled_without_a_place_before_every_run_was_played(
+@pytest.mark.parametrize("outcome", ["quiet", "unexplained", "parameters"])
+def test_nothing_is_settled_without_a_cause_before_every_run_was_played(
     lagging: Judged, outcome: str
 ) -> None:
-    nowhere = msgspec.structs.replace(lagging.verdict, outcome=outcome, places=[])
-    unplaced = replace(lagging, verdict=nowhere)
+    nowhere = msgspec.structs.replace(lagging.verdict, outcome=outcome, causes=[])
+    unplaced = replace(lagging, answer=replace(lagging.answer, verdict=nowhere))
     found = propose(unplaced, COSTS, 600.0)
     assert found.run == "short"
     assert "for the first time now" in found.why
     assert propose(unplaced, COSTS, 30.0).run is None
 
 
-def test_one_place_that_no_other_is_near_is_settled(lagging: Judged) -> None:
+def test_one_rival_that_no_other_is_near_is_settled(lagging: Judged) -> None:
     found = propose(undecided(lagging, LAG_LIKE), COSTS, 600.0)
     assert found.run is None
     assert not found.staying
-    assert found.why == "settled: reading_rtd; no other place is near"
+    assert found.why == "settled: a law at the reading_rtd; no other rival is near"
 
 
-def test_laws_that_predict_the_same_are_not_played_for(lagging: Judged) -> None:
+def test_rivals_that_predict_the_same_are_not_played_for(lagging: Judged) -> None:
     found = propose(undecided(lagging, SMALL, SMALL), COSTS, 600.0)
     assert found.run is None
     assert found.staying
@@ -166,7 +176,7 @@ def test_an_investigation_names_the_cause_proves_it_and_writes_the_model(
     folder = tmp_path / "investigation-1"
     report = inquiry(reference, folder, GAIN).carry_out(lambda text: None)
     assert report.verdict is not None
-    assert [p.name for p in report.verdict.places] == ["driver_gain"]
+    assert [c.name for c in report.verdict.causes] == ["driver_gain"]
     assert [r.held_out for r in report.records] == [False, True]
     current = next(s for s in report.proof if s.signal == "i_meas_x_A")
     assert current.raw > 5.0 * current.floor
@@ -197,7 +207,7 @@ def test_a_bench_that_trips_is_judged_by_what_was_recorded_and_asked_no_more(
     assert [r.run for r in report.records] == ["short"]
     assert report.why_over == "a run was ended early: it tripped"
     assert report.verdict is not None
-    assert [p.name for p in report.verdict.places] == ["driver_gain"]
+    assert [c.name for c in report.verdict.causes] == ["driver_gain"]
     assert report.proof == []
 
 

@@ -8,7 +8,7 @@ from smad.checkup.paired.reference import Reference
 from smad.diagnosis import Verdict
 from smad.diagnosis.plant import EffectValues
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.verdict import CHECK_UP, PLACES, QUIET
+from smad.diagnosis.verdict import CAUSES, CHECK_UP, QUIET
 from tests.smad.diagnosis.cases import GAIN, OTHER
 from tests.smad.diagnosis.heater_plant import HeaterPlant, recorded
 
@@ -36,17 +36,15 @@ def checked(reference: Reference, day: int, effects: EffectValues | None = None)
 
 def test_a_heater_as_it_was_is_quiet(reference: Reference) -> None:
     found = checked(reference, 4)
-    assert (found.question, found.outcome, found.places) == (CHECK_UP, QUIET, [])
-    assert any(text.startswith("reading of temp_l_degC") for text in found.unseen)
+    assert (found.question, found.outcome, found.causes) == (CHECK_UP, QUIET, [])
+    assert any(text.startswith("dial_delay, delay_s: less than") for text in found.unseen)
 
 
-def test_a_new_gain_of_a_heater_is_found_where_it_acts_with_its_name(reference: Reference) -> None:
+def test_a_new_gain_of_a_heater_is_named_with_its_value(reference: Reference) -> None:
     found = checked(reference, 5, GAIN)
-    assert found.outcome == PLACES
-    assert {p.place for p in found.places} <= {
-        "input_cmd_l_W", "input_cmd_r_W", "reading_power_l_W", "reading_power_r_W"
-    }  # fmt: skip
-    assert found.places[0].name == "driver_gain"
-    assert found.places[0].values["driver_gain"]["g"] == pytest.approx(0.05, abs=0.003)
+    assert found.outcome == CAUSES
+    (cause,) = found.causes
+    assert cause.name == "driver_gain"
+    assert cause.values[0].value == pytest.approx(0.05, abs=0.003)
     assert found.whole is not None
     assert found.whole.final < 0.5 * found.whole.parameters

@@ -59,7 +59,7 @@ def test_next_prints_what_is_confused_and_each_experiment_that_parts_it_the_best
             for k in range(6)
         ]
 
-    left = Answer(verdict=Verdict(question="differs", outcome="places", headline="it lacks"))
+    left = Answer(verdict=Verdict(question="differs", outcome="causes", headline="it lacks"))
     monkeypatch.setattr("smad.cli.gap_next.diagnosed", lambda *asked: left)
     monkeypatch.setattr("smad.diagnosis.next_run.offers", offered)
     path = tmp_path / "a.mcap"
@@ -94,7 +94,7 @@ def test_a_recorded_experiment_is_a_run_that_verify_can_read(log: Path, tmp_path
     rows = json.loads(call("verify", "--model", str(model), str(log), "--json").output)
     by_name = {r["signal"]: r for r in rows}
     assert by_name["displacement_mm"]["raw"] < 1.0
-    (after,) = by_name["rtd_x_degC"]["places"]
+    (after,) = by_name["rtd_x_degC"]["causes"]
     assert after > 3.0 * by_name["rtd_x_degC"]["raw"]
     assert rows[-1]["unit"] == "floors"
 
@@ -153,7 +153,7 @@ def test_diagnose_says_the_answer_and_writes_verdict_page_and_model(
     folder, said, _ = told
     verdict = Verdict.from_json((folder / "v.json").read_bytes())
     assert said.stdout.startswith(verdict.headline)
-    assert "current" in verdict.places[0].words
+    assert verdict.causes[0].name == "driver_gain"
     assert verdict.whole is not None
     assert verdict.whole.final < 0.5 * verdict.whole.raw
     assert f"{verdict.whole.raw:.3g}" in said.stdout
@@ -162,7 +162,7 @@ def test_diagnose_says_the_answer_and_writes_verdict_page_and_model(
     assert (folder / "all.toml").read_text() == verdict.models[-1]
 
 
-def test_apply_writes_the_model_with_the_first_places_and_verify_shows_what_they_add(
+def test_apply_writes_the_model_with_the_first_causes_and_verify_shows_what_they_add(
     told: tuple[Path, Result, Path],
 ) -> None:
     folder, _, table = told
@@ -172,9 +172,9 @@ def test_apply_writes_the_model_with_the_first_places_and_verify_shows_what_they
         said = call("apply", str(folder / "v.json"), "--out", str(out), "--first", first)
         assert said.output.startswith(f"{out}: parameters")
         rows = json.loads(call("verify", "--model", str(out), str(table), "--json").output)
-        left.append(rows[-1]["places"][0])
+        left.append(rows[-1]["causes"][0])
     assert left[1] < 0.8 * left[0]
     too_many = call("apply", str(folder / "v.json"), "--out", str(folder / "x"), "--first", "99")
-    assert "fewer places" in str(too_many.exception)
+    assert "fewer causes" in str(too_many.exception)
     no_verdict = call("apply", str(table), "--out", str(folder / "x"))
     assert "is no verdict" in str(no_verdict.exception)

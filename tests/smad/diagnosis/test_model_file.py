@@ -1,28 +1,28 @@
-"""The model of a verdict as a file: with all its places, or its first ones."""
+"""The model of a verdict as a file: with all its causes, or its first ones."""
 
 from pathlib import Path
 
 import pytest
 
 from smad.diagnosis.errors import PlantMismatch
-from smad.diagnosis.verdict import DIFFERS, PLACES, Verdict
+from smad.diagnosis.verdict import CAUSES, DIFFERS, Verdict
 
 TOLD = Verdict(
-    question=DIFFERS, outcome=PLACES, headline="", models=["parameters", "one", "one and two"]
+    question=DIFFERS, outcome=CAUSES, headline="", models=["parameters", "one", "one and two"]
 )
 
 
 @pytest.mark.parametrize(
     ("first", "text"), [(0, "parameters"), (1, "one"), (2, "one and two"), (None, "one and two")]
 )
-def test_the_first_places_are_written_or_all(first: int | None, text: str, tmp_path: Path) -> None:
+def test_the_first_causes_are_written_or_all(first: int | None, text: str, tmp_path: Path) -> None:
     TOLD.write_model(tmp_path / "m.toml", first)
     assert (tmp_path / "m.toml").read_text() == text
 
 
 @pytest.mark.parametrize("first", [3, -1])
-def test_more_places_than_there_are_are_refused_with_the_limit(first: int, tmp_path: Path) -> None:
-    with pytest.raises(PlantMismatch, match=r"fewer places.*0 \(parameters alone\) to 2"):
+def test_more_causes_than_there_are_are_refused_with_the_limit(first: int, tmp_path: Path) -> None:
+    with pytest.raises(PlantMismatch, match=r"fewer causes.*0 \(parameters alone\) to 2"):
         TOLD.write_model(tmp_path / "m.toml", first)
     assert not (tmp_path / "m.toml").exists()
 

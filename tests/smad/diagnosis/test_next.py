@@ -1,4 +1,4 @@
-"""Which experiment would part places that runs leave confused."""
+"""Which experiment would part rivals that runs leave confused."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ def confused() -> Answer:
     return diagnose(bank(OTHER, GAIN)[:2], plant=HeaterPlant(), candidates=())
 
 
-def test_places_that_runs_do_not_tell_apart_are_parted_by_experiments_the_best_first(
+def test_rivals_that_runs_do_not_tell_apart_are_parted_by_experiments_the_best_first(
     confused: Answer,
 ) -> None:
     words, found = offers(confused)
-    assert set(words) == {"reading of power_l_W", "reading of power_r_W"}
+    assert set(words) == {"a law at the reading of power_l_W", "a law at the reading of power_r_W"}
     assert {o.experiment.name for o in found} == {e.name for e in HeaterPlant().catalogue()}
     separations = [o.separation for o in found]
     assert separations == sorted(separations, reverse=True)

@@ -35,9 +35,7 @@ def test_a_row_is_a_tenth_of_the_correlation_time_in_whole_samples(family: str) 
 
 def test_a_row_has_no_cliff_in_the_time_scale_of_a_bench() -> None:
     run = finer(recorded("random", 1, duration_s=60.0))
-    lengths = [
-        row_length_s([slowed(run, f)], HeaterPlant()) / f for f in np.linspace(0.9, 1.1, 21)
-    ]
+    lengths = [row_length_s([slowed(run, f)], HeaterPlant()) / f for f in np.linspace(0.9, 1.1, 21)]
     assert max(lengths) < 1.15 * min(lengths)
 
 

@@ -101,7 +101,7 @@ def test_a_law_of_an_input_that_goes_with_the_output_is_made_to_agree_with_it() 
      ("input_fan", "fan"), ("input_cmd_l_W", "temp_l_degC")],
 )  # fmt: skip
 def test_a_response_is_what_a_small_law_changes_in_the_simulator(place: str, term: str) -> None:
-    played = [Played.of(run_of(), period_s=0.2)]
+    played = [Played.of(run_of(), PLANT.inputs, period_s=0.2)]
     space = candidate_laws(PLANT, POINT, played)
     found = responses(PLANT, POINT, played, space=space)
     (column,) = (

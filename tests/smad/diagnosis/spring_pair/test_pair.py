@@ -10,11 +10,8 @@ import pytest
 
 from sim_device.plant.draws import draw
 from sim_device.plant.models import read_model
-from smad.diagnosis.data.noise import estimate_floors
-from smad.diagnosis.gap import Measured, Residual, white_change
-from smad.diagnosis.plant import ModelPoint, Uncertainty, nominal_point
+from smad.diagnosis.plant import ModelPoint, Uncertainty
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.search.refine import refine
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded
 from smad.diagnosis.spring_pair.signals import CHANNELS, run_from_columns
@@ -95,30 +92,6 @@ def test_columns_of_a_log_become_a_run_with_gaps_marked() -> None:
     assert "force_N" not in run.outputs
     assert run.good.sum() == n - 3
     assert np.isfinite(run.outputs["v_x_V"]).all()
-
-
-@pytest.mark.parametrize(
-    ("name", "y_share"),
-    [("rtd_lag", 0.75), ("driver_gain", 1.0), ("pump_lag", 1.0)],
-)
-def test_an_effect_is_recovered_with_its_side_from_runs_made_with_it(
-    name: str, y_share: float
-) -> None:
-    """Through sensors, noise and quanta, from a third of the strength; parameters known."""
-    effect = next(e for e in PLANT.effects if e.name == name)
-    truth = strong(effect, 0.7) | {"y_share": y_share}
-    run = recorded("mixed", PLANT, ModelPoint({}, {name: truth}), 5, duration_s=30.0)
-    least = estimate_floors([run], PLANT, 0.2)
-    measured = Measured.of(PLANT, [run], 0.2)
-    gap = Residual.of(PLANT, nominal_point(PLANT), measured, scale=least, counts=(True,))
-    values = strong(effect, 0.25)
-    for _ in range(3):
-        end = refine(effect, values, gap.z, lambda v: white_change(gap, v))
-        assert end is not None
-        values = end.values
-    for q in effect.parameters:
-        if q.strength or q.name == "y_share":
-            assert values[q.name] == pytest.approx(truth[q.name], abs=0.2 * abs(q.typical)), values
 
 
 def test_a_model_file_from_before_the_shares_is_even(tmp_path: Path) -> None:

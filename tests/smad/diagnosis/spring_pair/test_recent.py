@@ -74,7 +74,7 @@ def test_a_copy_sent_elsewhere_begins_empty() -> None:
 @pytest.mark.parametrize("fast", [False, True])
 def test_a_plant_that_has_replayed_much_gives_what_a_fresh_one_gives(fast: bool) -> None:
     used = SmaPlant()
-    run = thinned(whole(), 0.1) if fast else whole()
+    run = thinned(whole(), 0.1, SmaPlant.inputs) if fast else whole()
     for point in POINTS:
         used.simulate(point, whole(), fast=fast)
     for point in POINTS * 2:

@@ -1,0 +1,95 @@
+"""Development cases of both kinds: of the product's own simulator, and of the independent plant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+
+from evaluation.calibrate.rivals import LISTED, MOVED, NONE, UNLISTED, Asked
+from evaluation.errors import BankError
+from evaluation.names import canonical
+from evaluation.recovery.judging import Answer
+from evaluation.recovery.running import RecoveryFile
+from evaluation.run.running import VerdictFile
+from evaluation.score.answers import DIFFERS, CaseKey, Key, digest
+from evaluation.score.openings import refuse_sealed
+from smad.diagnosis.places.bare import with_places
+from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.verdict import Verdict
+
+_TRUTHS = {
+    "none": NONE, "room": NONE, "preload": NONE, "drift": NONE, "parameters": MOVED,
+    "single": LISTED, "pair": LISTED, "triple": LISTED, "unknown": UNLISTED,
+}  # fmt: skip
+_PARTS = 6
+"""Parts of a recovery bank that are left out in turn."""
+
+
+class _Form(msgspec.Struct):
+    format: str
+
+
+def cases_of(path: Path, keys: Sequence[Path]) -> list[Asked]:
+    """The cases of a file of `recover` or `check`; of the second the key is one of `keys`.
+
+    Raises BankError for another file, for a missing key and for a sealed one.
+    """
+    try:
+        data = path.read_bytes()
+        form = msgspec.json.decode(data, type=_Form).format
+        if form == "smad-recovery-1":
+            answers = msgspec.json.decode(data, type=RecoveryFile).answers
+            return _of_recovery(path, list(answers.values()))
+        return _of_bank(path, msgspec.json.decode(data, type=VerdictFile), keys)
+    except (OSError, msgspec.MsgspecError) as error:
+        raise BankError(f"{path} is no file of `recover` or `check` ({error}): give one") from None
+
+
+def _of_recovery(path: Path, answers: Sequence[Answer]) -> list[Asked]:
+    plant = SmaPlant()
+    places = {e.name: e.places for e in plant.effects}
+    out = []
+    for k, answer in enumerate(sorted(answers, key=lambda a: a.case.name)):
+        case, verdict = answer.case, answer.verdict
+        if verdict is None or not verdict.first_step:
+            continue
+        out.append(Asked(
+            case=case.name, fold=f"{path.stem} part {k % _PARTS}", question=case.question,
+            truth=_TRUTHS[case.kind], names=frozenset(canonical(n) for n in case.effects),
+            places=frozenset(p for n in case.effects for p in places[n]),
+            rivals=tuple(verdict.first_step), **_counts(plant),
+        ))  # fmt: skip
+    return out
+
+
+def _of_bank(path: Path, file: VerdictFile, keys: Sequence[Path]) -> list[Asked]:
+    """Without those of *differs*, where the plant's own differences have no order."""
+    key = next((k for k in keys if digest(k) == file.key_sha256), None)
+    if key is None:
+        raise BankError(f"no key of {path} is given: add --key KEY.json of its bank")
+    refuse_sealed(key.parent)
+    truths = msgspec.json.decode(key.read_bytes(), type=Key).cases
+    plant = SmaPlant()
+    out = []
+    for name, kept in file.verdicts.items():
+        truth, verdict = truths[name], msgspec.convert(kept, Verdict)
+        if truth.question == DIFFERS or not verdict.first_step:
+            continue
+        out.append(Asked(
+            case=name, fold=f"{file.bank} {_bench(truth, name)}", question=truth.question,
+            truth=_TRUTHS[truth.kind], names=frozenset(e.name for e in truth.effects),
+            places=frozenset(p for e in truth.effects for p in e.places),
+            rivals=tuple(verdict.first_step), **_counts(plant),
+        ))  # fmt: skip
+    return out
+
+
+def _bench(truth: CaseKey, name: str) -> str:
+    return f"bench {truth.bench}" if truth.bench else name
+
+
+def _counts(plant: SmaPlant) -> dict[str, int]:
+    """How many effects and laws share the prior of their kind."""
+    return {"effects": len(plant.effects), "laws": len(with_places(plant).places)}

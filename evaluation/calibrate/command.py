@@ -1,0 +1,143 @@
+"""`calibrate`: constants from development banks of both kinds, and what they are worth."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from evaluation.calibrate.banks import cases_of
+from evaluation.calibrate.fitting import ALLOWED, HELD, cost, fitted
+from evaluation.calibrate.rivals import LISTED, MOVED, NONE, UNLISTED, Asked, Said, folds_of
+from evaluation.results.record import keep
+from evaluation.score.scores import calibration, number, reliability, share
+from smad.diagnosis.constants import Constants, shipped
+from smad.diagnosis.rivals.score import NOTHING, PARAMETERS
+from smad.report.page import Table, text_table
+
+TITLE = "Constants by development banks, benches left out"
+SCORES, PLACES, NAMES = "Scores", "Probability of the likeliest place", "Probability of the name"
+"""Headings of the kept tables; the last two are shown in docs/trust.md."""
+
+
+def calibrate(
+    files: Sequence[Path],
+    keys: Sequence[Path],
+    *,
+    out: Path | None = None,
+    result: Path | None = None,
+) -> Constants:
+    """The constants of cases: prints what the shipped ones, those of other benches and the new ones
+    come to. `out` is where the new ones go as TOML; `result` keeps the tables of the second."""
+    before = shipped()
+    cases = [x for f in files for x in cases_of(f, keys)]
+    after = fitted(cases, before)
+    left_out: list[tuple[Said, Constants]] = []
+    for fold in folds_of(cases):
+        others = fitted([x for x in cases if x.fold != fold], before)
+        left_out += [(x.said(others), others) for x in cases if x.fold == fold]
+    for title, said in (
+        ("as shipped", [(x.said(before), before) for x in cases]),
+        ("each bench by constants from the others", left_out),
+        ("by all of them, on themselves", [(x.said(after), after) for x in cases]),
+    ):
+        print(f"{title}\n{text_table(_scores(said))}")
+    print(f"cost as shipped {_cost(cases, before):.4f}, after {_cost(cases, after):.4f}")
+    for name in before.__struct_fields__:
+        print(f"  {name:<12} {getattr(before, name):>8g} -> {getattr(after, name):g}")
+    words = f"{len(cases)} cases of {', '.join(f.stem for f in files)}"
+    if result is not None:
+        tables = {SCORES: _scores(left_out)} | {
+            heading: Table(("said", "right [95 %]", "cases"), reliability(_of(left_out, of)),
+                           numeric=frozenset({0, 1, 2}))
+            for heading, of in ((PLACES, _place), (NAMES, _name))
+        }  # fmt: skip
+        keep(result, tables, title=TITLE, command="python -m evaluation calibrate",
+             note=f"{words}; each bench by constants from the others.")  # fmt: skip
+    if out is not None:
+        out.write_text(toml(after, words))
+        print(f"written: {out}")
+    return after
+
+
+def _cost(cases: Sequence[Asked], c: Constants) -> float:
+    return cost([x for x in cases if x.right.any() and not x.hidden], c)
+
+
+def toml(c: Constants, words: str) -> str:
+    """The file of constants, with what they were fitted to."""
+    allowed = ", ".join(f"{kind} {share:.3g}" for kind, share in ALLOWED.items())
+    head = (
+        f"# Written by `python -m evaluation calibrate` from {words}.\n"
+        "# Under them the right rivals are likeliest, kinds of cases weighed by allowed errors\n"
+        f"# ({allowed}); told_level: told places hold the truth in {HELD:g}.\n"
+    )
+    return head + "".join(f"{name} = {getattr(c, name)!r}\n" for name in c.__struct_fields__)
+
+
+Held = Sequence[tuple[Said, Constants]]
+
+
+def _place(said: Said) -> tuple[float, bool]:
+    return said.place
+
+
+def _name(said: Said) -> tuple[float, bool]:
+    return said.name
+
+
+def _of(
+    cases: Held, of: Callable[[Said], tuple[float, bool]], *truths: str
+) -> list[tuple[float, bool]]:
+    """What was said of noticed effects, and whether it was right."""
+    wanted = truths or (LISTED, UNLISTED)
+    return [of(s) for s, _ in cases if s.noticed and s.asked.truth in wanted]
+
+
+def _scores(cases: Held) -> Table:
+    """How often the first step is right."""
+
+    def kind(*truths: str) -> list[tuple[Said, Constants]]:
+        return [(s, c) for s, c in cases if s.asked.truth in truths]
+
+    effects = kind(LISTED, UNLISTED)
+    clear = [(s, c) for s, c in effects if not s.asked.hidden]
+    noticed = [(s, c) for s, c in effects if s.noticed]
+    listed = [(s, c) for s, c in noticed if s.asked.truth == LISTED]
+    other = [(s, c) for s, c in noticed if s.asked.truth == UNLISTED]
+    named = [(s, c) for s, c in noticed if s.name[0] >= 0.5]
+    rows = [
+        share("quiet benches called changed", kind(NONE), lambda x: x[0].kind != NOTHING),
+        share("parameters told as such", kind(MOVED), lambda x: x[0].kind == PARAMETERS),
+        share("effects noticed", effects, lambda x: x[0].noticed),
+        share("effects noticed, of those that parameters do not imitate", clear,
+              lambda x: x[0].noticed),
+        *(share(f"place right first, {words}", some, lambda x: x[0].place[1])
+          for words, some in (("listed", listed), ("unlisted", other))),
+        *(share(f"told places hold the truth, {words}", some,
+                lambda x: bool(x[0].told_places(x[1].told_level) & x[0].asked.places))
+          for words, some in (("listed", listed), ("unlisted", other))),
+        share("right name first, listed", listed, lambda x: x[0].name[1]),
+        share("right name told, listed", listed, lambda x: x[0].name[1] and x[0].name[0] >= 0.5),
+        share("right name, of names told", named, lambda x: x[0].name[1]),
+        share("unlisted told by name", other, lambda x: x[0].name[0] >= 0.5),
+    ]  # fmt: skip
+    lines = [(row.name, number(row), str(row.count)) for row in rows]
+    sizes = [len(s.told_places(c.told_level)) for s, c in noticed]
+    if sizes:
+        lines.append(
+            ("told places, mean number", f"{statistics.fmean(sizes):.2f}", str(len(sizes)))
+        )
+    for truth in ALLOWED:
+        logs = [np.log(s.right + 1e-12) for s, _ in kind(truth)
+                if s.asked.right.any() and not s.asked.hidden]  # fmt: skip
+        if logs:
+            lines.append((f"mean log probability of the right rival, {truth}",
+                          f"{np.mean(logs):.3f}", str(len(logs))))  # fmt: skip
+    for words, of in (("places", _place), ("names", _name)):
+        if told := _of(cases, of):
+            lines.append((f"error of the probabilities of {words}", f"{calibration(told):.3f}",
+                          str(len(told))))  # fmt: skip
+    return Table(("score", "value [95 %]", "cases"), lines, numeric=frozenset({1, 2}))

@@ -1,0 +1,85 @@
+"""What the product says of a case of the recovery bank."""
+
+from __future__ import annotations
+
+import functools
+import time
+import traceback
+
+import msgspec
+
+from evaluation.recovery.cases import NONE, Case, bench_parameters
+from evaluation.recovery.playing import FIT, HELD_OUT, REPEATS, Bench
+from smad.checkup.commission import commissioned
+from smad.checkup.judge import judged
+from smad.checkup.paired.reference import Reference
+from smad.diagnosis.diagnose import diagnose
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.verdict import CHANGED, CHECK_UP, DIFFERS, Verdict
+
+_GOOD_SEED = 500
+
+
+class Answer(msgspec.Struct, frozen=True, kw_only=True):
+    """A case with its verdict, or with why there is none; processor time of the diagnosis alone."""
+
+    case: Case
+    verdict: Verdict | None = None
+    error: str = ""
+    cpu_s: float = 0.0
+
+
+def answer(case: Case, seed: int) -> Answer:
+    """Play a case and diagnose it. An error in it becomes part of the answer."""
+    try:
+        verdict, cpu_s = _asked(case, seed)
+    except Exception as error:
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        words = f"{type(error).__name__}: {error} ({last.filename.rsplit('/')[-1]}:{last.lineno})"
+        return Answer(case=case, error=words)
+    # Model files and what runs would not have shown are long, and nothing here reads them.
+    kept = msgspec.structs.replace(verdict, models=[], unseen=[])
+    return Answer(case=case, verdict=kept, cpu_s=round(cpu_s, 2))
+
+
+def _asked(case: Case, seed: int) -> tuple[Verdict, float]:
+    plant = _plant()
+    good, now = bench_parameters(plant, case, seed)
+    bench = Bench(plant, now, case.effects)
+    if case.question == DIFFERS:
+        fit = bench.everyday(FIT, case.seed)
+        held_out = bench.everyday(HELD_OUT, case.seed + len(FIT))
+        began = time.process_time()
+        return diagnose(fit, plant=plant, hold_out=held_out).verdict, _since(began)
+    if case.question == CHANGED:
+        before = Bench(plant, good, {}).everyday(FIT, case.seed + _GOOD_SEED, word="good ")
+        runs = bench.everyday(FIT, case.seed)
+        began = time.process_time()
+        return diagnose(runs, plant=plant, good=before).verdict, _since(began)
+    return _checked_up(plant, case, seed, bench.programme(case.seed))
+
+
+def _since(began: float) -> float:
+    return time.process_time() - began
+
+
+def _checked_up(plant: SmaPlant, case: Case, seed: int, now: list[GapRun]) -> tuple[Verdict, float]:
+    reference = _commissioned(case.bench, seed)
+    began = time.process_time()
+    return judged(plant, reference, [(run, run.name) for run in now]).verdict, _since(began)
+
+
+@functools.cache
+def _plant() -> SmaPlant:
+    return SmaPlant()
+
+
+@functools.lru_cache(maxsize=3)
+def _commissioned(bench: int, seed: int) -> Reference:
+    """The good bench of that number, from its repeats."""
+    plant = _plant()
+    case = Case(name="", question=CHECK_UP, kind=NONE, seed=0, bench=bench)
+    good, _ = bench_parameters(plant, case, seed)
+    days = [Bench(plant, good, {}).programme(_GOOD_SEED * (bench + 1) + k) for k in range(REPEATS)]
+    return commissioned(plant, list(zip(*days, strict=True)))

@@ -1,0 +1,60 @@
+"""The runs of a case: a simulated bench in virtual time, with its controller, sensors and noise."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from sim_device.plant.effects.registry import resolve
+from smad.checkup.programme import shipped
+from smad.diagnosis.plant import ModelPoint
+from smad.diagnosis.runs import GapRun
+from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.spring_pair.recorded import recorded
+from smad.diagnosis.spring_pair.signals import read_gap_run
+from smad.experiments.driver import log_path
+from smad.experiments.virtual import VirtualDriver
+
+FIT = ("pulses", "levels", "sines", "stairs")
+HELD_OUT = ("mixed", "quick levels")
+"""Experiments of the catalogue that everyday runs are made of."""
+REPEATS = 3
+RUNS = 4
+"""Of the shipped programme, its quick part first: what a check-up plays, and how often it was good.
+"""
+_SEED_STEP = 1000
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A simulated bench: the values of its parameters, and of the effects at work."""
+
+    plant: SmaPlant
+    theta: Mapping[str, float]
+    effects: Mapping[str, Mapping[str, float]]
+
+    @property
+    def point(self) -> ModelPoint:
+        """It as a point of the model."""
+        return ModelPoint(self.theta, self.effects)
+
+    def everyday(self, names: Sequence[str], seed: int, *, word: str = "") -> list[GapRun]:
+        """Runs of the catalogue, each with a seed of its own."""
+        runs = [recorded(n, self.plant, self.point, seed + k) for k, n in enumerate(names)]
+        return [replace(r, name=f"{word}{r.name}") for r in runs]
+
+    def programme(self, seed: int, count: int = RUNS) -> list[GapRun]:
+        """The first runs of the shipped programme, by their names."""
+        runs = []
+        for k, run in enumerate(shipped().runs[:count]):
+            with tempfile.TemporaryDirectory() as folder:
+                driver = VirtualDriver(
+                    self.plant.set_of(self.theta), seed=seed + _SEED_STEP * k,
+                    effects=resolve(self.plant.within(self.effects)), folder=Path(folder),
+                )  # fmt: skip
+                plan = run.plan()
+                driver.run(plan)
+                runs.append(replace(read_gap_run(log_path(Path(folder), plan)), name=run.name))
+        return runs

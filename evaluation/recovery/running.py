@@ -1,0 +1,121 @@
+"""The recovery bank as a file of answers that a later call goes on from."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import active_children, get_context
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from evaluation.checkout import source_digest
+from evaluation.errors import WithheldError
+from evaluation.recovery.cases import QUESTIONS, Case, cases_of
+from evaluation.recovery.judging import Answer, answer
+from evaluation.recovery.scores import tables
+from evaluation.results.record import keep
+from smad.diagnosis.spring_pair import SmaPlant
+from smad.report.page import Table, text_table
+
+
+class RecoveryFile(msgspec.Struct, kw_only=True):
+    """Answers by name of their case; `source_sha256` is that of the product that gave them."""
+
+    format: Literal["smad-recovery-1"] = "smad-recovery-1"
+    seed: int
+    source_sha256: str
+    answers: dict[str, Answer] = {}
+
+    def write(self, path: Path) -> None:
+        """Write it as JSON; a reader never sees half of one."""
+        partial = path.with_name(path.name + ".part")
+        partial.write_bytes(msgspec.json.encode(self) + b"\n")
+        partial.replace(path)
+
+
+def read(path: Path) -> RecoveryFile:
+    """A file of answers. Raises WithheldError for what is none."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=RecoveryFile)
+    except (OSError, msgspec.DecodeError) as error:
+        raise WithheldError(
+            f"{path} is no file of recovery answers ({error}): give one that `recover` wrote"
+        ) from None
+
+
+def run(
+    path: Path,
+    *,
+    seed: int = 1,
+    only: Sequence[str] = (),
+    count: int | None = None,
+    jobs: int = 1,
+    kept: Path | None = None,
+    title: str = "",
+    note: str = "",
+) -> dict[str, Table]:
+    """Answer the cases that the file `path` lacks, and print the scores of all that were asked for.
+
+    `only` are questions, all of them if empty; `count` cases of each. Answers of other code, or of
+    another seed, are made anew. With `kept` the tables are kept as a result. Raises WithheldError
+    for a question that there is not.
+    """
+    for question in only:
+        if question not in QUESTIONS:
+            raise WithheldError(f"no question {question!r}: ask {', '.join(QUESTIONS)}")
+    if count is not None and count < 1:
+        raise WithheldError(f"{count} cases of a question are none: give --cases 1 or more")
+    cases = cases_of(SmaPlant(), only or QUESTIONS, seed, count)
+    file = begun(path, seed)
+    answered(file, path, cases, jobs)
+    found = tables([file.answers[c.name] for c in cases])
+    for heading, table in found.items():
+        print(f"{heading}\n{text_table(table)}")
+    if kept is not None:
+        keep(kept, found, title=title, command="python -m evaluation recover", note=note)
+    return found
+
+
+def begun(path: Path, seed: int) -> RecoveryFile:
+    """The file as it stands; empty where it is of other code or of another seed."""
+    empty = RecoveryFile(seed=seed, source_sha256=source_digest())
+    with contextlib.suppress(WithheldError):
+        old = read(path)
+        if (old.seed, old.source_sha256) == (seed, empty.source_sha256):
+            return old
+    return empty
+
+
+def answered(file: RecoveryFile, path: Path, cases: Sequence[Case], jobs: int) -> None:
+    """Answer what is lacking, `jobs` cases at a time; the file is written after each case.
+
+    A case that failed is tried again. A fork would copy the locks of threads, so that workers are
+    fresh interpreters.
+    """
+    kept = [a.case for a in file.answers.values() if not a.error]
+    lacking = [c for c in cases if c not in kept]
+    lacking.sort(key=lambda c: c.question)
+    pool = ProcessPoolExecutor(jobs, get_context("spawn"), _leave_interrupts)
+    try:
+        tasks = [pool.submit(answer, case, file.seed) for case in lacking]
+        for n, task in enumerate(as_completed(tasks), start=1):
+            made = task.result()
+            file.answers[made.case.name] = made
+            file.write(path)
+            said = made.error or (made.verdict.headline if made.verdict else "")
+            print(f"{made.case.name}  {said}  {made.cpu_s:.0f} s  [{n}/{len(lacking)}]", flush=True)
+        pool.shutdown()
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in active_children():
+            process.terminate()
+        raise
+
+
+def _leave_interrupts() -> None:
+    """An interrupt is for the parent, which has the file."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
