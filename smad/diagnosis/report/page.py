@@ -109,7 +109,7 @@ def by_signal(v: Verdict, rows: Sequence[RivalGap]) -> Table:
 
 def budget(v: Verdict) -> Table:
     """Where the gap goes, signal by signal."""
-    of, *stages = budget_stages(v)
+    of, *stages = budget_stages(v.question, [c.name or "a law" for c in v.causes])
     rows = [
         (labelled(s.label, s.unit),
          *(f"{x:.3g}" for x in (s.raw, s.parameters, *s.causes, s.floor)))
