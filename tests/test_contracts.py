@@ -58,7 +58,7 @@ ROOMS_ABOVE = {
     "report": ("search.", "constants", "simulator", "changed", "diagnose", "spring_pair"),
 }
 # Who shows the report: what it says decides nothing.
-SHOW_REPORTS = ("smad.cli.", "smad.checkup.page", "smad.diagnosis.report.")
+SHOW_REPORTS = ("smad.cli.", "smad.diagnosis.report.")
 # Tools of a package that are run by hand; they may read a clock or a file.
 EXEMPT_NAMES = {"generate.py", "__main__.py"}
 

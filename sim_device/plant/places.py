@@ -121,21 +121,21 @@ _RTD, _MOVES = "rtd_{side}_degC", ("displacement_m", "force_N")
 PLACES: tuple[Place, ...] = (
     _spring("heat_into_wire", "heat into the wire", "W", 0.5, _RTD),
     _spring("heat_into_water", "heat into the water", "W", 0.5, _RTD, needs=_NODE),
-    _spring("film", "film between wire and water, a share of it", "1", 0.2, _RTD),
+    _spring("film", "film between wire and water (share of it)", "1", 0.2, _RTD),
     _spring(
-        "flow_before_pump", "flow asked of the pump, a share of full flow", "1", 0.1, _RTD,
+        "flow_before_pump", "flow asked of the pump (share of full flow)", "1", 0.1, _RTD,
         needs=_WET,
     ),
     _spring(
-        "flow_behind_pump", "flow behind the pump, a share of full flow", "1", 0.1, _RTD,
+        "flow_behind_pump", "flow behind the pump (share of full flow)", "1", 0.1, _RTD,
         needs=_WET,
     ),
     _spring("transformation_shift", "shift of the transformation temperatures", "K", 1.0, *_MOVES),
-    _spring("recoverable_strain", "recoverable strain, as deflection", "m", 5e-4, *_MOVES),
+    _spring("recoverable_strain", "recoverable strain (as deflection)", "m", 5e-4, *_MOVES),
     _spring(
         "driven_current", "current that the driver makes", "A", 0.1, "i_{side}_A", "v_{side}_V"
     ),
-    _spring("resistance", "resistance, a share of it", "1", 0.05, "v_{side}_V"),
+    _spring("resistance", "resistance (share of it)", "1", 0.05, "v_{side}_V"),
     _pair("force_cell_on_x", "force between the springs, force cell beside X", "N", 0.05, *_MOVES),
     _pair("force_cell_on_y", "force between the springs, force cell beside Y", "N", 0.05, *_MOVES),
     _pair("inlet_water", "temperature of the inlet water", "K", 1.0, "rtd_inlet_degC"),

@@ -180,11 +180,11 @@ def checkup(
         write_whole(json_path, verdict.to_json())
         click.echo(f"written: {json_path}", err=True)
     if page_path is not None:
-        from smad.checkup.page import checkup_page
+        from smad.diagnosis.report.page import page_of
         from smad.report.page import write_page
 
         facts = [("baseline", str(folder or good)), ("repeats", str(found.pairs.reference.repeats))]
-        write_page(checkup_page(found, facts), page_path)
+        write_page(page_of(found.answer, facts=facts), page_path)
         click.echo(f"written: {page_path}", err=True)
     if model_path is not None:
         from smad.checkup.judge import save_found

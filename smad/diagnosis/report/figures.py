@@ -104,11 +104,13 @@ def largest_gap(course: Course) -> Picture:
     if not course.paired:
         measured, *simulated = course.curves(c)
         _draw(left, course.t_s, [(measured[0] - y, "", *pen) for y, _, *pen in simulated])  # type: ignore[misc]
-    label(left, "time of the run, s", "", "" if course.paired else "measured − simulated")
+    unit = course.labels[c].rpartition(", ")[2]
+    label(left, "time of the run, s", "", "" if course.paired else f"measured − simulated, {unit}")
     what = "The change of the" if course.paired else "The"
+    without = "" if course.after is None else " What is told was fitted without it."
     return picture(
         figure, "The largest gap",
-        f"{what} signal with the largest gap, in {course.run}. What is told was fitted without it.",
+        f"{what} signal with the largest gap, in {course.run}.{without}",
     )  # fmt: skip
 
 

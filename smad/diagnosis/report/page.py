@@ -40,11 +40,8 @@ def page_of(answer: Answer, asked: str = "", facts: Sequence[tuple[str, str]] = 
     course = None if search is None else figures.Course.of(answer, search)
     cells: list[Sequence[Block]] = [_answer(v)]
     if course is not None:
-        cells.append([figures.largest_gap(course)])
-    laws = figures.laws(answer)
+        cells.append([figures.largest_gap(course), *figures.laws(answer)])
     sections = [Section("", [Beside(cells)])]
-    if laws:
-        sections.append(Section("Laws", [Beside([[law] for law in laws])]))
     more = course and figures.more_signals(course)
     folded: list[tuple[str, Sequence[Block]]] = [
         ("The gap by signal", [budget(v)] if v.budget else []),
@@ -99,7 +96,7 @@ def _cause(cause: Cause) -> Table:
     """The law of a cause if it is one, and how sure its name and its place are."""
     rows = [("" if k else "law", term.text) for k, term in enumerate(cause.read)]
     rows += [("name", name_words(cause)), ("place", place_words(cause))]
-    return Table((cause.name or "a law", f"at the {cause.words}"), rows)
+    return Table(("cause", f"{cause.name or 'a law'} at the {cause.words}"), rows)
 
 
 def by_signal(v: Verdict, rows: Sequence[RivalGap]) -> Table:
@@ -112,7 +109,7 @@ def by_signal(v: Verdict, rows: Sequence[RivalGap]) -> Table:
 
 def budget(v: Verdict) -> Table:
     """Where the gap goes, signal by signal."""
-    of, *stages = budget_stages(v)
+    of, *stages = budget_stages(v.question, [c.name or "a law" for c in v.causes])
     rows = [
         (labelled(s.label, s.unit),
          *(f"{x:.3g}" for x in (s.raw, s.parameters, *s.causes, s.floor)))

@@ -18,6 +18,7 @@ from smad.diagnosis.verdict import (
     Cause,
     ParameterMoved,
     RivalGap,
+    SignalGap,
     Verdict,
     unit_words,
     with_unit,
@@ -26,6 +27,7 @@ from smad.diagnosis.verdict import (
 _MOVED = 4
 _UNSEEN = 4
 _RIVALS = 5
+_NAMES = 4
 _LIKELY = 0.05
 _AT_FLOOR = 1.3
 """Floors are known to a third: a signal below shows nothing."""
@@ -44,7 +46,7 @@ def lines(verdict: Verdict) -> list[str]:
         out += rival_lines(v.rivals)
     if v.outcome in (PARAMETERS, UNEXPLAINED) or v.question == CHECK_UP:
         out += parameter_lines(v.parameters)
-    out += budget_lines(v)
+    out += budget_lines((*v.budget, v.whole) if v.whole else (), v.question)
     out += judged_lines(v)
     out += repeated_lines(v)
     if v.unseen:
@@ -68,7 +70,10 @@ def name_words(cause: Cause) -> str:
     """Which effect it is if the library has it, and how likely the library does not."""
     if not cause.names:
         return "no effect of the library comes near"
-    likely = ", ".join(f"{n} {p:.2f}" for n, p in cause.names.items() if p >= _LIKELY)
+    named = [f"{n} {p:.2f}" for n, p in cause.names.items() if p >= _LIKELY]
+    likely = ", ".join(named[:_NAMES])
+    if cause.outside > 0.5:
+        return f"not in the library: {cause.outside:.2f}; if it is there, {likely}"
     return f"{likely}, if it is in the library; not in the library: {cause.outside:.2f}"
 
 
@@ -99,7 +104,7 @@ def first_rivals(rivals: Sequence[RivalGap]) -> list[RivalGap]:
 
 def _entry(title: str, rows: Sequence[str]) -> list[str]:
     """Rows under each other beside their title."""
-    return [f"  {'' if k else title:<6}  {row}" for k, row in enumerate(rows)]
+    return [f"  {'' if k else title:<6} {row}" for k, row in enumerate(rows)]
 
 
 def parameter_lines(parameters: Sequence[ParameterMoved]) -> list[str]:
@@ -110,31 +115,27 @@ def parameter_lines(parameters: Sequence[ParameterMoved]) -> list[str]:
     ])  # fmt: skip
 
 
-def budget_stages(v: Verdict) -> list[str]:
-    """What a verdict's gaps are of, then the name of each of its stages."""
-    if v.question == CHECK_UP:
-        names = ["now − then", "change", "parameters"]
-    else:
-        names = ["measured − predicted", "as it was", "parameters"]
-    names += [f"+ {c.name or 'a law'}" for c in v.causes]
-    return names
+def budget_stages(question: str, causes: Sequence[str]) -> list[str]:
+    """What a question's gaps are of, then the name of each stage; `causes` are names."""
+    if question == CHECK_UP:
+        return ["now − then", "change", "parameters", *(f"+ {c}" for c in causes)]
+    return ["measured − predicted", "as it was", "parameters", *(f"+ {c}" for c in causes)]
 
 
-def budget_lines(v: Verdict) -> list[str]:
-    """Where the gap goes, for each signal that shows one, and over all."""
-    if v.whole is None:
+def budget_lines(rows: Sequence[SignalGap], question: str) -> list[str]:
+    """Where the gap goes, for each signal that shows one, and over all: the last of the rows."""
+    if not rows:
         return []
-    of, *stages = budget_stages(v)
-    if len(stages) > 2:
-        stages = [*stages[:2], "with cause" if len(v.causes) == 1 else "with causes"]
-    most = {s.signal: max(s.raw, s.parameters, s.final) for s in v.budget}
-    shown = [s for s in v.budget if most[s.signal] > _AT_FLOOR * s.floor]
+    *signals, whole = rows
+    of, *stages = budget_stages(question, [])
+    stages += ["with cause" + "s"[: len(whole.causes) > 1]][: len(whole.causes)]
+    shown = [s for s in signals if max(s.raw, s.parameters, s.final) > _AT_FLOOR * s.floor]
     out = [f"  {'RMS of ' + of:<29}" + "".join(f" {x:>11}" for x in (*stages, "floor"))]
-    for s in (*shown, v.whole):
-        numbers = [s.raw, s.parameters, s.final][: len(stages)]
-        row = "".join(f" {x:>11.3g}" for x in (*numbers, s.floor))
+    for s in (*shown, whole):
+        numbers = (*(s.raw, s.parameters, s.final)[: len(stages)], s.floor)
+        row = "".join(f" {x:>11.3g}" for x in numbers)
         out.append(f"  {s.signal:<21} {unit_words(s.unit):<7}{row}")
-    if rest := len(v.budget) - len(shown):
+    if rest := len(signals) - len(shown):
         out.insert(-1, f"  {rest} other signal{'s'[: rest > 1]} at the floor")
     return out
 

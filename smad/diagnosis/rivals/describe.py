@@ -43,9 +43,9 @@ class Describer:
         place = next((p for p in self.plant.places if p.name == name), None)
         if place is None:
             return name or "model"
-        if len(place.sides) < 2 or side == BOTH:
-            return place.label
-        return f"{place.label}, {side.upper()}"
+        # In brackets stands what a law is a share of.
+        label = place.label.partition(" (")[0]
+        return label if len(place.sides) < 2 or side == BOTH else f"{label}, {side.upper()}"
 
     def values(self, part: EffectPart, x: Array, sd: Array) -> list[EffectValue]:
         """An effect's parameters at coordinates `x` (k,) with deviations `sd` (k,)."""

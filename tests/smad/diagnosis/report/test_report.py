@@ -6,129 +6,183 @@ import re
 from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
 
 from smad.diagnosis import Answer, diagnose
-from smad.diagnosis.report import figures
+from smad.diagnosis.report.figures import Course
 from smad.diagnosis.report.page import page_of
 from smad.diagnosis.report.words import advice, lines
 from smad.diagnosis.verdict import (
+    CAUSES,
     CHANGED,
-    CONTRADICTING,
+    CHECK_UP,
     DIFFERS,
     OUTCOMES,
     PARAMETERS,
-    PLACES,
     QUIET,
     REFUSED,
-    UNPLACED,
+    UNEXPLAINED,
+    Cause,
+    EffectValue,
     Finding,
-    PlaceShare,
-    PlaceTold,
+    LawTerm,
     Repeated,
+    RivalGap,
     RunGap,
     SignalGap,
-    TermTold,
     Verdict,
-    change_headline,
+    headline_of,
+    with_unit,
 )
 from smad.report.page import render
 from tests.smad.diagnosis.cases import GAIN, OTHER, bank
 from tests.smad.diagnosis.heater_plant import HeaterPlant
 
-TERM = TermTold(name="velocity", state="velocity", words="velocity", slopes={"x": 0.2, "y": -0.1},
-                sd={"x": 0.01, "y": 0.02}, unit="N/(m/s)")  # fmt: skip
-ALWAYS = TermTold(name="constant", state="", words="always", slopes={"both": 1.0},
-                  sd={"both": 0.1}, unit="N")  # fmt: skip
-PLACE = PlaceTold(
-    place="friction", side="both", words="friction, X and Y", share=0.42,
-    near=["film, X", "b", "c", "d", "e"], near_places=["friction", "film", "b", "c", "d", "e"],
-    probabilities=[0.4, 0.3, 0.1, 0.05, 0.05, 0.02], terms=[TERM, ALWAYS],
-    largest=0.3, unit="N", in_simulator=True,
+LAG = EffectValue(name="tau_s", value=0.6, sd=0.004, unit="s")
+TERM = LawTerm(name="velocity", state="velocity", words="velocity", slopes={"x": 0.2, "y": -0.1},
+               sd={"x": 0.01, "y": 0.02}, unit="N/(m/s)")  # fmt: skip
+ALWAYS = LawTerm(name="constant", state="", words="always", slopes={"both": 1.0},
+                 sd={"both": 0.1}, unit="N")  # fmt: skip
+
+
+def rival(kind: str, name: str, gap: float, probability: float, **more: Any) -> RivalGap:
+    return RivalGap(kind=kind, name=name, words=name, places=[], gap=gap, probability=probability,
+                    by_signal={"rod_um": gap}, **more)  # fmt: skip
+
+
+RIVALS = [
+    rival("effect", "lag", 1.0, 0.93, title="a slow sensor", values=[LAG]),
+    *(rival("effect", f"near-{k}", 5.0 + k, 0.01) for k in range(5)),
+    rival("parameters", "parameters alone", 29.5, 0.0),
+    rival("nothing", "the simulator as configured", 40.0, 0.0),
+]
+EFFECT = Cause(
+    kind="effect", name="lag", place="reading", side="both", words="reading of the rod",
+    probability=0.97, names={"lag": 0.96, "near-0": 0.03}, outside=0.2, credible_names=["lag"],
+    credible_places=["reading"], places={"reading": 0.97, "room": 0.02},
+    place_words={"reading": "reading of the rod"}, values=[LAG], terms=[], largest=0.0, unit="um",
+    gap=1.0, rivals=RIVALS,
 )  # fmt: skip
-SIGNAL = SignalGap(signal="rod_um", unit="um", floor=0.2, raw=3.0, parameters=2.0, places=[0.5])
-WHOLE = SignalGap(signal="all signals", unit="floors", floor=1.0, raw=9.0, parameters=7.0,
-                  places=[2.0])  # fmt: skip
+LAW = msgspec.structs.replace(
+    EFFECT, kind="law", name="", values=[], terms=[TERM, ALWAYS], names={}, credible_names=[],
+    rivals=[rival("law", "reading", 2.0, 0.6)],
+)  # fmt: skip
+SIGNAL = SignalGap(signal="rod_um", words="length of the rod", unit="um", floor=0.2, raw=3.0,
+                   parameters=2.0, causes=[0.5])  # fmt: skip
+SILENT = SignalGap(signal="room_degC", unit="degC", floor=0.2, raw=0.1, parameters=0.1,
+                   causes=[0.1])  # fmt: skip
+WHOLE = SignalGap(signal="all signals", unit="floors", floor=1.0, raw=40.0, parameters=29.5,
+                  causes=[1.0])  # fmt: skip
 
 
 def verdict(outcome: str, question: str = DIFFERS, **changes: Any) -> Verdict:
-    run = RunGap(run="odd one", raw=9.0, parameters=7.0, final=2.0, apart=0.6,
-                 contradicts=outcome == CONTRADICTING)  # fmt: skip
-    full: dict[str, Any] = {"places": [PLACE] if outcome == PLACES else []}
+    run = RunGap(run="odd one", raw=40.0, parameters=29.5, final=1.0)
+    full: dict[str, Any] = {"causes": [EFFECT] if outcome == CAUSES else []}
     if outcome != REFUSED:
-        full |= {"budget": [SIGNAL], "whole": WHOLE, "by_run": [run]}
+        full |= {"budget": [SIGNAL, SILENT], "whole": WHOLE, "by_run": [run], "rivals": RIVALS}
+    full |= changes
+    headline = "no run can be used"
+    if outcome != REFUSED:
+        headline = headline_of(question, outcome, full["causes"], full["whole"])
     return Verdict(
-        question=question, outcome=outcome, headline=f"it is {outcome}",
-        judged_on="2 runs", parameters_take=0.25, **(full | changes),
+        question=question, outcome=outcome, headline=headline, judged_on="2 runs", **full
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("question", [DIFFERS, CHANGED])
+@pytest.mark.parametrize("question", [DIFFERS, CHANGED, CHECK_UP])
 @pytest.mark.parametrize("outcome", OUTCOMES)
-def test_every_outcome_is_said_headline_first(outcome: str, question: str) -> None:
-    said = lines(verdict(outcome, question))
-    assert said[0] == f"it is {outcome}"
-    text = "\n".join(said)
-    assert ("rod_um" in text) == (outcome != REFUSED)
-    assert ("friction, X and Y: 42 %" in text) == (outcome == PLACES)
-    assert ("ask without them" in text) == (outcome == CONTRADICTING)
-    takes = "other values take 25 % of the gap"
-    assert (takes in text) == (question == DIFFERS and outcome not in (QUIET, REFUSED))
+def test_every_outcome_is_said_headline_first_with_the_table_of_rivals(
+    outcome: str, question: str
+) -> None:
+    v = verdict(outcome, question)
+    first, *rest = lines(v)
+    assert first == v.headline
+    text = "\n".join(rest)
+    for part in ("rod_um", "floors left  probability  rival", "parameters alone"):
+        assert (part in text) == (outcome != REFUSED)
+    assert ("place  reading of the rod 0.97" in text) == (outcome == CAUSES)
 
 
-def test_a_place_is_said_with_its_law_its_rivals_and_its_name() -> None:
-    text = "\n".join(lines(verdict(PLACES)))
+def test_the_headline_says_where_what_how_sure_and_how_far_the_gap_goes() -> None:
+    assert verdict(CAUSES).headline == (
+        "the simulator lacks something at the reading of the rod: lag, tau_s = 0.600 ± 0.004 s, "
+        "probability 0.93; the gap goes from 29.5 to 1.0 floors"
+    )
+    torn = msgspec.structs.replace(EFFECT, credible_names=["lag", "near-0"])
+    assert "lag or near-0, probability 0.93" in verdict(CAUSES, causes=[torn]).headline
+    assert verdict(CAUSES, CHANGED, causes=[LAW, EFFECT]).headline.startswith(
+        "something has changed at the reading of the rod: a law, no effect of the library fits, "
+        "probability 0.60, and 1 more;"
+    )
+    assert "from 40.0 to 29.5 floors" in verdict(PARAMETERS).headline
+    assert "29.5 floors are left" in verdict(UNEXPLAINED).headline
+    assert verdict(QUIET).headline.startswith("nothing is missing")
+
+
+def test_the_table_has_what_each_rival_leaves_beside_its_values() -> None:
+    text = "\n".join(lines(verdict(CAUSES)))
+    assert re.search(r"^ +1 +0\.93  lag, tau_s = 0\.600 ± 0\.004 s$", text, re.MULTILINE)
+    assert re.search(r"^ +40 +0\.00  the simulator as configured$", text, re.MULTILINE)
+    assert "near-3" in text
+    # Of the others the page tells.
+    assert "near-4" not in text
+    assert "lag 0.96, if it is in the library; not in the library: 0.20" in text
+
+
+def test_a_law_is_said_by_its_slopes() -> None:
+    text = "\n".join(lines(verdict(CAUSES, causes=[LAW])))
     assert "velocity: X +0.2 ± 0.01, Y -0.1 ± 0.02 N/(m/s)" in text
     # Beside another term a constant depends on where the middle of its states lies.
     assert "always" not in text
-    assert "on runs left out; probability 0.40" in text
-    assert "or film, X, probability 0.30" in text
-    assert "or 2 more places" in text
-    assert "none: no effect of the library acts there" in text
-    named = msgspec.structs.replace(
-        PLACE,
-        name="rubs",
-        values={"rubs": {"coulomb_N": 0.15}},
-        takes=0.93,
-        in_simulator=False,
-        names={"rubs": 0.8, "sticks": 0.1},
-    )
-    text = "\n".join(lines(verdict(PLACES, places=[named])))
-    assert "rubs (coulomb_N = 0.15), probability 0.80, or sticks 0.10; it takes 93 %" in text
-    assert "read it as a hint" in text
-    nearest = msgspec.structs.replace(PLACE, nearest="rubs", takes=0.4, names={"rubs": 0.3})
-    text = "\n".join(lines(verdict(PLACES, places=[nearest])))
-    assert "none that is sure; the nearest there, rubs, probability 0.30, takes 40 %" in text
+    assert "no effect of the library comes near" in text
+
+
+def test_a_signal_at_its_floor_is_only_counted() -> None:
+    text = "\n".join(lines(verdict(CAUSES)))
+    assert "room_degC" not in text
+    assert "1 other signal at the floor" in text
+
+
+@pytest.mark.parametrize(
+    ("value", "sd", "unit", "said"),
+    [
+        (0.6, 0.004, "s", "0.600 ± 0.004 s"),
+        (1234.5, 20.0, "N", "1234 ± 20 N"),
+        (9.5e9, 3e7, "Pa", "9.5e+09 ± 3e+07 Pa"),
+        (1.3e-7, 2e-9, "m3/s", "1.3e-07 ± 2e-09 m3/s"),
+        (0.2, 0.0, "1", "0.2 ± 0"),
+        (25.0, np.inf, "degC", "25 ± inf °C"),
+    ],
+)
+def test_a_value_has_the_decimals_that_its_deviation_leaves(
+    value: float, sd: float, unit: str, said: str
+) -> None:
+    assert with_unit(value, sd, unit) == said
 
 
 def test_why_a_run_was_refused_is_said_and_what_was_only_noted_is_not() -> None:
     found = [Finding("a", "too short", "3 s long", True), Finding("b", "gaps", "two", False)]
-    said = lines(verdict(REFUSED, findings=found))
-    assert said == ["it is refused", "a: 3 s long"]
+    assert lines(verdict(REFUSED, findings=found)) == ["no run can be used", "a: 3 s long"]
 
 
 def test_what_runs_say_that_repeat_good_ones_is_said_beside() -> None:
     pairs = Repeated(lines=["a as b"], repeats=1, outcome=QUIET, headline="nothing new")
     text = "\n".join(lines(verdict(QUIET, CHANGED, repeated=pairs)))
-    assert "the 1 runs that repeat known-good ones, as a check-up: nothing new" in text
-
-
-def test_a_change_that_no_place_takes_is_said() -> None:
-    assert change_headline(UNPLACED, [], "") == "changed, and no place takes enough of it"
-    assert change_headline(PLACES, [PLACE, PLACE], "") == (
-        "changed: friction, X and Y, by up to 0.3 N, and 1 more"
-    )
+    assert "1 run repeats known-good ones; as a check-up: nothing new" in text
 
 
 def test_what_to_do_next_goes_with_the_outcome() -> None:
     models = {"models": ["a", "b"]}
     commands = {o: [c for c, _ in advice(verdict(o, **models), "r.mcap")] for o in OUTCOMES}
-    assert commands[QUIET] == commands[CONTRADICTING] == []
+    assert commands[QUIET] == commands[UNEXPLAINED] == []
     assert commands[REFUSED] == [""]
     better = ["smad gap diagnose r.mcap --apply better.toml",
               "smad gap verify NEW-RUNS --model better.toml"]  # fmt: skip
-    assert commands[PARAMETERS] == better
-    assert commands[PLACES] == ["smad gap next r.mcap", *better]
+    assert commands[PARAMETERS] == commands[CAUSES] == better
+    torn = msgspec.structs.replace(EFFECT, credible_places=["reading", "room"])
+    undecided = advice(verdict(CAUSES, causes=[torn], **models), "r.mcap")
+    assert [c for c, _ in undecided] == ["smad gap next r.mcap", *better]
 
 
 @pytest.fixture(scope="module")
@@ -136,44 +190,49 @@ def answers() -> dict[str, Answer]:
     plant, gain = HeaterPlant(), bank(OTHER, GAIN)[:2]
     return {
         QUIET: diagnose(bank()[:2], plant=plant),
-        PARAMETERS: diagnose(bank({"c_J_K": 34.0})[:2], plant=plant),
-        PLACES: diagnose(gain, plant=plant),
+        CAUSES: diagnose(gain, plant=plant, hold_out=bank(OTHER, GAIN, seed=20)[:1]),
+        "law": diagnose(gain, plant=plant, candidates=["backlash"]),
         CHANGED: diagnose(bank(OTHER, GAIN), plant=plant, good=bank(OTHER, seed=40)),
         REFUSED: diagnose([r.part(0, 30) for r in gain], plant=plant),
     }
 
 
-@pytest.mark.parametrize("kind", [QUIET, PARAMETERS, PLACES, CHANGED, REFUSED])
-def test_every_outcome_has_a_page_with_its_answer(kind: str, answers: dict[str, Answer]) -> None:
+@pytest.mark.parametrize("kind", [QUIET, CAUSES, "law", CHANGED, REFUSED])
+def test_a_page_opens_with_headline_rivals_and_one_figure(
+    kind: str, answers: dict[str, Answer]
+) -> None:
     answer = answers[kind]
-    before = answer.verdict.to_json()
-    html = render(page_of(answer, "r.mcap"))
     v = answer.verdict
-    assert v.outcome == (PLACES if kind == CHANGED else kind)
-    assert v.headline[1:] in html.replace("&amp;", "&")
-    assert ('id="laws"' in html) == bool(v.places)
-    assert ('id="budget"' in html) == (kind != REFUSED)
-    assert all(p.words in html for p in v.places)
+    before = v.to_json()
+    html = render(page_of(answer, "r.mcap"))
+    shown = re.sub(r"<section>\s*<details>.*?</section>", "", html, flags=re.DOTALL)
+    text = shown.replace("&amp;", "&").replace("&#39;", "'")
+    title, _, gap = v.headline.partition("; ")
+    assert title[1:] in text
+    assert gap[1:] in text
+    laws = sum(c.kind == "law" for c in v.causes)
+    assert (laws > 0) == ("Law at the" in shown) == (kind == "law")
+    assert shown.count("<svg") == (kind != REFUSED) + laws
+    assert ("floors left" in shown) == (kind != REFUSED)
+    assert ("The gap by signal" in html) == (kind != REFUSED)
     assert all(r.name in html for r in v.runs)
     assert not re.search(r"\bnan\b", html)
     assert v.to_json() == before
 
 
-def test_bars_begin_at_zero(monkeypatch: pytest.MonkeyPatch) -> None:
-    shown: list[Any] = []
-    monkeypatch.setattr(
-        "smad.report.plots.svg_of", lambda figure, title: shown.append(figure) or ""
-    )
-    figures.places_map(
-        [PlaceShare(place=n, side="both", words=n, share=s) for n, s in (("a", 0.9), ("b", 0.85))]
-    )
-    figures.budget(["rod"], [0.1], [("raw", [0.9]), ("parameters", [0.8])])
-    for figure in shown:
-        (axes,) = figure.axes
-        assert axes.get_xlim()[0] == 0.0
-        assert all(bar.get_x() == 0.0 for bar in axes.patches)
-        assert [bar.get_width() for bar in axes.patches] == pytest.approx(
-            [0.9, 0.85] if len(axes.patches) == 2 and "a" in
-            [t.get_text() for t in axes.get_yticklabels()] else [9.0, 8.0]
-        )  # fmt: skip
-    assert len(shown) == 2
+def test_the_figure_is_of_the_signal_with_the_largest_gap_and_what_is_told_brings_it_nearer(
+    answers: dict[str, Answer],
+) -> None:
+    answer = answers[CAUSES]
+    assert answer.search is not None
+    course = Course.of(answer, answer.search)
+    assert course is not None
+    assert course.after is not None
+    in_floors = [
+        np.sqrt(np.nanmean(((course.measured - y) / course.floors) ** 2, axis=0))
+        for y in (course.before, course.after)
+    ]
+    assert np.argmax(in_floors[0]) == course.order[0]
+    assert in_floors[0][course.order[0]] > 5.0
+    assert in_floors[1].max() < 1.5
+    assert course.run == answer.verdict.by_run[0].run
