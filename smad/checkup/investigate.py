@@ -67,7 +67,7 @@ def propose(found: Judged, costs_s: Mapping[str, float], left_s: float) -> Propo
     described = Describer(found.pairs.plant)
     names = tuple(described.rival(r) for r in staying)
     if len(staying) < 2:
-        return Proposal(None, f"settled: {verdict.causes[0].title}; no other rival is near")
+        return Proposal(None, f"settled: {verdict.causes[0].words}; no other rival is near")
     either = " or ".join(names)
     offers = tuple(sorted(_offers(found), key=lambda o: -o.separation))
     most = offers[0]

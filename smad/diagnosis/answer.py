@@ -37,6 +37,8 @@ from smad.diagnosis.verdict import (
     headline_of,
 )
 
+QUIET_GAP = 1.35
+"""Floors over all signals that a right simulator leaves at most: floors are known to a third."""
 _ROWS = 8
 """Rivals of a table at most."""
 _LEAST_NAMED = 0.005
@@ -105,17 +107,12 @@ def _alternatives(search: Searched, level: float) -> tuple[Rival, ...]:
 
 
 def _outcome(search: Searched, causes: Sequence[Cause]) -> str:
-    """Causes, parameters, or quiet.
-
-    Parameters are the answer only where what they leave is near the floor, or where nothing more
-    is likelier; else something is missing that no rival brings nearer.
-    """
+    """Causes, parameters, or quiet; unexplained where much is left and no rival takes it."""
     if causes:
         return CAUSES
-    if not search.moved:
-        return QUIET
-    likeliest = search.steps[-1].rivals[0] if search.steps else search.final
-    return UNEXPLAINED if likeliest.kind in (EFFECT, LAW) else PARAMETERS
+    if search.question.gap(search.final) > QUIET_GAP:
+        return UNEXPLAINED
+    return PARAMETERS if search.moved else QUIET
 
 
 def _entered(search: Searched) -> list[Step]:
@@ -209,7 +206,7 @@ def _values(described: Describer, asked: Question, rival: Rival) -> list[EffectV
 
 def _deviations(asked: Question, fitted: Fit) -> Array:
     """Standard deviations of a fit's coordinates, (k,)."""
-    return np.sqrt(np.maximum(np.diag(covariance(asked.evidence, fitted)), 0.0))
+    return np.sqrt(np.maximum(np.diag(covariance(asked.evidence, fitted, asked.tau)), 0.0))
 
 
 def _scores(asked: Question, rivals: Sequence[Rival]) -> list[RivalScore]:
@@ -313,7 +310,9 @@ def uncertainty_of(plant: PlacesPlant, asked: Question, fitted: Fit) -> Uncertai
             names += of_terms
             scale += scales.tolist()
     unit = np.array(scale)
-    return Uncertainty(tuple(names), unit[:, None] * covariance(asked.evidence, fitted) * unit)
+    return Uncertainty(
+        tuple(names), unit[:, None] * covariance(asked.evidence, fitted, asked.tau) * unit
+    )
 
 
 def _moved(

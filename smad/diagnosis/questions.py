@@ -128,7 +128,7 @@ def changed(inquiry: Inquiry) -> Searched:
     start = model.start
     if good.final.fit is not None:
         start = good.final.fit.point
-        known = known + covariance(asked.evidence, good.final.fit)[:n, :n]
+        known = known + covariance(asked.evidence, good.final.fit, asked.tau)[:n, :n]
     tied = np.asarray(np.linalg.inv(known))
     return _searched(
         inquiry.question(free_model(plant, start), inquiry.fit, inquiry.held_out, floors, tied)

@@ -320,8 +320,9 @@ def headline_of(
         goes = f"the gap goes from {raw:.1f} to {before:.1f} floors"
         return f"{'changed: ' * changed}other values of the parameters explain it; {goes}"
     if outcome == UNEXPLAINED:
-        verb = "changed" if changed else "something is missing"
-        return f"{verb}, and no rival brings the judged runs nearer: {before:.1f} floors are left"
+        verb = "something has changed" if changed else "something is missing"
+        moved = f", {before:.1f} with other values of the parameters" if before < raw else ""
+        return f"{verb} that no rival explains: {raw:.1f} floors are left{moved}"
     first = causes[0]
     verb = "something has changed at" if changed else "the simulator lacks something at"
     likely = f", probability {first.rival.probability:.2f}" if first.rival else ""

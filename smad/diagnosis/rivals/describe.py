@@ -26,8 +26,9 @@ class Describer:
     def rival(self, rival: Rival) -> str:
         """A row of the table of rivals."""
         if rival.kind == NOTHING:
-            has_parts = rival.fit is not None and bool(rival.fit.model.parts)
-            return "nothing more" if has_parts else "the simulator as configured"
+            if rival.fit is None:
+                return "the simulator as configured"
+            return "nothing more" if rival.fit.model.parts else "nothing but what a day changes"
         if rival.kind == PARAMETERS:
             return "parameters alone"
         if rival.kind == EFFECT:

@@ -28,7 +28,6 @@ _LONGER = (1.0, 2.0, 4.0, 8.0)
 _RIDGE, _TINY = 1e-9, 1e-12
 _ROUNDS = 8
 _ENOUGH = 0.2
-_LEAST_VARIANCE = 1e-2
 _POLISHES, _POLISH_ROUNDS, _POLISH_ENOUGH = 6, 4, 1.0
 
 
@@ -255,11 +254,13 @@ def leave_out(evidence: Evidence, fitted: Fit, tau: Array) -> tuple[Array, ...]:
     return tuple(out)
 
 
-def covariance(evidence: Evidence, fitted: Fit) -> Array:
-    """Covariance (k, k) of a fit's coordinates, rows scattering as it leaves them."""
-    v = np.maximum(evidence.variances(fitted.left), _LEAST_VARIANCE)
-    of_channel = 1.0 / (v * evidence.correlation_rows(fitted.left))
-    J = evidence.shrunk(fitted.slopes, of_channel[evidence.channel_of_row] * evidence.valid)
+def covariance(evidence: Evidence, fitted: Fit, tau: Array) -> Array:
+    """Covariance (k, k) of a fit's coordinates: the inverse of half the second derivatives of F.
+
+    Rows count as in the fit, or as less where what it leaves is correlated for longer than `tau`.
+    """
+    tau = np.maximum(tau, evidence.correlation_rows(fitted.left))
+    J = evidence.shrunk(fitted.slopes, weights(evidence, fitted.left, tau))
     _, precision = fitted.model.prior
     return np.asarray(np.linalg.inv(J @ J.T + precision + _RIDGE * np.eye(len(precision))))
 

@@ -66,7 +66,7 @@ def undecided(found: Judged, *laws: Law) -> Judged:
     """The check-up with a cause told, and these laws between which nothing is decided."""
     cause = Cause(
         kind="law", name="", place=laws[0].place, side="x", words=laws[0].place, probability=0.9,
-        names={}, outside=1.0, credible_names=[], credible_places=[laws[0].place], places={},
+        names={}, outside=1.0, credible_names=[], credible_places=[laws[0].place], places={}, place_words={},
         values=[], terms=[], largest=1.0, unit="K", gap=1.0, rivals=[],
     )  # fmt: skip
     point = found.pairs.reference.point
@@ -106,7 +106,7 @@ def test_one_rival_that_no_other_is_near_is_settled(lagging: Judged) -> None:
     found = propose(undecided(lagging, LAG_LIKE), COSTS, 600.0)
     assert found.run is None
     assert not found.staying
-    assert found.why == "settled: a law at the reading_rtd; no other rival is near"
+    assert found.why == "settled: reading_rtd; no other rival is near"
 
 
 def test_rivals_that_predict_the_same_are_not_played_for(lagging: Judged) -> None:
