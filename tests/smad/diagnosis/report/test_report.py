@@ -116,7 +116,10 @@ def test_the_headline_says_where_what_how_sure_and_how_far_the_gap_goes() -> Non
         "probability 0.60, and 1 more;"
     )
     assert "from 40.0 to 29.5 floors" in verdict(PARAMETERS).headline
-    assert "40.0 floors are left, 29.5 with other values of the parameters" in verdict(UNEXPLAINED).headline
+    assert (
+        "40.0 floors are left, 29.5 with other values of the parameters"
+        in verdict(UNEXPLAINED).headline
+    )
     assert verdict(QUIET).headline.startswith("nothing is missing")
 
 
