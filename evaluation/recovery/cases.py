@@ -9,7 +9,7 @@ benches of which the parameters alone have moved. Everything is drawn from one n
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Literal
+from typing import Final, Literal
 
 import msgspec
 import numpy as np
@@ -19,7 +19,10 @@ from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.verdict import CHANGED, CHECK_UP, DIFFERS
 
 QUESTIONS = (DIFFERS, CHANGED, CHECK_UP)
-SINGLE, PAIR, NONE, PARAMETERS = "single", "pair", "none", "parameters"
+SINGLE: Final = "single"
+PAIR: Final = "pair"
+NONE: Final = "none"
+PARAMETERS: Final = "parameters"
 THIRD = 1.0 / 3.0
 PAIRS = 20
 WITHOUT = 24

@@ -14,7 +14,7 @@ from evaluation.recovery.cases import PARAMETERS as PARAMETERS_ALONE
 from evaluation.recovery.judging import Answer
 from evaluation.score.goals import Goal
 from evaluation.score.scores import number, share
-from smad.diagnosis.verdict import CHECK_UP, PARAMETERS, QUIET, REFUSED
+from smad.diagnosis.verdict import CHECK_UP, PARAMETERS, QUIET, REFUSED, SignalGap
 from smad.report.page import Table
 
 NEAR = 1.3
@@ -42,9 +42,13 @@ def outcome(answer: Answer) -> str:
     return answer.verdict.outcome if answer.verdict else REFUSED
 
 
+def _whole(answer: Answer) -> SignalGap | None:
+    return answer.verdict.whole if answer.verdict else None
+
+
 def identifiable(answer: Answer) -> bool:
     """Whether other values of the parameters leave more than `NEAR` floors of the judged runs."""
-    whole = answer.verdict and answer.verdict.whole
+    whole = _whole(answer)
     return whole is None or whole.parameters >= NEAR
 
 
@@ -60,7 +64,7 @@ def all_told(answer: Answer) -> bool:
 
 def near(answer: Answer) -> bool:
     """Whether what is told leaves at most `NEAR` floors."""
-    whole = answer.verdict and answer.verdict.whole
+    whole = _whole(answer)
     return whole is not None and whole.final <= NEAR
 
 
@@ -160,7 +164,7 @@ def _wrong(answers: Sequence[Answer]) -> Table:
     for a in sorted(answers, key=lambda a: a.case.name):
         if _right(a):
             continue
-        whole = a.verdict and a.verdict.whole
+        whole = _whole(a)
         gaps = " → ".join(f"{x:.1f}" for x in (
             (whole.raw, whole.parameters, whole.final) if whole else ()
         ))  # fmt: skip

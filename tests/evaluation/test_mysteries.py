@@ -13,20 +13,13 @@ from evaluation.quiz import ends
 from evaluation.quiz.session import Order, investigated
 from smad.checkup.inquiry import Record, Report
 from smad.checkup.store import SCHEMA, About
-from smad.diagnosis.verdict import CAUSES, CHECK_UP, Cause, Verdict
+from smad.diagnosis.verdict import CAUSES, CHECK_UP, Verdict
+from tests.evaluation.told import effect_told
 
 ANSWER = {"seed": 7, "effects": [{"name": "rtd_lag", "listed": True, "places": ["reading_rtd"]}]}
 VERDICT = Verdict(
     question=CHECK_UP, outcome=CAUSES, headline="the reading of the RTD has changed",
-    causes=[
-        Cause(
-            kind="effect", name="rtd_lag", place="reading_rtd", side="both",
-            words="reading of the RTD", probability=0.9, names={"rtd_lag": 0.9}, outside=0.1,
-            credible_names=["rtd_lag"], credible_places=["reading_rtd"],
-            places={"reading_rtd": 0.9}, values=[], terms=[], largest=0.0, unit="K", gap=1.0,
-            rivals=[],
-        )
-    ],
+    causes=[effect_told("rtd_lag", "reading_rtd")],
 )  # fmt: skip
 
 

@@ -24,7 +24,8 @@ from evaluation.recovery.judging import Answer, answer
 from evaluation.recovery.running import answered, begun, read
 from evaluation.recovery.scores import first_name, identifiable, near, tables
 from smad.diagnosis.spring_pair import SmaPlant
-from smad.diagnosis.verdict import CAUSES, CHANGED, CHECK_UP, DIFFERS, Cause, SignalGap, Verdict
+from smad.diagnosis.verdict import CAUSES, CHANGED, CHECK_UP, DIFFERS, SignalGap, Verdict
+from tests.evaluation.told import effect_told
 
 LAG = {"rtd_lag": {"tau_s": 0.6, "y_share": 1.0}}
 
@@ -85,15 +86,7 @@ def test_parameters_change_between_good_runs_and_now_only_where_that_is_the_ques
 
 def told(case: Case, *names: str, left: float = 0.7, parameters: float = 9.0) -> Answer:
     """An answer that tells some effects."""
-    causes = [
-        Cause(
-            kind="effect", name=name, place="reading_rtd", side="both", words="", probability=1.0,
-            names={name: 1.0}, outside=0.0, credible_names=[name], credible_places=["reading_rtd"],
-            places={"reading_rtd": 1.0}, values=[], terms=[], largest=0.0, unit="K", gap=left,
-            rivals=[],
-        )
-        for name in names
-    ]  # fmt: skip
+    causes = [effect_told(name, "reading_rtd", gap=left) for name in names]
     whole = SignalGap(signal="all", unit="floors", floor=1.0, raw=20.0, parameters=parameters,
                       causes=[left] * len(names))  # fmt: skip
     outcome = CAUSES if causes else "quiet"
