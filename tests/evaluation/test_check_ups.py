@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from evaluation.calibrate.check_up import kept_cases
 
 from evaluation.bank import any_inputs
 from evaluation.bank.check_ups import CheckUps, make, read_programme
 from evaluation.bank.files import read_run
-from evaluation.calibrate.check_up import kept_cases
 from evaluation.command import main
 from evaluation.errors import BankError
 from evaluation.plant.effects import names

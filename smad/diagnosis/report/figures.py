@@ -65,7 +65,7 @@ class Course:
         channels = asked.model.plant.channels
         ranked = np.argsort(-(squares / counts)[k], kind="stable")
         return cls(
-            run=trial.played.whole.name, t_s=(np.arange(bins) + 0.5) * period_s, measured=measured,
+            run=trial.played.whole.name, t_s=np.asarray((np.arange(bins) + 0.5) * period_s), measured=measured,
             before=before, after=after, floors=trial.rows.sd,
             order=tuple(int(c) for c in ranked if trial.rows.valid[:, c].any()),
             labels=tuple(labelled(c.words or c.name, c.unit) for c in channels), paired=paired,
@@ -103,7 +103,7 @@ def largest_gap(course: Course) -> Picture:
                       color=in_print("reference"), alpha=0.35, label="floor")  # fmt: skip
     if not course.paired:
         measured, *simulated = course.curves(c)
-        _draw(left, course.t_s, [(measured[0] - y, "", *pen) for y, _, *pen in simulated])  # type: ignore[misc]
+        _draw(left, course.t_s, [(measured[0] - y, "", *pen) for y, _, *pen in simulated])
     unit = course.labels[c].rpartition(", ")[2]
     label(left, "time of the run, s", "", "" if course.paired else f"measured − simulated, {unit}")
     what = "The change of the" if course.paired else "The"
