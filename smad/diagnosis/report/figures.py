@@ -65,7 +65,8 @@ class Course:
         channels = asked.model.plant.channels
         ranked = np.argsort(-(squares / counts)[k], kind="stable")
         return cls(
-            run=trial.played.whole.name, t_s=np.asarray((np.arange(bins) + 0.5) * period_s), measured=measured,
+            run=trial.played.whole.name, t_s=np.asarray((np.arange(bins) + 0.5) * period_s),
+            measured=measured,
             before=before, after=after, floors=trial.rows.sd,
             order=tuple(int(c) for c in ranked if trial.rows.valid[:, c].any()),
             labels=tuple(labelled(c.words or c.name, c.unit) for c in channels), paired=paired,

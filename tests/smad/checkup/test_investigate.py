@@ -66,8 +66,8 @@ def undecided(found: Judged, *laws: Law) -> Judged:
     """The check-up with a cause told, and these laws between which nothing is decided."""
     cause = Cause(
         kind="law", name="", place=laws[0].place, side="x", words=laws[0].place, probability=0.9,
-        names={}, outside=1.0, credible_names=[], credible_places=[laws[0].place], places={}, place_words={},
-        values=[], terms=[], largest=1.0, unit="K", gap=1.0, rivals=[],
+        names={}, outside=1.0, credible_names=[], credible_places=[laws[0].place], places={},
+        place_words={}, values=[], terms=[], largest=1.0, unit="K", gap=1.0, rivals=[],
     )  # fmt: skip
     point = found.pairs.reference.point
     rivals = []
