@@ -45,6 +45,7 @@ COMMANDS: Mapping[str, str] = {
     "log": "smad.cli.log:log",
     "run": "smad.cli.run:run",
     "tune": "smad.cli.tune:tune",
+    "queue": "smad.cli.queue:queue",
     "gap": "smad.cli.gap:gap",
     "model": "smad.cli.model:model",
     "docs": "smad.cli.docs:docs",
