@@ -31,7 +31,7 @@ class MovesFile(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 def moves(*, path: Path, lease: float, bench: str) -> None:
     """Arm, follow the trajectories of FILE from rest, record them, and disarm.
 
-    FILE is TOML with a table [[pieces]] for each piece: `type` is its kind (step, ramp, sine …),
+    FILE is TOML with a table [[pieces]] for each piece: `kind` is step, ramp, sine …,
     the other keys are its fields (smad docs guide/clients). `timeout_s` ends a motion that hangs.
     """
     from smad.cli.leased import LeasedDriver

@@ -20,7 +20,7 @@ import msgspec
 from smad.client import Client
 from smad.errors import SmadError
 from smad.queue import arming, machine
-from smad.queue.errors import QueueError
+from smad.queue.errors import ArmingError, QueueError
 from smad.queue.lease import RunnerLease
 from smad.queue.machine import Change
 from smad.queue.states import Budget, Item, Snapshot
@@ -149,7 +149,14 @@ class Queue:
         return proposal
 
     def confirm(self, code: str) -> Snapshot:
-        """Second step: the queue runs, once a runner is there. Raises ArmingError."""
+        """Second step: the queue runs. Raises ArmingError, also without a runner.
+
+        A runner that begins pauses an armed queue, since it cannot know what happened before.
+        """
+        if not self.has_runner:
+            raise ArmingError(
+                "the queue has no runner", action="start smad queue run first; nothing was armed"
+            )
         proposal, generation = self.store.proposal(), self._generation()
         change = self.store.change(
             lambda s: arming.confirm(
