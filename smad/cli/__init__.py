@@ -46,6 +46,7 @@ COMMANDS: Mapping[str, str] = {
     "run": "smad.cli.run:run",
     "tune": "smad.cli.tune:tune",
     "queue": "smad.cli.queue:queue",
+    "hooks": "smad.cli.hooks:hooks",
     "gap": "smad.cli.gap:gap",
     "model": "smad.cli.model:model",
     "docs": "smad.cli.docs:docs",
