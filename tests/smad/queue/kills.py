@@ -61,6 +61,7 @@ class Outcome:
     delay_s: float
     states: list[str]
     faults: list[str] = field(default_factory=list)
+    late: list[str] = field(default_factory=list)
     off_s: float | None = None
     message_s: float | None = None
     relay_s: float | None = None
@@ -156,10 +157,15 @@ def until(over: Callable[[], bool], otherwise: str, patience_s: float = _PATIENC
     return time.monotonic() - began_s
 
 
+def drawn(seed: int) -> tuple[str, float]:
+    """Return whom a seed kills, and how long after the first item began."""
+    draw = random.Random(seed)
+    return draw.choice(VICTIMS), draw.uniform(0.0, LATEST_S)
+
+
 def trial(rig: Rig, seed: int) -> Outcome:
     """Carry one kill out. The seed decides who is killed, and when."""
-    draw = random.Random(seed)
-    victim, delay_s = draw.choice(VICTIMS), draw.uniform(0.0, LATEST_S)
+    victim, delay_s = drawn(seed)
     rig.ready()
     folder = rig.folder / f"queue-{seed}"
     words = ("run", "moves", str(rig.folder / "moves.toml"))
@@ -232,7 +238,7 @@ def _await_consequences(rig: Rig, outcome: Outcome, killed_unix_s: float, *, act
         ("relay", outcome.relay_s, RELAY_S, bench_gone),
     ):
         if asked and (seen_s is None or seen_s > limit_s):
-            outcome.faults.append(f"{name} after {seen_s} s, limit {limit_s:g} s")
+            outcome.late.append(f"{name} after {seen_s} s, limit {limit_s:g} s")
 
 
 def _is_off(rig: Rig) -> bool:
@@ -278,7 +284,7 @@ def _check_logs(rig: Rig, outcome: Outcome) -> None:
         except SmadError as error:
             outcome.faults.append(f"{path.name}: {error}")
             continue
-        if run.cut_short:
+        if run.cut_short and len(run):
             outcome.faults.append(f"{path.name} was cut and not recovered")
 
 
@@ -297,7 +303,7 @@ def table(outcomes: list[Outcome]) -> str:
             for name in ("off_s", "message_s", "relay_s")
         ]
         shown = " | ".join("–" if value is None else f"{value:.1f}" for value in most)
-        failures = sum(bool(o.faults) for o in found)
+        failures = sum(bool(o.faults or o.late) for o in found)
         lines.append(f"| {victim} | {len(found)} | {bad} | {shown} | {failures} |")
     return "\n".join(lines)
 
@@ -319,7 +325,7 @@ def main() -> int:
     finally:
         rig.close()
     print(table(outcomes))
-    return int(any(outcome.faults for outcome in outcomes))
+    return int(any(outcome.faults or outcome.late for outcome in outcomes))
 
 
 if __name__ == "__main__":
