@@ -27,6 +27,7 @@ from smad.queue.store import FILE, Store
 
 SIZE_MB = 12
 LATEST_S = 0.8
+_MODULE = "tests.smad.queue.power"
 
 
 class NoMount(Exception):
@@ -92,9 +93,10 @@ def lose_power(folder: Path, seed: int, synchronous: str = "") -> Loss:
         raise NoMount("no mkfs.ext4")
     with mounted(image, folder / "mount"):
         writer = subprocess.Popen(
-            [sys.executable, "-m", "tests.smad.queue.power", "--write", str(folder / "mount"), synchronous],
-            stdout=subprocess.PIPE, text=True,
-        )  # fmt: skip
+            [sys.executable, "-m", _MODULE, "--write", str(folder / "mount"), synchronous],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
         try:
             assert writer.stdout is not None
             assert writer.stdout.readline() == "begun\n"
