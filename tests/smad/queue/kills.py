@@ -136,15 +136,20 @@ class Rig:
             return [process for part in found.values() for process in part]
         return found[victim]
 
+    def end(self, name: str) -> None:
+        """End a part, killed if it does not end."""
+        process = self._parts[name]
+        process.send_signal(signal.SIGTERM)
+        try:
+            process.wait(30.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
     def close(self) -> None:
         """End everything."""
-        for process in self._parts.values():
-            process.send_signal(signal.SIGTERM)
-        for process in self._parts.values():
-            try:
-                process.wait(30.0)
-            except subprocess.TimeoutExpired:
-                process.kill()
+        for name in self._parts:
+            self.end(name)
 
 
 def until(over: Callable[[], bool], otherwise: str, patience_s: float = _PATIENCE_S) -> float:
@@ -191,6 +196,9 @@ def trial(rig: Rig, seed: int) -> Outcome:
         _await_consequences(rig, outcome, killed_unix_s, active=active)
         first.terminate()
         first.wait(60.0)
+        if victim == "simulator":
+            # The daemon waits for its port, which a new one makes.
+            rig.end("daemon")
         rig.ready()
         second = runner_of(rig, folder, "second")
         until(lambda: "runner of" in text_of(folder / "second.log"), "the second does not begin")
