@@ -305,10 +305,16 @@ def messages(*, after: int, as_json: bool, folder: Path | None, bench: str) -> N
 def _started(item: Item, *, folder: Path, bench: str, descriptor: int) -> ItemProcess:
     from smad.queue.process import ItemProcess
 
+    output = folder / "queue" / f"item-{item.id:06d}.txt"
+    words = list(item.words)
+    if item.kind == "checkup" and not any(word.startswith("--json") for word in words):
+        # For the record of the bench (smad health).
+        output.parent.mkdir(exist_ok=True)
+        words.append(f"--json={output.with_suffix('.json')}")
     return ItemProcess(
-        [sys.executable, "-m", "smad.cli.queue_child", str(os.getpid()), bench, *item.words],
+        [sys.executable, "-m", "smad.cli.queue_child", str(os.getpid()), bench, *words],
         folder=Path(item.folder),
-        output=folder / "queue" / f"item-{item.id:06d}.txt",
+        output=output,
         environment={"SMAD_BENCH": bench, "PYTHONUNBUFFERED": "1"},
         descriptor=descriptor,
     )
