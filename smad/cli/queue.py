@@ -91,9 +91,11 @@ def _with_repeat(words: tuple[str, ...], repeat: int) -> tuple[tuple[str, ...], 
         if name == "--repeat":
             value = value if equals else (rest[place + 1] if place + 1 < len(rest) else "")
             try:
-                repeat = click.IntRange(1, 1000).convert(value, None, None)
-            except click.BadParameter as error:
-                raise click.UsageError(f"--repeat: {error.message}") from None
+                repeat = int(value)
+            except ValueError:
+                repeat = 0
+            if not 1 <= repeat <= 1000:
+                raise click.UsageError(f"--repeat {value}: give a number from 1 to 1000")
             return tuple(rest[:place] + rest[place + (1 if equals else 2) :]), repeat
     return words, repeat
 

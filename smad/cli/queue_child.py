@@ -13,12 +13,13 @@ import signal
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Sequence
 
 import click
 
 from smad.api import Reason
-from smad.cli import execute, root
+from smad.cli import root
 from smad.client import Client
 from smad.client.errors import NoAnswer, NoDaemon, Refused, Stopped
 from smad.errors import SmadError
@@ -27,6 +28,7 @@ from smad.queue.machine import LOST, STOPPED, TRIPPED
 
 _PR_SET_PDEATHSIG = 1
 _ORPHAN_S = 10.0
+_INTERRUPTED, _INTERNAL = 130, 70
 _REASONS = {
     Reason.STOPPED: STOPPED,
     Reason.NOT_ARMED: STOPPED,
@@ -61,21 +63,15 @@ def main(arguments: Sequence[str]) -> int:
     except SmadError as error:
         click.echo(f"smad: {error}", err=True)
         return status_of(error)
-    except (SystemExit, KeyboardInterrupt):
-        raise
-    except Exception as error:
-        return _told(error)
+    except click.ClickException as error:
+        click.echo(f"smad: {error.format_message()}", err=True)
+        return error.exit_code
+    except click.Abort:
+        return _INTERRUPTED
+    except Exception:
+        traceback.print_exc()
+        return _INTERNAL
     return STOPPED if _stopped_since(bench) else 0
-
-
-def _told(error: Exception) -> int:
-    """Say what any other error is, as the command line does."""
-
-    def again(*_: object, **__: object) -> None:
-        raise error
-
-    root.main = again  # type: ignore[method-assign]
-    return execute([])
 
 
 def _stopped_since(bench: str) -> bool:

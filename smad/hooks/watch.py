@@ -14,6 +14,7 @@ from smad.errors import SmadError
 from smad.hooks.commands import HookCommands
 from smad.hooks.events import Detector, Look
 from smad.queue.lease import RunnerLease
+from smad.queue.states import Snapshot
 from smad.queue.store import FILE, Message, Store
 
 POLL_S = 0.25
@@ -50,7 +51,8 @@ class Watcher:
         look = Look(unix_s=time.time(), clock_s=time.monotonic(), status=status)
         if self._folder is None:
             return look
-        snapshot, messages = None, ()
+        snapshot: Snapshot | None = None
+        messages: tuple[Message, ...] = ()
         with contextlib.suppress(SmadError):
             store = self._opened()
             if store is not None:

@@ -134,7 +134,8 @@ class Store:
     def proposal(self) -> Proposal | None:
         """Return the first step of an arming, if one waits for its second."""
         with self._explained():
-            return self._get("proposal", Proposal)
+            found: Proposal | None = self._get("proposal", Proposal)
+            return found
 
     def add_log(self, item: int, path: str) -> None:
         """Note that an item wrote this run log."""

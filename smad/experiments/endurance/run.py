@@ -25,9 +25,11 @@ NO_LIMITS = EndLimits()
 
 
 class BlockDriver(Protocol):
-    """Carries out a block. `log` is where it was recorded; None where nothing is."""
+    """Carries out a block."""
 
-    log: Path | None
+    @property
+    def log(self) -> Path | None:
+        """Where it was recorded; None where nothing is."""
 
     def run(self, plan: Plan) -> Recording:
         """Carry out the plan from rest and return what was recorded."""
@@ -116,13 +118,13 @@ class _Block(NamedTuple):
     """Cycles that one arming plays: the number of the first, and how many."""
 
     first: int
-    count: int
+    cycles: int
 
 
 def _carried_out(asked: Endurance, driver: BlockDriver, folder: Path, block: _Block) -> list[Cycle]:
     """One block; the last cycle has no rise after it, so one more is played than is counted."""
-    recording = driver.run(asked.profile.plan(block.first, block.count + 1))
-    cycles = list(cycles_of(recording.columns, asked.profile, block.first))[: block.count]
+    recording = driver.run(asked.profile.plan(block.first, block.cycles + 1))
+    cycles = list(cycles_of(recording.columns, asked.profile, block.first))[: block.cycles]
     if not cycles:
         raise ExperimentError(
             "the bench made no whole cycle", action="look at its run log and at the profile"

@@ -32,7 +32,8 @@ export class Link {
   }
 
   open() {
-    const socket = new WebSocket(`ws://${location.host}/ws`, ["smad", `key.${this.key}`]);
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const socket = new WebSocket(`${scheme}://${location.host}/ws`, ["smad", `key.${this.key}`]);
     this.socket = socket;
     this.heardMs = performance.now();
     socket.onmessage = (event) => this.take(socket, event.data);

@@ -8,6 +8,7 @@ import pytest
 from smad.queue import arming
 from smad.queue.errors import ArmingError
 from smad.queue.states import Budget, Item, Snapshot, State
+from smad.queue.store import Proposal
 
 BERLIN = ZoneInfo("Europe/Berlin")
 QUEUE = Snapshot(
@@ -17,7 +18,7 @@ QUEUE = Snapshot(
 )
 
 
-def proposal(generation: int | None = 7) -> arming.Proposal:
+def proposal(generation: int | None = 7) -> Proposal:
     return arming.propose(
         QUEUE, code="WXYZ", now_unix_s=100.0, end_unix_s=3700.0, budget=Budget(),
         generation=generation,
