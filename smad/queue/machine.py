@@ -207,7 +207,8 @@ def ended(
     """Return the change for the end of an item's process; `said` is the last line it printed."""
     item = snapshot.item(number)
     ending = ending_of(status)
-    words = said or ending.reason
+    # What a killed process said last is where it was, not why it ended.
+    words = ending.reason if ending is _KILLED else said or ending.reason
     if snapshot.end_item and status != 0:
         # Asked to end, by a person or a limit: that is the reason, not what the process said of it.
         ending, words = Ending(State.INTERRUPTED, True, snapshot.reason), snapshot.reason

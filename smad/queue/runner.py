@@ -12,7 +12,7 @@ from typing import Protocol
 from smad.errors import RunLogError, SmadError
 from smad.queue import machine
 from smad.queue.bench import View
-from smad.queue.errors import StoreError
+from smad.queue.errors import QueueError, StoreError
 from smad.queue.machine import Change, EndItem, StartItem, Tell
 from smad.queue.process import Process
 from smad.queue.states import Item, Snapshot, State, Usage
@@ -26,6 +26,8 @@ USAGE_EVERY_S = 5.0
 """How often what was used is written while an item runs."""
 KILL_AFTER_S = 30.0
 """An item that was asked to end, and does not, is killed after so long."""
+SAVE_WITHIN_S = 30.0
+"""How long it is tried to close or recover a run log."""
 CANNOT_START = 126
 _BEFORE_S = 5.0
 """Clocks of files may lag behind ours."""
@@ -72,6 +74,8 @@ class Runner:
         self._usage = Usage()
         self._written_s = 0.0
         self._complaint = ""
+        self._unsaved: dict[Path, float] = {}
+        """Logs of interrupted items that could not be saved yet, and until when that is tried."""
 
     def begin(self) -> None:
         """Note what an earlier runner left: interrupted items, their logs, a paused queue.
@@ -109,6 +113,7 @@ class Runner:
 
     def _tick(self) -> None:
         view = self._by.watch.look()
+        self._save_again(view)
         self._meter()
         if self._process is not None:
             self._note_log(view)
@@ -233,11 +238,20 @@ class Runner:
     def _save_logs(self, item: Item) -> None:
         """Close or recover the run logs of an item that was interrupted."""
         view = self._by.watch.look(now=True)
-        for path in self._logs_of(item, view):
+        until_s = self._by.clock_s() + SAVE_WITHIN_S
+        self._unsaved |= dict.fromkeys(self._logs_of(item, view), until_s)
+        self._save_again(view)
+
+    def _save_again(self, view: View) -> None:
+        """Save what could not be: the lease of a killed item keeps its log for two seconds."""
+        for path, until_s in list(self._unsaved.items()):
             try:
                 self._save_log(path, view)
             except (SmadError, OSError) as error:
+                if self._by.clock_s() < until_s:
+                    continue
                 self._by.say(f"run log {path}: {error}")
+            del self._unsaved[path]
 
     def _logs_of(self, item: Item, view: View) -> list[Path]:
         """Return the logs that were noted, and those written since the item began."""
@@ -252,6 +266,8 @@ class Runner:
 
     def _save_log(self, path: Path, view: View) -> None:
         if being_written(path):
+            if view.generation is None:
+                raise QueueError("its daemon does not answer")
             if view.being_recorded and Path(view.recording) == path:
                 self._by.watch.stop_recording()
                 self._by.say(f"run log {path}: closed")

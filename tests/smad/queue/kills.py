@@ -65,6 +65,8 @@ class Outcome:
     off_s: float | None = None
     message_s: float | None = None
     relay_s: float | None = None
+    stall_s: float = 0.0
+    """The longest that this computer kept us from running meanwhile."""
 
 
 class Rig:
@@ -103,11 +105,23 @@ class Rig:
 
     def ready(self) -> None:
         """Have daemon, hooks and relay running, on a bench that is cold and in order."""
-        self.start("daemon", "start", "--sim", "--paced-by-host", "--speed", str(self._speed),
-                   "--config", str(self.folder / "config.toml"))  # fmt: skip
-        until(self.in_order, "the bench is not in order")
+
+        def in_order() -> bool:
+            # Started anew when it found its pseudo-terminal taken by a daemon of somebody else.
+            self.start("daemon", "start", "--sim", "--paced-by-host", "--speed", str(self._speed),
+                       "--config", str(self.folder / "config.toml"))  # fmt: skip
+            return self.in_order()
+
+        until(in_order, "the bench is not in order")
         holder = [sys.executable, "-c", _HOLDER.format(path=str(self.cut))]
-        self.start("relay", "hooks", "relay", "--while", *holder)
+        before = text_of(self.folder / "relay.log").count("supply is on")
+        running = self._parts.get("relay")
+        if running is None or running.poll() is not None:
+            self.start("relay", "hooks", "relay", "--while", *holder)
+            until(
+                lambda: text_of(self.folder / "relay.log").count("supply is on") > before,
+                "the relay does not close",
+            )
         self.start("hooks", "hooks", "run")
 
     def in_order(self) -> bool:
@@ -230,7 +244,11 @@ def _await_consequences(rig: Rig, outcome: Outcome, killed_unix_s: float, *, act
     """Note when the bench was off, the message came and the relay fell."""
     bench_gone = outcome.victim in ("daemon", "simulator", "everything")
     deadline_s = time.monotonic() + 12.0
+    looked_s = time.monotonic()
     while time.monotonic() < deadline_s:
+        stalled_s = round(time.monotonic() - looked_s - 0.05, 2)
+        looked_s = time.monotonic()
+        outcome.stall_s = max(outcome.stall_s, stalled_s)
         now_s = time.time() - killed_unix_s
         if outcome.off_s is None and _is_off(rig):
             outcome.off_s = round(now_s, 2)

@@ -11,7 +11,7 @@ from smad.queue import machine
 from smad.queue.bench import View
 from smad.queue.errors import StoreError
 from smad.queue.machine import Bench, Change
-from smad.queue.runner import KILL_AFTER_S, Runner, Surroundings
+from smad.queue.runner import KILL_AFTER_S, SAVE_WITHIN_S, Runner, Surroundings
 from smad.queue.states import Arming, Budget, Item, Snapshot, State, Usage
 from smad.queue.store import FILE, Store
 from smad.runlog.header import RunHeader
@@ -366,4 +366,30 @@ def test_a_daemon_that_does_not_close_the_log_is_told_and_nothing_else_suffers(
     night.processes[0].status = -9
     night.tick()
     assert night.states() == [State.INTERRUPTED]
-    assert any("no daemon" in text for text in night.said)
+    night.tick(seconds=SAVE_WITHIN_S)
+    assert [text for text in night.said if "no daemon" in text] == [f"run log {path}: no daemon"]
+
+
+def test_a_log_that_the_lease_of_a_killed_item_keeps_is_closed_once_that_has_lapsed(
+    night: Night, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = cut_log(night.folder)
+    monkeypatch.setattr("smad.queue.runner.being_written", lambda path: True)
+    lapses_s = night.now_s + 3.0
+    whole = night.stop_recording
+
+    def held() -> None:
+        if night.now_s < lapses_s:
+            raise DaemonError("somebody has control")
+        whole()
+
+    monkeypatch.setattr(night, "stop_recording", held)
+    night.add()
+    night.arm()
+    night.tick()
+    night.view = msgspec.structs.replace(night.view, recording=str(path), being_recorded=True)
+    night.tick()
+    night.processes[0].status = -9
+    night.tick(30)
+    assert night.closed_logs == 1
+    assert not any("somebody has control" in text for text in night.said)
