@@ -18,6 +18,7 @@ from smad.errors import SmadError
 from smad.queue.errors import QueueError
 
 if TYPE_CHECKING:
+    from smad.config import Config
     from smad.queue.states import Item
 
 KINDS: Mapping[str, tuple[tuple[str, ...], str]] = {
@@ -108,12 +109,25 @@ def _checked(kind: str, words: Sequence[str], folder: Path) -> bool:
                 )
         _check_baseline(context, folder)
         if attribute == "moves":
-            from smad.cli.run_moves import read_moves
+            from smad.cli.run_moves import read_moves, require_within
 
-            read_moves(folder / given["path"])
+            require_within(read_moves(folder / given["path"]), _config(given["bench"]))
         sim = bool(given.get("sim"))
         _check_disk(folder, sim=sim)
     return sim
+
+
+def _config(bench: str) -> Config:
+    """The configuration of the daemon; without one the usual one, as it is looked at again."""
+    from smad.client import Client
+    from smad.config import Config, parse_config
+    from smad.errors import DaemonError
+
+    try:
+        with Client(bench, timeout_s=1.0) as client:
+            return parse_config(client.config())
+    except DaemonError:
+        return Config()
 
 
 def _check_experiments(given: Mapping[str, Any]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import click
 import msgspec
@@ -13,6 +13,9 @@ from smad.cli.output import axis_option, lease_option, progress
 from smad.control.commands import Follow, Trajectory
 from smad.control.plan import Do, Plan, UntilDone
 from smad.errors import CommandError
+
+if TYPE_CHECKING:
+    from smad.config import Config
 
 LATE_S = 5.0
 
@@ -57,6 +60,14 @@ def moves(*, path: Path, lease: float, bench: str) -> None:
         finally:
             if driver.log is not None:
                 click.echo(f"recorded: {driver.log}")
+
+
+def require_within(file: MovesFile, config: Config) -> None:
+    """Raise CommandError, naming the field, when a piece breaks a limit of the configuration."""
+    from smad.control.trajectories import ReferenceQueue
+
+    queue = ReferenceQueue(config.limits, config.control.handover_rate_mm_per_s)
+    queue.compiled(Follow(trajectories=file.pieces), 0.0)
 
 
 def read_moves(path: Path) -> MovesFile:

@@ -12,6 +12,8 @@ from smad.experiments.errors import ExperimentError
 LATE_S = 60.0
 CYCLES_A_COMMAND = 50
 """Four pieces each: well below the thousand that one command may have."""
+MOST_CYCLES = 2000
+"""Of a block: the controller's queue takes ten thousand pieces."""
 LONGEST_BLOCK_S = 3600.0
 """A block is one arming and one run log: an hour at most, far below the longest time armed."""
 
@@ -54,7 +56,7 @@ class Profile:
 
     def cycles_a_block(self, most: int) -> int:
         """Return how many cycles one block may have: an hour's, and at most `most`."""
-        return max(1, min(most, int(LONGEST_BLOCK_S / self.period_s)))
+        return max(1, min(most, MOST_CYCLES, int(LONGEST_BLOCK_S / self.period_s)))
 
     def plan(self, first: int, count: int) -> Plan:
         """Return the plan of a block: `count` cycles from number `first` on."""
