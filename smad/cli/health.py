@@ -83,6 +83,7 @@ def _limits(given: tuple[str, ...]) -> Mapping[str, float]:
 def _collect(folder: Path, verdicts: tuple[Path, ...]) -> None:
     """Append the rows of what the record does not know yet."""
     from smad.errors import RunLogError
+    from smad.health.cycles import rows_of_cycles
     from smad.health.errors import HealthError
     from smad.health.measure import new_rows
     from smad.health.record import FILE, append, read
@@ -94,6 +95,7 @@ def _collect(folder: Path, verdicts: tuple[Path, ...]) -> None:
     # Check-ups of the queue write theirs beside the output of their items.
     written = (*verdicts, *sorted(folder.glob("queue/item-*.json")))
     rows = [row_of_verdict(path) for path in written if str(path) not in known]
+    rows += rows_of_cycles(folder, known)
     with progress() as line:
         for path, row in new_rows(folder, known):
             line.say(f"reading {path.name}")

@@ -68,9 +68,13 @@ def earlier_cycles(folder: Path) -> int:
     path = folder / CYCLES_FILE
     if not path.exists():
         return 0
-    with path.open(newline="") as file:
-        numbers = [int(row["number"]) for row in csv.DictReader(file) if row["number"]]
-    return max(numbers, default=0)
+    return max((int(row["number"]) for row in csv.DictReader(whole_lines(path))), default=0)
+
+
+def whole_lines(path: Path) -> list[str]:
+    """Return the lines of a file, without a last one that a power loss cut."""
+    text = path.read_text(encoding="utf-8")
+    return text[: text.rfind("\n") + 1].splitlines()
 
 
 def endure(
@@ -154,6 +158,8 @@ def _check(asked: Endurance, ended: Ended, check: Callable[[int], Judgement]) ->
 
 def _append(path: Path, cycles: list[Cycle]) -> None:
     new = not path.exists()
+    if not new:
+        os.truncate(path, path.read_bytes().rfind(b"\n") + 1)
     with path.open("a", newline="") as file:
         writer = csv.writer(file)
         if new:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from smad.cli import execute
+from smad.health.cycles import rows_of_cycles
 from smad.health.errors import HealthError
 from smad.health.measure import row_of
 from smad.health.record import FILE, Row, Value, append, read
@@ -131,6 +132,23 @@ def test_a_verdict_of_a_check_up_gives_parameters_floors_and_places(tmp_path: Pa
     path.write_text("[]")
     with pytest.raises(HealthError, match="no verdict"):
         row_of_verdict(path)
+
+
+def test_each_fifty_cycles_of_an_endurance_run_are_a_row_once(tmp_path: Path) -> None:
+    text = "number,t_s,stroke_mm,force_max_N\n" + "".join(
+        f"{n},0,{10.0 - 0.01 * n},nan\n" for n in range(1, 121)
+    )
+    (tmp_path / "cycles.csv").write_text(text)
+    rows = list(rows_of_cycles(tmp_path, set()))
+    assert [r.source for r in rows] == ["cycles.csv 1 to 50", "cycles.csv 51 to 100"]
+    assert rows[0].values == {"stroke_mm": Value(pytest.approx(9.745))}
+    assert rows[0].unix_s < rows[1].unix_s
+    assert list(rows_of_cycles(tmp_path, {r.source for r in rows})) == []
+    (tmp_path / "cycles.csv").write_text(text + "121,to")
+    assert len(list(rows_of_cycles(tmp_path, set()))) == 2
+    (tmp_path / "cycles.csv").write_text(text + "121,torn\n")
+    with pytest.raises(HealthError, match="cannot be read"):
+        list(rows_of_cycles(tmp_path, set()))
 
 
 def test_a_run_that_is_too_short_gives_no_row(tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ VICTIMS = ("runner", "item", "daemon", "simulator", "everything")
 LATEST_S = 14.0
 """Kills fall within so long after the first item began."""
 MESSAGE_S, RELAY_S, HEAT_S = 5.0, 2.0, 5.0
-_PATIENCE_S = 120.0
+_PATIENCE_S = 600.0
 _MOVES = """
 [[pieces]]
 kind = "step"

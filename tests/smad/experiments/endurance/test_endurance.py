@@ -186,6 +186,14 @@ def test_a_run_in_virtual_time_has_all_its_cycles_and_keeps_every_third_in_full(
     assert any("every 3th cycle" in note for note in run.header.notes)
     assert earlier_cycles(tmp_path) == 6
     assert not (tmp_path / "reserved").exists()
+    with (tmp_path / CYCLES_FILE).open("a") as file:
+        file.write("7,1.0,7.")
+    assert earlier_cycles(tmp_path) == 6
+    carried_out(tmp_path, bench, cycles=1, first=7)
+    assert [row["number"] for row in csv.DictReader((tmp_path / CYCLES_FILE).open())][-2:] == [
+        "6",
+        "7",
+    ]
 
 
 def test_a_spring_that_ages_fast_is_ended_by_its_limit(tmp_path: Path) -> None:
