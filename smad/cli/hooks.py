@@ -47,7 +47,7 @@ def run(*, bench: str, folder: Path | None) -> None:
     _say(f"watching bench {bench}")
     with ended_by_signals():
         try:
-            watch(watcher, Detector(bench, disk_low_GB=config.disk_low_GB), commands, _say)
+            watch(watcher, Detector(bench, disk_low_MB=config.disk_low_MB), commands, _say)
         finally:
             commands.close()
             watcher.close()

@@ -26,6 +26,6 @@ class HooksConfig(Section, frozen=True, kw_only=True):
     timeout_s: Annotated[
         float, Meta(ge=0.1, le=600.0, description="a command is killed after so long")
     ] = 20.0
-    disk_low_GB: Annotated[
-        float, Meta(ge=0.0, le=100_000.0, description="room on the disk of the run logs")
-    ] = 2.0
+    disk_low_MB: Annotated[
+        float, Meta(ge=0.0, le=100_000_000.0, description="room on the disk of the run logs")
+    ] = 2000.0

@@ -35,7 +35,7 @@ class Look(Struct, frozen=True, kw_only=True):
     unix_s: float
     clock_s: float
     status: Status | None = None
-    free_GB: float | None = None
+    free_MB: float | None = None
     snapshot: Snapshot | None = None
     messages: tuple[Message, ...] = ()
     has_runner: bool = True
@@ -44,8 +44,8 @@ class Look(Struct, frozen=True, kw_only=True):
 class Detector:
     """Compares each look with the one before."""
 
-    def __init__(self, bench: str, *, disk_low_GB: float) -> None:
-        self.disk_low_GB = disk_low_GB
+    def __init__(self, bench: str, *, disk_low_MB: float) -> None:
+        self.disk_low_MB = disk_low_MB
         self._bench = bench
         self._before: Status | None = None
         self._answered_s: float | None = None
@@ -118,16 +118,16 @@ class Detector:
         self._runner_told = abandoned
 
     def _of_disk(self, look: Look) -> Iterator[Event]:
-        free_GB = look.free_GB
-        if free_GB is None:
+        free_MB = look.free_MB
+        if free_MB is None:
             return
-        if free_GB < self.disk_low_GB and not self._disk_told:
+        if free_MB < self.disk_low_MB and not self._disk_told:
             self._disk_told = True
             yield self._event(
                 look,
                 "on_disk_low",
-                f"{free_GB:.2f} GB left for run logs, less than {self.disk_low_GB:g} GB",
-                free_GB=free_GB,
+                f"{free_MB:.0f} MB left for run logs, less than {self.disk_low_MB:g} MB",
+                free_MB=free_MB,
             )
-        elif free_GB > self.disk_low_GB * _ROOM_AGAIN:
+        elif free_MB > self.disk_low_MB * _ROOM_AGAIN:
             self._disk_told = False

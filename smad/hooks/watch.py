@@ -61,7 +61,7 @@ class Watcher:
             unix_s=look.unix_s,
             clock_s=look.clock_s,
             status=status,
-            free_GB=_free_GB(self._folder),
+            free_MB=_free_MB(self._folder),
             snapshot=snapshot,
             messages=messages,
             has_runner=RunnerLease(self._folder).runs(),
@@ -115,8 +115,8 @@ def commands_of(config: HooksConfig, say: Callable[[str], None]) -> HookCommands
     )
 
 
-def _free_GB(folder: Path) -> float | None:
+def _free_MB(folder: Path) -> float | None:
     try:
-        return shutil.disk_usage(folder).free / 1e9
+        return shutil.disk_usage(folder).free / 1e6
     except OSError:
         return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -46,37 +47,38 @@ def room_for(profile: Profile, cycles: int, full_every: int, block: int, rate_hz
 
 
 class Reserve:
-    """A file that keeps the room until the run needs it; it shrinks with what was written."""
+    """Room on the disk of `folder` that shrinks with what was written.
 
-    def __init__(self, path: Path, room: Room) -> None:
-        self._path = path
-        self._room = room
-        free = shutil.disk_usage(path.parent).free
+    Its file has no name, so that the room of a run that is killed comes back with its process.
+    """
+
+    def __init__(self, folder: Path, room: Room) -> None:
+        free = shutil.disk_usage(folder).free
         if free < room.total:
             raise CommandError(
-                f"too little room for this run in {path.parent}",
+                f"too little room for this run in {folder}",
                 value=f"{free / 1e6:.0f} MB free",
                 limit=f"{room.total / 1e6:.0f} MB: {room.in_words()}",
                 action="make room, give fewer cycles, or a larger --full-every; nothing was moved",
             )
         # What a block takes while it is recorded must stay free for the daemon.
         self._bytes = int(room.logs + room.statistics)
+        self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 (closed by `close`)
         try:
-            with path.open("wb") as file:
-                if self._bytes:
-                    os.posix_fallocate(file.fileno(), 0, self._bytes)
+            if self._bytes:
+                os.posix_fallocate(self._file.fileno(), 0, self._bytes)
         except OSError as error:
-            path.unlink(missing_ok=True)
+            self._file.close()
             raise CommandError(
                 f"the room cannot be reserved: {error.strerror}",
-                value=str(path),
+                value=str(folder),
                 action="make room on the disk; nothing was moved",
             ) from None
 
     def use(self, share: float) -> None:
-        """Give back the share of the run that lies ahead, 0 to 1."""
-        os.truncate(self._path, int(self._bytes * (1.0 - min(max(share, 0.0), 1.0))))
+        """Give back the share of the run that lies behind, 0 to 1."""
+        os.ftruncate(self._file.fileno(), int(self._bytes * (1.0 - min(max(share, 0.0), 1.0))))
 
     def close(self) -> None:
         """Give back what is left."""
-        self._path.unlink(missing_ok=True)
+        self._file.close()

@@ -92,7 +92,7 @@ def endure(
     """
     ended = Ended(cycles=asked.first - 1)
     watch = Watch(asked.limits)
-    reserve = Reserve(folder / "reserved", room)
+    reserve = Reserve(folder, room)
     last = asked.first + asked.cycles - 1
     try:
         while ended.cycles < last and not ended.reason:

@@ -50,7 +50,7 @@ def look(at_s: float, status: Status | None = STATUS, **more: object) -> Look:
 
 
 def told(*looks: Look) -> list[tuple[str, str]]:
-    detector = Detector("bench", disk_low_GB=2.0)
+    detector = Detector("bench", disk_low_MB=2000.0)
     return [(e.event, e.text) for each in looks for e in detector.events(each)]
 
 
@@ -76,7 +76,7 @@ def test_a_stop_by_another_client_is_told_and_a_programs_own_disarm_is_not() -> 
 def test_a_daemon_that_is_silent_is_told_after_its_time_and_only_once() -> None:
     silent = [look(0.1 * n, None) for n in range(1, 40)]
     assert [event for event, _ in told(look(0), *silent)] == ["on_link_lost"]
-    detector = Detector("bench", disk_low_GB=2.0)
+    detector = Detector("bench", disk_low_MB=2000.0)
     detector.events(look(0))
     assert detector.events(look(SILENT_S - 0.1, None)) == []
     assert len(detector.events(look(SILENT_S, None))) == 1
@@ -106,11 +106,11 @@ def test_a_runner_that_died_is_told_with_the_item_that_it_left(has_runner: bool)
 
 
 def test_a_low_disk_is_told_once_and_again_only_after_there_was_room() -> None:
-    free = (3.0, 1.9, 1.8, 2.1, 1.9, 2.5, 1.0)
-    events = told(*(look(n, free_GB=gigabytes) for n, gigabytes in enumerate(free)))
+    free = (3000.0, 1900.0, 1800.0, 2100.0, 1900.0, 2500.0, 1000.0)
+    events = told(*(look(n, free_MB=megabytes) for n, megabytes in enumerate(free)))
     assert [text for _, text in events] == [
-        "1.90 GB left for run logs, less than 2 GB",
-        "1.00 GB left for run logs, less than 2 GB",
+        "1900 MB left for run logs, less than 2000 MB",
+        "1000 MB left for run logs, less than 2000 MB",
     ]
 
 
