@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ from smad.errors import SmadError
 
 if TYPE_CHECKING:
     from smad.client import Client
+    from smad.config import Config
     from smad.control.plan import Plan
     from smad.experiments.endurance.profile import Profile
     from smad.experiments.endurance.run import BlockDriver, Endurance, Judgement
@@ -61,7 +63,7 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
 def endurance(**options: Any) -> None:
     """Cycle between two displacements or temperatures until a limit ends it.
 
-    Each block of at most an hour begins from rest and has a run log of its own. FOLDER/cycles.csv
+    Each block, at most three quarters of the longest time armed, begins from rest and has a run log of its own. FOLDER/cycles.csv
     has the statistics of every cycle. What it takes on the disk is told and reserved before. A
     stop, a fault, or a check-up that fails ends it; --go-on is for a person who looked.
     """
@@ -82,8 +84,10 @@ def endurance(**options: Any) -> None:
     make_folder(folder)
     with contextlib.ExitStack() as stack:
         line = stack.enter_context(progress())
-        driver, rate_hz = stack.enter_context(_bench(options, folder, line.say))
-        block = asked.profile.cycles_a_block(asked.check_every or asked.cycles)
+        driver, config = stack.enter_context(_bench(options, folder, line.say))
+        asked = replace(asked, on_time_s=config.limits.on_time_max_s)
+        block = asked.profile.cycles_a_block(asked.check_every or asked.cycles, asked.on_time_s)
+        rate_hz = float(config.link.rate_hz)
         room = room_for(asked.profile, asked.cycles, asked.full_every, block, rate_hz)
         hours = asked.cycles * asked.profile.period_s / 3600.0
         click.echo(f"{asked.cycles} cycles, about {hours:.1f} h of board time; {room.in_words()}")
@@ -185,19 +189,20 @@ class _Live:
 @contextlib.contextmanager
 def _bench(
     options: dict[str, Any], folder: Path, say: Callable[[str], None]
-) -> Iterator[tuple[BlockDriver, float]]:
-    """The driver, and the samples a second of its bench."""
+) -> Iterator[tuple[BlockDriver, Config]]:
+    """The driver, and the configuration of its bench."""
     from smad.cli.output import client
     from smad.client.signals import ended_by_signals
+    from smad.config import Config, parse_config
     from smad.experiments.ready import require_ready
 
     if options["sim"]:
-        yield _Simulated(folder, options["seed"], options["effects"]), 100.0
+        yield _Simulated(folder, options["seed"], options["effects"]), Config()
         return
     with ended_by_signals(), client(options["bench"]) as connected:
         connected.as_of(connected.motion().generation)
         require_ready(connected)
-        yield _Live(connected, options["lease"], say), float(connected.status().link.rate_hz)
+        yield _Live(connected, options["lease"], say), parse_config(connected.config())
 
 
 def _checker(

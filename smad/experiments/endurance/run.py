@@ -44,7 +44,10 @@ class Judgement(Struct, frozen=True):
 
 @dataclass(frozen=True, kw_only=True)
 class Endurance:
-    """What is asked for. Every `check_every` cycles `check` is called; 0: never."""
+    """What is asked for. Every `check_every` cycles `check` is called; 0: never.
+
+    `first` is the number of its first cycle; `on_time_s` how long the host lets a bench be armed.
+    """
 
     profile: Profile
     cycles: int
@@ -52,6 +55,7 @@ class Endurance:
     check_every: int = 0
     full_every: int = 1
     first: int = 1
+    on_time_s: float = 3600.0
 
 
 @dataclass
@@ -115,7 +119,7 @@ def _block(asked: Endurance, done: int, last: int) -> int:
     most = last - done
     if asked.check_every:
         most = min(most, asked.check_every - done % asked.check_every)
-    return asked.profile.cycles_a_block(most)
+    return asked.profile.cycles_a_block(most, asked.on_time_s)
 
 
 class _Block(NamedTuple):

@@ -60,8 +60,9 @@ def columns(strokes_mm: list[float]) -> dict[str, np.ndarray]:
 
 def test_the_plan_of_a_block_takes_the_time_of_its_cycles() -> None:
     assert PROFILE.period_s == 7.0
-    assert PROFILE.cycles_a_block(10_000) == 514
-    assert PROFILE.cycles_a_block(20) == 20
+    assert PROFILE.cycles_a_block(10_000, 3600.0) == 385
+    assert PROFILE.cycles_a_block(20, 3600.0) == 20
+    assert PROFILE.cycles_a_block(20, 3.0) == 1
     plan = PROFILE.plan(1, 120)
     assert [action.command.queue for action in plan.actions[:-1]] == [False, True, True]  # type: ignore[union-attr]
 
