@@ -63,9 +63,10 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
 def endurance(**options: Any) -> None:
     """Cycle between two displacements or temperatures until a limit ends it.
 
-    Each block, at most three quarters of the longest time armed, begins from rest and has a run log of its own. FOLDER/cycles.csv
-    has the statistics of every cycle. What it takes on the disk is told and reserved before. A
-    stop, a fault, or a check-up that fails ends it; --go-on is for a person who looked.
+    Each block, at most three quarters of the longest time armed, begins from rest and has a run log
+    of its own. FOLDER/cycles.csv has the statistics of every cycle. What it takes on the disk is
+    told and reserved before. A stop, a fault, or a check-up that fails ends it; --go-on is for a
+    person who looked.
     """
     from smad.experiments.endurance.room import room_for
     from smad.experiments.endurance.run import earlier_cycles, endure
