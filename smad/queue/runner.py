@@ -74,6 +74,8 @@ class Runner:
         self._usage = Usage()
         self._written_s = 0.0
         self._complaint = ""
+        self._folder = ""
+        """Where the daemon recorded when it last answered."""
         self._unsaved: dict[Path, float] = {}
         """Logs of interrupted items that could not be saved yet, and until when that is tried."""
 
@@ -113,6 +115,7 @@ class Runner:
 
     def _tick(self) -> None:
         view = self._by.watch.look()
+        self._folder = view.folder or self._folder
         self._save_again(view)
         self._meter()
         if self._process is not None:
@@ -256,12 +259,15 @@ class Runner:
     def _logs_of(self, item: Item, view: View) -> list[Path]:
         """Return the logs that were noted, and those written since the item began."""
         noted = [Path(path) for path in self._store.logs(item.id)]
-        folder = Path(view.folder) if view.folder else self._store.path.parent
+        # A daemon that was killed cannot say where it recorded: where it did before.
+        folders = {self._store.path.parent, *(path.parent for path in noted)}
+        folders |= {Path(folder) for folder in (view.folder, self._folder) if folder}
         since_s = (item.started_unix_s or 0.0) - _BEFORE_S
-        with contextlib.suppress(OSError):
-            for path in sorted(folder.glob(f"*{SUFFIX}")):
-                if path.stat().st_mtime >= since_s and path not in noted:
-                    noted.append(path)
+        for folder in sorted(folders):
+            with contextlib.suppress(OSError):
+                for path in sorted(folder.glob(f"*{SUFFIX}")):
+                    if path.stat().st_mtime >= since_s and path not in noted:
+                        noted.append(path)
         return [path for path in noted if path.exists() and ".recovered" not in path.suffixes]
 
     def _save_log(self, path: Path, view: View) -> None:

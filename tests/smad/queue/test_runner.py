@@ -318,6 +318,22 @@ def test_the_run_log_of_an_interrupted_item_is_recovered(night: Night) -> None:
     assert any("recovered to" in text for text in night.said)
 
 
+def test_a_log_that_nobody_noted_is_recovered_where_a_killed_daemon_recorded(
+    night: Night, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+    night.view = msgspec.structs.replace(night.view, folder=str(elsewhere))
+    night.add()
+    night.arm()
+    night.now_s = BEGAN_S
+    night.tick()
+    path = cut_log(elsewhere)
+    night.view = View()
+    night.processes[0].status = machine.LOST
+    night.tick()
+    assert path.with_name(f"{path.stem}.recovered.mcap").exists()
+
+
 def test_a_process_that_cannot_be_begun_fails_its_item(
     night: Night, monkeypatch: pytest.MonkeyPatch
 ) -> None:
