@@ -45,13 +45,16 @@ COMMANDS: Mapping[str, str] = {
     "log": "smad.cli.log:log",
     "run": "smad.cli.run:run",
     "tune": "smad.cli.tune:tune",
+    "queue": "smad.cli.queue:queue",
+    "hooks": "smad.cli.hooks:hooks",
+    "health": "smad.cli.health:health",
     "gap": "smad.cli.gap:gap",
     "model": "smad.cli.model:model",
     "docs": "smad.cli.docs:docs",
 }
 """Every command and where it lives; `smad status` would feel the import of numpy or matplotlib."""
 
-READS_FILES = frozenset(("log", "gap", "run", "view"))
+READS_FILES = frozenset(("log", "gap", "run", "view", "health"))
 """Commands that are ended first when memory runs out: before the daemon, which has the bench."""
 
 _INTERRUPTED = 130

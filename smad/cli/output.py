@@ -118,7 +118,13 @@ def client(bench: str, *, lasting: bool = False) -> Client:
 
     context = click.get_current_context(silent=True)
     axis = "" if context is None else context.meta.get(_AXIS, "")
-    return Client(bench, axis=axis, lease_s=None) if lasting else Client(bench, axis=axis)
+    made = Client(bench, axis=axis, lease_s=None) if lasting else Client(bench, axis=axis)
+    made_clients.append(made)
+    return made
+
+
+made_clients: list[Client] = []
+"""Clients of this command: who ran it asks them which stops they know of."""
 
 
 class Progress:

@@ -21,6 +21,7 @@ from smad.config.axes import (
     inverse,
 )
 from smad.config.control import ControlConfig, LimitsConfig
+from smad.config.hooks import HooksConfig
 from smad.config.section import HOST, Section
 from smad.curve_key import KEY_CHARACTERS, is_curve_key
 from smad.errors import ConfigError
@@ -198,6 +199,7 @@ class Config(Section, frozen=True, kw_only=True):
     recorder: RecorderConfig = field(default_factory=RecorderConfig)
     realtime: RealtimeConfig = field(default_factory=RealtimeConfig)
     plant: PlantConfig = field(default_factory=PlantConfig)
+    hooks: HooksConfig = field(default_factory=HooksConfig)
     axes: tuple[AxisConfig, ...] = ()
     segments: tuple[SegmentConfig, ...] = ()
 

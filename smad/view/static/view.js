@@ -5,12 +5,14 @@ import { build, buildLive } from "./forms.js";
 import { Link } from "./link.js";
 import { element, setText } from "./style/plots.js";
 import { Plots } from "./plots.js";
+import { Queue } from "./queue.js";
 import { Runs, previewed } from "./runs.js";
 import { Tiles } from "./tiles.js";
 
 const $ = (id) => document.getElementById(id);
 let plots = null;
 let runs = null;
+let queue = null;
 let status = null;
 let modes = {};
 let showGains = () => {};
@@ -50,7 +52,10 @@ function begin(hello) {
   plots = new Plots(hello, link);
   setText($("bench"), hello.axis ? `${hello.bench}: ${hello.axis}` : hello.bench);
   document.title = `${hello.bench} – smad`;
-  if (hello.right !== "command") {
+  queue?.end();
+  const command = hello.right === "command";
+  queue = new Queue({ ask: (message) => link.ask(message), tell, command });
+  if (!command) {
     document.querySelectorAll(".command").forEach((node) => node.remove());
     return;
   }
@@ -147,9 +152,13 @@ function movable(armed) {
 
 async function ask(message) {
   const reply = await link.ask(message);
+  tell(reply);
+  return reply.done;
+}
+
+function tell(reply) {
   setText($("said"), reply.text);
   $("said").classList.toggle("refused", !reply.done);
-  return reply.done;
 }
 
 const tune = (field, value) => ask({ do: "tune", tune: { mode: "tune", [field.name]: value } });
