@@ -17,10 +17,10 @@ class _Parameter(Struct, frozen=True):
     sd: float | None = None
 
 
-class _Place(Struct, frozen=True):
+class _Cause(Struct, frozen=True):
     words: str = ""
     name: str = ""
-    probabilities: list[float] = []
+    probability: float = 0.0
 
 
 class _Signal(Struct, frozen=True):
@@ -34,7 +34,7 @@ class _Verdict(Struct, frozen=True):
     outcome: str
     headline: str
     parameters: list[_Parameter] = []
-    places: list[_Place] = []
+    causes: list[_Cause] = []
     budget: list[_Signal] = []
 
 
@@ -51,16 +51,12 @@ def row_of_verdict(path: Path) -> Row:
     for signal in verdict.budget:
         values[f"gap_{signal.signal}_{signal.unit}"] = Value(signal.raw)
         values[f"floor_{signal.signal}_{signal.unit}"] = Value(signal.floor)
-    places = (
-        f"{place.name or place.words}"
-        + (f" ({max(place.probabilities):.2f})" if place.probabilities else "")
-        for place in verdict.places
-    )
+    causes = (f"{cause.name or cause.words} ({cause.probability:.2f})" for cause in verdict.causes)
     return Row(
         unix_s=path.stat().st_mtime,
         kind="checkup",
         source=str(path),
         group="checkup",
         values=values,
-        words=(verdict.headline, *places),
+        words=(verdict.headline, *causes),
     )

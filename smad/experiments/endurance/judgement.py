@@ -8,24 +8,32 @@ from msgspec import Struct
 from smad.experiments.endurance.run import Judgement
 
 
-class _Place(Struct, frozen=True):
-    probabilities: list[float] = []
+class _Rival(Struct, frozen=True):
+    kind: str
+    probability: float
+
+
+class _Cause(Struct, frozen=True):
+    rivals: list[_Rival] = []
 
 
 class _Verdict(Struct, frozen=True):
     outcome: str
     headline: str
-    places: list[_Place] = []
+    causes: list[_Cause] = []
 
 
 def judgement_of(data: bytes) -> Judgement:
-    """Return headline and probability that some place has changed.
+    """Return headline and probability that an effect or a law has come.
 
-    Of a list of places that the data do not tell apart it is the sum of their probabilities; of a
-    verdict that names a place without any, 1. Raises msgspec.MsgspecError.
+    Of causes it is that of the surest; of a cause without a table of rivals, 1. Raises
+    msgspec.MsgspecError.
     """
     verdict = msgspec.json.decode(data, type=_Verdict)
-    if not verdict.places:
-        return Judgement(verdict.headline, 0.0)
-    sums = [sum(place.probabilities) for place in verdict.places if place.probabilities]
-    return Judgement(verdict.headline, min(1.0, max(sums, default=1.0)))
+    sure = [
+        sum(r.probability for r in cause.rivals if r.kind in ("effect", "law"))
+        if cause.rivals
+        else 1.0
+        for cause in verdict.causes
+    ]
+    return Judgement(verdict.headline, min(1.0, max(sure, default=0.0)))

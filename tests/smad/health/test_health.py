@@ -117,12 +117,12 @@ def test_a_record_that_is_damaged_or_newer_is_told(tmp_path: Path) -> None:
         read(tmp_path / "newer")
 
 
-def test_a_verdict_of_a_check_up_gives_parameters_floors_and_places(tmp_path: Path) -> None:
+def test_a_verdict_of_a_check_up_gives_parameters_floors_and_causes(tmp_path: Path) -> None:
     path = tmp_path / "verdict.json"
     path.write_text(
-        '{"outcome": "places", "headline": "the film has changed", "extra": 1,'
+        '{"outcome": "causes", "headline": "the film has changed", "extra": 1,'
         '"parameters": [{"name": "h", "before": 1.0, "after": 1.2, "sd": 0.1}],'
-        '"places": [{"words": "film of X", "probabilities": [0.8, 0.1]}],'
+        '"causes": [{"words": "film of X", "probability": 0.8}],'
         '"budget": [{"signal": "rtd_x", "unit": "K", "floor": 0.1, "raw": 0.9}]}'
     )
     found = row_of_verdict(path)

@@ -244,14 +244,15 @@ def test_a_failing_block_keeps_what_was_written(tmp_path: Path) -> None:
     assert earlier_cycles(tmp_path) == 2
 
 
-def test_a_verdict_gives_headline_and_probability_of_a_place() -> None:
+def test_a_verdict_gives_headline_and_probability_that_something_has_come() -> None:
     quiet = b'{"outcome": "quiet", "headline": "h", "question": "x"}'
     assert judgement_of(quiet) == Judgement("h", 0.0)
-    places = b'{"outcome": "places", "headline": "h", "places": [{"probabilities": [0.5, 0.25]}]}'
-    assert judgement_of(places) == Judgement("h", 0.75)
-    assert judgement_of(b'{"outcome": "places", "headline": "h", "places": [{}]}') == Judgement(
-        "h", 1.0
-    )
+    told = b"""{"outcome": "causes", "headline": "h", "causes": [{"rivals": [
+        {"kind": "effect", "probability": 0.5}, {"kind": "law", "probability": 0.25},
+        {"kind": "nothing", "probability": 0.25}]}]}"""
+    assert judgement_of(told) == Judgement("h", 0.75)
+    bare = b'{"outcome": "causes", "headline": "h", "causes": [{}]}'
+    assert judgement_of(bare) == Judgement("h", 1.0)
 
 
 def test_temperatures_are_cycled_by_the_temperature_loop() -> None:
