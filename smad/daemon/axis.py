@@ -11,7 +11,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from firmware_protocol.events import BoardRestarted, HostEvent, HostState, LinkLost
+from firmware_protocol.events import (
+    BoardRestarted,
+    Connected,
+    FaultReported,
+    HostEvent,
+    HostState,
+    LinkLost,
+)
 from firmware_protocol.host import HostSession
 from firmware_protocol.messages import State
 from smad.config import Config
@@ -93,16 +100,8 @@ class Axis:
             means,
             baud=lambda: 0 if self.link.transport is None else self.link.transport.baud,
             on_scales=self._set_scales,
-            on_found_armed=self._stop_found,
         )
-        self.stop = BoardStop(
-            bench.stops,
-            self.control,
-            self.requests,
-            self.watch,
-            means,
-            holds_others=all(axis.fault_holds == "all" for axis in config.axes),
-        )
+        self.stop = BoardStop(bench.stops, self.control, self.requests, self.watch, means)
         self.host_stop = HostStop(self.controller)
 
     @property
@@ -177,11 +176,10 @@ class Axis:
         elif isinstance(event, LinkLost):
             self.stop.link_lost(f"the board fell silent for {event.silent_us / 1000:.0f} ms")
         self.watch.on_event(event)
-
-    def _stop_found(self) -> None:
-        text = "the board was found armed by somebody else; telling it to disarm"
-        self.means.say("disarm", text, {})
-        self.stop.fails("the board was found armed", by="the daemon, which found it armed")
+        if isinstance(event, Connected):
+            self.stop.connected()
+        elif isinstance(event, FaultReported):
+            self.stop.reported()
 
     def _set_scales(self, scales: Scales) -> None:
         self.control.scales = scales

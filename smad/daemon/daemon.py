@@ -16,6 +16,7 @@ from firmware_protocol.enums import BoardState
 from firmware_protocol.events import HostState
 from firmware_protocol.mirror import STOPPED
 from smad.config import Config
+from smad.daemon.arming import Arming
 from smad.daemon.axis import Axis, Surroundings
 from smad.daemon.command.answers import Answers
 from smad.daemon.command.bench import Bench, CommandCounts
@@ -69,13 +70,16 @@ class Daemon:
         self._housekept_s = time.monotonic()
         self._left_hot_us: int | None = None
         means = Means(process.clocks, self.say, self.spawn)
-        self.stops = Stops(self.say, on_begin=self._on_stop_begun)
+        by_axis = config.by_axis()
+        alone = frozenset(axis.name for axis in config.axes if axis.fault_holds == "own")
+        arming = Arming(tuple(by_axis), alone, process.nonce)
+        self.stops = Stops(self.say, arming, on_begin=self._on_stop_begun)
         surroundings = Surroundings(
             means, self.stops, config.turns(), {}, self._guarded, self._on_finished
         )
         self.axes = {
             name: Axis(name, own, openers[name], process, surroundings)
-            for name, own in config.by_axis().items()
+            for name, own in by_axis.items()
         }
         self.groups = Groups(self.axes, self.say)
         self._at_once = max(1, _AT_ONCE // len(self.axes))
@@ -225,9 +229,9 @@ class Daemon:
             self.fail(name, error)
 
     def _on_stop_begun(self, stopped: Sequence[BoardStop]) -> None:
-        self.groups.forget([board.label for board in stopped])
-        if len(stopped) == len(self.axes):
-            self._dead_man.forget()
+        names = [board.label for board in stopped]
+        self.groups.forget(names)
+        self._dead_man.forget(names)
         self.server.mark()
 
     def _on_finished(self) -> None:

@@ -28,7 +28,7 @@ from smad.control.commands import (
     Tune,
 )
 from smad.daemon.axis import Axis
-from smad.daemon.command.arming import Arming
+from smad.daemon.command.arming import ArmCommand, Asked
 from smad.daemon.command.bench import Bench
 from smad.daemon.command.conditions import (
     not_connected,
@@ -64,7 +64,7 @@ class Service:
         self._stops = bench.stops
         self._say = bench.means.say
         self._clock_us = bench.means.clocks.us
-        self._arming = Arming(bench)
+        self._arm_command = ArmCommand(bench)
         self.methods: dict[type[Struct], Callable[[Any, Caller], Answer]] = {
             method.params: getattr(self, method.name.replace(".", "_")) for method in METHODS
         }
@@ -89,6 +89,8 @@ class Service:
         if method.ends_with_stop:
             moved = params.moves if isinstance(params, api.Together) else caller.axes
             boards = [axis.stop for axis in self._bench.named(tuple(moved))]
+            if isinstance(params, api.Arm):
+                self._stops.require_all_closed()
             self._stops.require_confirmed(boards)
             before = caller.behind and generation is None
             asked_in = self._stops.generation - 1 if before else generation
@@ -142,7 +144,7 @@ class Service:
     async def _armed(
         self, axes: Sequence[Axis], generation: int, caller: Caller, params: api.Arm
     ) -> api.Motion:
-        await self._arming.arm(axes, generation, caller, _details(params, caller))
+        await self._arm_command.arm(Asked(axes, generation, caller), _details(params, caller))
         return self._status.motion(axes)
 
     def disarm(self, params: api.Disarm, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
@@ -150,9 +152,7 @@ class Service:
         holder = self._lease.holder(self._clock_us())
         orderly = holder is None or holder.secret == caller.lease
         self._stops.begin(f"disarm of {self._who(caller)}", orderly=orderly)
-        if not any(axis.connected for axis in self._bench.axes.values()):
-            self._require_boards()
-        return self._after(lambda axis: axis.stop.until_disarmed(), self._require_boards)
+        return self._after(lambda axis: axis.stop.until_off(), self._require_boards)
 
     def estop(self, params: api.EStop, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
         """Three copies to each board, and again until it says ESTOP; replies when all have."""
@@ -169,8 +169,6 @@ class Service:
                     raise not_connected("ESTOP cannot be sent", "cut the power")
             self._require_boards()
 
-        if len(away) == len(self._bench.axes):
-            require_sent()
         return self._after(lambda axis: axis.stop.until_estop(), require_sent)
 
     def _who(self, caller: Caller) -> str:
@@ -184,17 +182,18 @@ class Service:
         self, stopped: Callable[[Axis], Awaitable[None]], require: Callable[[], None]
     ) -> api.Motion:
         refusals: list[Refusal] = []
-        for axis in self._bench.axes.values():
-            # One that does not answer keeps nobody from hearing of the others.
-            try:
-                with axis.told():
-                    await stopped(axis)
-            except Refusal as refusal:
-                refusals.append(refusal)
-        if refusals:
-            raise refusals[0]
-        require()
-        return self._status.motion(list(self._bench.axes.values()))
+        with self._stops.reply_open():
+            for axis in self._bench.axes.values():
+                # One that does not answer keeps nobody from hearing of the others.
+                try:
+                    with axis.told():
+                        await stopped(axis)
+                except Refusal as refusal:
+                    refusals.append(refusal)
+            if refusals:
+                raise refusals[0]
+            require()
+            return self._status.motion(list(self._bench.axes.values()))
 
     def _require_boards(self) -> None:
         """Raise Refusal where a board that was there is not any more: nothing is known of it."""
@@ -353,8 +352,9 @@ class Service:
         return self._status.lease(caller.lease)
 
     def _require_not_armed_by_another(self, caller: Caller) -> None:
-        self._stops.require_confirmed(self._stops.boards)
-        if self._bench.armed and self._dead_man.client != caller.client:
+        self._stops.require_confirmed([b for b in self._stops.boards if b.reachable])
+        hot = [name for name, axis in self._bench.axes.items() if axis.hot]
+        if any(self._dead_man.armed_by(name) != caller.client for name in hot):
             raise Refusal(
                 Reason.ARMED,
                 "the bench was armed by another client",

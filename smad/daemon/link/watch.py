@@ -1,7 +1,6 @@
 """What follows from the board's messages that are no samples: connection, faults, parameters.
 
-A session always begins as a watcher's: nothing is armed, whatever was before, and a board found
-armed is told to disarm.
+A session always begins as a watcher's: nothing is armed, whatever was before.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from firmware_protocol.events import (
     StatsReceived,
 )
 from firmware_protocol.messages import FaultGet, FaultReport, Ident, State
-from firmware_protocol.mirror import HOT, STOPPED
+from firmware_protocol.mirror import STOPPED
 from smad import api
 from smad.config import LinkConfig
 from smad.control.sample import Scales
@@ -38,9 +37,8 @@ _REPORTS_KEPT = 16
 class BoardWatch:
     """Keeps what is known of the board, and tells the journal and the run log what changes.
 
-    `on_scales` gets the scales of the readings once the parameters are read; `on_found_armed` is
-    called for a board that is armed when it connects; `baud` tells the speed of the line as it was
-    opened, 0 for none; `identified` is set once it was heard of;
+    `on_scales` gets the scales of the readings once the parameters are read; `baud` tells the speed
+    of the line as it was opened, 0 for none; `identified` is set once it was heard of;
     `incompatible` holds why this board cannot be used, or only be watched.
     """
 
@@ -52,7 +50,6 @@ class BoardWatch:
         *,
         baud: Callable[[], int],
         on_scales: Callable[[Scales], None],
-        on_found_armed: Callable[[], None],
     ) -> None:
         self.parameters = Parameters(config.axis)
         self.ident: Ident | None = None
@@ -68,7 +65,6 @@ class BoardWatch:
         self._spawn = means.spawn
         self._baud = baud
         self._on_scales = on_scales
-        self._on_found_armed = on_found_armed
 
     def on_event(self, event: HostEvent) -> None:
         """Take one event of the session."""
@@ -107,9 +103,7 @@ class BoardWatch:
             return
         before, self.mode = self.mode, BoardState(mode)
         if before is None:
-            if mode in HOT:
-                self._on_found_armed()
-            elif mode in STOPPED and self.fault is None:
+            if mode in STOPPED and self.fault is None:
                 self._spawn("fault report", self._read_fault(state))
             return
         self._say("state", f"{before.name} → {self.mode.name}", {})
