@@ -109,7 +109,7 @@ class ControlTask:
         self.scales = Scales({}, config.axis)
         self.stepping = True
         self.withheld = False
-        """Send no setpoints: the board confirms no stop, and its own watchdog has to end heating."""
+        """Send no setpoints: the board confirms no stop, so its own watchdog has to end heating."""
         self.fed_us = 0
         """When a setpoint was sent last."""
         self.on_next: Callable[[State], None] | None = None

@@ -222,7 +222,10 @@ class BoardStop:
         self._confirmed_us: int | None = None
         """Board time of what the board confirmed last; an earlier sample does not show it yet."""
         self._stopped = False
-        self._asking = False
+        self._armings = 0
+        """ARM_CONFIRMs so far: a DISARM that was asked for before one says nothing of it."""
+        self._asking: set[int] = set()
+        """After how many of them each DISARM that is not answered yet was asked for."""
         self._asked_us = 0
         self._stopping_us = 0
         self._heating_until_us = self._clock_us()
@@ -274,6 +277,7 @@ class BoardStop:
         """The board is about to be armed: what ended the last arming is over."""
         self.ended = ""
         self._armed = True
+        self._armings += 1
         self._heating_until_us = max(self._heating_until_us, self._clock_us() + TOKEN_US)
 
     def took(self, done: Done) -> None:
@@ -387,23 +391,24 @@ class BoardStop:
         return self._arming.axes[self.label].reachable
 
     def _ask(self) -> None:
-        if not self._asking and self.phase is Phase.STOPPING:
-            self._asking = True
+        if self._armings not in self._asking and self.phase is Phase.STOPPING:
+            self._asking.add(self._armings)
             self._asked_us = self._clock_us()
-            self._spawn("disarm", self._ask_board())
+            self._spawn("disarm", self._ask_board(self._armings))
 
-    async def _ask_board(self) -> None:
+    async def _ask_board(self, armings: int) -> None:
         try:
             done = await self._requests.ask(Disarm(self._axis))
         except Refusal as refusal:
             self._say("warning", f"the board did not confirm the disarm: {refusal}", {})
         else:
             assert isinstance(done, Done)
-            self._confirmed_us = done.t_us
-            self._heating_until_us = self._clock_us()
-            self._arming.disarmed(self.label)
+            if armings == self._armings:
+                self._confirmed_us = done.t_us
+                self._heating_until_us = self._clock_us()
+                self._arming.disarmed(self.label)
         finally:
-            self._asking = False
+            self._asking.discard(armings)
         self._look()
 
     async def _until(
