@@ -139,6 +139,7 @@ class Axis:
         # What waits in the port must count before the session is asked whether anything came.
         self.link.read()
         self.control.tick()
+        self.watch.tick(self.means.clocks.us())
         self.stop.tick()
 
     def finished(self, most: int) -> Iterator[tuple[Row, float]]:

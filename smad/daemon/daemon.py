@@ -213,9 +213,11 @@ class Daemon:
         for axis in self.axes.values():
             axis.link.close()
         self.publisher.close()
-        for task in tuple(self._tasks):
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        # What is cancelled may begin more: an arming that is taken back asks the board to disarm.
+        while self._tasks:
+            for task in tuple(self._tasks):
+                task.cancel()
+            await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def _task_done(self, task: asyncio.Task[Any]) -> None:
         self._tasks.discard(task)

@@ -31,6 +31,7 @@ from smad.daemon.link.board import Parameters, fault_of
 from smad.daemon.link.requests import BoardRequests, refusal
 from smad.daemon.means import Means
 
+READ_AGAIN_US = 500_000
 _REPORTS_KEPT = 16
 
 
@@ -59,6 +60,7 @@ class BoardWatch:
         self.stats: dict[str, int] = {}
         self.identified = asyncio.Event()
         self.reading = False
+        self._read_again_us = 0
         self._config = config
         self._requests = requests
         self._say = means.say
@@ -102,9 +104,10 @@ class BoardWatch:
         if mode == self.mode:
             return
         before, self.mode = self.mode, BoardState(mode)
+        if mode in STOPPED and self.fault is None:
+            # It was latched before this session, or every copy of its report was lost.
+            self._spawn("fault report", self._read_fault(state))
         if before is None:
-            if mode in STOPPED and self.fault is None:
-                self._spawn("fault report", self._read_fault(state))
             return
         self._say("state", f"{before.name} → {self.mode.name}", {})
         if mode not in STOPPED and before is BoardState.FAULT:
@@ -152,23 +155,34 @@ class BoardWatch:
         self.parameters.complete = False
 
     async def _read_fault(self, state: State) -> None:
-        """Learn of a fault that the board latched before this session; it tells on being asked."""
+        """Learn of a fault of which no report came; the board tells it on being asked."""
         standing = faults_in(state.faults)
+        fault: api.Fault | None = None
         for index in range(_REPORTS_KEPT):
             try:
                 report = await self._requests.ask(FaultGet(self._config.axis, index))
             except Refusal:
                 break
             if isinstance(report, FaultReport) and report.fault in standing:
-                self.fault = fault_of(report)
-        if self.fault is None and standing:
-            self.fault = api.Fault(number=int(standing[0]), name=standing[0].name)
-        if self.fault is not None:
-            self._say("fault", f"the board had stopped: {self.fault.in_words()}", {})
+                fault = fault_of(report)
+        if fault is None and standing:
+            fault = api.Fault(number=int(standing[0]), name=standing[0].name)
+        # Meanwhile it may have been reported, or cleared.
+        if fault is not None and self.fault is None and self.mode in STOPPED:
+            self.fault = fault
+            self._say("fault", f"the board had stopped: {fault.in_words()}", {})
 
     def rescale(self) -> None:
         """Use the parameters as they now are for the readings."""
         self._on_scales(Scales(self.parameters.values, self._config.axis))
+
+    def tick(self, now_us: int) -> None:
+        """Read the parameters again where they could not be read."""
+        if self.ident is None or self.reading or self.parameters.complete:
+            self._read_again_us = now_us + READ_AGAIN_US
+        elif now_us >= self._read_again_us and not self._requests.watch_only:
+            self.reading = True
+            self._spawn("parameters", self._learn(self.ident))
 
     async def _learn(self, ident: Ident) -> None:
         try:
@@ -177,10 +191,12 @@ class BoardWatch:
             await self.parameters.read(ident, self._requests.ask)
             self.rescale()
         except Refusal as error:
-            self._say("warning", f"the board's parameters were not read: {error}", {})
+            if ident is self.ident:
+                text = f"the board's parameters were not read, and will be read again: {error}"
+                self._say("warning", text, {})
             return
         finally:
-            self.reading = False
+            self.reading &= ident is not self.ident
         await self._set_rate(ident)
 
     async def _set_rate(self, ident: Ident) -> None:

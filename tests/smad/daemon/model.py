@@ -8,7 +8,8 @@ fault; lines that keep the order, but delay and lose whatever they carry; client
 and stop all; a daemon that is killed and started again. Each step is one thing that happens;
 breadth-first search visits every state that any order of steps leads to.
 
-Three things make it small and leave nothing out. An answer is heard at once or lost: a late one is
+Four things make it small and leave nothing out. Stops of two clients that are open at once are told
+at the same moment, so they are one. An answer is heard at once or lost: a late one is
 one that was lost, and given again to the repeated request. A command that is late is one that is
 asked for later, unless a stop came: then its generation must not be in force, which is looked at
 when the stop begins, as none that is not ever will be. A board gives its token at once or never: a
@@ -34,7 +35,6 @@ from smad.daemon.arming import Arming, Attempt, AxisArming, Input, Phase, Send
 NAMES = ("a", "b")
 WANTED = (("a", "b"), ("a",), ("b",))
 """What a client arms."""
-CLIENTS = 2
 MOST_TO_BOARD = 2
 """Messages on their way to a board; one more is lost."""
 BOOTS_APART = 1 << 24
@@ -183,18 +183,17 @@ class World:
 
     def _of_clients(self) -> Iterator[tuple[str, World]]:
         machine = self.machine
-        if machine.replies_open + (machine.attempt is not None) < CLIENTS:
-            for names in WANTED:
-                if machine.why_not(names, machine.generation) is None:
-                    after = self.copy()
-                    after.machine.begin(names, machine.generation)
-                    after.machine.ask()
-                    after.machine.take_sends()
-                    yield f"a client arms {names}", after
-            after = self.copy()
-            after._stop(NAMES)
-            after.machine.replies_open += 1
-            yield "a client stops", after
+        for names in WANTED:
+            if machine.why_not(names, machine.generation) is None:
+                after = self.copy()
+                after.machine.begin(names, machine.generation)
+                after.machine.ask()
+                after.machine.take_sends()
+                yield f"a client arms {names}", after
+        after = self.copy()
+        after._stop(NAMES)
+        after.machine.replies_open = 1
+        yield "a client stops", after
         if machine.replies_open:
             if machine.all_off(NAMES):
                 after = self._told(NAMES)

@@ -30,7 +30,17 @@ class Tap:
 
     to_board: Lose = nothing
     to_host: Lose = nothing
+    late_until_us: int = 0
+    """Until then what the daemon says is kept on its way, in order."""
     heating_us: list[int] = field(default_factory=list)
+    _late: bytes = b""
+
+    def delayed(self, data: bytes, now_us: int) -> bytes:
+        """Return what arrives now of this and of what was kept."""
+        data, self._late = self._late + data, b""
+        if now_us < self.late_until_us:
+            data, self._late = b"", data
+        return data
 
     def armed_after(self, told_us: int, until_us: int) -> int:
         """Return for how long after a time the board sent that it is armed, µs; 0 for never."""
@@ -53,10 +63,11 @@ class TappedLine(Line):
 
     def receive(self) -> None:
         """Let the board hear what is not lost of what the daemon said."""
+        data = b""
         if self.end is not None:
             with contextlib.suppress(OSError):
-                data = self.end.recv(65_536)
-                self.bench.receive(self._passed(data, self.tap.to_board))
+                data = self._passed(self.end.recv(65_536), self.tap.to_board)
+        self.bench.receive(self.tap.delayed(data, self.phase_us + self.bench.now_us))
 
     def _passed(self, data: bytes, lose: Lose, *, note: bool = False) -> bytes:
         kept = []
