@@ -75,7 +75,10 @@ class Axis:
         self._standing_mm = bench.standing_mm
         self._stamps = Stamps()
         self._told_departure: Departure | None = None
-        self.session = HostSession(nonce=process.nonce, patience=process.options.patience)
+        self.session = HostSession(
+            nonce=process.nonce, patience=process.options.patience, axis=config.link.axis
+        )
+        self._other_axes = 0
         self.link = Link(
             opener,
             loop=process.loop,
@@ -175,12 +178,20 @@ class Axis:
         if isinstance(event, BoardRestarted):
             self.stop.link_lost("the board restarted")
         elif isinstance(event, LinkLost):
-            self.stop.link_lost(f"the board fell silent for {event.silent_us / 1000:.0f} ms")
+            self.stop.link_lost(self._why_silent(event))
         self.watch.on_event(event)
         if isinstance(event, Connected):
             self.stop.connected()
         elif isinstance(event, FaultReported):
             self.stop.reported()
+
+    def _why_silent(self, event: LinkLost) -> str:
+        others, self._other_axes = self._other_axes, self.session.stats.other_axes
+        if self._other_axes > others:
+            why = f"the board sends samples of another axis than link.axis {self.config.link.axis}"
+            self.means.say("warning", why, {"samples": self._other_axes - others})
+            return why
+        return f"the board fell silent for {event.silent_us / 1000:.0f} ms"
 
     def _set_scales(self, scales: Scales) -> None:
         self.control.scales = scales

@@ -153,7 +153,7 @@ class ControlTask:
         for event in events:
             if type(event) is not StateReceived:
                 others.append(event)
-            elif event.state.axis == self.axis:
+            else:
                 samples.append(event)
         try:
             if samples and self.stepping:
