@@ -162,6 +162,9 @@ class RecorderStatus(Struct, frozen=True, kw_only=True):
     rows: Annotated[int, Meta(description="samples written or waiting")] = 0
     dropped: Annotated[int, Meta(description="samples lost because the disk was too slow")] = 0
     error: Annotated[str, Meta(description="why recording stopped, if it failed")] = ""
+    last: Annotated[
+        str, Meta(description="the last minute as it was written last, after a fault; absolute")
+    ] = ""
 
 
 class Control(Struct, frozen=True, kw_only=True):

@@ -52,17 +52,24 @@ _EARLIER = 1 << 31
 class Stops:
     """The boards that a stop is for, and the machine that knows what is off.
 
-    `on_begin` is called with the boards that each new generation stops, before anything is sent.
+    `on_begin` is called with the boards that each new generation stops, before anything is sent;
+    `on_failure` with what stopped them, where that was no client that asked.
     """
 
     def __init__(
-        self, say: Say, arming: Arming, *, on_begin: Callable[[Sequence[BoardStop]], None]
+        self,
+        say: Say,
+        arming: Arming,
+        *,
+        on_begin: Callable[[Sequence[BoardStop]], None],
+        on_failure: Callable[[str], None],
     ) -> None:
         self.arming = arming
         self.why = ""
         self.boards: list[BoardStop] = []
         self._say = say
         self._on_begin = on_begin
+        self.on_failure = on_failure
 
     @property
     def generation(self) -> int:
@@ -180,6 +187,7 @@ class Stops:
         """Stop on the daemon's own account, and tell why."""
         self._say("disarm", text, data)
         self.begin(why, by=by)
+        self.on_failure(why)
 
     @contextmanager
     def reply_open(self) -> Iterator[None]:
@@ -253,6 +261,7 @@ class BoardStop:
         """This board is what stops: with the others or, where it holds none, by itself."""
         lead = f"{self.label}: " if self.label else ""
         self._stops.begin(f"{lead}{why}", by=f"{lead}{by}" if by else "", boards=self.stopped_with)
+        self._stops.on_failure(f"{lead}{why}")
 
     def end(self, ended: str, *, orderly: bool) -> bool:
         """End the motion. Returns whether that cuts a run (see `Stops.begin`)."""

@@ -34,6 +34,8 @@ class Holder(Struct, frozen=True):
     name: str
     duration_us: int
     until_us: int
+    client: bytes = b""
+    """The name of the socket that took it."""
 
 
 class Lease:
@@ -71,12 +73,14 @@ class Lease:
         if holder is not None and holder.secret == secret:
             self._holder = msgspec.structs.replace(holder, until_us=now_us + holder.duration_us)
 
-    def take(self, secret: str, name: str, duration_us: int, now_us: int) -> Holder:
+    def take(
+        self, secret: str, name: str, duration_us: int, now_us: int, client: bytes = b""
+    ) -> Holder:
         """Give control, under a new secret, or renew it. Raises Refusal while another has it."""
         if not self.held_with(secret, now_us):
             self.check("", now_us)
             secret = self._new_secret()
-        self._holder = Holder(secret, name, duration_us, now_us + duration_us)
+        self._holder = Holder(secret, name, duration_us, now_us + duration_us, client)
         return self._holder
 
     def check(self, secret: str, now_us: int) -> None:

@@ -32,7 +32,7 @@ from smad.config import AxisConfig
 from smad.faults.virtual import Refused, VirtualLoop, result_of
 from tests.smad.daemon.axes import lines
 from tests.smad.daemon.rig import Rig, config_in
-from tests.smad.daemon.tap import Tap, TappedLine, nothing, tapped
+from tests.smad.daemon.tap import Tap, nothing, tapped
 
 NAMES = ("pitch", "yaw")
 MOST_US = 25_000

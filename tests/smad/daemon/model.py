@@ -329,7 +329,7 @@ class Explored:
 
 
 def explore(alone: frozenset[str], most: int | None = None) -> Explored:
-    """Visit every state. Raises Violation with the shortest way to a state that breaks the property.
+    """Visit every state. Raises Violation with the shortest way to one that breaks the property.
 
     `most` ends the search after so many states, for a look at how it goes.
     """
@@ -361,7 +361,9 @@ def main() -> None:
         began_s = time.monotonic()
         explored = explore(alone)
         policy = "own" if alone else "all"
-        print(f'fault_holds = "{policy}": {explored.in_words()}, {time.monotonic() - began_s:.0f} s')
+        print(
+            f'fault_holds = "{policy}": {explored.in_words()}, {time.monotonic() - began_s:.0f} s'
+        )
     print("The property" + (__doc__ or "").partition("The property")[2].rstrip())
 
 
