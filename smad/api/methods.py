@@ -132,10 +132,10 @@ class AddNote(Params, frozen=True, kw_only=True):
 
 
 class RecordLast(Params, frozen=True, kw_only=True):
-    """Write what happened in the last seconds into a log, whether it was recorded or not."""
+    """Write the last seconds into a log, recorded or not."""
 
     seconds: Annotated[
-        float, Meta(ge=1.0, le=600.0, description="at most what recorder.black_box_s keeps")
+        float, Meta(ge=1.0, le=600.0, description="at most recorder.black_box_s")
     ] = 60.0
 
 
