@@ -96,13 +96,13 @@ class BlackBox:
 
     async def write_wanted(self) -> None:
         """Write what was wanted; a disk that does not take it is told, and the daemon goes on."""
-        why, self._why = self._why, ""
+        self._why = ""
         try:
             await self.write(self.keep_s)
         except RunLogError as error:
             self._say(f"the last {self.keep_s:g} s could not be written: {error}")
         else:
-            self._say(f"the last {self.keep_s:g} s before and after: {why}; in {self.path}")
+            self._say(f"the last {self.keep_s:g} s are in {self.path}")
 
     async def write(self, seconds: float) -> int:
         """Write the last seconds into a log; return how many samples. Raises RunLogError."""
