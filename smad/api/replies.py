@@ -162,6 +162,7 @@ class RecorderStatus(Struct, frozen=True, kw_only=True):
     rows: Annotated[int, Meta(description="samples written or waiting")] = 0
     dropped: Annotated[int, Meta(description="samples lost because the disk was too slow")] = 0
     error: Annotated[str, Meta(description="why recording stopped, if it failed")] = ""
+    last: Annotated[str, Meta(description="the last minute, written after a fault; absolute")] = ""
 
 
 class Control(Struct, frozen=True, kw_only=True):
@@ -191,7 +192,10 @@ class Motion(Struct, frozen=True, kw_only=True):
     ] = ""
     fault: Annotated[Fault | None, Meta(description="the latched fault")] = None
     generation: Annotated[
-        int, Meta(description="stops so far; a request that carries it is refused after the next")
+        int,
+        Meta(
+            description="names the last stop; a request that carries it is refused after the next"
+        ),
     ] = 0
     axes: Annotated[
         dict[str, Motion] | UnsetType, Meta(description="of a bench of several axes: each by name")

@@ -92,6 +92,9 @@ def diagnose(
         if fmu is not None and map_path is not None:
             from smad.fmi.asked import diagnose_unit
 
+            click.echo(
+                f"smad: runs the code of {fmu} as you; use units of those you trust", err=True
+            )
             with progress() as line:
                 answer = diagnose_unit(
                     fmu, map_path, runs, good=good, hold_out=hold_out, progress=line.say

@@ -146,6 +146,10 @@ class RecorderConfig(Section, frozen=True, kw_only=True):
     queue_rows: Annotated[
         int, Meta(ge=100, le=1_000_000, description="rows kept for a slow disk, then dropped")
     ] = 20_000
+    black_box_s: Annotated[
+        float,
+        Meta(ge=0.0, le=600.0, description="kept in memory, written after a fault; 0: nothing"),
+    ] = 60.0
 
 
 class RealtimeConfig(Section, frozen=True, kw_only=True):

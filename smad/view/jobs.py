@@ -191,8 +191,9 @@ class Jobs:
                 self._failed = f"it ended with status {status}"
             elif order.report.exists():
                 self._address = self._serve(order.report)
-        except OSError as error:
-            self._failed = f"it cannot be begun: {error.strerror}"
+        except (OSError, ValueError) as error:
+            # A word with a NUL is a ValueError.
+            self._failed = f"it cannot be begun: {getattr(error, 'strerror', None) or error}"
         finally:
             self._ended_s = time.monotonic()
             self.running = False

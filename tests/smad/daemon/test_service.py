@@ -446,7 +446,7 @@ async def test_sensors_that_swap_in_a_run_end_the_motion_and_the_user_is_told(
         assert rig.bench.board.outputs.applied_mA[0] == 2000
         path = Path((await rig.ask("status"))["recorder"]["path"])
         await rig.run_until(rig.daemon.recorder.stop())
-    stops = [e for p in path.parent.iterdir() for e in read_run(p).events if e.kind == "fault"]
+    stops = [e for p in path.parent.glob("*.mcap") for e in read_run(p).events if e.kind == "fault"]
     assert [event.data["by"] for event in stops] == ["host"]
     assert stops[0].text.startswith("the host stopped: SENSOR_IMPLAUSIBLE at SPRING_")
 
