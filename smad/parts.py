@@ -39,7 +39,6 @@ EXTRA_OF_COMMAND: Mapping[str, str] = {
     "gap": "gap",
     "log export": "export",
     "log import": "export",
-    "model": "fmi",
     "run": "report",
     "sim": "sim",
     "start": "sim",
