@@ -35,6 +35,7 @@ BROUGHT_BY: Mapping[str, Sequence[str]] = {
 """Extra -> every package that it brings, for the extras of commands that heat a bench."""
 EXTRA_OF_COMMAND: Mapping[str, str] = {
     "demo": "sim",
+    "design": "sim",
     "faults": "sim",
     "gap": "gap",
     "log export": "export",
