@@ -62,6 +62,9 @@ wheel: $(VENV)/.test-installed  ## build the wheel: dist/smad-*.whl
 cold: wheel  ## run the demo from the wheel with nothing installed, on the oldest and newest Python here
 	@$(PY) -m bench.cold_start dist/smad-*.whl
 
+paper: $(VENV)/.installed  ## draw the figures of paper/paper.md
+	@$(PY) paper/figures.py
+
 lock: $(VENV)/.python  ## renew uv.lock: the newest versions that fit pyproject.toml
 	@$(UV) lock --upgrade --python $(PY)
 

@@ -101,11 +101,12 @@ def wire_in_air(wire_mm: float, current_A: float, alloy: str) -> tuple[float, fl
     plant = Plant(
         _with_alloy(base, alloy, _ZERO_C + _ROOM_C_OF_D), cooling="air", fixture="stretch"
     )
-    times_s = []
-    for drive, done in (
+    phases: list[tuple[Drive, Callable[[float], bool]]] = [
         (Drive((current_A, 0.0)), lambda xi: xi <= _HEATED),
         (Drive(), lambda xi: xi >= _COOLED),
-    ):
+    ]
+    times_s = []
+    for drive, done in phases:
         step_s, taken_s = 5e-3, 0.0
         while not done(plant.truth.xi[0]):
             if taken_s > 30.0:
