@@ -20,6 +20,7 @@ from smad.version import VERSION
 
 COMMANDS: Mapping[str, str] = {
     "demo": "smad.cli.demo:demo",
+    "design": "smad.cli.design:design",
     "start": "smad.cli.start:start",
     "sim": "smad.cli.sim:sim",
     "status": "smad.cli.status:status",

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smad.errors import LogImportError
+from smad.runlog.bag_table import is_bag, open_bag
 from smad.runlog.bounds import Together, require_bounded
 from smad.runlog.column_names import Assignment, ColumnRule, assign
 from smad.runlog.csv_table import CsvFormat, open_csv
@@ -126,6 +127,8 @@ class ParquetTable:
 
 def open_table(path: Path, form: CsvFormat | None = None) -> ForeignTable:
     """The table at `path`. Raises LogImportError when it cannot be read, or is of another kind."""
+    if is_bag(path):
+        return open_bag(path)
     if not path.name.endswith(KINDS):
         raise LogImportError(
             f"{path} is no table", value=path.suffix, limit=", ".join(KINDS), action="convert it"
