@@ -14,8 +14,8 @@ from smad.diagnosis.errors import PairingError
 from smad.diagnosis.plant import PlantModel
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.signals import read_recorded, require_columns
+from smad.records.tables import KINDS
 from smad.runlog.bounds import Together
-from smad.runlog.tables import KINDS
 
 _KINDS = (".mcap", *KINDS)
 _LIKE = 0.05

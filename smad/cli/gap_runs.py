@@ -63,7 +63,7 @@ def _files(value: str, ctx: click.Context, param: click.Parameter) -> list[Path]
 
 
 def _in_folder(folder: Path) -> list[Path]:
-    from smad.runlog.tables import KINDS
+    from smad.records.tables import KINDS
 
     for kinds in ((SUFFIX,), KINDS):
         if found := sorted(p for p in folder.iterdir() if p.name.endswith(kinds)):

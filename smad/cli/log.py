@@ -227,7 +227,7 @@ def plot(
 @_json
 def import_command(source: Path, output: Path | None, mapping: Path | None, as_json: bool) -> None:
     """Make a run log from a CSV or Parquet file with units in its column names."""
-    from smad.runlog.importer import import_table, read_mapping
+    from smad.records.importer import import_table, read_mapping
 
     if output is not None:
         require_writable(output)
@@ -242,6 +242,7 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
         click.echo(f"left out: {', '.join(done.ignored)}")
     if done.missing:
         click.echo(f"not in the file: {', '.join(done.missing)}")
+    _print_notes(done.notes)
 
 
 @log.command()

@@ -15,9 +15,9 @@ from smad.fmi.errors import FmiError
 from smad.fmi.map_file import ChannelRow, InputRow, Map, read_map
 from smad.fmi.plant import FmuPlant
 from smad.fmi.unit_file import open_unit
+from smad.records.tables import KINDS, open_table
 from smad.runlog.bounds import require_bounded
 from smad.runlog.reader import read_run, recorded
-from smad.runlog.tables import KINDS, open_table
 
 
 def diagnose_unit(

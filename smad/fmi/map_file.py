@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from smad.bounds import field_and_words
+from smad.bounds import field_and_words, without_mark
 from smad.fmi.errors import FmiError
 from smad.fmi.unit_file import UnitFile
 
@@ -93,7 +93,7 @@ def read_map(path: Path) -> Map:
     if len(text) > MOST_BYTES:
         raise FmiError(f"{path} is longer than a map file can be", limit=f"{MOST_BYTES} bytes")
     try:
-        found = msgspec.toml.decode(text, type=Map)
+        found = msgspec.toml.decode(without_mark(text), type=Map)
     except (msgspec.MsgspecError, ValueError, RecursionError) as error:
         where, why = field_and_words(str(error))
         place = f", {where}" if where else ""
