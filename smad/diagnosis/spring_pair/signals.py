@@ -237,6 +237,17 @@ def read_recorded(path: Path, together: Together | None = None) -> tuple[GapRun,
     return replace(run, notes=(*run.notes, *notes)), log
 
 
+def usable(run: GapRun) -> GapRun | None:
+    """The run with what is no reading taken out; None where its columns cannot be used."""
+    refused: list[str] = []
+
+    def say(kind: str, text: str, *, refuses: bool = False) -> None:
+        refused.extend([text] if refuses else [])
+
+    found = filled(readable(run, INPUTS, CHANNELS, say))
+    return None if refused else found
+
+
 def _read(path: Path, together: Together | None) -> tuple[GapRun, Run | None]:
     if path.suffix.lower() != ".mcap":
         return _table_run(path, together), None
