@@ -252,6 +252,7 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
 @_json
 def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) -> None:
     """Rewrite a log that was cut or damaged as a whole one, and say what was lost."""
+    from smad.runlog.holes import words
     from smad.runlog.recover import recover as recover_log
 
     if output is not None:
@@ -263,7 +264,7 @@ def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) 
         return
     click.echo(f"{done.messages} messages to {done.path}")
     click.echo(f"lost: {done.lost_messages} messages in damaged chunks, {done.unread_bytes} bytes")
-    _print_notes(done.notes)
+    _print_notes([*done.notes, *words(done.holes)])
 
 
 def _resolve(path: Path | None, folder: str) -> Path:
