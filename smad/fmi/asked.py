@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smad.diagnosis import Answer, diagnose
+from smad.diagnosis.errors import GapError, PlantMismatch
 from smad.diagnosis.runs import GapRun
 from smad.fmi.errors import FmiError
 from smad.fmi.map_file import ChannelRow, InputRow, Map, read_map
@@ -52,7 +53,17 @@ def diagnose_unit(
             return replace(read_mapped(path, mapped), trusted=bool(known))
 
         asked, known, held_out = ([read(p) for p in paths] for paths in (runs, good, hold_out))
-        return diagnose(asked, plant=plant, good=known, hold_out=held_out, progress=progress)
+        try:
+            return diagnose(asked, plant=plant, good=known, hold_out=held_out, progress=progress)
+        except (GapError, np.linalg.LinAlgError) as error:
+            if not plant.stopped or isinstance(error, PlantMismatch):
+                raise
+            raise FmiError(
+                f"unit {plant.name} stops or gives no number inside a run",
+                value=plant.stopped,
+                action="mend the unit there, narrow the range of the parameters in the map, or "
+                "leave the run out",
+            ) from error
 
 
 def read_mapped(path: Path, mapped: Map) -> GapRun:

@@ -54,6 +54,8 @@ class FmuPlant:
         self._runner = Runner(unit, self._rows, outputs)
         self._lock = threading.Lock()
         self._starts_anew = False
+        self.stopped = ""
+        """Where the unit stopped last before the end of a run, in words; empty: nowhere."""
         self.traits = Traits(shortest_s=mapped.shortest_s)
         self._known: OrderedDict[object, Array] = OrderedDict()
         self.inputs = [Signal(n, r.unit, r.low, r.high) for n, r in mapped.inputs.items()]
@@ -110,6 +112,11 @@ class FmuPlant:
                     action="make the unit set all of its state when it is initialised",
                 )
             self._starts_anew = True
+        if not np.isfinite(course).all():
+            k = int(np.argmin(np.isfinite(course).all(axis=0)))
+            given = ", ".join(f"{name} = {value:.6g}" for name, value in values.items())
+            said = f" ({self._runner.said})" if self._runner.said else ""
+            self.stopped = f"run {run.name} at {run.t_s[k]:.6g} s, with {given}{said}"
         return course
 
     def _driven(self, point: ModelPoint, run: GapRun) -> tuple[Array, list[Fed]]:

@@ -279,9 +279,9 @@ def test_a_csv_file_of_angles_is_followed_as_displacements(
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("t,displacement_mm\n0,1\n", "t_s, and displacement_mm or angle_deg"),
-        ("t_s,angle\n0,1\n", "t_s, and displacement_mm or angle_deg"),
-        ("t_s,displacement_mm\n0,1\n", "too few points"),
+        ("t,displacement_mm\n0,1\n", "t_s, displacement_mm or angle_deg"),
+        ("t_s,angle\n0,1\n", "t_s, displacement_mm or angle_deg"),
+        ("t_s,displacement_mm\n0,1\n", "at least 2, each later"),
         ("t_s,displacement_mm\n0,1\n1,nan\n", "line 3: displacement_mm is not a number"),
         ("", "an empty file"),
     ],
