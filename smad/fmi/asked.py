@@ -84,12 +84,8 @@ def read_mapped(path: Path, mapped: Map) -> GapRun:
         for name, column in named(mapped.inputs).items()
     }
     outputs = named(mapped.channels)
-    for name, row in mapped.inputs.items():
-        if name in inputs and row.hold:
-            inputs[name] = held(inputs[name])
-    for name, row in mapped.channels.items():
-        if name in outputs and row.hold:
-            outputs[name] = _between(outputs[name])
+    inputs |= {n: held(c) for n, c in inputs.items() if mapped.inputs[n].hold}
+    outputs |= {n: _between(c) for n, c in outputs.items() if mapped.channels[n].hold}
     lacking = [name for name in mapped.inputs if name not in inputs]
     if lacking or not outputs:
         what = mapped.inputs[lacking[0]].column or lacking[0] if lacking else "any channel"

@@ -20,6 +20,7 @@ from smad.records.readings import Declared, checked
 from smad.records.tables import open_table
 from smad.runlog.export import header_path
 from smad.runlog.header import RunHeader
+from smad.runlog.holes import holes_in, words
 from smad.runlog.schema import CHANNELS, Event, LinkSample, Record, Row
 from smad.runlog.writer import write_run
 
@@ -97,7 +98,7 @@ def import_table(
         channel_of={name: rule.channel for name, rule in assignment.rules.items()},
         ignored=assignment.ignored,
         missing=[name for name in CHANNELS if name not in columns],
-        notes=[*found.notes, *notes],
+        notes=[*found.notes, *words(holes_in(columns["t_s"])), *notes],
     )
 
 

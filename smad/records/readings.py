@@ -172,28 +172,28 @@ def likely_unit(values: Array, declared: Declared) -> str:
     The likeliest is the conversion that brings them into the range and leaves them largest.
     """
     low, high = float(values.min()), float(values.max())
-    whole = bool(np.all(values == np.rint(values)))
-    counted = declared.low == 0.0 and low >= 0.0 and spelt(declared.unit) in ("1", "", "pct")
-    if counted and declared.high == 1.0 and high <= 100.0 * (1.0 + BEYOND):
-        return "percent? give `scale = 0.01`"
-    if counted and whole and (bits := next((b for b in _BITS if high < 2**b), 0)):
-        scale = declared.high / (2**bits - 1)
-        return f"counts of {bits} bits? give `scale = {scale:.3g}`"
-    if declared.low >= 0.0 > high or (low < 0.0 and not declared.beyond(-values).any()):
-        return "is its sign reversed? give `scale = -1`"
-    unit = spelt(declared.unit)
-    fitting = {}
+    unit = spelt(declared.unit) or "1"
+    found: dict[str, float] = {}
     for other in units_for(unit):
         there = convert(np.array([low, high]), other, unit)
         if other != unit and not declared.beyond(there).any():
-            fitting[other] = float(np.max(np.abs(there)))
-    if fitting:
-        best = max(fitting, key=lambda name: fitting[name])
-        zero, one = convert(np.array([0.0, 1.0]), best, unit)
-        offset = f", offset = {zero:.6g}" if zero else ""
-        return f"in {best}? say so, or give `scale = {one - zero:.6g}{offset}`"
-    if whole and low >= 0.0 and (bits := next((b for b in _BITS if high < 2**b), 0)):
-        return f"counts of {bits} bits? give the `scale` that makes them {declared.unit}"
+            found[_in_unit(other, declared)] = float(np.max(np.abs(there)))
+    bits = next((b for b in _BITS if high < 2**b), 0)
+    if bits and low >= 0.0 == declared.low and np.all(values == np.rint(values)):
+        scale = declared.high / (2**bits - 1)
+        give = f"`scale = {scale:.3g}`" if declared.applied else f"what makes them {declared.unit}"
+        found[f"counts of {bits} bits? give {give}"] = high * scale
+    if low < 0.0 and not declared.beyond(-values).any():
+        found["is its sign reversed? give `scale = -1`"] = -low
+    if found:
+        return max(found, key=lambda words: found[words])
     if low < 0.0 <= declared.low:
-        return "an input that goes both ways? declare its range so, or correct the sign"
+        return "does it go both ways? declare its range so, or correct its sign"
     return ""
+
+
+def _in_unit(unit: str, declared: Declared) -> str:
+    """The words for values that are in another unit of the table."""
+    if unit == "pct" and declared.high == 1.0:
+        return "percent? give `scale = 0.01`"
+    return f"in {unit}? say so, in the name of its column or by `column_unit` in a map"

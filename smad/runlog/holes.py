@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 RECOVERED_METADATA_NAME = "smad.recovered"
 HOLES = "holes"
 _STEPS = 2.5
+_MOST = 20
 
 
-def holes_in(t_s: Sequence[float]) -> list[tuple[float, float]]:
+def holes_in(t_s: Sequence[float] | NDArray[np.float64]) -> list[tuple[float, float]]:
     """The last time before each hole and the first after it: steps over 2.5 usual ones."""
     if len(t_s) < 3:
         return []
@@ -23,5 +25,6 @@ def holes_in(t_s: Sequence[float]) -> list[tuple[float, float]]:
 
 
 def words(holes: Sequence[tuple[float, float]]) -> list[str]:
-    """The holes as a log has them in its metadata, a line each."""
-    return [f"no samples from {begin:.3f} to {end:.3f} s" for begin, end in holes]
+    """The holes as a log has them in its metadata, a line each; of many the first."""
+    lines = [f"no samples from {begin:.3f} to {end:.3f} s" for begin, end in holes[:_MOST]]
+    return lines + [f"{len(holes) - _MOST} more holes"] * (len(holes) > _MOST)

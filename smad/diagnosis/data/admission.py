@@ -127,7 +127,7 @@ def _admit_one(
     given, run = run, readable(run, plant.inputs, plant.channels, say)
     if any(f.refuses for f in found):
         return run, found
-    run = filled(up_to_first_hole(run, period_s, say), say)
+    run = filled(up_to_first_hole(run, period_s, say))
     _require_length(run, given, plant, period_s, say)
     if any(f.refuses for f in found):
         return run, found

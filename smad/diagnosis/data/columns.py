@@ -25,9 +25,7 @@ _MOST_MISSING = 0.2
 """Of a channel's samples, that may be missing or no reading."""
 _MOST_UNKNOWN = 0.5
 """Of an input's samples, that may be missing where it was not logged on change."""
-_HOLD = (
-    "if it was logged on change, or slower than the others, give `hold = true` for it in the map"
-)
+_HOLD = "give `hold = true` for it in the map if it was logged on change, or slower than the rest"
 
 
 def readable(
@@ -39,8 +37,9 @@ def readable(
     """
     if not len(run.t_s):
         return run
-    steady = _steady(run, inputs)
+    n, steady = len(run.t_s), _steady(run, inputs)
     given, measured = dict(run.inputs), dict(run.outputs)
+    _tell_gaps(run, say)
     for s in inputs:
         if s.name not in given:
             continue
@@ -48,11 +47,11 @@ def readable(
         found = checked(_floats(given[s.name]), declared, run.t_s)
         given[s.name] = found.values
         _tell(found, say)
-        lacking = 1.0 - float(np.mean(np.isfinite(found.values)))
-        if lacking == 1.0:
+        known = int(np.sum(np.isfinite(found.values)))
+        if not known:
             say("input broken", f"{s.name} holds no number", refuses=True)
-        elif lacking > _MOST_UNKNOWN:
-            text = f"{s.name} holds no number in {lacking:.0%} of the samples: {_HOLD}"
+        elif known < _MOST_UNKNOWN * n:
+            text = f"{s.name} holds a number in {known} of {n} samples only: {_HOLD}"
             say("input sparse", text, refuses=True)
     for c in channels:
         if c.name not in measured:
@@ -60,32 +59,35 @@ def readable(
         declared = Declared(name=c.name, unit=c.unit, low=c.low, high=c.high)
         found = checked(_floats(measured[c.name]), declared, run.t_s, steady)
         _tell(found, say)
-        lacking = 1.0 - float(np.mean(np.isfinite(found.values)))
+        known = int(np.sum(np.isfinite(found.values)))
         measured[c.name] = found.values
-        if _MOST_MISSING < lacking < 1.0:
+        if 0 < known < (1.0 - _MOST_MISSING) * n:
             why = "is its sensor open?" if found.share > _MOST_MISSING else _HOLD
-            say("channel sparse", f"{c.name} holds no reading in {lacking:.0%} of the samples and "
-                f"is not used: {why}")  # fmt: skip
+            text = f"{c.name} holds a reading in {known} of {n} samples only and is not used: {why}"
+            say("channel sparse", text)
             del measured[c.name]
     return replace(run, inputs=given, outputs=measured)
 
 
-def filled(run: GapRun, say: Say | None = None) -> GapRun:
+def _tell_gaps(run: GapRun, say: Say) -> None:
+    """Say which columns hold no number in a few samples."""
+    gaps = {n: ~np.isfinite(_floats(c)) for n, c in {**run.inputs, **run.outputs}.items()}
+    few = {n: g for n, g in gaps.items() if 0 < np.sum(g) <= _MOST_MISSING * len(g)}
+    if few:
+        count = int(np.sum(np.logical_or.reduce(list(few.values()))))
+        text = f"{', '.join(few)} hold no number in {count} of {len(run.t_s)} samples"
+        say("gaps", f"{text}: these do not count")
+
+
+def filled(run: GapRun) -> GapRun:
     """The run without NaN in its columns; samples that had one in any of them do not count."""
     whole = np.ones(len(run.t_s), dtype=bool)
-    columns = [{n: _bridged(c, whole) for n, c in kind.items()}
-               for kind in (run.inputs, run.outputs)]  # fmt: skip
+    inputs, outputs = (
+        {n: _bridged(c, whole) for n, c in kind.items()} for kind in (run.inputs, run.outputs)
+    )
     if whole.all():
         return run
-    if say is not None:
-        every = {**run.inputs, **run.outputs}
-        names = ", ".join(n for n, c in every.items() if 0 < np.sum(np.isfinite(c)) < len(c))
-        count = int(np.sum(~whole))
-        say(
-            "gaps",
-            f"{names} hold no reading in {count} of {len(whole)} samples: these do not count",
-        )
-    return replace(run, inputs=columns[0], outputs=columns[1], valid=run.good & whole)
+    return replace(run, inputs=inputs, outputs=outputs, valid=run.good & whole)
 
 
 def _bridged(column: Array, whole: Mask) -> Array:

@@ -18,6 +18,7 @@ from smad.diagnosis.runs import GapRun
 from smad.records.channels import read_channels
 from smad.records.readings import BEYOND
 from smad.runlog.bounds import Together
+from smad.runlog.holes import holes_in, words
 
 if TYPE_CHECKING:
     from smad.runlog.reader import Run
@@ -233,7 +234,9 @@ def read_recorded(path: Path, together: Together | None = None) -> tuple[GapRun,
             raise GapError(f"{path}: {text}")
         notes.append(text)
 
-    run = filled(readable(run, INPUTS, CHANNELS, say), say)
+    run = filled(readable(run, INPUTS, CHANNELS, say))
+    # A hole is bridged by its partner, which has the same inputs: rows in it do not count.
+    notes += words(holes_in(run.t_s))
     return replace(run, notes=(*run.notes, *notes)), log
 
 
