@@ -93,9 +93,10 @@ class CsvTable:
         import pyarrow as pa
         from pyarrow import csv as arrow_csv
 
+        packing = "gzip" if self.path.suffix.lower() == ".gz" else None
         try:
             yield from arrow_csv.open_csv(
-                str(self.path),
+                pa.input_stream(str(self.path), compression=packing),
                 arrow_csv.ReadOptions(
                     use_threads=False, skip_rows=self.head.lines, column_names=self.names
                 ),

@@ -176,7 +176,8 @@ def likely_unit(values: Array, declared: Declared) -> str:
     found: dict[str, float] = {}
     for other in units_for(unit):
         there = convert(np.array([low, high]), other, unit)
-        if other != unit and not declared.beyond(there).any():
+        small = np.max(np.abs(there)) <= BEYOND * declared.span
+        if other != unit and not small and not declared.beyond(there).any():
             found[_in_unit(other, declared)] = float(np.max(np.abs(there)))
     bits = next((b for b in _BITS if high < 2**b), 0)
     if bits and low >= 0.0 == declared.low and np.all(values == np.rint(values)):
