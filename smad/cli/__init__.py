@@ -124,7 +124,8 @@ def execute(arguments: Sequence[str]) -> int:
         volunteer()
     try:
         result = root.main(args=list(arguments), prog_name="smad", standalone_mode=False)
-        sys.stdout.flush()
+        if sys.stdout is not None:
+            sys.stdout.flush()
     except SmadError as error:
         return _complain(str(error), error.exit_status)
     except click.exceptions.NoArgsIsHelpError as error:
@@ -157,7 +158,8 @@ def execute(arguments: Sequence[str]) -> int:
 
 def _discard_output() -> None:
     """Let what is still to be printed go nowhere, so that nothing complains of it at the exit."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if sys.stdout is not None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _unusable_path(error: Exception) -> str:

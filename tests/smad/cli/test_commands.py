@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import click
 import msgspec
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from sim_device.plant.laws import Law, Term
 from sim_device.plant.models import save_model
 from smad import api
 from smad.cli import COMMANDS, LazyGroup, execute, root
-from smad.cli.output import Progress
+from smad.cli.output import Progress, described
 from smad.cli.sim import build
 from smad.cli.status import lines
 from smad.config import Config
@@ -201,6 +202,18 @@ def test_status_shows_a_fault_with_value_and_limit() -> None:
     assert "OVER_TEMPERATURE at SPRING_X: 90.5 °C, limit 90 °C" in text
     assert "A spring got hotter than the limit" in text
     assert "Then smad clear." in text
+
+
+@pytest.mark.parametrize(("age_s", "shown"), [(0.02, ""), (6.2, " (6 s old)")])
+def test_every_reading_of_a_lost_link_is_shown_with_its_age(age_s: float, shown: str) -> None:
+    row = Row(t_s=1.0, displacement_mm=1.25, rtd_x_degC=30.0, rtd_y_degC=25.0, i_meas_x_A=2.0)
+    motion = msgspec.structs.replace(MOTION, sample_age_s=age_s)
+    now = msgspec.structs.replace(STATUS, motion=motion, sample=row)
+    told = map(click.unstyle, lines(now))
+    readings = [line for line in told if "°C" in line or "mm," in line]
+    assert len(readings) == 4
+    assert all(line.endswith(shown) and ("old" in line) == bool(shown) for line in readings)
+    assert described(motion).startswith(f"idle, board ARMED, at 1.25 mm{shown}")
 
 
 def test_status_as_json_is_the_whole_status(
