@@ -20,6 +20,7 @@ from smad.cli.baselines import (
     require_same,
     say,
 )
+from smad.cli.gap_runs import tell_passed_over
 from smad.cli.output import axis_option, progress
 from smad.writable import replacing, require_writable
 
@@ -206,6 +207,9 @@ def _of_files(good: Path, now: Path | None) -> Judged:
     with progress() as line:
         line.say("reading")
         then, asked = read_good(good, say), read_folder(now)
+        for folder, runs in ((good, then), (now, asked)):
+            there = sorted(p for p in folder.rglob("*") if p.is_file())
+            tell_passed_over(folder, there, [run.path for run in runs])
         for run in (*then, *asked):
             for note in run.run.notes:
                 say(f"{run.path}: {note}")

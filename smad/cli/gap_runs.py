@@ -69,18 +69,27 @@ def _in_folder(folder: Path) -> list[Path]:
     """The run logs of a folder, or its tables where it has none; files passed over are told."""
     from smad.records.tables import is_table
 
-    there = sorted(p for p in folder.iterdir() if p.is_file() and not p.name.startswith("."))
+    there = sorted(p for p in folder.iterdir() if p.is_file())
     logs = [p for p in there if p.name.lower().endswith(SUFFIX)]
     found = logs or [p for p in there if is_table(p)]
-    passed = [p.name for p in there if p not in found and not p.name.endswith(_BESIDE)]
-    if found and passed:
+    if found:
+        tell_passed_over(folder, there, found)
+    return found
+
+
+def tell_passed_over(folder: Path, there: Sequence[Path], read: Sequence[Path]) -> None:
+    """Say which files of a folder are not read, but for those that smad itself writes."""
+    passed = [
+        str(p.relative_to(folder))
+        for p in there
+        if p not in read and not p.name.startswith(".") and not p.name.endswith(_BESIDE)
+    ]
+    if passed:
         more = f" and {len(passed) - _TOLD} more" if len(passed) > _TOLD else ""
-        what = "run logs" if logs else "tables"
         click.echo(
-            f"{folder}: read {len(found)} {what}, passed over {', '.join(passed[:_TOLD])}{more}",
+            f"{folder}: read {len(read)} runs, passed over {', '.join(passed[:_TOLD])}{more}",
             err=True,
         )
-    return found
 
 
 runs_argument = click.argument(

@@ -188,10 +188,8 @@ class Jobs:
             if self._ended_early:
                 self._failed = "it was ended"
             elif status == REFUSED_STATUS and order.report.exists():
-                self._failed, self._address = (
-                    "refused; its page says why",
-                    self._serve(order.report),
-                )
+                self._failed = "it is refused; the report says why"
+                self._address = self._serve(order.report)
             elif status:
                 self._failed = f"it ended with status {status}"
             elif order.report.exists():

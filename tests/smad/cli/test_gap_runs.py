@@ -52,7 +52,7 @@ def test_an_option_takes_several_files_a_pattern_or_a_folder(ask, arguments) -> 
     done = ask(*arguments)
     assert done.stdout.splitlines() == ["a.mcap", "b.mcap c.mcap", "1.mcap 2.mcap"]
     if "good" in arguments:
-        assert done.stderr == "good: read 2 run logs, passed over notes.txt\n"
+        assert done.stderr == "good: read 2 runs, passed over notes.txt\n"
 
 
 def test_a_folder_without_run_logs_stands_for_its_tables(ask, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]

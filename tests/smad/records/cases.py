@@ -79,7 +79,7 @@ CASES = (
     Case(14, "the same, with `hold = true`", asked("change", mapped="hold"), 0, (SEES,)),
     Case(15, "capital letters, and files that are passed over",
          "gap diagnose {folder}/capitals --fmu {folder}/heater.fmu --map {folder}/map.toml", 0,
-         (SEES, "capitals: read 3 tables, passed over notes.txt")),
+         (SEES, "capitals: read 3 runs, passed over notes.txt")),
     Case(17, "a byte order mark in a mapping file",
          "log import {folder}/german.csv --mapping {folder}/marked.toml", 0, ("3 rows to",)),
     Case(17, "a byte order mark in a map", asked("plain", mapped="marked_map"), 0, (SEES,)),
