@@ -27,6 +27,7 @@ from smad.runlog.writer import write_run
 _ROWS_AT_ONCE = 10_000
 _PLAUSIBLE = {"A": (-50.0, 50.0), "V": (-100.0, 100.0), "degC": (-60.0, 400.0), "1": (0.0, 1.0)}
 """What a bench of this kind can show, by unit; narrower ranges are the diagnosis's."""
+_APPLIED = ("i_cmd", "i_applied", "duty")
 _SPARSE = 0.8
 
 
@@ -114,7 +115,8 @@ def _plausible(
         unit = CHANNELS[name].unit
         if unit in _PLAUSIBLE and CHANNELS[name].kind == "float":
             low, high = _PLAUSIBLE[unit]
-            declared = Declared(name=name, unit=unit, low=low, high=high)
+            applied = name.startswith(_APPLIED)
+            declared = Declared(name=name, unit=unit, low=low, high=high, applied=applied)
             found = checked(column, declared, columns["t_s"])
             if found.refusal:
                 raise LogImportError(f"{source}: {found.refusal}")
