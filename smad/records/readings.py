@@ -182,7 +182,7 @@ def likely_unit(values: Array, declared: Declared) -> str:
     bits = next((b for b in _BITS if high < 2**b), 0)
     if bits and low >= 0.0 == declared.low and np.all(values == np.rint(values)):
         scale = declared.high / (2**bits - 1)
-        give = f"`scale = {scale:.3g}`" if declared.applied else f"what makes them {declared.unit}"
+        give = f"`scale = {scale:.6g}`" if declared.applied else f"what makes them {declared.unit}"
         found[f"counts of {bits} bits? give {give}"] = high * scale
     if low < 0.0 and not declared.beyond(-values).any():
         found["is its sign reversed? give `scale = -1`"] = -low

@@ -57,7 +57,7 @@ CASES = (
     Case(1, "the same, with the sign of thousands declared",
          "log import {folder}/german.csv --mapping {folder}/thousands.toml", 0, ("3 rows to",)),
     Case(2, "an input outside its declared range", asked("counts"), 3,
-         ("power_W holds 0 to 229, declared 0 to 50 W: counts of 8 bits? give `scale = 0.196`",)),
+         ("holds 0 to 229, declared 0 to 50 W: counts of 8 bits? give `scale = 0.196078`",)),
     Case(5, "a pause of three seconds, inputs unknown in it", asked("pause"), 0,
          (SEES, "what was applied from 39.9 to 43 s is not recorded: the run is used up to 39.9")),
     Case(7, "the code of a sensor as a reading", asked("code"), 0,

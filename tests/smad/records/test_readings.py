@@ -62,12 +62,12 @@ def test_noise_beyond_the_end_of_a_range_is_none_of_it() -> None:
     ("declared", "factor", "words"),
     [
         (applied("pct", 0.0, 100.0), 2.55, "0 to 204, declared 0 to 100 pct: counts of 8 bits? "
-         "give `scale = 0.392`"),
-        (applied("1", 0.0, 1.0), 2.55, "declared 0 to 1: counts of 8 bits? give `scale = 0.00392`"),
+         "give `scale = 0.392157`"),
+        (applied("1", 0.0, 1.0), 2.55, "0 to 1: counts of 8 bits? give `scale = 0.00392157`"),
         (applied("1", 0.0, 1.0), 1.0, "percent? give `scale = 0.01`"),
         (applied("A", 0.0, 4.0), 18.75, "in mA? say so, in the name of its column"),
         (applied("A", 0.0, 4.0), -0.05, "holds -4 to -0, declared 0 to 4 A: is its sign reversed?"),
-        (applied("V", 0.0, 10.0), 12.7875, "counts of 10 bits? give `scale = 0.00978`"),
+        (applied("V", 0.0, 10.0), 12.7875, "counts of 10 bits? give `scale = 0.00977517`"),
         (applied("rpm", 0.0, 10.0), 1e7, "correct the column, its unit, or the range"),
     ],
 )  # fmt: skip
