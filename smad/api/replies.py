@@ -186,6 +186,9 @@ class Motion(Struct, frozen=True, kw_only=True):
     reference_mm: Annotated[float | None, Meta(description="where displacement should be")]
     displacement_mm: Annotated[float | None, Meta(description="where it is")]
     board_time_s: Annotated[float, Meta(description="board time of the last sample")]
+    sample_age_s: Annotated[
+        float | None, Meta(description="seconds since the last sample; empty: none came yet")
+    ] = None
     ended: Annotated[
         str,
         Meta(description='why the motion ended early, such as "stopped by …"; empty: it did not'),
@@ -219,6 +222,9 @@ def of_the_bench(motions: dict[str, Motion]) -> Motion:
         reference_mm=None,
         displacement_mm=None,
         board_time_s=max(motion.board_time_s for motion in motions.values()),
+        sample_age_s=max(
+            (m.sample_age_s for m in motions.values() if m.sample_age_s is not None), default=None
+        ),
         ended=first("ended") or "",
         fault=first("fault"),
         generation=max(motion.generation for motion in motions.values()),

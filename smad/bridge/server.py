@@ -7,6 +7,7 @@ import contextlib
 import time
 from collections import deque
 from collections.abc import AsyncIterator, Iterable
+from functools import partial
 from http import HTTPStatus
 
 from websockets.asyncio.server import ServerConnection, serve
@@ -164,7 +165,10 @@ class Bridge:
             if seat not in self._saying:
                 task = asyncio.create_task(seat.say("" if again else why_away))
                 self._saying[seat] = task
-                task.add_done_callback(lambda _, seat=seat: self._saying.pop(seat))
+                task.add_done_callback(partial(self._said, seat))
+
+    def _said(self, seat: Seat, _: asyncio.Task[None]) -> None:
+        self._saying.pop(seat)
 
 
 @contextlib.asynccontextmanager

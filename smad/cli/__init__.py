@@ -5,6 +5,7 @@ Whatever goes wrong ends in one line on standard error and a non-zero status, ne
 
 from __future__ import annotations
 
+import errno
 import importlib
 import os
 import sys
@@ -60,6 +61,7 @@ READS_FILES = frozenset(("log", "gap", "run", "view", "health"))
 
 _INTERRUPTED = 130
 _INTERNAL = 70
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class LazyGroup(click.Group):
@@ -126,6 +128,8 @@ def execute(arguments: Sequence[str]) -> int:
         volunteer()
     try:
         result = root.main(args=list(arguments), prog_name="smad", standalone_mode=False)
+        if sys.stdout is not None:
+            sys.stdout.flush()
     except SmadError as error:
         return _complain(str(error), error.exit_status)
     except click.exceptions.NoArgsIsHelpError as error:
@@ -142,15 +146,24 @@ def execute(arguments: Sequence[str]) -> int:
         return _complain("interrupted", _INTERRUPTED)
     except BrokenPipeError:
         # Whoever read our output has gone; a second complaint at exit would help nobody.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_output()
         return 1
     except ModuleNotFoundError as error:
         extra = missing(error, arguments)
         return _complain(str(extra), 1) if extra else _complain(_internal(error), _INTERNAL)
     except Exception as error:
+        if isinstance(error, OSError) and error.errno in _NO_ROOM:
+            _discard_output()
+            return _complain(f"the answer cannot be printed: {error.strerror}; make room", 1)
         told = _unusable_path(error)
         return _complain(told, 1) if told else _complain(_internal(error), _INTERNAL)
     return result if isinstance(result, int) else 0
+
+
+def _discard_output() -> None:
+    """Let what is still to be printed go nowhere, so that nothing complains of it at the exit."""
+    if sys.stdout is not None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _unusable_path(error: Exception) -> str:

@@ -233,7 +233,7 @@ def plot(
 @_json
 def import_command(source: Path, output: Path | None, mapping: Path | None, as_json: bool) -> None:
     """Make a run log from a CSV or Parquet file with units in its column names, or a ROS bag."""
-    from smad.runlog.importer import import_table, read_mapping
+    from smad.records.importer import import_table, read_mapping
 
     if output is not None:
         require_writable(output)
@@ -248,6 +248,7 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
         click.echo(f"left out: {', '.join(done.ignored)}")
     if done.missing:
         click.echo(f"not in the file: {', '.join(done.missing)}")
+    _print_notes(done.notes)
 
 
 @log.command()
@@ -257,6 +258,7 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
 @_json
 def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) -> None:
     """Rewrite a log that was cut or damaged as a whole one, and say what was lost."""
+    from smad.runlog.holes import words
     from smad.runlog.recover import recover as recover_log
 
     if output is not None:
@@ -268,7 +270,7 @@ def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) 
         return
     click.echo(f"{done.messages} messages to {done.path}")
     click.echo(f"lost: {done.lost_messages} messages in damaged chunks, {done.unread_bytes} bytes")
-    _print_notes(done.notes)
+    _print_notes([*done.notes, *words(done.holes)])
 
 
 def _resolve(path: Path | None, folder: str) -> Path:

@@ -105,6 +105,8 @@ class ControlTask:
         self.jitter = Histogram()
         self.finished: deque[Finished] = deque()
         self.last: Finished | None = None
+        self.last_us = 0
+        """When the last sample came, by the daemon's clock."""
         self.axis = config.axis
         self.scales = Scales({}, config.axis)
         self.stepping = True
@@ -250,7 +252,7 @@ class ControlTask:
             controller.target_degC,
             self._pump_starts.step(sample.pump_duty),
         )
-        self.last = finished
+        self.last, self.last_us = finished, self._clock_us()
         if len(self.finished) >= _QUEUE:
             self.counts.finished_dropped += 1
             return

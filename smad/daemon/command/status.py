@@ -65,6 +65,7 @@ class StatusReport:
             reference_mm=_mm(controller.reference_m),
             displacement_mm=None if last is None else _mm(last.sample.displacement_m),
             board_time_s=0.0 if last is None else last.sample.t_us * 1e-6,
+            sample_age_s=None if last is None else (self._clock_us() - axis.control.last_us) * 1e-6,
             ended=axis.stop.ended
             or ("" if controller.departure is None else controller.departure.in_words()),
             fault=fault,

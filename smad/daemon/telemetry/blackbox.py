@@ -33,7 +33,9 @@ _ROWS_AT_ONCE = 50
 _PAUSE_S = 0.002
 
 _encode = msgspec.msgpack.Encoder().encode
-_DECODERS = {kind: msgspec.msgpack.Decoder(kind).decode for kind in (Row, Event, LinkSample)}
+_DECODERS: dict[type, Callable[[bytes], Record]] = {
+    kind: msgspec.msgpack.Decoder(kind).decode for kind in (Row, Event, LinkSample)
+}
 
 
 class _Kept(NamedTuple):

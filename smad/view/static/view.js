@@ -34,8 +34,9 @@ const link = new Link({
 const tiles = new Tiles($("tiles"), (axis) => link.send({ do: "look_at", axis }));
 
 // "live", or why what stands here is not to be trusted. STOP works as long as the daemon answers.
-function become(state, what = "", why = "") {
+function become(state, what = "", why = "", oldS = 0) {
   document.body.dataset.link = state;
+  document.body.style.setProperty("--age", oldS > 0 ? `" (${oldS.toFixed(0)} s old)"` : '" (old)"');
   setText($("lost-what"), what);
   setText($("lost-why"), why);
   $("stop").disabled = state === "lost" || state === "away";
@@ -74,7 +75,7 @@ function take(message) {
   if (message.away) {
     become("away", "The daemon does not answer", `${message.away}. What stands here is old. STOP does not reach the bench from here: use its switch.`);
   } else if (message.silent_s > 0) {
-    become("silent", "No samples come", `The board is ${status.link}. STOP is sent all the same; what stands here is old.`);
+    become("silent", "No samples come", `The board is ${status.link}. STOP is sent all the same; what stands here is ${message.silent_s.toFixed(0)} s old.`, message.silent_s);
   } else {
     become("live");
   }

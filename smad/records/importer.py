@@ -11,16 +11,24 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from smad.bounds import without_mark
 from smad.errors import LogImportError
-from smad.runlog.column_names import Assignment, ColumnRule
-from smad.runlog.csv_table import CsvFormat
+from smad.records.channels import channels_of
+from smad.records.column_names import Assignment, ColumnRule
+from smad.records.csv_table import CsvFormat
+from smad.records.readings import Declared, checked
+from smad.records.tables import open_table
 from smad.runlog.export import header_path
 from smad.runlog.header import RunHeader
+from smad.runlog.holes import holes_in, words
 from smad.runlog.schema import CHANNELS, Event, LinkSample, Record, Row
-from smad.runlog.tables import channels_of, open_table
 from smad.runlog.writer import write_run
 
 _ROWS_AT_ONCE = 10_000
+_PLAUSIBLE = {"A": (-50.0, 50.0), "V": (-100.0, 100.0), "degC": (-60.0, 400.0), "1": (0.0, 1.0)}
+"""What a bench of this kind can show, by unit; narrower ranges are the diagnosis's."""
+_APPLIED = ("i_cmd", "i_applied", "duty")
+_SPARSE = 0.8
 
 
 class MappingFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -32,13 +40,14 @@ class MappingFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class Imported:
-    """What an import made: the log, and which column became which channel."""
+    """What an import made: the log, which column became which channel, and what was left out."""
 
     path: Path
     rows: int
     channel_of: dict[str, str]
     ignored: list[str]
     missing: list[str]
+    notes: list[str]
 
 
 class _Beside(msgspec.Struct):
@@ -51,7 +60,7 @@ class _Beside(msgspec.Struct):
 def read_mapping(path: str | Path) -> MappingFile:
     """The mapping file at `path`. Raises LogImportError when it cannot be read or understood."""
     try:
-        return msgspec.toml.decode(Path(path).read_bytes(), type=MappingFile)
+        return msgspec.toml.decode(without_mark(Path(path).read_bytes()), type=MappingFile)
     except OSError as error:
         raise LogImportError(
             f"cannot read mapping {path}: {error.strerror}", action="check the path"
@@ -76,7 +85,9 @@ def import_table(
     """
     source = Path(source)
     mapping = mapping or MappingFile()
-    columns, assignment = channels_of(open_table(source, mapping.csv), mapping.columns)
+    found = channels_of(open_table(source, mapping.csv), mapping.columns)
+    assignment = found.assignment
+    columns, notes = _plausible(source, found.columns)
     beside = _read_beside(source)
     header = _header(source, beside.header, assignment, columns)
     records = _records(columns, beside)
@@ -88,7 +99,36 @@ def import_table(
         channel_of={name: rule.channel for name, rule in assignment.rules.items()},
         ignored=assignment.ignored,
         missing=[name for name in CHANNELS if name not in columns],
+        notes=[*found.notes, *words(holes_in(columns["t_s"])), *notes],
     )
+
+
+def _plausible(
+    source: Path, columns: Mapping[str, NDArray[np.float64]]
+) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
+    """The columns without what is no reading, and what was left out in words.
+
+    Raises LogImportError for a column that cannot be in its unit.
+    """
+    out, notes = dict(columns), []
+    for name, column in columns.items():
+        unit = CHANNELS[name].unit
+        if unit in _PLAUSIBLE and CHANNELS[name].kind == "float":
+            low, high = _PLAUSIBLE[unit]
+            applied = name.startswith(_APPLIED)
+            declared = Declared(name=name, unit=unit, low=low, high=high, applied=applied)
+            found = checked(column, declared, columns["t_s"])
+            if found.refusal:
+                raise LogImportError(f"{source}: {found.refusal}")
+            out[name] = found.values
+            notes += [f"{note}; left empty" for note in found.notes]
+        filled = float(np.mean(np.isfinite(out[name])))
+        if 0.0 < filled < _SPARSE:
+            notes.append(
+                f"{name} holds a number in {filled:.0%} of the rows; if it was logged on change, "
+                "give its column `hold = true` in the mapping file"
+            )
+    return out, notes
 
 
 def _read_beside(source: Path) -> _Beside:

@@ -16,8 +16,8 @@ import msgspec
 
 from firmware_protocol.nearest import instead
 from smad.errors import LogImportError
+from smad.records.units import UNITS, spelt, units_for
 from smad.runlog.schema import CHANNELS
-from smad.runlog.units import units_for
 
 _PER_SPRING = {
     "i_cmd_{}_A": ("i_cmd", "current_cmd", "current_command", "current_set"),
@@ -63,13 +63,15 @@ _ALL = "docs/guide/run-logs.md has them all"
 class ColumnRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What one column is. Value in `unit` = number in the file · `scale` + `offset`.
 
-    `unit` empty: the unit of the channel.
+    `unit` empty: the unit of the channel. `hold`: a number is in force until the next one, as in a
+    log that is written on change.
     """
 
     channel: str
     unit: str = ""
     scale: _Factor = 1.0
     offset: _Factor = 0.0
+    hold: bool = False
 
 
 @dataclass(frozen=True)
@@ -119,15 +121,7 @@ def _from_name(name: str, exact: Collection[str]) -> ColumnRule | None:
     """
     if name in CHANNELS:
         return ColumnRule(name, CHANNELS[name].unit)
-    bracketed = _BRACKETED.match(name)
-    whole = _plain(name)
-    if bracketed:
-        stem, unit = _plain(bracketed["stem"]), bracketed["unit"].strip()
-    elif whole in ALIASES:
-        stem, unit = whole, ""
-    else:
-        stem, _, unit = name.strip().rpartition("_")
-        stem = _plain(stem)
+    stem, unit = (_plain(name), "") if _plain(name) in ALIASES else parted(name)
     channel = ALIASES.get(stem)
     if channel is None or channel in exact:
         return None
@@ -144,6 +138,21 @@ def _from_name(name: str, exact: Collection[str]) -> ColumnRule | None:
     return ColumnRule(channel, unit)
 
 
+def parted(name: str) -> tuple[str, str]:
+    """The quantity in a name, in small letters, and its unit: `Force [mN]`, `force mN`, `T_x_K`."""
+    bracketed = _BRACKETED.match(name.strip())
+    if bracketed:
+        return _plain(bracketed["stem"]), spelt(bracketed["unit"])
+    stem, _, unit = re.sub(r"\s+", "_", name.strip()).rpartition("_")
+    return _plain(stem), spelt(unit)
+
+
+def unit_in(name: str) -> str:
+    """The unit that a name ends with; empty where it ends with none of the table."""
+    unit = parted(name)[1]
+    return unit if unit in UNITS and unit != "1" else ""
+
+
 def _checked(name: str, rule: ColumnRule) -> ColumnRule:
     channel = CHANNELS.get(rule.channel)
     if channel is None:
@@ -152,7 +161,7 @@ def _checked(name: str, rule: ColumnRule) -> ColumnRule:
             value=rule.channel,
             action=f"correct the mapping file: {instead(rule.channel, CHANNELS, _ALL)}",
         )
-    unit = rule.unit or channel.unit
+    unit = spelt(rule.unit) or channel.unit
     if unit not in units_for(channel.unit):
         raise LogImportError(
             f"the mapping of column {name!r} gives {rule.channel} an unknown unit",

@@ -12,10 +12,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from smad.errors import LogImportError, RunLogError
+from smad.records.channels import read_channels
+from smad.records.importer import import_table
 from smad.runlog.bounds import Together
-from smad.runlog.importer import import_table
 from smad.runlog.reader import read_run
-from smad.runlog.tables import read_channels
 
 N = 40
 MOST_TIMES = 3.0
@@ -46,7 +46,7 @@ def write(path: Path, names: list[str], values: list[Any]) -> Path:
 @pytest.mark.parametrize("name", ["a.parquet", "a.csv", "a.csv.gz"])
 def test_a_table_of_any_kind_gives_the_same_channels(name: str, tmp_path: Path) -> None:
     table = columns()
-    found = read_channels(write(tmp_path / name, list(table), list(table.values())))
+    found = read_channels(write(tmp_path / name, list(table), list(table.values()))).columns
     assert found.keys() == table.keys()
     for channel, values in table.items():
         np.testing.assert_allclose(found[channel], values)
@@ -88,7 +88,7 @@ def test_what_only_looks_like_a_channel_is_left_out_beside_the_channel(
     table = columns()
     spare = {"comment": ["warm-up"] * N, "force": np.ones(N), "load_kN": np.ones(N)}
     path = write(tmp_path / file, [*table, *spare], [*table.values(), *spare.values()])
-    found = read_channels(path)
+    found = read_channels(path).columns
     assert found.keys() == table.keys()
     np.testing.assert_allclose(found["force_N"], table["force_N"])
 
@@ -195,7 +195,7 @@ def test_a_text_in_parquet_that_is_longer_than_any_number_is_refused_before_it_i
     with pytest.raises(LogImportError, match="'force_N' holds longer texts than numbers are"):
         read_channels(path)
     pq.write_table(pa.table({"t_s": [1.0, 2.0], "force_N": ["1.5", "2.5"]}), path)
-    assert read_channels(path)["force_N"].tolist() == [1.5, 2.5]
+    assert read_channels(path).columns["force_N"].tolist() == [1.5, 2.5]
 
 
 def test_lists_in_a_column_of_a_parquet_file_are_refused_before_they_are_read(
@@ -210,7 +210,7 @@ def test_lists_in_a_column_of_a_parquet_file_are_refused_before_they_are_read(
 READING = """
 import sys
 from pathlib import Path
-from smad.runlog.tables import read_channels
+from smad.records.channels import read_channels
 
 def peak_B():
     lines = Path("/proc/self/status").read_text().splitlines()
@@ -218,7 +218,7 @@ def peak_B():
 
 read_channels(Path(sys.argv[1]))
 before_B = peak_B()
-read = read_channels(Path(sys.argv[2]))
+read = read_channels(Path(sys.argv[2])).columns
 print((peak_B() - before_B) / sum(v.nbytes for v in read.values()))
 """
 

@@ -1,9 +1,9 @@
-"""Tables made elsewhere (CSV, gzipped CSV, Parquet) as channels of the run log, in its units."""
+"""Tables made elsewhere: CSV, gzipped CSV and Parquet, column by column."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -12,18 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smad.errors import LogImportError
-from smad.runlog.bag_table import is_bag, open_bag
-from smad.runlog.bounds import Together, require_bounded
-from smad.runlog.column_names import Assignment, ColumnRule, assign
-from smad.runlog.csv_table import CsvFormat, open_csv
-from smad.runlog.schema import CHANNELS
-from smad.runlog.units import convert
+from smad.records.bag_table import is_bag, open_bag
+from smad.records.csv_table import CsvFormat, open_csv
+from smad.runlog.bounds import require_bounded
 
 if TYPE_CHECKING:
     import pyarrow
 
 KINDS = (".parquet", ".csv", ".csv.gz")
-"""How the name of a table ends."""
+"""How the name of a table ends, in small or capital letters."""
+
+
+def is_table(path: Path) -> bool:
+    """Whether the name of a file is that of a table."""
+    return path.name.lower().endswith(KINDS)
 
 
 _MOST_DIGITS_BYTES = 64
@@ -43,6 +45,9 @@ class ForeignTable(Protocol):
     @property
     def most_rows(self) -> int: ...
 
+    @property
+    def notes(self) -> tuple[str, ...]: ...
+
     def columns(self, wanted: Iterable[str]) -> Iterator[tuple[str, NDArray[np.float64]]]:
         """The columns named, each of shape (rows,), NaN where nothing stands.
 
@@ -60,6 +65,7 @@ class ParquetTable:
     path: Path
     names: list[str]
     most_rows: int
+    notes: tuple[str, ...] = ()
 
     def columns(self, wanted: Iterable[str]) -> Iterator[tuple[str, NDArray[np.float64]]]:
         """The columns named. Raises LogImportError for text in one, and without rows."""
@@ -129,11 +135,11 @@ def open_table(path: Path, form: CsvFormat | None = None) -> ForeignTable:
     """The table at `path`. Raises LogImportError when it cannot be read, or is of another kind."""
     if is_bag(path):
         return open_bag(path)
-    if not path.name.endswith(KINDS):
+    if not is_table(path):
         raise LogImportError(
             f"{path} is no table", value=path.suffix, limit=", ".join(KINDS), action="convert it"
         )
-    if path.suffix != ".parquet":
+    if path.suffix.lower() != ".parquet":
         return open_csv(path, form or CsvFormat())
     import pyarrow as pa
     from pyarrow import parquet
@@ -169,77 +175,3 @@ def _unreadable(path: Path, error: Exception) -> LogImportError:
     return LogImportError(
         f"cannot read {path}: {str(error).splitlines()[0]}", action="restore the file"
     )
-
-
-def read_channels(path: Path, together: Together | None = None) -> dict[str, NDArray[np.float64]]:
-    """Channels of the table of one run, which may hold no more than a run can.
-
-    Missing samples are NaN. `together` counts the runs that are held at once. Raises
-    LogImportError for a file that cannot be used, RunLogError for one too many.
-    """
-    table = open_table(path)
-    if together is not None:
-        together.take(path, rows=table.most_rows, columns=min(len(table.names), len(CHANNELS)))
-    return channels_of(table)[0]
-
-
-def channels_of(
-    table: ForeignTable, rules: Mapping[str, ColumnRule] | None = None
-) -> tuple[dict[str, NDArray[np.float64]], Assignment]:
-    """Channels in the units of the run log, missing samples NaN, and which column each is.
-
-    Raises LogImportError for a table that cannot be used.
-    """
-    assignment = assign(table.names, rules or {})
-    columns = _converted(table, assignment)
-    _check_time(table, assignment, columns)
-    return columns, assignment
-
-
-def _converted(table: ForeignTable, assignment: Assignment) -> dict[str, NDArray[np.float64]]:
-    columns = {}
-    if "t_s" not in {rule.channel for rule in assignment.rules.values()}:
-        raise LogImportError(
-            f"{table.path} has no time column",
-            value=", ".join(table.names),
-            limit="t_s, time_s, time_ms …",
-            action="name the column time_s, or use a mapping file",
-        )
-    for name, values in table.columns(assignment.rules):
-        rule = assignment.rules[name]
-        channel = CHANNELS[rule.channel]
-        converted = convert(values * rule.scale + rule.offset, rule.unit, channel.unit)
-        if channel.kind == "integer":
-            bad = np.flatnonzero((converted < 0) | (converted != np.rint(converted)))
-            bad = bad[~np.isnan(converted[bad])]
-            if len(bad):
-                raise LogImportError(
-                    f"{table.path}, {table.place_of(int(bad[0]))}: column {name!r} holds "
-                    "counts or bits",
-                    value=float(converted[bad[0]]),
-                    limit="whole numbers from 0",
-                    action="correct the value",
-                )
-        columns[rule.channel] = converted
-    return {name: columns[name] for name in CHANNELS if name in columns}
-
-
-def _check_time(
-    table: ForeignTable, assignment: Assignment, columns: Mapping[str, NDArray[np.float64]]
-) -> None:
-    t_s = columns["t_s"]
-    name = next(n for n, rule in assignment.rules.items() if rule.channel == "t_s")
-    empty = np.flatnonzero(np.isnan(t_s))
-    if len(empty):
-        raise LogImportError(
-            f"{table.path}, {table.place_of(int(empty[0]))}: time column {name!r} is empty",
-            action="fill it, or remove the row",
-        )
-    back = np.flatnonzero(np.diff(t_s) <= 0)
-    if len(back):
-        row = int(back[0]) + 1
-        raise LogImportError(
-            f"{table.path}, {table.place_of(row)}: time does not increase",
-            value=f"{t_s[row]:.9g} s after {t_s[row - 1]:.9g} s",
-            action="sort the rows, and remove repeated ones",
-        )

@@ -48,6 +48,11 @@ class BagTable:
         return [TIME, *self.places]
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """Nothing is done to a bag that a reader would not expect."""
+        return ()
+
+    @property
     def most_rows(self) -> int:
         """Messages of the topic that has most."""
         return max(self.counts.values(), default=0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import gzip
-from collections import Counter
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,42 +16,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smad.errors import LogImportError
-from smad.runlog.bounds import (
-    DAMAGED,
-    MOST_HEAD_CHARACTERS,
-    require_bounded,
-    require_bounded_text,
-)
+from smad.records.csv_head import Head, read_head
+from smad.runlog.bounds import DAMAGED, require_bounded_text
 
 if TYPE_CHECKING:
     import pyarrow
 
-_DELIMITERS: tuple[str, ...] = (",", ";", "\t")
 _NOTHING = ["", "nan", "NaN", "NAN", "NA", "null", "NULL", "None"]
-_COMMENT = "#"
 
 
 class CsvFormat(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How the numbers are written. `delimiter` empty: found in the line of names."""
+    """How the numbers are written. `delimiter` empty: found in the head; `thousands`: no sign."""
 
-    delimiter: Literal["", ",", ";", "\t"] = ""
+    delimiter: Literal["", ",", ";", "\t", " "] = ""
     decimal: Literal[".", ","] = "."
+    thousands: Literal["", ".", ",", " ", "'"] = ""
 
 
 @dataclass(frozen=True)
 class CsvTable:
-    """The line of names of a CSV file, and how to read the rest.
-
-    Lines before it that begin with # are passed over.
-    """
+    """The head of a CSV file, and how to read the rest. `most_rows`: how many there are at most."""
 
     path: Path
-    names: list[str]
-    names_line: int
-    delimiter: str
-    decimal: str
+    head: Head
+    form: CsvFormat
     most_rows: int
-    """How many rows there are at most."""
+
+    @property
+    def names(self) -> list[str]:
+        """The names of the columns."""
+        return self.head.names
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What of the head was not read, in words."""
+        return self.head.passed_over
 
     def columns(self, wanted: Iterable[str]) -> Iterator[tuple[str, NDArray[np.float64]]]:
         """The columns named, each of shape (rows,), NaN where a cell is empty.
@@ -81,26 +80,27 @@ class CsvTable:
     def _line_of(self, row: int) -> int:
         # Columns that nobody wants are not looked at before, so anything may stand in them.
         with _opened(self.path, errors="replace") as file:
-            reader = csv.reader(_after(file, self.names_line), delimiter=self.delimiter)
+            reader = csv.reader(_after(file, self.head.lines), delimiter=self.head.delimiter)
             filled = (reader.line_num for cells in reader if cells)
             with contextlib.suppress(csv.Error):
                 for number, line in enumerate(filled):
                     if number == row:
-                        return self.names_line + line
-            return self.names_line + reader.line_num
+                        return self.head.lines + line
+            return self.head.lines + reader.line_num
 
     def _batches(self, wanted: list[str]) -> Iterator[pyarrow.RecordBatch]:
         """The columns as text, a megabyte of the file at a time."""
         import pyarrow as pa
         from pyarrow import csv as arrow_csv
 
+        packing = "gzip" if self.path.suffix.lower() == ".gz" else None
         try:
             yield from arrow_csv.open_csv(
-                str(self.path),
+                pa.input_stream(str(self.path), compression=packing),
                 arrow_csv.ReadOptions(
-                    use_threads=False, skip_rows=self.names_line, column_names=self.names
+                    use_threads=False, skip_rows=self.head.lines, column_names=self.names
                 ),
-                arrow_csv.ParseOptions(delimiter=self.delimiter, newlines_in_values=False),
+                arrow_csv.ParseOptions(delimiter=self.head.delimiter, newlines_in_values=False),
                 arrow_csv.ConvertOptions(
                     include_columns=wanted,
                     column_types=dict.fromkeys(self.names, pa.string()),
@@ -123,10 +123,10 @@ class CsvTable:
     def _first_bad_row(self) -> str:
         try:
             with _opened(self.path) as file:
-                reader = csv.reader(_after(file, self.names_line), delimiter=self.delimiter)
+                reader = csv.reader(_after(file, self.head.lines), delimiter=self.head.delimiter)
                 for cells in reader:
                     if cells and len(cells) != len(self.names):
-                        line = self.names_line + reader.line_num
+                        line = self.head.lines + reader.line_num
                         return f"line {line} has {len(cells)} cells, not {len(self.names)}"
         except (csv.Error, UnicodeDecodeError, *DAMAGED) as error:
             return str(error)
@@ -138,7 +138,15 @@ class CsvTable:
         from pyarrow import compute
 
         plain = compute.utf8_trim_whitespace(texts)
-        if self.decimal == ",":
+        decimal, thousands = self.form.decimal, self.form.thousands
+        if thousands:
+            sign, point = re.escape(thousands), re.escape(decimal)
+            grouped = rf"^[+-]?\d{{1,3}}({sign}\d{{3}})+({point}\d*)?$"
+            self._require(name, plain, before, thousands, grouped)
+            plain = compute.replace_substring(plain, thousands, "")
+        if decimal == ",":
+            if thousands != ".":
+                self._require(name, plain, before, ".", "^$")
             plain = compute.replace_substring(plain, ",", ".")
         plain = compute.replace_substring_regex(plain, r"^\+", "")
         try:
@@ -146,31 +154,57 @@ class CsvTable:
                 zero_copy_only=False
             )
         except pa.ArrowInvalid:
-            row, text = _first_text(plain)
-            self._refuse(name, before + row, text)
+            row, _ = _first_text(plain)
+            self._refuse(name, before + row, texts[row].as_py())
         infinite = np.flatnonzero(np.isinf(values))
         if len(infinite):
             self._refuse(name, before + int(infinite[0]), "an infinite number")
         return values
 
+    def _require(
+        self, name: str, texts: pyarrow.Array, before: int, sign: str, pattern: str
+    ) -> None:
+        """Refuse a cell that has a sign and is not written by the pattern."""
+        from pyarrow import compute
+
+        there = compute.match_substring(texts, sign).fill_null(False)
+        fits = compute.match_substring_regex(texts, pattern).fill_null(False)
+        bad = np.flatnonzero(compute.and_not(there, fits).to_numpy(zero_copy_only=False))
+        if len(bad):
+            self._refuse(name, before + int(bad[0]), texts[int(bad[0])].as_py())
+
     def _refuse(self, name: str, row: int, value: str) -> None:
+        action = "correct it, or leave the cell empty"
+        if self.form.decimal == "," and "." in value:
+            action = 'say `thousands = "."` under [csv] if points group thousands, or correct it'
+        elif self.form.decimal == "." and "," in value:
+            action = (
+                'correct it, or say `decimal = ","` (or `thousands = ","`) under [csv] in a '
+                "mapping file (--mapping of smad log import, --map of smad gap diagnose --fmu)"
+            )
         raise LogImportError(
             f"{self.path}, {self.place_of(row)}: column {name!r} is not a number",
             value=value,
-            action="correct it, or leave the cell empty"
-            if self.decimal == "," or "," not in value
-            else 'correct it, or say `decimal = ","` under [csv] in a mapping file',
+            limit=f"decimals after {self.form.decimal!r}"
+            + (f", thousands grouped by {self.form.thousands!r}" if self.form.thousands else ""),
+            action=action,
         )
 
 
 def open_csv(path: Path, form: CsvFormat) -> CsvTable:
-    """Read the line of names.
+    """Read the head of a file.
 
     Raises LogImportError for a file that cannot be read, is empty, or is no table of names.
     """
+    if form.thousands == form.decimal:
+        raise LogImportError(
+            "under [csv], thousands and decimals have one sign",
+            value=form.decimal,
+            action="correct one of them",
+        )
     try:
         with _opened(path) as file:
-            number, line = _names_line(path, file)
+            head = read_head(path, file, form.delimiter)
     except DAMAGED as error:
         said = getattr(error, "strerror", None) or error
         raise LogImportError(f"cannot read {path}: {said}", action="check the file") from error
@@ -178,48 +212,13 @@ def open_csv(path: Path, form: CsvFormat) -> CsvTable:
         raise LogImportError(
             f"{path} is not UTF-8 text (byte {error.start})", action="save it as UTF-8 CSV"
         ) from None
-    if not line.strip():
-        raise LogImportError(f"{path} is empty", action="there is nothing to import")
-    likely = max(_DELIMITERS, key=line.count)
-    delimiter = form.delimiter or likely
-    require_bounded(path, columns=line.count(delimiter) + 1)
-    try:
-        names = [name.strip() for name in next(csv.reader([line], delimiter=delimiter))]
-    except csv.Error as error:
-        raise LogImportError(
-            f"{path}, line {number}: {error}", action="write the names of the columns there"
-        ) from None
-    twin = next((name for name, count in Counter(names).items() if count > 1), None)
-    if twin is not None:
-        raise LogImportError(
-            f"{path}, line {number}: two columns are named {twin!r}", action="rename one"
-        )
-    rows = require_bounded_text(path, len(names))
-    return CsvTable(path, names, number, delimiter, form.decimal, rows)
+    return CsvTable(path, head, form, require_bounded_text(path, len(head.names)))
 
 
 def _opened(path: Path, errors: str = "strict") -> TextIO:
     """The text of a file, unpacked if its name says that it is packed."""
-    how = gzip.open if path.suffix == ".gz" else open
+    how = gzip.open if path.suffix.lower() == ".gz" else open
     return cast(TextIO, how(path, "rt", encoding="utf-8-sig", errors=errors, newline=""))
-
-
-def _names_line(path: Path, file: TextIO) -> tuple[int, str]:
-    """The number of the first line that is no comment, and the line itself."""
-    number, left = 0, MOST_HEAD_CHARACTERS
-    while line := file.readline(left + 1):
-        number += 1
-        left -= len(line)
-        if left < 0:
-            raise LogImportError(
-                f"{path}: its line of names does not end",
-                value=f"more than {MOST_HEAD_CHARACTERS} characters",
-                limit=f"{MOST_HEAD_CHARACTERS} characters",
-                action="leave out columns and comments that are not needed",
-            )
-        if line.strip() and not line.startswith(_COMMENT):
-            return number, line
-    return 1, ""
 
 
 def _after(lines: Iterator[str], count: int) -> Iterator[str]:

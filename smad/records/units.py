@@ -26,6 +26,7 @@ UNITS: Mapping[str, Unit] = {
     "us": Unit("time", 1e-6),
     "ns": Unit("time", 1e-9),
     "min": Unit("time", 60.0),
+    "h": Unit("time", 3600.0),
     "K": Unit("temperature", 1.0),
     "degC": Unit("temperature", 1.0, 273.15),
     "degF": Unit("temperature", 5.0 / 9.0, 273.15 - 32.0 * 5.0 / 9.0),
@@ -44,6 +45,9 @@ UNITS: Mapping[str, Unit] = {
     "A": Unit("current", 1.0),
     "mA": Unit("current", 1e-3),
     "uA": Unit("current", 1e-6),
+    "W": Unit("power", 1.0),
+    "mW": Unit("power", 1e-3),
+    "kW": Unit("power", 1e3),
     "V": Unit("voltage", 1.0),
     "mV": Unit("voltage", 1e-3),
     "uV": Unit("voltage", 1e-6),
@@ -52,6 +56,24 @@ UNITS: Mapping[str, Unit] = {
     "1": Unit("ratio", 1.0),
     "pct": Unit("ratio", 1e-2),
 }
+
+
+SPELLINGS: Mapping[str, str] = {
+    "°C": "degC", "℃": "degC", "ºC": "degC", "°F": "degF", "ºF": "degF",
+    "µs": "us", "μs": "us", "µm": "um", "μm": "um", "µA": "uA", "μA": "uA", "µV": "uV", "μV": "uV",
+    "%": "pct", "°": "deg", "sec": "s", "msec": "ms", "hours": "h", "Volt": "V", "Ampere": "A",
+}  # fmt: skip
+"""Other ways to write a unit of the table."""
+
+
+def spelt(unit: str) -> str:
+    """The unit as the table has it; one that it does not have stays as it is."""
+    return SPELLINGS.get(unit.strip(), unit.strip())
+
+
+def is_unit(word: str) -> bool:
+    """Whether a word is a unit of the table, or stands for none."""
+    return spelt(word) in UNITS or word.strip() in ("-", "–")
 
 
 def convert(values: NDArray[np.float64], unit: str, to: str) -> NDArray[np.float64]:
