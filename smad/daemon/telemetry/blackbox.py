@@ -33,8 +33,10 @@ _ROWS_AT_ONCE = 50
 _PAUSE_S = 0.002
 
 _encode = msgspec.msgpack.Encoder().encode
-_DECODERS: dict[type, Callable[[bytes], Record]] = {
-    kind: msgspec.msgpack.Decoder(kind).decode for kind in (Row, Event, LinkSample)
+_DECODERS: dict[type[Record], Callable[[bytes], Record]] = {
+    Row: msgspec.msgpack.Decoder(Row).decode,
+    Event: msgspec.msgpack.Decoder(Event).decode,
+    LinkSample: msgspec.msgpack.Decoder(LinkSample).decode,
 }
 
 

@@ -7,6 +7,9 @@ import pytest
 from smad.daemon import arming
 from tests.smad.daemon.interleavings import Violation, chunks_of, run_chunk
 
+pytestmark = pytest.mark.timeout(1_500)
+"""On a busy machine."""
+
 TRIALS = 2_000
 SEED = 53
 CHUNKS = list(chunks_of(TRIALS, SEED))

@@ -8,6 +8,9 @@ from smad.daemon import arming
 from smad.daemon.arming import Input, Phase
 from tests.smad.daemon.model import NAMES, Violation, explore
 
+pytestmark = pytest.mark.timeout(1_500)
+"""On a busy machine."""
+
 POLICIES = {"all": frozenset[str](), "own": frozenset(NAMES)}
 
 
