@@ -130,7 +130,7 @@ def safe(plant: PlantModel, run: ProgrammeRun, limits: Limits) -> ProgrammeRun |
 
 def _within(plant: PlantModel, point: ModelPoint, run: ProgrammeRun, limits: Limits) -> bool:
     names = [c.name for c in plant.channels]
-    played = Played.of(run.as_run(WATER_DEGC, WATER_DEGC))
+    played = Played.of(run.as_run(WATER_DEGC, WATER_DEGC), plant.inputs)
     found = predictions(plant, point, [played])[0]
     if not np.isfinite(found).all():
         # A corner of the parameters that cannot be mounted says nothing of the run.
@@ -149,7 +149,7 @@ def gram_of(
     plant: PlacesPlant, run: ProgrammeRun, space: tuple[Law, ...], sd: Array
 ) -> tuple[Responses, Array]:
     """Responses to the terms of `space`, and the Gram matrix of them and the slopes."""
-    played = [Played.of(run.as_run(WATER_DEGC, WATER_DEGC))]
+    played = [Played.of(run.as_run(WATER_DEGC, WATER_DEGC), plant.inputs)]
     point = nominal_point(plant)
     found = responses(plant, point, played, space=space)
     moved = slopes(plant, point, played)[0]
@@ -210,7 +210,7 @@ def chosen(runs: Sequence[Safe], rivals: Rivals, count: int) -> list[int]:
 
 def designed_space(plant: PlacesPlant, programme: Sequence[ProgrammeRun]) -> tuple[Law, ...]:
     """The simpler terms of all laws, over the states that some runs go through."""
-    played = [Played.of(run.as_run(WATER_DEGC, WATER_DEGC)) for run in programme]
+    played = [Played.of(run.as_run(WATER_DEGC, WATER_DEGC), plant.inputs) for run in programme]
     return tuple(
         replace(law, terms=tuple(t for t in law.terms if t.order <= _HIGHEST_ORDER))
         for law in candidate_laws(plant, nominal_point(plant), played)
