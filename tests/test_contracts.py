@@ -51,11 +51,11 @@ MOST_ARGUMENTS = 7
 
 # The rooms of the diagnosis, each with those that it must not know.
 ROOMS_ABOVE = {
-    "numerics": ("data", "places", "search", "report", "spring_pair"),
-    "data": ("places", "search", "report", "spring_pair"),
-    "places": ("search", "report", "spring_pair"),
-    "search": ("report", "spring_pair"),
-    "report": ("search.", "constants", "simulator", "changed", "diagnose", "spring_pair"),
+    "numerics": ("data", "places", "rivals", "report", "spring_pair"),
+    "data": ("places", "rivals", "report", "spring_pair"),
+    "places": ("rivals", "report", "spring_pair"),
+    "rivals": ("report", "spring_pair"),
+    "report": ("constants", "questions", "diagnose", "spring_pair"),
 }
 # Who shows the report: what it says decides nothing.
 SHOW_REPORTS = ("smad.cli.", "smad.diagnosis.report.")

@@ -172,7 +172,7 @@ def apply(*, verdict: Path, out: Path, first: int | None) -> None:
     with replacing(out) as path:
         told.write_model(path, first)
     causes = told.causes if first is None else told.causes[:first]
-    click.echo(f"{out}: parameters" + "".join(f", {c.title}" for c in causes))
+    click.echo(f"{out}: parameters" + "".join(f", {c.name or c.words}" for c in causes))
 
 
 @gap.command()

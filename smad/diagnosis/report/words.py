@@ -6,6 +6,7 @@ shows the same, and more on demand.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from smad.diagnosis.verdict import (
@@ -27,6 +28,7 @@ from smad.diagnosis.verdict import (
 _MOVED = 4
 _UNSEEN = 4
 _RIVALS = 5
+_NO_BETTER, _RARE = 0.99, 0.005
 _NAMES = 4
 _LIKELY = 0.05
 _AT_FLOOR = 1.3
@@ -57,10 +59,12 @@ def lines(verdict: Verdict) -> list[str]:
 
 def cause_lines(cause: Cause) -> list[str]:
     """One cause: its table of rivals, its values or its law, and how sure name and place are."""
-    what = [v.text for v in cause.values] or [t.text for t in cause.read]
+    # Later steps refit the values that the table has.
+    refitted = cause.rival is None or cause.rival.values != cause.values
     return [
         *rival_lines(cause.rivals),
-        *_entry("values" if cause.values else "law", what),
+        *_entry("values", [v.text for v in cause.values if refitted]),
+        *_entry("law", [t.text for t in cause.read]),
         *_entry("name", [name_words(cause)]),
         *_entry("place", [place_words(cause)]),
     ]
@@ -98,8 +102,14 @@ def rival_lines(rivals: Sequence[RivalGap]) -> list[str]:
 
 
 def first_rivals(rivals: Sequence[RivalGap]) -> list[RivalGap]:
-    """The first rows of a table of rivals, and those without a part."""
-    return [r for k, r in enumerate(rivals) if k < _RIVALS or r.kind in ("nothing", "parameters")]
+    """The first rows of a table of rivals, and those without a part.
+
+    Unlikely ones that leave as much as a rival without a part say nothing.
+    """
+    without = [r for r in rivals if r.kind in ("nothing", "parameters")]
+    most = _NO_BETTER * min((r.gap for r in without), default=math.inf)
+    telling = [r for r in rivals if r not in without and (r.gap < most or r.probability > _RARE)]
+    return [r for r in rivals if r in without or r in telling[:_RIVALS]]
 
 
 def _entry(title: str, rows: Sequence[str]) -> list[str]:

@@ -130,6 +130,9 @@ def test_the_table_has_what_each_rival_leaves_beside_its_values() -> None:
     assert "near-3" in text
     # Of the others the page tells.
     assert "near-4" not in text
+    useless = rival("effect", "useless", 29.4, 0.0)
+    cause = msgspec.structs.replace(EFFECT, rivals=[RIVALS[0], useless, *RIVALS[-2:]])
+    assert "useless" not in "\n".join(lines(verdict(CAUSES, causes=[cause])))
     assert "lag 0.96, if it is in the library; not in the library: 0.20" in text
 
 
