@@ -8,7 +8,7 @@ export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
 FIRMWARE ?= python
-.PHONY: help firmware demo test recipes notebooks check bench fuzz site generate setup setup-test format clean
+.PHONY: help firmware demo test recipes notebooks check bench campaign site generate setup setup-test format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 18
@@ -38,8 +38,8 @@ check: $(VENV)/.test-installed  ## lint, format, types, generated files, import 
 bench: $(VENV)/.test-installed  ## the numbers: speed as ratios within one run
 	@$(PY) -m bench $(BENCH)
 
-fuzz: $(VENV)/.test-installed  ## fuzz what reads bytes from outside: make fuzz FUZZ="frames --seconds 600"
-	@$(PY) -m tests.fuzz $(FUZZ)
+campaign: $(VENV)/.test-installed  ## faults, soak, hostile clients, fuzzing: make campaign CAMPAIGN="faults --seed 7"
+	@$(PY) -m campaign $(or $(CAMPAIGN),--help)
 
 site: $(VENV)/.site-installed  ## the pages of docs/ as a site, in build/site
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict

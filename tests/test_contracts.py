@@ -254,7 +254,9 @@ def test_every_data_file_of_the_packages_is_in_the_wheel(tmp_path: Path) -> None
         if path.is_file() and "__pycache__" not in path.parts
     }
     assert wanted <= inside
-    assert not [name for name in inside if name.startswith(("evaluation/", "tests/", "bench/"))]
+    assert not [
+        name for name in inside if name.startswith(("evaluation/", "campaign/", "tests/", "bench/"))
+    ]
     with zipfile.ZipFile(wheel) as packed:
         (about,) = (name for name in inside if name.endswith(".dist-info/METADATA"))
         metadata = packed.read(about).decode()

@@ -120,15 +120,20 @@ def execute(arguments: Sequence[str]) -> int:
     """Run one command; return its exit status. Errors become one line on standard error."""
     if arguments and arguments[0] in READS_FILES:
         volunteer()
+    return run_group(root, arguments, "smad")
+
+
+def run_group(group: click.Group, arguments: Sequence[str], program: str) -> int:
+    """Run one command of a group; return its exit status. Errors become one line."""
     try:
-        result = root.main(args=list(arguments), prog_name="smad", standalone_mode=False)
+        result = group.main(args=list(arguments), prog_name=program, standalone_mode=False)
     except SmadError as error:
         return _complain(str(error), error.exit_status)
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message(), err=True)
         return error.exit_code
     except click.UsageError as error:
-        path = error.ctx.command_path if error.ctx is not None else "smad"
+        path = error.ctx.command_path if error.ctx is not None else program
         what = error.format_message().rstrip(".").replace("?.", "?")
         end = "" if what.endswith("?") else "."
         return _complain(f"{what}{end} See {path} --help.", error.exit_code)

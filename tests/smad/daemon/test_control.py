@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from campaign.virtual import Refused
 from firmware_protocol.enums import BoardState, ResetCause
 from firmware_protocol.events import HostState
 from sim_device.bench import SimulatedBench
@@ -12,7 +13,6 @@ from sim_device.faults import injection
 from smad.control.controller import Output
 from smad.control.sample import Sample
 from smad.daemon.link.port import SocketTransport
-from smad.faults.virtual import Refused
 from smad.runlog.rows import row_of
 from tests.smad.daemon.rig import rig_in
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from campaign.virtual import Refused
 from smad.api import Control
 from smad.client import NotInControl
 from smad.control.commands import DriveCurrent
@@ -17,7 +18,6 @@ from smad.envs import on_bench
 from smad.envs.bench import Answering
 from smad.envs.errors import ActionRefused, PolicyFailed
 from smad.envs.signals import NAMES
-from smad.faults.virtual import Refused
 from smad.runlog.schema import Row
 from tests.smad.daemon.rig import rig_in
 from tests.smad.experiments.fake_client import FakeClient
