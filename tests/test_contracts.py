@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from smad import pages
+from smad.cli import pages
 from smad.errors import SmadError
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -14,8 +14,8 @@ import click
 
 from firmware_protocol.nearest import instead
 from smad.errors import SmadError
-from smad.parts import missing
-from smad.survival import volunteer
+from smad.extras import missing
+from smad.processes.oom import prefer_as_oom_victim
 from smad.version import VERSION
 
 COMMANDS: Mapping[str, str] = {
@@ -119,7 +119,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def execute(arguments: Sequence[str]) -> int:
     """Run one command; return its exit status. Errors become one line on standard error."""
     if arguments and arguments[0] in READS_FILES:
-        volunteer()
+        prefer_as_oom_victim()
     return run_group(root, arguments, "smad")
 
 

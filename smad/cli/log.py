@@ -18,7 +18,7 @@ from smad.cli import complete
 from smad.cli.layouts import layouts
 from smad.cli.tables import fitted
 from smad.errors import RunLogError
-from smad.writable import require_writable
+from smad.files import require_writable
 
 if TYPE_CHECKING:
     from smad.runlog.overview import Overview

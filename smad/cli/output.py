@@ -50,7 +50,7 @@ def checked(command: C, typed: Mapping[str, str]) -> C:
     """
     import msgspec
 
-    from smad.bounds import field_and_words, unit_of
+    from smad.config.bounds import field_and_words, unit_of
 
     values = msgspec.to_builtins(command)
     for name, value in values.items():

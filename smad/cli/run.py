@@ -11,6 +11,7 @@ import click
 from smad.cli import complete
 from smad.cli.output import axis_option, lease_option, progress
 from smad.errors import SmadError
+from smad.files import write_whole
 
 if TYPE_CHECKING:
     from sim_device.plant.models import Model
@@ -340,7 +341,7 @@ def _print_tables(result: CampaignResult, model: ParameterSet, given: ParameterS
 
 def _write_text(path: Path, text: str) -> None:
     try:
-        path.write_text(text, encoding="utf-8")
+        write_whole(path, text)
     except OSError as error:
         raise SmadError(
             f"the parameter file cannot be written ({error.strerror})",

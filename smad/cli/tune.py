@@ -9,6 +9,7 @@ import click
 
 from smad.cli.output import axis_option, client, progress
 from smad.errors import CommandError
+from smad.files import write_whole
 
 if TYPE_CHECKING:
     from smad.experiments.tuning import Session
@@ -46,7 +47,7 @@ def tune(
     session = _session(loop, spring, trial=trial, apply=apply, lease_s=lease, bench=bench)
     section = session.tuned.toml()
     if save is not None and not session.worse:
-        save.write_text(section)
+        write_whole(save, section)
     if as_json:
         _print_json(session, section)
         return

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import shutil
 import sys
 import tempfile
@@ -14,9 +13,10 @@ import msgspec
 
 from sim_device.plant.models import Model, save_model
 from sim_device.plant.parameters import built_in_sets, load_parameters
+from smad.extras import part
+from smad.files import replacing
 from smad.fmi.errors import FmiError
 from smad.fmi.pair import MODEL, MOUNTED, Mounted
-from smad.parts import part
 
 _SCRIPT = Path(__file__).with_name("unit_script.py")
 
@@ -72,17 +72,13 @@ def write_model(model: Model, path: Path) -> None:
 
 
 def _move(made: Path, target: Path) -> None:
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
-        shutil.copyfile(made, temporary)
-        temporary.replace(target)
+        with replacing(target) as partial:
+            shutil.copyfile(made, partial)
     except OSError as error:
         raise FmiError(
             f"cannot write {target}: {error.strerror or error}", action="check folder and space"
         ) from error
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from smad.bounds import field_and_words
+from smad.config.bounds import field_and_words
 from smad.fmi.errors import FmiError
 from smad.fmi.unit_file import UnitFile
 

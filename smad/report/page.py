@@ -7,8 +7,6 @@ that the page draws itself.
 from __future__ import annotations
 
 import functools
-import os
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -16,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from smad.errors import SmadError
+from smad.files import write_whole
 from smad.report.panels import Panels
 from smad.style import assets
 from smad.style.palette import following
@@ -117,14 +116,7 @@ def write_page(page: Page, path: Path) -> Path:
     """
     text = render(page, f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC")
     try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        # mkstemp makes the file private; a report is to be read by others.
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)
-        os.replace(temporary, path)
+        write_whole(path, text)
     except OSError as error:
         raise SmadError(
             f"the report cannot be written ({error.strerror})",

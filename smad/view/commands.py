@@ -1,6 +1,6 @@
 """What a page may ask for, and the call of the ordinary client that each becomes.
 
-The tables are `COMMANDS`, for the bench, and `QUESTIONS`, for the server's own desk (`desk`). A
+The tables are `COMMANDS`, for the bench, and `QUESTIONS`, for the server itself (`queries`). A
 stop is in neither: it goes past everything that waits (`server`). What a person asked for is
 refused by the daemon when a stop came that the page had not shown yet: `generation` is its own.
 """

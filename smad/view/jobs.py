@@ -43,31 +43,31 @@ class JobError(SmadError):
     """A job cannot be begun."""
 
 
-class Task(Struct, tag_field="kind", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class JobRequest(Struct, tag_field="kind", frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A job; `kind` says which."""
 
 
-class PageOfRun(Task, tag="page", frozen=True, kw_only=True):
+class PageOfRun(JobRequest, tag="page", frozen=True, kw_only=True):
     """The page of a run, or of several runs over each other."""
 
     runs: Annotated[tuple[RunName, ...], Meta(min_length=1, max_length=6)]
 
 
-class Diagnose(Task, tag="diagnose", frozen=True, kw_only=True):
+class Diagnose(JobRequest, tag="diagnose", frozen=True, kw_only=True):
     """Where model and run disagree; with `good`, what has changed since that run."""
 
     run: RunName
     good: RunName | None = None
 
 
-class CheckUp(Task, tag="checkup", frozen=True, kw_only=True):
+class CheckUp(JobRequest, tag="checkup", frozen=True, kw_only=True):
     """What has changed since the baseline: plays its programme on the bench."""
 
     baseline: FolderName
     quick: bool = False
 
 
-class RunExperiment(Task, tag="experiment", frozen=True, kw_only=True):
+class RunExperiment(JobRequest, tag="experiment", frozen=True, kw_only=True):
     """An experiment of the paper on the bench."""
 
     experiment: RunName

@@ -500,8 +500,8 @@ def test_the_link_is_tested_for_a_time_that_makes_sense(
 
 
 def test_what_is_generated_of_the_documentation_is_not_stale() -> None:
-    from smad.docs import PAGES, refreshed
+    from tools.reference import PAGES, refreshed
 
     for page in PAGES:
         text = page.read_text()
-        assert refreshed(text) == text, "run python -m smad.docs"
+        assert refreshed(text) == text, "run python -m tools.reference"

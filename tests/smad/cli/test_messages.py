@@ -8,10 +8,10 @@ from click.testing import CliRunner
 
 from sim_device.errors import FaultSpecError
 from sim_device.faults import FAULT_KINDS, parse_injection
-from smad.bounds import in_words
 from smad.cli import execute
 from smad.cli.sim import sim
 from smad.client.endpoints import Connection, running_benches, write_connection
+from smad.config.bounds import in_words
 from smad.errors import SmadError
 
 

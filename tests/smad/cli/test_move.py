@@ -6,11 +6,11 @@ import pytest
 from click.testing import CliRunner
 from msgspec import Meta
 
-from smad import docs
 from smad.cli import move as command
 from smad.control import commands
 from smad.control.commands import PIECES, Piece, Ramp, RandomLevels, Samples, Step
 from smad.control.segment import millimetres
+from tools import reference
 
 
 class Triangle(Piece, tag="triangle_wave", frozen=True, kw_only=True):
@@ -75,7 +75,7 @@ def test_a_new_kind_of_piece_needs_no_edit_of_the_command_line(sent: list[Any]) 
 
 
 def test_the_page_lists_every_kind_of_piece(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert "triangle_wave" not in docs.pieces()
-    assert all(f"({piece.__name__})" in docs.pieces() for piece in PIECES)
+    assert "triangle_wave" not in reference.pieces()
+    assert all(f"({piece.__name__})" in reference.pieces() for piece in PIECES)
     monkeypatch.setattr(commands, "PIECES", (*PIECES, Triangle))
-    assert "- **`triangle_wave`** (Triangle)" in docs.pieces()
+    assert "- **`triangle_wave`** (Triangle)" in reference.pieces()

@@ -17,10 +17,10 @@ from smad.client.endpoints import FOLDER_VARIABLE
 from smad.runlog.header import RunHeader
 from smad.runlog.schema import Event, Row
 from smad.runlog.writer import write_run
+from smad.style.strips import PLACES
 from smad.view.server import serving
 from smad.view.source import Source
 from smad.view.state import shown
-from smad.view.strips import PLACES
 
 from .browsing import MISSING, choose, click, in_a_browser, is_live, text_of, until
 from .test_forms_and_state import status

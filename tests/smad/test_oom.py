@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from smad import survival
-from smad.survival import FIRST, LAST, protect, score, volunteer
+from smad.processes import oom
+from smad.processes.oom import FIRST, LAST, prefer_as_oom_victim, protect, score
 
 SCORE = Path("/proc/self/oom_score_adj")
 
@@ -36,7 +36,7 @@ def test_a_command_that_drives_the_bench_stays_as_it_was() -> None:
 def test_a_score_that_is_higher_already_stays(tmp_path: Path) -> None:
     path = tmp_path / "score"
     path.write_text("1000\n")
-    volunteer(path)
+    prefer_as_oom_victim(path)
     assert score(path) == 1000
 
 
@@ -47,11 +47,11 @@ def test_the_daemon_asks_to_be_ended_last_and_reads_what_it_got(
     path.write_text("0\n")
     assert protect(path) == LAST
     path.write_text("0\n")
-    monkeypatch.setattr(survival, "_write", lambda path, value: None)
+    monkeypatch.setattr(oom, "_write", lambda path, value: None)
     assert protect(path) == 0
 
 
 def test_where_there_is_no_such_file_nothing_happens(tmp_path: Path) -> None:
-    volunteer(tmp_path / "none")
+    prefer_as_oom_victim(tmp_path / "none")
     assert protect(tmp_path / "none") is None
     assert not os.listdir(tmp_path)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from smad.errors import SmadError
 
-_PACKAGE = Path(__file__).resolve().parent
+_PACKAGE = Path(__file__).resolve().parents[1]
 FOLDERS = (_PACKAGE / "data" / "docs", _PACKAGE.parent / "docs")
 """Where a wheel has them, and where a clone has."""
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from smad.parts import BROUGHT_BY, EXTRA_OF, EXTRA_OF_COMMAND
+from smad.extras import BROUGHT_BY, EXTRA_OF, EXTRA_OF_COMMAND
 from tests.smad.runlog.helpers import write_small_run
 
 PROJECT = tomllib.loads((Path(__file__).resolve().parents[2] / "pyproject.toml").read_text())

@@ -1,4 +1,4 @@
-"""What all pages of a server share beside the bench: the past, the runs, and the one job."""
+"""Queries that the server answers itself: the past, the runs, the forms, and the one job."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from msgspec import Struct
 
 from smad.client import NotReady
 from smad.errors import SmadError
-from smad.view import commands, errands, preview
-from smad.view.errands import Drawn, Mark, Read
+from smad.style.strips import CHANNELS
+from smad.view import commands, preview, requests
 from smad.view.feed import Feed, View
 from smad.view.forms import Form
-from smad.view.helper import Helper
 from smad.view.jobs import ON_THE_BENCH, JobError, Jobs, run_path
+from smad.view.reader_client import ReaderClient
+from smad.view.requests import Drawn, Mark, Read
 from smad.view.source import Axis, Source
-from smad.view.strips import CHANNELS
 from smad.view.tier import Curve, Frame, Moments
 
 MOST_RUNS = 12
@@ -34,17 +34,17 @@ class Past(Struct, frozen=True, kw_only=True):
     source: str
 
 
-class Desk:
-    """Answers the questions of the pages."""
+class Queries:
+    """Answers the queries of all pages of a server."""
 
     def __init__(self, source: Source) -> None:
         self.jobs = Jobs()
         self._source = source
-        self._helper = Helper()
+        self._reader = ReaderClient()
 
     async def close(self) -> None:
         """End reader and job."""
-        await self._helper.close()
+        await self._reader.close()
         await self.jobs.close()
 
     async def past(self, axis: Axis, from_s: float, to_s: float, view: View) -> Past:
@@ -79,7 +79,7 @@ class Desk:
         path = self._source.log_path
         if not path or not Path(path).is_file():
             return None
-        errand = errands.Past(
+        request = requests.Past(
             path=path,
             axis=axis.name,
             from_s=from_s,
@@ -88,7 +88,7 @@ class Desk:
             xy=tuple(CHANNELS[place].name for place in view.xy),
         )
         try:
-            read = await self._helper.ask(errand, Read)
+            read = await self._reader.ask(request, Read)
         except SmadError:
             # Memory is there, whatever has become of the file.
             return None
@@ -101,15 +101,15 @@ class Desk:
         return await self.QUESTIONS[type(ask)](self, ask)
 
     async def _runs(self, ask: commands.Runs) -> tuple[str, Any]:
-        errand = errands.Runs(folder=str(self._folder()), most=MOST_RUNS)
-        return "", await self._helper.ask(errand, list[errands.Row])
+        request = requests.Runs(folder=str(self._folder()), most=MOST_RUNS)
+        return "", await self._reader.ask(request, list[requests.Row])
 
     async def _results(self, ask: commands.Results) -> tuple[str, Any]:
-        errand = errands.Results(path=str(run_path(self._folder(), ask.run)), axis=ask.axis)
-        return "", await self._helper.ask(errand, list[tuple[str, str]])
+        request = requests.Results(path=str(run_path(self._folder(), ask.run)), axis=ask.axis)
+        return "", await self._reader.ask(request, list[tuple[str, str]])
 
     async def _experiments(self, ask: commands.Experiments) -> tuple[str, Any]:
-        return "", await self._helper.ask(errands.Experiments(), list[Form])
+        return "", await self._reader.ask(requests.Experiments(), list[Form])
 
     async def _preview(self, ask: commands.Preview) -> tuple[str, Any]:
         axis = self._source.axis(ask.axis)
@@ -119,13 +119,13 @@ class Desk:
 
     async def _preview_experiment(self, ask: commands.PreviewExperiment) -> tuple[str, Any]:
         config = self._source.axis(ask.axis).config
-        errand = errands.Plan(
+        request = requests.Plan(
             experiment=ask.experiment,
             settings=ask.settings,
             limits=config.limits,
             handover_rate_mm_per_s=config.control.handover_rate_mm_per_s,
         )
-        return "", await self._helper.ask(errand, list[Drawn])
+        return "", await self._reader.ask(request, list[Drawn])
 
     async def _begin(self, ask: commands.Begin) -> tuple[str, Any]:
         axis = self._source.axis(ask.axis)
@@ -152,7 +152,7 @@ class Desk:
             )
         return Path(self._source.folder)
 
-    QUESTIONS: Mapping[type, Callable[[Desk, Any], Awaitable[tuple[str, Any]]]] = {
+    QUESTIONS: Mapping[type, Callable[[Queries, Any], Awaitable[tuple[str, Any]]]] = {
         commands.Runs: _runs,
         commands.Results: _results,
         commands.Experiments: _experiments,

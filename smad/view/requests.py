@@ -1,7 +1,7 @@
-"""What the server of the page has done by its reader, a process beside it. Types only.
+"""Requests from the page's server to its reader process, and the replies. Types only.
 
-Reading logs and making plans takes seconds of processor time; a click on STOP passes through the
-server and is not to wait for them.
+Reading logs and making plans takes seconds of processor time. A click on STOP passes through the
+server and must not wait for them, so another process does that work.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from smad.config import LimitsConfig
 from smad.view.tier import Frame, Moments
 
 
-class Errand(Struct, tag_field="do", frozen=True, kw_only=True):
-    """Something for the reader to do."""
+class ReaderRequest(Struct, tag_field="do", frozen=True, kw_only=True):
+    """Base of the requests to the reader; `do` names the kind."""
 
 
-class Past(Errand, tag="past", frozen=True, kw_only=True):
+class Past(ReaderRequest, tag="past", frozen=True, kw_only=True):
     """Read channels of the run log at `path`, and of its further parts, between two times.
 
-    `axis` is the one whose they are; the only one has no name.
+    `axis` is the axis that they belong to; the only axis has no name.
     """
 
     path: str
@@ -33,26 +33,26 @@ class Past(Errand, tag="past", frozen=True, kw_only=True):
     xy: tuple[str, ...]
 
 
-class Runs(Errand, tag="runs", frozen=True, kw_only=True):
+class Runs(ReaderRequest, tag="runs", frozen=True, kw_only=True):
     """List the newest run logs of a folder."""
 
     folder: str
     most: int
 
 
-class Results(Errand, tag="results", frozen=True, kw_only=True):
-    """Say in a table what a run came to, of an axis if it has several."""
+class Results(ReaderRequest, tag="results", frozen=True, kw_only=True):
+    """Return a table of a run's results, of one axis where it has several."""
 
     path: str
     axis: str
 
 
-class Experiments(Errand, tag="experiments", frozen=True, kw_only=True):
+class Experiments(ReaderRequest, tag="experiments", frozen=True, kw_only=True):
     """Make the forms of the experiments."""
 
 
-class Plan(Errand, tag="plan", frozen=True, kw_only=True):
-    """Draw what an experiment will ask of the bench."""
+class Plan(ReaderRequest, tag="plan", frozen=True, kw_only=True):
+    """Return the curves of the references that an experiment will command."""
 
     experiment: str
     settings: Mapping[str, Any]
@@ -60,7 +60,7 @@ class Plan(Errand, tag="plan", frozen=True, kw_only=True):
     handover_rate_mm_per_s: float
 
 
-Any_ = Past | Runs | Results | Experiments | Plan
+Request = Past | Runs | Results | Experiments | Plan
 
 
 class Mark(Struct, frozen=True):
@@ -71,7 +71,7 @@ class Mark(Struct, frozen=True):
 
 
 class Read(Struct, frozen=True, kw_only=True):
-    """What a run log holds between two times; `first_s` and `last_s` are those of the whole log."""
+    """The content of a run log between two times; `first_s`, `last_s` bound the whole log."""
 
     frame: Frame
     moments: Moments | None

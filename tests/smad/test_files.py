@@ -6,8 +6,8 @@ import pytest
 
 from smad.cli import execute
 from smad.errors import CommandError
+from smad.files import replacing, require_writable, write_whole
 from smad.report.page import Page, write_page
-from smad.writable import require_writable
 from tests.smad.runlog.helpers import write_small_run
 
 
@@ -40,3 +40,18 @@ def test_log_list_takes_a_folder_as_its_argument(
     write_small_run(tmp_path / "a.mcap", 50)
     assert execute(["log", "list", str(tmp_path)]) == 0
     assert "a.mcap" in capsys.readouterr().out
+
+
+def test_a_file_is_replaced_whole_or_stays_as_it_was(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    write_whole(path, "ä\n")
+
+    def break_off() -> None:
+        with replacing(path) as partial:
+            partial.write_text("half")
+            raise OSError("the disk is full")
+
+    with pytest.raises(OSError, match="the disk is full"):
+        break_off()
+    assert path.read_text("utf-8") == "ä\n"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.txt"]

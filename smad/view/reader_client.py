@@ -1,4 +1,4 @@
-"""The server's end of its reader: a process that is started when it is first needed."""
+"""The server's client of its reader process, which is started when it is first needed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import msgspec
 from msgspec import Struct
 
 from smad.errors import SmadError
-from smad.view.errands import Errand
+from smad.view.requests import ReaderRequest
 
 PATIENCE_S = 60.0
 LARGEST_ANSWER = 64 * 2**20
@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 
 class ReaderError(SmadError):
-    """The reader did not do an errand."""
+    """The reader could not carry out a request."""
 
 
 class _Answer(Struct):
@@ -28,18 +28,18 @@ class _Answer(Struct):
     failed: str = ""
 
 
-class Helper:
-    """Has errands done, one after the other."""
+class ReaderClient:
+    """Sends requests to the reader process, one after the other."""
 
     def __init__(self) -> None:
         self._process: Process | None = None
         self._free = asyncio.Lock()
 
-    async def ask(self, errand: Errand, kind: type[T]) -> T:
-        """Return what came of an errand. Raises ReaderError."""
+    async def ask(self, request: ReaderRequest, kind: type[T]) -> T:
+        """Return the reply to a request. Raises ReaderError."""
         async with self._free:
             try:
-                line = await asyncio.wait_for(self._answer(errand), PATIENCE_S)
+                line = await asyncio.wait_for(self._answer(request), PATIENCE_S)
             except (OSError, ValueError, TimeoutError) as error:
                 await self.close()
                 raise ReaderError(
@@ -48,7 +48,7 @@ class Helper:
                     action="try again",
                 ) from error
             except asyncio.CancelledError:
-                # Its answer would be taken for that to the next errand.
+                # Its answer would be taken for that to the next request.
                 await self.close()
                 raise
         answer = msgspec.json.decode(line, type=_Answer)
@@ -56,15 +56,15 @@ class Helper:
             raise ReaderError(answer.failed)
         return msgspec.json.decode(answer.done, type=kind)
 
-    async def _answer(self, errand: Errand) -> bytes:
+    async def _answer(self, request: ReaderRequest) -> bytes:
         if self._process is None or self._process.returncode is not None:
             self._process = await asyncio.create_subprocess_exec(
-                sys.executable, "-m", "smad.errands",
+                sys.executable, "-m", "smad.view.reader",
                 stdin=PIPE, stdout=PIPE, limit=LARGEST_ANSWER,
             )  # fmt: skip
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        self._process.stdin.write(msgspec.json.encode(errand) + b"\n")
+        self._process.stdin.write(msgspec.json.encode(request) + b"\n")
         line = await self._process.stdout.readline()
         if not line:
             raise OSError("it has ended")

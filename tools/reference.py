@@ -1,6 +1,6 @@
 """What is generated in docs: methods, configuration, channels, decisions, thresholds, scores.
 
-The reference is made from the types. `python -m smad.docs` writes what stands between
+The reference is made from the types. `python -m tools.reference` writes what stands between
 `<!-- generated: NAME -->` and `<!-- end -->`; with `--check` it only says whether that is stale,
 and ends with status 1 if so.
 """
@@ -266,7 +266,7 @@ def main(arguments: Sequence[str]) -> int:
         return 0
     for page in stale:
         name = page.relative_to(_DOCS.parent)
-        print(f"{name} is stale; run python -m smad.docs", file=sys.stderr)
+        print(f"{name} is stale; run python -m tools.reference", file=sys.stderr)
     return 1 if stale else 0
 
 

@@ -1,4 +1,4 @@
-"""The reader of the page's server: `python -m smad.errands`, an errand a line, on its input.
+"""The reader of the page's server: `python -m smad.view.reader`, one request a line, on its input.
 
 It ends with its input, so it never outlives the server. What it can do needs the extras of `log`
 and `report`; where one is missing the answer names it.
@@ -15,9 +15,9 @@ from typing import Any
 
 import msgspec
 
-from smad import survival
-from smad.parts import missing
-from smad.view import errands, forms, preview
+from smad.extras import missing
+from smad.processes import oom
+from smad.view import forms, preview, requests
 
 NICER = 10
 _logs: dict[tuple[str, str], Any] = {}
@@ -32,34 +32,34 @@ AT_HAND: Mapping[str, Any] = {"air": False}
 """What a form begins with where the experiment's own default needs another mounting."""
 
 
-def past(ask: errands.Past) -> errands.Read:
-    """Read a log that is followed from one errand to the next."""
-    from smad.errands.logs import Log
+def past(ask: requests.Past) -> requests.Read:
+    """Read a log that is followed from one request to the next."""
+    from smad.view.reader.logs import Log
 
     place = (ask.path, ask.axis)
     if place not in _logs:
         while len(_logs) >= MOST_LOGS:
             del _logs[next(iter(_logs))]
         _logs[place] = Log(Path(ask.path), ask.axis)
-    found: errands.Read = _logs[place].read(ask.from_s, ask.to_s, ask.channels, ask.xy)
+    found: requests.Read = _logs[place].read(ask.from_s, ask.to_s, ask.channels, ask.xy)
     return found
 
 
-def runs(ask: errands.Runs) -> list[errands.Row]:
+def runs(ask: requests.Runs) -> list[requests.Row]:
     """List the newest runs, the newest first."""
     from smad.runlog.overview import list_runs
 
     if not Path(ask.folder).is_dir():
         return []
     return [
-        errands.Row(
+        requests.Row(
             Path(run.path).name, run.name, run.started_unix_s, run.duration_s, run.rows, run.problem
         )
         for run in reversed(list_runs(ask.folder, newest=ask.most))
     ]
 
 
-def results(ask: errands.Results) -> list[tuple[str, str]]:
+def results(ask: requests.Results) -> list[tuple[str, str]]:
     """Say what a run came to: names and values in words."""
     import numpy as np
 
@@ -92,7 +92,7 @@ def results(ask: errands.Results) -> list[tuple[str, str]]:
     return table
 
 
-def experiments(ask: errands.Experiments) -> list[forms.Form]:
+def experiments(ask: requests.Experiments) -> list[forms.Form]:
     """Make a form of the settings of each experiment."""
     from smad.experiments.registry import make_experiment
 
@@ -131,7 +131,7 @@ class _Plans:
         raise _Planned
 
 
-def plan(ask: errands.Plan) -> list[errands.Drawn]:
+def plan(ask: requests.Plan) -> list[requests.Drawn]:
     """Draw the first run of each trial of an experiment; later ones may hang on its outcome."""
     from smad.experiments.registry import make_experiment
 
@@ -144,29 +144,29 @@ def plan(ask: errands.Plan) -> list[errands.Drawn]:
     return [preview.planned(one, ask.limits, ask.handover_rate_mm_per_s) for one in driver.found]
 
 
-ERRANDS: Mapping[type[errands.Errand], Callable[[Any], Any]] = {
-    errands.Past: past,
-    errands.Runs: runs,
-    errands.Results: results,
-    errands.Experiments: experiments,
-    errands.Plan: plan,
+HANDLERS: Mapping[type[requests.ReaderRequest], Callable[[Any], Any]] = {
+    requests.Past: past,
+    requests.Runs: runs,
+    requests.Results: results,
+    requests.Experiments: experiments,
+    requests.Plan: plan,
 }
 
 
 def answer(line: bytes) -> bytes:
-    """Do an errand; return what came of it, or why not, as a line of JSON."""
+    """Carry out a request; return the reply, or why there is none, as a line of JSON."""
     try:
-        ask = msgspec.json.decode(line, type=errands.Any_)
-        done = {"done": ERRANDS[type(ask)](ask)}
+        ask = msgspec.json.decode(line, type=requests.Request)
+        done = {"done": HANDLERS[type(ask)](ask)}
     except Exception as error:
-        # Whatever a foreign file does to us is told to the page, and the next errand is done.
+        # A damaged file is reported to the page; the next request is carried out.
         done = {"failed": str((isinstance(error, ModuleNotFoundError) and missing(error)) or error)}
     return msgspec.json.encode(done) + b"\n"
 
 
 def main() -> None:
-    """Do errands until the input ends."""
-    survival.volunteer()
+    """Carry out requests until the input ends."""
+    oom.prefer_as_oom_victim()
     os.nice(NICER)
     for line in sys.stdin.buffer:
         sys.stdout.buffer.write(answer(line))

@@ -28,7 +28,7 @@ def listen(port: int) -> socket.socket:
 
 
 def quiet(name: str) -> logging.Logger:
-    """Return a log that nobody sees: strangers who knock are no news, and look like faults."""
+    """Return a log without output: rejected connections are not logged."""
     log = logging.getLogger(name)
     log.addHandler(logging.NullHandler())
     log.propagate = False

@@ -1,4 +1,4 @@
-"""The service files, and how they come to where the system looks for them."""
+"""The service files, and their installation below the root of the system."""
 
 from __future__ import annotations
 

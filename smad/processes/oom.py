@@ -1,6 +1,6 @@
-"""Who is ended first when the machine runs out of memory: whoever reads files, never the daemon.
+"""Ask the OOM killer to prefer file readers over the daemon.
 
-Linux ends the process with the highest score. A process may raise its own at any time; to lower it
+Linux ends the process with the highest score. A process may always raise its score; to lower it
 takes CAP_SYS_RESOURCE, or a service manager that has it.
 """
 
@@ -9,10 +9,10 @@ from __future__ import annotations
 from pathlib import Path
 
 FIRST = 800
-"""Of what reads files: such work can be done again."""
+"""Score of a file reader: its work can be repeated."""
 
 LAST = -800
-"""Of the daemon. Not the least there is, which would forbid ending it altogether."""
+"""Score of the daemon. Not -1000, which would forbid ending it altogether."""
 
 _SCORE = Path("/proc/self/oom_score_adj")
 
@@ -25,8 +25,8 @@ def score(path: Path = _SCORE) -> int | None:
         return None
 
 
-def volunteer(path: Path = _SCORE) -> None:
-    """Let this process be ended before others. Never raises; a score that is higher stays."""
+def prefer_as_oom_victim(path: Path = _SCORE) -> None:
+    """Raise this process's score to `FIRST`; a higher score stays. Never raises."""
     now = score(path)
     if now is not None and now < FIRST:
         _write(path, FIRST)
