@@ -46,23 +46,15 @@ def export(
     Without MODEL it is the plant of a parameter set. The importing machine needs Python with smad:
     see the page docs/guide/fmi.md.
     """
-    from dataclasses import replace
-
-    from sim_device.plant.effects.registry import from_text, resolve
+    from sim_device.plant.effects.registry import from_text
     from sim_device.plant.errors import PlantError
-    from sim_device.plant.models import Model, read_model
-    from sim_device.plant.parameters import load_parameters
+    from sim_device.plant.models import built_in, read_model
     from smad.fmi.export import export_unit
     from smad.fmi.pair import Mounted
 
     try:
-        given = (
-            Model(load_parameters(params), "extended", {}, params)
-            if source is None
-            else read_model(source)
-        )
-        more = resolve(dict(from_text(text) for text in effects))
-        given = replace(given, effects={**given.effects, **more})
+        given = built_in(params) if source is None else read_model(source)
+        given = given.with_effects(dict(from_text(text) for text in effects))
         written = export_unit(given, unit, mounted=Mounted(fixture), overwrite=overwrite)
     except PlantError as error:
         raise SmadError(str(error)) from error

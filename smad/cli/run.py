@@ -180,15 +180,12 @@ def _print_json(value: object) -> None:
 
 
 def _model(parameters: str, model_file: Path | None) -> Model:
-    """Parameters, variant, effects and laws of the simulated bench."""
+    """The model of the simulated bench."""
     from sim_device.plant.errors import PlantError
-    from sim_device.plant.models import Model, read_model
-    from sim_device.plant.parameters import load_parameters
+    from sim_device.plant.models import built_in, read_model
 
     try:
-        if model_file is None:
-            return Model(load_parameters(parameters), "extended", {}, parameters)
-        return read_model(model_file)
+        return built_in(parameters) if model_file is None else read_model(model_file)
     except PlantError as error:
         raise SmadError(str(error)) from None
 
@@ -253,14 +250,11 @@ def _simulated(
         config = msgspec.structs.replace(config, control=control)
     model = given.parameters
     bench = Bench(
-        model,
-        config,
-        options["seed"],
-        given.variant,
-        given.effects,
-        given.laws,
-        frozenset(options["lacking"]),
-        options["save_logs"],
+        given,
+        config=config,
+        seed=options["seed"],
+        lacking=frozenset(options["lacking"]),
+        folder=options["save_logs"],
     )
     facts = [("bench", f"simulated, {given.variant}, seed {options['seed']}")]
     jobs = options["jobs"] or os.cpu_count() or 1

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from sim_device.plant.errors import PlantError
-from sim_device.plant.laws import Law
+from sim_device.plant.models import Model
 from sim_device.plant.parameters import ParameterSet
 from smad.config import Config
 from smad.experiments.base import Experiment, Findings
@@ -30,24 +30,18 @@ Progress = Callable[[str], None]
 class Bench:
     """The simulated bench of a campaign: everything that a worker process needs to make it."""
 
-    parameters: ParameterSet
+    model: Model
     config: Config = field(default_factory=Config)
     seed: int = 0
-    variant: str = "extended"
-    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    laws: tuple[Law, ...] = ()
     lacking: frozenset[str] = frozenset()
     folder: Path | None = None
 
     def driver(self, progress: Progress | None = None) -> VirtualDriver:
         """A driver of this bench."""
         return VirtualDriver(
-            self.parameters,
+            self.model,
             config=self.config,
             seed=self.seed,
-            variant=self.variant,
-            effects=self.effects,
-            laws=self.laws,
             lacking=self.lacking,
             folder=self.folder,
             progress=progress,

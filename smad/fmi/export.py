@@ -11,8 +11,7 @@ from pathlib import Path
 
 import msgspec
 
-from sim_device.plant.models import Model, save_model
-from sim_device.plant.parameters import built_in_sets, load_parameters
+from sim_device.plant.models import Model, write_model
 from smad.extras import part
 from smad.files import replacing
 from smad.fmi.errors import FmiError
@@ -42,33 +41,13 @@ def export_unit(
         script = folder / "script" / "spring_pair.py"
         script.parent.mkdir()
         shutil.copyfile(_SCRIPT, script)
-        write_model(model, folder / MODEL)
+        write_model(folder / MODEL, model)
         (folder / MOUNTED).write_bytes(msgspec.json.encode(mounted or Mounted()))
         made = folder / "made.fmu"
         with _modules_as_before():
             builder.build_FMU(script, dest=made, project_files={folder / MODEL, folder / MOUNTED})
         _move(made, target)
     return target
-
-
-def write_model(model: Model, path: Path) -> None:
-    """Write a model file that needs no other file beside it."""
-    overrides = dict(model.overrides)
-    base = model.base
-    if base not in built_in_sets():
-        base = "A"
-        known = load_parameters(base)
-        here = model.parameters
-        overrides = {name: here[name] for name in here.names if here[name] != known[name]}
-    save_model(
-        path,
-        base=base,
-        variant=model.variant,
-        overrides=overrides,
-        effects=model.effects,
-        mounting=model.mounting,
-        note=model.note,
-    )
 
 
 def _move(made: Path, target: Path) -> None:

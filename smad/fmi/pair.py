@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 
@@ -76,10 +77,9 @@ class UnitOfPair:
         if self._plant is None:
             given = {name: self.values[name] for name in self._model.parameters.names}
             warm = "inlet_K" if self._mounted.cooling == "water" else "ambient_K"
+            model = replace(self._model, parameters=self._model.parameters.replace(**given))
             self._plant = Plant(
-                self._model.parameters.replace(**given),
-                variant=self._model.variant,
-                effects=self._model.effects,
+                **model.physics,
                 fixture=self._mounted.fixture,
                 cooling=self._mounted.cooling,
                 temperature_K=self.values[warm],

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from sim_device.plant.models import built_in
 from smad import api
 from smad.cli import execute
 from smad.config import Config, config_to_toml
@@ -55,11 +56,10 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Noting:
 
 
 def conducted(*_: Any, trial: bool) -> Session:
-    from sim_device.plant import load_parameters
 
     config = Config()
     return tune_displacement(
-        VirtualDriver(load_parameters("A"), config=config), config.control, trial=trial
+        VirtualDriver(built_in("A"), config=config), config.control, trial=trial
     )
 
 
