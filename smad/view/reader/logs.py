@@ -18,12 +18,12 @@ from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from smad.runlog import schema
+from smad.runlog.cycles import Cycles
 from smad.runlog.mcap_file import CHANNEL_IDS
 from smad.runlog.paths import part_path
 from smad.runlog.reader import columns_of, recorded
 from smad.runlog.scan import RECORD_HEAD, DamagedError, Message, chunk_data, records_in
 from smad.style.strips import MOTION, PLACES
-from smad.view.cycles import Cycles
 from smad.view.requests import Mark, Read
 from smad.view.tier import GAP_S, MOST_BUCKETS, MOST_MOMENTS, Curve, Frame, Moments
 

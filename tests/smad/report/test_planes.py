@@ -13,6 +13,7 @@ from bench.browser import browser, what_is_missing
 from smad.report.page import Page, Section, render
 from smad.report.panels import Panels, followed
 from smad.report.planes import MOST_POINTS, QUANTITIES, Curve, Plane, cycles_of, planes_of
+from smad.runlog.cycles import TURN_MM, Cycles
 
 MISSING = what_is_missing()
 
@@ -32,31 +33,33 @@ def columns(n: int = 1000, cycles: int = 4) -> dict[str, np.ndarray]:
     }
 
 
-def test_cycles_end_at_the_troughs_of_the_reference() -> None:
+def test_a_cycle_begins_where_the_displacement_has_risen_from_its_lowest_point() -> None:
     run = columns()
     cycle = cycles_of(run)
     assert set(cycle) == {1, 2, 3, 4, 5}
-    ends = np.flatnonzero(np.diff(cycle))
-    assert run["reference_mm"][ends] == pytest.approx(-5.0, abs=0.01)
+    begins = np.flatnonzero(np.diff(cycle)) + 1
+    lowest = run["displacement_mm"].min()
+    assert run["displacement_mm"][begins] == pytest.approx(lowest + TURN_MM, abs=0.1)
+
+
+def test_a_sample_has_the_same_cycle_in_a_report_as_on_the_live_page() -> None:
+    run = columns()
+    run["displacement_mm"] = run["displacement_mm"] + np.random.default_rng(1).normal(0, 0.03, 1000)
+    live = Cycles()
+    assert [live.add(value) + 1 for value in run["displacement_mm"]] == cycles_of(run).tolist()
 
 
 def test_a_ripple_is_no_cycle_and_a_run_without_motion_has_one() -> None:
     run = columns()
-    run["reference_mm"] = run["reference_mm"] + 0.1 * np.sin(np.arange(1000))
+    run["displacement_mm"] = run["displacement_mm"] + 0.1 * np.sin(np.arange(1000))
     assert cycles_of(run)[-1] == 5
     assert set(cycles_of({"t_s": np.arange(5.0)})) == {1}
 
 
-def test_where_there_is_no_reference_the_displacement_says_what_a_cycle_is() -> None:
-    run = columns()
-    run["reference_mm"] = np.full(1000, np.nan)
-    assert cycles_of(run)[-1] == 5
-
-
-def test_a_flat_trough_belongs_to_the_cycle_that_it_ends() -> None:
-    steps = np.repeat([0.0, 10.0, -10.0, 0.0, 10.0, -10.0, 0.0], 100)
-    cycle = cycles_of({"t_s": np.arange(700.0), "reference_mm": steps})
-    assert [cycle[i] for i in (50, 299, 300, 599, 600)] == [1, 1, 2, 2, 3]
+def test_of_a_blocked_spring_the_temperature_defines_the_cycles() -> None:
+    warm = 40.0 + 20.0 * np.sin(np.linspace(0.0, 6.0 * np.pi, 700))
+    still = {"t_s": np.arange(700.0), "displacement_mm": np.zeros(700), "rtd_x_degC": warm}
+    assert cycles_of(still)[-1] == 4
 
 
 def test_one_run_has_its_cycles_and_several_have_their_colours() -> None:

@@ -1,4 +1,8 @@
-"""Which cycle of its motion the bench is in: from one lowest displacement to the next. Pure."""
+"""Which cycle of its motion the bench is in: from one lowest displacement to the next. Pure.
+
+The live page counts sample by sample and a report counts a whole run; both count with `Cycles`, so
+a sample has the same cycle on both.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +12,12 @@ TURN_MM = 0.3
 """By so much the motion has to turn back before a cycle ends: ten times the encoder's noise."""
 
 
+TURN_K = 2.0
+"""The same for a temperature, where a run has no motion."""
+
+
 class Cycles:
-    """Counts turning points. `number` is that of the cycle that runs, from 0."""
+    """Counts turning points. `number` is the number of the present cycle, from 0."""
 
     def __init__(self, turn: float = TURN_MM) -> None:
         self.number = 0
