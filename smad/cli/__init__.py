@@ -54,6 +54,9 @@ COMMANDS: Mapping[str, str] = {
 READS_FILES = frozenset(("log", "gap", "run", "view"))
 """Commands that are ended first when memory runs out: before the daemon, which has the bench."""
 
+SYNONYMS: Mapping[str, str] = {"mark": "note", "check-up": "checkup", "ls": "list"}
+"""Words of the live page and of habit, and the command that does it."""
+
 _INTERRUPTED = 130
 _INTERNAL = 70
 
@@ -84,9 +87,24 @@ class LazyGroup(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Return the command that is called; one misspelt is answered with the nearest."""
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            told = instead(args[0], COMMANDS, "smad --help lists them")
+            deeper = self._in_groups(ctx, args[0])
+            told = (
+                f"did you mean {' or '.join(deeper)}?"
+                if deeper
+                else instead(args[0], COMMANDS, "smad --help lists them")
+            )
             ctx.fail(f"There is no command {args[0]!r}; {told}")
         return super().resolve_command(ctx, args)
+
+    def _in_groups(self, ctx: click.Context, word: str) -> list[str]:
+        """The commands of groups that are called so: `smad mark` is `smad record note`."""
+        wanted = SYNONYMS.get(word, word)
+        groups = ((name, self.get_command(ctx, name)) for name in COMMANDS)
+        return [
+            f"smad {name} {wanted}"
+            for name, group in groups
+            if isinstance(group, click.Group) and wanted in group.list_commands(ctx)
+        ]
 
 
 class _Broken(click.Command):

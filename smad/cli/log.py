@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
 import shlex
 import shutil
 import sys
@@ -16,6 +17,7 @@ import click
 
 from smad.cli import complete
 from smad.cli.layouts import layouts
+from smad.cli.output import shown
 from smad.cli.tables import fitted
 from smad.errors import RunLogError
 from smad.files import require_writable
@@ -27,12 +29,31 @@ if TYPE_CHECKING:
 _EVENTS_SHOWN = 10
 _BAR_STEPS = 1000
 
+_HERE = "runs"
+
+
+def _folder_of_bench(context: click.Context, parameter: click.Parameter, folder: str | None) -> str:
+    """Return the folder given; else that of the bench whose daemon runs; else `runs` here."""
+    if folder is not None or context.resilient_parsing:
+        return folder or _HERE
+    from smad.client import Client
+    from smad.errors import SmadError
+
+    with contextlib.suppress(SmadError):
+        with Client(os.environ.get("SMAD_BENCH", "bench"), timeout_s=_ASKED_S) as bench_client:
+            of_bench = bench_client.status().recorder.folder
+        if of_bench and Path(of_bench).is_dir():
+            return shown(of_bench)
+    return _HERE
+
+
+_ASKED_S = 2.0
 _folder = click.option(
     "--folder",
-    default="runs",
-    show_default=True,
     envvar="SMAD_RUNS",
-    help="Where run logs are, for a PATH left out.",
+    callback=_folder_of_bench,
+    help="Where run logs are, for a PATH left out. Left out itself: the folder of the bench whose "
+    "daemon runs, else runs.",
 )
 _json = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 _axis = click.option("--axis", default="", help="Which axis, of a log of several.")

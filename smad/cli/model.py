@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from smad.cli import complete
+from smad.cli.effects import effect_lines
 from smad.errors import SmadError
 
 
@@ -55,6 +56,8 @@ def export(
     try:
         given = built_in(params) if source is None else read_model(source)
         given = given.with_effects(dict(from_text(text) for text in effects))
+        for line in effect_lines(given.effects, effects):
+            click.echo(line, err=True)
         written = export_unit(given, unit, mounted=Mounted(fixture), overwrite=overwrite)
     except PlantError as error:
         raise SmadError(str(error)) from error

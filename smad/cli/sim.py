@@ -16,6 +16,7 @@ import click
 import msgspec
 
 from smad.cli import complete
+from smad.cli.effects import effect_lines
 from smad.cli.output import Finite
 from smad.errors import SmadError
 from smad.processes.simulator import READY
@@ -144,6 +145,8 @@ def sim(
                     axis=axis,
                 )
                 built.callback(benches[axis].close)
+            for line in effect_lines(next(iter(benches.values())).plant.effects, effects):
+                click.echo(line, err=True)
             stats, counts = serve(
                 benches,
                 speed=config.plant.speed_ratio if speed is None else speed,

@@ -66,9 +66,7 @@ def test_no_drift_is_claimed_from_exchanges_a_moment_apart() -> None:
     assert fit.locked
 
 
-def test_a_board_faster_than_the_clock_is_not_plausible_before_its_rate_is_known() -> (
-    None
-):
+def test_a_board_faster_than_the_clock_is_not_plausible_before_its_rate_is_known() -> None:
     """A simulated bench at 40 times real time on a busy machine: one exchange a second.
 
     The first two fall into a moment in which the simulation hardly ran.

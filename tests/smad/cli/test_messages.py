@@ -67,6 +67,16 @@ def test_a_bound_is_told_without_the_words_of_a_schema(schema: str, words: str) 
     assert in_words(schema) == words
 
 
+@pytest.mark.parametrize(
+    ("typed", "meant"), [("mark", "smad record note"), ("checkup", "smad gap checkup")]
+)
+def test_a_word_of_a_group_is_answered_with_the_whole_command(
+    typed: str, meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert execute([typed]) == 2
+    assert f"did you mean {meant}?" in capsys.readouterr().err
+
+
 def test_only_benches_whose_daemon_lives_are_named(tmp_path: Path) -> None:
     (tmp_path / "broken.json").write_text("{")
     for bench, pid in (("here", os.getpid()), ("gone", 2**22 + 1)):

@@ -162,7 +162,7 @@ PROGRAMS: dict[str, tuple[Callable[[Path], str], tuple[str, ...]]] = {
         _cli("run", "resistance"),
         _PLAYS,
     ),
-    "smad tune": (_cli("tune"), _PLAYS),
+    "smad tune": (_cli("tune", "--yes"), _PLAYS),
     "smad gap next --run": (
         _cli("gap", "next", "--run", "one side"),
         _PLAYS,
