@@ -205,6 +205,20 @@ def split(path: Path | None, folder: str) -> None:
 @click.option("--from", "from_s", type=float, default=-math.inf, help="Begin at so many seconds.")
 @click.option("--to", "to_s", type=float, default=math.inf, help="End at so many seconds.")
 @click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")
+@click.option(
+    "--figure",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Write the panels as a figure for print in place of a page: .svg, .pdf or .png.",
+)
+@click.option(
+    "--width",
+    "width_mm",
+    type=click.FloatRange(40.0, 400.0),
+    default=85.0,
+    show_default=True,
+    metavar="MM",
+    help="Width of the figure: one column of a journal; two are some 175.",
+)
 @_axis
 def plot(
     *,
@@ -215,6 +229,8 @@ def plot(
     from_s: float,
     to_s: float,
     open_page: bool,
+    figure: Path | None,
+    width_mm: float,
 ) -> None:
     """Make a page of one or more run logs: panels to zoom, with values under the pointer.
 
@@ -222,7 +238,8 @@ def plot(
     a simulation. The page is one file and needs no network.
     """
     from smad.report.page import write_page
-    from smad.report.runs import page_of, shown
+    from smad.report.runs import page_of
+    from smad.report.runs import shown as shown_runs
     from smad.runlog.reader import read_run
 
     sources = paths or (_resolve(None, folder),)
@@ -230,7 +247,14 @@ def plot(
     for source in sources:
         with _progress(f"reading {source.name}") as progress:
             runs.append(read_run(source, axis=axis, progress=progress))
-    page = page_of(shown(runs, from_s, to_s))
+    drawn = shown_runs(runs, from_s, to_s)
+    if figure is not None:
+        from smad.report.printed import write_figure
+        from smad.report.runs import panels_of
+
+        click.echo(write_figure(panels_of(drawn), figure, width_mm=width_mm))
+        return
+    page = page_of(drawn)
     written = write_page(page, output or sources[0].with_suffix(".html"))
     click.echo(written)
     if open_page:

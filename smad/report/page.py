@@ -99,12 +99,13 @@ _OURS = Path(__file__).parent / "static"
 def render(page: Page, written: str = "") -> str:
     """The page as HTML text; the same page gives the same text. `written` says when, at its end."""
     blocks = (block for section in page.sections for block in section.blocks)
-    interactive = any(isinstance(block, Panels) for block in blocks)
+    kinds = {type(block) for block in blocks}
+    interactive = Panels in kinds
     style = assets.style(plots=interactive) + _OURS.joinpath("page.css").read_text("utf-8")
     return _template().render(
         page=page,
         style=style,
-        script=assets.script() if interactive else "",
+        script=assets.script(plots=interactive, pictures=Picture in kinds),
         made=f"smad {VERSION}{written and ', '}{written}",
     )
 

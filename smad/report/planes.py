@@ -67,15 +67,11 @@ QUANTITIES: Mapping[str, Quantity] = {
     "force_N": Quantity("tendon force", "N", 2, 0.05),
     "rtd_x_degC": Quantity("temperature of X", "°C", 1, 1.0),
     "rtd_y_degC": Quantity("temperature of Y", "°C", 1, 1.0),
-    "i_meas_x_A": Quantity("current in X", "A", 2, 0.1),
-    "i_meas_y_A": Quantity("current in Y", "A", 2, 0.1),
 }
 """What can be set against each other, by column of the run log."""
 AGAINST = (
     ("displacement_mm", "rtd_x_degC"),
     ("displacement_mm", "rtd_y_degC"),
-    ("displacement_mm", "i_meas_x_A"),
-    ("displacement_mm", "i_meas_y_A"),
     ("force_N", "displacement_mm"),
 )
 """Pairs (y, x) that a run is shown in."""

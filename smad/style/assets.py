@@ -11,7 +11,8 @@ from smad.style.palette import css
 _STATIC = Path(__file__).parent / "static"
 _UPLOT_EXPORT = "export { uPlot as default };"
 _IMPORT = re.compile(r"^import .*?;\n", re.MULTILINE | re.DOTALL)
-_SCRIPTS = ("plots.js", "plane.js", "panels.js")
+_PLOTS = ("plots.js", "sheet.js", "plane.js", "panels.js")
+_PICTURES = ("plots.js", "sheet.js", "pictures.js")
 _KINDS = {".js": "text/javascript", ".css": "text/css", ".txt": "text/plain"}
 
 
@@ -34,11 +35,17 @@ def style(*, plots: bool) -> str:
     return css() + (_text("vendor/uPlot.css") if plots else "")
 
 
-def script() -> str:
-    """Return uPlot and all that draws with it as one script: such a page cannot import files."""
-    uplot = _text("vendor/uPlot.js").replace(_UPLOT_EXPORT, "return uPlot;")
-    ours = (_IMPORT.sub("", _text(name)).replace("export ", "") for name in _SCRIPTS)
-    return "\n".join((f"const uPlot = (() => {{\n{uplot}}})();", *ours))
+def script(*, plots: bool = True, pictures: bool = False) -> str:
+    """Return what a page of one file needs as one script, as such a page cannot import files.
+
+    `plots`: uPlot and all that draws with it. `pictures`: the buttons that save drawn pictures.
+    """
+    names = dict.fromkeys((*(_PLOTS if plots else ()), *(_PICTURES if pictures else ())))
+    ours = [_IMPORT.sub("", _text(name)).replace("export ", "") for name in names]
+    if plots:
+        uplot = _text("vendor/uPlot.js").replace(_UPLOT_EXPORT, "return uPlot;")
+        ours.insert(0, f"const uPlot = (() => {{\n{uplot}}})();")
+    return "\n".join(ours)
 
 
 def _text(name: str) -> str:

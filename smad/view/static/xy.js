@@ -208,7 +208,9 @@ function coloursOf(cycle) {
   };
 }
 
-const named = (channel) => `${channel.title} ${channel.label}${channel.unit ? `, ${channel.unit}` : ""}`;
+// What is measured needs no further word: "Displacement, mm".
+const named = (channel) => [channel.title, channel.label === "measured" ? "" : ` ${channel.label}`,
+  channel.unit ? `, ${channel.unit}` : ""].join("");
 
 function firstFrom(t, at) {
   let [low, high] = [0, t.length];
