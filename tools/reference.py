@@ -89,26 +89,30 @@ def decisions() -> str:
     return "".join(rows)
 
 
+_MORE, _LESS = "▲", "▼"
 _TRUST = {
-    "quiet benches called changed": "something claimed where nothing was wrong",
-    "parameters given a cause": "a place told where only parameters had moved",
-    "noticed near 1 floor": "an effect near one floor noticed",
-    "noticed near 3 floors": "an effect near three floors noticed",
-    "place right first, listed": "the right place first, of effects in the library",
-    "place right first, unlisted": "the right place first, of effects on no list",
-    "right name, of noticed listed": "the right name, of effects in the library",
-    "right name, of names given": "a name that was given right",
-    "unlisted given a name": "an effect that it does not know given a name",
+    "quiet benches called changed": (_LESS, "a change reported on an unchanged bench"),
+    "parameters given a cause": (_LESS, "a place reported where only parameters had changed"),
+    "noticed near 1 floor": (_MORE, "an effect of about one floor noticed"),
+    "noticed near 3 floors": (_MORE, "an effect of about three floors noticed"),
+    "place right first, listed": (_MORE, "effects in the library: the right place ranked first"),
+    "place right first, unlisted": (_MORE, "effects outside it: the right place ranked first"),
+    "right name, of noticed listed": (_MORE, "effects in the library: the right name given"),
+    "right name, of names given": (_MORE, "names given that were right"),
+    "unlisted given a name": (_LESS, "effects outside the library given a name"),
 }
-"""What the README shows of the score table, in the words of somebody who has not read it."""
+"""Rows of the score table that the README shows: which way is better, and plain words."""
 
 
 def trust() -> str:
     """A few rows of the last opening's score table."""
     rows = json.loads(_SCORES.read_text())["tables"]["Scores, check-up"]["rows"]
     scores = {name: (value, cases) for name, value, cases, *_ in rows}
-    lines = ["| what was asked | share of the cases [95 %] | cases |", "|---|---:|---:|"]
-    lines += [f"| {words} | {' | '.join(scores[name])} |" for name, words in _TRUST.items()]
+    lines = ["| | outcome | share of cases [95 %] | cases |", "|---|---|---:|---:|"]
+    lines += [
+        f"| {better} | {words} | {' | '.join(scores[name])} |"
+        for name, (better, words) in _TRUST.items()
+    ]
     return "\n".join((*lines, ""))
 
 

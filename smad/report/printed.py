@@ -64,7 +64,6 @@ def write_figure(panels: Panels, path: Path, *, width_mm: float = 85.0) -> Path:
         ):
             _draw(axes, panel)
         figure.axes[-1].set_xlabel(panels.x_label)
-        figure.align_ylabels()
         try:
             with replacing(path) as partial:
                 figure.savefig(partial, format=kind, dpi=PNG_DPI, metadata=_without_date(kind))
@@ -84,9 +83,17 @@ def _draw(axes: Any, panel: Panel) -> None:
         axes.plot(
             x, y, linestyle=style, linewidth=0.9, color=in_print(trace.pen), label=trace.label
         )
-    axes.set_ylabel(f"{panel.title}\n({panel.unit})" if panel.unit else panel.title)
+    # Beside a panel of this height there is no room for a long name.
+    axes.set_title(f"{panel.title} ({panel.unit})" if panel.unit else panel.title, loc="left")
     if len(panel.traces) > 1:
-        axes.legend(loc="best", ncols=len(panel.traces), handlelength=1.2, columnspacing=0.8)
+        axes.legend(
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            borderaxespad=0.1,
+            ncols=len(panel.traces),
+            handlelength=1.2,
+            columnspacing=0.8,
+        )
 
 
 def _without_date(kind: str) -> dict[str, Any]:

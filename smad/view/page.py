@@ -360,7 +360,7 @@ def status_message(source: Source, axis: Axis, *, ours: bool) -> dict[str, Any]:
     if now is not None:
         conditions = (*_arming(source, axis), control_condition(now.holder, ours=ours))
         holder = "this page" if ours and now.holder else now.holder
-        # Frames and status name one mode: neither takes the other back.
+        # Frames and status both carry the mode. Neither overwrites a newer value from the other.
         now = msgspec.structs.replace(
             now, mode=axis.mode_name, holder=holder, conditions=conditions
         )
