@@ -53,9 +53,10 @@ class ScriptedClient:
             left_ms = int((deadline_s - time.monotonic()) * 1000)
             if left_ms <= 0 or not self._socket.poll(left_ms):
                 raise DaemonError(
-                    "the daemon did not answer", value=BY_PARAMS[type(params)].name,
+                    "the daemon did not answer",
+                    value=BY_PARAMS[type(params)].name,
                     limit=f"{_PATIENCE_S:g} s",
-                )  # fmt: skip
+                )
             data = msgspec.json.decode(self._socket.recv())
             self.answered += 1
             if data["id"] == number:

@@ -214,9 +214,10 @@ def _healthy(scene: Scene, bench_seed: int, to_s: float) -> tuple[int, Trace]:
     ran = _run(scene, bench_seed, whole)
     if ran.bench.board.state not in HOT:
         raise SmadError(
-            "the healthy bench stopped by itself", value=f"{scene.name}, bench {bench_seed}",
+            "the healthy bench stopped by itself",
+            value=f"{scene.name}, bench {bench_seed}",
             action="this is a nuisance trip; run the scene alone to see why",
-        )  # fmt: skip
+        )
     _TWINS[scene.name, bench_seed] = until_s, ran.start_us, ran.bench.trace
     return ran.start_us, ran.bench.trace
 

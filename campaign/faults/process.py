@@ -14,6 +14,7 @@ from pathlib import Path
 
 import zmq
 
+from campaign.faults.breakable_daemon import DAEMON_PARTS, WALL_CLOCK_PART, WRITER_PART
 from campaign.faults.catalogue import HOLD_BUDGET_J
 from campaign.faults.crowd import crowd
 from campaign.faults.lockstep import gate_open_after, states_after
@@ -22,7 +23,6 @@ from campaign.faults.program import GAVE_UP
 from campaign.faults.rig import FaultRig, rig_in
 from campaign.faults.smalldisk import small_disk
 from campaign.faults.trace import HOT
-from campaign.faults.victim import DAEMON_PARTS, WALL_CLOCK_PART, WRITER_PART
 from campaign.rig import PATIENCE_S
 from campaign.scripted_client import ScriptedClient
 from firmware_protocol.enums import BoardState

@@ -189,11 +189,19 @@ _ORACLE = (
 
 def _cells(row: Summary) -> tuple[str, ...]:
     return (
-        row.name, row.group, str(row.count), str(row.passed), str(row.stopped),
-        _number(row.safe_p50_s, 2), _number(row.safe_p99_s, 2), _number(row.safe_max_s, 2),
-        _number(row.heat_max_J, 1), _number(row.budget_J, 1), f"{row.heat_over_budget:.0%}",
+        row.name,
+        row.group,
+        str(row.count),
+        str(row.passed),
+        str(row.stopped),
+        _number(row.safe_p50_s, 2),
+        _number(row.safe_p99_s, 2),
+        _number(row.safe_max_s, 2),
+        _number(row.heat_max_J, 1),
+        _number(row.budget_J, 1),
+        f"{row.heat_over_budget:.0%}",
         _number(row.hottest_degC, 0),
-    )  # fmt: skip
+    )
 
 
 def _number(value: float, digits: int) -> str:

@@ -34,7 +34,7 @@ _FLUSHED_WITHIN_S = 1.0
 class FaultRig(DaemonRig):
     """The bench heats spring X with 4 A under the daemon's command once `heat` returns.
 
-    With a `part`, that part of the daemon breaks on SIGUSR1 (`campaign.faults.victim`). With a
+    With a `part`, that part of the daemon breaks on SIGUSR1 (`campaign.faults.breakable_daemon`). With a
     limit on `descriptors`, the daemon listens on TCP as well.
     """
 
@@ -60,7 +60,7 @@ class FaultRig(DaemonRig):
             recorder=RecorderConfig(folder=str(self.runs)),
             daemon=DaemonConfig() if descriptors is None else DaemonConfig(tcp=_tcp()),
         )
-        program = ("-m", "campaign.faults.victim", part) if part else SMAD
+        program = ("-m", "campaign.faults.breakable_daemon", part) if part else SMAD
         super().__init__(
             folder, start_daemon(folder, config, program=program, descriptors=descriptors)
         )

@@ -298,13 +298,20 @@ def table_of(results: Sequence[Result]) -> Table:
     """What each attack came to, as a table."""
     rows = [
         (
-            h.name, h.tried, str(h.carried_out), "yes" if h.told else "NO", str(h.missed),
-            f"{h.age_p99_us / 1e3:.1f}", f"{h.age_max_us / 1e3:.1f}", f"{h.answer_max_ms:.0f}",
-            f"{h.rss_growth_MiB:+.1f}", str(max(h.descriptors_left, 0)),
+            h.name,
+            h.tried,
+            str(h.carried_out),
+            "yes" if h.told else "NO",
+            str(h.missed),
+            f"{h.age_p99_us / 1e3:.1f}",
+            f"{h.age_max_us / 1e3:.1f}",
+            f"{h.answer_max_ms:.0f}",
+            f"{h.rss_growth_MiB:+.1f}",
+            str(max(h.descriptors_left, 0)),
             "; ".join(h.failures) or "ok",
         )
         for h in results
-    ]  # fmt: skip
+    ]
     return Table(_HEADER, rows, numeric=frozenset(range(2, 10)) - {3})
 
 

@@ -52,9 +52,12 @@ class PatientServer(Server):
         self._heard = -1
         self._answering = True
         super().__init__(
-            bench, lambda: PtyPort(symlink, self.line), speed=speed, paced_by_host=True,
+            bench,
+            lambda: PtyPort(symlink, self.line),
+            speed=speed,
+            paced_by_host=True,
             host_timeout_s=_ARMED_WAIT_S,
-        )  # fmt: skip
+        )
 
     def _waits_for_host(self) -> bool:
         if self.port is None or self.port.fileno() is None:

@@ -60,14 +60,16 @@ def _trajectory(rng: random.Random) -> Trajectory:
         lambda: Step(displacement_mm=_place(rng), duration_s=_seconds(rng)),
         lambda: Hold(duration_s=_seconds(rng)),
         lambda: Ramp(displacement_mm=_place(rng), rate_mm_per_s=round(rng.uniform(0.5, 10.0), 3)),
-        lambda: Sine(amplitude_mm=size_mm, period_s=round(rng.uniform(2.0, 8.0), 3),
-                     cycles=rng.randint(1, 2)),
+        lambda: Sine(
+            amplitude_mm=size_mm, period_s=round(rng.uniform(2.0, 8.0), 3), cycles=rng.randint(1, 2)
+        ),
         lambda: Chirp(amplitude_mm=size_mm / 2, start_Hz=0.1, end_Hz=0.4, duration_s=_seconds(rng)),
         lambda: Staircase(step_mm=size_mm / 4, steps=rng.randint(1, 4), dwell_s=0.5),
-        lambda: RandomLevels(amplitude_mm=size_mm, levels=rng.randint(1, 6), dwell_s=0.5,
-                             seed=rng.randrange(2**32)),
+        lambda: RandomLevels(
+            amplitude_mm=size_mm, levels=rng.randint(1, 6), dwell_s=0.5, seed=rng.randrange(2**32)
+        ),
         lambda: Samples(t_s=(0.0, 1.0, 2.5), displacement_mm=(0.0, size_mm, 0.0)),
-    )  # fmt: skip
+    )
     return rng.choice(kinds)()
 
 

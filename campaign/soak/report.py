@@ -122,8 +122,9 @@ def _growth(
     before = statistics.median(value(usage) for usage in early)
     after = statistics.median(value(usage) for usage in late)
     limit = f"{before + allowed:g}" if allowed == 0.0 else f"{before + allowed:.1f}"
-    return Check(f"{name}, early and late", f"{before:.4g}, {after:.4g}", limit,
-                 ok=after <= before + allowed)  # fmt: skip
+    return Check(
+        f"{name}, early and late", f"{before:.4g}, {after:.4g}", limit, ok=after <= before + allowed
+    )
 
 
 def _least(name: str, value: float, limit: float) -> Check:

@@ -223,8 +223,9 @@ class Soak:
             if time.monotonic() > deadline_s:
                 raise DaemonError(
                     "the bench of the soak did not come to the state it had to",
-                    limit=f"{_PATIENCE_S:g} s", action=f"see {self._rig.daemon.log}",
-                )  # fmt: skip
+                    limit=f"{_PATIENCE_S:g} s",
+                    action=f"see {self._rig.daemon.log}",
+                )
             time.sleep(_TURN_S)
 
     def _read_slowly(self) -> None:

@@ -142,9 +142,16 @@ def on_bench(
     if client is None:
         with Client() as own:
             return on_bench(
-                policy, client=own, action=action, reference=reference, duration_s=duration_s,
-                seed=seed, name=name, lease_s=lease_s, clock=clock,
-            )  # fmt: skip
+                policy,
+                client=own,
+                action=action,
+                reference=reference,
+                duration_s=duration_s,
+                seed=seed,
+                name=name,
+                lease_s=lease_s,
+                clock=clock,
+            )
     answering = Answering(
         policy, action=action, reference=reference, duration_s=duration_s, seed=seed
     )

@@ -144,13 +144,18 @@ def table(found: list[Tracking]) -> Table:
     return Table(
         ("segment", "drawn", "error RMS °", "largest °", "samples"),
         [
-            (t.segment, "together" if t.phase == TOGETHER else "alone", f"{t.rms_deg:.2f}",
-             f"{t.most_deg:.2f}", str(len(t.t_s)))
+            (
+                t.segment,
+                "together" if t.phase == TOGETHER else "alone",
+                f"{t.rms_deg:.2f}",
+                f"{t.most_deg:.2f}",
+                str(len(t.t_s)),
+            )
             for t in found
         ],
         "Distance of the tip from its circle, in the plane of pitch and yaw",
         frozenset({2, 3, 4}),
-    )  # fmt: skip
+    )
 
 
 def page_of(log: Path, robot: Robot, skew: Percentiles | None = None) -> Page:

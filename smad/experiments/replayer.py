@@ -49,10 +49,12 @@ class Replayer(LiveDriver):
         """Cool, make the strokes, and wait until the bench is where it was, or say why not."""
         self.cool(plan, COLD_K)
         if self._strokes or self._away():
-            self._stroke(plan, DriveCurrent(i_y_A=STROKE_A, stop_spring="y",
-                                            stop_above_degC=STROKE_DEGC))  # fmt: skip
-            self._stroke(plan, DriveCurrent(i_x_A=STROKE_A, stop_spring="x",
-                                            stop_above_degC=STROKE_DEGC))  # fmt: skip
+            self._stroke(
+                plan, DriveCurrent(i_y_A=STROKE_A, stop_spring="y", stop_above_degC=STROKE_DEGC)
+            )
+            self._stroke(
+                plan, DriveCurrent(i_x_A=STROKE_A, stop_spring="x", stop_above_degC=STROKE_DEGC)
+            )
         self.pause(plan, SETTLE_S)
         away = self._away()
         if away and self._elsewhere is not None:

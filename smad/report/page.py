@@ -131,9 +131,10 @@ def markdown_table(table: Table) -> str:
     """The table as Markdown, for a terminal or a document."""
     lines = [
         "| " + " | ".join(table.header) + " |",
-        "|" + "|".join("---:" if k in table.numeric else "---" for k in range(len(table.header)))
+        "|"
+        + "|".join("---:" if k in table.numeric else "---" for k in range(len(table.header)))
         + "|",
-    ]  # fmt: skip
+    ]
     lines += ["| " + " | ".join(row) + " |" for row in table.rows]
     return "\n".join(lines) + "\n"
 

@@ -202,12 +202,18 @@ class Jobs:
         nice = not isinstance(self._job, ON_THE_BENCH)
         self._process = process = await asyncio.create_subprocess_exec(
             *(("nice", "-n", str(NICER)) if nice else ()),
-            sys.executable, "-m", "smad", *order.words,
-            stdin=DEVNULL, stdout=PIPE, stderr=STDOUT, limit=LARGEST_LINE,
+            sys.executable,
+            "-m",
+            "smad",
+            *order.words,
+            stdin=DEVNULL,
+            stdout=PIPE,
+            stderr=STDOUT,
+            limit=LARGEST_LINE,
             env={**os.environ, **_ONE_THREAD},
             # ctrl-C at the terminal is for the server, which ends its job in order.
             start_new_session=True,
-        )  # fmt: skip
+        )
         if self._ended_early:
             self._signal(signal.SIGTERM)
         assert process.stdout is not None
@@ -255,7 +261,7 @@ class Jobs:
             self._signal(signal.SIGKILL)
             await asyncio.wait([self._following], timeout=PATIENCE_S)
 
-    def told(self) -> Told | None:
+    def snapshot(self) -> Told | None:
         """Return the job that runs, or ran last."""
         if self._order is None:
             return None

@@ -313,7 +313,7 @@ class Page:
             yield _encode({"type": "marks", "marks": list(source.marks)}).decode()
         if jobs.version != self._job_version and self._right == "command":
             self._job_version = jobs.version
-            yield _encode({"type": "job", "job": jobs.told()}).decode()
+            yield _encode({"type": "job", "job": jobs.snapshot()}).decode()
 
     def _frame(self, frame: Frame, moments: Moments | None, whole: bool) -> dict[str, Any]:
         return {

@@ -59,9 +59,13 @@ class ReaderClient:
     async def _answer(self, request: ReaderRequest) -> bytes:
         if self._process is None or self._process.returncode is not None:
             self._process = await asyncio.create_subprocess_exec(
-                sys.executable, "-m", "smad.view.reader",
-                stdin=PIPE, stdout=PIPE, limit=LARGEST_ANSWER,
-            )  # fmt: skip
+                sys.executable,
+                "-m",
+                "smad.view.reader",
+                stdin=PIPE,
+                stdout=PIPE,
+                limit=LARGEST_ANSWER,
+            )
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._process.stdin.write(msgspec.json.encode(request) + b"\n")

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from campaign.faults.breakable_daemon import DAEMON_PARTS
 from campaign.faults.oracle import judge
 from campaign.faults.process import HOST_FAULTS, run_host_fault
 from campaign.faults.rig import rig_in
 from campaign.faults.smalldisk import small_disk
 from campaign.faults.trace import HOT
-from campaign.faults.victim import DAEMON_PARTS
 from campaign.rig import PATIENCE_S
 from firmware_protocol.enums import BoardState
 from smad.client import Refused

@@ -67,8 +67,10 @@ def results(ask: requests.Results) -> list[tuple[str, str]]:
     from smad.runlog.reader import read_run
 
     run = read_run(ask.path, axis=ask.axis)
-    columns = {name: np.where(column == -1, np.nan, column) if column.dtype.kind == "i" else column
-               for name, column in run.columns.items()}  # fmt: skip
+    columns = {
+        name: np.where(column == -1, np.nan, column) if column.dtype.kind == "i" else column
+        for name, column in run.columns.items()
+    }
     table = [("duration", f"{run.duration_s:.1f} s, {len(run)} samples")]
 
     def told(what: str, names: tuple[str, ...], form: str) -> None:

@@ -170,9 +170,14 @@ class Follower:
                 if len(rows) >= most:
                     break
         columns = columns_of(rows)
-        y = np.stack(
-            [np.where(recorded(columns[name]), columns[name], np.nan) for name in PLACES], axis=1
-        ) if rows else _no_rows()  # fmt: skip
+        y = (
+            np.stack(
+                [np.where(recorded(columns[name]), columns[name], np.nan) for name in PLACES],
+                axis=1,
+            )
+            if rows
+            else _no_rows()
+        )
         return np.array(times), y.astype(np.float64)
 
     def _mark(self, message: Message) -> None:

@@ -560,4 +560,4 @@ async def test_a_job_is_not_begun_after_a_stop_that_the_page_had_not_shown(rig: 
     done, text = rig.browser.replies()[1]
     assert not done
     assert "stopped" in text
-    assert rig.queries.jobs.told() is None
+    assert rig.queries.jobs.snapshot() is None
