@@ -48,7 +48,7 @@ C_MOST_S = 60.0
 """The C program shows what the machine does: a minute has its tails, too."""
 
 
-class Bench(NamedTuple):
+class AxesBench(NamedTuple):
     """So many boards at a rate: the ports by axis; one board alone has no name."""
 
     programs: Programs
@@ -89,18 +89,18 @@ class Bench(NamedTuple):
 
 
 @contextlib.contextmanager
-def boards(programs: Programs, case: Case, count: int, *extra: str) -> Iterator[Bench]:
+def boards(programs: Programs, case: Case, count: int, *extra: str) -> Iterator[AxesBench]:
     """So many simulated boards, which no other process keeps waiting."""
     extra += ("--axes", str(count)) if count > 1 else ()
     with programs.device(case, *extra) as (port, _):
         names = {name: f"{port}.{name}" for name in USUAL_NAMES[:count]}
-        yield Bench(programs, case, names if count > 1 else {"": port})
+        yield AxesBench(programs, case, names if count > 1 else {"": port})
 
 
 class Followed:
     """Begins motions together and looks at the memory while a stretch is measured."""
 
-    def __init__(self, bench: Bench, client: Client) -> None:
+    def __init__(self, bench: AxesBench, client: Client) -> None:
         self.memory_MiB: list[tuple[float, float]] = []
         self._bench = bench
         self._client = client
@@ -122,7 +122,7 @@ class Followed:
             self.memory_MiB.append((time.monotonic() - begun_s, self._client.status().memory_MiB))
 
 
-def run_daemon(bench: Bench, seconds: float, result: Result) -> list[Row]:
+def run_daemon(bench: AxesBench, seconds: float, result: Result) -> list[Row]:
     """Take in a stretch of the daemon; return what it has beside its steps."""
     with bench.daemon() as client:
         arm_when_allowed(client, ARM_DEADLINE_S)
@@ -141,7 +141,7 @@ def run_daemon(bench: Bench, seconds: float, result: Result) -> list[Row]:
     return _rows(bench, before, after, followed.memory_MiB)
 
 
-def run_c(bench: Bench, seconds: float, result: Result) -> None:
+def run_c(bench: AxesBench, seconds: float, result: Result) -> None:
     """Take in a stretch of the C program, one for each board, under the same load."""
     assert bench.programs.echo is not None
     traces = [bench.programs.folder / f"trace-{k}" for k in range(len(bench.ports))]
@@ -161,7 +161,7 @@ def run_c(bench: Bench, seconds: float, result: Result) -> None:
     _take(bench, result, files)
 
 
-def _take(bench: Bench, result: Result, files: list[Path]) -> None:
+def _take(bench: AxesBench, result: Result, files: list[Path]) -> None:
     lateness = [load(file) for file in files]
     steps = load(bench.programs.trace)
     if lateness:
@@ -171,7 +171,7 @@ def _take(bench: Bench, result: Result, files: list[Path]) -> None:
 
 
 def _rows(
-    bench: Bench, before: Status, after: Status, memory_MiB: list[tuple[float, float]]
+    bench: AxesBench, before: Status, after: Status, memory_MiB: list[tuple[float, float]]
 ) -> list[Row]:
     earlier = before.parts()
     counts = {name: part.counts for name, part in after.parts().items()}
@@ -204,7 +204,7 @@ def _rows(
     return rows
 
 
-def stops_ms(bench: Bench, stops: int) -> list[float]:
+def stops_ms(bench: AxesBench, stops: int) -> list[float]:
     """Stop again and again by another client, under the load; return how long each took, sorted."""
     taken = []
     with (
@@ -246,7 +246,7 @@ def _drive(client: Client, axes: tuple[str, ...]) -> None:
             return
 
 
-def memory_rows(bench: Bench, minutes: float) -> list[Row]:
+def memory_rows(bench: AxesBench, minutes: float) -> list[Row]:
     """Resident memory of the daemon over so much board time, faster than real time."""
     with bench.daemon() as client:
         return memory_over(
@@ -254,7 +254,7 @@ def memory_rows(bench: Bench, minutes: float) -> list[Row]:
         )
 
 
-def measure(bench: Bench, seconds: float, pairs: int, stops: int) -> Iterator[Row]:
+def measure(bench: AxesBench, seconds: float, pairs: int, stops: int) -> Iterator[Row]:
     """Yield the figures of a bench."""
     ours, theirs, rest = Result(), Result(), list[Row]()
     for number in range(pairs):

@@ -1,4 +1,4 @@
-"""`python -m campaign.faults.breakable_daemon PART start …`: a daemon whose PART breaks when it gets SIGUSR1.
+"""`python -m campaign.faults.breakable_daemon PART start …`: PART breaks on SIGUSR1.
 
 The words after PART are those of `smad`, which is then run as `python -m smad` runs it: the daemon
 is the real one in a process of its own. Until the signal comes it runs unchanged.

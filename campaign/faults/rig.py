@@ -34,8 +34,8 @@ _FLUSHED_WITHIN_S = 1.0
 class FaultRig(DaemonRig):
     """The bench heats spring X with 4 A under the daemon's command once `heat` returns.
 
-    With a `part`, that part of the daemon breaks on SIGUSR1 (`campaign.faults.breakable_daemon`). With a
-    limit on `descriptors`, the daemon listens on TCP as well.
+    With a `part`, that part of the daemon breaks on SIGUSR1 (`breakable_daemon`). With a limit on
+    `descriptors`, the daemon listens on TCP as well.
     """
 
     def __init__(

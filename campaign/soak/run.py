@@ -32,9 +32,8 @@ from smad.client.endpoints import read_connection
 from smad.client.wire import subscribe
 from smad.config import LinkConfig, RecorderConfig, TelemetryConfig
 from smad.errors import DaemonError, RunLogError
+from smad.progress import Say
 from smad.runlog.reader import read_run
-
-Say = Callable[[str], None]
 
 SPEED = 50.0
 """Board time over wall time at most; the daemon's answers usually take longer."""

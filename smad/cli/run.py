@@ -237,7 +237,7 @@ def _simulated(
     import msgspec
 
     from smad.config import Config, load_config
-    from smad.experiments.campaign import Bench, run_campaign
+    from smad.experiments.campaign import CampaignBench, run_campaign
     from smad.experiments.inverse import feedforward_of
 
     file = options["config_file"]
@@ -249,7 +249,7 @@ def _simulated(
         )
         config = msgspec.structs.replace(config, control=control)
     model = given.parameters
-    bench = Bench(
+    bench = CampaignBench(
         given,
         config=config,
         seed=options["seed"],

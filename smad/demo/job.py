@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from smad.api import Motion, Status
@@ -11,6 +11,7 @@ from smad.client import BoardRefused, Client, NotReady, Stopped
 from smad.client.arming import arm_when_allowed
 from smad.control.commands import Hold, Sine, Step, Trajectory
 from smad.errors import SmadError
+from smad.progress import Say
 
 STEP_MM = 10.0
 DWELL_S = 20.0
@@ -28,8 +29,6 @@ CYCLE: tuple[Trajectory, ...] = (
     Hold(duration_s=REST_S),
 )
 LENGTH_S = 3 * DWELL_S + PERIOD_S * CYCLES + REST_S
-
-Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ _REFERENCE_STEP_S = 0.01
 _OFF = DriveCurrent(i_x_A=0.0, i_y_A=0.0)
 
 
-class Bench(Protocol):
+class BenchClient(Protocol):
     """What is used of `smad.Client`."""
 
     def take_control(self, name: str, lease_s: float = ...) -> Control: ...
@@ -120,7 +120,7 @@ class Answering:
 def on_bench(
     policy: Policy,
     *,
-    client: Bench | None = None,
+    client: BenchClient | None = None,
     action: str = "currents",
     reference: str | references.Reference = "sines",
     duration_s: float = 20.0,
@@ -172,7 +172,7 @@ def on_bench(
 
 
 @contextmanager
-def _leased(client: Bench, name: str, lease_s: float) -> Iterator[None]:
+def _leased(client: BenchClient, name: str, lease_s: float) -> Iterator[None]:
     # Not `in_control`: that renews the lease in the background, however long a policy thinks.
     client.take_control(name, lease_s)
     try:
@@ -181,7 +181,7 @@ def _leased(client: Bench, name: str, lease_s: float) -> Iterator[None]:
         client.release_control()
 
 
-def _drive(client: Bench, answering: Answering, clock: Callable[[], float]) -> int:
+def _drive(client: BenchClient, answering: Answering, clock: Callable[[], float]) -> int:
     """Answer samples until the time is over; returns how often the policy was late."""
     late = 0
     samples = client.telemetry()

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from smad.control.commands import DriveCurrent
 from smad.control.plan import Plan
-from smad.experiments.driver import Progress
 from smad.experiments.errors import ExperimentError
 from smad.experiments.live import LiveDriver
 from smad.experiments.rest import NEAR_K, NEAR_MM, Start, start_of_row
+from smad.progress import Say
 
 if TYPE_CHECKING:
     from smad.client import Client
@@ -35,10 +35,10 @@ class Replayer(LiveDriver):
         self,
         client: Client,
         *,
-        progress: Progress | None = None,
+        progress: Say | None = None,
         sleep: Callable[[float], None],
         strokes: bool = False,
-        elsewhere: Progress | None = None,
+        elsewhere: Say | None = None,
     ) -> None:
         super().__init__(client, progress=progress, sleep=sleep)
         self.start: Start | None = None

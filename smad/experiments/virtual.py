@@ -20,9 +20,10 @@ from smad.control.errors import BenchStoppedError, PlanError
 from smad.control.plan import Plan
 from smad.control.runner import run_virtual
 from smad.control.sample import Sample
-from smad.experiments.driver import PARTS, Mounting, Progress, log_name, log_path
+from smad.experiments.driver import PARTS, Mounting, log_name, log_path
 from smad.experiments.errors import EndedEarlyError, ExperimentError, TrippedError
 from smad.experiments.recording import Recording
+from smad.progress import Say
 from smad.runlog.reader import columns_of
 from smad.runlog.rows import row_of
 from smad.runlog.schema import Event, Record, Row
@@ -44,7 +45,7 @@ class VirtualDriver:
         seed: int = 0,
         lacking: frozenset[str] = frozenset(),
         folder: Path | None = None,
-        progress: Progress | None = None,
+        progress: Say | None = None,
     ) -> None:
         self._model = model
         self._config = config or Config()

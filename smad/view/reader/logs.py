@@ -42,24 +42,24 @@ _event = msgspec.json.Decoder(schema.Event).decode
 _NS = 1e-9
 
 
-class Stretches:
+class Envelopes:
     """n stretches of all channels: `t` (n,), `low`, `high`, `first`, `last` (n, channels)."""
 
     def __init__(self, t: Array, low: Array, high: Array, first: Array, last: Array) -> None:
         self.t, self.low, self.high, self.first, self.last = t, low, high, first, last
 
-    def part(self, begin: int, end: int) -> Stretches:
+    def part(self, begin: int, end: int) -> Envelopes:
         """Return stretches `begin` to `end`."""
         every = (self.t, self.low, self.high, self.first, self.last)
-        return Stretches(*(one[begin:end] for one in every))
+        return Envelopes(*(one[begin:end] for one in every))
 
-    def folded(self, width_s: float) -> Stretches:
+    def folded(self, width_s: float) -> Envelopes:
         """Return them put together into stretches of a width."""
         if not self.t.size:
             return self
         starts = np.flatnonzero(np.diff(np.floor(self.t / width_s), prepend=np.nan) != 0)
         ends = np.append(starts[1:], self.t.size) - 1
-        return Stretches(
+        return Envelopes(
             self.t[starts],
             np.fmin.reduceat(self.low, starts),
             np.fmax.reduceat(self.high, starts),
@@ -68,15 +68,15 @@ class Stretches:
         )
 
 
-def joined(some: Sequence[Stretches]) -> Stretches:
+def joined(some: Sequence[Envelopes]) -> Envelopes:
     """Return stretches one after the other."""
     names = ("t", "low", "high", "first", "last")
-    return Stretches(*(np.concatenate([getattr(one, name) for one in some]) for name in names))
+    return Envelopes(*(np.concatenate([getattr(one, name) for one in some]) for name in names))
 
 
-def of_rows(t: Array, y: Array) -> Stretches:
+def of_rows(t: Array, y: Array) -> Envelopes:
     """Return each row as a stretch of its own; `t` (n,), `y` (n, channels), NaN: not measured."""
-    return Stretches(t, y, y, y, y)
+    return Envelopes(t, y, y, y, y)
 
 
 class Follower:
@@ -90,7 +90,7 @@ class Follower:
         self._places: list[tuple[int, int]] = []
         self._begin_s: list[float] = []
         self._end_s: list[float] = []
-        self._kept: list[Stretches] = []
+        self._kept: list[Envelopes] = []
         self._kept_chunks = 0
         self._seen: set[int] = set()
         self.marks: list[Mark] = []
@@ -126,7 +126,7 @@ class Follower:
                     self._end_s.append(end_ns * _NS)
                 self._at = end
 
-    def between(self, from_s: float, to_s: float) -> Stretches:
+    def between(self, from_s: float, to_s: float) -> Envelopes:
         """Return rows between two times, or half-seconds where that suffices. Raises OSError."""
         if to_s - from_s > KEPT_S * MOST_BUCKETS:
             self._keep()
@@ -220,7 +220,7 @@ class Log:
             self._parts.append(Follower(path, self._axis))
 
 
-def frame_of(found: Stretches, width_s: float, channels: Sequence[str]) -> Frame:
+def frame_of(found: Envelopes, width_s: float, channels: Sequence[str]) -> Frame:
     """Return the curves of some channels: every row, or the extremes of stretches of a width."""
     if found.t.size > 2 * MOST_BUCKETS:
         found = found.folded(width_s)
@@ -242,7 +242,7 @@ def frame_of(found: Stretches, width_s: float, channels: Sequence[str]) -> Frame
     return Frame(float(times[0]) if times.size else 0.0, np.round(times, 5).tolist(), y)
 
 
-def moments_of(found: Stretches, xy: Sequence[str]) -> Moments:
+def moments_of(found: Envelopes, xy: Sequence[str]) -> Moments:
     """Return at most 3000 moments; cycles count from the first of them."""
     every = max(1, -(-found.t.size // MOST_MOMENTS))
     t, last = found.t[::every], found.last[::every]

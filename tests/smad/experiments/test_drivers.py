@@ -19,7 +19,7 @@ from smad.control.commands import (
     Tune,
 )
 from smad.control.plan import Do, Mark, Pause, Plan, UntilDone
-from smad.experiments.campaign import Bench, run_campaign, run_on
+from smad.experiments.campaign import CampaignBench, run_campaign, run_on
 from smad.experiments.driver import PARTS, Mounting
 from smad.experiments.errors import BenchLacksError, ExperimentError, TrippedError
 from smad.experiments.live import LiveDriver
@@ -89,7 +89,7 @@ def test_draining_is_needed_only_where_it_is_tried() -> None:
 
 def test_a_campaign_is_refused_whole_when_one_experiment_cannot_be_run() -> None:
     experiments = [make_experiment("resistance"), make_experiment("fig9-cycle")]
-    bench = Bench(Model(NOMINAL), lacking=frozenset({"force_N"}))
+    bench = CampaignBench(Model(NOMINAL), lacking=frozenset({"force_N"}))
     with pytest.raises(BenchLacksError, match=r"fig9-cycle.*the force sensor"):
         run_campaign(experiments, bench, NOMINAL)
     with pytest.raises(BenchLacksError, match="the force sensor"):
