@@ -19,8 +19,10 @@ demo: $(VENV)/.installed  ## the main job on a simulated bench: arm, steps, sinu
 firmware: $(VENV)/.installed  ## compile the firmware's ports; the image to flash is build/firmware/smad-mega.hex
 	@$(PY) -m sim_device.firmware.build
 
-test: $(VENV)/.test-installed  ## all the tests
-	@$(PY) -m pytest -n 3 --dist worksteal
+test: $(VENV)/.test-installed  ## all the tests; says how long they took the last time
+	@cat $(VENV)/.test-took 2>/dev/null || echo "the time that they take is kept for the next run"
+	@began=$$(date +%s); $(PY) -m pytest -n 3 --dist worksteal && \
+	  echo "all passed; the last run took $$(( ($$(date +%s) - began + 59) / 60 )) min" | tee $(VENV)/.test-took
 
 recipes: $(VENV)/.test-installed  ## every step of docs/architecture.md's recipes left out once: something must complain
 	@$(PY) -m pytest -n 2 -m campaign tests/recipes

@@ -111,7 +111,7 @@ class _Broken(click.Command):
     """Stands for a command that cannot be imported: listed as such, and says why when called."""
 
     def __init__(self, name: str, error: Exception) -> None:
-        super().__init__(name, help="Cannot be used here; call it to see why.")
+        super().__init__(name, help="Not available here; run it to see why.")
         self._error = error
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -122,7 +122,7 @@ class _Broken(click.Command):
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(VERSION, prog_name="smad")
 def root() -> None:
-    """Runs a bench of antagonistic shape-memory-alloy springs.
+    """Run a bench of two antagonistic shape-memory-alloy springs.
 
     `smad start --sim` starts a simulated bench; `smad demo` shows it at work.
     """
@@ -135,7 +135,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def execute(arguments: Sequence[str]) -> int:
-    """Run one command; return its exit status. Errors become one line on standard error."""
+    """Run one command and return its exit status. An error becomes one line on standard error."""
     if arguments and arguments[0] in READS_FILES:
         prefer_as_oom_victim()
     return run_group(root, arguments, "smad")

@@ -38,5 +38,5 @@ async def _serve(bench: str, port: int) -> None:
 
     async with serving(bench, port) as made:
         click.echo(f"connect to {made.address} (Foxglove WebSocket)")
-        click.echo("Whoever is on this machine can watch; ctrl-C ends the bridge, not the bench.")
+        click.echo("Anyone on this machine can watch. Ctrl-C ends the bridge, not the bench.")
         await asyncio.Event().wait()

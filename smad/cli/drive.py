@@ -26,19 +26,19 @@ _wait = click.option(
 @click.command()
 @axis_option
 def arm(bench: str) -> None:
-    """Let current through: the board checks itself and arms.
+    """Arm the bench: the board checks itself, then lets current through.
 
-    It stays armed after this command, without a lease: nobody is missed, until somebody disarms.
+    It stays armed after this command ends, without a lease, until a client disarms it.
     """
     with client(bench, lasting=True) as bench_client:
         bench_client.arm()
-    click.echo("armed: current flows from now on when you command it; smad disarm ends it")
+    click.echo("armed: the bench heats when you command it; smad disarm ends this")
 
 
 @click.command()
 @bench_option
 def disarm(bench: str) -> None:
-    """Switch heating off and cool down; anyone may."""
+    """Switch heating off and cool down. Any client may do so."""
     with client(bench) as bench_client:
         bench_client.disarm()
     click.echo("disarmed: heating is off, and the board cools by itself")
@@ -214,7 +214,7 @@ def pump(spring: str, duty: float, duration_s: float | None, wait: bool, bench: 
 @click.command()
 @axis_option
 def idle(bench: str) -> None:
-    """End whatever runs: no current, no water. The bench stays armed."""
+    """Stop the present motion: no current, no water. The bench stays armed."""
     with client(bench) as bench_client:
         motion = bench_client.idle()
     click.echo(f"idle: {described(motion)}")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @click.group()
 def faults() -> None:
-    """What the board stops for, and what to do about it."""
+    """Explain the faults for which the board stops, and what to do about each."""
 
 
 @faults.command()

@@ -64,9 +64,9 @@ _path = click.argument(
 
 @click.group()
 def log() -> None:
-    """Look at run logs; export, import and recover them.
+    """List, show, plot, export, import and recover run logs.
 
-    PATH left out means the newest log of the folder.
+    Without PATH, the newest log of the folder is used.
     """
 
 
@@ -102,7 +102,7 @@ def list_command(place: str | None, folder: str, as_json: bool) -> None:
 @_axis
 @_json
 def show(path: Path | None, folder: str, axis: str, as_json: bool) -> None:
-    """Say what is in a run log: header, ranges of the channels, events."""
+    """Summarise a run log: header, range of each channel, events."""
     from smad.runlog.reader import read_run
     from smad.runlog.summary import summarise
 
@@ -295,7 +295,7 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Run log to write.")
 @_json
 def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) -> None:
-    """Rewrite a log that was cut or damaged as a whole one, and say what was lost."""
+    """Rewrite a cut or damaged log as a whole one, and report what was lost."""
     from smad.runlog.recover import recover as recover_log
 
     if output is not None:

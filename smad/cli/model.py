@@ -13,7 +13,7 @@ from smad.errors import SmadError
 
 @click.group()
 def model() -> None:
-    """Take a model file, as of smad gap diagnose --apply, to other programs."""
+    """Export a model file, such as one of smad gap diagnose --apply, to other programs."""
 
 
 @model.command()
@@ -22,7 +22,7 @@ def model() -> None:
               help="Without MODEL: parameter file, or A, B, conserving.")  # fmt: skip
 @click.option("--effect", "effects", multiple=True, metavar="NAME[:P=V,…]",
               shell_complete=complete.effects,
-              help="An effect in addition to the model's, or in place of its own.")  # fmt: skip
+              help="Add an effect, or replace the model's of that name.")  # fmt: skip
 @click.option(
     "--fixture",
     type=click.Choice(["antagonistic", "stretch", "blocked"]),

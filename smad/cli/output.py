@@ -105,7 +105,7 @@ lease_option = click.option(
     default=2.0,
     show_default=True,
     metavar="S",
-    help="On a real bench: the daemon disarms when this program was silent for so long.",
+    help="On a real bench: the daemon disarms after this time without a message from this program.",
 )
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
               help="Write the section of the configuration to a new file.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--lease", type=click.FloatRange(1.0, 600.0), default=2.0, show_default=True,
-              metavar="S", help="Disarm when this command is silent for so long.")  # fmt: skip
+              metavar="S", help="Disarm after this time without a message from here.")  # fmt: skip
 @click.option("--yes", is_flag=True, help="Do not ask before the bench is armed and heated.")
 @axis_option
 def tune(

@@ -112,7 +112,7 @@ class Answering:
             raise PolicyFailed(
                 "the policy failed, and the bench is disarmed",
                 value=f"{type(error).__name__}: {error}",
-                action="mend the policy; try it in the environment first",
+                action="correct the policy; try it in the environment first",
             ) from error
         return DriveCurrent(i_x_A=i_x, i_y_A=i_y, pump_x_duty=duty_x, pump_y_duty=duty_y)
 

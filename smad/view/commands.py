@@ -224,7 +224,7 @@ async def _arm(client: AsyncClient, control: Control, ask: Arm) -> str:
         await control.release()
         raise
     control.armed = True
-    return "armed: current flows from now on when you command it"
+    return "armed: the bench heats when you command it"
 
 
 async def _clear(client: AsyncClient, control: Control, ask: Clear) -> str:

@@ -1,4 +1,4 @@
-"""Commands of smad that a page begins: processes of their own, one at a time.
+"""Commands of smad that a page starts as processes, one at a time.
 
 `Job` says which there are, and `words` makes the command of one. A job that uses the bench is a
 client like any other: it takes control under a lease of its own, and a stop ends its motion.

@@ -467,7 +467,7 @@ def test_help_and_other_commands_work_when_one_cannot_be_imported(
     monkeypatch.setitem(COMMANDS, "gap", "smad.cli.nowhere:gap")
     assert execute(["--help"]) == 0
     listed = capfd.readouterr().out
-    assert "Cannot be used here" in listed
+    assert "Not available here" in listed
     assert "disarm" in listed
     assert "No module named" in failed(capfd, "gap", "diagnose", "--help")
     assert execute(["config", "show"]) == 0
