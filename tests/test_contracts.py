@@ -42,7 +42,7 @@ FORBIDDEN = {
     },
     "smad/daemon": {"sim_device"},
     "firmware": {"smad"},
-    "smad": {"firmware"},
+    "smad": {"firmware", "campaign", "evaluation", "bench", "tests"},
     "evaluation/plant": {"smad", "sim_device", "firmware_protocol"},
 }
 LONGEST_FUNCTION = 60
