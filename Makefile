@@ -13,7 +13,7 @@ export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
 FIRMWARE ?= python
-.PHONY: help firmware demo test recipes notebooks check bench fuzz site generate wheel cold paper lock setup setup-test format clean
+.PHONY: help firmware demo test recipes notebooks check bench campaign site generate wheel cold paper lock setup setup-test format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 18
@@ -24,8 +24,10 @@ demo: $(VENV)/.installed  ## the main job on a simulated bench: arm, steps, sinu
 firmware: $(VENV)/.installed  ## compile the firmware's ports; the image to flash is build/firmware/smad-mega.hex
 	@$(PY) -m sim_device.firmware.build
 
-test: $(VENV)/.test-installed  ## all the tests
-	@$(PY) -m pytest -n 3 --dist worksteal
+test: $(VENV)/.test-installed  ## all the tests; says how long they took the last time
+	@cat $(VENV)/.test-took 2>/dev/null || echo "the time that they take is kept for the next run"
+	@began=$$(date +%s); $(PY) -m pytest -n 3 --dist worksteal && \
+	  echo "all passed; the last run took $$(( ($$(date +%s) - began + 59) / 60 )) min" | tee $(VENV)/.test-took
 
 recipes: $(VENV)/.test-installed  ## every step of docs/architecture.md's recipes left out once: something must complain
 	@$(PY) -m pytest -n 2 -m campaign tests/recipes
@@ -43,8 +45,8 @@ check: $(VENV)/.test-installed  ## lint, format, types, generated files, import 
 bench: $(VENV)/.test-installed  ## the numbers: speed as ratios within one run
 	@$(PY) -m bench $(BENCH)
 
-fuzz: $(VENV)/.test-installed  ## fuzz what reads bytes from outside: make fuzz FUZZ="frames --seconds 600"
-	@$(PY) -m tests.fuzz $(FUZZ)
+campaign: $(VENV)/.test-installed  ## faults, soak, hostile clients, fuzzing: make campaign CAMPAIGN="faults --seed 7"
+	@$(PY) -m campaign $(or $(CAMPAIGN),--help)
 
 site: $(VENV)/.site-installed  ## the pages of docs/ as a site, in build/site
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict

@@ -28,22 +28,16 @@ from typing import Literal, NamedTuple
 import click
 
 from bench.daemon import REFRESH_S, SETTLE_S, Result, Row, memory_over, percentile
-from bench.daemon_rig import Case, Rig, arm, hurry
+from bench.programs import ARM_DEADLINE_S, Case, Programs, hurry
 from bench.stop_latency import STOPPER_PRIORITY
+from campaign.rig import BAUD, rig_config, start_daemon
 from smad.api import Status
 from smad.client import Client, Refused
-from smad.config import (
-    AxisConfig,
-    Config,
-    LinkConfig,
-    RecorderConfig,
-    TelemetryConfig,
-    config_to_toml,
-)
+from smad.client.arming import arm_when_allowed
+from smad.config import AxisConfig, LinkConfig, RealtimeConfig
 from smad.config.axes import USUAL_NAMES
 from smad.control.commands import DriveCurrent, Sine
 from smad.daemon.trace import load
-from smad.processes.daemon import DaemonProcess
 
 PERIOD_S = 2.0
 SINE = Sine(amplitude_mm=1.0, period_s=PERIOD_S, cycles=5)
@@ -52,13 +46,12 @@ OWN_GOAL_US = {0.99: 400.0, 0.999: 1000.0}
 STOP_GOAL_MS = 25.0
 C_MOST_S = 60.0
 """The C program shows what the machine does: a minute has its tails, too."""
-_BAUD = 921_600
 
 
-class Bench(NamedTuple):
+class AxesBench(NamedTuple):
     """So many boards at a rate: the ports by axis; one board alone has no name."""
 
-    rig: Rig
+    programs: Programs
     case: Case
     ports: dict[str, str]
 
@@ -73,20 +66,19 @@ class Bench(NamedTuple):
     def daemon(self) -> Iterator[Client]:
         """A daemon on all boards, and a client of it."""
         alone = self.ports.get("", "")
-        config = Config(
-            link=LinkConfig(port=alone, baud=_BAUD, rate_hz=self.case.rate_hz),
-            recorder=RecorderConfig(folder=str(self.rig.folder / "runs")),
-            telemetry=TelemetryConfig(endpoint=""),
+        config = rig_config(
+            self.programs.folder,
+            alone,
+            link=LinkConfig(port=alone, baud=BAUD, rate_hz=self.case.rate_hz),
+            realtime=RealtimeConfig(),
             axes=tuple(AxisConfig(name=n, port=p) for n, p in self.ports.items() if n),
         )
-        path = self.rig.folder / "bench.toml"
-        path.write_text(config_to_toml(config))
-        arguments = ["--config", str(path), "--trace", str(self.rig.trace)]
+        arguments = ["--trace", str(self.programs.trace)]
         arguments += [] if self.case.realtime else ["--no-realtime"]
-        daemon = DaemonProcess(arguments, self.rig.folder)
+        daemon = start_daemon(self.programs.folder, config, arguments)
         try:
             daemon.wait_until_ready()
-            with Client(folder=self.rig.folder, timeout_s=60.0) as client:
+            with Client(folder=self.programs.folder, timeout_s=60.0) as client:
                 yield client
         finally:
             daemon.end()
@@ -97,18 +89,18 @@ class Bench(NamedTuple):
 
 
 @contextlib.contextmanager
-def boards(rig: Rig, case: Case, count: int, *extra: str) -> Iterator[Bench]:
+def boards(programs: Programs, case: Case, count: int, *extra: str) -> Iterator[AxesBench]:
     """So many simulated boards, which no other process keeps waiting."""
     extra += ("--axes", str(count)) if count > 1 else ()
-    with rig.device(case, *extra) as (port, _):
+    with programs.device(case, *extra) as (port, _):
         names = {name: f"{port}.{name}" for name in USUAL_NAMES[:count]}
-        yield Bench(rig, case, names if count > 1 else {"": port})
+        yield AxesBench(programs, case, names if count > 1 else {"": port})
 
 
 class Followed:
     """Begins motions together and looks at the memory while a stretch is measured."""
 
-    def __init__(self, bench: Bench, client: Client) -> None:
+    def __init__(self, bench: AxesBench, client: Client) -> None:
         self.memory_MiB: list[tuple[float, float]] = []
         self._bench = bench
         self._client = client
@@ -130,18 +122,18 @@ class Followed:
             self.memory_MiB.append((time.monotonic() - begun_s, self._client.status().memory_MiB))
 
 
-def run_daemon(bench: Bench, seconds: float, result: Result) -> list[Row]:
+def run_daemon(bench: AxesBench, seconds: float, result: Result) -> list[Row]:
     """Take in a stretch of the daemon; return what it has beside its steps."""
     with bench.daemon() as client:
-        arm(client)
+        arm_when_allowed(client, ARM_DEADLINE_S)
         bench.begin(client)
         connection = client.connection
-        with bench.rig.load(bench.case, connection.command, connection.telemetry):
+        with bench.programs.load(bench.case, connection.command, connection.telemetry):
             time.sleep(SETTLE_S)
             client.reset_timing()
             before = client.status()
             with Followed(bench, client) as followed:
-                files = bench.rig.sentinels(seconds)
+                files = bench.programs.sentinels(seconds)
                 time.sleep(REFRESH_S)
             after = client.status()
         client.disarm()
@@ -149,29 +141,29 @@ def run_daemon(bench: Bench, seconds: float, result: Result) -> list[Row]:
     return _rows(bench, before, after, followed.memory_MiB)
 
 
-def run_c(bench: Bench, seconds: float, result: Result) -> None:
+def run_c(bench: AxesBench, seconds: float, result: Result) -> None:
     """Take in a stretch of the C program, one for each board, under the same load."""
-    assert bench.rig.echo is not None
-    traces = [bench.rig.folder / f"trace-{k}" for k in range(len(bench.ports))]
-    with bench.rig.load(bench.case, f"ipc://{bench.rig.folder}/answer", ""):
+    assert bench.programs.echo is not None
+    traces = [bench.programs.folder / f"trace-{k}" for k in range(len(bench.ports))]
+    with bench.programs.load(bench.case, f"ipc://{bench.programs.folder}/answer", ""):
         running = [
             subprocess.Popen(
-                [str(bench.rig.echo), port, str(seconds + 2 * SETTLE_S), "80", str(trace)],
+                [str(bench.programs.echo), port, str(seconds + 2 * SETTLE_S), "80", str(trace)],
                 stdout=subprocess.DEVNULL,
             )
             for port, trace in zip(bench.ports.values(), traces, strict=True)
         ]
         time.sleep(SETTLE_S)
-        files = bench.rig.sentinels(seconds)
+        files = bench.programs.sentinels(seconds)
         for process in running:
             process.wait()
-    bench.rig.trace.write_bytes(b"".join(trace.read_bytes() for trace in traces))
+    bench.programs.trace.write_bytes(b"".join(trace.read_bytes() for trace in traces))
     _take(bench, result, files)
 
 
-def _take(bench: Bench, result: Result, files: list[Path]) -> None:
+def _take(bench: AxesBench, result: Result, files: list[Path]) -> None:
     lateness = [load(file) for file in files]
-    steps = load(bench.rig.trace)
+    steps = load(bench.programs.trace)
     if lateness:
         first, last = lateness[0][0][0], lateness[0][-1][0]
         steps = [pair for pair in steps if first <= pair[0] <= last]
@@ -179,7 +171,7 @@ def _take(bench: Bench, result: Result, files: list[Path]) -> None:
 
 
 def _rows(
-    bench: Bench, before: Status, after: Status, memory_MiB: list[tuple[float, float]]
+    bench: AxesBench, before: Status, after: Status, memory_MiB: list[tuple[float, float]]
 ) -> list[Row]:
     earlier = before.parts()
     counts = {name: part.counts for name, part in after.parts().items()}
@@ -212,13 +204,13 @@ def _rows(
     return rows
 
 
-def stops_ms(bench: Bench, stops: int) -> list[float]:
+def stops_ms(bench: AxesBench, stops: int) -> list[float]:
     """Stop again and again by another client, under the load; return how long each took, sorted."""
     taken = []
     with (
         bench.daemon() as owner,
-        Client(folder=bench.rig.folder, timeout_s=60.0) as third,
-        bench.rig.load(bench.case, owner.connection.command, owner.connection.telemetry),
+        Client(folder=bench.programs.folder, timeout_s=60.0) as third,
+        bench.programs.load(bench.case, owner.connection.command, owner.connection.telemetry),
     ):
         # Who stops is kept waiting by nobody. What was begun before stays ordinary.
         hurry(os.getpid(), STOPPER_PRIORITY)
@@ -254,7 +246,7 @@ def _drive(client: Client, axes: tuple[str, ...]) -> None:
             return
 
 
-def memory_rows(bench: Bench, minutes: float) -> list[Row]:
+def memory_rows(bench: AxesBench, minutes: float) -> list[Row]:
     """Resident memory of the daemon over so much board time, faster than real time."""
     with bench.daemon() as client:
         return memory_over(
@@ -262,13 +254,13 @@ def memory_rows(bench: Bench, minutes: float) -> list[Row]:
         )
 
 
-def measure(bench: Bench, seconds: float, pairs: int, stops: int) -> Iterator[Row]:
+def measure(bench: AxesBench, seconds: float, pairs: int, stops: int) -> Iterator[Row]:
     """Yield the figures of a bench."""
     ours, theirs, rest = Result(), Result(), list[Row]()
     for number in range(pairs):
         print(f"{bench.name}: {number + 1} of {pairs}", file=sys.stderr, flush=True)
         rest = run_daemon(bench, seconds, ours)
-        if bench.rig.echo is not None:
+        if bench.programs.echo is not None:
             run_c(bench, min(seconds, C_MOST_S), theirs)
     yield from ours.rows("daemon")
     yield from theirs.rows("C") if theirs.runs_ns else ()
@@ -314,15 +306,15 @@ def main(
     """Print the figures of each number of axes."""
     case = Case("daemon", 250 if rate == "250" else 100, loaded, realtime=not no_realtime)
     with tempfile.TemporaryDirectory(prefix="smad-axes-") as place:
-        rig = Rig(Path(place))
+        programs = Programs(Path(place))
         for count in counts if memory is not None else ():
             plain = replace(case, realtime=False)
-            with boards(rig, plain, count, "--speed", SPEED, "--paced-by-host") as bench:
+            with boards(programs, plain, count, "--speed", SPEED, "--paced-by-host") as bench:
                 click.echo(f"\n{bench.name}")
                 for row in memory_rows(bench, memory or 1.0):
                     click.echo(row)
         for count in counts if memory is None else ():
-            with boards(rig, case, count) as bench:
+            with boards(programs, case, count) as bench:
                 click.echo(f"\n{bench.name}, {os.cpu_count()} cores, {seconds:g} s")
                 for row in measure(bench, seconds, pairs, stops):
                     click.echo(row)

@@ -28,13 +28,17 @@ from typing import NamedTuple
 
 import click
 
-from bench.daemon_rig import Case, Rig, arm
+from bench.programs import ARM_DEADLINE_S, Case, Programs
 from smad.api import Status
 from smad.client import Client
+from smad.client.arming import arm_when_allowed
 from smad.control.commands import Sine
 from smad.daemon.trace import load
 
 Pairs = list[tuple[int, int]]
+Measured = tuple[Pairs, list[Pairs], dict[str, float]]
+Files = tuple[list[Path], dict[str, float]]
+"""What the sentinels wrote, and figures by name."""
 
 SETTLE_S = 1.0
 REFRESH_S = 1.2
@@ -164,31 +168,35 @@ def unmasked(steps: Pairs, lateness: list[Pairs]) -> list[int]:
     return kept
 
 
-def measure(rig: Rig, case: Case, seconds: float) -> tuple[Pairs, list[Pairs], dict[str, float]]:
+def measure(
+    programs: Programs, case: Case, seconds: float
+) -> tuple[Pairs, list[Pairs], dict[str, float]]:
     """Run one case once; return its steps, the sentinels' lateness, and its figures."""
-    files, figures = (_run_c if case.who == "C" else _run_daemon)(rig, case, seconds)
+    files, figures = (_run_c if case.who == "C" else _run_daemon)(programs, case, seconds)
     lateness = [load(file) for file in files]
-    steps = load(rig.trace)
+    steps = load(programs.trace)
     if lateness:
         first, last = lateness[0][0][0], lateness[0][-1][0]
         steps = [pair for pair in steps if first <= pair[0] <= last]
     return steps, lateness, figures
 
 
-def _run_daemon(rig: Rig, case: Case, seconds: float) -> tuple[list[Path], dict[str, float]]:
-    with rig.device(case) as (port, fd):
-        daemon = rig.daemon(case, port, fd)
+def _run_daemon(
+    programs: Programs, case: Case, seconds: float
+) -> tuple[list[Path], dict[str, float]]:
+    with programs.device(case) as (port, fd):
+        daemon = programs.daemon(case, port, fd)
         try:
             daemon.wait_until_ready()
-            with Client(folder=rig.folder, timeout_s=60.0) as client:
-                arm(client)
+            with Client(folder=programs.folder, timeout_s=60.0) as client:
+                arm_when_allowed(client, ARM_DEADLINE_S)
                 client.move(LONG_SINE)
                 connection = client.connection
-                with rig.load(case, connection.command, connection.telemetry):
+                with programs.load(case, connection.command, connection.telemetry):
                     time.sleep(SETTLE_S)
                     client.reset_timing()
                     before = client.status()
-                    files = rig.sentinels(seconds)
+                    files = programs.sentinels(seconds)
                     # The percentiles are worked out once a second.
                     time.sleep(REFRESH_S)
                     after = client.status()
@@ -198,18 +206,21 @@ def _run_daemon(rig: Rig, case: Case, seconds: float) -> tuple[list[Path], dict[
     return files, _figures(before, after, seconds + REFRESH_S)
 
 
-def _run_c(rig: Rig, case: Case, seconds: float) -> tuple[list[Path], dict[str, float]]:
-    assert rig.echo is not None
+def _run_c(programs: Programs, case: Case, seconds: float) -> Files:
+    assert programs.echo is not None
     priority = "80" if case.realtime else "0"
-    with rig.device(case) as (port, fd), rig.load(case, f"ipc://{rig.folder}/answer", ""):
+    with (
+        programs.device(case) as (port, fd),
+        programs.load(case, f"ipc://{programs.folder}/answer", ""),
+    ):
         name = port if fd is None else f"fd:{fd}"
         run = subprocess.Popen(
-            [str(rig.echo), name, str(seconds + 2 * SETTLE_S), priority, str(rig.trace)],
+            [str(programs.echo), name, str(seconds + 2 * SETTLE_S), priority, str(programs.trace)],
             stdout=subprocess.DEVNULL,
             pass_fds=() if fd is None else (fd,),
         )
         time.sleep(SETTLE_S)
-        files = rig.sentinels(seconds)
+        files = programs.sentinels(seconds)
         run.wait()
     return files, {}
 
@@ -231,17 +242,17 @@ def _figures(before: Status, after: Status, seconds: float) -> dict[str, float]:
     }
 
 
-def command_rows(rig: Rig, calls: int) -> list[Row]:
+def command_rows(programs: Programs, calls: int) -> list[Row]:
     """Round trip of a command, and `smad status` from start to prompt."""
     case = Case("daemon", 100, False)
-    with rig.device(case) as (port, fd):
-        daemon = rig.daemon(case, port, fd)
+    with programs.device(case) as (port, fd):
+        daemon = programs.daemon(case, port, fd)
         try:
             daemon.wait_until_ready()
-            with Client(folder=rig.folder) as client:
+            with Client(folder=programs.folder) as client:
                 client.motion()
                 trips = sorted(_timed(client.motion) for _ in range(calls))
-            starts = sorted(_timed(lambda: _status_command(rig.folder)) for _ in range(10))
+            starts = sorted(_timed(lambda: _status_command(programs.folder)) for _ in range(10))
         finally:
             daemon.end()
     return [
@@ -267,14 +278,14 @@ def _status_command(folder: Path) -> None:
     )
 
 
-def memory_rows(rig: Rig, minutes: float) -> list[Row]:
+def memory_rows(programs: Programs, minutes: float) -> list[Row]:
     """Resident memory of the daemon over so much board time at 500 Hz, faster than real time."""
     case = Case("daemon", 500, False, realtime=False)
-    with rig.device(case, "--speed", "6", "--paced-by-host") as (port, fd):
-        daemon = rig.daemon(case, port, fd)
+    with programs.device(case, "--speed", "6", "--paced-by-host") as (port, fd):
+        daemon = programs.daemon(case, port, fd)
         try:
             daemon.wait_until_ready()
-            with Client(folder=rig.folder, timeout_s=60.0) as client:
+            with Client(folder=programs.folder, timeout_s=60.0) as client:
                 return memory_over(client, minutes, client.move)
         finally:
             daemon.end()
@@ -289,7 +300,7 @@ def memory_over(
     stretches = round(minutes * 60.0 / stretch_s)
     seen: list[float] = []
     for number in range(stretches):
-        arm(client)
+        arm_when_allowed(client, ARM_DEADLINE_S)
         move(Sine(amplitude_mm=2.0, period_s=stretch_s / 40, cycles=40))
         client.wait_until_done()
         client.disarm()
@@ -310,16 +321,16 @@ def rows(plan: Plan | None = None) -> list[Row]:
     chosen = plan or Plan()
     results: dict[Case, Result] = {}
     with tempfile.TemporaryDirectory(prefix="smad-bench-") as place:
-        rig = Rig(Path(place))
+        programs = Programs(Path(place))
         cases = [*chosen.single, *(c for _ in range(chosen.repeats) for c in chosen.compared)]
         for number, case in enumerate(cases):
-            if case.who == "C" and rig.echo is None:
+            if case.who == "C" and programs.echo is None:
                 continue
             _say(f"{number + 1} of {len(cases)}: {case.name}")
-            results.setdefault(case, Result()).add(*measure(rig, case, chosen.seconds))
-        rest = command_rows(rig, 2000) if chosen.single else []
+            results.setdefault(case, Result()).add(*measure(programs, case, chosen.seconds))
+        rest = command_rows(programs, 2000) if chosen.single else []
         if chosen.memory_minutes:
-            rest += memory_rows(rig, chosen.memory_minutes)
+            rest += memory_rows(programs, chosen.memory_minutes)
     table = [row for case, result in results.items() for row in result.rows(case.name)]
     return [*table, *_ratios(results, chosen.compared), *rest]
 

@@ -89,9 +89,11 @@ def plants() -> Plants:
         for scale in np.linspace(0.7, 1.3, MODELS).tolist()
     ]
     return Plants(
-        models=models, runs=[Inputs(t_s=t_s, i_A=i_A, pump_duty=duty)],
-        outputs=("rtd_x_degC",), keep=peak,
-    )  # fmt: skip
+        models=models,
+        runs=[Inputs(t_s=t_s, i_A=i_A, pump_duty=duty)],
+        outputs=("rtd_x_degC",),
+        keep=peak,
+    )
 
 
 @contextmanager

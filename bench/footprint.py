@@ -81,10 +81,21 @@ def main(extras: list[str]) -> int:
     with tempfile.TemporaryDirectory(prefix="smad-footprint-") as place:
         folder = Path(place)
         subprocess.run(
-            [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation",
-             "--disable-pip-version-check", "-w", place, str(ROOT)],
+            [
+                sys.executable,
+                "-m",
+                "pip",
+                "wheel",
+                "-q",
+                "--no-deps",
+                "--no-build-isolation",
+                "--disable-pip-version-check",
+                "-w",
+                place,
+                str(ROOT),
+            ],
             check=True,
-        )  # fmt: skip
+        )
         (wheel,) = folder.glob("smad-*.whl")
         environment = Environment(folder / "env")
         environment.install(*PROJECT["dependency-groups"]["bench"])

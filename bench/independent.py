@@ -40,14 +40,34 @@ _SHOWN = [
 
 @compiled
 def _advance(
-    p: Array, e: Array, u: Array, dt: float, cells: Array, side: Array, pair: Array, ring: Array,
-    rows: Array, heat: Array, scratch: Array, out: Array,
-) -> None:  # fmt: skip
+    p: Array,
+    e: Array,
+    u: Array,
+    dt: float,
+    cells: Array,
+    side: Array,
+    pair: Array,
+    ring: Array,
+    rows: Array,
+    heat: Array,
+    scratch: Array,
+    out: Array,
+) -> None:
     for i in range(u.shape[0]):
         tick(
-            p[i], e, u[i], dt, cells[i], side[i], pair[i], ring[i], rows[i], heat[i], scratch[i],
+            p[i],
+            e,
+            u[i],
+            dt,
+            cells[i],
+            side[i],
+            pair[i],
+            ring[i],
+            rows[i],
+            heat[i],
+            scratch[i],
             out[i],
-        )  # fmt: skip
+        )
 
 
 class IndependentPairs:

@@ -175,8 +175,11 @@ def parallel_rows(inputs: Inputs, sets: int) -> Iterator[Row]:
             Model(a.replace(resistivity=(0.6 + 0.4 * n / sets) * 1e-6), "extended", {}, "A")
             for n in range(sets)
         ],
-        runs=[inputs], outputs=("displacement_m",), keep=_end, chunk=max(1, sets // 8),
-    )  # fmt: skip
+        runs=[inputs],
+        outputs=("displacement_m",),
+        keep=_end,
+        chunk=max(1, sets // 8),
+    )
     with ThreadPoolExecutor(2) as threads:
         many.replay(threads)
         one = best_of(2, many.replay, time.perf_counter)

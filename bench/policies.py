@@ -178,17 +178,18 @@ class Table:
 @click.option("--benches", "count", default=3, show_default=True)
 @click.option("--seeds", default=3, show_default=True, help="Searches in each simulator.")
 @click.option("--generations", default=10, show_default=True)
-@click.option("--folder", type=click.Path(path_type=Path),
-              help="Keep what was found here; broken off, the command goes on there.")  # fmt: skip
+@click.option(
+    "--folder",
+    type=click.Path(path_type=Path),
+    help="Keep what was found here; broken off, the command goes on there.",
+)
 def main(count: int, seeds: int, generations: int, folder: Path | None) -> None:
     """Train, try, and print mean distance from the reference in mm."""
     begun_s = time.perf_counter()
     with TemporaryDirectory() as made, ProcessPoolExecutor(2, get_context("spawn")) as pool:
         place = Path(made) if folder is None else folder
         place.mkdir(parents=True, exist_ok=True)
-        table = Table(
-            search=Search(generations=generations), seeds=seeds, folder=place, pool=pool
-        )  # fmt: skip
+        table = Table(search=Search(generations=generations), seeds=seeds, folder=place, pool=pool)
         for one in table.lines(count):
             print(one, flush=True)
     print(f"mm, mean ± standard deviation over seeds (all: over benches and seeds); {seeds} seeds,")

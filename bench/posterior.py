@@ -31,15 +31,17 @@ def off(number: int) -> dict[str, float]:
     """Of each parameter of a bench: estimate less truth, in posterior standard deviations."""
     plant, rng = SmaPlant(), np.random.default_rng([number, 146])
     own = [
-        q for q in plant.parameters
+        q
+        for q in plant.parameters
         if q.name in plant.parameter_set.names and q.name not in MEASURED
-    ]  # fmt: skip
+    ]
     while True:
         values = {
-            q.name: float(np.clip(q.nominal + SPREAD * q.prior_sd * rng.standard_normal(), q.low,
-                                  q.high))
+            q.name: float(
+                np.clip(q.nominal + SPREAD * q.prior_sd * rng.standard_normal(), q.low, q.high)
+            )
             for q in own
-        }  # fmt: skip
+        }
         try:
             runs = [
                 recorded(family, plant, ModelPoint(values), 10 * number + at, duration_s=RUN_S)
@@ -70,8 +72,10 @@ def main(benches: int) -> None:
     each = []
     for number in range(benches):
         each.append(off(number))
-        print(f"bench {number}: rms {np.sqrt(np.mean(np.square(list(each[-1].values())))):.2f}",
-              flush=True)  # fmt: skip
+        print(
+            f"bench {number}: rms {np.sqrt(np.mean(np.square(list(each[-1].values())))):.2f}",
+            flush=True,
+        )
     for one in lines({name: np.array([z[name] for z in each]) for name in each[0]}):
         print(one)
 

@@ -28,7 +28,7 @@ import click
 import zmq
 from msgspec import Struct
 
-from bench.daemon_rig import Case, Rig, hurry
+from bench.programs import Case, Programs, hurry
 from smad.api import Clear, GetMotion, GetStatus
 from smad.client import Client, Refused
 from smad.client.wire import Conversation, connect, new_identity
@@ -83,9 +83,9 @@ def flooded(name: str, address: str) -> Iterator[None]:
 @contextlib.contextmanager
 def bench_in(folder: Path, transport: str) -> Iterator[None]:
     """A daemon at 100 Hz and a simulated board that no other process keeps waiting."""
-    rig, case = Rig(folder), Case("daemon", 100, loaded=False, transport=transport)
-    with rig.device(case) as (port, fd):
-        daemon = rig.daemon(case, port, fd)
+    programs, case = Programs(folder), Case("daemon", 100, loaded=False, transport=transport)
+    with programs.device(case) as (port, fd):
+        daemon = programs.daemon(case, port, fd)
         try:
             daemon.wait_until_ready()
             yield

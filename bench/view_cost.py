@@ -49,7 +49,7 @@ from smad.bridge.foxglove import LINK, LOG, SUBPROTOCOLS, rows_of
 from smad.client import Client
 from smad.control.commands import Sine
 from smad.report.page import Table, text_table
-from smad.view.strips import LAYOUT, XY_LAYOUT
+from smad.style.strips import LAYOUT, XY_LAYOUT
 
 _SETTLE_S = 2.0
 _REFRESH_S = 1.2

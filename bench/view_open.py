@@ -39,9 +39,12 @@ def row(driver: Any, server: psutil.Process, board_s: float) -> tuple[str, ...]:
     elements = driver.execute_script("return document.getElementsByTagName('*').length")
     held = server.memory_info().rss
     return (
-        f"{board_s / 3600:.2f}", f"{frames_drawn(driver):.0f}", f"{held / 2**20:.1f}",
-        f"{heap_MiB(driver):.1f}", f"{elements}",
-    )  # fmt: skip
+        f"{board_s / 3600:.2f}",
+        f"{frames_drawn(driver):.0f}",
+        f"{held / 2**20:.1f}",
+        f"{heap_MiB(driver):.1f}",
+        f"{elements}",
+    )
 
 
 @click.command()

@@ -50,11 +50,21 @@ class Exchange(NamedTuple):
         moved_us = (self.host_us - other.host_us) - apart_us
         return abs(moved_us) <= trips_us / 2 + LARGEST_DRIFT * abs(apart_us)
 
+    def outruns(self, earlier: Exchange) -> bool:
+        """Whether the board's clock has gained more on the host's since than a crystal can.
+
+        To lose is ordinary: a simulated board that is kept from running does.
+        """
+        gained_us = (self.board_us - earlier.board_us) - (self.host_us - earlier.host_us)
+        return gained_us > 0.0 and not self.agrees(earlier)
+
 
 class ClockFit(msgspec.Struct, frozen=True, gc=False):
     """host_us = host_ref_us + (board_us − board_ref_us)·(1 + drift).
 
-    `drift` is host over board, less 1. `locked` says that there are enough exchanges to arm on.
+    `drift` is host over board, less 1; 0 while the exchanges do not span enough to fit it.
+    `steady`: the board's clock does not outrun the host's. `locked`: there are enough exchanges to
+    arm on.
     """
 
     board_ref_us: float
@@ -63,11 +73,12 @@ class ClockFit(msgspec.Struct, frozen=True, gc=False):
     round_trip_us: int
     exchanges: int
     locked: bool
+    steady: bool
 
     @property
     def plausible(self) -> bool:
-        """Whether two crystals can differ so much. A simulation that is not real time does."""
-        return abs(self.drift) <= LARGEST_DRIFT
+        """Whether two crystals can run so; a simulation that is not real time does not."""
+        return self.steady and abs(self.drift) <= LARGEST_DRIFT
 
     def host_us(self, board_us: float) -> float:
         """Return the host's time at a board time (64-bit)."""
@@ -163,6 +174,9 @@ class TimeSync:
             round_trip_us=min(exchange.round_trip_us for exchange in kept),
             exchanges=len(self._window),
             locked=len(self._window) >= LOCK_EXCHANGES,
+            # A fitted rate says it all. Until then a board that runs 40 times as fast as the host's
+            # clock would pass for one that runs alike.
+            steady=drift != 0.0 or not any(map(self._window[-1].outruns, self._window)),
         )
 
 

@@ -23,7 +23,7 @@ _HOMES = {
 def __getattr__(name: str) -> Any:
     # The physics and the diagnosis import this package too, and need no sockets.
     if name in _HOMES:
-        from smad.parts import part
+        from smad.extras import part
 
         return getattr(part(_HOMES[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from smad import pages
+from smad.cli import pages
 from smad.errors import SmadError
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -42,7 +42,7 @@ FORBIDDEN = {
     },
     "smad/daemon": {"sim_device"},
     "firmware": {"smad"},
-    "smad": {"firmware"},
+    "smad": {"firmware", "campaign", "evaluation", "bench", "tests"},
     "evaluation/plant": {"smad", "sim_device", "firmware_protocol"},
 }
 LONGEST_FUNCTION = 60
@@ -254,7 +254,9 @@ def test_every_data_file_of_the_packages_is_in_the_wheel(tmp_path: Path) -> None
         if path.is_file() and "__pycache__" not in path.parts
     }
     assert wanted <= inside
-    assert not [name for name in inside if name.startswith(("evaluation/", "tests/", "bench/"))]
+    assert not [
+        name for name in inside if name.startswith(("evaluation/", "campaign/", "tests/", "bench/"))
+    ]
     with zipfile.ZipFile(wheel) as packed:
         (about,) = (name for name in inside if name.endswith(".dist-info/METADATA"))
         metadata = packed.read(about).decode()

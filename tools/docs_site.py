@@ -85,9 +85,13 @@ def on_page_markdown(markdown: str, *, page: Any, config: Any, files: Files) -> 
 
 def on_page_content(content: str, **_: Any) -> str:
     """Set equations as MathML, which a browser draws by itself."""
-    return _EQUATION.sub(
-        lambda found: mathml(html.unescape(found[3]), block=found[2] == "["), content
-    )
+
+    def equation(found: re.Match[str]) -> str:
+        block = found[2] == "["
+        text = mathml(html.unescape(found[3]), block=block)
+        return f'<div class="equation">{text}</div>' if block else text
+
+    return _EQUATION.sub(equation, content)
 
 
 def on_post_page(output: str, *, page: Any, **_: Any) -> str:
@@ -106,6 +110,18 @@ def _local(output: str, up: str, name: str) -> str:
     if found := _FROM_ELSEWHERE.search(output):
         raise PluginError(f"{name} takes something from a network: {found[0]}")
     return output
+
+
+_WIDE = ".md-typeset__table, .equation, .md-typeset pre > code"
+_SHADOWS = (
+    "background: linear-gradient(90deg, var(--md-default-bg-color) 30%, transparent) 0 0, "
+    "linear-gradient(270deg, var(--md-default-bg-color) 30%, transparent) 100% 0, "
+    "linear-gradient(90deg, #8886, transparent) 0 0, "
+    "linear-gradient(270deg, #8886, transparent) 100% 0; "
+    "background-repeat: no-repeat; "
+    "background-size: 2.5rem 100%, 2.5rem 100%, .8rem 100%, .8rem 100%; "
+    "background-attachment: local, local, scroll, scroll;"
+)
 
 
 def site_css() -> str:
@@ -127,8 +143,14 @@ def site_css() -> str:
         f"--md-default-bg-color: {PALETTE['back'].dark}; }}\n"
         "@font-face { font-family: 'STIX Two Math'; src: url(stix-two-math.woff2); }\n"
         "math { font-family: 'STIX Two Math', math; font-size: 1.1em; }\n"
-        "math[display=block] { margin: 1em 0; overflow-x: auto; overflow-y: hidden; }\n"
-        ".md-typeset__table { display: block; overflow-x: auto; }\n"
+        ".equation { margin: 1em 0; overflow-y: hidden; }\n"
+        ".md-typeset__table { display: block; }\n"
+        # What is wider than a phone scrolls by itself; a shadow at an edge says that there is more.
+        f"{_WIDE} {{ overflow-x: auto; {_SHADOWS} }}\n"
+        # A drawing on white would glare in a dark page. Hues stay as the legends have them.
+        "[data-md-color-scheme=slate] img[src$='.svg'] "
+        "{ filter: invert(0.88) hue-rotate(180deg); border-radius: .3rem; }\n"
+        "@media print { pre, pre code { white-space: pre-wrap; overflow-wrap: anywhere; } }\n"
     )
 
 

@@ -14,7 +14,7 @@ GENERATORS = (
     "firmware.generate",
     "tools.blocking_client",
     "smad.daemon.command.schema",
-    "smad.docs",
+    "tools.reference",
     "evaluation.results.page",
 )
 

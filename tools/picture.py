@@ -11,9 +11,9 @@ import argparse
 from pathlib import Path
 
 from smad.config import parse_config
+from smad.experiments.circles import TOGETHER, trackings
 from smad.report.plots import draw, label, new_figure, svg_of
 from smad.robot import Robot
-from smad.robot.circles import TOGETHER, trackings
 from smad.runlog.reader import Run, read_axes
 
 FOLDER = Path(__file__).resolve().parents[1] / "docs/img"

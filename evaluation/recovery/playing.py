@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from sim_device.plant.effects.registry import resolve
+from sim_device.plant.models import Model
 from smad.checkup.programme import shipped
 from smad.diagnosis.plant import ModelPoint
 from smad.diagnosis.runs import GapRun
@@ -50,10 +50,10 @@ class Bench:
         runs = []
         for k, run in enumerate(shipped().runs[:count]):
             with tempfile.TemporaryDirectory() as folder:
-                driver = VirtualDriver(
-                    self.plant.set_of(self.theta), seed=seed + _SEED_STEP * k,
-                    effects=resolve(self.plant.within(self.effects)), folder=Path(folder),
-                )  # fmt: skip
+                bench = Model(self.plant.set_of(self.theta)).with_effects(
+                    self.plant.within(self.effects)
+                )
+                driver = VirtualDriver(bench, seed=seed + _SEED_STEP * k, folder=Path(folder))
                 plan = run.plan()
                 driver.run(plan)
                 runs.append(replace(read_gap_run(log_path(Path(folder), plan)), name=run.name))

@@ -103,13 +103,7 @@ def moved(model: Model, values: Mapping[str, float]) -> Model | None:
 
 def setup_of(model: Model) -> Setup:
     """What the kernel takes of a model: a pair in water."""
-    return Setup.make(
-        model.parameters,
-        variant=model.variant,
-        effects=model.effects,
-        laws=model.laws,
-        **OPTIONS,
-    )
+    return Setup.make(**model.physics, **OPTIONS)
 
 
 def _is_effect(name: str) -> bool:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from sim_device.plant.constants import VARIANTS
 from sim_device.plant.covariance import Covariance, plain, read_covariance, toml_lines
@@ -30,24 +30,79 @@ with its encoder at zero, and leaves it out."""
 FORMAT = "smad-model-1"
 
 
-@dataclass(frozen=True)
-class Model:
-    """What a model file says: parameters with overrides applied, variant, effects as resolved,
-    laws.
-
-    `base` names the parameter file it starts from, `overrides` (SI) what differs; `mounting` has
-    entries of MOUNTING. `covariance` is over names of `quantities`, None where it is not known.
-    """
+class Physics(TypedDict):
+    """What a plant takes of a model, by the names of its arguments."""
 
     parameters: ParameterSet
     variant: str
     effects: Resolved
-    base: str
+    laws: tuple[Law, ...]
+
+
+@dataclass(frozen=True)
+class Model:
+    """A model of the bench. It travels whole: what simulates one takes `**model.physics`.
+
+    `effects` are resolved, `base` names the parameter file that the model starts from (empty: none
+    does), `overrides` (SI) are what differs from it; `mounting` has entries of MOUNTING.
+    `covariance` is over names of `quantities`, None where it is not known.
+    """
+
+    parameters: ParameterSet
+    variant: str = "extended"
+    effects: Resolved = field(default_factory=dict)
+    base: str = ""
     overrides: dict[str, float] = field(default_factory=dict)
     note: str = ""
     mounting: dict[str, float] = field(default_factory=dict)
     laws: tuple[Law, ...] = ()
     covariance: Covariance | None = None
+
+    @property
+    def physics(self) -> Physics:
+        """The part that a plant simulates; mounting and covariance are for a diagnosis."""
+        return Physics(
+            parameters=self.parameters, variant=self.variant, effects=self.effects, laws=self.laws
+        )
+
+    def with_effects(self, more: Mapping[str, Mapping[str, float]]) -> Model:
+        """Return the model with further effects; each replaces the model's of the same name.
+
+        Raises EffectError.
+        """
+        return replace(self, effects={**self.effects, **resolve(more)})
+
+
+def built_in(source: str | Path) -> Model:
+    """Return the model of a parameter set alone: a built-in one by name, or a parameter file.
+
+    Raises ParameterError.
+    """
+    return Model(load_parameters(source), base=str(source))
+
+
+def write_model(path: str | Path, model: Model) -> None:
+    """Write a model whole, as a file that needs no parameter file beside it.
+
+    Raises what `read_model` raises; nothing is written then.
+    """
+    base, overrides = model.base, model.overrides
+    if base not in built_in_sets():
+        base = "A"
+        of_base = load_parameters(base)
+        here = model.parameters
+        overrides = {name: here[name] for name in here.names if here[name] != of_base[name]}
+    save_model(
+        path,
+        base=base,
+        variant=model.variant,
+        overrides=overrides,
+        effects=model.effects,
+        mounting=model.mounting,
+        laws=model.laws,
+        covariance=model.covariance,
+        note=model.note,
+    )
 
 
 def quantities(model: Model) -> dict[str, float]:
@@ -58,12 +113,6 @@ def quantities(model: Model) -> dict[str, float]:
     for law in model.laws:
         values |= {n: t.coefficient for n, t in zip(law.names, law.terms, strict=True)}
     return values | {f"mounting.{name}": model.mounting.get(name, 0.0) for name in MOUNTING}
-
-
-def load_model(path: str | Path) -> tuple[ParameterSet, str, Resolved]:
-    """(parameters, variant, effects) of a model file, TOML or JSON; see `read_model`."""
-    model = read_model(path)
-    return model.parameters, model.variant, model.effects
 
 
 def read_model(path: str | Path) -> Model:

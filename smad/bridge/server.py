@@ -25,8 +25,8 @@ from smad.bridge.foxglove import (
     log,
     status,
 )
+from smad.bridge.loopback import HOST, listen, quiet
 from smad.bridge.source import Source
-from smad.loopback import HOST, listen, quiet
 
 MOST_VIEWERS = 8
 MOST_WAITING = 2000

@@ -15,8 +15,8 @@ import click
 
 from firmware_protocol.nearest import instead
 from smad.errors import SmadError
-from smad.parts import missing
-from smad.survival import volunteer
+from smad.extras import missing
+from smad.processes.oom import prefer_as_oom_victim
 from smad.version import VERSION
 
 COMMANDS: Mapping[str, str] = {
@@ -59,6 +59,9 @@ COMMANDS: Mapping[str, str] = {
 READS_FILES = frozenset(("log", "gap", "run", "view", "health"))
 """Commands that are ended first when memory runs out: before the daemon, which has the bench."""
 
+SYNONYMS: Mapping[str, str] = {"mark": "note", "check-up": "checkup", "ls": "list"}
+"""Words of the live page and of habit, and the command that does it."""
+
 _INTERRUPTED = 130
 _INTERNAL = 70
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -90,16 +93,31 @@ class LazyGroup(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Return the command that is called; one misspelt is answered with the nearest."""
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            told = instead(args[0], COMMANDS, "smad --help lists them")
+            deeper = self._in_groups(ctx, args[0])
+            told = (
+                f"did you mean {' or '.join(deeper)}?"
+                if deeper
+                else instead(args[0], COMMANDS, "smad --help lists them")
+            )
             ctx.fail(f"There is no command {args[0]!r}; {told}")
         return super().resolve_command(ctx, args)
+
+    def _in_groups(self, ctx: click.Context, word: str) -> list[str]:
+        """The commands of groups that are called so: `smad mark` is `smad record note`."""
+        wanted = SYNONYMS.get(word, word)
+        groups = ((name, self.get_command(ctx, name)) for name in COMMANDS)
+        return [
+            f"smad {name} {wanted}"
+            for name, group in groups
+            if isinstance(group, click.Group) and wanted in group.list_commands(ctx)
+        ]
 
 
 class _Broken(click.Command):
     """Stands for a command that cannot be imported: listed as such, and says why when called."""
 
     def __init__(self, name: str, error: Exception) -> None:
-        super().__init__(name, help="Cannot be used here; call it to see why.")
+        super().__init__(name, help="Not available here; run it to see why.")
         self._error = error
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -110,7 +128,7 @@ class _Broken(click.Command):
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(VERSION, prog_name="smad")
 def root() -> None:
-    """Runs a bench of antagonistic shape-memory-alloy springs.
+    """Run a bench of two antagonistic shape-memory-alloy springs.
 
     `smad start --sim` starts a simulated bench; `smad demo` shows it at work.
     """
@@ -123,11 +141,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def execute(arguments: Sequence[str]) -> int:
-    """Run one command; return its exit status. Errors become one line on standard error."""
+    """Run one command and return its exit status. An error becomes one line on standard error."""
     if arguments and arguments[0] in READS_FILES:
-        volunteer()
+        prefer_as_oom_victim()
+    return run_group(root, arguments, "smad")
+
+
+def run_group(group: click.Group, arguments: Sequence[str], program: str) -> int:
+    """Run one command of a group; return its exit status. Errors become one line."""
     try:
-        result = root.main(args=list(arguments), prog_name="smad", standalone_mode=False)
+        result = group.main(args=list(arguments), prog_name=program, standalone_mode=False)
         if sys.stdout is not None:
             sys.stdout.flush()
     except SmadError as error:
@@ -136,7 +159,7 @@ def execute(arguments: Sequence[str]) -> int:
         click.echo(error.format_message(), err=True)
         return error.exit_code
     except click.UsageError as error:
-        path = error.ctx.command_path if error.ctx is not None else "smad"
+        path = error.ctx.command_path if error.ctx is not None else program
         what = error.format_message().rstrip(".").replace("?.", "?")
         end = "" if what.endswith("?") else "."
         return _complain(f"{what}{end} See {path} --help.", error.exit_code)

@@ -39,16 +39,16 @@ def _planned(run: ProgrammeRun, original: Path | None) -> tuple[Plan, Repeat | N
 @contextlib.contextmanager
 def simulated(*, seed: int, effects: Sequence[str]) -> Iterator[Play]:
     """A fresh simulated bench for each run, in virtual time."""
-    from sim_device.plant import load_parameters
-    from sim_device.plant.effects.registry import from_text, resolve
+    from sim_device.plant.effects.registry import from_text
     from sim_device.plant.errors import PlantError
+    from sim_device.plant.models import built_in
     from smad.checkup.series import Recorded
     from smad.experiments.driver import log_path
     from smad.experiments.errors import EndedEarlyError, TrippedError
     from smad.experiments.virtual import VirtualDriver
 
     try:
-        chosen = resolve(dict(from_text(text) for text in effects))
+        simulated = built_in("A").with_effects(dict(from_text(text) for text in effects))
     except PlantError as error:
         raise click.UsageError(f"--effect: {error}") from None
     seeds = itertools.count(seed, _SEED_STEP)
@@ -57,8 +57,7 @@ def simulated(*, seed: int, effects: Sequence[str]) -> Iterator[Play]:
 
         def play(run: ProgrammeRun, original: Path | None) -> Recorded:
             plan, _ = _planned(run, original)
-            driver = VirtualDriver(load_parameters("A"), seed=next(seeds) & 0xFFFF_FFFF,
-                                   effects=chosen, folder=folder)  # fmt: skip
+            driver = VirtualDriver(simulated, seed=next(seeds) & 0xFFFF_FFFF, folder=folder)
             try:
                 driver.run(plan)
             except EndedEarlyError as error:

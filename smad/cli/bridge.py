@@ -1,4 +1,4 @@
-"""`smad bridge`: the live bench in viewers of others."""
+"""`smad bridge`: the live bench in other viewers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from smad.cli.output import bench_option
 
 @click.group()
 def bridge() -> None:
-    """Pass the live bench on to viewers of others, to look at."""
+    """Show the live bench in another viewer, read-only."""
 
 
 @bridge.command()
@@ -38,5 +38,5 @@ async def _serve(bench: str, port: int) -> None:
 
     async with serving(bench, port) as made:
         click.echo(f"connect to {made.address} (Foxglove WebSocket)")
-        click.echo("Whoever is on this machine can watch; ctrl-C ends the bridge, not the bench.")
+        click.echo("Anyone on this machine can watch. Ctrl-C ends the bridge, not the bench.")
         await asyncio.Event().wait()

@@ -11,7 +11,7 @@ from smad.cli.output import axis_option, client
 
 @click.group()
 def config() -> None:
-    """Look at and check configuration files."""
+    """Print or check a configuration."""
 
 
 @config.command()

@@ -9,7 +9,7 @@ import click
 @click.argument("page", required=False)
 def docs(page: str | None) -> None:
     """Print a PAGE of the documentation, for instance guide/clients; without one, list them."""
-    from smad import pages
+    from smad.cli import pages
 
     if page is None:
         click.echo("\n".join(pages.names()))

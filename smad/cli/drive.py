@@ -15,6 +15,7 @@ from smad.cli.output import (
     described,
     wait_for_motion,
 )
+from smad.cli.quantity import Quantity
 
 _SPRING = click.Choice(["x", "y"], case_sensitive=False)
 _wait = click.option(
@@ -25,19 +26,19 @@ _wait = click.option(
 @click.command()
 @axis_option
 def arm(bench: str) -> None:
-    """Let current through: the board checks itself and arms.
+    """Arm the bench: the board checks itself, then lets current through.
 
-    It stays armed after this command, without a lease: nobody is missed, until somebody disarms.
+    It stays armed after this command ends, without a lease, until a client disarms it.
     """
     with client(bench, lasting=True) as bench_client:
         bench_client.arm()
-    click.echo("armed: current flows from now on when you command it; smad disarm ends it")
+    click.echo("armed: the bench heats when you command it; smad disarm ends this")
 
 
 @click.command()
 @bench_option
 def disarm(bench: str) -> None:
-    """Switch heating off and cool down; anyone may."""
+    """Switch heating off and cool down. Any client may do so."""
     with client(bench) as bench_client:
         bench_client.disarm()
     click.echo("disarmed: heating is off, and the board cools by itself")
@@ -96,9 +97,11 @@ def clear(bench: str, fault: int | None) -> None:
 
 @click.command(context_settings=NEGATIVE)
 @click.argument("spring", type=_SPRING, metavar="SPRING")
-@click.argument("temperature_degC", type=float, metavar="DEGC")
-@click.option("--rate", type=float, metavar="K/S", help="Ramp to it instead of going at once.")
-@click.option("--for", "duration_s", type=float, metavar="S", help="Hold for so long.")
+@click.argument("temperature_degC", type=Quantity("°C"), metavar="DEGC")
+@click.option(
+    "--rate", type=Quantity("K/s"), metavar="K/S", help="Ramp to it instead of going at once."
+)
+@click.option("--for", "duration_s", type=Quantity("s"), metavar="S", help="Hold for so long.")
 @click.option("--water/--no-water", default=True, help="Let the pump cool while too warm.")
 @_wait
 @axis_option
@@ -143,9 +146,11 @@ def heat(
 
 @click.command(context_settings=NEGATIVE)
 @click.argument("spring", type=_SPRING, metavar="SPRING")
-@click.argument("current_a", type=float, metavar="A")
-@click.option("--for", "duration_s", type=float, metavar="S", help="End after so long.")
-@click.option("--until", "until_degc", type=float, metavar="DEGC", help="End when it is so warm.")
+@click.argument("current_a", type=Quantity("A"), metavar="A")
+@click.option("--for", "duration_s", type=Quantity("s"), metavar="S", help="End after so long.")
+@click.option(
+    "--until", "until_degc", type=Quantity("°C"), metavar="DEGC", help="End when it is so warm."
+)
 @_wait
 @axis_option
 def current(
@@ -182,7 +187,7 @@ def current(
 @click.command(context_settings=NEGATIVE)
 @click.argument("spring", type=_SPRING, metavar="SPRING")
 @click.argument("duty", callback=_duty)
-@click.option("--for", "duration_s", type=float, metavar="S", help="End after so long.")
+@click.option("--for", "duration_s", type=Quantity("s"), metavar="S", help="End after so long.")
 @_wait
 @axis_option
 def pump(spring: str, duty: float, duration_s: float | None, wait: bool, bench: str) -> None:
@@ -209,7 +214,7 @@ def pump(spring: str, duty: float, duration_s: float | None, wait: bool, bench: 
 @click.command()
 @axis_option
 def idle(bench: str) -> None:
-    """End whatever runs: no current, no water. The bench stays armed."""
+    """Stop the present motion: no current, no water. The bench stays armed."""
     with client(bench) as bench_client:
         motion = bench_client.idle()
     click.echo(f"idle: {described(motion)}")

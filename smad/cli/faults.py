@@ -1,29 +1,23 @@
-"""`smad faults`: what a fault means, in plain words, and the campaign that tries them all."""
+"""`smad faults`: what a fault means, and what to do about it."""
 
 from __future__ import annotations
 
-import time
-from datetime import UTC, datetime
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from firmware_protocol.nearest import instead
 from smad.cli import complete
-from smad.cli.output import Finite, bench_option, client, progress
+from smad.cli.output import bench_option, client
 from smad.errors import CommandError
 
 if TYPE_CHECKING:
-    from smad.faults.report import Judged
-
-_PAIRS_A_COUNT = 5
-_SHOWN = 5
+    from firmware_protocol.enums import Fault
 
 
 @click.group()
 def faults() -> None:
-    """What the board stops for, and what to do about it."""
+    """Explain the faults for which the board stops, and what to do about each."""
 
 
 @faults.command()
@@ -55,230 +49,7 @@ def list_command() -> None:
         click.echo(f"{int(fault):>3}  {fault.name:<24}  {FAULT_TEXTS[fault].cause}")
 
 
-@faults.command("run")
-@click.option("--only", multiple=True, metavar="NAME", help="Only this fault; repeat for more.")
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=1, show_default=True)
-@click.option(
-    "--count",
-    type=click.IntRange(1),
-    default=1000,
-    show_default=True,
-    help="Injections in lockstep; the faults take turns.",
-)
-@click.option(
-    "--pairs",
-    type=click.IntRange(0),
-    help="Pairs of faults besides; a fifth of the count unless --only is given.",
-)
-@click.option("--lockstep", is_flag=True, help="Only on virtual time, without processes.")
-@click.option("--process", is_flag=True, help="Only with a real daemon process.")
-@click.option("--jobs", type=click.IntRange(1), help="Processes to run on; one a core.")
-@click.option("--json", "json_path", type=click.Path(path_type=Path), metavar="FILE")
-@click.option("--html", "html_path", type=click.Path(path_type=Path), metavar="FILE")
-def run_command(
-    *,
-    only: tuple[str, ...],
-    seed: int,
-    count: int,
-    pairs: int | None,
-    lockstep: bool,
-    process: bool,
-    jobs: int | None,
-    json_path: Path | None,
-    html_path: Path | None,
-) -> int:
-    """Break a simulated bench in every known way and judge what comes of it.
-
-    In lockstep the board and the daemon's control task run on virtual time; faults of the host
-    are tried on a real daemon process. Exit status 1 if anything breaks the oracle.
-    """
-    from smad.cli.tables import print_table
-    from smad.faults import report
-    from smad.report.page import write_page
-
-    began_s = time.monotonic()
-    results: list[Judged] = []
-    both = lockstep == process
-    host_faults, rows = _chosen(only, with_lockstep=both or lockstep, with_process=both or process)
-    if rows:
-        wanted = pairs if pairs is not None else 0 if only else count // _PAIRS_A_COUNT
-        results += _lockstep(seed, count, wanted, rows, jobs)
-    results += _process(seed, host_faults)
-    asked = click.get_current_context()
-    run = report.CampaignRun(
-        seed=seed,
-        when=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
-        took_s=time.monotonic() - began_s,
-        command=_described(asked.params),
-        results=tuple(results),
-    )
-    print_table(report.table_of(report.by_fault(run.results)))
-    print_table(report.table_of(report.by_group(run.results)))
-    _write(report.json_of(run), json_path)
-    if html_path is not None:
-        write_page(report.page_of(run), html_path)
-    for line in report.failure_lines(run):
-        click.echo(f"FAILED {line}")
-    click.echo(report.verdict(run))
-    return 1 if run.failures else 0
-
-
-@faults.command()
-@click.option("--seconds", type=Finite(min=20.0), metavar="S", help="Board time of each stage.")
-@click.option("--rate", type=click.Choice(["100", "500"]), help="Only the stage at this rate.")
-@click.option("--every", type=Finite(min=5.0), metavar="S", help="Board time between reconnects.")
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=1, show_default=True)
-@click.option("--json", "json_path", type=click.Path(path_type=Path), metavar="FILE")
-def soak(
-    *,
-    seconds: float | None,
-    rate: str | None,
-    every: float | None,
-    seed: int,
-    json_path: Path | None,
-) -> int:
-    """Run a daemon for an hour of board time at 100 Hz and ten minutes at 500 Hz.
-
-    Random commands, a reconnect every minute, a slow subscriber, floods of commands; as fast as
-    the machine allows. Exit status 1 if a sample is lost, something grows, or a command is not
-    logged.
-    """
-    from dataclasses import replace
-
-    from smad.cli.tables import print_table
-    from smad.client.signals import ended_by_signals
-    from smad.faults.soak import report
-    from smad.faults.soak.found import FULL
-    from smad.faults.soak.run import run_stage
-
-    chosen = [stage for stage in FULL if rate is None or stage.rate_hz == int(rate)]
-    if seconds is not None:
-        chosen = [replace(stage, seconds=seconds) for stage in chosen]
-    if every is not None:
-        chosen = [replace(s, reconnect_every_s=every, flood_every_s=every) for s in chosen]
-    with ended_by_signals(), progress() as line:
-        results = [run_stage(stage, seed, line.say) for stage in chosen]
-        line.done()
-    for found in results:
-        click.echo(report.facts(found))
-        print_table(report.table_of(found))
-        for command in found.not_logged[:_SHOWN]:
-            click.echo(f"NOT LOGGED {command}")
-    _write(report.json_of(results), json_path)
-    ok = all(check.ok for found in results for check in report.checks(found))
-    click.echo("every check holds" if ok else "a check FAILED")
-    return 0 if ok else 1
-
-
-@faults.command()
-@click.option(
-    "--connections",
-    type=click.IntRange(1, 60_000),
-    default=10_000,
-    show_default=True,
-    help="How many are opened at once in the last attack.",
-)
-@click.option("--messages", type=click.IntRange(1), default=10_000, show_default=True)
-@click.option("--json", "json_path", type=click.Path(path_type=Path), metavar="FILE")
-def hostile(*, connections: int, messages: int, json_path: Path | None) -> int:
-    """Attack a daemon that moves a simulated bench in real time.
-
-    Strangers' keys, replayed, malformed and huge messages, a crowd of connections. Exit status 1
-    if one is carried out or not told, costs a sample, or leaves something behind.
-    """
-    from smad.cli.tables import print_table
-    from smad.client.signals import ended_by_signals
-    from smad.faults.fort import Scale
-    from smad.faults.hostile import json_of, run_attacks, table_of
-
-    scale = Scale(messages=messages, connections=connections)
-    with ended_by_signals(), progress() as line:
-        held = run_attacks(scale, line.say)
-        line.done()
-    print_table(table_of(held))
-    _write(json_of(held), json_path)
-    ok = not any(one.failures for one in held)
-    click.echo("the daemon stood every attack" if ok else "an attack did harm")
-    return 0 if ok else 1
-
-
-def _chosen(
-    only: tuple[str, ...], *, with_lockstep: bool, with_process: bool
-) -> tuple[list[str], list[str]]:
-    """Names for the process campaign and for the lockstep campaign. Raises CommandError."""
-    from smad.faults.catalogue import ROWS
-    from smad.faults.process import HOST_FAULTS
-
-    host = list(HOST_FAULTS) if with_process else []
-    device = {row.name: row.kind.name for row in ROWS.values()} if with_lockstep else {}
-    known = {*host, *device, *device.values()}
-    for name in only:
-        if name not in known:
-            raise CommandError(
-                "there is no such fault in the campaign asked for", value=name,
-                action=instead(name, sorted(known), "smad sim --help says how to inject by hand"),
-            )  # fmt: skip
-    wanted = known if not only else set(only)
-    return (
-        [name for name in host if name in wanted],
-        [name for name, kind in device.items() if name in wanted or kind in wanted],
-    )
-
-
-def _lockstep(
-    seed: int, count: int, pairs: int, names: list[str], jobs: int | None
-) -> list[Judged]:
-    from smad.faults.campaign import chosen_rows, outcomes, pair_cases, single_cases
-    from smad.faults.report import judged
-
-    cases = single_cases(seed, count, chosen_rows(names)) + pair_cases(seed, pairs)
-    results = []
-    with progress() as line:
-        for outcome in outcomes(cases, jobs):
-            results.append(judged(outcome))
-            bad = sum(1 for result in results if result.violations)
-            line.say(f"lockstep: {len(results)} of {len(cases)}, {bad} broke the oracle")
-        line.done()
-    return results
-
-
-def _process(seed: int, names: list[str]) -> list[Judged]:
-    from smad.faults.process import HOST_FAULTS, run_host_fault
-    from smad.faults.report import judged
-
-    results = []
-    with progress() as line:
-        for n, name in enumerate(names):
-            line.say(f"process: {name}, {n + 1} of {len(names)}")
-            results.append(judged(run_host_fault(HOST_FAULTS[name], seed)))
-        line.done()
-    return results
-
-
-def _described(params: dict[str, object]) -> str:
-    """The options that say what was run, as they are typed."""
-    words = ["smad faults run", f"--seed {params['seed']}", f"--count {params['count']}"]
-    if params["pairs"] is not None:
-        words.append(f"--pairs {params['pairs']}")
-    only = params["only"]
-    words += [f"--only {name}" for name in only] if isinstance(only, tuple) else []
-    words += [f"--{flag}" for flag in ("lockstep", "process") if params[flag]]
-    return " ".join(words)
-
-
-def _write(text: str, path: Path | None) -> None:
-    if path is None:
-        return
-    try:
-        path.write_text(text)
-    except OSError as error:
-        raise CommandError(
-            f"the results cannot be written ({error.strerror})", value=str(path),
-            action="choose another file with --json",
-        ) from None  # fmt: skip
-
-
-def _fault(name: str) -> object:
+def _fault(name: str) -> Fault:
     from firmware_protocol.enums import Fault
 
     wanted = name.upper().replace("-", "_")
@@ -294,11 +65,9 @@ def _fault(name: str) -> object:
     )
 
 
-def _print(fault: object) -> None:
-    from firmware_protocol.enums import Fault
+def _print(fault: Fault) -> None:
     from firmware_protocol.supervisor.faults import FAULT_TEXTS
 
-    assert isinstance(fault, Fault)
     text = FAULT_TEXTS[fault]
     click.echo(f"{fault.name} ({int(fault)})")
     click.echo(f"  cause:  {text.cause}")

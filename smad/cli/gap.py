@@ -33,7 +33,7 @@ from smad.cli.gap_runs import (
     uncut,
 )
 from smad.cli.output import progress
-from smad.writable import replacing, require_writable
+from smad.files import replacing, require_writable
 
 if TYPE_CHECKING:
     from smad.diagnosis.answer import Answer

@@ -22,7 +22,7 @@ from smad.cli.baselines import (
 )
 from smad.cli.gap_runs import tell_passed_over
 from smad.cli.output import axis_option, progress
-from smad.writable import replacing, require_writable
+from smad.files import replacing, require_writable
 
 if TYPE_CHECKING:
     from smad.checkup.files import Found

@@ -171,11 +171,12 @@ def _simulated_point(
 
     point = ModelPoint({}) if model_path is None else plant.load_model(model_path)
     more = resolve(dict(from_text(text) for text in effects))
-    return ModelPoint(point.theta, {**point.effects, **more})
+    return dataclasses.replace(point, effects={**point.effects, **more})
 
 
 def _simulate(plant: SmaPlant, name: str, seed: int, folder: Path, point: ModelPoint) -> None:
     """Carries an experiment out on a simulated bench in virtual time; says where its run log is."""
+    from sim_device.plant.models import Model
     from smad.diagnosis.errors import GapError
     from smad.diagnosis.spring_pair.catalogue import plan_named
     from smad.experiments.driver import log_path
@@ -192,12 +193,8 @@ def _simulate(plant: SmaPlant, name: str, seed: int, folder: Path, point: ModelP
             action="give another --folder or --seed, or move it away",
         )
     with progress() as line:
-        VirtualDriver(
-            plant.set_of(point.theta),
-            variant=plant.variant,
-            effects=point.effects,
-            seed=seed,
-            folder=folder,
-            progress=line.say,
-        ).run(plan)
+        model = Model(
+            plant.set_of(point.theta), plant.variant, plant.acting(point), laws=point.laws
+        )
+        VirtualDriver(model, seed=seed, folder=folder, progress=line.say).run(plan)
     click.echo(f"done: {path}")

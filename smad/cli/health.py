@@ -42,10 +42,10 @@ def health(
     change is told when the cumulative sum of its deviations leaves what ten rows allow.
     """
     from smad.experiments.ready import require_packages
+    from smad.files import require_writable
     from smad.health.record import FILE, read
     from smad.health.report import headline, health_of, page, table
     from smad.report.page import write_page
-    from smad.writable import require_writable
 
     require_packages("report" if report else "sim")
     if report is not None:

@@ -8,8 +8,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from smad.client import BoardRefused
-from smad.experiments.driver import Driver, Mounting, Progress
+from smad.experiments.driver import Driver, Mounting
 from smad.experiments.recording import Recording
+from smad.progress import Say
 
 if TYPE_CHECKING:
     from smad.client import Client
@@ -33,7 +34,7 @@ class LeasedDriver:
         driver: Driver,
         *,
         lease_s: float,
-        progress: Progress,
+        progress: Say,
         who: str = "smad run",
         sleep: Callable[[float], None] = time.sleep,
         clock_s: Callable[[], float] = time.monotonic,

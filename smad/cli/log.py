@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
 import shlex
 import shutil
 import sys
@@ -16,9 +17,10 @@ import click
 
 from smad.cli import complete
 from smad.cli.layouts import layouts
+from smad.cli.output import shown
 from smad.cli.tables import fitted
 from smad.errors import RunLogError
-from smad.writable import require_writable
+from smad.files import require_writable
 
 if TYPE_CHECKING:
     from smad.runlog.overview import Overview
@@ -27,12 +29,31 @@ if TYPE_CHECKING:
 _EVENTS_SHOWN = 10
 _BAR_STEPS = 1000
 
+_HERE = "runs"
+
+
+def _folder_of_bench(context: click.Context, parameter: click.Parameter, folder: str | None) -> str:
+    """Return the folder given; else that of the bench whose daemon runs; else `runs` here."""
+    if folder is not None or context.resilient_parsing:
+        return folder or _HERE
+    from smad.client import Client
+    from smad.errors import SmadError
+
+    with contextlib.suppress(SmadError):
+        with Client(os.environ.get("SMAD_BENCH", "bench"), timeout_s=_ASKED_S) as bench_client:
+            of_bench = bench_client.status().recorder.folder
+        if of_bench and Path(of_bench).is_dir():
+            return shown(of_bench)
+    return _HERE
+
+
+_ASKED_S = 2.0
 _folder = click.option(
     "--folder",
-    default="runs",
-    show_default=True,
     envvar="SMAD_RUNS",
-    help="Where run logs are, for a PATH left out.",
+    callback=_folder_of_bench,
+    help="Where run logs are, for a PATH left out. Left out itself: the folder of the bench whose "
+    "daemon runs, else runs.",
 )
 _json = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 _axis = click.option("--axis", default="", help="Which axis, of a log of several.")
@@ -43,9 +64,9 @@ _path = click.argument(
 
 @click.group()
 def log() -> None:
-    """Look at run logs; export, import and recover them.
+    """List, show, plot, export, import and recover run logs.
 
-    PATH left out means the newest log of the folder.
+    Without PATH, the newest log of the folder is used.
     """
 
 
@@ -81,7 +102,7 @@ def list_command(place: str | None, folder: str, as_json: bool) -> None:
 @_axis
 @_json
 def show(path: Path | None, folder: str, axis: str, as_json: bool) -> None:
-    """Say what is in a run log: header, ranges of the channels, events."""
+    """Summarise a run log: header, range of each channel, events."""
     from smad.runlog.reader import read_run
     from smad.runlog.summary import summarise
 
@@ -190,6 +211,20 @@ def split(path: Path | None, folder: str) -> None:
 @click.option("--from", "from_s", type=float, default=-math.inf, help="Begin at so many seconds.")
 @click.option("--to", "to_s", type=float, default=math.inf, help="End at so many seconds.")
 @click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")
+@click.option(
+    "--figure",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Write the panels as a figure for print in place of a page: .svg, .pdf or .png.",
+)
+@click.option(
+    "--width",
+    "width_mm",
+    type=click.FloatRange(40.0, 400.0),
+    default=85.0,
+    show_default=True,
+    metavar="MM",
+    help="Width of the figure: one column of a journal; two are some 175.",
+)
 @_axis
 def plot(
     *,
@@ -200,6 +235,8 @@ def plot(
     from_s: float,
     to_s: float,
     open_page: bool,
+    figure: Path | None,
+    width_mm: float,
 ) -> None:
     """Make a page of one or more run logs: panels to zoom, with values under the pointer.
 
@@ -207,7 +244,8 @@ def plot(
     a simulation. The page is one file and needs no network.
     """
     from smad.report.page import write_page
-    from smad.report.runs import page_of, shown
+    from smad.report.runs import page_of
+    from smad.report.runs import shown as shown_runs
     from smad.runlog.reader import read_run
 
     sources = paths or (_resolve(None, folder),)
@@ -215,7 +253,14 @@ def plot(
     for source in sources:
         with _progress(f"reading {source.name}") as progress:
             runs.append(read_run(source, axis=axis, progress=progress))
-    page = page_of(shown(runs, from_s, to_s))
+    drawn = shown_runs(runs, from_s, to_s)
+    if figure is not None:
+        from smad.report.printed import write_figure
+        from smad.report.runs import panels_of
+
+        click.echo(write_figure(panels_of(drawn), figure, width_mm=width_mm))
+        return
+    page = page_of(drawn)
     written = write_page(page, output or sources[0].with_suffix(".html"))
     click.echo(written)
     if open_page:
@@ -257,7 +302,7 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Run log to write.")
 @_json
 def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) -> None:
-    """Rewrite a log that was cut or damaged as a whole one, and say what was lost."""
+    """Rewrite a cut or damaged log as a whole one, and report what was lost."""
     from smad.runlog.holes import words
     from smad.runlog.recover import recover as recover_log
 

@@ -7,12 +7,13 @@ from pathlib import Path
 import click
 
 from smad.cli import complete
+from smad.cli.effects import effect_lines
 from smad.errors import SmadError
 
 
 @click.group()
 def model() -> None:
-    """Take a model file, as of smad gap diagnose --apply, to other programs."""
+    """Export a model file, such as one of smad gap diagnose --apply, to other programs."""
 
 
 @model.command()
@@ -21,7 +22,7 @@ def model() -> None:
               help="Without MODEL: parameter file, or A, B, conserving.")  # fmt: skip
 @click.option("--effect", "effects", multiple=True, metavar="NAME[:P=V,…]",
               shell_complete=complete.effects,
-              help="An effect in addition to the model's, or in place of its own.")  # fmt: skip
+              help="Add an effect, or replace the model's of that name.")  # fmt: skip
 @click.option(
     "--fixture",
     type=click.Choice(["antagonistic", "stretch", "blocked"]),
@@ -49,22 +50,16 @@ def export(
     Without MODEL it is the plant of a parameter set. The unit is C: source, and a binary for this
     machine where it has a compiler. See the page docs/guide/fmi.md.
     """
-    from dataclasses import replace
-
-    from sim_device.plant.effects.registry import from_text, resolve
+    from sim_device.plant.effects.registry import from_text
     from sim_device.plant.errors import PlantError
-    from sim_device.plant.models import Model, read_model
-    from sim_device.plant.parameters import load_parameters
+    from sim_device.plant.models import built_in, read_model
     from smad.fmi.export import Mounted, export_unit
 
     try:
-        given = (
-            Model(load_parameters(params), "extended", {}, params)
-            if source is None
-            else read_model(source)
-        )
-        more = resolve(dict(from_text(text) for text in effects))
-        given = replace(given, effects={**given.effects, **more})
+        given = built_in(params) if source is None else read_model(source)
+        given = given.with_effects(dict(from_text(text) for text in effects))
+        for line in effect_lines(given.effects, effects):
+            click.echo(line, err=True)
         written = export_unit(
             given,
             unit,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import inspect
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,8 +13,11 @@ import msgspec
 from msgspec import inspect as types
 
 from smad.cli.output import NEGATIVE, axis_option, checked, client, wait_for_motion
+from smad.cli.quantity import UNITS, Quantity, typed_units
+from smad.config.bounds import unit_of
 from smad.control.commands import PIECES, Piece, Samples, Trajectory
 from smad.control.segment import millimetres
+from smad.errors import SmadError
 from smad.records.points import TIME, read_points
 
 DISPLACEMENT_COLUMN = "displacement_mm"
@@ -71,8 +75,21 @@ def command_of(piece: type[Piece]) -> click.Command | None:
     def send(*, unit_mm: float = 1.0, queue: bool, wait: bool, bench: str, **given: Any) -> None:
         # click knows its arguments in lower case only.
         named = {name: given[name] if name in given else given[name.lower()] for name in names}
+        units = typed_units(click.get_current_context())
+        for name in lengths if unit_mm != 1.0 else ():
+            if typed_unit := units.get(name) or units.get(name.lower()):
+                raise click.BadParameter(
+                    f"a length in {typed_unit} contradicts --deg", param_hint=repr(typed[name])
+                )
         scaled = {name: named[name] * unit_mm for name in lengths}
-        made = checked(piece(**{**named, **scaled}), typed)
+        try:
+            made = checked(piece(**{**named, **scaled}), typed)
+        except click.BadParameter as refused:
+            if limit := _limit_of_bench(bench):
+                raise click.BadParameter(
+                    f"{refused.message}; this bench allows {limit}", param_hint=refused.param_hint
+                ) from None
+            raise
         _send(cast("Trajectory", made), queue=queue, wait=wait, bench=bench)
 
     told = [
@@ -88,6 +105,19 @@ def command_of(piece: type[Piece]) -> click.Command | None:
         context_settings=NEGATIVE,
     )
     return axis_option(command)
+
+
+def _limit_of_bench(bench: str) -> str:
+    """Return how far the running bench may be moved, in words; empty where none answers."""
+    from smad.config import parse_config
+
+    with contextlib.suppress(SmadError), client(bench) as bench_client:
+        limits = parse_config(bench_client.config()).limits
+        return (
+            f"up to ±{limits.displacement_max_mm:g} mm "
+            f"and {limits.reference_rate_max_mm_per_s:g} mm/s"
+        )
+    return ""
 
 
 _VALUES: dict[type[types.Type], click.ParamType[Any]] = {
@@ -111,6 +141,8 @@ def _parameter(
     field: types.Field, value: click.ParamType[Any] | None, meta: Mapping[str, Any]
 ) -> click.Parameter:
     usual = meta.get("usual", field.default)
+    if value is click.FLOAT and (unit := unit_of(field.name)) in UNITS:
+        value = Quantity(unit)
     if usual is msgspec.NODEFAULT:
         return click.Argument([field.name], type=value, metavar=field.name.upper())
     unit = next((unit for unit in _UNITS if field.name.endswith(unit)), "")

@@ -50,7 +50,7 @@ def checked(command: C, typed: Mapping[str, str]) -> C:
     """
     import msgspec
 
-    from smad.bounds import field_and_words, unit_of
+    from smad.config.bounds import field_and_words, unit_of
 
     values = msgspec.to_builtins(command)
     for name, value in values.items():
@@ -105,7 +105,7 @@ lease_option = click.option(
     default=2.0,
     show_default=True,
     metavar="S",
-    help="On a real bench: the daemon disarms when this program was silent for so long.",
+    help="On a real bench: the daemon disarms after this time without a message from this program.",
 )
 
 

@@ -9,7 +9,7 @@ from smad.cli.output import bench_option, client, shown
 
 @click.group()
 def record() -> None:
-    """Record a run. Arming records by itself, unless the configuration says otherwise."""
+    """Record a run. Arming starts a recording, unless the configuration says otherwise."""
 
 
 @record.command()
@@ -18,7 +18,7 @@ def record() -> None:
 def start(name: str, bench: str) -> None:
     """Begin a run log; NAME goes into the file's name.
 
-    Without NAME, the log that arming began becomes this one; with it, that log ends.
+    Without NAME, the log that arming started continues. With NAME, it ends and a new one begins.
     """
     with client(bench) as bench_client:
         status = bench_client.start_recording(name)

@@ -68,7 +68,7 @@ def repeat(
 
 
 def _virtual(found: Repeat, name: str, folder: Path, seed: int) -> Path:
-    from sim_device.plant import load_parameters
+    from sim_device.plant.models import built_in
     from smad.config import Config
     from smad.experiments.driver import log_path
     from smad.experiments.errors import EndedEarlyError, ExperimentError, TrippedError
@@ -84,7 +84,7 @@ def _virtual(found: Repeat, name: str, folder: Path, seed: int) -> Path:
             action="give another folder with --save-logs, or move it away",
         )
     with progress() as line:
-        driver = VirtualDriver(load_parameters("A"), seed=seed, folder=folder, progress=line.say)
+        driver = VirtualDriver(built_in("A"), seed=seed, folder=folder, progress=line.say)
         try:
             driver.run(plan)
         except (EndedEarlyError, TrippedError):

@@ -11,6 +11,7 @@ import click
 from smad.cli import complete
 from smad.cli.output import axis_option, lease_option, progress
 from smad.errors import SmadError
+from smad.files import write_whole
 
 if TYPE_CHECKING:
     from sim_device.plant.models import Model
@@ -188,15 +189,12 @@ def _print_json(value: object) -> None:
 
 
 def _model(parameters: str, model_file: Path | None) -> Model:
-    """Parameters, variant, effects and laws of the simulated bench."""
+    """The model of the simulated bench."""
     from sim_device.plant.errors import PlantError
-    from sim_device.plant.models import Model, read_model
-    from sim_device.plant.parameters import load_parameters
+    from sim_device.plant.models import built_in, read_model
 
     try:
-        if model_file is None:
-            return Model(load_parameters(parameters), "extended", {}, parameters)
-        return read_model(model_file)
+        return built_in(parameters) if model_file is None else read_model(model_file)
     except PlantError as error:
         raise SmadError(str(error)) from None
 
@@ -248,7 +246,7 @@ def _simulated(
     import msgspec
 
     from smad.config import Config, load_config
-    from smad.experiments.campaign import Bench, run_campaign
+    from smad.experiments.campaign import CampaignBench, run_campaign
     from smad.experiments.inverse import feedforward_of
 
     file = options["config_file"]
@@ -260,15 +258,12 @@ def _simulated(
         )
         config = msgspec.structs.replace(config, control=control)
     model = given.parameters
-    bench = Bench(
-        model,
-        config,
-        options["seed"],
-        given.variant,
-        given.effects,
-        given.laws,
-        frozenset(options["lacking"]),
-        options["save_logs"],
+    bench = CampaignBench(
+        given,
+        config=config,
+        seed=options["seed"],
+        lacking=frozenset(options["lacking"]),
+        folder=options["save_logs"],
     )
     facts = [("bench", f"simulated, {given.variant}, seed {options['seed']}")]
     jobs = options["jobs"] or os.cpu_count() or 1
@@ -349,7 +344,7 @@ def _print_tables(result: CampaignResult, model: ParameterSet, given: ParameterS
 
 def _write_text(path: Path, text: str) -> None:
     try:
-        path.write_text(text, encoding="utf-8")
+        write_whole(path, text)
     except OSError as error:
         raise SmadError(
             f"the parameter file cannot be written ({error.strerror})",

@@ -146,18 +146,18 @@ class _Simulated:
     """A simulated bench that ages from block to block."""
 
     def __init__(self, folder: Path, seed: int, effects: tuple[str, ...]) -> None:
-        from sim_device.plant import load_parameters
-        from sim_device.plant.effects.registry import from_text, resolve
+        from sim_device.plant.effects.registry import from_text
         from sim_device.plant.errors import PlantError
+        from sim_device.plant.models import built_in
         from smad.experiments.virtual import VirtualDriver
 
         try:
-            chosen = resolve(dict(from_text(text) for text in effects))
+            model = built_in("A").with_effects(dict(from_text(text) for text in effects))
         except PlantError as error:
             raise click.UsageError(f"--effect: {error}") from None
         self.folder = folder
         self.log: Path | None = None
-        self.driver = VirtualDriver(load_parameters("A"), seed=seed, effects=chosen, folder=folder)
+        self.driver = VirtualDriver(model, seed=seed, folder=folder)
 
     def run(self, plan: Plan) -> Recording:
         from smad.experiments.driver import log_path

@@ -32,9 +32,9 @@ def install(root: Path, overwrite: bool) -> None:
 
     The unit starts the smad that this command belongs to.
     """
-    from smad.service import files
+    from smad.processes import service as service_files
 
-    for path in files.install(root, _program(), overwrite=overwrite):
+    for path in service_files.install(root, _program(), overwrite=overwrite):
         click.echo(path)
     click.echo(_NEXT)
 
@@ -42,10 +42,10 @@ def install(root: Path, overwrite: bool) -> None:
 @service.command()
 def show() -> None:
     """Print both files as `install` would write them."""
-    from smad.service import files
+    from smad.processes import service as service_files
 
-    for name, place in files.PLACES.items():
-        click.echo(f"# /{place}/{name}\n{files.content(name, _program())}")
+    for name, place in service_files.PLACES.items():
+        click.echo(f"# /{place}/{name}\n{service_files.content(name, _program())}")
 
 
 def _program() -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ import click
 import msgspec
 
 from smad.cli import complete
+from smad.cli.effects import effect_lines
 from smad.cli.output import Finite
 from smad.errors import SmadError
 from smad.processes.simulator import READY
@@ -141,6 +143,8 @@ def sim(
                     axis=axis,
                 )
                 built.callback(benches[axis].close)
+            for line in effect_lines(next(iter(benches.values())).plant.effects, effects):
+                click.echo(line, err=True)
             stats, counts = serve(
                 benches,
                 speed=config.plant.speed_ratio if speed is None else speed,
@@ -201,24 +205,19 @@ def build(
     """
     from sim_device.bench import SimulatedBench
     from sim_device.faults import parse_injection
-    from sim_device.plant import load_parameters
     from sim_device.plant.effects.registry import from_text
-    from sim_device.plant.models import read_model
+    from sim_device.plant.models import built_in, read_model
 
     plant = config.plant
-    if model_path is not None:
-        model = read_model(model_path)
-        parameters, variant, own, laws = model.parameters, model.variant, model.effects, model.laws
+    if model_path is None:
+        model = replace(built_in(plant.parameter_file or "A"), variant=plant.variant)
+        model = model.with_effects(plant.effects)
     else:
-        file = plant.parameter_file
-        parameters = load_parameters(Path(file) if file else "A")
-        variant, own, laws = plant.variant, plant.effects, ()
+        model = read_model(model_path)
+    model = model.with_effects(dict(from_text(text) for text in effects))
     make = SimulatedBench if firmware == "python" else _with_firmware(firmware, store_path)
     return make(
-        parameters=parameters,
-        variant=variant,
-        effects={**own, **dict(from_text(text) for text in effects)},
-        laws=laws,
+        **model.physics,
         fixture=plant.fixture,
         rate_hz=rate_hz,
         seed=seed,

@@ -33,8 +33,8 @@ def six_axes(
 
     Arms the bench that is running (or with --sim its own), and disarms at the end.
     """
+    from smad.experiments.circles import Circles, draw, page_of, table, trackings
     from smad.report.page import markdown_table, write_page
-    from smad.robot.circles import Circles, draw, page_of, table, trackings
     from smad.runlog.reader import read_axes
 
     with _simulated() if sim else client(bench) as connected, progress() as line:

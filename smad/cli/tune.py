@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +10,7 @@ import click
 
 from smad.cli.output import axis_option, client, progress
 from smad.errors import CommandError
+from smad.files import write_whole
 
 if TYPE_CHECKING:
     from smad.experiments.tuning import Session
@@ -24,12 +26,21 @@ if TYPE_CHECKING:
               help="Write the section of the configuration to a new file.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--lease", type=click.FloatRange(1.0, 600.0), default=2.0, show_default=True,
-              metavar="S", help="Disarm when this command is silent for so long.")  # fmt: skip
+              metavar="S", help="Disarm after this time without a message from here.")  # fmt: skip
+@click.option("--yes", is_flag=True, help="Do not ask before the bench is armed and heated.")
 @axis_option
 def tune(
-    *, loop: str, spring: str, trial: bool, apply: bool, save: Path | None, as_json: bool,
-    lease: float, bench: str,
-) -> None:  # fmt: skip
+    *,
+    loop: str,
+    spring: str,
+    trial: bool,
+    apply: bool,
+    save: Path | None,
+    as_json: bool,
+    lease: float,
+    yes: bool,
+    bench: str,
+) -> None:
     """Find gains of the displacement LOOP, or of the temperature loop, on the running bench.
 
     Arms, waits until the springs are cold, moves by some ±4 mm, and disarms; two to four minutes.
@@ -43,10 +54,12 @@ def tune(
             f"{save} exists", action="name a new file, and copy the section from it; nothing moved"
         )
     require_ready(outputs=[save])
+    if not yes:
+        _ask()
     session = _session(loop, spring, trial=trial, apply=apply, lease_s=lease, bench=bench)
     section = session.tuned.toml()
     if save is not None and not session.worse:
-        save.write_text(section)
+        write_whole(save, section)
     if as_json:
         _print_json(session, section)
         return
@@ -59,6 +72,20 @@ def tune(
         click.echo("in force until the daemon ends; keep the section in its configuration")
     if save is not None:
         click.echo(f"written to {save}")
+
+
+def _ask() -> None:
+    """Ask before current flows. Raises CommandError where nobody can answer, or says no."""
+    if not sys.stdin.isatty():
+        raise CommandError(
+            "smad tune arms the bench and heats its springs, and nobody can be asked here",
+            action="add --yes",
+        )
+    click.echo(
+        "This arms the bench, heats its springs and moves some ±4 mm, for 2 to 4 min.", err=True
+    )
+    if not click.confirm("Go on?", err=True):
+        raise CommandError("not begun; nothing was armed")
 
 
 def _session(

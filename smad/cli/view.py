@@ -48,7 +48,7 @@ def _tell(links: Links) -> None:
     if links.command:
         click.echo(f"command: {links.command}")
     click.echo(f"watch:   {links.watch}")
-    click.echo("Whoever has a link can use it; ctrl-C ends the page, not the bench.")
+    click.echo("Anyone with a link can use it. Ctrl-C ends the page, not the bench.")
 
 
 def _open(links: Links) -> None:

@@ -22,7 +22,7 @@ STOP_KEYS = frozenset(" sS")
 QUIT_KEYS = frozenset("qQ")
 
 
-class Bench(Protocol):
+class WatchedClient(Protocol):
     """What of a client is used here."""
 
     def status(self) -> Status:
@@ -45,7 +45,7 @@ class Terminal(Protocol):
         """Return the next key, or nothing when none came in time."""
 
 
-def watch(bench: Bench, terminal: Terminal, clock_s: Callable[[], float]) -> None:
+def watch(bench: WatchedClient, terminal: Terminal, clock_s: Callable[[], float]) -> None:
     """Show the bench until somebody quits."""
     history, now, away, said = History(), None, "", ""
     due_s = clock_s()
@@ -67,7 +67,7 @@ def watch(bench: Bench, terminal: Terminal, clock_s: Callable[[], float]) -> Non
             due_s = clock_s()
 
 
-def _stopped(bench: Bench) -> str:
+def _stopped(bench: WatchedClient) -> str:
     try:
         return f"stopped: the board is in {bench.disarm().mode}"
     except SmadError as error:
@@ -125,7 +125,7 @@ _COLOURS: dict[Style, str] = {
 }
 
 
-def run(bench: Bench) -> None:
+def run(bench: WatchedClient) -> None:
     """Watch in this terminal, and leave it as it was; ctrl-C quits too."""
     with _curses() as terminal, contextlib.suppress(KeyboardInterrupt):
         watch(bench, terminal, time.monotonic)

@@ -14,7 +14,7 @@ from smad.api import Entry, Percentiles, Status
 from smad.cli.axis_lines import aged, axis_lines
 from smad.cli.output import shown
 from smad.runlog.schema import Row
-from smad.view.strips import STRIPS, Curve, Strip
+from smad.style.strips import STRIPS, Curve, Strip
 
 LEAST_COLUMNS, LEAST_ROWS = 60, 20
 MOST_HISTORY = 240

@@ -15,7 +15,7 @@ from msgspec import Struct
 from smad.api import BY_PARAMS, LARGEST_MESSAGE, Arm, ErrorData, Reason, Telemetry
 from smad.client.endpoints import Connection, candidate_folders, read_connection
 from smad.client.errors import NoAnswer, NoDaemon, Refused, refused
-from smad.curve_key import KEY_CHARACTERS, is_curve_key
+from smad.config.curve_key import KEY_CHARACTERS, is_curve_key
 from smad.errors import ConfigError
 
 LOOK_S = 0.5

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 import msgspec
 
 from firmware_protocol.nearest import instead
-from smad.bounds import in_words
+from smad.config.bounds import in_words
 from smad.config.describe import find_section
 from smad.config.model import Config
 from smad.errors import ConfigError

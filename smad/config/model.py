@@ -21,9 +21,9 @@ from smad.config.axes import (
     inverse,
 )
 from smad.config.control import ControlConfig, LimitsConfig
+from smad.config.curve_key import KEY_CHARACTERS, is_curve_key
 from smad.config.hooks import HooksConfig
 from smad.config.section import HOST, Section
-from smad.curve_key import KEY_CHARACTERS, is_curve_key
 from smad.errors import ConfigError
 
 

@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 import msgspec
 from msgspec import Meta, Struct
 
-from smad.bounds import field_and_words
+from smad.config.bounds import field_and_words
 from smad.errors import CommandError
 
 LONGEST_SAMPLES = 1500

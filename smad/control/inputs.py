@@ -76,16 +76,22 @@ class _Watch:
     def __init__(self, config: RepeatConfig) -> None:
         self._for_s = config.for_s
         self._allowed = (
-            config.displacement_mm, config.temperature_K, config.temperature_K, config.force_N
-        )  # fmt: skip
+            config.displacement_mm,
+            config.temperature_K,
+            config.temperature_K,
+            config.force_N,
+        )
         self._beyond_s = [0.0] * len(READINGS)
 
     def step(
         self, piece: FollowInputs, row: int, sample: Sample, t_s: float, dt_s: float
     ) -> Departure | None:
         measured = (
-            sample.displacement_m * 1e3, sample.rtd_degC[0], sample.rtd_degC[1], sample.force_N
-        )  # fmt: skip
+            sample.displacement_m * 1e3,
+            sample.rtd_degC[0],
+            sample.rtd_degC[1],
+            sample.force_N,
+        )
         for k, name in enumerate(READINGS):
             column = getattr(piece, name)
             recorded = column[row] if column else None

@@ -56,9 +56,13 @@ class StepResponse:
 
 
 def step_response(
-    t_s: ArrayLike, actual: ArrayLike, target: float, *, start: float | None = None,
+    t_s: ArrayLike,
+    actual: ArrayLike,
+    target: float,
+    *,
+    start: float | None = None,
     band_fraction: float = 0.05,
-) -> StepResponse:  # fmt: skip
+) -> StepResponse:
     """The response to a step to `target` asked for at `t_s[0]`, from `start` (or `actual[0]`).
 
     Raises ValueError when the arrays are empty or the step has no height.
@@ -121,9 +125,11 @@ RIPPLE_WINDOW_S = 5.0
 
 
 def hold_quality(
-    t_s: ArrayLike, error: ArrayLike, i_A: tuple[ArrayLike, ArrayLike],
+    t_s: ArrayLike,
+    error: ArrayLike,
+    i_A: tuple[ArrayLike, ArrayLike],
     duty: tuple[ArrayLike, ArrayLike],
-) -> HoldQuality:  # fmt: skip
+) -> HoldQuality:
     """The quality of a hold from recorded arrays of equal length, sampled evenly."""
     t, e = np.asarray(t_s, float), np.asarray(error, float)
     signed_A = np.asarray(i_A[0], float) - np.asarray(i_A[1], float)

@@ -181,9 +181,13 @@ class DisplacementMode:
             if blind or not (there and (self._hold.arrived or self._turned)):
                 return self._arrive(followed_m, direction, before, dt_s)
             self._kept = KeptPair(
-                config.hold, self._limit_A, config.anti_windup_time_s,
-                warm_degC=warm_degC, now_A=self._u_A, error_m=followed_m,
-            )  # fmt: skip
+                config.hold,
+                self._limit_A,
+                config.anti_windup_time_s,
+                warm_degC=warm_degC,
+                now_A=self._u_A,
+                error_m=followed_m,
+            )
         i_A = self._kept.step(followed_m, warm_degC, dt_s)
         # What goes on when the quiet ends.
         self._u_A = i_A[0] - i_A[1]

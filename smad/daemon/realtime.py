@@ -20,9 +20,9 @@ import threading
 import time
 from collections.abc import Callable
 
-from smad import survival
 from smad.api import Measure
 from smad.config import RealtimeConfig
+from smad.processes import oom
 
 _PR_SET_TIMERSLACK = 29
 _PR_GET_TIMERSLACK = 30
@@ -170,11 +170,11 @@ def _open_files() -> Measure:
 
 def _survival() -> Measure:
     name = "ended last when memory runs out"
-    before = survival.score()
-    now = survival.protect()
+    before = oom.score()
+    now = oom.protect()
     if now is None:
         return Measure(name, False, False, "this system has no oom_score_adj")
-    granted = now <= survival.LAST
+    granted = now <= oom.LAST
     # Quietly: a daemon that is started by hand is never granted it, and needs no line about it.
     asked = granted or (before is not None and before < 0)
     said = f"oom_score_adj {now}"

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import contextlib
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from smad.api import Motion, Status
-from smad.client import BoardRefused, Client, NotReady, Refused, Stopped
+from smad.client import BoardRefused, Client, NotReady, Stopped
+from smad.client.arming import arm_when_allowed
 from smad.control.commands import Hold, Sine, Step, Trajectory
 from smad.errors import SmadError
+from smad.progress import Say
 
 STEP_MM = 10.0
 DWELL_S = 20.0
@@ -29,8 +30,6 @@ CYCLE: tuple[Trajectory, ...] = (
 )
 LENGTH_S = 3 * DWELL_S + PERIOD_S * CYCLES + REST_S
 
-Say = Callable[[str], None]
-
 
 @dataclass(frozen=True)
 class Done:
@@ -43,7 +42,7 @@ class Done:
 def run_cycle(client: Client, say: Say) -> Done:
     """Arm, record, run the cycle, disarm. Raises SmadError when the bench stops early."""
     client.as_of(client.motion().generation)
-    arm(client, say)
+    arm_when_allowed(client, ARM_DEADLINE_S, lambda: say("waiting until the board can be armed"))
     began_s = client.motion().board_time_s
     recorder = client.start_recording("demo")
     client.move(*CYCLE)
@@ -60,7 +59,7 @@ def run_cycle(client: Client, say: Say) -> Done:
 
 def run_in_real_time(client: Client, seconds: float, say: Say) -> Status:
     """Arm, move gently for so long by the wall clock, disarm; return the status before that."""
-    arm(client, say)
+    arm_when_allowed(client, ARM_DEADLINE_S, lambda: say("waiting until the board can be armed"))
     client.move(Sine(amplitude_mm=1.0, period_s=seconds, cycles=1))
     client.wait_until_done(lambda motion: say("measuring the setpoint's age in real time"))
     status = client.status()
@@ -104,23 +103,3 @@ def _why(client: Client) -> str:
 def _says_why(text: str) -> bool:
     """Whether an event is the cause of a stop, and not what follows from it."""
     return any(word in text for word in ("silent", "stopped", "lost", "restarted"))
-
-
-def arm(client: Client, say: Say) -> None:
-    """Arm as soon as the board allows it: its clock and ours need a moment to align.
-
-    Raises Refused with the board's reason when it still refuses after two minutes.
-    """
-    deadline = time.monotonic() + ARM_DEADLINE_S
-    while True:
-        try:
-            client.arm()
-        except NotReady:
-            raise
-        except Refused:
-            if time.monotonic() > deadline:
-                raise
-            say("waiting until the board can be armed")
-            time.sleep(0.1)
-        else:
-            return

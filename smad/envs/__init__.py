@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from smad.parts import part
+from smad.extras import part
 
 if TYPE_CHECKING:
     from smad.envs.bench import on_bench

@@ -27,7 +27,7 @@ _REFERENCE_STEP_S = 0.01
 _OFF = DriveCurrent(i_x_A=0.0, i_y_A=0.0)
 
 
-class Bench(Protocol):
+class BenchClient(Protocol):
     """What is used of `smad.Client`."""
 
     def take_control(self, name: str, lease_s: float = ...) -> Control: ...
@@ -112,7 +112,7 @@ class Answering:
             raise PolicyFailed(
                 "the policy failed, and the bench is disarmed",
                 value=f"{type(error).__name__}: {error}",
-                action="mend the policy; try it in the environment first",
+                action="correct the policy; try it in the environment first",
             ) from error
         return DriveCurrent(i_x_A=i_x, i_y_A=i_y, pump_x_duty=duty_x, pump_y_duty=duty_y)
 
@@ -120,7 +120,7 @@ class Answering:
 def on_bench(
     policy: Policy,
     *,
-    client: Bench | None = None,
+    client: BenchClient | None = None,
     action: str = "currents",
     reference: str | references.Reference = "sines",
     duration_s: float = 20.0,
@@ -142,9 +142,16 @@ def on_bench(
     if client is None:
         with Client() as own:
             return on_bench(
-                policy, client=own, action=action, reference=reference, duration_s=duration_s,
-                seed=seed, name=name, lease_s=lease_s, clock=clock,
-            )  # fmt: skip
+                policy,
+                client=own,
+                action=action,
+                reference=reference,
+                duration_s=duration_s,
+                seed=seed,
+                name=name,
+                lease_s=lease_s,
+                clock=clock,
+            )
     answering = Answering(
         policy, action=action, reference=reference, duration_s=duration_s, seed=seed
     )
@@ -165,7 +172,7 @@ def on_bench(
 
 
 @contextmanager
-def _leased(client: Bench, name: str, lease_s: float) -> Iterator[None]:
+def _leased(client: BenchClient, name: str, lease_s: float) -> Iterator[None]:
     # Not `in_control`: that renews the lease in the background, however long a policy thinks.
     client.take_control(name, lease_s)
     try:
@@ -174,7 +181,7 @@ def _leased(client: Bench, name: str, lease_s: float) -> Iterator[None]:
         client.release_control()
 
 
-def _drive(client: Bench, answering: Answering, clock: Callable[[], float]) -> int:
+def _drive(client: BenchClient, answering: Answering, clock: Callable[[], float]) -> int:
     """Answer samples until the time is over; returns how often the policy was late."""
     late = 0
     samples = client.telemetry()

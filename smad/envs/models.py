@@ -9,8 +9,8 @@ import numpy as np
 
 from sim_device.plant.draws import draw, draw_between, setup_of
 from sim_device.plant.errors import PlantError
-from sim_device.plant.models import Model, read_model
-from sim_device.plant.parameters import built_in_sets, load_parameters
+from sim_device.plant.models import Model, built_in, read_model
+from sim_device.plant.parameters import built_in_sets
 from sim_device.plant.setup import Setup
 from smad.envs.errors import EnvError
 
@@ -27,7 +27,7 @@ def model_of(given: str | Path | Model) -> Model:
     if isinstance(given, Model):
         return given
     if str(given) in built_in_sets():
-        return Model(load_parameters(str(given)), "extended", {}, str(given))
+        return built_in(str(given))
     try:
         return read_model(given)
     except PlantError as error:

@@ -106,8 +106,11 @@ class Search:
         """The weights it ends with. All candidates of a generation meet the same plants and
         references. Raises EnvError for an environment of another size."""
         if env.num_envs != self.num_envs:
-            raise EnvError("the search needs another vector", value=env.num_envs,
-                           limit=f"num_envs={self.num_envs}")  # fmt: skip
+            raise EnvError(
+                "the search needs another vector",
+                value=env.num_envs,
+                limit=f"num_envs={self.num_envs}",
+            )
         rng = np.random.default_rng(seed)
         mean, spread = START.copy(), SPREAD.copy()
         for generation in range(self.generations):

@@ -26,8 +26,10 @@ class SpringPairVectorEnv(VectorEnv[Any, Any, Any]):
     """
 
     metadata = {  # noqa: RUF012
-        "render_modes": [], "render_fps": FRAMES_PER_S, "autoreset_mode": AutoresetMode.NEXT_STEP,
-    }  # fmt: skip
+        "render_modes": [],
+        "render_fps": FRAMES_PER_S,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
 
     def __init__(
         self,

@@ -12,7 +12,7 @@ from msgspec import Struct
 
 from firmware_protocol.nearest import instead
 from sim_device.plant.parameters import ParameterSet
-from smad.bounds import field_and_words
+from smad.config.bounds import field_and_words
 from smad.control.commands import Tune
 from smad.control.plan import Do
 from smad.experiments.contradictions import reference

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from sim_device.plant.errors import PlantError
-from sim_device.plant.laws import Law
+from sim_device.plant.models import Model
 from sim_device.plant.parameters import ParameterSet
 from smad.config import Config
 from smad.experiments.base import Experiment, Findings
@@ -19,35 +19,28 @@ from smad.experiments.errors import ExperimentError
 from smad.experiments.estimate import Estimate, with_estimates
 from smad.experiments.recording import Recording
 from smad.experiments.virtual import VirtualDriver
+from smad.progress import Say
 from smad.report.panels import Panels
 from smad.report.planes import planes_of
 from smad.report.runs import PENS
 
-Progress = Callable[[str], None]
-
 
 @dataclass(frozen=True)
-class Bench:
+class CampaignBench:
     """The simulated bench of a campaign: everything that a worker process needs to make it."""
 
-    parameters: ParameterSet
+    model: Model
     config: Config = field(default_factory=Config)
     seed: int = 0
-    variant: str = "extended"
-    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    laws: tuple[Law, ...] = ()
     lacking: frozenset[str] = frozenset()
     folder: Path | None = None
 
-    def driver(self, progress: Progress | None = None) -> VirtualDriver:
+    def driver(self, progress: Say | None = None) -> VirtualDriver:
         """A driver of this bench."""
         return VirtualDriver(
-            self.parameters,
+            self.model,
             config=self.config,
             seed=self.seed,
-            variant=self.variant,
-            effects=self.effects,
-            laws=self.laws,
             lacking=self.lacking,
             folder=self.folder,
             progress=progress,
@@ -74,10 +67,10 @@ class CampaignResult:
 
 def run_campaign(
     experiments: Sequence[Experiment[Any]],
-    bench: Bench,
+    bench: CampaignBench,
     model: ParameterSet,
     executor: Executor | None = None,
-    progress: Progress = lambda text: None,
+    progress: Say = lambda text: None,
 ) -> CampaignResult:
     """Run the experiments on the simulated bench and analyse them against `model`.
 
@@ -98,7 +91,7 @@ def run_on(
     experiments: Sequence[Experiment[Any]],
     driver: Driver,
     model: ParameterSet,
-    progress: Progress = lambda text: None,
+    progress: Say = lambda text: None,
 ) -> CampaignResult:
     """The same, one after the other on one driver, such as a real bench."""
     for experiment in experiments:
@@ -166,12 +159,12 @@ def left(done: int, total: int, took_s: float) -> str:
     )
 
 
-def _conduct_one(experiment: Experiment[Any], trial: str, bench: Bench) -> Any:
+def _conduct_one(experiment: Experiment[Any], trial: str, bench: CampaignBench) -> Any:
     return experiment.conduct(trial, bench.driver())
 
 
 def _conduct_here(
-    experiments: Sequence[Experiment[Any]], bench: Bench, progress: Progress
+    experiments: Sequence[Experiment[Any]], bench: CampaignBench, progress: Say
 ) -> dict[str, dict[str, Any]]:
     return {
         experiment.name: {
@@ -183,7 +176,7 @@ def _conduct_here(
 
 
 def _conduct_there(
-    experiments: Sequence[Experiment[Any]], bench: Bench, executor: Executor, progress: Progress
+    experiments: Sequence[Experiment[Any]], bench: CampaignBench, executor: Executor, progress: Say
 ) -> dict[str, dict[str, Any]]:
     # The experiment with the most trials first: its long ones would otherwise be left at the end.
     order = sorted(experiments, key=lambda experiment: -len(experiment.trials()))

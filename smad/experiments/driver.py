@@ -5,7 +5,7 @@ An experiment sees only `Driver`, so it cannot tell them apart.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -25,8 +25,6 @@ PARTS: Mapping[str, str] = {
     "drain": "the drain valves",
 }
 """What an experiment may need: channels of the run log, and actuators, with their names."""
-
-Progress = Callable[[str], None]
 
 
 def log_name(plan: Plan) -> str:

@@ -24,7 +24,7 @@ from smad.control.commands import (
 from smad.control.inforce import tune_of
 from smad.control.plan import Cooling, Do, Fixture, Mark, Pause, Plan, UntilDone
 from smad.errors import CommandError
-from smad.experiments.driver import PARTS, Mounting, Progress, log_name
+from smad.experiments.driver import PARTS, Mounting, log_name
 from smad.experiments.errors import (
     BenchLacksError,
     EndedEarlyError,
@@ -35,6 +35,7 @@ from smad.experiments.errors import (
 from smad.experiments.logs import recording_of
 from smad.experiments.recording import Recording
 from smad.experiments.virtual import MARK
+from smad.progress import Say
 from smad.runlog.one_axis import extract
 from smad.runlog.reader import read_run
 from smad.runlog.schema import CUT
@@ -70,7 +71,7 @@ class LiveDriver:
         *,
         fixture: Fixture = "antagonistic",
         cooling: Cooling = "water",
-        progress: Progress | None = None,
+        progress: Say | None = None,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self._client = client

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from smad.errors import CommandError
-from smad.parts import BROUGHT_BY, missing
-from smad.writable import require_writable
+from smad.extras import BROUGHT_BY, missing
+from smad.files import require_writable
 
 if TYPE_CHECKING:
     from smad.client import Client

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from smad.control.commands import DriveCurrent
 from smad.control.plan import Plan
-from smad.experiments.driver import Progress
 from smad.experiments.errors import ExperimentError
 from smad.experiments.live import LiveDriver
 from smad.experiments.rest import NEAR_K, NEAR_MM, Start, start_of_row
+from smad.progress import Say
 
 if TYPE_CHECKING:
     from smad.client import Client
@@ -35,10 +35,10 @@ class Replayer(LiveDriver):
         self,
         client: Client,
         *,
-        progress: Progress | None = None,
+        progress: Say | None = None,
         sleep: Callable[[float], None],
         strokes: bool = False,
-        elsewhere: Progress | None = None,
+        elsewhere: Say | None = None,
     ) -> None:
         super().__init__(client, progress=progress, sleep=sleep)
         self.start: Start | None = None
@@ -49,10 +49,12 @@ class Replayer(LiveDriver):
         """Cool, make the strokes, and wait until the bench is where it was, or say why not."""
         self.cool(plan, COLD_K)
         if self._strokes or self._away():
-            self._stroke(plan, DriveCurrent(i_y_A=STROKE_A, stop_spring="y",
-                                            stop_above_degC=STROKE_DEGC))  # fmt: skip
-            self._stroke(plan, DriveCurrent(i_x_A=STROKE_A, stop_spring="x",
-                                            stop_above_degC=STROKE_DEGC))  # fmt: skip
+            self._stroke(
+                plan, DriveCurrent(i_y_A=STROKE_A, stop_spring="y", stop_above_degC=STROKE_DEGC)
+            )
+            self._stroke(
+                plan, DriveCurrent(i_x_A=STROKE_A, stop_spring="x", stop_above_degC=STROKE_DEGC)
+            )
         self.pause(plan, SETTLE_S)
         away = self._away()
         if away and self._elsewhere is not None:

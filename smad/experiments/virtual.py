@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
@@ -11,8 +11,8 @@ import numpy as np
 
 from firmware_protocol.messages import Setpoint, State
 from firmware_protocol.nearest import instead
-from sim_device.plant.laws import Law
-from sim_device.plant.parameters import ParameterSet, parameters_text
+from sim_device.plant.models import Model
+from sim_device.plant.parameters import parameters_text
 from smad.config import Config, config_to_toml
 from smad.control.controller import Controller
 from smad.control.cooling import PumpStarts
@@ -20,9 +20,10 @@ from smad.control.errors import BenchStoppedError, PlanError
 from smad.control.plan import Plan
 from smad.control.runner import run_virtual
 from smad.control.sample import Sample
-from smad.experiments.driver import PARTS, Mounting, Progress, log_name, log_path
+from smad.experiments.driver import PARTS, Mounting, log_name, log_path
 from smad.experiments.errors import EndedEarlyError, ExperimentError, TrippedError
 from smad.experiments.recording import Recording
+from smad.progress import Say
 from smad.runlog.reader import columns_of
 from smad.runlog.rows import row_of
 from smad.runlog.schema import Event, Record, Row
@@ -33,31 +34,25 @@ class VirtualDriver:
 
     `seed` and the name of the plan decide the noise, so that runs differ and repeat. `lacking`
     takes parts away, as on a bench without them (ExperimentError for one that is not in `PARTS`).
-    With `folder` each run is also written there as a run log. `variant` and `effects` are those of
-    the plant. `cycles` are those that each spring has behind it at the next run, and has after it.
+    With `folder` each run is also written there as a run log. `cycles` are those that each spring
+    has behind it at the next run, and has after it.
     """
 
     cycles = (0.0, 0.0)
 
     def __init__(
         self,
-        parameters: ParameterSet,
+        model: Model,
         *,
         config: Config | None = None,
         seed: int = 0,
-        variant: str = "extended",
-        effects: Mapping[str, Mapping[str, float]] | None = None,
-        laws: Sequence[Law] = (),
         lacking: frozenset[str] = frozenset(),
         folder: Path | None = None,
-        progress: Progress | None = None,
+        progress: Say | None = None,
     ) -> None:
-        self._parameters = parameters
+        self._model = model
         self._config = config or Config()
         self._seed = seed
-        self._variant = variant
-        self._effects = effects or {}
-        self._laws = tuple(laws)
         self._lacking = _known_parts(lacking)
         self._folder = folder
         self._progress = progress
@@ -103,10 +98,7 @@ class VirtualDriver:
         controller = Controller(self._config.control, self._config.limits)
         try:
             bench = SimulatedBench(
-                parameters=self._parameters,
-                variant=self._variant,
-                effects=self._effects,
-                laws=self._laws,
+                **self._model.physics,
                 fixture=plan.fixture,
                 cooling=plan.cooling,
                 rate_hz=self._config.link.rate_hz,
@@ -154,7 +146,7 @@ class VirtualDriver:
             seed=seed,
             repeats=plan.repeats,
             configuration=config_to_toml(self._config),
-            parameter_file=parameters_text(self._parameters),
+            parameter_file=parameters_text(self._model.parameters),
             versions=installed_versions(),
             extra={"plan": msgspec.json.encode([repr(action) for action in plan.actions]).decode()},
         )

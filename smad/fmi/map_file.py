@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from smad.bounds import field_and_words, without_mark
+from smad.config.bounds import field_and_words, without_mark
 from smad.fmi.errors import FmiError
 from smad.fmi.unit_file import UnitFile
 from smad.records.csv_table import CsvFormat

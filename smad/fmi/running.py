@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from smad.diagnosis.plant import Array
+from smad.extras import part
 from smad.fmi.errors import FmiError
 from smad.fmi.unit_file import UnitFile
-from smad.parts import part
 
 _OK_OR_WARNING = (0, 1)
 

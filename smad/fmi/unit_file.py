@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+from smad.extras import part
 from smad.fmi.errors import FmiError
-from smad.parts import part
 
 DESCRIPTION = "modelDescription.xml"
 MOST_BYTES = 500_000_000

@@ -17,13 +17,16 @@ from smad.errors import DaemonError
 START_DEADLINE_S = 150.0
 END_DEADLINE_S = 30.0
 _POLL_S = 0.02
+SMAD = ("-m", "smad")
+"""What the interpreter runs: the program itself."""
+
 _WITH_LIMIT = ("/bin/sh", "-c", 'ulimit -n "$0" && exec "$@"')
 
 
 class DaemonProcess:
     """A running `smad start`. `folder` holds its sockets, `log` what it says.
 
-    `descriptors` is its limit on open files, where it must have one of its own.
+    `descriptors` is its limit on open files. `program` stands in for `python -m smad`.
     """
 
     def __init__(
@@ -35,6 +38,7 @@ class DaemonProcess:
         environment: Mapping[str, str] | None = None,
         pass_fds: Sequence[int] = (),
         descriptors: int | None = None,
+        program: Sequence[str] = SMAD,
     ) -> None:
         self.folder = folder
         self.bench = bench
@@ -42,7 +46,7 @@ class DaemonProcess:
         limited = [] if descriptors is None else [*_WITH_LIMIT, str(descriptors)]
         with self.log.open("ab") as output:
             self.process = subprocess.Popen(
-                [*limited, sys.executable, "-m", "smad", "start", "--bench", bench, *arguments],
+                [*limited, sys.executable, *program, "start", "--bench", bench, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=output,

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smad.errors import LogImportError
-from smad.parts import part
+from smad.extras import part
 from smad.runlog.bounds import require_bounded
 from smad.runlog.rosbag import JOINT, JOINT_TOPIC, METADATA
 from smad.runlog.schema import CHANNELS

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from smad.bounds import without_mark
+from smad.config.bounds import without_mark
 from smad.errors import LogImportError
 from smad.records.channels import channels_of
 from smad.records.column_names import Assignment, ColumnRule

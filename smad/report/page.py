@@ -7,8 +7,6 @@ page saves as SVG, PDF or PNG in the colours of print, or panels that the page d
 from __future__ import annotations
 
 import functools
-import os
-import tempfile
 from base64 import b64encode
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -17,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from smad.errors import SmadError
+from smad.files import write_whole
 from smad.report.panels import Panels
 from smad.style import assets
 from smad.style.palette import following
@@ -156,14 +155,7 @@ def write_page(page: Page, path: Path) -> Path:
     """
     text = render(page, f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC")
     try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        # mkstemp makes the file private; a report is to be read by others.
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)
-        os.replace(temporary, path)
+        write_whole(path, text)
     except OSError as error:
         raise SmadError(
             f"the report cannot be written ({error.strerror})",
@@ -177,9 +169,10 @@ def markdown_table(table: Table) -> str:
     """The table as Markdown, for a terminal or a document."""
     lines = [
         "| " + " | ".join(table.header) + " |",
-        "|" + "|".join("---:" if k in table.numeric else "---" for k in range(len(table.header)))
+        "|"
+        + "|".join("---:" if k in table.numeric else "---" for k in range(len(table.header)))
         + "|",
-    ]  # fmt: skip
+    ]
     lines += ["| " + " | ".join(row) + " |" for row in table.rows]
     return "\n".join(lines) + "\n"
 

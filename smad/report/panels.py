@@ -129,11 +129,11 @@ class _Axes:
 
     def __init__(self) -> None:
         self.xs: list[list[float]] = []
-        self._cuts: dict[int, tuple[int, Stretches]] = {}
+        self._cuts: dict[int, tuple[int, Decimation]] = {}
 
     def describe(self, trace: Trace, digits: int) -> dict[str, Any]:
         if id(trace.x) not in self._cuts:
-            cut = Stretches(trace.x)
+            cut = Decimation(trace.x)
             self._cuts[id(trace.x)] = (len(self.xs), cut)
             self.xs.append(np.round(cut.x, _X_DIGITS).tolist())
         place, cut = self._cuts[id(trace.x)]
@@ -148,7 +148,7 @@ class _Axes:
         }
 
 
-class Stretches:
+class Decimation:
     """How an axis `x` of n samples is thinned: two points a stretch, and a break at each pause.
 
     `x` is then what is left; where n is at most `most` all stay.

@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from smad.runlog.cycles import TURN_K, TURN_MM, Cycles
+
 Array = NDArray[np.float64]
 
 MOST_POINTS = 4000
@@ -65,24 +67,18 @@ QUANTITIES: Mapping[str, Quantity] = {
     "force_N": Quantity("tendon force", "N", 2, 0.05),
     "rtd_x_degC": Quantity("temperature of X", "°C", 1, 1.0),
     "rtd_y_degC": Quantity("temperature of Y", "°C", 1, 1.0),
-    "i_meas_x_A": Quantity("current in X", "A", 2, 0.1),
-    "i_meas_y_A": Quantity("current in Y", "A", 2, 0.1),
 }
 """What can be set against each other, by column of the run log."""
 AGAINST = (
     ("displacement_mm", "rtd_x_degC"),
     ("displacement_mm", "rtd_y_degC"),
-    ("displacement_mm", "i_meas_x_A"),
-    ("displacement_mm", "i_meas_y_A"),
     ("force_N", "displacement_mm"),
 )
 """Pairs (y, x) that a run is shown in."""
 BLOCKED = (("force_N", "rtd_x_degC"), ("force_N", "rtd_y_degC"))
 """Pairs of a run whose displacement stays where it is."""
-_CYCLED = ("reference_mm", "displacement_mm", "reference_degC", "rtd_x_degC")
-"""The first of these that moves says what a cycle of the run is."""
-_TURN = 0.05
-"""Share of its whole range by which a signal must come back for a turn to be one."""
+_CYCLED = (("displacement_mm", TURN_MM), ("rtd_x_degC", TURN_K))
+"""The first of these signals that moves by its turn defines the cycles of a run."""
 
 
 def planes_of(runs: Sequence[tuple[str, str, Array, Mapping[str, Any]]]) -> list[Plane]:
@@ -119,34 +115,16 @@ def planes_of(runs: Sequence[tuple[str, str, Array, Mapping[str, Any]]]) -> list
 def cycles_of(columns: Mapping[str, Any]) -> NDArray[np.int64]:
     """Return the number of the cycle that each sample belongs to, shape (n,), from 1 on.
 
-    A cycle ends at a trough of the reference (or, without one, of displacement or temperature). A
-    trough is where the signal turns and rises by a twentieth of its whole range.
+    The rule is that of the live page (`smad.runlog.cycles`), on the displacement or, where that
+    does not move, on the temperature of X.
     """
-    n = len(columns["t_s"])
-    for name in _CYCLED:
+    for name, turn in _CYCLED:
         signal = _column(columns, name)
-        known = np.flatnonzero(np.isfinite(signal))
-        if known.size and float(np.ptp(signal[known])) > 0.0:
-            troughs = known[_troughs(signal[known], _TURN * float(np.ptp(signal[known])))]
-            return np.searchsorted(troughs, np.arange(n), side="left").astype(np.int64) + 1
-    return np.ones(n, np.int64)
-
-
-def _troughs(signal: Array, turn: float) -> NDArray[np.int64]:
-    """Places of the lowest values between two peaks; of a flat trough its last sample."""
-    found: list[int] = []
-    falling, lowest, highest = False, 0, 0
-    for at, value in enumerate(signal):
-        if value <= signal[lowest]:
-            lowest = at
-        if value >= signal[highest]:
-            highest = at
-        if not falling and value < signal[highest] - turn:
-            falling, lowest = True, at
-        elif falling and value > signal[lowest] + turn:
-            found.append(lowest)
-            falling, highest = False, at
-    return np.array(found, np.int64)
+        known = signal[np.isfinite(signal)]
+        if known.size and float(np.ptp(known)) > turn:
+            cycles = Cycles(turn)
+            return np.array([cycles.add(value) for value in signal.tolist()], np.int64) + 1
+    return np.ones(len(columns["t_s"]), np.int64)
 
 
 def described(planes: Sequence[Plane]) -> tuple[list[dict[str, Any]], list[list[float]]]:

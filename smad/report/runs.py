@@ -17,7 +17,7 @@ from smad.report.panels import Array, Mark, Panel, Panels, Trace
 from smad.report.planes import planes_of
 from smad.runlog.reader import Column, Run, recorded
 from smad.runlog.schema import Event
-from smad.view.strips import STRIPS, Curve, Strip
+from smad.style.strips import STRIPS, Curve, Strip
 
 LETTERS = 26
 PENS = 6

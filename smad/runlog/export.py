@@ -13,7 +13,6 @@ of its own, or all are in one table (`side_by_side`; not for MATLAB, whose names
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -23,10 +22,10 @@ import msgspec
 import numpy as np
 
 from smad.errors import RunLogError
+from smad.files import replacing, require_writable
 from smad.runlog.legends import LEGENDS
 from smad.runlog.reader import Column, Run, recorded
 from smad.runlog.schema import MISSING_INTEGER, channel_of
-from smad.writable import require_writable
 
 if TYPE_CHECKING:
     import pyarrow
@@ -57,18 +56,15 @@ def export_run(run: Run, target: str | Path, *, overwrite: bool = False) -> list
         raise RunLogError(f"{taken} is there already", action="use --overwrite or another name")
     for path in files:
         require_writable(path)
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
-        write(run, temporary)
-        if len(files) > 1:
-            files[1].write_bytes(msgspec.json.format(header_document(run), indent=2) + b"\n")
-        temporary.replace(target)
+        with replacing(target) as partial:
+            write(run, partial)
+            if len(files) > 1:
+                files[1].write_bytes(msgspec.json.format(header_document(run), indent=2) + b"\n")
     except OSError as error:
         raise RunLogError(
             f"cannot write {target}: {error.strerror or error}", action="check folder and space"
         ) from error
-    finally:
-        temporary.unlink(missing_ok=True)
     return files
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
-from smad.parts import part
+from smad.extras import part
 from smad.runlog.legends import LEGENDS
 from smad.runlog.schema import CHANNELS
 

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from smad import notebook
 from smad.errors import RunLogError
+from smad.progress import Share
 from smad.runlog import open_logs
 from smad.runlog.bounds import MOST_LOG_BYTES, MOST_LOG_ROWS
 from smad.runlog.header import METADATA_NAME, RunHeader
 from smad.runlog.holes import HOLES, RECOVERED_METADATA_NAME
-from smad.runlog.scan import Damage, NotMcapError, Progress, no_progress, scan
+from smad.runlog.scan import Damage, NotMcapError, no_progress, scan
 from smad.runlog.schema import (
     CHANNELS,
     EVENT_TOPIC,
@@ -115,7 +116,7 @@ def recorded(column: Column) -> NDArray[np.bool_]:
     return np.asarray(column != MISSING_INTEGER)
 
 
-def read_axes(path: str | Path, *, progress: Progress = no_progress) -> dict[str, Run]:
+def read_axes(path: str | Path, *, progress: Share = no_progress) -> dict[str, Run]:
     """Every axis in the file at `path` by its name; of a bench of one axis, that under "".
 
     Raises RunLogError as `read_run` does.
@@ -124,7 +125,7 @@ def read_axes(path: str | Path, *, progress: Progress = no_progress) -> dict[str
     return {name: read_run(path, axis=name, progress=progress) for name in names}
 
 
-def read_run(path: str | Path, *, axis: str = "", progress: Progress = no_progress) -> Run:
+def read_run(path: str | Path, *, axis: str = "", progress: Share = no_progress) -> Run:
     """The run in the file at `path`, up to where it is readable; of several axes the one named.
 
     A log that was made of this axis alone is taken, too.
@@ -148,7 +149,7 @@ def read_run(path: str | Path, *, axis: str = "", progress: Progress = no_progre
     return run
 
 
-def _read(path: Path, axis: str, progress: Progress) -> Run:
+def _read(path: Path, axis: str, progress: Share) -> Run:
     damage = Damage()
     intake = _Intake(path, axis)
     try:

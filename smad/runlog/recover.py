@@ -13,10 +13,11 @@ import msgspec
 from mcap import records
 
 from smad.errors import RunLogError
+from smad.progress import Share
 from smad.runlog import open_logs
 from smad.runlog.holes import HOLES, RECOVERED_METADATA_NAME, holes_in, words
 from smad.runlog.mcap_file import CHANNEL_IDS, ROWS_METADATA_NAME, McapFile, Packed, pack
-from smad.runlog.scan import Damage, Message, NotMcapError, Progress, no_progress, scan
+from smad.runlog.scan import Damage, Message, NotMcapError, no_progress, scan
 from smad.runlog.schema import ROW_TOPIC, TOPICS, axis_of
 
 _MESSAGES_A_CHUNK = 256
@@ -47,7 +48,7 @@ def recovered_path(path: Path) -> Path:
 
 
 def recover(
-    path: str | Path, output: str | Path | None = None, *, progress: Progress = no_progress
+    path: str | Path, output: str | Path | None = None, *, progress: Share = no_progress
 ) -> Recovery:
     """Write what is readable of the log at `path` to a new file; the old one is left as it is.
 
@@ -127,9 +128,7 @@ def _refuse_if_pointless(path: Path, damage: Damage, rewrite: _Rewrite) -> None:
         raise RunLogError(f"{path} is whole", action="use it as it is")
 
 
-def _copy(
-    source: BinaryIO, size: int, damage: Damage, rewrite: _Rewrite, progress: Progress
-) -> None:
+def _copy(source: BinaryIO, size: int, damage: Damage, rewrite: _Rewrite, progress: Share) -> None:
     for count, item in enumerate(scan(source, size, damage)):
         if isinstance(item, Message):
             rewrite.message(item)

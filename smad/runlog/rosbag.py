@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smad.errors import RunLogError
-from smad.parts import part
+from smad.extras import part
 from smad.runlog.reader import Run, recorded
 from smad.runlog.schema import CHANNELS, Event
 

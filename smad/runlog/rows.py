@@ -19,6 +19,11 @@ _DRAIN_X, _DRAIN_Y = int(SetpointFlag.DRAIN_X), int(SetpointFlag.DRAIN_Y)
 _STAGE = int(SetpointFlag.STAGE)
 
 
+def millimetres(metres: float) -> float:
+    """Return a length in mm, rounded to nanometres: 0.148 and not 0.14800000000000002."""
+    return round(metres * 1e3, 6)
+
+
 def row_of(
     sample: Sample,
     state: State,
@@ -31,16 +36,16 @@ def row_of(
     degrees_per_mm: float = DEGREES_PER_MM,
 ) -> Row:
     """Return the sample as a row of the run log. nan stands for what was not measured."""
-    displacement_mm = sample.displacement_m * 1e3
+    displacement_mm = millimetres(sample.displacement_m)
     i_cmd = (_NAN, _NAN) if setpoint is None else setpoint.i_mA
     age_us = state.sp_age_us
     rtd = sample.rtd_degC
     return Row(
-        t_s=sample.t_us * 1e-6,
+        t_s=sample.t_us / 1e6,
         host_time_s=host_time_s,
         tick=sample.tick,
-        i_cmd_x_A=i_cmd[0] * 1e-3,
-        i_cmd_y_A=i_cmd[1] * 1e-3,
+        i_cmd_x_A=i_cmd[0] / 1e3,
+        i_cmd_y_A=i_cmd[1] / 1e3,
         i_applied_x_A=sample.i_applied_A[0],
         i_applied_y_A=sample.i_applied_A[1],
         i_meas_x_A=sample.i_meas_A[0],
@@ -58,18 +63,18 @@ def row_of(
         rtd_inlet_degC=rtd[2],
         rtd_ambient_degC=rtd[3],
         displacement_mm=displacement_mm,
-        angle_deg=displacement_mm * degrees_per_mm,
+        angle_deg=round(displacement_mm * degrees_per_mm, 6),
         force_N=sample.force_N,
         supply_V=sample.supply_V,
-        stage_mm=setpoint.stage_um * 1e-3
+        stage_mm=setpoint.stage_um / 1e3
         if setpoint is not None and setpoint.flags & _STAGE
         else None,
-        reference_mm=reference_m * 1e3,
+        reference_mm=millimetres(reference_m),
         reference_degC=reference_degC,
         mode=state.mode,
         limiter=state.limiter,
         faults=state.faults,
         warnings=state.warnings,
         valid=state.valid,
-        setpoint_age_ms=_NAN if age_us == _OLDEST_AGE_us else age_us * 1e-3,
+        setpoint_age_ms=_NAN if age_us == _OLDEST_AGE_us else age_us / 1e3,
     )

@@ -34,7 +34,6 @@ _PARSERS: dict[int, Parser] = {
     Opcode.CHANNEL: records.Channel.read,
     Opcode.METADATA: records.Metadata.read,
 }
-Progress = Callable[[float], None]
 """Told the share of a file that was read, 0 to 1."""
 PARSE_ERRORS = (McapError, struct.error, UnicodeDecodeError, ValueError)
 """What the parsers of the `mcap` package raise for a record that does not follow the format."""

@@ -11,7 +11,7 @@ from smad.style.palette import css
 _STATIC = Path(__file__).parent / "static"
 _UPLOT_EXPORT = "export { uPlot as default };"
 _IMPORT = re.compile(r"^import .*?;\n", re.MULTILINE | re.DOTALL)
-_SCRIPTS = ("plots.js", "plane.js", "panels.js")
+_PLOTS = ("plots.js", "sheet.js", "plane.js", "panels.js")
 _KINDS = {".js": "text/javascript", ".css": "text/css", ".txt": "text/plain"}
 
 
@@ -35,10 +35,10 @@ def style(*, plots: bool) -> str:
 
 
 def script() -> str:
-    """Return uPlot and all that draws with it as one script: such a page cannot import files."""
+    """Return uPlot and all that draws with it as one script: a page of one file cannot import."""
+    ours = [_IMPORT.sub("", _text(name)).replace("export ", "") for name in _PLOTS]
     uplot = _text("vendor/uPlot.js").replace(_UPLOT_EXPORT, "return uPlot;")
-    ours = (_IMPORT.sub("", _text(name)).replace("export ", "") for name in _SCRIPTS)
-    return "\n".join((f"const uPlot = (() => {{\n{uplot}}})();", *ours))
+    return "\n".join([f"const uPlot = (() => {{\n{uplot}}})();", *ours])
 
 
 def _text(name: str) -> str:

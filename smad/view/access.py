@@ -39,7 +39,7 @@ REPORT_HEADERS = {
     **HEADERS,
     "Content-Security-Policy": "default-src 'none'; script-src 'unsafe-inline'; "
     "style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'; "
-    "frame-ancestors 'none'; sandbox allow-scripts",
+    "frame-ancestors 'none'; sandbox allow-scripts allow-downloads",
 }
 """Of a page that a job wrote. It brings its scripts along, so it is nobody's origin: it has neither
 key nor storage of the live page, and sends nothing anywhere."""

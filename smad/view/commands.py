@@ -1,6 +1,6 @@
 """What a page may ask for, and the call of the ordinary client that each becomes.
 
-The tables are `COMMANDS`, for the bench, and `QUESTIONS`, for the server's own desk (`desk`). A
+The tables are `COMMANDS`, for the bench, and `QUESTIONS`, for the server itself (`queries`). A
 stop is in neither: it goes past everything that waits (`server`). What a person asked for is
 refused by the daemon when a stop came that the page had not shown yet: `generation` is its own.
 """
@@ -238,7 +238,7 @@ async def _arm(client: AsyncClient, control: Control, ask: Arm) -> str:
         await control.release()
         raise
     control.armed = True
-    return "armed: current flows from now on when you command it"
+    return "armed: the bench heats when you command it"
 
 
 async def _clear(client: AsyncClient, control: Control, ask: Clear) -> str:

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 
 from msgspec import Struct
 
-from smad.view.cycles import Cycles
+from smad.runlog.cycles import Cycles
 from smad.view.tier import MOST_BUCKETS, Frame, Moments, Tier, Values
 
 FRAMES_PER_S = 30.0

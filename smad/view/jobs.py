@@ -1,4 +1,4 @@
-"""Commands of smad that a page begins: processes of their own, one at a time.
+"""Commands of smad that a page starts as processes, one at a time.
 
 `Job` says which there are, and `words` makes the command of one. A job that uses the bench is a
 client like any other: it takes control under a lease of its own, and a stop ends its motion.
@@ -43,31 +43,31 @@ class JobError(SmadError):
     """A job cannot be begun."""
 
 
-class Task(Struct, tag_field="kind", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class JobRequest(Struct, tag_field="kind", frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A job; `kind` says which."""
 
 
-class PageOfRun(Task, tag="page", frozen=True, kw_only=True):
+class PageOfRun(JobRequest, tag="page", frozen=True, kw_only=True):
     """The page of a run, or of several runs over each other."""
 
     runs: Annotated[tuple[RunName, ...], Meta(min_length=1, max_length=6)]
 
 
-class Diagnose(Task, tag="diagnose", frozen=True, kw_only=True):
+class Diagnose(JobRequest, tag="diagnose", frozen=True, kw_only=True):
     """Where model and run disagree; with `good`, what has changed since that run."""
 
     run: RunName
     good: RunName | None = None
 
 
-class CheckUp(Task, tag="checkup", frozen=True, kw_only=True):
+class CheckUp(JobRequest, tag="checkup", frozen=True, kw_only=True):
     """What has changed since the baseline: plays its programme on the bench."""
 
     baseline: FolderName
     quick: bool = False
 
 
-class RunExperiment(Task, tag="experiment", frozen=True, kw_only=True):
+class RunExperiment(JobRequest, tag="experiment", frozen=True, kw_only=True):
     """An experiment of the paper on the bench."""
 
     experiment: RunName
@@ -206,12 +206,18 @@ class Jobs:
         nice = not isinstance(self._job, ON_THE_BENCH)
         self._process = process = await asyncio.create_subprocess_exec(
             *(("nice", "-n", str(NICER)) if nice else ()),
-            sys.executable, "-m", "smad", *order.words,
-            stdin=DEVNULL, stdout=PIPE, stderr=STDOUT, limit=LARGEST_LINE,
+            sys.executable,
+            "-m",
+            "smad",
+            *order.words,
+            stdin=DEVNULL,
+            stdout=PIPE,
+            stderr=STDOUT,
+            limit=LARGEST_LINE,
             env={**os.environ, **_ONE_THREAD},
             # ctrl-C at the terminal is for the server, which ends its job in order.
             start_new_session=True,
-        )  # fmt: skip
+        )
         if self._ended_early:
             self._signal(signal.SIGTERM)
         assert process.stdout is not None
@@ -259,7 +265,7 @@ class Jobs:
             self._signal(signal.SIGKILL)
             await asyncio.wait([self._following], timeout=PATIENCE_S)
 
-    def told(self) -> Told | None:
+    def snapshot(self) -> Told | None:
         """Return the job that runs, or ran last."""
         if self._order is None:
             return None

@@ -15,7 +15,7 @@ from smad.api import topic_of
 from smad.bridge.foxglove import LOG_TOPIC
 from smad.runlog.schema import EVENT_TOPIC, row_topic
 from smad.style.palette import in_print
-from smad.view.strips import STRIPS, Strip
+from smad.style.strips import STRIPS, Strip
 
 
 def layouts(axes: Sequence[str] = ()) -> Mapping[str, bytes]:

@@ -23,11 +23,11 @@ from websockets.frames import CloseCode
 from smad.client import AsyncClient
 from smad.config import Config
 from smad.errors import SmadError
-from smad.style import assets
-from smad.view import commands, forms, strips
+from smad.style import assets, strips
+from smad.view import commands, forms
 from smad.view.access import Right
-from smad.view.desk import Desk
 from smad.view.feed import FRAMES_PER_S, WINDOWS, Cursor, View
+from smad.view.queries import Queries
 from smad.view.source import Axis, Source
 from smad.view.state import MODE_MEANS, Condition, axis_condition, control_condition
 from smad.view.tasks import end
@@ -65,13 +65,13 @@ class Page:
         right: Right,
         source: Source,
         clients: Clients,
-        desk: Desk,
+        queries: Queries,
     ) -> None:
         self._connection = connection
         self._right = right
         self._source = source
         self._clients = clients
-        self._desk = desk
+        self._queries = queries
         self._axis = source.axis("")
         self._cursor = Cursor(self._axis.feed)
         self._shows = commands.Show(live=False)
@@ -182,7 +182,7 @@ class Page:
     async def _stop(self, ask: commands.Stop, taken_back: list[int]) -> None:
         spare: AsyncClient | None = None
         # One that has only just begun would else arm after the stop.
-        self._desk.jobs.interrupt(on_the_bench=True)
+        self._queries.jobs.interrupt(on_the_bench=True)
         try:
             client, control = self._connected()
             if len(self._stops) > 1:
@@ -225,7 +225,7 @@ class Page:
             ask = await self._questions.get()
             found = None
             try:
-                text, found = await self._desk.answer(ask)
+                text, found = await self._queries.answer(ask)
                 done = True
             except SmadError as error:
                 done, text = False, str(error)
@@ -240,7 +240,7 @@ class Page:
             if ask.to_s <= ask.from_s:
                 await self._reply(ask.id, False, "a span ends after it begins")
                 continue
-            found = await self._desk.past(self._axis, ask.from_s, ask.to_s, self._cursor.view)
+            found = await self._queries.past(self._axis, ask.from_s, ask.to_s, self._cursor.view)
             await self._reply(ask.id, True, "", found)
 
     async def _renew(self) -> None:
@@ -307,13 +307,13 @@ class Page:
                 yield _encode(self._frame(*taken)).decode()
 
     def _other_news(self) -> Iterator[str]:
-        source, jobs = self._source, self._desk.jobs
+        source, jobs = self._source, self._queries.jobs
         if source.marks_set != self._marks_set:
             self._marks_set = source.marks_set
             yield _encode({"type": "marks", "marks": list(source.marks)}).decode()
         if jobs.version != self._job_version and self._right == "command":
             self._job_version = jobs.version
-            yield _encode({"type": "job", "job": jobs.told()}).decode()
+            yield _encode({"type": "job", "job": jobs.snapshot()}).decode()
 
     def _frame(self, frame: Frame, moments: Moments | None, whole: bool) -> dict[str, Any]:
         return {
@@ -360,7 +360,7 @@ def status_message(source: Source, axis: Axis, *, ours: bool) -> dict[str, Any]:
     if now is not None:
         conditions = (*_arming(source, axis), control_condition(now.holder, ours=ours))
         holder = "this page" if ours and now.holder else now.holder
-        # Frames and status name one mode: neither takes the other back.
+        # Frames and status both carry the mode. Neither overwrites a newer value from the other.
         now = msgspec.structs.replace(
             now, mode=axis.mode_name, holder=holder, conditions=conditions
         )

@@ -10,7 +10,7 @@ from smad.control.commands import DriveCurrent, Follow, FollowInputs, HoldTemper
 from smad.control.plan import Do, Pause, Plan, UntilDone
 from smad.control.trajectories import ReferenceQueue
 from smad.errors import CommandError
-from smad.view.errands import Drawn
+from smad.view.requests import Drawn
 
 POINTS = 1500
 """Of a drawing. A motion of more turns than these show fills the band between its extremes."""

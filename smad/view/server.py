@@ -17,12 +17,12 @@ from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
+from smad.bridge.loopback import HOST, listen, quiet
 from smad.client import AsyncClient
 from smad.client.following import TIMEOUT_S
-from smad.loopback import HOST, listen, quiet
 from smad.view.access import HEADERS, PROTOCOL, REPORT_HEADERS, Denied, Door, Right
-from smad.view.desk import Desk
 from smad.view.page import Page, static_files
+from smad.view.queries import Queries
 from smad.view.source import Source
 from smad.view.tasks import end
 
@@ -52,7 +52,7 @@ class LivePage:
 
     def __init__(self, bench: str, door: Door, port: int) -> None:
         self.source = Source(bench)
-        self.desk = Desk(self.source)
+        self.queries = Queries(self.source)
         self._bench = bench
         self._door = door
         self._open: Counter[Right] = Counter()
@@ -75,7 +75,7 @@ class LivePage:
             return _response(HTTPStatus.OK, content, Content_Type=kind, Set_Cookie=judged.cookie)
         if path == _WEBSOCKET:
             return None
-        report = self.desk.jobs.report(path)
+        report = self.queries.jobs.report(path)
         if report is not None:
             return _response(HTTPStatus.OK, report, REPORT_HEADERS, Content_Type=_HTML)
         if path not in self._files:
@@ -104,7 +104,7 @@ class LivePage:
                 judged.right,
                 self.source,
                 lambda: AsyncClient(self._bench, timeout_s=TIMEOUT_S, lease_s=None),
-                self.desk,
+                self.queries,
             ).run()
         except Exception:
             _log.exception("a page was closed by an error of the server")
@@ -144,7 +144,7 @@ async def serving(bench: str, port: int, *, watch_only: bool = False) -> AsyncIt
             yield page
         finally:
             await end(following)
-            await page.desk.close()
+            await page.queries.close()
             if not following.cancelled():
                 following.result()
 

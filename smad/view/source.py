@@ -11,9 +11,9 @@ from smad.api import Status
 from smad.client.following import Params, follow
 from smad.client.wire import telemetry_of
 from smad.config import Config
-from smad.view import strips
-from smad.view.errands import Mark
+from smad.style import strips
 from smad.view.feed import Feed
+from smad.view.requests import Mark
 from smad.view.state import MODES, NO_WORD, Shown, Tile, shown
 
 STATUS_EVERY_S = 0.5

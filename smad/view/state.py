@@ -36,6 +36,24 @@ MODE_MEANS: Mapping[str, str] = {
 }
 
 
+LINK_MEANS: Mapping[str, str] = {
+    "disconnected": "no port",
+    "sync": "waiting for the board",
+    "monitor": "connected",
+    "ready": "connected, arming",
+    "running": "connected, armed",
+    "faulted": "connected, stopped by a fault",
+}
+LIMITED_BY: Mapping[str, str] = {
+    "slew": "its rate of change",
+    "maximum": "the maximum current",
+    "i2t": "the heat of the last seconds (I²t)",
+    "temperature": "the temperature",
+    "gate": "the closed gate",
+}
+"""The link's state and the board's limiter, by their names in the status."""
+
+
 class Condition(Struct, frozen=True):
     """Something that has to hold before the bench arms. `holds` is None while it is not known.
 
@@ -104,7 +122,7 @@ def shown(status: api.Status, params: Mapping[str, float], off_current_mA: float
         mode=motion.mode,
         armed=motion.armed,
         running=motion.running + (", done" if motion.done else ", under way"),
-        limiter="" if status.limiter == "none" else status.limiter,
+        limiter="" if status.limiter == "none" else LIMITED_BY.get(status.limiter, status.limiter),
         warnings=status.warnings,
         trouble=_trouble(motion.fault),
         generation=motion.generation,
@@ -114,7 +132,7 @@ def shown(status: api.Status, params: Mapping[str, float], off_current_mA: float
         log=PurePath(recorder.path).name,
         rows=recorder.rows,
         recorder_error=recorder.error,
-        link=status.link.state,
+        link=LINK_MEANS.get(status.link.state, status.link.state),
         rate_hz=status.link.rate_hz,
         setpoint_age_p99_ms=round(age.p99_us / 1e3, 2) if age.count else None,
         setpoints_refused=status.counts.setpoints_refused,

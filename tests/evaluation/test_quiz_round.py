@@ -13,6 +13,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from campaign.virtual import Line
 from evaluation.command import main
 from evaluation.quiz import mystery as quiz
 from evaluation.quiz.wire_board import WireBoard
@@ -21,7 +22,6 @@ from smad.control.plan import Do, Pause
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.catalogue import plan_named
 from smad.diagnosis.spring_pair.signals import read_gap_run
-from smad.faults.virtual import Line
 from tests.smad.daemon.rig import Rig, rig_in
 
 SEED = 5

@@ -2,6 +2,7 @@
 
 import pytest
 
+from campaign.faults.cases import chosen_rows
 from firmware_protocol.nearest import instead, nearest
 from sim_device.plant.effects.registry import EFFECTS, effect
 from sim_device.plant.errors import EffectError
@@ -9,7 +10,6 @@ from smad.config import parse_config
 from smad.diagnosis.spring_pair.catalogue import timeline_named
 from smad.errors import ConfigError, SmadError
 from smad.experiments.registry import make_experiment
-from smad.faults.campaign import chosen_rows
 
 MANY = [f"name_{k}" for k in range(40)]
 

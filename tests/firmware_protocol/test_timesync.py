@@ -66,6 +66,20 @@ def test_no_drift_is_claimed_from_exchanges_a_moment_apart() -> None:
     assert fit.locked
 
 
+def test_a_board_faster_than_the_clock_is_not_plausible_before_its_rate_is_known() -> None:
+    """A simulated bench at 40 times real time on a busy machine: one exchange a second.
+
+    The first two fall into a moment in which the simulation hardly ran.
+    """
+    sync = TimeSync()
+    assert sync.add(0, 0, 0, 2_500_000).plausible
+    assert sync.add(1_000_000, 10_000, 10_000, 3_500_000).plausible
+    for second in range(2, 12):
+        board_us = 40_000_000 * (second - 1)
+        fit = sync.add(1_000_000 * second, board_us, board_us, 1_000_000 * second + 1_000)
+        assert not fit.plausible, second
+
+
 def test_an_answer_to_another_question_is_ignored() -> None:
     exchanges = TimeExchanges()
     asked = exchanges.ask(5_000)

@@ -9,10 +9,10 @@ import msgspec
 import pytest
 import zmq
 
+from campaign.rig import free_ports
 from smad.client import Client, NoAnswer
 from smad.client.wire import Keys
 from smad.config import TcpConfig, config_to_toml, load_config
-from smad.faults.fort import free_ports
 from smad.processes.daemon import DaemonProcess
 from tests.hil.conftest import PATIENCE_S, Hil
 

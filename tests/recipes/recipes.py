@@ -310,7 +310,7 @@ COMMAND = Recipe(
         ),
         Insert(
             "how often a soak draws it",
-            "smad/faults/soak/draws.py",
+            "campaign/soak/draws.py",
             '    "greet": Drawn(0.2, lambda rng: api.Greet()),\n',
             before='    "timing.reset": Drawn',
         ),
@@ -320,7 +320,7 @@ COMMAND = Recipe(
         "tests/smad/daemon/test_service.py::"
         "test_every_method_of_the_api_is_carried_out_by_the_service",
         "tests/smad/test_client.py::test_there_is_a_client_method_for_every_method_of_the_api",
-        "tests/smad/faults/test_soak.py::"
+        "tests/campaign/test_soak.py::"
         "test_every_method_can_be_drawn_and_what_is_no_command_is_named",
     ),
 )

@@ -78,9 +78,10 @@ def pulled(
     t, y, i, asked = t[good], y[good], i[good], asked[good]
     if t.size < 50:
         raise TuningError(
-            f"{what}: the pulses ended early", value=f"{t.size} samples",
+            f"{what}: the pulses ended early",
+            value=f"{t.size} samples",
             action="look at the run log for a limit that acted",
-        )  # fmt: skip
+        )
     held_back = float(np.mean(asked - i > SATURATED_A))
     if held_back > 0.1:
         raise TuningError(
@@ -151,9 +152,10 @@ def cooled(t_s: ArrayLike, spring_degC: ArrayLike, inlet_degC: ArrayLike, what: 
     above = warm - water
     if above.size < 10 or not np.isfinite(above).all() or above[0] <= 0.0:
         raise TuningError(
-            f"{what}: there was nothing to cool", value=f"{above.size} samples",
+            f"{what}: there was nothing to cool",
+            value=f"{above.size} samples",
             action="check the temperature sensors",
-        )  # fmt: skip
+        )
     tenth = max(2, above.size // 10)
     first, last = float(np.mean(above[:tenth])), float(np.mean(above[-tenth:]))
     if not last < 0.8 * first:

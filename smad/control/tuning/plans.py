@@ -49,24 +49,30 @@ def displacement_plan(config: ControlConfig) -> Plan:
         # Time to get there, and a last ramp, so that the spring is just pulling at its end.
         reach_mm, to_mm = sign * REACH_MM, sign * START_MM
         actions += [
-            Do(Follow(trajectories=(
-                Ramp(displacement_mm=0.0, rate_mm_per_s=2.0 * START_RATE_MM_PER_S),
-                Ramp(displacement_mm=reach_mm, rate_mm_per_s=START_RATE_MM_PER_S),
-                Hold(duration_s=REACH_S),
-                Ramp(displacement_mm=to_mm, rate_mm_per_s=START_RATE_MM_PER_S),
-            ))),
+            Do(
+                Follow(
+                    trajectories=(
+                        Ramp(displacement_mm=0.0, rate_mm_per_s=2.0 * START_RATE_MM_PER_S),
+                        Ramp(displacement_mm=reach_mm, rate_mm_per_s=START_RATE_MM_PER_S),
+                        Hold(duration_s=REACH_S),
+                        Ramp(displacement_mm=to_mm, rate_mm_per_s=START_RATE_MM_PER_S),
+                    )
+                )
+            ),
             UntilDone(60.0),
             Mark(f"{spring} pulses"),
             *_pulses(spring, config.current_limit_A, water=True),
             Mark(f"{spring} cools"),
-            Do(DriveCurrent(
-                pump_x_duty=1.0 if spring == "x" else 0.0,
-                pump_y_duty=1.0 if spring == "y" else 0.0,
-                duration_s=COOL_S,
-            )),
+            Do(
+                DriveCurrent(
+                    pump_x_duty=1.0 if spring == "x" else 0.0,
+                    pump_y_duty=1.0 if spring == "y" else 0.0,
+                    duration_s=COOL_S,
+                )
+            ),
             UntilDone(COOL_S + 5.0),
             Mark(f"{spring} cooled"),
-        ]  # fmt: skip
+        ]
     return Plan("tune-displacement", (*actions, Do(Idle())))
 
 
@@ -92,15 +98,17 @@ def _pulses(spring: Spring, limit_A: float, *, water: bool) -> list[Action]:
     def drive(current_A: float) -> Action:
         duty = 1.0 if water else 0.0
         # Longer than the pulse: the next command ends it, and a client that dies does not.
-        return Do(DriveCurrent(
-            i_x_A=current_A if spring == "x" else 0.0,
-            i_y_A=current_A if spring == "y" else 0.0,
-            pump_x_duty=duty if spring == "y" else 0.0,
-            pump_y_duty=duty if spring == "x" else 0.0,
-            duration_s=5.0 * PULSE_S,
-            stop_spring=spring,
-            stop_above_degC=HOTTEST_DEGC,
-        ))  # fmt: skip
+        return Do(
+            DriveCurrent(
+                i_x_A=current_A if spring == "x" else 0.0,
+                i_y_A=current_A if spring == "y" else 0.0,
+                pump_x_duty=duty if spring == "y" else 0.0,
+                pump_y_duty=duty if spring == "x" else 0.0,
+                duration_s=5.0 * PULSE_S,
+                stop_spring=spring,
+                stop_above_degC=HOTTEST_DEGC,
+            )
+        )
 
     actions: list[Action] = [drive(low_A), Pause(PULSE_S)]
     for _ in range(PULSES):

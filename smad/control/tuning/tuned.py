@@ -79,9 +79,11 @@ def tuned_displacement(columns: Columns, marks: Marks, config: ControlConfig) ->
     """Gains of the displacement loop. Raises TuningError with the reason why not."""
     rest = between(columns, marks, "still", "moving")
     still = stillness(
-        rest["t_s"], rest["displacement_mm"], "displacement (mm)",
+        rest["t_s"],
+        rest["displacement_mm"],
+        "displacement (mm)",
         MOST_DRIFT_PER_S["displacement_mm"],
-    )  # fmt: skip
+    )
     models: dict[Spring, Lag] = {}
     cooling: dict[Spring, Cooling] = {}
     for spring, sign in zip(SPRINGS, (1.0, -1.0), strict=True):
@@ -95,16 +97,20 @@ def tuned_displacement(columns: Columns, marks: Marks, config: ControlConfig) ->
                 action="the bench is too weak, too warm, or its present gains are far off",
             )
         model = pulled(
-            part["t_s"], sign * part["displacement_mm"], part[f"i_applied_{spring}_A"],
-            part[f"i_cmd_{spring}_A"], f"spring {spring}",
-        )  # fmt: skip
+            part["t_s"],
+            sign * part["displacement_mm"],
+            part[f"i_applied_{spring}_A"],
+            part[f"i_cmd_{spring}_A"],
+            f"spring {spring}",
+        )
         stroke_mm = sign * float(part["displacement_mm"][-1] - part["displacement_mm"][0])
         if stroke_mm < LEAST_PULL_MM:
             raise TuningError(
-                f"spring {spring} hardly pulls", value=f"{stroke_mm:.2f} mm in the pulses",
+                f"spring {spring} hardly pulls",
+                value=f"{stroke_mm:.2f} mm in the pulses",
                 limit=f"at least {LEAST_PULL_MM:g} mm",
                 action="check tendon, heater and the current limit",
-            )  # fmt: skip
+            )
         models[spring] = model
         cold = between(columns, marks, f"{spring} cools", f"{spring} cooled")
         cooling[spring] = cooled(
@@ -133,14 +139,19 @@ def tuned_temperature(
     name = f"rtd_{spring}_degC"
     rest = between(columns, marks, "still", "moving")
     still = stillness(
-        rest["t_s"], rest[name], f"temperature of spring {spring} (K)",
+        rest["t_s"],
+        rest[name],
+        f"temperature of spring {spring} (K)",
         MOST_DRIFT_PER_S["temperature"],
-    )  # fmt: skip
+    )
     part = between(columns, marks, "moving", f"{spring} cools")
     model = pulled(
-        part["t_s"], part[name], part[f"i_applied_{spring}_A"], part[f"i_cmd_{spring}_A"],
+        part["t_s"],
+        part[name],
+        part[f"i_applied_{spring}_A"],
+        part[f"i_cmd_{spring}_A"],
         f"temperature of spring {spring}",
-    )  # fmt: skip
+    )
     before = Gains(config.temperature.kp_A_per_K, config.temperature.ki_A_per_K_s)
     return _tuned(
         loop="temperature",
@@ -155,18 +166,30 @@ def tuned_temperature(
 
 def _tuned(
     *,
-    loop: str, still: Stillness, models: dict[Spring, Lag], cooling: dict[Spring, Cooling],
-    before: Gains, config: ControlConfig, band: float,
-) -> Tuned:  # fmt: skip
+    loop: str,
+    still: Stillness,
+    models: dict[Spring, Lag],
+    cooling: dict[Spring, Cooling],
+    before: Gains,
+    config: ControlConfig,
+    band: float,
+) -> Tuned:
     quick = max(models.values(), key=lambda model: model.gain / model.at_A)
     # The sensor's noise, or what its steps amount to where they are coarser.
     noise = max(still.noise, still.count / math.sqrt(12.0))
     after = gains_for(quick, noise, NOISE_A[loop])
     full = quick.scaled_to(config.current_limit_A)
     return Tuned(
-        loop, still, models, cooling, before, after,
-        margins_of(full, before), margins_of(full, after), band,
-    )  # fmt: skip
+        loop,
+        still,
+        models,
+        cooling,
+        before,
+        after,
+        margins_of(full, before),
+        margins_of(full, after),
+        band,
+    )
 
 
 @dataclass(frozen=True)
@@ -193,10 +216,11 @@ def trial_of(columns: Columns, marks: Marks) -> Trial:
         overshoot.append(float(np.nanmax(sign * actual[step])) - TRIAL_MM)
         held = (t > first + 5.0) & (t <= first + 7.9)
         quality = hold_quality(
-            t[held], (reference - actual)[held],
+            t[held],
+            (reference - actual)[held],
             (part["i_applied_x_A"][held], part["i_applied_y_A"][held]),
             (part["duty_x"][held], part["duty_y"][held]),
-        )  # fmt: skip
+        )
         errors.append(1e3 * quality.error_rms)
         ripples.append(1e3 * quality.ripple_A)
     starts = sum(
@@ -204,9 +228,12 @@ def trial_of(columns: Columns, marks: Marks) -> Trial:
         for name in ("duty_x", "duty_y")
     )
     return Trial(
-        tracking_r2(reference[later], actual[later]), max(overshoot), max(errors), max(ripples),
+        tracking_r2(reference[later], actual[later]),
+        max(overshoot),
+        max(errors),
+        max(ripples),
         starts,
-    )  # fmt: skip
+    )
 
 
 @dataclass(frozen=True)

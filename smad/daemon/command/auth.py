@@ -13,7 +13,7 @@ from pathlib import Path
 import zmq
 from zmq.utils import z85
 
-from smad.curve_key import is_curve_key
+from smad.config.curve_key import is_curve_key
 from smad.errors import ConfigError
 
 ZAP_ADDRESS = "inproc://zeromq.zap.01"

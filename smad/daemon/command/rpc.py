@@ -24,7 +24,7 @@ from smad.api import (
     Method,
     Reason,
 )
-from smad.bounds import in_words
+from smad.config.bounds import in_words
 from smad.daemon.errors import Refusal
 from smad.errors import SmadError
 

@@ -17,6 +17,7 @@ from smad.control.limits import HostLimit
 from smad.daemon.axis import Axis
 from smad.daemon.command.bench import Bench
 from smad.daemon.link.board import board_of
+from smad.runlog.rows import millimetres
 from smad.version import VERSION
 
 _MIB = 2**20
@@ -64,7 +65,7 @@ class StatusReport:
             mode=axis.watch.mode.name if axis.watch.mode is not None else "UNKNOWN",
             reference_mm=_mm(controller.reference_m),
             displacement_mm=None if last is None else _mm(last.sample.displacement_m),
-            board_time_s=0.0 if last is None else last.sample.t_us * 1e-6,
+            board_time_s=0.0 if last is None else last.sample.t_us / 1e6,
             sample_age_s=None if last is None else (self._clock_us() - axis.control.last_us) * 1e-6,
             ended=axis.stop.ended
             or ("" if controller.departure is None else controller.departure.in_words()),
@@ -209,7 +210,7 @@ def _frames(axis: Axis) -> dict[str, int]:
 
 
 def _mm(metres: float) -> float | None:
-    return None if math.isnan(metres) else metres * 1e3
+    return None if math.isnan(metres) else millimetres(metres)
 
 
 def _resident_bytes() -> int:

@@ -2,6 +2,7 @@
 
 import uPlot from "./vendor/uPlot.js";
 import { Plane } from "./plane.js";
+import { saveButtons, sheetOf, spanOf } from "./sheet.js";
 import { axis, closest, curve, drawMarks, element, nearest, onScheme, setText, shown } from "./plots.js";
 
 const PANEL_HEIGHT = 190;
@@ -46,9 +47,20 @@ class Panels {
     this.data.panels.forEach((panel, i) => {
       if (panel.on_demand) bar.append(this.tick(panel.title, false, (on) => this.panels[i].reveal(on)));
     });
-    bar.append(this.pointer, element("span", { className: "hint",
+    bar.append(saveButtons((mm) => this.sheet(mm), () => document.title), this.pointer, element("span", { className: "hint",
       textContent: "Drag to zoom, double click for all; click a name to hide its line." }));
     return bar;
+  }
+
+  // What is shown now, for paper.
+  sheet(mm) {
+    const { min, max } = this.panels[0].plot.scales.x;
+    const boxes = this.panels.filter(({ box }) => !box.hidden).map(({ panel, off }) => {
+      const lines = panel.traces.filter((trace, i) => !off.has(i) && !this.hidden.has(trace.group))
+        .map(({ x, y, pen, dash, label }) => ({ x: this.data.xs[x], y, pen, dash, label }));
+      return { title: panel.title, unit: panel.unit, x: [min, max], y: spanOf(lines, [min, max]), lines };
+    });
+    return sheetOf(boxes, this.data.x_label, mm);
   }
 
   tick(text, checked, changed, pen = "") {

@@ -2,6 +2,7 @@
 
 import uPlot from "./vendor/uPlot.js";
 import { axis, clipped, css, element, shown } from "./plots.js";
+import { saveButtons, sheetOf } from "./sheet.js";
 
 const PLANE_HEIGHT = 280;
 const MARGIN = 0.04; // of the range, around the curves
@@ -28,8 +29,26 @@ export class Plane {
     this.value = element("output");
     this.legend = element("span", { className: "legend" });
     this.box = element("div", { className: "plane" }, element("h3", {}, given.title), this.legend, this.value);
+    this.box.append(saveButtons((mm) => this.sheet(mm), () => `${document.title} ${given.title}`));
     host.append(this.box);
     this.plot = new uPlot(this.options(), [[0, 1], [0, 1]], this.box);
+  }
+
+  // What is shown now, for paper; a line for each cycle, in its colour.
+  sheet(mm) {
+    const { x, y } = this.given;
+    const lines = this.curves.flatMap((one) => {
+      const [begin, end] = this.within(one.t, one.x.length);
+      const cycles = one.cycle && this.cycles > 1 ? [...new Set(one.cycle.slice(begin, end))] : [null];
+      return cycles.map((number) => ({
+        x: one.x.map((value, i) => (i < begin || i >= end || (number != null && one.cycle[i] !== number) ? null : value)),
+        y: one.y, pen: one.pen, dash: one.dash, label: number == null ? one.label : "",
+        colour: number == null ? undefined : cycleColour((number - 1) / (this.cycles - 1)),
+      }));
+    });
+    const range = (name) => { const { min, max } = this.plot.scales[name]; return [min, max]; };
+    const box = { title: `${y.label} (${y.unit})`, unit: "", x: range("x"), y: range("y"), lines, ticks: 5 };
+    return sheetOf([box], `${x.label} (${x.unit})`, mm, (0.7 * mm * 72) / 25.4);
   }
 
   options() {

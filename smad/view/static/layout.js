@@ -79,7 +79,8 @@ export function options(channels, allowed = () => true) {
     const group = Object.assign(document.createElement("optgroup"), { label: title });
     group.append(...some.map((channel) => Object.assign(document.createElement("option"), {
       value: channel.name,
-      textContent: `${title} ${channel.label}${channel.unit ? `, ${channel.unit}` : ""}`,
+      textContent: [title, channel.label === "measured" ? "" : ` ${channel.label}`,
+        channel.unit ? `, ${channel.unit}` : ""].join(""),
       disabled: !allowed(channel),
     })));
     return group;

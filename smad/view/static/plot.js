@@ -1,6 +1,6 @@
 // What the plots of the live page share beside those of all pages (`style/plots.js`).
 
-import { clipped, css, element, line, shown } from "./style/plots.js";
+import { clipped, css, element, line } from "./style/plots.js";
 
 export const button = (textContent, title, onclick) =>
   element("button", { type: "button", textContent, title, ariaLabel: title, onclick });
@@ -23,7 +23,8 @@ export function time(seconds, parts = 3) {
 export const clock = (plot, splits, index, space, step) =>
   splits.map((s) => (step < 1 ? `${time(s)}${(s % 1).toFixed(1).slice(1)}` : time(s)));
 
-// A limit is a dashed line; one beyond the axis stands at its edge, and the data keep the height.
+// A limit is a dashed line; one beyond the axis is an arrow at its edge, and the data keep the height.
+// How far away it is stands in the heading, where it covers no trace.
 export function limitLines(plot, scale, channel, limit) {
   clipped(plot, (ctx, bbox) => {
     ctx.strokeStyle = ctx.fillStyle = css("--limit");
@@ -37,8 +38,8 @@ export function limitLines(plot, scale, channel, limit) {
         const above = value > max;
         const px = devicePixelRatio;
         ctx.textAlign = "right";
-        ctx.fillText(`${above ? "▲" : "▼"} limit ${shown(value, 0)} ${channel.unit}`,
-          bbox.left + bbox.width - 6 * px, above ? bbox.top + 12 * px : bbox.top + bbox.height - 5 * px);
+        ctx.fillText(above ? "▲" : "▼",
+          bbox.left + bbox.width - 2 * px, above ? bbox.top + 9 * px : bbox.top + bbox.height - 2 * px);
       }
     }
   });

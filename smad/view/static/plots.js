@@ -5,6 +5,7 @@ import { Layout, options } from "./layout.js";
 import { time } from "./plot.js";
 import { Strips } from "./strips.js";
 import { element, onScheme, setText } from "./style/plots.js";
+import { saveButtons } from "./style/sheet.js";
 import { TimeView } from "./time.js";
 import { XyPlots } from "./xy.js";
 
@@ -54,6 +55,7 @@ export class Plots {
     $("tail").value = layout.tail_s;
     $("tail").onchange = () => layout.change({ tail_s: Number($("tail").value) });
     did("reset", () => layout.reset());
+    $("save").replaceChildren(saveButtons((mm) => this.strips.sheet(mm), () => document.title));
   }
 
   arranged() {

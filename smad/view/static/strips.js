@@ -2,8 +2,9 @@
 
 import uPlot from "./style/vendor/uPlot.js";
 import { options } from "./layout.js";
-import { around, button, clock, limitLines } from "./plot.js";
+import { around, button, clock, limitLines, time } from "./plot.js";
 import { axis, curve, drawMarks, element, setText, shown } from "./style/plots.js";
+import { sheetOf, spanOf } from "./style/sheet.js";
 
 const HEIGHT = 150;
 const NEAR = 0.1; // of a limit
@@ -48,6 +49,19 @@ export class Strips {
 
   draw() {
     for (const strip of this.strips) strip.draw();
+  }
+
+  // What is shown now, for paper.
+  sheet(mm) {
+    const { data, view } = this;
+    const { t, y } = data.drawn(view.live);
+    const boxes = this.strips.map(({ channels, pens }) => {
+      const lines = channels.map((channel, i) => ({ x: t, y: y.get(channel.name) ?? [], pen: pens[i],
+        dash: channel.pen === "reference" ? [6, 4] : [], label: channel.label }));
+      const titles = [...new Set(channels.map((channel) => channel.title))].join(", ");
+      return { title: titles, unit: channels[0].unit, x: view.range, y: spanOf(lines, view.range), lines, format: time };
+    });
+    return sheetOf(boxes, "time", mm);
   }
 }
 
@@ -221,7 +235,7 @@ function distanceOf(channels, data) {
     if (left / limit >= least) continue;
     least = left / limit;
     const words = left < 0 ? "beyond the limit" : "to the limit";
-    found = [`${shown(Math.abs(left), channel.digits)} ${channel.unit} ${words} of ${limit}`, least < NEAR];
+    found = [`${shown(Math.abs(left), channel.digits)} ${channel.unit} ${words} of ${channel.both_ways ? "±" : ""}${limit}`, least < NEAR];
   }
   return found;
 }

@@ -75,7 +75,7 @@ function take(message) {
   if (message.away) {
     become("away", "The daemon does not answer", `${message.away}. What stands here is old. STOP does not reach the bench from here: use its switch.`);
   } else if (message.silent_s > 0) {
-    become("silent", "No samples come", `The board is ${status.link}. STOP is sent all the same; what stands here is ${message.silent_s.toFixed(0)} s old.`, message.silent_s);
+    become("silent", "No samples come", `Link: ${status.link}. STOP is sent all the same; what stands here is ${message.silent_s.toFixed(0)} s old.`, message.silent_s);
   } else {
     become("live");
   }
@@ -86,7 +86,7 @@ function take(message) {
 function show(now, anyArmed) {
   document.body.dataset.generation = now.generation;
   mode(now.mode);
-  setText($("running"), now.running + (now.limiter ? `, held down by ${now.limiter}` : ""));
+  setText($("running"), now.running + (now.limiter ? `, current limited by ${now.limiter}` : ""));
   setText($("holder"), now.holder ? `${now.holder}, ${now.lease_left_s.toFixed(0)} s left` : "anybody");
   setText($("recording"), now.recorder_error
     || (now.recording ? `${now.log}, ${now.rows} samples` : "no"));

@@ -3,10 +3,11 @@
 import uPlot from "./style/vendor/uPlot.js";
 import { options } from "./layout.js";
 import { around, button, time } from "./plot.js";
+import { cycleColour } from "./style/plane.js";
 import { axis, clipped, css, element, setText, shown } from "./style/plots.js";
 
 const HEIGHT = 260;
-const COLOURS = 6;
+const NAMED = 6; // cycles in the legend, the newest
 const FADES = 24; // steps from the oldest point to the newest
 const GAP_S = 1.5;
 const REACH = 40; // pixels from the pointer to the point that it shows
@@ -125,7 +126,7 @@ class Xy {
 
   paint() {
     const { t, cycle, x, y } = this.points;
-    const colours = Array.from({ length: COLOURS }, (_, k) => css(`--run-${k + 1}`));
+    const colourOf = coloursOf(cycle);
     const fade = this.all.view.live;
     const last = t.length - 1;
     clipped(this.plot, (ctx) => {
@@ -141,7 +142,7 @@ class Xy {
         if (next !== group) {
           if (group !== null) ctx.stroke();
           ctx.beginPath();
-          ctx.strokeStyle = colours[cycle[k] % COLOURS];
+          ctx.strokeStyle = colourOf(cycle[k]);
           ctx.globalAlpha = 0.12 + 0.88 * (step / FADES) ** 2;
           if (joined) ctx.moveTo(...px(k - 1));
           group = next;
@@ -182,21 +183,34 @@ class Xy {
     const [right, up] = this.channels;
     setText(this.values, at < 0 ? "no samples yet"
       : `${shown(y[at], up.digits)} ${up.unit} at ${shown(x[at], right.digits)} ${right.unit}, ${time(t[at])}`);
-    const numbers = [...new Set(cycle)].slice(-COLOURS);
-    const text = numbers.join();
-    this.box.dataset.cycles = text;
+    const numbers = [...new Set(cycle)].slice(-NAMED);
+    const colourOf = coloursOf(cycle);
+    const text = `${cycle[0]}:${numbers.join()}`;
+    this.box.dataset.cycles = numbers.join();
     this.box.dataset.points = String(t.length);
     if (this.told === text) return;
     this.told = text;
     this.cycles.replaceChildren(...(numbers.length ? [" cycle"] : []), ...numbers.map((number) => {
       const one = element("b", { textContent: ` ${number + 1}` });
-      one.style.color = `var(--run-${(number % COLOURS) + 1})`;
+      one.style.color = colourOf(number);
       return one;
     }));
   }
 }
 
-const named = (channel) => `${channel.title} ${channel.label}${channel.unit ? `, ${channel.unit}` : ""}`;
+// The colour of each cycle that is shown, from the first to the last, as in a report.
+function coloursOf(cycle) {
+  const [first, last] = [cycle[0], cycle[cycle.length - 1]];
+  const known = new Map();
+  return (number) => {
+    if (!known.has(number)) known.set(number, cycleColour(last > first ? (number - first) / (last - first) : 1));
+    return known.get(number);
+  };
+}
+
+// What is measured needs no further word: "Displacement, mm".
+const named = (channel) => [channel.title, channel.label === "measured" ? "" : ` ${channel.label}`,
+  channel.unit ? `, ${channel.unit}` : ""].join("");
 
 function firstFrom(t, at) {
   let [low, high] = [0, t.length];

@@ -6,7 +6,7 @@ import pytest
 
 from sim_device.plant import load_parameters
 from sim_device.plant.errors import EffectError, ModelError, ParameterError
-from sim_device.plant.models import load_model, read_model, save_model
+from sim_device.plant.models import read_model, save_model, write_model
 
 
 @pytest.mark.parametrize("name", ["model.toml", "model.json"])
@@ -20,20 +20,25 @@ def test_a_model_comes_back_as_it_was_saved(tmp_path, name):
         mounting={"side_resistance": -0.02, "displacement_zero_mm": 0.3},
         note='from a diagnosis of "run 3"',
     )
-    parameters, variant, effects = load_model(path)
-    assert variant == "extended"
-    assert parameters["resistivity"] == 0.5e-6
-    assert parameters["warming_share"] == load_parameters("B")["warming_share"]
-    assert effects["tube_friction"]["coulomb_N"] == 0.11
-    assert effects["tube_friction"]["velocity_m_s"] > 0
-    assert read_model(path).note == 'from a diagnosis of "run 3"'
-    assert read_model(path).mounting == {"side_resistance": -0.02, "displacement_zero_mm": 0.3}
+    model = read_model(path)
+    assert model.variant == "extended"
+    assert model.parameters["resistivity"] == 0.5e-6
+    assert model.parameters["warming_share"] == load_parameters("B")["warming_share"]
+    assert model.effects["tube_friction"]["coulomb_N"] == 0.11
+    assert model.effects["tube_friction"]["velocity_m_s"] > 0
+    assert model.note == 'from a diagnosis of "run 3"'
+    assert model.mounting == {"side_resistance": -0.02, "displacement_zero_mm": 0.3}
 
 
 def test_a_base_beside_the_model_file_is_found(tmp_path):
     (tmp_path / "bench.toml").write_text('extends = "set_b.toml"\n')
     save_model(tmp_path / "model.toml", base="bench.toml")
-    assert load_model(tmp_path / "model.toml")[0]["warming_share"] == 0.25
+    model = read_model(tmp_path / "model.toml")
+    assert model.parameters["warming_share"] == 0.25
+    (tmp_path / "elsewhere").mkdir()
+    write_model(tmp_path / "elsewhere/model.toml", model)
+    again = read_model(tmp_path / "elsewhere/model.toml").parameters
+    assert {n: again[n] for n in again.names} == {n: model.parameters[n] for n in again.names}
 
 
 @pytest.mark.parametrize(
@@ -56,16 +61,16 @@ def test_a_wrong_model_file_is_refused_with_what_is_wrong(tmp_path, change, erro
     path = tmp_path / "model.json"
     path.write_text(json.dumps({"format": "smad-model-1", **change}))
     with pytest.raises(error, match=words):
-        load_model(path)
+        read_model(path)
 
 
 def test_text_that_is_no_model_is_refused(tmp_path):
     for name, text in (("a.json", "[1]"), ("b.json", "{"), ("c.toml", "= 3")):
         (tmp_path / name).write_text(text)
         with pytest.raises(ModelError):
-            load_model(tmp_path / name)
+            read_model(tmp_path / name)
     with pytest.raises(ModelError, match="cannot be read"):
-        load_model(tmp_path / "none.toml")
+        read_model(tmp_path / "none.toml")
 
 
 def test_saving_a_wrong_model_leaves_the_old_file_alone(tmp_path):

@@ -22,6 +22,7 @@ from smad.cli.status import lines
 from smad.config import Config
 from smad.runlog.schema import Row
 from tests.smad.fakedaemon import MOTION, FakeDaemon, fake_daemon
+from tests.smad.runlog.helpers import write_small_run
 
 SPREAD = api.Percentiles(count=10, p50_us=30.0, p99_us=60.0, p999_us=90.0, max_us=99.0)
 STATUS = api.Status(
@@ -479,7 +480,7 @@ def test_help_and_other_commands_work_when_one_cannot_be_imported(
     monkeypatch.setitem(COMMANDS, "gap", "smad.cli.nowhere:gap")
     assert execute(["--help"]) == 0
     listed = capfd.readouterr().out
-    assert "Cannot be used here" in listed
+    assert "Not available here" in listed
     assert "disarm" in listed
     assert "No module named" in failed(capfd, "gap", "diagnose", "--help")
     assert execute(["config", "show"]) == 0
@@ -513,8 +514,38 @@ def test_the_link_is_tested_for_a_time_that_makes_sense(
 
 
 def test_what_is_generated_of_the_documentation_is_not_stale() -> None:
-    from smad.docs import PAGES, refreshed
+    from tools.reference import PAGES, refreshed
 
     for page in PAGES:
         text = page.read_text()
-        assert refreshed(text) == text, "run python -m smad.docs"
+        assert refreshed(text) == text, "run python -m tools.reference"
+
+
+def test_logs_are_those_of_the_bench_whose_daemon_runs(
+    daemon: FakeDaemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    elsewhere, here = tmp_path / "elsewhere", tmp_path / "here"
+    for folder in (elsewhere, here / "runs"):
+        folder.mkdir(parents=True)
+        write_small_run(folder / f"{folder.name}.mcap", 20)
+    monkeypatch.chdir(here)
+    monkeypatch.delenv("SMAD_RUNS", raising=False)
+    recorder = msgspec.structs.replace(STATUS.recorder, folder=str(elsewhere))
+    daemon.answers["status"] = msgspec.structs.replace(STATUS, recorder=recorder)
+    assert execute(["log", "list"]) == 0
+    assert "elsewhere.mcap" in capfd.readouterr().out
+    assert execute(["log", "list", "--folder", "runs"]) == 0
+    assert "runs.mcap" in capfd.readouterr().out
+
+
+def test_without_a_daemon_logs_are_those_of_the_current_folder(
+    nobody: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    (tmp_path / "runs").mkdir()
+    write_small_run(tmp_path / "runs/mine.mcap", 20)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("SMAD_RUNS", raising=False)
+    assert execute(["log", "list"]) == 0
+    assert "mine.mcap" in capfd.readouterr().out

@@ -8,10 +8,10 @@ from click.testing import CliRunner
 
 from sim_device.errors import FaultSpecError
 from sim_device.faults import FAULT_KINDS, parse_injection
-from smad.bounds import in_words
 from smad.cli import execute
 from smad.cli.sim import sim
 from smad.client.endpoints import Connection, running_benches, write_connection
+from smad.config.bounds import in_words
 from smad.errors import SmadError
 
 
@@ -65,6 +65,16 @@ def test_fault_list_names_every_fault_and_an_unknown_one_is_told_them_too() -> N
 )
 def test_a_bound_is_told_without_the_words_of_a_schema(schema: str, words: str) -> None:
     assert in_words(schema) == words
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"), [("mark", "smad record note"), ("checkup", "smad gap checkup")]
+)
+def test_a_word_of_a_group_is_answered_with_the_whole_command(
+    typed: str, meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert execute([typed]) == 2
+    assert f"did you mean {meant}?" in capsys.readouterr().err
 
 
 def test_only_benches_whose_daemon_lives_are_named(tmp_path: Path) -> None:

@@ -6,11 +6,11 @@ import pytest
 from click.testing import CliRunner
 from msgspec import Meta
 
-from smad import docs
 from smad.cli import move as command
 from smad.control import commands
 from smad.control.commands import PIECES, Piece, Ramp, RandomLevels, Samples, Step
 from smad.control.segment import millimetres
+from tools import reference
 
 
 class Triangle(Piece, tag="triangle_wave", frozen=True, kw_only=True):
@@ -55,6 +55,41 @@ def test_what_has_no_default_is_an_argument_and_the_rest_are_options(sent: list[
     ]
 
 
+def test_a_unit_may_stand_behind_a_number(sent: list[Any]) -> None:
+    run("step 5mm --for 2500ms")
+    run("step -0.5cm")
+    run("ramp 1mm --rate 0.5mm/s")
+    assert sent == [
+        Step(displacement_mm=5.0, duration_s=2.5),
+        Step(displacement_mm=-5.0, duration_s=10.0),
+        Ramp(displacement_mm=1.0, rate_mm_per_s=0.5),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("step 60C", "give it in mm, alone or with mm, cm"),
+        ("step 5.5.5", "is not a number of mm"),
+        ("step nan", "is not a finite number"),
+        ("step 5mm --deg", "a length in mm contradicts --deg"),
+    ],
+)
+def test_a_unit_of_another_kind_is_refused(words: str, says: str, sent: list[Any]) -> None:
+    result = CliRunner().invoke(command.move, words.split())
+    assert result.exit_code == 2
+    assert says in result.output
+    assert sent == []
+
+
+def test_a_motion_that_no_bench_allows_is_refused_with_the_limit_of_this_one(
+    sent: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(command, "_limit_of_bench", lambda bench: "up to ±15 mm and 40 mm/s")
+    result = CliRunner().invoke(command.move, ["step", "99"])
+    assert "at most 50 mm; this bench allows up to ±15 mm" in result.output
+
+
 def test_degrees_scale_lengths_and_speeds_and_nothing_else(sent: list[Any]) -> None:
     run("ramp 25 --rate 12.5 --deg")
     run("step 25 --for 25 --deg")
@@ -75,7 +110,7 @@ def test_a_new_kind_of_piece_needs_no_edit_of_the_command_line(sent: list[Any]) 
 
 
 def test_the_page_lists_every_kind_of_piece(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert "triangle_wave" not in docs.pieces()
-    assert all(f"({piece.__name__})" in docs.pieces() for piece in PIECES)
+    assert "triangle_wave" not in reference.pieces()
+    assert all(f"({piece.__name__})" in reference.pieces() for piece in PIECES)
     monkeypatch.setattr(commands, "PIECES", (*PIECES, Triangle))
-    assert "- **`triangle_wave`** (Triangle)" in docs.pieces()
+    assert "- **`triangle_wave`** (Triangle)" in reference.pieces()

@@ -26,7 +26,7 @@ from tests.smad.fakedaemon import MOTION, FakeDaemon, fake_daemon
 DRIVERS = {"LiveDriver", "LeasedDriver", "Replayer", "Directly"}
 """What carries a plan out on a daemon."""
 HEATING = {
-    "tune": ["tune"],
+    "tune": ["tune", "--yes"],
     "run": ["run", "resistance"],
     "gap next": ["gap", "next", "--run", "sines"],
     "gap commission": ["gap", "commission", "--quick", "--baseline", "baseline"],

@@ -26,6 +26,19 @@ def test_no_line_of_a_table_is_wider_than_the_terminal_and_nothing_is_cut(width:
     assert "1.25" in shown
 
 
+def test_columns_that_do_not_fit_are_left_out_and_named() -> None:
+    header = ("file", "name", "source", "started", "rows", "size", "")
+    row = ("20261125-212958-step-of-5-mm.mcap", "step", "sim", "2026-11-25 21:29:58", "1970",
+           "0.16 MB", "cut short")  # fmt: skip
+    shown = tables.fitted(header, [row], {4, 5}, 60)
+    assert max(map(len, shown.splitlines())) <= 60
+    assert "20261125-212958-step-of-5-mm" in shown
+    assert "short" in shown
+    assert "not shown at this width: started, rows, size" in shown
+    assert "less -S" in shown
+    assert "not shown" not in tables.fitted(header, [row], {4, 5}, 120)
+
+
 def test_off_a_terminal_a_table_is_plain_columns(capsys: pytest.CaptureFixture[str]) -> None:
     tables.print_table(WIDE)
     out = capsys.readouterr().out

@@ -1,12 +1,15 @@
 """`smad tune` on a client that only notes: what is applied, and how an interruption ends."""
 
 import contextlib
+import io
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from sim_device.plant.models import built_in
 from smad import api
 from smad.cli import execute
 from smad.config import Config, config_to_toml
@@ -55,11 +58,10 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Noting:
 
 
 def conducted(*_: Any, trial: bool) -> Session:
-    from sim_device.plant import load_parameters
 
     config = Config()
     return tune_displacement(
-        VirtualDriver(load_parameters("A"), config=config), config.control, trial=trial
+        VirtualDriver(built_in("A"), config=config), config.control, trial=trial
     )
 
 
@@ -68,16 +70,16 @@ def test_gains_are_shown_kept_and_applied_only_when_asked(
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
     monkeypatch.setattr("smad.experiments.tuning.tune_displacement", conducted)
-    assert execute(["tune", "--no-trial"]) == 0
+    assert execute(["tune", "--yes", "--no-trial"]) == 0
     assert bench.done == ["disarmed"]
     assert "gain margin" in capsys.readouterr().out
     kept = tmp_path / "tuned.toml"
-    assert execute(["tune", "--no-trial", "--apply", "--save", str(kept)]) == 0
+    assert execute(["tune", "--yes", "--no-trial", "--apply", "--save", str(kept)]) == 0
     assert bench.done == ["disarmed", "disarmed", "tuned", "tuned"]
     assert bench.tunes[0].kp_A_per_mm is not None
     assert bench.tunes[1].hold_band_mm == 0.01
     assert kept.read_text().startswith("[control]\nkp_A_per_mm = ")
-    assert execute(["tune", "--save", str(kept)]) == 1
+    assert execute(["tune", "--yes", "--save", str(kept)]) == 1
     assert "nothing moved" in capsys.readouterr().err
 
 
@@ -91,7 +93,7 @@ def test_gains_that_did_worse_in_the_trial_are_neither_applied_nor_kept(
         "smad.experiments.tuning.tune_displacement", lambda *_, **__: Session(found, (now, new))
     )
     kept = tmp_path / "tuned.toml"
-    assert execute(["tune", "--apply", "--save", str(kept)]) == 0
+    assert execute(["tune", "--yes", "--apply", "--save", str(kept)]) == 0
     assert bench.done == ["disarmed"]
     assert not kept.exists()
     assert "keep the gains you have: R² of the sinusoid is 0.9800" in capsys.readouterr().out
@@ -105,5 +107,18 @@ def test_an_interruption_ends_disarmed_and_applies_nothing(
         raise KeyboardInterrupt
 
     monkeypatch.setattr("smad.experiments.tuning.tune_displacement", interrupted)
-    assert execute(["tune", "--apply"]) == 130
+    assert execute(["tune", "--yes", "--apply"]) == 130
     assert bench.done == ["disarmed"]
+
+
+def test_nothing_is_armed_before_a_person_has_said_yes(
+    bench: Noting, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("smad.experiments.tuning.tune_displacement", conducted)
+    assert execute(["tune"]) == 1
+    assert "add --yes" in capsys.readouterr().err
+    monkeypatch.setattr("sys.stdin", io.StringIO("n\n"))
+    monkeypatch.setattr(sys.stdin, "isatty", lambda: True, raising=False)
+    assert execute(["tune"]) == 1
+    assert "nothing was armed" in capsys.readouterr().err
+    assert bench.done == []

@@ -64,7 +64,7 @@ def test_a_bar_a_value_from_the_least_to_the_most() -> None:
     assert sparkline([None]) == " "
 
 
-class Bench:
+class WatchedClient:
     """Answers with statuses in turn; an error is raised."""
 
     def __init__(self, *answers: api.Status | Exception) -> None:
@@ -109,7 +109,7 @@ class Terminal:
 
 
 def test_quitting_stops_nothing() -> None:
-    bench, terminal = Bench(STATUS), Terminal((0.7, "x"), (5.0, "q"))
+    bench, terminal = WatchedClient(STATUS), Terminal((0.7, "x"), (5.0, "q"))
     watch(bench, terminal, lambda: terminal.now_s)
     assert bench.stops == 0
     assert terminal.now_s == 5.0
@@ -117,14 +117,14 @@ def test_quitting_stops_nothing() -> None:
 
 
 def test_the_stop_key_disarms_at_once_and_says_what_came_of_it() -> None:
-    bench, terminal = Bench(STATUS), Terminal((0.2, " "), (0.3, "s"), (0.4, "q"))
+    bench, terminal = WatchedClient(STATUS), Terminal((0.2, " "), (0.3, "s"), (0.4, "q"))
     watch(bench, terminal, lambda: terminal.now_s)
     assert "stopped: the board is in SAFE" in terminal.drawn[1]
     assert "NOT CONFIRMED: the daemon did not answer" in terminal.drawn[2]
 
 
 def test_a_daemon_that_is_silent_is_not_shown_as_live() -> None:
-    bench = Bench(STATUS, NoAnswer("the daemon did not answer"), STATUS)
+    bench = WatchedClient(STATUS, NoAnswer("the daemon did not answer"), STATUS)
     terminal = Terminal((1.2, "q"))
     watch(bench, terminal, lambda: terminal.now_s)
     silent = [text.startswith("NOT LIVE: the daemon did not answer") for text in terminal.drawn]

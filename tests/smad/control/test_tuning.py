@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sim_device.plant import ParameterSet, load_parameters
+from sim_device.plant.models import Model, built_in
 from smad.config import Config, ControlConfig
 from smad.control.tuning.errors import TuningError
 from smad.control.tuning.identify import cooled, pulled, stillness
@@ -90,7 +91,9 @@ def test_water_that_does_not_cool_refuses() -> None:
 
 def tuned_bench(parameters: ParameterSet, *, trial: bool = False) -> Session:
     config = Config()
-    return tune_displacement(VirtualDriver(parameters, config=config), config.control, trial=trial)
+    return tune_displacement(
+        VirtualDriver(Model(parameters), config=config), config.control, trial=trial
+    )
 
 
 def test_the_shipped_gains_are_what_tuning_the_shipped_plant_gives() -> None:
@@ -119,18 +122,18 @@ def test_a_bench_that_is_a_third_off_is_tuned_and_tried() -> None:
 
 def test_a_bench_without_encoder_or_too_weak_to_move_refuses() -> None:
     config = Config()
-    blind = VirtualDriver(load_parameters("A"), lacking=frozenset({"displacement_mm"}))
+    blind = VirtualDriver(built_in("A"), lacking=frozenset({"displacement_mm"}))
     with pytest.raises(TuningError, match="displacement_mm"):
         tune_displacement(blind, config.control)
     # Half an ampere warms the water, and moves nothing.
     weak = Config(control=ControlConfig(current_limit_A=0.5))
     with pytest.raises(TuningError, match="did not come to where the pulses begin"):
-        tune_displacement(VirtualDriver(load_parameters("A"), config=weak), weak.control)
+        tune_displacement(VirtualDriver(built_in("A"), config=weak), weak.control)
 
 
 def test_the_temperature_loop_is_tuned_likewise() -> None:
     config = Config()
-    driver = VirtualDriver(load_parameters("A"), config=config)
+    driver = VirtualDriver(built_in("A"), config=config)
     session = tune_temperature(driver, config.control, "y")
     assert session.trials is not None
     before, after = session.trials

@@ -7,10 +7,10 @@ from collections.abc import AsyncIterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from campaign.virtual import Line
 from sim_device.bench import SimulatedBench
 from sim_device.faults import Injection
 from smad.config import AxisConfig
-from smad.faults.virtual import Line
 from tests.smad.daemon.rig import Rig, rig_in
 
 NAMES = ("pitch-1", "yaw-1", "pitch-2")

@@ -25,11 +25,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from campaign.virtual import Refused, VirtualLoop, result_of
 from firmware_protocol import messages as wire
 from firmware_protocol.enums import BoardState
 from sim_device.faults import injection
 from smad.config import AxisConfig
-from smad.faults.virtual import Refused, VirtualLoop, result_of
 from tests.smad.daemon.axes import lines
 from tests.smad.daemon.rig import Rig, config_in
 from tests.smad.daemon.tap import Tap, nothing, tapped

@@ -1,4 +1,4 @@
-"""A daemon on virtual time (`smad.faults.virtual`) as the tests start, ask and hear it."""
+"""A daemon on virtual time (`campaign.virtual`) as the tests start, ask and hear it."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from collections.abc import AsyncIterator, Awaitable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
+from campaign import virtual
+from campaign.virtual import Line, result_of
 from sim_device.bench import SimulatedBench
 from smad.config import Config, DaemonConfig, LinkConfig, RecorderConfig
-from smad.faults import virtual
-from smad.faults.virtual import Line, result_of
 
 T = TypeVar("T")
 _PATIENCE_S = 300.0

@@ -10,11 +10,11 @@ import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from campaign.virtual import Line
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import CODEC
 from firmware_protocol.framing import DELIMITER, FrameDecoder
 from firmware_protocol.mirror import HOT
-from smad.faults.virtual import Line
 
 Lose = Callable[[wire.Message], bool]
 

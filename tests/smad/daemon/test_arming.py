@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
+from campaign.virtual import Refused, result_of
 from firmware_protocol import messages as wire
 from firmware_protocol.enums import Fault
 from sim_device.faults import injection
 from smad.config import DaemonConfig
-from smad.faults.virtual import Refused, result_of
 from tests.smad.daemon.axes import NAMES, axes_in, lines
 from tests.smad.daemon.rig import Rig
 from tests.smad.daemon.tap import Tap, TappedLine, tapped

@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
+from campaign.virtual import Line, Refused, result_of
 from firmware_protocol.enums import BoardState
 from firmware_protocol.events import DisarmRequested
 from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
 from smad.config import AxisConfig, DaemonConfig, LimitsConfig
-from smad.faults.virtual import Line, Refused, result_of
 from tests.smad.daemon.axes import NAMES, axes_in, lines
 from tests.smad.daemon.rig import Rig, rig_in
 from tests.smad.daemon.test_stops import without_watchdog

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from campaign.virtual import Refused
 from firmware_protocol.enums import BoardState
 from sim_device.faults import injection
 from smad.daemon.telemetry import blackbox
 from smad.daemon.telemetry.blackbox import FOLDER
-from smad.faults.virtual import Refused
 from smad.runlog.reader import read_axes, read_run
 from tests.smad.daemon.axes import NAMES, axes_in, lines
 from tests.smad.daemon.rig import Rig, rig_in

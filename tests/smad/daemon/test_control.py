@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from campaign.virtual import Refused
 from firmware_protocol.enums import BoardState, ResetCause
 from firmware_protocol.events import HostState
 from sim_device.bench import SimulatedBench
@@ -12,7 +13,6 @@ from sim_device.faults import injection
 from smad.control.controller import Output
 from smad.control.sample import Sample
 from smad.daemon.link.port import SocketTransport
-from smad.faults.virtual import Refused
 from smad.runlog.rows import row_of
 from tests.smad.daemon.rig import rig_in
 
@@ -59,6 +59,7 @@ async def test_a_step_is_followed_and_recorded_samples_say_so(tmp_path: Path) ->
             pump_starts=last.pump_starts,
         )
         assert row.displacement_mm == pytest.approx(motion["displacement_mm"], abs=0.1)
+        assert len(repr(row.displacement_mm)) <= len("-9.999999")
         assert row.pump_starts_x == 0
         assert row.pump_starts_y in (1, 2, 3)
         assert row.angle_deg == pytest.approx(6.25 * (row.displacement_mm or 0.0))

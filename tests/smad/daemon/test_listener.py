@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 import zmq
 
+from campaign.rig import free_ports
 from smad.config import TcpConfig
 from smad.daemon.command.remote import RemoteDoor, Routes, Source
 from smad.daemon.sockets.address import listen_local
@@ -28,7 +29,6 @@ from smad.daemon.sockets.gate import Gate
 from smad.daemon.sockets.listener import Connection, Hooks, Listener, Terms
 from smad.daemon.sockets.zmtp import GREETING, encoded, ready
 from smad.errors import DaemonError
-from smad.faults.fort import free_ports
 
 TURNS = 5000
 HELLO = GREETING + ready(b"DEALER")

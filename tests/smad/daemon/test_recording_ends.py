@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from smad.faults.virtual import Refused
+from campaign.virtual import Refused
 from tests.smad.daemon.rig import rig_in
 from tests.smad.daemon.test_axes import silent_for
 

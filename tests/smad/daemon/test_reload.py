@@ -9,7 +9,7 @@ import zmq
 
 from smad.client.endpoints import write_anew
 from smad.config import Config, DaemonConfig, LinkConfig, TcpConfig, parse_config
-from smad.curve_key import is_curve_key
+from smad.config.curve_key import is_curve_key
 from smad.daemon.command.auth import Doorkeeper, server_keys
 from smad.daemon.command.reload import reread_keys
 from smad.errors import ConfigError

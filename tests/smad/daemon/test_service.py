@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from campaign.virtual import Refused, result_of
 from firmware_protocol.enums import BoardState, Fault
 from firmware_protocol.events import HostState
 from firmware_protocol.messages import ParamSet
@@ -19,7 +20,6 @@ from smad.config import DaemonConfig, LimitsConfig, RecorderConfig
 from smad.daemon.command.answers import MOST_WAITING_EACH
 from smad.daemon.command.service import Service
 from smad.daemon.errors import Refusal
-from smad.faults.virtual import Refused, result_of
 from smad.runlog.reader import read_run
 from tests.smad.daemon.rig import Rig, rig_in
 

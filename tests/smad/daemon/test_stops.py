@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 import zmq.asyncio
 
+from campaign.virtual import Refused, result_of
 from firmware_protocol.enums import BoardState
 from firmware_protocol.events import DisarmRequested
 from sim_device.bench import SimulatedBench
@@ -20,7 +21,6 @@ from smad.client.wire import connect
 from smad.config import LimitsConfig
 from smad.daemon.command.lease import Caller
 from smad.daemon.sockets.listener import bytes_unread
-from smad.faults.virtual import Refused, result_of
 from tests.smad.daemon.rig import Rig, rig_in
 
 INPUTS = {

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-UNIT = Path(__file__).resolve().parents[3] / "smad/service/smad@.service"
+UNIT = Path(__file__).resolve().parents[3] / "smad/processes/smad@.service"
 INSTALLED = "/opt/smad/bin/smad"
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
+from campaign.virtual import Refused
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import CODEC
 from firmware_protocol.framing import DELIMITER, FrameDecoder
 from smad.daemon.stops import BoardStop
-from smad.faults.virtual import Refused
 from tests.smad.daemon.axes import NAMES, axes_in, lines
 from tests.smad.daemon.tap import TappedLine, tapped
 from tests.smad.daemon.test_axes import all_safe, armed, hot

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from campaign.virtual import Refused
 from smad.api import Control
 from smad.client import NotInControl
 from smad.control.commands import DriveCurrent
@@ -17,7 +18,6 @@ from smad.envs import on_bench
 from smad.envs.bench import Answering
 from smad.envs.errors import ActionRefused, PolicyFailed
 from smad.envs.signals import NAMES
-from smad.faults.virtual import Refused
 from smad.runlog.schema import Row
 from tests.smad.daemon.rig import rig_in
 from tests.smad.experiments.fake_client import FakeClient
@@ -25,7 +25,7 @@ from tests.smad.experiments.fake_client import FakeClient
 AT = {name: i for i, name in enumerate(NAMES)}
 
 
-class Bench(FakeClient):
+class BenchClient(FakeClient):
     """The client over a simulated bench in this process, with the rest of what a policy needs."""
 
     def __init__(self, folder: Path) -> None:
@@ -66,7 +66,7 @@ def proportional(seen: np.ndarray) -> np.ndarray:
 def test_a_policy_follows_the_reference_on_a_bench_and_leaves_a_run_for_the_diagnosis(
     tmp_path: Path,
 ) -> None:
-    bench = Bench(tmp_path)
+    bench = BenchClient(tmp_path)
     run = on_bench(
         proportional, client=bench, action="demand", duration_s=20.0, seed=3, name="policy"
     )
@@ -112,7 +112,7 @@ def test_what_the_policy_sees_is_what_the_environment_shows() -> None:
 def test_a_policy_that_gives_no_action_ends_with_the_bench_disarmed(
     tmp_path: Path, policy: object, error: type[Exception], said: str
 ) -> None:
-    bench = Bench(tmp_path)
+    bench = BenchClient(tmp_path)
     with pytest.raises(error, match=said) as refused:
         on_bench(policy, client=bench, duration_s=1.0)  # type: ignore[arg-type]
     assert "\n" not in str(refused.value)
@@ -121,14 +121,14 @@ def test_a_policy_that_gives_no_action_ends_with_the_bench_disarmed(
 
 
 def test_samples_that_came_while_a_policy_was_late_are_left_out(tmp_path: Path) -> None:
-    bench = Bench(tmp_path)
+    bench = BenchClient(tmp_path)
     asked = 0
     now = iter(np.cumsum([0.0, 0.5] * 40))
 
     def count() -> Iterator[Row]:
         nonlocal asked
         asked += 1
-        return Bench.telemetry(bench)
+        return BenchClient.telemetry(bench)
 
     bench.telemetry = count  # type: ignore[method-assign]
     run = on_bench(
@@ -140,7 +140,7 @@ def test_samples_that_came_while_a_policy_was_late_are_left_out(tmp_path: Path) 
 def test_a_run_whose_lease_lapsed_over_its_last_thought_ends_with_the_refusal(
     tmp_path: Path,
 ) -> None:
-    bench = Bench(tmp_path)
+    bench = BenchClient(tmp_path)
     given: list[DriveCurrent] = []
 
     def current(command: DriveCurrent) -> None:

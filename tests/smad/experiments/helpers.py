@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
+from sim_device.plant.models import Model
 from sim_device.plant.parameters import ParameterSet, load_parameters
 from smad.control.plan import Plan
 from smad.experiments.driver import PARTS, Mounting
@@ -34,7 +35,7 @@ def given() -> ParameterSet:
 
 
 def driver(parameters: ParameterSet = NOMINAL, **options: object) -> VirtualDriver:
-    return VirtualDriver(parameters, seed=3, **options)
+    return VirtualDriver(Model(parameters), seed=3, **options)
 
 
 class NoDriver:

@@ -17,10 +17,11 @@ import pytest
 import smad.experiments
 from sim_device.plant import Plant
 from sim_device.plant.errors import SolverError
+from sim_device.plant.models import Model
 from smad.cli import execute as command
 from smad.client.signals import ended_by_signals
 from smad.experiments.base import Comparison, Experiment, Findings
-from smad.experiments.campaign import Bench, CampaignResult, run_campaign
+from smad.experiments.campaign import CampaignBench, CampaignResult, run_campaign
 from smad.experiments.contradictions import CONTRADICTIONS
 from smad.experiments.dsc import Dsc, DscOptions
 from smad.experiments.errors import ExperimentError
@@ -37,7 +38,10 @@ NAMES = ("resistance", "dsc")
 
 def small_campaign(executor: ThreadPoolExecutor | None = None) -> CampaignResult:
     return run_campaign(
-        [make_experiment(name) for name in NAMES], Bench(given(), seed=1), given(), executor
+        [make_experiment(name) for name in NAMES],
+        CampaignBench(Model(given()), seed=1),
+        given(),
+        executor,
     )
 
 
@@ -57,7 +61,7 @@ def test_estimates_that_make_no_parameter_set_are_refused_with_the_experiments_n
             return Findings((), (), (wrong,))
 
     with pytest.raises(ExperimentError, match=r"dsc cannot be analysed.*A_S = .*below A_F"):
-        run_campaign([Swapped(DscOptions())], Bench(NOMINAL), NOMINAL)
+        run_campaign([Swapped(DscOptions())], CampaignBench(Model(NOMINAL)), NOMINAL)
 
 
 def test_a_solver_that_gives_up_names_the_run_the_time_and_the_state(
@@ -69,7 +73,7 @@ def test_a_solver_that_gives_up_names_the_run_the_time_and_the_state(
     monkeypatch.setattr(Plant, "advance", advance)
     said = r"run resistance: .*not found at t = 1\.5 s with T_x_K = 310\.25"
     with pytest.raises(ExperimentError, match=said):
-        run_campaign([make_experiment("resistance")], Bench(NOMINAL), NOMINAL)
+        run_campaign([make_experiment("resistance")], CampaignBench(Model(NOMINAL)), NOMINAL)
 
 
 def test_the_page_is_self_contained_and_says_what_contradicts() -> None:

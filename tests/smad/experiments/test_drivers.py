@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sim_device.plant.models import Model
 from smad.config import ControlConfig
 from smad.control.commands import (
     DriveCurrent,
@@ -18,7 +19,7 @@ from smad.control.commands import (
     Tune,
 )
 from smad.control.plan import Do, Mark, Pause, Plan, UntilDone
-from smad.experiments.campaign import Bench, run_campaign, run_on
+from smad.experiments.campaign import CampaignBench, run_campaign, run_on
 from smad.experiments.driver import PARTS, Mounting
 from smad.experiments.errors import BenchLacksError, ExperimentError, TrippedError
 from smad.experiments.live import LiveDriver
@@ -88,7 +89,7 @@ def test_draining_is_needed_only_where_it_is_tried() -> None:
 
 def test_a_campaign_is_refused_whole_when_one_experiment_cannot_be_run() -> None:
     experiments = [make_experiment("resistance"), make_experiment("fig9-cycle")]
-    bench = Bench(NOMINAL, lacking=frozenset({"force_N"}))
+    bench = CampaignBench(Model(NOMINAL), lacking=frozenset({"force_N"}))
     with pytest.raises(BenchLacksError, match=r"fig9-cycle.*the force sensor"):
         run_campaign(experiments, bench, NOMINAL)
     with pytest.raises(BenchLacksError, match="the force sensor"):
@@ -97,7 +98,7 @@ def test_a_campaign_is_refused_whole_when_one_experiment_cannot_be_run() -> None
 
 def test_a_virtual_run_repeats_to_the_bit_and_another_seed_differs() -> None:
     first, again = driver().run(PLAN), driver().run(PLAN)
-    other = VirtualDriver(NOMINAL, seed=4).run(PLAN)
+    other = VirtualDriver(Model(NOMINAL), seed=4).run(PLAN)
     assert first.marks == again.marks
     for name in first.columns:
         assert np.array_equal(first[name], again[name], equal_nan=True)

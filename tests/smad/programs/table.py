@@ -15,7 +15,7 @@ from click.testing import CliRunner
 import smad.checkup.judge
 import smad.checkup.store
 import smad.client
-from sim_device.plant import load_parameters
+from sim_device.plant.models import built_in
 from smad.checkup.inquiry import Inquiry
 from smad.checkup.programme import shipped
 from smad.checkup.store import Baseline
@@ -101,7 +101,7 @@ def _moved(folder: Path) -> str:
 def _recorded() -> bytes:
     plan = Plan("recorded", (Do(DriveCurrent(i_x_A=1.0)), Pause(20.0)))
     with tempfile.TemporaryDirectory() as folder:
-        VirtualDriver(load_parameters("A"), folder=Path(folder)).run(plan)
+        VirtualDriver(built_in("A"), folder=Path(folder)).run(plan)
         return log_path(Path(folder), plan).read_bytes()
 
 
@@ -162,7 +162,7 @@ PROGRAMS: dict[str, tuple[Callable[[Path], str], tuple[str, ...]]] = {
         _cli("run", "resistance"),
         _PLAYS,
     ),
-    "smad tune": (_cli("tune"), _PLAYS),
+    "smad tune": (_cli("tune", "--yes"), _PLAYS),
     "smad gap next --run": (
         _cli("gap", "next", "--run", "one side"),
         _PLAYS,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from smad.faults.smalldisk import small_disk
+from campaign.faults.smalldisk import small_disk
 from smad.queue import machine
 from smad.queue.errors import StoreError
 from smad.queue.machine import Bench

@@ -9,7 +9,7 @@ import pytest
 from smad.cli import execute
 from smad.diagnosis.verdict import REFUSED, Verdict
 from smad.errors import CommandError
-from smad.writable import replacing
+from smad.files import replacing
 from tests.smad.records.kinds import as_csv, pair
 
 

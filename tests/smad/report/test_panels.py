@@ -17,7 +17,7 @@ from bench.browser import browser, colours, what_is_missing
 from smad.cli.log import log
 from smad.errors import RunLogError
 from smad.report.page import Page, Section, render
-from smad.report.panels import Panel, Panels, Stretches, Trace, digits_for
+from smad.report.panels import Decimation, Panel, Panels, Trace, digits_for
 from smad.report.runs import elapsed_s, page_of, panels_of, shown
 from smad.runlog.reader import read_run
 from smad.runlog.writer import write_run
@@ -36,7 +36,7 @@ def test_a_long_trace_keeps_the_extremes_of_each_stretch() -> None:
     x = np.arange(50_000) / 500.0
     y = np.sin(x)
     y[31_415] = 7.0
-    cut = Stretches(x, 1000)
+    cut = Decimation(x, 1000)
     thin = cut.thinned(y)
     assert thin.shape == cut.x.shape
     assert cut.x.size <= 1000
@@ -49,7 +49,7 @@ def test_a_long_trace_keeps_the_extremes_of_each_stretch() -> None:
 def test_a_pause_breaks_the_line(most: int) -> None:
     x = np.arange(2000) / 100.0
     x[1200:] += 30.0
-    cut = Stretches(x, most)
+    cut = Decimation(x, most)
     thin = cut.thinned(np.ones(2000))
     (at,) = np.flatnonzero(np.isnan(thin))
     assert 12.0 < cut.x[at] < 42.0

@@ -8,8 +8,8 @@ import pytest
 from smad.config import AxisConfig, Config, SegmentConfig, parse_config
 from smad.control.commands import Samples
 from smad.errors import CommandError, ConfigError
+from smad.experiments.circles import TOGETHER, page_of, table, trackings
 from smad.robot import Robot, circle, sine, step, waypoints
-from smad.robot.circles import TOGETHER, page_of, table, trackings
 from smad.runlog.header import RunHeader
 from smad.runlog.reader import read_axes
 from smad.runlog.schema import Event, Row

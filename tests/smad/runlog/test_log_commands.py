@@ -151,3 +151,28 @@ def test_recover_says_what_was_lost(tmp_path: Path) -> None:
 def test_help_of_every_command_is_at_hand() -> None:
     for command in log.commands:
         assert "Usage" in output(command, "--help")
+
+
+@pytest.mark.parametrize(
+    ("suffix", "begins"), [("svg", b"<?xml"), ("pdf", b"%PDF"), ("png", b"\x89PNG")]
+)
+def test_a_run_is_written_as_a_figure_of_a_columns_width(
+    folder: Path, tmp_path: Path, suffix: str, begins: bytes
+) -> None:
+    target = tmp_path / f"figure.{suffix}"
+    assert output("plot", "--folder", folder, "--figure", target).strip() == str(target)
+    data = target.read_bytes()
+    assert data.startswith(begins)
+    output("plot", "--folder", folder, "--figure", target)
+    assert target.read_bytes() == data
+    if suffix == "svg":
+        assert f'width="{85 / 25.4 * 72:.6f}pt"' in data.decode()
+        assert "Displacement" in data.decode()
+    if suffix == "png":
+        assert int.from_bytes(data[16:20], "big") == pytest.approx(85 / 25.4 * 600, abs=1)
+
+
+def test_a_figure_of_another_kind_is_refused(folder: Path, tmp_path: Path) -> None:
+    result = invoke("plot", "--folder", folder, "--figure", tmp_path / "a.jpg")
+    assert isinstance(result.exception, SmadError)
+    assert ".pdf .png .svg" in str(result.exception)

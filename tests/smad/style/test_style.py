@@ -8,8 +8,8 @@ import pytest
 from smad.report.plots import draw, label, new_figure, svg_of
 from smad.style import assets
 from smad.style.palette import PALETTE, css, following, in_print
+from smad.style.strips import STRIPS
 from smad.view.layouts import layouts
-from smad.view.strips import STRIPS
 
 ROOT = Path(__file__).resolve().parents[3]
 HEX = re.compile(r"#[0-9a-f]{6}\b")

@@ -18,8 +18,8 @@ from websockets.sync.client import connect
 from bench.browser import LivePage, credentials_of, live_page, resize
 from smad.control.commands import Tune
 from smad.runlog.reader import read_run
+from smad.style.strips import LAYOUT
 from smad.view.state import MODE_MEANS
-from smad.view.strips import LAYOUT
 
 from .browsing import PATIENCE_S, Bench, arm, choose, click, in_a_browser, is_live, text_of, until
 

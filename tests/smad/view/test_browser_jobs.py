@@ -99,7 +99,13 @@ def test_stop_is_as_quick_and_the_job_goes_on(bench: Bench, run: str, page: Any)
     # Other tests share the processors: the best of a few says what the page itself takes.
     taken = latencies_ms(bench.folder, page, "idle", STOPS)
     assert taken[0] <= GOAL_MS
-    assert state_of_job(page) == "running"
+    # On a busy machine the job may have come to its own end meanwhile; no stop has ended it.
+    assert "it was ended" not in text_of(page, "job-now"), text_of(page, "job-lines")
+
+
+def test_a_job_is_ended_from_the_page(run: str, page: Any) -> None:
+    press(page, run, "Diagnose")
+    until(page, lambda d: state_of_job(d) == "running")
     click(page, "#job-end")
     until(page, ended)
     assert "it was ended" in text_of(page, "job-now"), text_of(page, "job-lines")

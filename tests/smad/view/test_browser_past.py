@@ -17,10 +17,10 @@ from smad.client.endpoints import FOLDER_VARIABLE
 from smad.runlog.header import RunHeader
 from smad.runlog.schema import Event, Row
 from smad.runlog.writer import write_run
+from smad.style.strips import PLACES
 from smad.view.server import serving
 from smad.view.source import Source
 from smad.view.state import shown
-from smad.view.strips import PLACES
 
 from .browsing import MISSING, choose, click, in_a_browser, is_live, text_of, until
 from .test_forms_and_state import status
@@ -226,11 +226,16 @@ def test_an_hour_in_one_strip_keeps_the_spike_of_one_sample_and_its_mark(page: A
         ".getBoundingClientRect(); return [box.left, box.top, box.width, box.height]",
         MOTION,
     )
-    seen = []
-    for step in range(-6, 7):
-        move_pointer(page, box[0] + box[2] * SPIKE_S / HOUR_S + step / 2, box[1] + box[3] / 2)
-        seen.append(heading(page, MOTION))
-    assert any("measured 9.00 mm" in text for text in seen)
+
+    def swept(driver: Any) -> bool:
+        seen = []
+        for step in range(-6, 7):
+            x = box[0] + box[2] * SPIKE_S / HOUR_S + step / 2
+            move_pointer(driver, x, box[1] + box[3] / 2)
+            seen.append(heading(driver, MOTION))
+        return any("measured 9.00 mm" in text for text in seen)
+
+    until(page, swept)
 
 
 def move_pointer(driver: Any, x: float, y: float) -> None:

@@ -6,7 +6,7 @@ import tracemalloc
 
 import pytest
 
-from smad.view.cycles import Cycles
+from smad.runlog.cycles import Cycles
 from smad.view.feed import FRAMES_PER_S, WINDOWS, Cursor, Feed, View
 from smad.view.tier import MOST_BUCKETS, Frame, Moments, Tier
 

@@ -13,8 +13,9 @@ from smad.control.commands import Samples, Trajectory, Tune
 from smad.control.controller import Controller
 from smad.control.inforce import tune_of
 from smad.runlog.schema import CHANNELS, Row
-from smad.view import commands, forms, page, state, strips
-from smad.view.desk import Desk
+from smad.style import strips
+from smad.view import commands, forms, page, state
+from smad.view.queries import Queries
 from smad.view.source import Source
 
 STATIC = Path(page.__file__).parent / "static"
@@ -83,7 +84,7 @@ def test_every_command_of_a_page_has_a_way_to_the_client() -> None:
 
 
 def test_every_question_of_a_page_has_an_answer() -> None:
-    assert set(Desk.QUESTIONS) == set(get_args(commands.Question))
+    assert set(Queries.QUESTIONS) == set(get_args(commands.Question))
 
 
 def test_the_first_message_holds_nothing_that_json_cannot() -> None:

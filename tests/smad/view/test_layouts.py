@@ -9,8 +9,8 @@ from click.testing import CliRunner
 
 from smad.cli.log import log
 from smad.runlog.schema import CHANNELS
+from smad.style.strips import STRIPS
 from smad.view.layouts import layouts
-from smad.view.strips import STRIPS
 
 COLUMNS = tuple(curve.column for strip in STRIPS for curve in strip.curves)
 

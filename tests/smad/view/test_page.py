@@ -14,12 +14,12 @@ from firmware_protocol.enums import BoardState
 from smad import api
 from smad.client import AsyncClient, NotReady
 from smad.config import AxisConfig, Config
+from smad.style import strips
 from smad.view import page as pages
-from smad.view import strips
 from smad.view.access import Right
-from smad.view.desk import Desk
-from smad.view.errands import Mark
 from smad.view.page import IN_FLIGHT, MOST_STOPS, MOST_WAITING, PATIENCE_S, Page
+from smad.view.queries import Queries
+from smad.view.requests import Mark
 from smad.view.source import SILENT_AFTER_S, Source
 from smad.view.state import NO_WORD, shown
 
@@ -135,14 +135,14 @@ class Rig:
         self.clients = 0
         self.source = Source("bench", clock_s=lambda: self.now_s)
         self.axis = self.source.axis("")
-        self.desk = Desk(self.source)
+        self.queries = Queries(self.source)
         self.browser, self.client = Browser(), FakeClient()
         page = Page(
             cast(ServerConnection, self.browser),
             right,
             self.source,
             self._new_client,
-            self.desk,
+            self.queries,
         )
         self.running = asyncio.create_task(page.run())
 
@@ -544,7 +544,7 @@ async def test_a_stop_ends_a_job_on_the_bench_and_no_other(rig: Rig) -> None:
         asked.append(on_the_bench)
         return False
 
-    rig.desk.jobs.interrupt = interrupt  # type: ignore[method-assign]
+    rig.queries.jobs.interrupt = interrupt  # type: ignore[method-assign]
     rig.browser.say({"do": "stop", "id": 1})
     await rig.settle()
     assert asked == [True]
@@ -560,4 +560,4 @@ async def test_a_job_is_not_begun_after_a_stop_that_the_page_had_not_shown(rig: 
     done, text = rig.browser.replies()[1]
     assert not done
     assert "stopped" in text
-    assert rig.desk.jobs.told() is None
+    assert rig.queries.jobs.snapshot() is None

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 
-from smad.errands.logs import Log
 from smad.errors import RunLogError
 from smad.runlog.header import RunHeader
 from smad.runlog.one_axis import extract
@@ -12,6 +11,7 @@ from smad.runlog.reader import read_run
 from smad.runlog.schema import Row
 from smad.runlog.writer import write_run
 from smad.view import jobs
+from smad.view.reader.logs import Log
 
 BEGAN_S = 1_700_000_000.0
 NAMES = ("pitch-1", "yaw-1")

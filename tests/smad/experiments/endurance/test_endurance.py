@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from campaign.faults.smalldisk import small_disk
 from sim_device.plant import load_parameters
 from smad.control.plan import Plan
 from smad.errors import CommandError
@@ -29,7 +30,6 @@ from smad.experiments.endurance.statistics import Cycle, bounds, cycles_of
 from smad.experiments.errors import ExperimentError
 from smad.experiments.recording import Recording
 from smad.experiments.virtual import VirtualDriver
-from smad.faults.smalldisk import small_disk
 from smad.runlog.reader import read_run
 
 PROFILE = Profile(low=-3.0, high=3.0, rate=2.0, dwell_s=0.5)

@@ -1,0 +1,1 @@
+"""Hostile clients: `attacks` on the daemon of `rig`, and what each came to."""

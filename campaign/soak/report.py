@@ -1,0 +1,147 @@
+"""What a soak has to show: a row for each check, judged by what a stage gave. Pure."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import statistics
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from campaign.soak.found import LOOKING, Found, Usage
+from smad.report.page import Table
+from smad.version import VERSION
+
+EXPECTED_FAULTS = frozenset({"SETPOINT_LOST", "ESTOP_PRESSED"})
+"""What a pulled cable while armed and the emergency stop lead to; every other is a nuisance."""
+
+RSS_GROWTH_MIB = 3.0
+"""Between the second tenth and the last; an hour's run log alone needs half a MiB of indexes."""
+
+_HEADER = ("check", "found", "allowed", "")
+
+
+@dataclass(frozen=True)
+class Check:
+    """One check: what was found, what is allowed, whether it holds."""
+
+    name: str
+    found: str
+    allowed: str
+    ok: bool
+
+
+def checks(found: Found) -> list[Check]:
+    """Every check of a stage."""
+    early, late = parts_of(found.usage)
+    growth = [
+        _growth("memory, MiB", lambda u: u.rss_MiB, early, late, RSS_GROWTH_MIB),
+        _growth("descriptors", lambda u: float(u.descriptors), early, late, 0.0),
+        _growth("threads", lambda u: float(u.threads), early, late, 0.0),
+    ]
+    stage = found.stage
+    restarts = found.reconnects + 1
+    acknowledged = len(orders(found))
+    strange = [name for name in found.faults if name not in EXPECTED_FAULTS]
+    return [
+        _least("board time, s", found.board_s, stage.seconds),
+        _none("samples missed within a connection", found.missed),
+        _none("times the armed board waited for the daemon in vain", found.host_timeouts),
+        _same("losses of the port", found.losses, found.reconnects),
+        _same("samples in the run log", found.logged_rows, found.recorded_rows),
+        _most("gaps between logged samples", found.logged_gaps, restarts),
+        _none("records dropped", found.log_dropped),
+        _none_of("trouble with the run log", [found.log_error] if found.log_error else []),
+        _same(
+            "acknowledged commands in the run log",
+            acknowledged - len(found.not_logged),
+            acknowledged,
+        ),
+        _same("commands of the flood answered", found.flood_answered, found.flooded),
+        _none_of("faults of the board without a cause", strange),
+        *growth,
+        _same("exit status", found.status, 0),
+    ]
+
+
+def orders(found: Found) -> list[str]:
+    """The acknowledged commands that were more than looking, by method."""
+    return [method for method, _ in found.commands.commands if method not in LOOKING]
+
+
+def parts_of(usage: Sequence[Usage]) -> tuple[list[Usage], list[Usage]]:
+    """What was held early (the second tenth: the first is warming up) and late (the last)."""
+    tenth = max(1, len(usage) // 10)
+    return list(usage[tenth : 2 * tenth]), list(usage[-tenth:])
+
+
+def table_of(found: Found) -> Table:
+    """The checks as a table."""
+    rows = [(c.name, c.found, c.allowed, "ok" if c.ok else "FAILED") for c in checks(found)]
+    return Table(_HEADER, rows, numeric=frozenset({1, 2}))
+
+
+def facts(found: Found) -> str:
+    """What went on, in a line."""
+    speed = found.board_s / found.wall_s if found.wall_s else 0.0
+    return (
+        f"{found.stage.name}, seed {found.seed}: {found.samples} samples in {found.wall_s:.0f} s "
+        f"({speed:.1f} times real time), {found.reconnects} reconnects, {found.armings} armings, "
+        f"{len(orders(found))} commands of {len(set(orders(found)))} kinds acknowledged, "
+        f"{found.commands.refused} refused, {found.flooded} of the flood, "
+        f"{found.telemetry_read} samples read by the slow subscriber"
+    )
+
+
+def json_of(results: Sequence[Found]) -> str:
+    """Everything, as JSON text."""
+    stages = [
+        {
+            "facts": {
+                **{k: v for k, v in dataclasses.asdict(found).items() if k != "commands"},
+                "acknowledged": dict(Counter(orders(found))),
+                "refused": found.commands.refused,
+            },
+            "checks": [dataclasses.asdict(check) for check in checks(found)],
+        }
+        for found in results
+    ]
+    return json.dumps({"smad": VERSION, "stages": stages}, indent=1) + "\n"
+
+
+def _growth(
+    name: str,
+    value: Callable[[Usage], float],
+    early: Sequence[Usage],
+    late: Sequence[Usage],
+    allowed: float,
+) -> Check:
+    if not early or not late:
+        return Check(name, "never looked", "", ok=False)
+    before = statistics.median(value(usage) for usage in early)
+    after = statistics.median(value(usage) for usage in late)
+    limit = f"{before + allowed:g}" if allowed == 0.0 else f"{before + allowed:.1f}"
+    return Check(
+        f"{name}, early and late", f"{before:.4g}, {after:.4g}", limit, ok=after <= before + allowed
+    )
+
+
+def _least(name: str, value: float, limit: float) -> Check:
+    return Check(name, f"{value:.0f}", f"at least {limit:.0f}", ok=value >= limit)
+
+
+def _most(name: str, value: int, limit: int) -> Check:
+    return Check(name, str(value), f"up to {limit}", ok=value <= limit)
+
+
+def _same(name: str, value: int, wanted: int) -> Check:
+    return Check(name, str(value), str(wanted), ok=value == wanted)
+
+
+def _none(name: str, value: int) -> Check:
+    return _same(name, value, 0)
+
+
+def _none_of(name: str, values: Sequence[str]) -> Check:
+    return Check(name, ", ".join(values) or "none", "none", ok=not values)

@@ -1,0 +1,49 @@
+"""Files that a person names: checked before the work, and written whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from smad.errors import CommandError
+
+
+def require_writable(output: Path) -> None:
+    """Raise CommandError unless a file of that name can be written; nothing is made for it."""
+    folder = output.parent
+    if not folder.is_dir():
+        raise CommandError(
+            f"{output} cannot be written: there is no folder {folder}",
+            action="make the folder, or name another file",
+        )
+    if output.is_dir():
+        raise CommandError(f"{output} cannot be written: it is a folder", action="name a file")
+    target = output if output.exists() else folder
+    if not os.access(target, os.W_OK):
+        raise CommandError(
+            f"{output} cannot be written: no permission to write {target}",
+            action="name another file",
+        )
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Yield a path beside `path` to write to; it replaces `path` once the block has ended.
+
+    After an error it is removed and `path` stays as it was. Raises OSError.
+    """
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        yield partial
+        os.replace(partial, path)
+    finally:
+        with contextlib.suppress(OSError):
+            partial.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, data: bytes | str) -> None:
+    """Write a file whole or not at all, text as UTF-8. Raises OSError."""
+    with replacing(path) as partial:
+        partial.write_bytes(data.encode() if isinstance(data, str) else data)

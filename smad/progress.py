@@ -1,0 +1,11 @@
+"""What a long computation is told to report to, by what it reports."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+Say = Callable[[str], None]
+"""Takes a sentence on what is going on now."""
+
+Share = Callable[[float], None]
+"""Takes the share that is done, 0 to 1."""

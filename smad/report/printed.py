@@ -1,0 +1,101 @@
+"""Panels as one figure for print: width of a column, type of 8 points, a light ground."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from smad.errors import CommandError, SmadError
+from smad.extras import part
+from smad.files import replacing, require_writable
+from smad.report.panels import Panel, Panels
+from smad.report.plots import decimated
+from smad.style.palette import in_print
+
+FORMATS = ("pdf", "png", "svg")
+PANEL_MM = 32.0
+PNG_DPI = 600
+_MM_PER_INCH = 25.4
+_POINTS = 8.0
+_STYLE: dict[str, Any] = {
+    "font.size": _POINTS,
+    "font.sans-serif": ["Helvetica", "Arial", "DejaVu Sans"],
+    "axes.titlesize": _POINTS,
+    "axes.labelsize": _POINTS,
+    "legend.fontsize": _POINTS - 1,
+    "legend.frameon": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.6,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": in_print("line"),
+    "grid.linewidth": 0.4,
+    # Letters as letters, so that a journal can set its own face.
+    "pdf.fonttype": 42,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "smad",
+}
+
+
+def write_figure(panels: Panels, path: Path, *, width_mm: float = 85.0) -> Path:
+    """Draw the panels below each other over one axis and write them to `path`; returns it.
+
+    The suffix chooses the format (`FORMATS`). Panels that are shown on demand are left out.
+    Raises CommandError for another suffix or a folder that is not there, MissingPartError without
+    matplotlib, and SmadError where the file cannot be written.
+    """
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in FORMATS:
+        raise CommandError(
+            "a figure is written as SVG, PDF or PNG",
+            value=path.name,
+            limit=" ".join(f".{name}" for name in FORMATS),
+            action="name a file with one of these suffixes",
+        )
+    require_writable(path)
+    mpl, figures = part("matplotlib"), part("matplotlib.figure")
+    shown = [panel for panel in panels.panels if not panel.on_demand]
+    size = (width_mm / _MM_PER_INCH, PANEL_MM * max(len(shown), 1) / _MM_PER_INCH)
+    with mpl.rc_context(_STYLE):
+        figure = figures.Figure(figsize=size, layout="constrained")
+        for axes, panel in zip(
+            figure.subplots(len(shown), 1, sharex=True, squeeze=False).flat, shown, strict=True
+        ):
+            _draw(axes, panel)
+        figure.axes[-1].set_xlabel(panels.x_label)
+        try:
+            with replacing(path) as partial:
+                figure.savefig(partial, format=kind, dpi=PNG_DPI, metadata=_without_date(kind))
+        except OSError as error:
+            raise SmadError(
+                f"the figure cannot be written ({error.strerror})",
+                value=str(path),
+                action="name another file, or make room",
+            ) from None
+    return path
+
+
+def _draw(axes: Any, panel: Panel) -> None:
+    for trace in panel.traces:
+        x, y = decimated(trace.x, trace.y)
+        style: Any = (0, trace.dash) if trace.dash else "-"
+        axes.plot(
+            x, y, linestyle=style, linewidth=0.9, color=in_print(trace.pen), label=trace.label
+        )
+    # Beside a panel of this height there is no room for a long name.
+    axes.set_title(f"{panel.title} ({panel.unit})" if panel.unit else panel.title, loc="left")
+    if len(panel.traces) > 1:
+        axes.legend(
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            borderaxespad=0.1,
+            ncols=len(panel.traces),
+            handlelength=1.2,
+            columnspacing=0.8,
+        )
+
+
+def _without_date(kind: str) -> dict[str, Any]:
+    """The same figure gives the same file."""
+    return {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}[kind]

@@ -1,0 +1,191 @@
+// A figure for paper: panels over one axis, or a plane, as SVG, PDF and PNG. A sheet is a list of
+// lines and texts in points; each format writes that list. Colours are those of print.
+
+import { css, element } from "./plots.js";
+
+const MM = 72 / 25.4;
+export const WIDTHS_MM = { "one column": 85, "two columns": 175 };
+const PANEL_PT = 90;
+const ROOM = { left: 40, right: 8, top: 16, bottom: 14, label: 14 };
+const SIZE_PT = 8;
+const LINE_PT = 0.9;
+const TICKS = 5;
+const PNG_DPI = 600;
+
+// What `make` returns with the colours of a light ground, whatever the screen has.
+function inPrint(make) {
+  const root = document.documentElement;
+  const was = root.classList.contains("paper");
+  root.classList.add("paper");
+  try {
+    return make();
+  } finally {
+    root.classList.toggle("paper", was);
+  }
+}
+
+const penOf = (name) => css(`--${name}`);
+
+// Round values within a range, at steps of 1, 2 or 5.
+export function ticks(low, high, most = TICKS) {
+  const rough = (high - low) / most;
+  if (!(rough > 0)) return [low];
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const step = [1, 2, 5, 10].map((times) => times * power).find((one) => one >= rough);
+  const digits = Math.max(0, -Math.floor(Math.log10(step)));
+  const found = [];
+  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k += 1) found.push(Number((k * step).toFixed(digits)));
+  return found;
+}
+
+// `boxes`: [{title, unit, x: [low, high], y: [low, high], lines: [{x, y, pen, dash, label}]}] of one
+// axis `xLabel`. Returns {width, height, items} in points.
+export function sheetOf(boxes, xLabel, widthMm, heightPt = PANEL_PT) {
+  const width = widthMm * MM;
+  const items = [];
+  const text = (x, y, words, align = "left", colour = penOf("text")) => items.push({ kind: "text", x, y, words, align, colour });
+  const path = (points, colour, thick = 0.5, dash = []) => items.push({ kind: "line", points, colour, thick, dash });
+  let top = 0;
+  boxes.forEach((box, n) => {
+    const [left, right] = [ROOM.left, width - ROOM.right];
+    const [up, down] = [top + ROOM.top, top + ROOM.top + heightPt];
+    const px = (value) => left + ((value - box.x[0]) / (box.x[1] - box.x[0] || 1)) * (right - left);
+    const py = (value) => down - ((value - box.y[0]) / (box.y[1] - box.y[0] || 1)) * (down - up);
+    const grid = penOf("line");
+    for (const value of ticks(...box.y)) {
+      path([[left, py(value)], [right, py(value)]], grid, 0.4);
+      text(left - 3, py(value) + SIZE_PT / 3, String(value).replace("-", "−"), "right");
+    }
+    const lowest = n === boxes.length - 1;
+    for (const value of ticks(...box.x, box.ticks ?? 7)) {
+      path([[px(value), down], [px(value), up]], grid, 0.4);
+      if (lowest) text(px(value), down + SIZE_PT + 2, (box.format ?? String)(value).replace("-", "−"), "centre");
+    }
+    path([[left, up], [left, down], [right, down]], penOf("text"), 0.6);
+    text(left, up - 5, `${box.title}${box.unit ? ` (${box.unit})` : ""}`);
+    let at = right;
+    for (const one of [...box.lines].reverse().filter(({ label }) => label)) {
+      text(at, up - 5, one.label, "right", penOf(one.pen));
+      at -= one.label.length * SIZE_PT * 0.55 + 8;
+    }
+    for (const one of box.lines) {
+      let part = [];
+      const end = () => { if (part.length > 1) path(part, one.colour ?? penOf(one.pen), LINE_PT, one.dash ?? []); part = []; };
+      one.y.forEach((y, i) => {
+        const x = one.x[i];
+        if (y == null || x == null || x < box.x[0] || x > box.x[1]) { if (y !== undefined) end(); return; }
+        part.push([px(x), Math.min(Math.max(py(y), up), down)]);
+      });
+      end();
+    }
+    top = down + (lowest ? 0 : 4);
+  });
+  const height = top + ROOM.bottom + ROOM.label;
+  text((ROOM.left + width - ROOM.right) / 2, height - 4, xLabel, "centre");
+  return { width, height, items };
+}
+
+const round = (value) => Math.round(value * 100) / 100;
+const escaped = (words) => words.replace(/[&<>"]/g, (one) => `&#${one.charCodeAt(0)};`);
+
+export function svgOf({ width, height, items }) {
+  const anchors = { left: "start", right: "end", centre: "middle" };
+  const drawn = items.map((one) => (one.kind === "text"
+    ? `<text x="${round(one.x)}" y="${round(one.y)}" text-anchor="${anchors[one.align]}" fill="${one.colour}">${escaped(one.words)}</text>`
+    : `<polyline points="${one.points.map((p) => p.map(round).join()).join(" ")}" fill="none" stroke="${one.colour}" stroke-width="${one.thick}" stroke-linejoin="round"${one.dash.length ? ` stroke-dasharray="${one.dash.join()}"` : ""}/>`));
+  return `<svg xmlns="http://www.w3.org/2000/svg" width="${round(width)}pt" height="${round(height)}pt" viewBox="0 0 ${round(width)} ${round(height)}" font-family="Helvetica, Arial, sans-serif" font-size="${SIZE_PT}">\n<rect width="100%" height="100%" fill="#ffffff"/>\n${drawn.join("\n")}\n</svg>\n`;
+}
+
+// Windows-1252, which the font of the PDF has; U+2212 has no place there.
+const CP1252 = new Map([["−", 0x2d], ["–", 0x96], ["…", 0x85], ["→", 0x2d]]);
+const bytesOf = (words) => Array.from(words, (one) => CP1252.get(one) ?? (one.charCodeAt(0) < 256 ? one.charCodeAt(0) : 0x3f));
+const literal = (words) => `(${bytesOf(words).map((code) => (code > 126 || code < 32 || "()\\".includes(String.fromCharCode(code))
+  ? `\\${code.toString(8).padStart(3, "0")}` : String.fromCharCode(code))).join("")})`;
+
+// Widths of Helvetica in thousandths, by kind of letter: near enough to align a number.
+const widthOf = (words) => Array.from(words, (one) => (/[.,:;il|!' ]/.test(one) ? 0.28 : /[mwMW%]/.test(one) ? 0.86 : /[A-Z]/.test(one) ? 0.68 : 0.55)).reduce((a, b) => a + b, 0) * SIZE_PT;
+
+export function pdfOf({ width, height, items }) {
+  const rgb = (colour) => {
+    const parts = /^#(..)(..)(..)$/.exec(colour);
+    const values = parts ? parts.slice(1).map((hex) => parseInt(hex, 16)) : (colour.match(/[\d.]+/g) ?? [0, 0, 0]).slice(0, 3).map(Number);
+    return values.map((value) => round(value / 255)).join(" ");
+  };
+  const ops = items.map((one) => {
+    if (one.kind === "text") {
+      const back = { left: 0, right: widthOf(one.words), centre: widthOf(one.words) / 2 }[one.align];
+      return `BT ${rgb(one.colour)} rg /F1 ${SIZE_PT} Tf ${round(one.x - back)} ${round(height - one.y)} Td ${literal(one.words)} Tj ET`;
+    }
+    const points = one.points.map(([x, y], i) => `${round(x)} ${round(height - y)} ${i ? "l" : "m"}`).join(" ");
+    return `${rgb(one.colour)} RG ${one.thick} w [${one.dash.join(" ")}] 0 d ${points} S`;
+  });
+  const content = ["1 J 1 j", ...ops].join("\n");
+  const objects = [
+    "<< /Type /Catalog /Pages 2 0 R >>",
+    "<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
+    `<< /Type /Page /Parent 2 0 R /MediaBox [0 0 ${round(width)} ${round(height)}] /Contents 4 0 R /Resources << /Font << /F1 5 0 R >> >> >>`,
+    `<< /Length ${content.length} >>\nstream\n${content}\nendstream`,
+    "<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica /Encoding /WinAnsiEncoding >>",
+  ];
+  let file = "%PDF-1.4\n";
+  const places = objects.map((one, i) => {
+    const at = file.length;
+    file += `${i + 1} 0 obj\n${one}\nendobj\n`;
+    return at;
+  });
+  const start = file.length;
+  file += `xref\n0 ${objects.length + 1}\n0000000000 65535 f \n${places.map((at) => `${String(at).padStart(10, "0")} 00000 n \n`).join("")}`;
+  return `${file}trailer\n<< /Size ${objects.length + 1} /Root 1 0 R >>\nstartxref\n${start}\n%%EOF\n`;
+}
+
+// A PNG of an SVG text, as a promise of a blob.
+export function pngOf(svg, width, height) {
+  const scale = PNG_DPI / 72;
+  return new Promise((done, failed) => {
+    const image = new Image();
+    image.onload = () => {
+      const canvas = element("canvas", { width: Math.round(width * scale), height: Math.round(height * scale) });
+      canvas.getContext("2d").drawImage(image, 0, 0, canvas.width, canvas.height);
+      canvas.toBlob(done, "image/png");
+    };
+    image.onerror = failed;
+    image.src = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(svg)}`;
+  });
+}
+
+export function save(blob, name) {
+  const link = element("a", { href: URL.createObjectURL(blob), download: name });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+}
+
+// Buttons that save what `make(widthMm)` returns as a sheet, at the width that is chosen.
+export function saveButtons(make, name) {
+  const width = element("select", { ariaLabel: "Width of the saved figure" },
+    ...Object.entries(WIDTHS_MM).map(([label, mm]) => element("option", { value: mm, textContent: `${label}, ${mm} mm` })));
+  const button = (kind, blobOf) => {
+    const one = element("button", { type: "button", textContent: kind, title: `Save this figure as ${kind}` });
+    one.dataset.save = kind.toLowerCase();
+    one.onclick = async () => save(await blobOf(inPrint(() => make(Number(width.value)))), `${name()}.${kind.toLowerCase()}`);
+    return one;
+  };
+  return element("span", { className: "save" }, "Save ",
+    button("SVG", (sheet) => new Blob([svgOf(sheet)], { type: "image/svg+xml" })),
+    button("PDF", (sheet) => new Blob([pdfOf(sheet)], { type: "application/pdf" })),
+    button("PNG", (sheet) => pngOf(svgOf(sheet), sheet.width, sheet.height)), width);
+}
+
+// The least and the greatest of what lies within a range of x, with some room.
+export function spanOf(lines, [from, to]) {
+  let [low, high] = [Infinity, -Infinity];
+  for (const { x, y } of lines) {
+    y.forEach((value, i) => {
+      if (value == null || x[i] < from || x[i] > to) return;
+      low = Math.min(low, value);
+      high = Math.max(high, value);
+    });
+  }
+  if (low > high) return [0, 1];
+  const margin = 0.06 * (high - low || Math.abs(high) || 1);
+  return [low - margin, high + margin];
+}

@@ -1,0 +1,202 @@
+"""Queries that the server answers itself: the past, the runs, the forms, and the one job."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from msgspec import Struct
+
+from smad.client import NotReady
+from smad.errors import SmadError
+from smad.style.strips import CHANNELS
+from smad.view import commands, preview, queue, requests
+from smad.view.feed import Feed, View
+from smad.view.forms import Form
+from smad.view.jobs import ON_THE_BENCH, JobError, Jobs, run_path
+from smad.view.reader_client import ReaderClient
+from smad.view.requests import Drawn, Mark, Read
+from smad.view.source import Axis, Source
+from smad.view.tier import Curve, Frame, Moments
+
+MOST_RUNS = 12
+NO_TIME = (float("inf"), float("-inf"))
+
+
+class Past(Struct, frozen=True, kw_only=True):
+    """What a page gets that looks back: curves, moments for XY, marks, and where it is from."""
+
+    frame: Frame
+    moments: Moments | None
+    marks: tuple[Mark, ...]
+    source: str
+
+
+class Queries:
+    """Answers the queries of all pages of a server."""
+
+    def __init__(self, source: Source) -> None:
+        self.jobs = Jobs()
+        self._source = source
+        self._reader = ReaderClient()
+
+    async def close(self) -> None:
+        """End reader and job."""
+        await self._reader.close()
+        await self.jobs.close()
+
+    async def past(self, axis: Axis, from_s: float, to_s: float, view: View) -> Past:
+        """Return what was shown between two times: of the run log as far as it goes, or of memory.
+
+        The log has every sample; memory has the extremes of stretches.
+        """
+        read = await self._of_log(axis, from_s, to_s, view)
+        began_s, ended_s = NO_TIME if read is None else (read.first_s, read.last_s)
+        parts: list[tuple[Frame, Moments]] = []
+        if from_s < began_s:
+            parts.append(await of_memory(axis.feed, from_s, min(to_s, began_s), view))
+        if read is not None and read.frame.t:
+            parts.append((read.frame, read.moments or Moments(0.0, [], [], [[] for _ in view.xy])))
+        if read is not None and to_s > ended_s:
+            parts.append(await of_memory(axis.feed, max(from_s, ended_s), to_s, view))
+        named = [("memory", from_s < began_s), ("run log", read is not None and read.frame.t)]
+        known = () if read is None else read.marks
+        marks = {
+            (round(mark.x), mark.text): mark
+            for mark in (*self._source.marks, *known)
+            if from_s <= mark.x <= to_s
+        }
+        return Past(
+            frame=_one_frame([frame for frame, _ in parts], len(view.channels)),
+            moments=_one_row([moments for _, moments in parts], len(view.xy)) if view.xy else None,
+            marks=tuple(marks.values()),
+            source=" and ".join(name for name, used in named if used) or "memory",
+        )
+
+    async def _of_log(self, axis: Axis, from_s: float, to_s: float, view: View) -> Read | None:
+        path = self._source.log_path
+        if not path or not Path(path).is_file():
+            return None
+        request = requests.Past(
+            path=path,
+            axis=axis.name,
+            from_s=from_s,
+            to_s=to_s,
+            channels=tuple(CHANNELS[place].name for place in view.channels),
+            xy=tuple(CHANNELS[place].name for place in view.xy),
+        )
+        try:
+            read = await self._reader.ask(request, Read)
+        except SmadError:
+            # Memory is there, whatever has become of the file.
+            return None
+        if read is not None:
+            axis.log_first_s = read.first_s
+        return read
+
+    async def answer(self, ask: commands.Question) -> tuple[str, Any]:
+        """Return what to say to a question, and what to show. Raises SmadError."""
+        return await self.QUESTIONS[type(ask)](self, ask)
+
+    async def _runs(self, ask: commands.Runs) -> tuple[str, Any]:
+        request = requests.Runs(folder=str(self._folder()), most=MOST_RUNS)
+        return "", await self._reader.ask(request, list[requests.Row])
+
+    async def _results(self, ask: commands.Results) -> tuple[str, Any]:
+        request = requests.Results(path=str(run_path(self._folder(), ask.run)), axis=ask.axis)
+        return "", await self._reader.ask(request, list[tuple[str, str]])
+
+    async def _experiments(self, ask: commands.Experiments) -> tuple[str, Any]:
+        return "", await self._reader.ask(requests.Experiments(), list[Form])
+
+    async def _preview(self, ask: commands.Preview) -> tuple[str, Any]:
+        axis = self._source.axis(ask.axis)
+        config = axis.config
+        rate = config.control.handover_rate_mm_per_s
+        return "", [preview.drawn(ask.trajectory, axis.reference_mm, config.limits, rate)]
+
+    async def _preview_experiment(self, ask: commands.PreviewExperiment) -> tuple[str, Any]:
+        config = self._source.axis(ask.axis).config
+        request = requests.Plan(
+            experiment=ask.experiment,
+            settings=ask.settings,
+            limits=config.limits,
+            handover_rate_mm_per_s=config.control.handover_rate_mm_per_s,
+        )
+        return "", await self._reader.ask(request, list[Drawn])
+
+    async def _begin(self, ask: commands.Begin) -> tuple[str, Any]:
+        axis = self._source.axis(ask.axis)
+        now = axis.shown
+        if now is not None and ask.generation not in (None, now.generation):
+            raise NotReady(
+                "the bench was stopped after what this page had shown",
+                action="look at it, then begin the job again",
+            )
+        if self._source.armed and isinstance(ask.job, ON_THE_BENCH):
+            raise NotReady(
+                "the bench is armed already, and the job is to be missed when it vanishes",
+                action="disarm; the job arms by itself",
+            )
+        return await self.jobs.begin(ask.job, self._folder(), self._source.bench, axis.name), None
+
+    async def _end_job(self, ask: commands.EndJob) -> tuple[str, Any]:
+        return "the job is told to end" if self.jobs.interrupt() else "no job is under way", None
+
+    async def _queue(self, ask: commands.ShowQueue) -> tuple[str, Any]:
+        return "", await asyncio.to_thread(queue.shown, self._folder(), self._source.bench)
+
+    async def _change_queue(self, ask: commands.ChangeQueue) -> tuple[str, Any]:
+        return await asyncio.to_thread(
+            queue.carry_out, self._folder(), self._source.bench, ask.change
+        )
+
+    def _folder(self) -> Path:
+        if not self._source.folder:
+            raise JobError(
+                "where the runs are is not known yet", action="wait until the daemon answers"
+            )
+        return Path(self._source.folder)
+
+    QUESTIONS: Mapping[type, Callable[[Queries, Any], Awaitable[tuple[str, Any]]]] = {
+        commands.Runs: _runs,
+        commands.Results: _results,
+        commands.Experiments: _experiments,
+        commands.Preview: _preview,
+        commands.PreviewExperiment: _preview_experiment,
+        commands.Begin: _begin,
+        commands.EndJob: _end_job,
+        commands.ShowQueue: _queue,
+        commands.ChangeQueue: _change_queue,
+    }
+
+
+async def of_memory(feed: Feed, from_s: float, to_s: float, view: View) -> tuple[Frame, Moments]:
+    """Return what the feed keeps of a span; between two channels the loop does what waits."""
+    tier = feed.tier_for(from_s, to_s)
+    curves: list[Curve] = []
+    for curve in tier.between(from_s, to_s, view.channels):
+        curves.append(curve)
+        await asyncio.sleep(0)
+    t = [value for value in curves[0] if value is not None]
+    return Frame(t[0] if t else 0.0, t, curves[1:]), tier.moments_between(from_s, to_s, view.xy)
+
+
+def _one_frame(parts: Sequence[Frame], channels: int) -> Frame:
+    t = [value for part in parts for value in part.t]
+    y = [[value for part in parts for value in part.y[k]] for k in range(channels)]
+    return Frame(t[0] if t else 0.0, t, y)
+
+
+def _one_row(parts: Sequence[Moments], channels: int) -> Moments:
+    """Moments one after the other; cycles go on counting from one part to the next."""
+    t: list[float] = []
+    cycle: list[int] = []
+    for part in parts:
+        shift = (cycle[-1] - part.cycle[0]) if cycle and part.cycle else 0
+        t += part.t
+        cycle += [number + shift for number in part.cycle]
+    y = [[value for part in parts for value in part.y[k]] for k in range(channels)]
+    return Moments(t[0] if t else 0.0, t, cycle, y)

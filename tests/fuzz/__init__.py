@@ -1,4 +1,0 @@
-"""Coverage-guided fuzzing of everything that reads bytes from outside: `python -m tests.fuzz`.
-
-`targets.py` is the table; each target is a function of bytes that raises only on a real defect.
-"""
