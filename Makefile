@@ -1,14 +1,19 @@
 # Two commands do everything: `make demo` and `make test`. Each sets up what it needs in .venv first.
 # PYTHON chooses the interpreter (3.11 or newer): make demo PYTHON=python3.12
+# What is installed, and in which version, is in uv.lock; `make lock` renews it.
 
 VENV := .venv
 BIN := $(VENV)/bin
 PY := $(BIN)/python
+UV := $(BIN)/uv
+UV_VERSION := 0.13.9
+# As locked, with the interpreter of .venv; what else was installed there stays.
+SYNC := UV_PROJECT_ENVIRONMENT=$(VENV) $(UV) sync --quiet --frozen --inexact --python $(PY)
 export OPENBLAS_NUM_THREADS := 1
 
 .DEFAULT_GOAL := help
 FIRMWARE ?= python
-.PHONY: help firmware demo test recipes notebooks check bench fuzz site generate setup setup-test format clean
+.PHONY: help firmware demo test recipes notebooks check bench fuzz site generate wheel cold paper lock setup setup-test format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 18
@@ -51,27 +56,40 @@ format: $(VENV)/.test-installed  ## format the code
 	@$(BIN)/ruff check --fix .
 	@$(BIN)/ruff format .
 
+wheel: $(VENV)/.test-installed  ## build the wheel: dist/smad-*.whl
+	@$(UV) build --quiet --wheel --python $(PY)
+
+cold: wheel  ## run the demo from the wheel with nothing installed, on the oldest and newest Python here
+	@$(PY) -m bench.cold_start dist/smad-*.whl
+
+paper: $(VENV)/.installed  ## draw the figures of paper/paper.md
+	@$(PY) paper/figures.py
+
+lock: $(VENV)/.python  ## renew uv.lock: the newest versions that fit pyproject.toml
+	@$(UV) lock --upgrade --python $(PY)
+
 setup: $(VENV)/.installed  ## install smad into .venv
 setup-test: $(VENV)/.test-installed  ## install smad and what its tests need
 
 $(VENV)/.python:
 	@tools/venv $(VENV) $(PYTHON)
+	@$(PY) -m pip install -qq --disable-pip-version-check uv==$(UV_VERSION)
 	@touch $@
 
-$(VENV)/.installed: pyproject.toml $(VENV)/.python
+$(VENV)/.installed: pyproject.toml uv.lock $(VENV)/.python
 	@echo "installing smad into $(VENV) (a minute or two the first time)"
-	@$(PY) -m pip install -qq --disable-pip-version-check -e '.[all]'
+	@$(SYNC) --extra all
 	@echo "compiling the physics kernel (once)"
 	@$(PY) -m sim_device.plant.warm
 	@touch $@
 
-$(VENV)/.test-installed: pyproject.toml $(VENV)/.installed
+$(VENV)/.test-installed: pyproject.toml uv.lock $(VENV)/.installed
 	@echo "installing what the tests need"
-	@$(PY) -m pip install -qq --disable-pip-version-check -e '.[test]'
+	@$(SYNC) --extra test
 	@touch $@
 
-$(VENV)/.site-installed: pyproject.toml $(VENV)/.installed
-	@test -e $(VENV)/.test-installed || $(PY) -m pip install -qq --disable-pip-version-check -e '.[all,site]'
+$(VENV)/.site-installed: pyproject.toml uv.lock $(VENV)/.installed
+	@test -e $(VENV)/.test-installed || $(SYNC) --extra all --extra site
 	@touch $@
 
 clean:  ## remove what the build made (not your runs)

@@ -20,7 +20,9 @@ BENCHMARKS = {
     "view_cost": "setpoint age with the live page open and closed, in pairs",
     "gap": "the diagnosis",
     "envs": "steps of many environments, and replays on executors",
-    "footprint": "what pip installs, in MB, and how long a client takes to import",
+    "footprint": "what a bench computer installs, in MB, and how long a client takes to import",
+    "units": "the exported FMI unit beside the simulator: sizes, needs, speed",
+    "cold_start": "the demo from a wheel, with nothing installed",
 }
 """By module of this folder."""
 

@@ -59,9 +59,14 @@ class HostSession:
     host from those to an earlier one. `now_us` is any monotonic clock. `patience` multiplies how
     long a silent board is waited for: 1 is right for a bench; more is for a simulated board that
     runs on virtual time, where a busy machine keeps it from answering and nothing moves meanwhile.
+    `axis` is the one that the host uses (None: all): samples of others are counted, and are no sign
+    of life.
     """
 
-    def __init__(self, *, nonce: int, codec: Codec = CODEC, patience: int = 1) -> None:
+    def __init__(
+        self, *, nonce: int, codec: Codec = CODEC, patience: int = 1, axis: int | None = None
+    ) -> None:
+        self._axis = axis
         self._silence_us = patience * SILENCE_US
         self._timeout_limit = patience * TIMEOUT_LIMIT
         self.board: m.Ident | None = None
@@ -358,6 +363,9 @@ class HostSession:
             events.append(self.incompatible)
 
     def _on_state(self, state: m.State, frame: Frame, events: list[e.HostEvent]) -> None:
+        if self._axis is not None and state.axis != self._axis:
+            self.stats.other_axes += 1
+            return
         if not self._samples.accept(state):
             return
         self._heard_us = self._now_us

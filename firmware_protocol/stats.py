@@ -27,6 +27,8 @@ class HostLinkStats(msgspec.Struct):
     """Messages of the table that the session does nothing with."""
     setpoints_sent: int = 0
     setpoints_dropped: int = 0
+    other_axes: int = 0
+    """Samples of an axis that the host does not use."""
 
 
 class BoardLinkStats(msgspec.Struct):

@@ -50,3 +50,8 @@ def field_and_words(message: str) -> tuple[str, str]:
     """Return where msgspec found a value that is not allowed (`a[2].b`, or empty), and why."""
     cause, _, path = message.partition(" - at `$")
     return path.rstrip("`").removeprefix("."), in_words(cause)
+
+
+def without_mark(text: bytes) -> bytes:
+    """Return UTF-8 text without the byte order mark that some editors write, for a TOML reader."""
+    return text.removeprefix(b"\xef\xbb\xbf")

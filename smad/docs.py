@@ -18,9 +18,11 @@ import msgspec
 from msgspec import Struct
 from msgspec import inspect as types
 
+from firmware_protocol.supervisor.document import PARTS as SUPERVISOR
 from smad import api
 from smad.config.template import markdown_lists
 from smad.control import commands
+from smad.daemon.arming import TRANSITIONS
 from smad.diagnosis.constants import Constants, shipped
 from smad.runlog.schema import CHANNELS, Row
 
@@ -33,6 +35,7 @@ PAGES = (
     _DOCS / "guide/run-logs.md",
     _DECISIONS / "README.md",
     _DOCS / "diagnosis.md",
+    _DOCS / "safety.md",
     _DOCS.parent / "README.md",
 )
 _MARKED = re.compile(r"(<!-- generated: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -119,7 +122,18 @@ def settings() -> str:
     return f"{', '.join(rows)}.\n"
 
 
+def arming() -> str:
+    """The diagram of what the daemon knows of an axis, and where each input leads."""
+    lines = [
+        f"{phase.name}-->|{what.name}|{after.name}"
+        for phase, leads in TRANSITIONS.items()
+        for what, after in leads.items()
+    ]
+    return "\n".join(("```mermaid", "flowchart", *lines, "```", ""))
+
+
 PARTS: dict[str, Callable[[], str]] = {
+    "arming": arming,
     "methods": methods,
     "pieces": pieces,
     "telemetry": telemetry,
@@ -133,8 +147,11 @@ PARTS: dict[str, Callable[[], str]] = {
 
 
 def refreshed(text: str) -> str:
-    """Return the page with every generated part made anew."""
-    return _MARKED.sub(lambda found: found[1] + PARTS[found[2]]() + found[3], text)
+    """Return the page with every generated part made anew, but those of the supervisor."""
+    return _MARKED.sub(
+        lambda m: m[0] if m[2] in SUPERVISOR else m[1] + PARTS[m[2]]() + m[3],
+        text,
+    )
 
 
 def _method(method: api.Method) -> Iterator[str]:

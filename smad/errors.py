@@ -9,6 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 _LONGEST_VALUE = 120
+REFUSED_STATUS = 3
+"""What a command ends with that answered, and whose answer is that the question is refused."""
 
 
 class SmadError(Exception):

@@ -35,11 +35,11 @@ BROUGHT_BY: Mapping[str, Sequence[str]] = {
 """Extra -> every package that it brings, for the extras of commands that heat a bench."""
 EXTRA_OF_COMMAND: Mapping[str, str] = {
     "demo": "sim",
+    "design": "sim",
     "faults": "sim",
     "gap": "gap",
     "log export": "export",
     "log import": "export",
-    "model": "fmi",
     "run": "report",
     "sim": "sim",
     "start": "sim",

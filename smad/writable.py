@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 from smad.errors import CommandError
@@ -24,3 +26,26 @@ def require_writable(output: Path) -> None:
             f"{output} cannot be written: no permission to write {target}",
             action="name another file",
         )
+
+
+@contextlib.contextmanager
+def replacing(output: Path) -> Iterator[Path]:
+    """A file beside `output` to write, which takes its name when the block ends without an error.
+
+    What is no file (a pipe, a terminal) is written as it is. Raises CommandError when the disk
+    refuses.
+    """
+    if output.exists() and not output.is_file():
+        yield output
+        return
+    beside = output.with_name(f".{output.name}.{os.getpid()}.part")
+    try:
+        yield beside
+        beside.replace(output)
+    except OSError as error:
+        raise CommandError(
+            f"cannot write {output}: {error.strerror or error}", action="make room, or name another"
+        ) from error
+    finally:
+        with contextlib.suppress(OSError):
+            beside.unlink(missing_ok=True)

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from smad.diagnosis.plant import Channel, Effect, EffectParameter, Parameter, Signal
+from smad.diagnosis.plant import Channel, Effect, EffectParameter, Parameter, Signal, Traits
 
 STEP_S = 1e-3
 LAP = 6240
@@ -65,6 +65,7 @@ class Emps:
 
     name: str = "positioning drive"
     version: str = "1"
+    traits = Traits(shortest_s=6.0)  # a lap, there and back
     inputs = (Signal("force_N", "N", -350.0, 350.0),)
     channels = (
         Channel(name="position_rate", unit="m/s", quantum=2.5e-5, low=-0.5, high=0.5, noise=1e-4),

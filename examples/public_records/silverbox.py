@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from smad.diagnosis.plant import Channel, Effect, EffectParameter, Parameter, Signal
+from smad.diagnosis.plant import Channel, Effect, EffectParameter, Parameter, Signal, Traits
 
 RATE_HZ = 1e7 / 2**14
 """Samples a second (equation 12)."""
@@ -46,6 +46,7 @@ class Silverbox:
 
     name: str = "Silverbox"
     version: str = "1"
+    traits = Traits(shortest_s=1.0)  # its resonance goes through 68 periods in a second
     inputs = (Signal("input_V", "V", -0.2, 0.2),)
     channels = (Channel(name="output_V", unit="V", quantum=1e-5, low=-0.5, high=0.5, noise=1e-3),)
     parameters = (

@@ -13,6 +13,7 @@ from pathlib import Path
 from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.parameters import load_parameters
 from sim_device.plant.places import BOTH, PLACES, STATES
+from sim_device.plant.published import table as published_table
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "physics.md"
 
@@ -86,6 +87,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "effects": effects_list,
     "places": places_table,
     "states": states_list,
+    "published": published_table,
 }
 
 

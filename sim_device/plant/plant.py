@@ -35,6 +35,7 @@ _DRIVE = slice(k.place_of(k.Work, "drive.i_x"), k.place_of(k.Work, "drive.stage"
 _FORCES = k.place_of(k.Work, "forces")
 _CURRENT_X, _CURRENT_Y = k.place_of(k.State, "x.current"), k.place_of(k.State, "y.current")
 _HEAT_X, _HEAT_Y = k.place_of(k.State, "x.heat_in"), k.place_of(k.State, "y.heat_in")
+_CYCLES = k.place_of(k.State, "x.cycles"), k.place_of(k.State, "y.cycles")
 _GIVEN_INLET = k.place_of(k.State, "shared.given_inlet")
 _GIVEN_AIR = k.place_of(k.State, "shared.given_air")
 _OF_SPRINGS = (
@@ -129,6 +130,16 @@ class Plant:
         )
         if status != k.OK:
             raise solver_error(status, self._row)
+
+    @property
+    def cycles(self) -> tuple[float, float]:
+        """Transformation cycles that each spring has behind it."""
+        return float(self._row[_CYCLES[0]]), float(self._row[_CYCLES[1]])
+
+    @cycles.setter
+    def cycles(self, behind: tuple[float, float]) -> None:
+        """Age the springs: effects that grow with cycles are as after so many."""
+        self._row[list(_CYCLES)] = behind
 
     def read(self) -> Readings:
         """What the sensors say now. Every call draws new noise from the seed."""

@@ -54,6 +54,6 @@ def _text(path: Path) -> str:
     if len(data) > LARGEST_FILE_BYTES:
         raise TextFileError(f"is over {LARGEST_FILE_BYTES} bytes, too large for what it should be")
     try:
-        return data.decode("utf-8")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise TextFileError(f"is not UTF-8 text (byte {error.start})") from None

@@ -131,6 +131,14 @@ class AddNote(Params, frozen=True, kw_only=True):
     text: Annotated[str, Meta(min_length=1, max_length=500, description="one line")]
 
 
+class RecordLast(Params, frozen=True, kw_only=True):
+    """Write the last seconds into a log, recorded or not."""
+
+    seconds: Annotated[
+        float, Meta(ge=1.0, le=600.0, description="at most recorder.black_box_s")
+    ] = 60.0
+
+
 class TakeControl(Params, frozen=True, kw_only=True):
     """Take, or renew, exclusive control: until it ends, only this client's commands count."""
 
@@ -197,6 +205,7 @@ METHODS: tuple[Method, ...] = (
     Method("record.start", StartRecording, RecorderStatus, "control"),
     Method("record.stop", StopRecording, RecorderStatus, "control"),
     Method("record.note", AddNote, RecorderStatus, "watch"),
+    Method("record.last", RecordLast, RecorderStatus, "watch"),
     Method("control.take", TakeControl, Control, "watch"),
     Method("control.release", ReleaseControl, Control, "watch"),
 )

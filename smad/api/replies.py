@@ -162,6 +162,7 @@ class RecorderStatus(Struct, frozen=True, kw_only=True):
     rows: Annotated[int, Meta(description="samples written or waiting")] = 0
     dropped: Annotated[int, Meta(description="samples lost because the disk was too slow")] = 0
     error: Annotated[str, Meta(description="why recording stopped, if it failed")] = ""
+    last: Annotated[str, Meta(description="the last minute, written after a fault; absolute")] = ""
 
 
 class Control(Struct, frozen=True, kw_only=True):
@@ -185,13 +186,19 @@ class Motion(Struct, frozen=True, kw_only=True):
     reference_mm: Annotated[float | None, Meta(description="where displacement should be")]
     displacement_mm: Annotated[float | None, Meta(description="where it is")]
     board_time_s: Annotated[float, Meta(description="board time of the last sample")]
+    sample_age_s: Annotated[
+        float | None, Meta(description="seconds since the last sample; empty: none came yet")
+    ] = None
     ended: Annotated[
         str,
         Meta(description='why the motion ended early, such as "stopped by …"; empty: it did not'),
     ] = ""
     fault: Annotated[Fault | None, Meta(description="the latched fault")] = None
     generation: Annotated[
-        int, Meta(description="stops so far; a request that carries it is refused after the next")
+        int,
+        Meta(
+            description="names the last stop; a request that carries it is refused after the next"
+        ),
     ] = 0
     axes: Annotated[
         dict[str, Motion] | UnsetType, Meta(description="of a bench of several axes: each by name")
@@ -215,6 +222,9 @@ def of_the_bench(motions: dict[str, Motion]) -> Motion:
         reference_mm=None,
         displacement_mm=None,
         board_time_s=max(motion.board_time_s for motion in motions.values()),
+        sample_age_s=max(
+            (m.sample_age_s for m in motions.values() if m.sample_age_s is not None), default=None
+        ),
         ended=first("ended") or "",
         fault=first("fault"),
         generation=max(motion.generation for motion in motions.values()),

@@ -194,7 +194,9 @@ class Viewer:
                 refused = "parameters are read-only here; change them with smad"
                 return [status(WARNING, refused), self._values(names, number)]
             case _Follow(names):
-                self._followed |= dict.fromkeys(names or self._parameters())
+                # A name that is invented is not kept: what a viewer makes up fills no memory.
+                known = self._parameters()
+                self._followed |= dict.fromkeys(n for n in names or known if n in known)
                 return [*self._changed_parameters()]
             case _Unfollow(names):
                 for name in names or list(self._followed):
@@ -234,7 +236,7 @@ class Viewer:
 
     def _values(self, names: Sequence[str], number: str | None) -> str:
         now = self._parameters()
-        values = [_parameter(name, now[name]) for name in names if name in now]
+        values = [_parameter(name, now[name]) for name in dict.fromkeys(names) if name in now]
         answer = {"op": "parameterValues", "parameters": values}
         return _text(answer | ({} if number is None else {"id": number}))
 

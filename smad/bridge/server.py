@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
 import time
 from collections import deque
 from collections.abc import AsyncIterator, Iterable
 from http import HTTPStatus
 
 from websockets.asyncio.server import ServerConnection, serve
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, ConnectionClosedError
 from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
@@ -33,6 +34,10 @@ MOST_WAITING = 2000
 LARGEST_MESSAGE = 65_536
 """Bytes that a viewer may send at once."""
 CLOSING_S = 1.0
+LONGEST_SEND_S = 5.0
+"""A viewer that takes nothing for so long is let go, and its seat is free."""
+MOST_UNREAD = 262_144
+"""Bytes that may wait in a connection before a send waits for its viewer."""
 
 
 class Seat:
@@ -49,19 +54,30 @@ class Seat:
     async def read(self) -> None:
         """Answer the viewer until it goes away."""
         for text in self.viewer.hello():
-            await self._connection.send(text)
+            await self._send(text)
         async for message in self._connection:
             if isinstance(message, str):
                 for answer in self.viewer.receive(message):
-                    await self._connection.send(answer)
+                    await self._send(answer)
 
     async def write(self) -> None:
-        """Send what waits, for ever."""
-        while True:
-            await self._filled.wait()
-            self._filled.clear()
-            while self._waiting:
-                await self._connection.send(self._waiting.popleft())
+        """Send what waits, until the viewer goes away."""
+        with contextlib.suppress(ConnectionClosed):
+            while True:
+                await self._filled.wait()
+                self._filled.clear()
+                while self._waiting:
+                    await self._send(self._waiting.popleft())
+
+    async def _send(self, message: str | bytes) -> None:
+        """Send a message; raise ConnectionClosed for a viewer that does not read."""
+        try:
+            async with asyncio.timeout(LONGEST_SEND_S):
+                await self._connection.send(message)
+        except TimeoutError:
+            # No closing handshake: who reads nothing reads that neither.
+            self._connection.transport.abort()
+            raise ConnectionClosedError(None, None) from None
 
     def put(self, messages: Iterable[bytes]) -> None:
         """Let messages wait; of too many the oldest are dropped."""
@@ -82,7 +98,7 @@ class Seat:
             news.append(status(WARNING, f"{lost} messages dropped: this viewer reads too slowly"))
         with contextlib.suppress(ConnectionClosed):
             for one in news:
-                await self._connection.send(one)
+                await self._send(one)
 
 
 class Bridge:
@@ -93,7 +109,7 @@ class Bridge:
         self._source = source
         self._session = str(time.time_ns())
         self._seats: set[Seat] = set()
-        self._saying: set[asyncio.Task[None]] = set()
+        self._saying: dict[Seat, asyncio.Task[None]] = {}
         self._away = ""
 
     def admit(self, connection: ServerConnection, request: Request) -> Response | None:
@@ -140,14 +156,19 @@ class Bridge:
         for seat in self._seats:
             seat.put(seat.viewer.messages(channel, time_ns, body))
 
+    def _said(self, seat: Seat, _: asyncio.Task[None]) -> None:
+        del self._saying[seat]
+
     def news(self, why_away: str) -> None:
         """Tell the viewers of new parameters, of losses, and once why the bench is away."""
         again = why_away == self._away
         self._away = why_away
         for seat in tuple(self._seats):
-            task = asyncio.create_task(seat.say("" if again else why_away))
-            self._saying.add(task)
-            task.add_done_callback(self._saying.discard)
+            # Who has not taken the last news gets the next when it has.
+            if seat not in self._saying:
+                task = asyncio.create_task(seat.say("" if again else why_away))
+                self._saying[seat] = task
+                task.add_done_callback(functools.partial(self._said, seat))
 
 
 @contextlib.asynccontextmanager
@@ -163,6 +184,7 @@ async def serving(bench: str, port: int) -> AsyncIterator[Bridge]:
         subprotocols=[Subprotocol(name) for name in SUBPROTOCOLS],
         compression=None,
         max_size=LARGEST_MESSAGE,
+        write_limit=MOST_UNREAD,
         close_timeout=CLOSING_S,
         server_header=None,
         logger=quiet("smad.bridge.strangers"),

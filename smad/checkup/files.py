@@ -14,8 +14,8 @@ from smad.diagnosis.errors import PairingError
 from smad.diagnosis.plant import PlantModel
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.signals import read_recorded, require_columns
+from smad.records.tables import KINDS
 from smad.runlog.bounds import Together
-from smad.runlog.tables import KINDS
 
 _KINDS = (".mcap", *KINDS)
 _LIKE = 0.05
@@ -50,7 +50,9 @@ def read_folder(folder: Path) -> list[Found]:
         raise PairingError(
             f"{folder} is no folder", action="give the folder that holds the run files"
         )
-    paths = sorted(p for p in _files_below(folder) if p.is_file() and p.name.endswith(_KINDS))
+    paths = sorted(
+        p for p in _files_below(folder) if p.is_file() and p.name.lower().endswith(_KINDS)
+    )
     if not paths:
         raise PairingError(
             f"{folder} holds no run file", limit=", ".join(_KINDS), action="put the runs there"

@@ -5,6 +5,7 @@ Whatever goes wrong ends in one line on standard error and a non-zero status, ne
 
 from __future__ import annotations
 
+import errno
 import importlib
 import os
 import sys
@@ -20,6 +21,7 @@ from smad.version import VERSION
 
 COMMANDS: Mapping[str, str] = {
     "demo": "smad.cli.demo:demo",
+    "design": "smad.cli.design:design",
     "start": "smad.cli.start:start",
     "sim": "smad.cli.sim:sim",
     "status": "smad.cli.status:status",
@@ -45,17 +47,21 @@ COMMANDS: Mapping[str, str] = {
     "log": "smad.cli.log:log",
     "run": "smad.cli.run:run",
     "tune": "smad.cli.tune:tune",
+    "queue": "smad.cli.queue:queue",
+    "hooks": "smad.cli.hooks:hooks",
+    "health": "smad.cli.health:health",
     "gap": "smad.cli.gap:gap",
     "model": "smad.cli.model:model",
     "docs": "smad.cli.docs:docs",
 }
 """Every command and where it lives; `smad status` would feel the import of numpy or matplotlib."""
 
-READS_FILES = frozenset(("log", "gap", "run", "view"))
+READS_FILES = frozenset(("log", "gap", "run", "view", "health"))
 """Commands that are ended first when memory runs out: before the daemon, which has the bench."""
 
 _INTERRUPTED = 130
 _INTERNAL = 70
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class LazyGroup(click.Group):
@@ -122,6 +128,8 @@ def execute(arguments: Sequence[str]) -> int:
         volunteer()
     try:
         result = root.main(args=list(arguments), prog_name="smad", standalone_mode=False)
+        if sys.stdout is not None:
+            sys.stdout.flush()
     except SmadError as error:
         return _complain(str(error), error.exit_status)
     except click.exceptions.NoArgsIsHelpError as error:
@@ -138,15 +146,24 @@ def execute(arguments: Sequence[str]) -> int:
         return _complain("interrupted", _INTERRUPTED)
     except BrokenPipeError:
         # Whoever read our output has gone; a second complaint at exit would help nobody.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_output()
         return 1
     except ModuleNotFoundError as error:
         extra = missing(error, arguments)
         return _complain(str(extra), 1) if extra else _complain(_internal(error), _INTERNAL)
     except Exception as error:
+        if isinstance(error, OSError) and error.errno in _NO_ROOM:
+            _discard_output()
+            return _complain(f"the answer cannot be printed: {error.strerror}; make room", 1)
         told = _unusable_path(error)
         return _complain(told, 1) if told else _complain(_internal(error), _INTERNAL)
     return result if isinstance(result, int) else 0
+
+
+def _discard_output() -> None:
+    """Let what is still to be printed go nowhere, so that nothing complains of it at the exit."""
+    if sys.stdout is not None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _unusable_path(error: Exception) -> str:

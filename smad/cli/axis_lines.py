@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from smad.api import AxisStatus, Percentiles
+from smad.api import AxisStatus, Motion, Percentiles
+
+OLD_AFTER_S = 1.0
+"""What is older is not shown as if it were of now."""
 
 
 def axis_lines(axes: Mapping[str, AxisStatus], skew: Percentiles) -> Iterator[str]:
@@ -18,7 +21,7 @@ def axis_lines(axes: Mapping[str, AxisStatus], skew: Percentiles) -> Iterator[st
         if row is not None:
             readings = (
                 f"{number(row.displacement_mm, 2):>6} mm, {number(row.rtd_x_degC, 1)} and "
-                f"{number(row.rtd_y_degC, 1)} °C"
+                f"{number(row.rtd_y_degC, 1)} °C{aged(motion)}"
             )
         fault = f", {motion.fault.in_words()}" if motion.fault else ""
         missed = axis.counts.missed
@@ -28,6 +31,12 @@ def axis_lines(axes: Mapping[str, AxisStatus], skew: Percentiles) -> Iterator[st
         )
     if skew.count:
         yield f"began together {skew.count} times, within {skew.max_us / 1000:.2f} ms"
+
+
+def aged(motion: Motion) -> str:
+    """Return how old the last readings are, to stand behind each; empty while samples come."""
+    age_s = motion.sample_age_s
+    return "" if age_s is None or age_s <= OLD_AFTER_S else f" ({age_s:.0f} s old)"
 
 
 def number(value: float | None, digits: int) -> str:

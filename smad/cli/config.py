@@ -31,11 +31,12 @@ def show(running: bool, bench: str) -> None:
 @config.command()
 @click.argument("path", type=click.Path(path_type=Path))
 def check(path: Path) -> None:
-    """Check a file: keys, ranges, and whether rate and baud fit."""
+    """Check a file: keys, ranges, the coupling of axes, and whether rate and baud fit."""
     from smad.config import load_config
     from smad.daemon.link.wirerate import check_rate, line_share
 
     loaded = load_config(path)
+    loaded.turns()
     check_rate(loaded.link.rate_hz, loaded.link.baud)
     share = line_share(loaded.link.rate_hz, loaded.link.baud)
     click.echo(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -78,7 +79,7 @@ def _run(folder: Path, seed: int, board: str, line: Progress) -> tuple[Run, Rows
         )
         (sockets / "demo.toml").write_text(config_to_toml(config))
         common = ["--sim", "--config", str(sockets / "demo.toml"), "--seed", str(seed)]
-        common += ["--firmware", board]
+        common += ["--firmware", board, "--parent", str(os.getpid())]
 
         def starting() -> None:
             line.say(f"starting the simulated bench ({board}) and the daemon")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -14,6 +15,7 @@ from smad.cli.gap_asked import (
     plant_of,
     print_answer,
     read_runs,
+    require_answered,
     variant_option,
 )
 from smad.cli.gap_checkup import checkup, commission
@@ -25,10 +27,16 @@ from smad.cli.gap_runs import (
     hold_out_option,
     leave_out_option,
     remaining,
+    require_among,
     runs_argument,
+    trust_option,
     uncut,
 )
 from smad.cli.output import progress
+from smad.writable import replacing, require_writable
+
+if TYPE_CHECKING:
+    from smad.diagnosis.answer import Answer
 
 _RUN = click.Path(exists=True, dir_okay=False, path_type=Path)
 _OUT = click.Path(dir_okay=False, path_type=Path)
@@ -50,6 +58,7 @@ gap.add_command(next_experiment)
 @hold_out_option
 @good_option
 @leave_out_option
+@trust_option
 @params_option
 @variant_option
 @click.option("--json", "json_path", type=_OUT, help="Write the whole verdict here.")
@@ -64,6 +73,7 @@ def diagnose(
     hold_out: tuple[Path, ...],
     good: tuple[Path, ...],
     leave_out: tuple[str, ...],
+    trust: tuple[str, ...],
     params: str,
     variant: str,
     json_path: Path | None,
@@ -78,8 +88,13 @@ def diagnose(
     model and bench counts. Without --hold-out each run is judged by a model of the others.
 
     A RUN is a run log, a folder of them, or a quoted pattern. Give RUNs before --hold-out and
-    --good, which take all that follows.
+    --good, which take all that follows. Ends with status 3 where the runs cannot support the
+    question. Files are written before anything is printed.
     """
+    require_among(trust, (runs, hold_out, good), "--trust")
+    for path in (json_path, html_path, model_path):
+        if path is not None:
+            require_writable(path)
     runs, hold_out, good = remaining((runs, hold_out, good), leave_out)
     if not runs:
         raise click.UsageError("--leave-out leaves no run to fit; give more runs")
@@ -92,28 +107,46 @@ def diagnose(
         if fmu is not None and map_path is not None:
             from smad.fmi.asked import diagnose_unit
 
+            click.echo(
+                f"smad: runs the code of {fmu} as you; use units of those you trust", err=True
+            )
             with progress() as line:
                 answer = diagnose_unit(
-                    fmu, map_path, runs, good=good, hold_out=hold_out, progress=line.say
-                )
+                    fmu, map_path, runs, good=good, hold_out=hold_out, trusted=trust,
+                    progress=line.say,
+                )  # fmt: skip
             asked = ""
         else:
-            answer = diagnosed(plant_of(params, variant), runs, good, hold_out)
+            answer = diagnosed(plant_of(params, variant), runs, good, hold_out, trust)
             # Of a plant that is not ours, no command but this one is known.
             asked = asked_words(runs, hold_out, good)
-        print_answer(answer.verdict, asked)
-        if json_path is not None:
-            json_path.write_bytes(answer.verdict.to_json())
-        if html_path is not None:
-            from smad.diagnosis.report.page import page_of
-            from smad.report.page import write_page
+    written = _write(answer, asked, json_path, html_path, model_path)
+    print_answer(answer.verdict, asked)
+    for path in written:
+        click.echo(f"written: {path}", err=True)
+    require_answered(answer.verdict)
 
-            write_page(page_of(answer, asked), html_path)
-        if model_path is not None:
-            answer.verdict.write_model(model_path)
-    for path in (json_path, html_path, model_path):
-        if path is not None:
-            click.echo(f"written: {path}", err=True)
+
+def _write(
+    answer: Answer, asked: str, json_path: Path | None, html_path: Path | None, model: Path | None
+) -> list[Path]:
+    """Write what was asked for, each file whole or not at all; returns those written."""
+    verdict, written = answer.verdict, []
+    if json_path is not None:
+        with replacing(json_path) as path:
+            path.write_bytes(verdict.to_json())
+        written.append(json_path)
+    if html_path is not None:
+        from smad.diagnosis.report.page import page_of
+        from smad.report.page import write_page
+
+        written.append(write_page(page_of(answer, asked), html_path))
+    # A refused answer has no model; why it was refused says more than that.
+    if model is not None and (verdict.models or verdict.outcome != "refused"):
+        with replacing(model) as path:
+            verdict.write_model(path)
+        written.append(model)
+    return written
 
 
 @gap.command()
@@ -136,7 +169,8 @@ def apply(*, verdict: Path, out: Path, first: int | None) -> None:
             value=str(error),
             action="give a file that smad gap diagnose --json wrote",
         ) from error
-    told.write_model(out, first)
+    with replacing(out) as path:
+        told.write_model(path, first)
     causes = told.causes if first is None else told.causes[:first]
     click.echo(f"{out}: parameters" + "".join(f", {c.name or c.words}" for c in causes))
 

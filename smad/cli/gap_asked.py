@@ -13,6 +13,7 @@ import click
 
 from smad.cli.baselines import print_verdict
 from smad.cli.output import progress
+from smad.errors import REFUSED_STATUS
 
 if TYPE_CHECKING:
     from smad.diagnosis.answer import Answer
@@ -53,16 +54,23 @@ def clean_errors() -> Iterator[None]:
         raise GapError(str(error)) from error
 
 
-def read_runs(paths: Sequence[Path], among: Sequence[Path]) -> list[GapRun]:
+def read_runs(
+    paths: Sequence[Path], among: Sequence[Path], trusted: Sequence[str] = ()
+) -> list[GapRun]:
+    """The runs of files, named apart; `trusted`: names or paths of those that are."""
+    from smad.cli.gap_runs import words_of
     from smad.diagnosis.spring_pair.signals import read_gap_run
     from smad.runlog.bounds import Together
 
     together = Together()
     runs = [read_gap_run(path, together) for path in paths]
-    names = [unlike(path, among) for path in paths]
     return [
-        dataclasses.replace(run, name=name) if name else run
-        for run, name in zip(runs, names, strict=True)
+        dataclasses.replace(
+            run,
+            name=unlike(path, among) or run.name,
+            trusted=bool(words_of(path) & set(trusted)),
+        )
+        for run, path in zip(runs, paths, strict=True)
     ]
 
 
@@ -77,22 +85,32 @@ def unlike(path: Path, paths: Sequence[Path]) -> str:
 
 
 def diagnosed(
-    plant: SmaPlant, runs: Sequence[Path], good: Sequence[Path], hold_out: Sequence[Path]
+    plant: SmaPlant,
+    runs: Sequence[Path],
+    good: Sequence[Path],
+    hold_out: Sequence[Path],
+    trusted: Sequence[str] = (),
 ) -> Answer:
     import msgspec
 
     from smad.checkup.commission import repeated
     from smad.checkup.files import Found
     from smad.diagnosis import diagnose
+    from smad.diagnosis.spring_pair.signals import usable
 
     with progress() as line:
         say: Callable[[str], None] = line.say
         say("reading")
         everything = (*runs, *good, *hold_out)
-        asked, known, held = (read_runs(some, everything) for some in (runs, good, hold_out))
+        asked, known, held = (
+            read_runs(some, everything, trusted) for some in (runs, good, hold_out)
+        )
         found = diagnose(asked, plant=plant, good=known, hold_out=held, progress=say)
-        now = [Found.of(*x) for x in zip((*runs, *hold_out), (*asked, *held), strict=True)]
-        then = [Found.of(*x) for x in zip(good, known, strict=True)]
+        now, then = (
+            [Found.of(path, run) for path, raw in zip(paths, read, strict=True)
+             if (run := usable(raw)) is not None]
+            for paths, read in (((*runs, *hold_out), (*asked, *held)), (good, known))
+        )  # fmt: skip
         verdict = msgspec.structs.replace(found.verdict, repeated=repeated(plant, then, now, say))
         return dataclasses.replace(found, verdict=verdict)
 
@@ -106,8 +124,28 @@ def asked_words(runs: Sequence[Path], hold_out: Sequence[Path], good: Sequence[P
 
 
 def print_answer(verdict: Verdict, asked: str) -> None:
+    """Print the verdict, what was noted of its runs, and what to do next."""
     from smad.diagnosis.report.words import advice
 
     print_verdict(verdict)
+    for text in noted(verdict):
+        click.echo(text)
     for command, why in advice(verdict, asked) if asked else ():
         click.echo(f"{why}: {command}" if command else why)
+
+
+def noted(verdict: Verdict) -> list[str]:
+    """What was left out of runs that are used, or is doubtful in them; one line for a text."""
+    runs: dict[str, list[str]] = {}
+    for f in verdict.findings:
+        if not f.refuses and f.run != "all runs":
+            runs.setdefault(f.text, []).append(f.run)
+    return [f"{', '.join(names)}: {text}" for text, names in runs.items()]
+
+
+def require_answered(verdict: Verdict) -> None:
+    """End the command with a status of its own where the verdict is that nothing is answered."""
+    from smad.diagnosis.verdict import REFUSED
+
+    if verdict.outcome == REFUSED:
+        click.get_current_context().exit(REFUSED_STATUS)

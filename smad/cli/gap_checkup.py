@@ -20,7 +20,9 @@ from smad.cli.baselines import (
     require_same,
     say,
 )
+from smad.cli.gap_runs import tell_passed_over
 from smad.cli.output import axis_option, progress
+from smad.writable import replacing, require_writable
 
 if TYPE_CHECKING:
     from smad.checkup.files import Found
@@ -164,6 +166,9 @@ def checkup(
         raise click.UsageError("--good needs --now: the runs to judge")
     if effects and not sim:
         raise click.UsageError("--effect is of a simulated bench; add --sim")
+    for path in (json_path, page_path, model_path):
+        if path is not None:
+            require_writable(path)
     if good is not None:
         found = _of_files(good, now)
     else:
@@ -172,25 +177,26 @@ def checkup(
         found = _of_baseline(
             folder, programme, now, out, sim=sim, effects=effects, seed=seed, bench=bench
         )
-    verdict = found.verdict
-    print_verdict(verdict)
+    verdict, written = found.verdict, []
     if json_path is not None:
-        from smad.checkup.series import write_whole
-
-        write_whole(json_path, verdict.to_json())
-        click.echo(f"written: {json_path}", err=True)
+        with replacing(json_path) as path:
+            path.write_bytes(verdict.to_json())
+        written.append(json_path)
     if page_path is not None:
         from smad.diagnosis.report.page import page_of
         from smad.report.page import write_page
 
         facts = [("baseline", str(folder or good)), ("repeats", str(found.pairs.reference.repeats))]
-        write_page(page_of(found.answer, facts=facts), page_path)
-        click.echo(f"written: {page_path}", err=True)
+        written.append(write_page(page_of(found.answer, facts=facts), page_path))
     if model_path is not None:
         from smad.checkup.judge import save_found
 
-        save_found(new_plant(), found, model_path)
-        click.echo(f"written: {model_path}", err=True)
+        with replacing(model_path) as path:
+            save_found(new_plant(), found, path)
+        written.append(model_path)
+    print_verdict(verdict)
+    for path in written:
+        click.echo(f"written: {path}", err=True)
 
 
 def _of_files(good: Path, now: Path | None) -> Judged:
@@ -200,8 +206,14 @@ def _of_files(good: Path, now: Path | None) -> Judged:
     assert now is not None
     with progress() as line:
         line.say("reading")
-        then = read_good(good, say)
-        found, matched = checked_files(new_plant(), then, read_folder(now), progress=line.say)
+        then, asked = read_good(good, say), read_folder(now)
+        for folder, runs in ((good, then), (now, asked)):
+            there = sorted(p for p in folder.rglob("*") if p.is_file())
+            tell_passed_over(folder, there, [run.path for run in runs])
+        for run in (*then, *asked):
+            for note in run.run.notes:
+                say(f"{run.path}: {note}")
+        found, matched = checked_files(new_plant(), then, asked, progress=line.say)
     for text in matched.lines:
         click.echo(text, err=True)
     for name in matched.alone:
@@ -243,6 +255,9 @@ def _of_baseline(
     if state is not None and state.ended:
         click.echo(f"not all of it was played: {state.ended}", err=True)
     found = [f for f in read_folder(now) if f.name in known]
+    for run in found:
+        for note in run.run.notes:
+            say(f"{run.path}: {note}")
     if not played:
         _require_other_runs(folder, found)
     runs = [(f.run, f.name) for f in found]

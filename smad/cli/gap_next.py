@@ -16,6 +16,7 @@ from smad.cli.gap_asked import (
     params_option,
     plant_of,
     print_answer,
+    require_answered,
     variant_option,
 )
 from smad.cli.gap_runs import (
@@ -104,6 +105,7 @@ def next_experiment(
         good = uncut(good)
         answer = diagnosed(plant, runs, good, hold_out)
         print_answer(answer.verdict, "")
+        require_answered(answer.verdict)
         with progress() as line:
             confused, found = offers(answer, line.say)
     if not confused:

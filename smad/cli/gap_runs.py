@@ -12,6 +12,9 @@ from smad.cli import complete
 
 SUFFIX = ".mcap"
 """What a folder is searched for: run logs, and where it has none, tables."""
+_BESIDE = (".header.json", ".html", ".json", ".toml")
+"""What smad itself writes beside runs."""
+_TOLD = 8
 
 
 class ManyRuns(click.Command):
@@ -63,12 +66,30 @@ def _files(value: str, ctx: click.Context, param: click.Parameter) -> list[Path]
 
 
 def _in_folder(folder: Path) -> list[Path]:
-    from smad.runlog.tables import KINDS
+    """The run logs of a folder, or its tables where it has none; files passed over are told."""
+    from smad.records.tables import is_table
 
-    for kinds in ((SUFFIX,), KINDS):
-        if found := sorted(p for p in folder.iterdir() if p.name.endswith(kinds)):
-            return found
-    return []
+    there = sorted(p for p in folder.iterdir() if p.is_file())
+    logs = [p for p in there if p.name.lower().endswith(SUFFIX)]
+    found = logs or [p for p in there if is_table(p)]
+    if found:
+        tell_passed_over(folder, there, found)
+    return found
+
+
+def tell_passed_over(folder: Path, there: Sequence[Path], read: Sequence[Path]) -> None:
+    """Say which files of a folder are not read, but for those that smad itself writes."""
+    passed = [
+        str(p.relative_to(folder))
+        for p in there
+        if p not in read and not p.name.startswith(".") and not p.name.endswith(_BESIDE)
+    ]
+    if passed:
+        more = f" and {len(passed) - _TOLD} more" if len(passed) > _TOLD else ""
+        click.echo(
+            f"{folder}: read {len(read)} runs, passed over {', '.join(passed[:_TOLD])}{more}",
+            err=True,
+        )
 
 
 runs_argument = click.argument(
@@ -89,23 +110,33 @@ def remaining(groups: Sequence[Sequence[Path]], left_out: Sequence[str]) -> list
 
     Raises BadParameter where a name is of none of them.
     """
-    known = {word for group in groups for path in group for word in _words(path)}
-    for name in left_out:
+    require_among(left_out, groups, "--leave-out")
+    return [tuple(p for p in group if not words_of(p) & set(left_out)) for group in groups]
+
+
+def require_among(names: Sequence[str], groups: Sequence[Sequence[Path]], option: str) -> None:
+    """Raises BadParameter where a name is of none of the runs given."""
+    known = {word for group in groups for path in group for word in words_of(path)}
+    for name in names:
         if name not in known:
-            names = ", ".join(sorted({path.name for group in groups for path in group}))
+            there = ", ".join(sorted({path.name for group in groups for path in group}))
             raise click.BadParameter(
-                f"{name!r} is none of the runs given. They are: {names}", param_hint="--leave-out"
+                f"{name!r} is none of the runs given. They are: {there}", param_hint=option
             )
-    return [tuple(p for p in group if not _words(p) & set(left_out)) for group in groups]
 
 
-def _words(path: Path) -> set[str]:
+def words_of(path: Path) -> set[str]:
+    """What a person may call the run of a file: its name, with or without suffix, or its path."""
     return {str(path), path.name, path.stem}
 
 
 leave_out_option = click.option(
     "--leave-out", multiple=True, metavar="RUN",
     help="A run among those given that is left out, by the name that the answer gives it.",
+)  # fmt: skip
+trust_option = click.option(
+    "--trust", multiple=True, metavar="RUN",
+    help="A run that is used whatever the nominal model thinks of its channels.",
 )  # fmt: skip
 hold_out_option = click.option(
     "--hold-out", multiple=True, callback=files, metavar="RUN…",
@@ -129,7 +160,7 @@ def uncut(good: Sequence[Path]) -> tuple[Path, ...]:
     whole: list[Path] = []
     for path in good:
         try:
-            cut = cut_by(path) if path.suffix == SUFFIX else ""
+            cut = cut_by(path) if path.suffix.lower() == SUFFIX else ""
         except SmadError:
             # What is wrong with it is told when its rows are read.
             cut = ""

@@ -105,7 +105,7 @@ def show(path: Path | None, folder: str, axis: str, as_json: bool) -> None:
 @click.option(
     "--to",
     "suffix",
-    type=click.Choice(["csv", "parquet", "mat", "rosbag2"]),
+    type=click.Choice(["csv", "parquet", "mat", "rosbag2", "lerobot"]),
     default="csv",
     show_default=True,
     help="Format, where --output does not name it.",
@@ -115,6 +115,7 @@ def show(path: Path | None, folder: str, axis: str, as_json: bool) -> None:
 )
 @click.option("--overwrite", is_flag=True, help="Replace a file that is there.")
 @click.option("--wide", is_flag=True, help="Several axes in one table: NAME.channel.")
+@click.option("--fps", type=click.IntRange(1, 1000), help="Frames per second, for lerobot.")
 @_json
 def export(
     *,
@@ -124,13 +125,16 @@ def export(
     output: Path | None,
     overwrite: bool,
     wide: bool,
+    fps: int | None,
     as_json: bool,
 ) -> None:
     """Write a run log as CSV, Parquet or MATLAB file, beside it unless --output says where.
 
     Each of several axes has a file of its own, with its name in it, unless they are --wide.
-    rosbag2 is a ROS 2 bag: a folder with an MCAP file of standard messages.
+    rosbag2 is a ROS 2 bag: a folder with an MCAP file of standard messages. lerobot is a dataset of
+    LeRobot v3.0: a folder with Parquet files, of one episode.
     """
+    from smad.runlog import lerobot
     from smad.runlog.export import export_run, side_by_side
     from smad.runlog.reader import read_axes
     from smad.runlog.rosbag import SUFFIX, export_bag
@@ -148,6 +152,8 @@ def export(
         own = target.with_name(f"{target.stem}.{axis}{target.suffix}") if axis else target
         if suffix == "rosbag2" or target.suffix == SUFFIX:
             files.append(export_bag(run, own, overwrite=overwrite))
+        elif suffix == "lerobot" or target.suffix == lerobot.SUFFIX:
+            files.append(lerobot.export_lerobot([run], own, fps=fps, overwrite=overwrite))
         else:
             files += export_run(run, own, overwrite=overwrite)
     rows, notes = max(map(len, runs.values())), next(iter(runs.values())).notes
@@ -226,8 +232,8 @@ def plot(
 )
 @_json
 def import_command(source: Path, output: Path | None, mapping: Path | None, as_json: bool) -> None:
-    """Make a run log from a CSV or Parquet file with units in its column names."""
-    from smad.runlog.importer import import_table, read_mapping
+    """Make a run log from a CSV or Parquet file with units in its column names, or a ROS bag."""
+    from smad.records.importer import import_table, read_mapping
 
     if output is not None:
         require_writable(output)
@@ -242,6 +248,7 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
         click.echo(f"left out: {', '.join(done.ignored)}")
     if done.missing:
         click.echo(f"not in the file: {', '.join(done.missing)}")
+    _print_notes(done.notes)
 
 
 @log.command()
@@ -251,6 +258,7 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
 @_json
 def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) -> None:
     """Rewrite a log that was cut or damaged as a whole one, and say what was lost."""
+    from smad.runlog.holes import words
     from smad.runlog.recover import recover as recover_log
 
     if output is not None:
@@ -262,7 +270,7 @@ def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) 
         return
     click.echo(f"{done.messages} messages to {done.path}")
     click.echo(f"lost: {done.lost_messages} messages in damaged chunks, {done.unread_bytes} bytes")
-    _print_notes(done.notes)
+    _print_notes([*done.notes, *words(done.holes)])
 
 
 def _resolve(path: Path | None, folder: str) -> Path:

@@ -30,7 +30,9 @@ def model() -> None:
     help="What holds the springs; the stage moves in the last two.",
 )
 @click.option("--fmi", "unit", required=True, type=click.Path(dir_okay=False, path_type=Path),
-              help="FMI 2.0 co-simulation unit to write.")  # fmt: skip
+              help="FMI co-simulation unit to write.")  # fmt: skip
+@click.option("--fmi-version", "version", type=click.Choice(["3", "2"]), default="3",
+              show_default=True, help="2 for programs that do not import FMI 3.0.")  # fmt: skip
 @click.option("--overwrite", is_flag=True, help="Replace a file that is there.")
 def export(
     *,
@@ -39,12 +41,13 @@ def export(
     effects: tuple[str, ...],
     fixture: str,
     unit: Path,
+    version: str,
     overwrite: bool,
 ) -> None:
     """Write the plant of a MODEL file as a unit that Simulink, OpenModelica or Dymola imports.
 
-    Without MODEL it is the plant of a parameter set. The importing machine needs Python with smad:
-    see the page docs/guide/fmi.md.
+    Without MODEL it is the plant of a parameter set. The unit is C: source, and a binary for this
+    machine where it has a compiler. See the page docs/guide/fmi.md.
     """
     from dataclasses import replace
 
@@ -52,8 +55,7 @@ def export(
     from sim_device.plant.errors import PlantError
     from sim_device.plant.models import Model, read_model
     from sim_device.plant.parameters import load_parameters
-    from smad.fmi.export import export_unit
-    from smad.fmi.pair import Mounted
+    from smad.fmi.export import Mounted, export_unit
 
     try:
         given = (
@@ -63,7 +65,14 @@ def export(
         )
         more = resolve(dict(from_text(text) for text in effects))
         given = replace(given, effects={**given.effects, **more})
-        written = export_unit(given, unit, mounted=Mounted(fixture), overwrite=overwrite)
+        written = export_unit(
+            given,
+            unit,
+            version=int(version),
+            mounted=Mounted(fixture=fixture),
+            overwrite=overwrite,
+        )
     except PlantError as error:
         raise SmadError(str(error)) from error
-    click.echo(written)
+    binary = f"binary for {written.platform}" if written.platform else "no C compiler, so no binary"
+    click.echo(f"{written.path}: FMI {version}.0, C source, {binary}")

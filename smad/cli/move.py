@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import inspect
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
@@ -16,9 +14,8 @@ from msgspec import inspect as types
 from smad.cli.output import NEGATIVE, axis_option, checked, client, wait_for_motion
 from smad.control.commands import PIECES, Piece, Samples, Trajectory
 from smad.control.segment import millimetres
-from smad.errors import CommandError
+from smad.records.points import TIME, read_points
 
-TIME_COLUMN = "t_s"
 DISPLACEMENT_COLUMN = "displacement_mm"
 ANGLE_COLUMN = "angle_deg"
 
@@ -144,48 +141,9 @@ def follow(path: Path, **options: Any) -> None:
 
 def read_samples(path: Path) -> Samples:
     """Return the points of a CSV file, times shifted to begin at 0. Raises CommandError."""
-    times: list[float] = []
-    places: list[float] = []
-    try:
-        with path.open(newline="") as file:
-            rows = csv.DictReader(file)
-            columns = set(rows.fieldnames or ())
-            angles = ANGLE_COLUMN in columns and DISPLACEMENT_COLUMN not in columns
-            place = ANGLE_COLUMN if angles else DISPLACEMENT_COLUMN
-            if not {TIME_COLUMN, place} <= columns:
-                raise CommandError(
-                    f"{path}: a column is missing",
-                    value=", ".join(rows.fieldnames or ()) or "an empty file",
-                    limit=f"{TIME_COLUMN}, and {DISPLACEMENT_COLUMN} or {ANGLE_COLUMN}",
-                    action="name the columns so, in the first line",
-                )
-            for row in rows:
-                times.append(_number(path, rows.line_num, TIME_COLUMN, row))
-                value = _number(path, rows.line_num, place, row)
-                places.append(millimetres(value) if angles else value)
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise CommandError(f"cannot read {path}: {reason}", action="give a CSV file") from error
-    if len(times) < 2:
-        raise CommandError(
-            f"{path}: too few points", value=len(times), limit="at least 2", action="add points"
-        )
-    start_s = times[0]
-    return Samples(t_s=tuple(t - start_s for t in times), displacement_mm=tuple(places))
-
-
-def _number(path: Path, line: int, column: str, row: dict[str, Any]) -> float:
-    try:
-        value = float(row[column])
-    except (TypeError, ValueError):
-        value = math.nan
-    if not math.isfinite(value):
-        raise CommandError(
-            f"{path}, line {line}: {column} is not a number",
-            value=str(row[column]),
-            action="correct the line",
-        )
-    return value
+    found = read_points(path, [(DISPLACEMENT_COLUMN, ANGLE_COLUMN)])
+    places = found.get(DISPLACEMENT_COLUMN) or [millimetres(a) for a in found[ANGLE_COLUMN]]
+    return Samples(t_s=tuple(found[TIME]), displacement_mm=tuple(places))
 
 
 follow.params += _COMMON

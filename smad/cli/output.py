@@ -118,7 +118,13 @@ def client(bench: str, *, lasting: bool = False) -> Client:
 
     context = click.get_current_context(silent=True)
     axis = "" if context is None else context.meta.get(_AXIS, "")
-    return Client(bench, axis=axis, lease_s=None) if lasting else Client(bench, axis=axis)
+    made = Client(bench, axis=axis, lease_s=None) if lasting else Client(bench, axis=axis)
+    made_clients.append(made)
+    return made
+
+
+made_clients: list[Client] = []
+"""Clients of this command: who ran it asks them which stops they know of."""
 
 
 class Progress:
@@ -190,9 +196,11 @@ def wait_for_motion(bench_client: Client, *, wait: bool, what: str) -> None:
 
 def described(motion: Motion) -> str:
     """Return a motion in a few words."""
+    from smad.cli.axis_lines import aged
+
     parts = [f"{motion.running}, board {motion.mode}"]
     if motion.displacement_mm is not None:
-        parts.append(f"at {motion.displacement_mm:.2f} mm")
+        parts.append(f"at {motion.displacement_mm:.2f} mm{aged(motion)}")
     if motion.reference_mm is not None:
         parts.append(f"reference {motion.reference_mm:.2f} mm")
     if motion.fault is not None:

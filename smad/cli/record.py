@@ -39,6 +39,19 @@ def stop(bench: str) -> None:
 
 
 @record.command()
+@click.option("--seconds", type=float, default=60.0, show_default=True, help="So far back.")
+@bench_option
+def last(seconds: float, bench: str) -> None:
+    """Write what happened in the last seconds, recorded or not; after a fault it is done by itself.
+
+    The daemon keeps the last minute of every channel and event in memory (recorder.black_box_s).
+    """
+    with client(bench) as bench_client:
+        status = bench_client.record_last(seconds)
+    click.echo(f"the last {seconds:g} s: {shown(status.last)}")
+
+
+@record.command()
 @click.argument("text")
 @bench_option
 def note(text: str, bench: str) -> None:

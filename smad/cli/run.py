@@ -32,12 +32,19 @@ class _Run(click.Command):
         **extra: Any,
     ) -> click.Context:
         """Return the context of the one that is meant."""
-        if args and args[0] in ("repeat", "six-axes"):
+        if args and args[0] in ("repeat", "six-axes", "moves", "endurance"):
             from smad.cli.repeat import repeat
+            from smad.cli.run_endurance import endurance
+            from smad.cli.run_moves import moves
             from smad.cli.six_axes import six_axes
 
-            own = {"repeat": repeat, "six-axes": six_axes}[args[0]]
-            return own.make_context(f"{info_name} {args[0]}", args[1:], parent, **extra)
+            others: dict[str, click.Command] = {
+                "repeat": repeat,
+                "six-axes": six_axes,
+                "moves": moves,
+                "endurance": endurance,
+            }
+            return others[args[0]].make_context(f"{info_name} {args[0]}", args[1:], parent, **extra)
         return super().make_context(info_name, args, parent, **extra)
 
 
@@ -126,6 +133,8 @@ def run(names: tuple[str, ...], **options: Any) -> None:
 
     `smad run repeat RUN` plays the inputs of a recorded run again (smad run repeat --help).
     `smad run six-axes` draws circles with the segments of a robot (smad run six-axes --help).
+    `smad run moves FILE` plays trajectories of a file (smad run moves --help).
+    `smad run endurance` cycles until a limit ends it (smad run endurance --help).
     """
     from smad.experiments.ready import require_ready
     from smad.runlog.paths import free_path

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import functools
-import os
-import signal
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,8 +25,6 @@ MEGA_RATE_HZ = 100
 
 SEED_STEP = 100_003
 """Between the seeds of two axes: their noise must not be the same."""
-
-_PR_SET_PDEATHSIG = 1
 
 
 class SimulatorError(SmadError):
@@ -117,7 +112,10 @@ def sim(
         click.echo(list_faults())
         return
     if parent is not None:
-        _end_with(parent)
+        from smad.processes.parent import end_with
+
+        # A daemon that is killed must not leave a bench behind that nobody knows how to end.
+        end_with(parent)
     config = (Config() if path is None else load_config(path)).with_axes(axes)
     seed = config.plant.seed if seed is None else seed
     if rate is not None:
@@ -233,13 +231,6 @@ def _with_firmware(port: str, store_path: Path | None) -> Callable[..., Simulate
     from sim_device.firmware.bench import firmware_bench
 
     return functools.partial(firmware_bench, port, store_path=store_path)
-
-
-def _end_with(parent: int) -> None:
-    # A daemon that is killed must not leave a bench behind that nobody knows how to end.
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-    if os.getppid() != parent:
-        raise SystemExit(1)
 
 
 def _announce(names: Mapping[str, str]) -> None:

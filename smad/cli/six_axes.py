@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -55,7 +56,7 @@ def _simulated() -> Iterator[Client]:
 
     with (
         tempfile.TemporaryDirectory() as folder,
-        running_daemon(["--sim", "--axes", "6"], Path(folder)),
+        running_daemon(["--sim", "--axes", "6", "--parent", str(os.getpid())], Path(folder)),
         Client(folder=folder) as connected,
     ):
         yield connected

@@ -50,6 +50,7 @@ SIMULATED_BAUDS = {"python": 921_600, "host": 921_600, "avr": 500_000}
               help="With --paced-by-host: both ends wait so many times as long for each other.",
 )  # fmt: skip
 @click.option("--trace", "trace_path", type=click.Path(path_type=Path), hidden=True)
+@click.option("--parent", type=int, hidden=True, help="End when this process does.")
 @click.option("--no-realtime", is_flag=True, help="Ask for no real-time measures.")
 def start(
     *,
@@ -69,6 +70,7 @@ def start(
     fd: int | None,
     patience: int,
     trace_path: Path | None,
+    parent: int | None,
     no_realtime: bool,
 ) -> int:
     """Run the daemon until ctrl-C, which disarms.
@@ -77,6 +79,10 @@ def start(
     """
     from smad.config import load_config
 
+    if parent is not None:
+        from smad.processes.parent import end_with
+
+        end_with(parent)
     config = _settled(path, bench=bench, rate=rate, baud=baud)
     if no_realtime:
         config = without_realtime(config)
@@ -203,6 +209,8 @@ def _on_simulation(
     from smad.client.endpoints import default_folder, prepare_folder
     from smad.processes.simulator import simulated_bench
 
+    # Before the bench is started: it would wait for ever for a file that is a pipe.
+    parameter_text = _parameter_text(config)
     folder = Path(config.daemon.ipc_dir or default_folder()).absolute()
     prepare_folder(folder)
     arguments = ["--seed", str(config.plant.seed), "--rate", str(config.link.rate_hz)]
@@ -221,14 +229,19 @@ def _on_simulation(
         config = replaced(config, "link", port=port, baud=SIMULATED_BAUDS[firmware])
         placed = [msgspec.structs.replace(a, port=f"{port}.{a.name}") for a in config.axes]
         config = msgspec.structs.replace(config, axes=tuple(placed))
-        return _run(config, _parameter_text(config), reread, patience=patience)
+        return _run(config, parameter_text, reread, patience=patience)
 
 
 def _parameter_text(config: Config) -> str:
     from importlib import resources
 
     if config.plant.parameter_file:
-        return Path(config.plant.parameter_file).read_text()
+        path = Path(config.plant.parameter_file)
+        if path.exists() and not path.is_file():
+            raise ConfigError(
+                "plant.parameter_file is no file", value=str(path), action="name a TOML file"
+            )
+        return path.read_text()
     return (resources.files("sim_device") / "plant" / "data" / "set_a.toml").read_text()
 
 

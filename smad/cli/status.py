@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from smad.api import Percentiles, Status
-from smad.cli.axis_lines import axis_lines, number
+from smad.cli.axis_lines import aged, axis_lines, number
 from smad.cli.output import axis_option, bad, client, good, shown, warned
 
 if TYPE_CHECKING:
@@ -108,9 +108,10 @@ def _readings(now: Status) -> Iterator[str]:
     if row is None:
         yield _line("readings", "none yet")
         return
+    old = warned(told) if (told := aged(now.motion)) else ""
     yield _line(
         "place",
-        f"{number(row.displacement_mm, 3)} mm, {number(row.force_N, 2)} N",
+        f"{number(row.displacement_mm, 3)} mm, {number(row.force_N, 2)} N{old}",
     )
     for name, degrees, amperes, volts, duty, starts in (
         ("spring x", row.rtd_x_degC, row.i_meas_x_A, row.v_x_V, row.duty_x, row.pump_starts_x),
@@ -120,12 +121,13 @@ def _readings(now: Status) -> Iterator[str]:
             name,
             f"{number(degrees, 2)} °C, {number(amperes, 2)} A, {number(volts, 2)} V, "
             f"pump {number(None if duty is None else 100 * duty, 0)} %"
-            + ("" if starts is None else f", started {starts} times"),
+            + ("" if starts is None else f", started {starts} times")
+            + old,
         )
     yield _line(
         "water, room",
         f"{number(row.rtd_inlet_degC, 2)} °C, {number(row.rtd_ambient_degC, 2)} °C; "
-        f"supply {number(row.supply_V, 2)} V",
+        f"supply {number(row.supply_V, 2)} V{old}",
     )
 
 

@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 from firmware_protocol import enums
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
 from smad.api import Entry, Percentiles, Status
-from smad.cli.axis_lines import axis_lines
+from smad.cli.axis_lines import aged, axis_lines
 from smad.cli.output import shown
 from smad.runlog.schema import Row
 from smad.view.strips import STRIPS, Curve, Strip
@@ -122,7 +122,9 @@ def _measured(now: Status, history: History, columns: int) -> Iterator[Line]:
 
 def _readings(now: Status, history: History, columns: int) -> Iterator[Line]:
     width = columns - _NAME - _VALUE - _RANGE - 3
-    yield Line(f"{'':<{_NAME}} {'now':>{_VALUE}} {'':<{width}} {'least … most':>{_RANGE}}", "title")
+    old = aged(now.motion).strip(" ()")
+    head = f"{'':<{_NAME}} {old or 'now':>{_VALUE}} {'':<{width}} {'least … most':>{_RANGE}}"
+    yield Line(head, "bad" if old else "title")
     for strip, curve in CURVES:
         values = history.last(curve.column, width)
         known = [value for value in values if value is not None]

@@ -11,10 +11,13 @@ from msgspec import Struct
 from smad.api import Telemetry, topic_of
 from smad.client.endpoints import Connection
 from smad.client.wire import (
+    LOOK_S,
     Conversation,
     Keys,
     Reply,
     connect_both,
+    ended,
+    has_ended,
     no_answer,
     no_telemetry,
     subscribe,
@@ -58,6 +61,10 @@ class AsyncChannel:
                 async with asyncio.timeout(limit_s):
                     await socket.send(data)
                     while True:
+                        if not await socket.poll(int(LOOK_S * 1000)):
+                            if ended(self.connection):
+                                raise has_ended(self.connection)
+                            continue
                         reply = self.conversation.reply(await socket.recv(), call_id, kind)
                         if reply is not None:
                             return reply

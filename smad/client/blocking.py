@@ -231,6 +231,11 @@ class Client(Commands):
         """Write a note into the run log."""
         return self._call(api.AddNote(text=text), api.RecorderStatus)
 
+    def record_last(self, seconds: float = 60.0) -> api.RecorderStatus:
+        """Write what happened in the last seconds into a log; returns its path as `last`."""
+        params = api.RecordLast(seconds=seconds)
+        return self._call(params, api.RecorderStatus, timeout_s=60.0)
+
     def take_control(self, name: str, lease_s: float = 10.0) -> api.Control:
         """Take, or renew, exclusive control; every call of yours renews it too.
 
@@ -300,8 +305,17 @@ class Client(Commands):
 
     @contextlib.contextmanager
     def record(self, name: str = "") -> Iterator[api.RecorderStatus]:
-        """Record for as long as the block lasts."""
-        status = self.start_recording(name)
+        """Record for as long as the block lasts; one that is killed ends with its lease."""
+        try:
+            status = self.start_recording(name)
+        except Refused:
+            # Somebody else may be recording; that is not ours to end.
+            raise
+        except BaseException:
+            # Ctrl-C, or no answer: it may have begun.
+            with contextlib.suppress(SmadError):
+                self.stop_recording()
+            raise
         try:
             yield status
         finally:

@@ -12,10 +12,13 @@ from msgspec import Struct
 from smad.api import Telemetry, topic_of
 from smad.client.endpoints import Connection
 from smad.client.wire import (
+    LOOK_S,
     Conversation,
     Keys,
     Reply,
     connect_both,
+    ended,
+    has_ended,
     no_answer,
     no_telemetry,
     subscribe,
@@ -59,8 +62,12 @@ class Channel:
             raise no_answer(self.connection, limit_s) from None
         while True:
             left_s = deadline_s - time.monotonic()
-            if left_s <= 0 or not socket.poll(max(1, int(left_s * 1000))):
+            if left_s <= 0:
                 raise no_answer(self.connection, limit_s)
+            if not socket.poll(max(1, int(min(left_s, LOOK_S) * 1000))):
+                if ended(self.connection):
+                    raise has_ended(self.connection)
+                continue
             reply = self.conversation.reply(socket.recv(), call_id, kind)
             if reply is not None:
                 return reply

@@ -18,6 +18,9 @@ from smad.client.errors import NoAnswer, NoDaemon, Refused, refused
 from smad.curve_key import KEY_CHARACTERS, is_curve_key
 from smad.errors import ConfigError
 
+LOOK_S = 0.5
+"""How often who waits for a reply looks whether the daemon is there."""
+
 Reply = TypeVar("Reply", bound=Struct)
 Socket = zmq.Socket[bytes]
 
@@ -252,6 +255,22 @@ def no_answer(connection: Connection, limit_s: float) -> NoAnswer:
         value=connection.command,
         limit=f"{limit_s:g} s",
         action="look at smad status, and at the daemon's own output",
+    )
+
+
+def ended(connection: Connection) -> bool:
+    """Return whether the daemon of this machine has ended, and no other serves the bench."""
+    if not connection.pid:
+        return False
+    return read_connection(Path(f"{connection.command.removeprefix('ipc://')[:-8]}.json")) is None
+
+
+def has_ended(connection: Connection) -> NoAnswer:
+    """Return the error of a request to a daemon that has ended."""
+    return NoAnswer(
+        "the daemon has ended; the command may have been carried out",
+        value=connection.command,
+        action="start it again (smad start), and look at smad status",
     )
 
 

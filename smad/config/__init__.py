@@ -13,6 +13,7 @@ from smad.config.control import (
     RepeatConfig,
     TemperatureConfig,
 )
+from smad.config.hooks import HooksConfig
 from smad.config.load import load_config, parse_config
 from smad.config.model import (
     Config,
@@ -34,6 +35,7 @@ __all__ = [
     "DaemonConfig",
     "FeedforwardConfig",
     "HoldConfig",
+    "HooksConfig",
     "LimitsConfig",
     "LinkConfig",
     "PlantConfig",

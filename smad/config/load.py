@@ -43,7 +43,7 @@ def load_config(path: str | Path) -> Config:
             action="check the path given to --config",
         )
     try:
-        text = data.decode("utf-8")
+        text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ConfigError(
             f"{path} is not UTF-8 text (byte {error.start})", action="save it as UTF-8"

@@ -21,6 +21,7 @@ from smad.config.axes import (
     inverse,
 )
 from smad.config.control import ControlConfig, LimitsConfig
+from smad.config.hooks import HooksConfig
 from smad.config.section import HOST, Section
 from smad.curve_key import KEY_CHARACTERS, is_curve_key
 from smad.errors import ConfigError
@@ -145,6 +146,10 @@ class RecorderConfig(Section, frozen=True, kw_only=True):
     queue_rows: Annotated[
         int, Meta(ge=100, le=1_000_000, description="rows kept for a slow disk, then dropped")
     ] = 20_000
+    black_box_s: Annotated[
+        float,
+        Meta(ge=0.0, le=600.0, description="kept in memory, written after a fault; 0: nothing"),
+    ] = 60.0
 
 
 class RealtimeConfig(Section, frozen=True, kw_only=True):
@@ -198,6 +203,7 @@ class Config(Section, frozen=True, kw_only=True):
     recorder: RecorderConfig = field(default_factory=RecorderConfig)
     realtime: RealtimeConfig = field(default_factory=RealtimeConfig)
     plant: PlantConfig = field(default_factory=PlantConfig)
+    hooks: HooksConfig = field(default_factory=HooksConfig)
     axes: tuple[AxisConfig, ...] = ()
     segments: tuple[SegmentConfig, ...] = ()
 

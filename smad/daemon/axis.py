@@ -11,7 +11,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from firmware_protocol.events import BoardRestarted, HostEvent, HostState, LinkLost
+from firmware_protocol.events import (
+    BoardRestarted,
+    Connected,
+    FaultReported,
+    HostEvent,
+    HostState,
+    LinkLost,
+)
 from firmware_protocol.host import HostSession
 from firmware_protocol.messages import State
 from smad.config import Config
@@ -68,7 +75,10 @@ class Axis:
         self._standing_mm = bench.standing_mm
         self._stamps = Stamps()
         self._told_departure: Departure | None = None
-        self.session = HostSession(nonce=process.nonce, patience=process.options.patience)
+        self.session = HostSession(
+            nonce=process.nonce, patience=process.options.patience, axis=config.link.axis
+        )
+        self._other_axes = 0
         self.link = Link(
             opener,
             loop=process.loop,
@@ -93,16 +103,8 @@ class Axis:
             means,
             baud=lambda: 0 if self.link.transport is None else self.link.transport.baud,
             on_scales=self._set_scales,
-            on_found_armed=self._stop_found,
         )
-        self.stop = BoardStop(
-            bench.stops,
-            self.control,
-            self.requests,
-            self.watch,
-            means,
-            holds_others=all(axis.fault_holds == "all" for axis in config.axes),
-        )
+        self.stop = BoardStop(bench.stops, self.control, self.requests, self.watch, means)
         self.host_stop = HostStop(self.controller)
 
     @property
@@ -140,6 +142,7 @@ class Axis:
         # What waits in the port must count before the session is asked whether anything came.
         self.link.read()
         self.control.tick()
+        self.watch.tick(self.means.clocks.us())
         self.stop.tick()
 
     def finished(self, most: int) -> Iterator[tuple[Row, float]]:
@@ -175,13 +178,20 @@ class Axis:
         if isinstance(event, BoardRestarted):
             self.stop.link_lost("the board restarted")
         elif isinstance(event, LinkLost):
-            self.stop.link_lost(f"the board fell silent for {event.silent_us / 1000:.0f} ms")
+            self.stop.link_lost(self._why_silent(event))
         self.watch.on_event(event)
+        if isinstance(event, Connected):
+            self.stop.connected()
+        elif isinstance(event, FaultReported):
+            self.stop.reported()
 
-    def _stop_found(self) -> None:
-        text = "the board was found armed by somebody else; telling it to disarm"
-        self.means.say("disarm", text, {})
-        self.stop.fails("the board was found armed", by="the daemon, which found it armed")
+    def _why_silent(self, event: LinkLost) -> str:
+        others, self._other_axes = self._other_axes, self.session.stats.other_axes
+        if self._other_axes > others:
+            why = f"the board sends samples of another axis than link.axis {self.config.link.axis}"
+            self.means.say("warning", why, {"samples": self._other_axes - others})
+            return why
+        return f"the board fell silent for {event.silent_us / 1000:.0f} ms"
 
     def _set_scales(self, scales: Scales) -> None:
         self.control.scales = scales

@@ -105,9 +105,15 @@ class ControlTask:
         self.jitter = Histogram()
         self.finished: deque[Finished] = deque()
         self.last: Finished | None = None
+        self.last_us = 0
+        """When the last sample came, by the daemon's clock."""
         self.axis = config.axis
         self.scales = Scales({}, config.axis)
         self.stepping = True
+        self.withheld = False
+        """Send no setpoints: the board confirms no stop, so its own watchdog has to end heating."""
+        self.fed_us = 0
+        """When a setpoint was sent last."""
         self.on_next: Callable[[State], None] | None = None
         """Called once, with the next sample that is answered."""
         self._ttl_ms = config.setpoint_ttl_ms
@@ -149,7 +155,7 @@ class ControlTask:
         for event in events:
             if type(event) is not StateReceived:
                 others.append(event)
-            elif event.state.axis == self.axis:
+            else:
                 samples.append(event)
         try:
             if samples and self.stepping:
@@ -194,11 +200,8 @@ class ControlTask:
             # Whatever the controller last wanted: a board that is not armed by us is asked nothing.
             output = _AT_REST
         setpoint = setpoint_of(output, t_ref_us=state.t_us, axis=self.axis, ttl_ms=self._ttl_ms)
-        self.session.send_setpoint(setpoint)
-        if self.flush():
-            self.counts.setpoints += 1
-        else:
-            self.counts.setpoints_dropped += 1
+        if not self.withheld:
+            self._send(setpoint)
         took_ns = self._stopwatch_ns() - began_ns
         self.own_share.add(took_ns)
         if self._trace is not None:
@@ -211,6 +214,16 @@ class ControlTask:
             self.on_next = None
             tell(state)
         self._finish(sample, state, setpoint)
+
+    def _send(self, setpoint: Setpoint) -> None:
+        sent = self.session.stats.setpoints_sent
+        self.session.send_setpoint(setpoint)
+        if self.flush():
+            self.counts.setpoints += 1
+        else:
+            self.counts.setpoints_dropped += 1
+        if self.session.stats.setpoints_sent > sent:
+            self.fed_us = self._clock_us()
 
     def _sample(self, state: State, t_us: int) -> Sample:
         armed = self.session.state is HostState.RUNNING
@@ -239,7 +252,7 @@ class ControlTask:
             controller.target_degC,
             self._pump_starts.step(sample.pump_duty),
         )
-        self.last = finished
+        self.last, self.last_us = finished, self._clock_us()
         if len(self.finished) >= _QUEUE:
             self.counts.finished_dropped += 1
             return

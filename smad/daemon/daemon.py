@@ -10,12 +10,14 @@ import asyncio
 import secrets
 import time
 from collections.abc import Callable, Coroutine, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from firmware_protocol.enums import BoardState
 from firmware_protocol.events import HostState
 from firmware_protocol.mirror import STOPPED
 from smad.config import Config
+from smad.daemon.arming import Arming
 from smad.daemon.axis import Axis, Surroundings
 from smad.daemon.command.answers import Answers
 from smad.daemon.command.bench import Bench, CommandCounts
@@ -30,11 +32,13 @@ from smad.daemon.means import Means
 from smad.daemon.process import Process
 from smad.daemon.realtime import IdleCollector
 from smad.daemon.stops import BoardStop, Stops
+from smad.daemon.telemetry.blackbox import BlackBox
 from smad.daemon.telemetry.publisher import Publisher
 from smad.daemon.telemetry.recorder import Recorder
 from smad.daemon.telemetry.runheader import run_header
 from smad.daemon.together import Groups
 from smad.errors import PortError
+from smad.runlog.header import RunHeader
 from smad.runlog.schema import Event, EventKind, LinkSample
 
 HOUSEKEEPING_S = 0.02
@@ -69,27 +73,42 @@ class Daemon:
         self._housekept_s = time.monotonic()
         self._left_hot_us: int | None = None
         means = Means(process.clocks, self.say, self.spawn)
-        self.stops = Stops(self.say, on_begin=self._on_stop_begun)
+        by_axis = config.by_axis()
+        alone = frozenset(axis.name for axis in config.axes if axis.fault_holds == "own")
+        arming = Arming(tuple(by_axis), alone, process.nonce)
+        self.stops = Stops(
+            self.say,
+            arming,
+            on_begin=self._on_stop_begun,
+            on_failure=self._on_failure,
+        )
         surroundings = Surroundings(
             means, self.stops, config.turns(), {}, self._guarded, self._on_finished
         )
         self.axes = {
             name: Axis(name, own, openers[name], process, surroundings)
-            for name, own in config.by_axis().items()
+            for name, own in by_axis.items()
         }
         self.groups = Groups(self.axes, self.say)
         self._at_once = max(1, _AT_ONCE // len(self.axes))
         self._period_ns = int(1e9 / max(a.config.link.rate_hz for a in self.axes.values()))
-        self.recorder = Recorder(
-            config.recorder,
-            lambda name: run_header(
+
+        def header(name: str) -> RunHeader:
+            return run_header(
                 config,
                 name,
                 {name: axis.watch.ident for name, axis in self.axes.items()},
                 parameter_text=process.options.parameter_text,
                 now_s=self._wall_clock(),
-            ),
+            )
+
+        self.recorder = Recorder(config.recorder, header, self._wall_clock)
+        self.black_box = BlackBox(
+            config.recorder.black_box_s,
+            Path(config.recorder.folder).absolute(),
+            header,
             self._wall_clock,
+            lambda text: self.say("state", text, {}),
         )
         self.publisher = Publisher(self.loop, config.telemetry)
         self.collector = IdleCollector(enabled=False)
@@ -104,6 +123,7 @@ class Daemon:
             stops=self.stops,
             groups=self.groups,
             recorder=self.recorder,
+            black_box=self.black_box,
             lease=Lease(secrets.token_urlsafe),
             dead_man=self._dead_man,
             journal=self.journal,
@@ -151,15 +171,15 @@ class Daemon:
         """Put an event into the run log and, unless it is a mere command, into the journal."""
         if kind not in ("command", "note"):
             self.journal.say(text, kind)
-        self.recorder.note(
-            Event(
-                t_s=self._board_time_s(),
-                host_time_s=self._wall_clock(),
-                kind=kind,
-                text=text,
-                data=data,
-            )
+        event = Event(
+            t_s=self._board_time_s(),
+            host_time_s=self._wall_clock(),
+            kind=kind,
+            text=text,
+            data=data,
         )
+        self.recorder.note(event)
+        self.black_box.note(event)
 
     def _board_time_s(self) -> float | None:
         """Board time, where there is one board to tell it."""
@@ -206,12 +226,15 @@ class Daemon:
         self.answers.give_up()
         self.server.close()
         self.recorder.close()
+        self.black_box.close()
         for axis in self.axes.values():
             axis.link.close()
         self.publisher.close()
-        for task in tuple(self._tasks):
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        # What is cancelled may begin more: an arming that is taken back asks the board to disarm.
+        while self._tasks:
+            for task in tuple(self._tasks):
+                task.cancel()
+            await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def _task_done(self, task: asyncio.Task[Any]) -> None:
         self._tasks.discard(task)
@@ -224,10 +247,13 @@ class Daemon:
         except Exception as error:
             self.fail(name, error)
 
+    def _on_failure(self, why: str) -> None:
+        self.black_box.want(why)
+
     def _on_stop_begun(self, stopped: Sequence[BoardStop]) -> None:
-        self.groups.forget([board.label for board in stopped])
-        if len(stopped) == len(self.axes):
-            self._dead_man.forget()
+        names = [board.label for board in stopped]
+        self.groups.forget(names)
+        self._dead_man.forget(names)
         self.server.mark()
 
     def _on_finished(self) -> None:
@@ -241,6 +267,7 @@ class Daemon:
             for row, stamp_s in axis.finished(self._at_once):
                 self.publisher.publish(row, stamp_s, name)
                 self.recorder.row(row, name, stamp_s)
+                self.black_box.row(row, name, stamp_s)
         self.groups.look()
         self.notifier.alive(self._clock_us())
         if any(axis.control.finished for axis in self.axes.values()):
@@ -278,9 +305,11 @@ class Daemon:
     def _each_second(self) -> None:
         self.status.refresh()
         self.status.telemetry_dropped = self.publisher.dropped
-        self.recorder.note(
-            LinkSample(host_time_s=self._wall_clock(), counters=self.status.link_counters())
-        )
+        counters = LinkSample(host_time_s=self._wall_clock(), counters=self.status.link_counters())
+        self.recorder.note(counters)
+        self.black_box.note(counters)
+        if self.black_box.due:
+            self.spawn("black box", self.black_box.write_wanted())
         self._unwelcome.tell()
         error = self.recorder.failure()
         if error and error != self._recorder_error:

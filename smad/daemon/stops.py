@@ -1,24 +1,25 @@
 """Stops: each begins a new generation, and nothing that was asked for before it is carried out.
 
 A stop is a client's disarm or estop, a client that fell silent, a limit of the host, a lost link.
-From its beginning until the boards have confirmed that they are not armed, nothing that moves the
-bench is accepted. A stop joins the one before it while that is not confirmed: one DISARM serves
-both. There is one generation for all axes, because a stop is for all of them.
+From its beginning until its boards are known to be off, nothing that moves the bench is accepted,
+and no axis is armed. What is known of each axis is in `smad.daemon.arming`; here its inputs are
+gathered, what it sends is sent, and replies wait for it.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from firmware_protocol.enums import BoardState
-from firmware_protocol.events import HostState
 from firmware_protocol.messages import Disarm, Done, State
 from firmware_protocol.mirror import HOT, STOPPED
+from firmware_protocol.supervisor.limits import compiled_limits
 from smad.api import Reason
 from smad.control.commands import Idle
+from smad.daemon.arming import Arming, Input, Phase, Send, WhyNot
 from smad.daemon.control import ControlTask
 from smad.daemon.errors import Refusal
 from smad.daemon.link.requests import BoardRequests
@@ -28,96 +29,178 @@ from smad.runlog.schema import CUT
 
 PATIENCE_US = 1_000_000
 """How long a reply to a stop waits for the board."""
+LONGEST_STOP_US = 4_000_000
+"""How long a refusal to arm does: longer than the slowest way in which a board can stop."""
 
 ASK_AGAIN_US = 500_000
+WITHHOLD_US = 250_000
+"""After so long without a confirmation a board gets no setpoints. Three DISARMs were lost by then,
+and its watchdog (`QUIET_US`) still ends within `PATIENCE_US`."""
+
+_LIMITS = compiled_limits()
+_MARGIN_US = 50_000
+QUIET_US = _LIMITS.setpoint_age_us + _LIMITS.setpoint_ttl_ms * 1000 + _LIMITS.hold_us + _MARGIN_US
+"""A board that got no setpoint for so long has stopped: setpoint too old, ARMED, HOLD, FAULT."""
+TOKEN_US = _LIMITS.token_us
+"""For so long an ARM_CONFIRM that was not answered may still come late and be taken."""
+
 _NOT_STOPPED = "the board has not confirmed that it stopped"
 _EARLIER = 1 << 31
 """Set in a difference of two of the board's times of 32 bits: the first is before the second."""
 
 
 class Stops:
-    """The generation, and the boards that a stop is for.
+    """The boards that a stop is for, and the machine that knows what is off.
 
-    `on_begin` is called with the boards that each new generation stops, before anything is sent.
+    `on_begin` is called with the boards that each new generation stops, before anything is sent;
+    `on_failure` with what stopped them, where that was no client that asked.
     """
 
-    def __init__(self, say: Say, *, on_begin: Callable[[Sequence[BoardStop]], None]) -> None:
-        self.generation = 0
+    def __init__(
+        self,
+        say: Say,
+        arming: Arming,
+        *,
+        on_begin: Callable[[Sequence[BoardStop]], None],
+        on_failure: Callable[[str], None],
+    ) -> None:
+        self.arming = arming
         self.why = ""
         self.boards: list[BoardStop] = []
         self._say = say
         self._on_begin = on_begin
+        self.on_failure = on_failure
+
+    @property
+    def generation(self) -> int:
+        """The generation in force."""
+        return self.arming.generation
 
     def require(self, generation: int, boards: Sequence[BoardStop]) -> None:
         """Raise Refusal when a stop of any of the boards came after `generation`."""
-        since = max((board.since for board in boards), default=self.generation)
-        if not since <= generation <= self.generation:
+        if not self.arming.is_current(generation, [board.label for board in boards]):
+            why = self.why or "the daemon was started again"
             raise Refusal(
                 Reason.STOPPED,
-                f"the bench was stopped after this was asked for ({self.why})",
+                f"the bench was stopped after this was asked for ({why})",
                 value=f"asked in generation {generation}",
                 limit=f"generation {self.generation}",
                 action="nothing was changed; see smad status, arm again and ask again",
             )
 
     def require_confirmed(self, boards: Sequence[BoardStop]) -> None:
-        """Raise Refusal until each board has confirmed the last stop, and a sample shows it.
+        """Raise Refusal until each of the boards is known to be off, or armed.
 
-        The replies to the stop tell of that sample: nothing may come in between.
+        The replies to the stop tell of the sample that shows it: nothing may come in between.
         """
-        open_ones = [board.label for board in boards if not board.shown]
+        self._require_closed(self.arming.open_axes(board.label for board in boards))
+
+    def require_all_closed(self) -> None:
+        """Raise Refusal while a stop is open on any axis, or its reply is not sent yet."""
+        for board in self.boards:
+            board.note_quiet()
+        waiting = [board.label for board in self.boards] if self.arming.replies_open else []
+        self._require_closed(self.arming.open_axes() or waiting)
+
+    def _require_closed(self, open_ones: Sequence[str]) -> None:
+        if self.arming.met(open_ones):
+            # Right after a connection a sample is on its way; who arms waits for it.
+            return
         if open_ones:
+            why = self.why or "the daemon has just started"
             raise Refusal(
                 Reason.STOPPED,
-                f"the bench is being stopped ({self.why}) and the board has not confirmed it yet",
+                f"the bench is being stopped ({why}) and the board has not confirmed it yet",
                 value=", ".join(open_ones) or None,
                 action="wait until smad status shows that it is not armed, then arm again",
             )
 
+    def begin_arming(self, boards: Sequence[BoardStop], generation: int) -> None:
+        """Begin an arming of these boards. Raises Refusal when it cannot be."""
+        names = [board.label for board in boards]
+        why_not = self.arming.why_not(names, generation)
+        if why_not is WhyNot.BUSY:
+            raise Refusal(
+                Reason.BUSY,
+                "the bench is being armed already",
+                action="wait for the reply to that (smad status)",
+            )
+        if why_not is WhyNot.OPEN:
+            self.require_all_closed()
+            raise Refusal(
+                Reason.NOT_CONNECTED,
+                "the board sends no sample, so nothing is known of it",
+                value=", ".join(self.arming.open_axes()) or None,
+                action="look at the link (smad status), then arm again",
+            )
+        if why_not is WhyNot.STALE:
+            self.require(generation, boards)
+        if why_not is WhyNot.ARMED:
+            raise Refusal(Reason.ARMED, "the bench is armed", action="disarm first (smad disarm)")
+        self.arming.begin(names, generation)
+
     def begin(
-        self, why: str, *, by: str = "", orderly: bool = False, only: BoardStop | None = None
+        self,
+        why: str,
+        *,
+        by: str = "",
+        orderly: bool = False,
+        boards: Sequence[BoardStop] | None = None,
     ) -> None:
         """Begin a generation: end the motions, take back what was on its way to arm a board.
 
         `by` is what stopped it, as a noun; `why` where that is one. A run that is being recorded
         is marked as cut, unless its motion was over and who asked is `orderly`: is free to end it.
-        `only` is the one board that is stopped, where it alone fails and holds no other.
+        `boards` are those that are stopped; all by default.
         """
-        self.generation += 1
         self.why = why
         ended = f"stopped by {by or why}"
         cut: list[BoardStop] = []
 
         def end(board: BoardStop) -> None:
-            if board.end(ended, self.generation, orderly=orderly):
+            if board.end(ended, orderly=orderly):
                 cut.append(board)
 
         def tell() -> None:
             if cut:
                 self._say("note", f"{CUT}{ended}", {"generation": self.generation})
 
-        stopped = self.boards if only is None else [only]
+        stopped = self.boards if boards is None else boards
+        self.arming.stop(board.label for board in stopped)
         # Whatever raises, the rest is done all the same: no board is left out of a stop.
         with ExitStack() as last_first:
-            for board in reversed(stopped):
-                last_first.callback(board.ask_to_stop)
+            last_first.callback(self.send)
             last_first.callback(self._on_begin, stopped)
             last_first.callback(tell)
             for board in reversed(stopped):
                 last_first.callback(end, board)
 
+    def send(self) -> None:
+        """Send what the machine wants sent; who arms sends its own messages."""
+        by_name = {board.label: board for board in self.boards}
+        with ExitStack() as last_first:
+            for name, what in reversed(self.arming.take_sends()):
+                if what is Send.DISARM:
+                    last_first.callback(by_name[name].ask_to_stop)
+
     def order(self, why: str, text: str, data: dict[str, Any], *, by: str) -> None:
         """Stop on the daemon's own account, and tell why."""
         self._say("disarm", text, data)
         self.begin(why, by=by)
+        self.on_failure(why)
+
+    @contextmanager
+    def reply_open(self) -> Iterator[None]:
+        """Keep every axis from being armed until the reply to a stop is sent."""
+        self.arming.replies_open += 1
+        try:
+            yield
+        finally:
+            self.arming.replies_open -= 1
 
 
 class BoardStop:
-    """The stop of one board: what it ends, whether the board has confirmed it, who waits for that.
-
-    With `holds_others` its own failures (a fault, a limit of the host, a lost link) stop the whole
-    bench.
-    """
+    """The stop of one board: what it ends, what is known of it, who waits for that."""
 
     def __init__(
         self,
@@ -126,17 +209,14 @@ class BoardStop:
         requests: BoardRequests,
         watch: BoardWatch,
         means: Means,
-        *,
-        holds_others: bool,
     ) -> None:
-        self.since = 0
-        """Generation of the last stop of this board."""
         self.label = means.axis
         """Names the board in messages; empty for the only one."""
         self.ended = ""
         """What ended the last arming, "stopped by …"; empty from an arming until then."""
         self._stops = stops
-        self._holds_others = holds_others
+        self._arming = stops.arming
+        self._control = control
         self._session = control.session
         self._controller = control.controller
         self._requests = requests
@@ -147,34 +227,49 @@ class BoardStop:
         self._clock_us = means.clocks.us
         self._armed = False
         """Armed, or about to be, since the last stop."""
-        self._confirmed = True
         self._confirmed_us: int | None = None
-        """Board time of the confirmation, until a sample after it was published."""
+        """Board time of what the board confirmed last; an earlier sample does not show it yet."""
         self._stopped = False
-        self._asking = False
+        self._armings = 0
+        """ARM_CONFIRMs so far: a DISARM that was asked for before one says nothing of it."""
+        self._asking: set[int] = set()
+        """After how many of them each DISARM that is not answered yet was asked for."""
         self._asked_us = 0
+        self._stopping_us = 0
+        self._heating_until_us = self._clock_us()
+        """Until then, by what was sent and heard, its own watchdog had no reason to begin."""
         self._waiting: list[asyncio.Future[None]] = []
         stops.boards.append(self)
 
     @property
-    def shown(self) -> bool:
-        """Whether the board has confirmed the last stop, and a sample shows it."""
-        return self._confirmed and self._confirmed_us is None
+    def phase(self) -> Phase:
+        """What is known of the board."""
+        return self._arming.axes[self.label].phase
+
+    @property
+    def off(self) -> bool:
+        """Whether the board is known to be off."""
+        return self.phase is Phase.OFF
+
+    @property
+    def stopped_with(self) -> list[BoardStop]:
+        """The boards that a failure of this one stops, with itself."""
+        names = self._arming.stopped_by(self.label)
+        return [board for board in self._stops.boards if board.label in names]
 
     def fails(self, why: str, *, by: str = "") -> None:
         """This board is what stops: with the others or, where it holds none, by itself."""
         lead = f"{self.label}: " if self.label else ""
-        only = None if self._holds_others else self
-        self._stops.begin(f"{lead}{why}", by=f"{lead}{by}" if by else "", only=only)
+        self._stops.begin(f"{lead}{why}", by=f"{lead}{by}" if by else "", boards=self.stopped_with)
+        self._stops.on_failure(f"{lead}{why}")
 
-    def end(self, ended: str, generation: int, *, orderly: bool) -> bool:
+    def end(self, ended: str, *, orderly: bool) -> bool:
         """End the motion. Returns whether that cuts a run (see `Stops.begin`)."""
         first = not self.ended
         cut = first and self._armed and not (orderly and self._controller.done)
         if first:
             # What comes later, such as the program's own disarm, follows from the first.
             self.ended = ended
-        self.since = generation
         self._armed = False
         self._controller.command(Idle())
         return cut
@@ -183,35 +278,38 @@ class BoardStop:
         """Take back what was on its way to arm the board, and tell it to disarm."""
         for event in self._session.withdraw_arming(self._clock_us()):
             self._requests.handle(event)
-        self._confirmed = not self._could_be_armed
         self._confirmed_us = None
+        self._stopping_us = self._clock_us()
         self._ask()
 
     def arming(self) -> None:
         """The board is about to be armed: what ended the last arming is over."""
         self.ended = ""
         self._armed = True
+        self._armings += 1
+        self._heating_until_us = max(self._heating_until_us, self._clock_us() + TOKEN_US)
+
+    def took(self, done: Done) -> None:
+        """The board took its token."""
+        self._confirmed_us = done.t_us
+        self._heating_until_us = self._clock_us()
+        self._arming.took(self.label)
 
     async def until_confirmed(self) -> None:
         """Return once the board has confirmed the stop. Raises Refusal if it does not."""
-        await self._until(lambda: self._confirmed, _NOT_STOPPED, "the daemon goes on asking")
-
-    async def until_disarmed(self) -> None:
-        """Return once a sample shows it, too, for a reply that tells the board's state."""
+        confirmed = (Phase.STOPPED, Phase.OFF, Phase.ADRIFT)
         await self._until(
-            lambda: (
-                self._confirmed
-                and self._confirmed_us is None
-                and self._watch.mode not in (None, *HOT)
-            ),
-            _NOT_STOPPED,
-            "the daemon goes on asking",
+            lambda: self.phase in confirmed, _NOT_STOPPED, "the daemon goes on asking"
         )
+
+    async def until_off(self, patience_us: int = PATIENCE_US) -> None:
+        """Return once the board is known to be off. Raises Refusal if that takes too long."""
+        await self._until(lambda: self.off, _NOT_STOPPED, "the daemon goes on asking", patience_us)
 
     async def until_estop(self) -> None:
         """Return once the board says ESTOP. Raises Refusal if it does not."""
         await self._until(
-            lambda: self._confirmed and self._watch.mode is BoardState.ESTOP,
+            lambda: self.off and (self._watch.mode is BoardState.ESTOP or not self.reachable),
             _NOT_STOPPED,
             "ESTOP is sent until it does",
         )
@@ -222,73 +320,118 @@ class BoardStop:
         Raises Refusal if neither happens.
         """
         await self._until(
-            lambda: self._watch.mode in HOT or self.since > generation,
-            "the board took the confirmation, and no sample shows yet that it is armed",
-            "it may be armed: disarm",
+            lambda: self.phase is Phase.ARMED or self._stops.generation > generation,
+            "the board took the confirmation, and no sample shows that it is armed",
+            "it was disarmed; see smad status, then arm again",
         )
+
+    def connected(self) -> None:
+        """A session was opened; it has disarmed the board, which a sample has to show."""
+        if not self._requests.watch_only:
+            self._confirmed_us = None
+            self._arming.connected(self.label)
 
     def link_lost(self, why: str) -> None:
         """The session is over, and with it whatever could have armed the board."""
+        self._arming.lost(self.label)
         self.fails(why, by=f"loss of the link: {why}")
+        self._look()
+
+    def reported(self) -> None:
+        """The board reported a fault, of whatever axis: it is in FAULT."""
+        if not self._stopped:
+            self._stopped = True
+            self._fails_in(BoardState.FAULT)
         self._look()
 
     def on_sample(self, state: State) -> None:
         """A sample was published: the mode of the board may be another."""
         stopped = state.mode in STOPPED
         if stopped and not self._stopped:
-            name = BoardState(state.mode).name
-            self.fails(f"the board went into {name}", by=f"the board, which went into {name}")
-        self._stopped = stopped
-        if stopped:
-            # From these, no request that is still on its way leads back to ARMED.
-            self._confirmed = True
-            self._confirmed_us = None
-        if self._confirmed_us is not None and not (state.t_us - self._confirmed_us) & _EARLIER:
-            self._confirmed_us = None
+            self._fails_in(state.mode)
+        if state.mode in HOT:
+            # It has lived for a setpoint's life and a hold; only what is left counts.
+            self._heating_until_us = max(self._heating_until_us, self._clock_us())
+        earlier = self._confirmed_us is not None and (state.t_us - self._confirmed_us) & _EARLIER
+        if stopped or not earlier:
+            # From FAULT and ESTOP, no request that is still on its way leads back to ARMED.
+            self._stopped = stopped
+            self._shown(state)
         self._look()
+
+    def _shown(self, state: State) -> None:
+        hot, stopped = state.mode in HOT, state.mode in STOPPED
+        what = Input.SHOWS_ARMED if hot else Input.SHOWS_FAULT if stopped else Input.SHOWS_OFF
+        if not self._arming.shows(self.label, what) or stopped:
+            return
+        if hot:
+            text = "the board was found armed by somebody else; telling it to disarm"
+            self._say("disarm", text, {})
+            self.fails("the board was found armed", by="the daemon, which found it armed")
+        else:
+            self.fails("the board is not armed any more")
+
+    def _fails_in(self, mode: int) -> None:
+        name = BoardState(mode).name
+        self.fails(f"the board went into {name}", by=f"the board, which went into {name}")
 
     def tick(self) -> None:
-        """Let replies that waited too long go out, and ask again what was not confirmed."""
-        if not self._confirmed and self._clock_us() - self._asked_us >= ASK_AGAIN_US:
-            self._ask()
+        """Ask again what was not confirmed, leave the rest to the board's own watchdog, and let
+        replies that waited too long go out."""
+        now_us = self._clock_us()
+        if self.phase is Phase.STOPPING:
+            if now_us - self._asked_us >= ASK_AGAIN_US:
+                self._ask()
+            if now_us - self._stopping_us >= WITHHOLD_US:
+                self._arming.starve(self.label)
+        self.note_quiet()
+        self._control.withheld = self._arming.axes[self.label].withheld
         self._look()
 
+    def note_quiet(self) -> None:
+        """Note that the board's own watchdog must have stopped it, once that is so."""
+        fed_us = max(self._control.fed_us, self._heating_until_us)
+        if self._clock_us() - fed_us >= QUIET_US:
+            self._arming.quiet(self.label)
+
     @property
-    def _could_be_armed(self) -> bool:
-        connected = self._session.state not in (HostState.DISCONNECTED, HostState.SYNC)
-        return connected and not self._requests.watch_only
+    def reachable(self) -> bool:
+        """Whether there is a session, with a board that takes requests."""
+        return self._arming.axes[self.label].reachable
 
     def _ask(self) -> None:
-        if not self._asking and not self._confirmed:
-            self._asking = True
+        if self._armings not in self._asking and self.phase is Phase.STOPPING:
+            self._asking.add(self._armings)
             self._asked_us = self._clock_us()
-            self._spawn("disarm", self._ask_board())
+            self._spawn("disarm", self._ask_board(self._armings))
 
-    async def _ask_board(self) -> None:
+    async def _ask_board(self, armings: int) -> None:
         try:
             done = await self._requests.ask(Disarm(self._axis))
         except Refusal as refusal:
             self._say("warning", f"the board did not confirm the disarm: {refusal}", {})
         else:
             assert isinstance(done, Done)
-            self._confirmed = True
-            self._confirmed_us = done.t_us
+            if armings == self._armings:
+                self._confirmed_us = done.t_us
+                self._heating_until_us = self._clock_us()
+                self._arming.disarmed(self.label)
         finally:
-            self._asking = False
+            self._asking.discard(armings)
         self._look()
 
-    async def _until(self, reached: Callable[[], bool], cause: str, action: str) -> None:
-        deadline_us = self._clock_us() + PATIENCE_US
-        while self._could_be_armed:
-            if reached():
-                return
+    async def _until(
+        self, reached: Callable[[], bool], cause: str, action: str, patience_us: int = PATIENCE_US
+    ) -> None:
+        deadline_us = self._clock_us() + patience_us
+        while not reached():
             if self._clock_us() >= deadline_us:
                 mode = self._watch.mode
                 raise Refusal(
                     Reason.NO_REPLY,
                     cause,
                     value=f"it is in {'an unknown state' if mode is None else mode.name}",
-                    limit=f"{PATIENCE_US / 1e6:g} s",
+                    limit=f"{patience_us / 1e6:g} s",
                     action=f"{action}; if current still flows, cut the power",
                 )
             waiting: asyncio.Future[None] = asyncio.get_running_loop().create_future()

@@ -195,12 +195,13 @@ class Traits:
     `day`: parameters that differ a little, with the share of their prior's standard deviation that
     is usual. `environment`: parameter -> channel that measures it at the start of a run; its
     difference is carried over by the model. `drift`: places that wander by themselves within a run,
-    with the usual size of that in the unit of the place.
+    with the usual size of that in the unit of the place. `shortest_s`: what a run must be long.
     """
 
     day: Mapping[str, float] = field(default_factory=dict)
     environment: Mapping[str, str] = field(default_factory=dict)
     drift: Mapping[str, float] = field(default_factory=dict)
+    shortest_s: float = 8.0
 
 
 def traits_of(plant: PlantModel) -> Traits:

@@ -20,10 +20,11 @@ class GapRun:
     """One recorded run.
 
     `t_s` is the sample time. `inputs` and `outputs` hold one value a sample, in the units of the
-    plant's signals and channels; a channel that the bench lacks is absent. `valid` is False where a
-    sample was lost or marked bad; values there are never read. `notes` carry facts of the log that
-    the admission reports, such as its being cut short. `whole` is the run that this one was thinned
-    from, for what must be replayed at its own pace.
+    plant's signals and channels, NaN where nothing was recorded; a channel that the bench lacks is
+    absent. `valid` is False where a sample was lost or marked bad; values there are never read.
+    `notes` carry facts of the log that the admission reports, such as its being cut short. `whole`
+    is the run that this one was thinned from, for what must be replayed at its own pace. A
+    `trusted` run is not refused for what the nominal model thinks of it.
     """
 
     name: str
@@ -34,6 +35,7 @@ class GapRun:
     cut_short: bool = False
     notes: tuple[str, ...] = ()
     whole: GapRun | None = None
+    trusted: bool = False
 
     def __post_init__(self) -> None:
         n = len(self.t_s)

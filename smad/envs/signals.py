@@ -77,6 +77,10 @@ def action_range(kind: str) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.flo
     return low, high
 
 
+ROUNDING = 1e-6
+"""So far beyond its space an action is taken as at its edge: what float32 and sums leave."""
+
+
 def driven(kind: str, actions: Any, plants: int) -> Array:
     """Currents in A and duties, shape (plants, 4), of `actions` (plants, …), in steps of the wire.
 
@@ -92,7 +96,7 @@ def driven(kind: str, actions: Any, plants: int) -> Array:
         )
     low, high = action_range(kind)
     # Neither comparison holds for NaN.
-    wrong = np.argwhere(~((given >= low) & (given <= high)))
+    wrong = np.argwhere(~((given >= low - ROUNDING) & (given <= high + ROUNDING)))
     if wrong.size:
         i, column = (int(v) for v in wrong[0])
         name = rows[column][0]
@@ -102,6 +106,7 @@ def driven(kind: str, actions: Any, plants: int) -> Array:
             limit=f"{low[column]:g} to {high[column]:g}",
             action="clip it before the step",
         )
+    given = np.clip(given, low, high)
     out = np.empty((plants, 4))
     if kind == "demand":
         out[:, 0] = MOST_A * np.maximum(given[:, 0], 0.0)

@@ -34,8 +34,10 @@ class VirtualDriver:
     `seed` and the name of the plan decide the noise, so that runs differ and repeat. `lacking`
     takes parts away, as on a bench without them (ExperimentError for one that is not in `PARTS`).
     With `folder` each run is also written there as a run log. `variant` and `effects` are those of
-    the plant.
+    the plant. `cycles` are those that each spring has behind it at the next run, and has after it.
     """
+
+    cycles = (0.0, 0.0)
 
     def __init__(
         self,
@@ -110,7 +112,9 @@ class VirtualDriver:
                 rate_hz=self._config.link.rate_hz,
                 seed=seed,
             )
+            bench.plant.cycles = self.cycles
             done = run_virtual(bench, controller, plan, recorder=record, progress=tell)
+            self.cycles = bench.plant.cycles
         except PlanError as error:
             if self._folder is not None:
                 self._write(plan, rows, {}, seed)

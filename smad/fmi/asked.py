@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smad.diagnosis import Answer, diagnose
-from smad.diagnosis.runs import GapRun, bridged
+from smad.diagnosis.errors import GapError, PlantMismatch
+from smad.diagnosis.runs import GapRun
 from smad.fmi.errors import FmiError
 from smad.fmi.map_file import ChannelRow, InputRow, Map, read_map
 from smad.fmi.plant import FmuPlant
 from smad.fmi.unit_file import open_unit
+from smad.records.channels import held
+from smad.records.column_names import unit_in
+from smad.records.tables import is_table, open_table
+from smad.records.units import UNITS, convert, spelt, units_for
 from smad.runlog.bounds import require_bounded
 from smad.runlog.reader import read_run, recorded
-from smad.runlog.tables import KINDS, open_table
+
+_COARSE, _SHORT = 5.0, 2.0
+"""Of the lag that a map names: a longest step, and a shortest run, that make sense."""
+Column = NDArray[np.float64]
 
 
 def diagnose_unit(
@@ -27,45 +36,56 @@ def diagnose_unit(
     *,
     good: Sequence[Path] = (),
     hold_out: Sequence[Path] = (),
+    trusted: Sequence[str] = (),
     progress: Callable[[str], None] = lambda text: None,
 ) -> Answer:
     """Where a unit and the runs disagree; as `smad.diagnosis.diagnose`.
 
-    Raises FmiError for a unit or a map that cannot be used, RunLogError for a run that cannot.
+    `trusted` are paths, or names of files, of runs that the model's opinion does not refuse. Raises
+    FmiError for a unit or a map that cannot be used, RunLogError for a run that cannot.
     """
     mapped = read_map(map_path)
     with contextlib.closing(FmuPlant(open_unit(fmu), mapped)) as plant:
         progress("reading")
-        asked, known, held = (
-            [read_mapped(path, mapped) for path in paths] for paths in (runs, good, hold_out)
-        )
-        return diagnose(asked, plant=plant, good=known, hold_out=held, progress=progress)
+
+        def read(path: Path) -> GapRun:
+            known = {str(path), path.name, path.stem} & set(trusted)
+            return replace(read_mapped(path, mapped), trusted=bool(known))
+
+        asked, known, held_out = ([read(p) for p in paths] for paths in (runs, good, hold_out))
+        try:
+            return diagnose(asked, plant=plant, good=known, hold_out=held_out, progress=progress)
+        except (GapError, np.linalg.LinAlgError) as error:
+            if not plant.stopped or isinstance(error, PlantMismatch):
+                raise
+            raise FmiError(
+                f"unit {plant.name} stops or gives no number inside a run",
+                value=plant.stopped,
+                action="mend the unit there, narrow the range of the parameters in the map, or "
+                "leave the run out",
+            ) from error
 
 
 def read_mapped(path: Path, mapped: Map) -> GapRun:
-    """The run in a table or a run log, by the columns that the map names.
+    """The run in a table or a run log, by the columns that the map names, in the map's units.
 
-    A channel may be missing, an input may not. Raises FmiError and RunLogError.
+    NaN where nothing was recorded. A channel may be missing, an input may not. Raises FmiError and
+    RunLogError.
     """
-    columns = _columns(path, mapped)
-    n = len(columns[mapped.time])
-    valid = np.ones(n, dtype=bool)
-    t_s = columns[mapped.time]
-    back = np.flatnonzero(~(np.diff(t_s) > 0))
-    if back.size or not np.isfinite(t_s).all():
-        row = int(back[0]) + 1 if back.size else 0
-        raise FmiError(
-            f"{path}: time {mapped.time!r} does not increase at row {row + 1}",
-            value=float(t_s[row]),
-            action="sort the rows, and remove repeated ones",
-        )
+    columns, notes = _columns(path, mapped)
+    t_s = _time_s(path, columns[mapped.time], mapped)
 
-    def kind(rows: Any) -> dict[str, Any]:
-        named = {name: columns.get(row.column or name) for name, row in rows.items()}
-        there = {name: c for name, c in named.items() if c is not None and np.isfinite(c).any()}
-        return {name: bridged(c, valid) for name, c in there.items()}
+    def named(rows: Mapping[str, InputRow | ChannelRow]) -> dict[str, Column]:
+        there = {n: columns[c] for n, row in rows.items() if (c := row.column or n) in columns}
+        return {n: _in_unit(path, c, rows[n], n) for n, c in there.items() if np.isfinite(c).any()}
 
-    inputs, outputs = kind(mapped.inputs), kind(mapped.channels)
+    inputs = {
+        name: mapped.inputs[name].scale * column + mapped.inputs[name].offset
+        for name, column in named(mapped.inputs).items()
+    }
+    outputs = named(mapped.channels)
+    inputs |= {n: held(c) for n, c in inputs.items() if mapped.inputs[n].hold}
+    outputs |= {n: _between(c) for n, c in outputs.items() if mapped.channels[n].hold}
     lacking = [name for name in mapped.inputs if name not in inputs]
     if lacking or not outputs:
         what = mapped.inputs[lacking[0]].column or lacking[0] if lacking else "any channel"
@@ -74,20 +94,73 @@ def read_mapped(path: Path, mapped: Map) -> GapRun:
             limit=", ".join(columns),
             action="correct the map, or leave the run out",
         )
-    return GapRun(path.stem, t_s, inputs, outputs, valid=valid)
+    return GapRun(path.stem, t_s, inputs, outputs, notes=notes)
 
 
-def _columns(path: Path, mapped: Map) -> dict[str, Any]:
-    """Every column that the map names and the file has, as floats, with the time."""
+def _time_s(path: Path, column: Column, mapped: Map) -> Column:
+    """The time in s, by the unit of the map or of the column's name; it must increase."""
+    back = np.flatnonzero(~(np.diff(column) > 0))
+    if back.size or not np.isfinite(column).all():
+        row = int(back[0]) + 1 if back.size else 0
+        raise FmiError(
+            f"{path}: time {mapped.time!r} does not increase at row {row + 1}",
+            value=float(column[row]),
+            action="sort the rows, and remove repeated ones",
+        )
+    unit = mapped.time_unit or unit_in(mapped.time)
+    if unit in units_for("s"):
+        return convert(column, unit, "s")
+    step = float(np.median(np.diff(column))) if len(column) > 1 else 0.0
+    length = float(np.ptp(column)) if len(column) else 0.0
+    if len(column) > 2 and not (step <= _COARSE * mapped.lag_s and length >= _SHORT * mapped.lag_s):
+        raise FmiError(
+            f"{path}: the unit of time {mapped.time!r} is not said, and s make no sense",
+            value=f"steps of {step:.6g} over {length:.6g}",
+            limit=f"s: steps up to {_COARSE * mapped.lag_s:g}, at least {_SHORT * mapped.lag_s:g} "
+            "long (by the lag_s of the map)",
+            action='say it in the map: time_unit = "ms" (or s, us, ns, min, h)',
+        )
+    return column
+
+
+def _in_unit(path: Path, column: Column, row: InputRow | ChannelRow, name: str) -> Column:
+    """The column in the unit of its row, where the map or the column's name says another one."""
+    wanted, unit = spelt(row.unit), spelt(row.column_unit)
+    plain = (row.scale, row.offset) == (1.0, 0.0)
+    if not unit and row.column and plain and wanted in UNITS:
+        unit = unit_in(row.column)
+        unit = unit if unit in units_for(wanted) else ""
+    if not unit or unit == wanted:
+        return column
+    if unit not in units_for(wanted) or wanted not in UNITS:
+        raise FmiError(
+            f"the map gives {name} a column_unit that is none for a value in {row.unit}",
+            value=row.column_unit,
+            limit=", ".join(units_for(wanted)),
+            action="correct it, or give scale and offset",
+        )
+    return convert(column, unit, wanted)
+
+
+def _between(column: Column) -> Column:
+    """The column on straight lines between its numbers; NaN before the first and after the last."""
+    index, known = np.arange(len(column)), np.isfinite(column)
+    return np.interp(index, index[known], column[known], left=np.nan, right=np.nan)
+
+
+def _columns(path: Path, mapped: Map) -> tuple[dict[str, Column], tuple[str, ...]]:
+    """Every column that the map names and the file has, with the time, and what was not read."""
     rows: dict[str, InputRow | ChannelRow] = {**mapped.inputs, **mapped.channels}
     wanted = [mapped.time, *(row.column or name for name, row in rows.items())]
-    if path.name.endswith(KINDS):
+    notes: tuple[str, ...] = ()
+    if is_table(path):
         require_bounded(path)
-        table = open_table(path)
-        found = dict(table.columns([n for n in dict.fromkeys(wanted) if n in table.names]))
-        has = table.names
+        table = open_table(path, mapped.csv)
+        has, notes = table.names, table.notes
+        found = dict(table.columns([n for n in dict.fromkeys(wanted) if n in has]))
     else:
         run = read_run(path)
+        notes = tuple(run.notes)
         logged = {n: c for n, c in run.columns.items() if recorded(c).any()}
         has = list(logged)
         found = {n: np.where(recorded(c), c, np.nan) for n, c in logged.items() if n in wanted}
@@ -97,4 +170,4 @@ def _columns(path: Path, mapped: Map) -> dict[str, Any]:
             limit=", ".join(has),
             action="name it in the map: time = …",
         )
-    return {name: np.asarray(column, dtype=np.float64) for name, column in found.items()}
+    return {n: np.asarray(column, dtype=np.float64) for n, column in found.items()}, notes

@@ -1,33 +1,67 @@
-"""A model file as an FMI 2.0 co-simulation unit."""
+"""A model file as a co-simulation unit of FMI 3.0 or 2.0: C source, and a binary where a compiler
+is.
+
+The importing machine needs neither Python nor smad. docs/decisions/0912 compares the ways.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
+import platform
 import shutil
-import sys
+import subprocess
 import tempfile
-from collections.abc import Iterator
+import zipfile
+from dataclasses import dataclass
 from pathlib import Path
-
-import msgspec
 
 from sim_device.plant.models import Model, save_model
 from sim_device.plant.parameters import built_in_sets, load_parameters
+from smad.fmi.description import IDENTIFIER, SOURCE, build_description, description
 from smad.fmi.errors import FmiError
-from smad.fmi.pair import MODEL, MOUNTED, Mounted
-from smad.parts import part
+from smad.fmi.kernel_c import kernel_source
+from smad.fmi.variables import variables
 
-_SCRIPT = Path(__file__).with_name("unit_script.py")
+MODEL = "model.toml"
+VERSIONS = (3, 2)
+_WRITTEN = Path(__file__).with_name("unit")
+# No operation is fused, so that a unit computes what the simulator does.
+_FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-shared", "-fPIC")
+_FOLDERS = {2: {"Linux-x86_64": "linux64"}, 3: {"Linux-x86_64": "x86_64-linux",
+                                               "Linux-aarch64": "aarch64-linux"}}  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mounted:
+    """What a model file does not say: the fixture, and what cools."""
+
+    fixture: str = "antagonistic"
+    cooling: str = "water"
+
+
+@dataclass(frozen=True)
+class Exported:
+    """The unit, and the platform that it has a binary for ("" for none: source only)."""
+
+    path: Path
+    platform: str
 
 
 def export_unit(
-    model: Model, target: Path, *, mounted: Mounted | None = None, overwrite: bool = False
-) -> Path:
-    """Write the plant of `model` to `target`, a file that ends in `.fmu`; returns it.
+    model: Model,
+    target: Path,
+    *,
+    version: int = 3,
+    mounted: Mounted | None = None,
+    overwrite: bool = False,
+) -> Exported:
+    """Write the plant of `model` to `target`, a file that ends in `.fmu`.
 
-    Raises FmiError for a name that does not end so, a file that is there, and a folder that cannot
-    be written; MissingPartError without pythonfmu.
+    version: 3 for FMI 3.0, 2 for 2.0. A binary lies inside where this machine has a C compiler
+    (`cc`, or what CC names). Raises FmiError for a name that does not end so, a file that is there,
+    a compiler that fails, and a folder that cannot be written.
     """
     if target.suffix != ".fmu":
         raise FmiError(
@@ -35,20 +69,54 @@ def export_unit(
         )
     if target.exists() and not overwrite:
         raise FmiError(f"{target} is there already", action="use --overwrite or another name")
-    builder = part("pythonfmu.builder").FmuBuilder
     with tempfile.TemporaryDirectory(prefix="smad-fmu-") as name:
-        # pythonfmu puts the folder of the script on the path of modules: one with nothing else.
         folder = Path(name)
-        script = folder / "script" / "spring_pair.py"
-        script.parent.mkdir()
-        shutil.copyfile(_SCRIPT, script)
-        write_model(model, folder / MODEL)
-        (folder / MOUNTED).write_bytes(msgspec.json.encode(mounted or Mounted()))
-        made = folder / "made.fmu"
-        with _modules_as_before():
-            builder.build_FMU(script, dest=made, project_files={folder / MODEL, folder / MOUNTED})
-        _move(made, target)
-    return target
+        write_sources(model, folder, version, mounted or Mounted())
+        (folder / "resources").mkdir()
+        write_model(model, folder / "resources" / MODEL)
+        built_for = compile_unit(folder, version)
+        _pack(folder, target)
+    return Exported(target, built_for)
+
+
+def write_sources(model: Model, folder: Path, version: int, mounted: Mounted) -> None:
+    """Write the description and the sources of a unit to `folder`."""
+    sources = folder / "sources"
+    sources.mkdir()
+    known = variables(model.parameters)
+    kernel = kernel_source(model, known, fixture=mounted.fixture, cooling=mounted.cooling)
+    (sources / "kernel.c").write_text(kernel)
+    for name in ("plant.c", SOURCE[version]):
+        shutil.copyfile(_WRITTEN / name, sources / name)
+    token = "{" + hashlib.sha256(kernel.encode()).hexdigest()[:32] + "}"
+    (sources / "token.h").write_text(f'#define TOKEN "{token}"\n')
+    (folder / "modelDescription.xml").write_bytes(description(version, known, token))
+    if version == 3:
+        (sources / "buildDescription.xml").write_bytes(build_description())
+
+
+def compile_unit(folder: Path, version: int) -> str:
+    """Compile the sources of a unit for this machine; return its platform, "" without a compiler.
+
+    Raises FmiError for a compiler that fails.
+    """
+    compiler = shutil.which(os.environ.get("CC", "cc"))
+    built_for = _FOLDERS[version].get(f"{platform.system()}-{platform.machine()}", "")
+    if compiler is None or not built_for:
+        return ""
+    binary = folder / "binaries" / built_for / f"{IDENTIFIER}.so"
+    binary.parent.mkdir(parents=True)
+    source = folder / "sources" / SOURCE[version]
+    done = subprocess.run(
+        [compiler, *_FLAGS, str(source), "-o", str(binary), "-lm"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        first = next((line for line in done.stderr.splitlines() if "error" in line), "no message")
+        raise FmiError(f"{compiler} does not compile the unit: {first}", action="set CC to another")
+    return built_for
 
 
 def write_model(model: Model, path: Path) -> None:
@@ -67,14 +135,18 @@ def write_model(model: Model, path: Path) -> None:
         overrides=overrides,
         effects=model.effects,
         mounting=model.mounting,
+        laws=model.laws,
         note=model.note,
     )
 
 
-def _move(made: Path, target: Path) -> None:
+def _pack(folder: Path, target: Path) -> None:
     temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
-        shutil.copyfile(made, temporary)
+        with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
+            for path in sorted(folder.rglob("*")):
+                if path.is_file():
+                    archive.write(path, path.relative_to(folder))
         temporary.replace(target)
     except OSError as error:
         raise FmiError(
@@ -83,15 +155,3 @@ def _move(made: Path, target: Path) -> None:
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
-
-
-@contextlib.contextmanager
-def _modules_as_before() -> Iterator[None]:
-    path, modules = list(sys.path), set(sys.modules)
-    try:
-        yield
-    finally:
-        sys.path[:] = path
-        for name in set(sys.modules) - modules:
-            if name == "spring_pair":
-                del sys.modules[name]

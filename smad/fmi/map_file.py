@@ -9,9 +9,10 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from smad.bounds import field_and_words
+from smad.bounds import field_and_words, without_mark
 from smad.fmi.errors import FmiError
 from smad.fmi.unit_file import UnitFile
+from smad.records.csv_table import CsvFormat
 
 _Number = Annotated[float, msgspec.Meta(ge=-1e15, le=1e15)]
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=1e15)]
@@ -25,22 +26,32 @@ class _Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     high: _Number
 
 
-class InputRow(_Row, frozen=True, kw_only=True):
-    """An input: value of the unit = `scale` · column + `offset`."""
+class _ColumnRow(_Row, frozen=True, kw_only=True):
+    """`column`: its name in a run, where that is another; `column_unit`: its unit there, where that
+    is another; `hold`: numbers stand in some rows only."""
 
     column: str = ""
+    column_unit: str = ""
+    hold: bool = False
     scale: _Number = 1.0
     offset: _Number = 0.0
 
 
-class ChannelRow(_Row, frozen=True, kw_only=True):
-    """A measured channel: channel = `scale` · value of the unit + `offset`."""
+class InputRow(_ColumnRow, frozen=True, kw_only=True):
+    """An input: value of the unit = `scale` · column + `offset`; the range is that of the value.
+
+    With `hold` a number is in force until the next one.
+    """
+
+
+class ChannelRow(_ColumnRow, frozen=True, kw_only=True):
+    """A measured channel: column = `scale` · value of the unit + `offset`, in the column's range.
+
+    With `hold` it is read on a straight line between its numbers.
+    """
 
     quantum: _Positive
     noise: _Positive
-    column: str = ""
-    scale: _Number = 1.0
-    offset: _Number = 0.0
 
 
 class ParameterRow(_Row, frozen=True, kw_only=True):
@@ -69,7 +80,9 @@ class Map(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     """A map file. `lag_s`: what a sensor or a drive of such a plant may well lag by.
 
     `held`: a row's inputs were in force *until* its time, as a run log has them, or *from* it on.
-    `start`: variables set before each run, by name in the unit.
+    `start`: variables set before each run, by name in the unit. `csv`: how a CSV file is written.
+    `time_unit`: that of the time column, where its name does not end with it. `shortest_s`: how
+    long a run must be.
     """
 
     lag_s: _Positive
@@ -79,6 +92,9 @@ class Map(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     terms: dict[str, TermRow] = {}
     start: dict[str, _Number] = {}
     time: str = "t_s"
+    time_unit: Literal["", "s", "ms", "us", "ns", "min", "h"] = ""
+    csv: CsvFormat = CsvFormat()
+    shortest_s: _Positive = 8.0
     held: Literal["until", "from"] = "until"
     name: str = ""
 
@@ -93,7 +109,7 @@ def read_map(path: Path) -> Map:
     if len(text) > MOST_BYTES:
         raise FmiError(f"{path} is longer than a map file can be", limit=f"{MOST_BYTES} bytes")
     try:
-        found = msgspec.toml.decode(text, type=Map)
+        found = msgspec.toml.decode(without_mark(text), type=Map)
     except (msgspec.MsgspecError, ValueError, RecursionError) as error:
         where, why = field_and_words(str(error))
         place = f", {where}" if where else ""

@@ -19,6 +19,7 @@ from smad.diagnosis.plant import (
     ModelPoint,
     Parameter,
     Signal,
+    Traits,
 )
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.signals import means_over_pieces
@@ -52,6 +53,10 @@ class FmuPlant:
         outputs = [c.variable for c in mapped.channels.values()]
         self._runner = Runner(unit, self._rows, outputs)
         self._lock = threading.Lock()
+        self._starts_anew = False
+        self.stopped = ""
+        """Where the unit stopped last before the end of a run, in words; empty: nowhere."""
+        self.traits = Traits(shortest_s=mapped.shortest_s)
         self._known: OrderedDict[object, Array] = OrderedDict()
         self.inputs = [Signal(n, r.unit, r.low, r.high) for n, r in mapped.inputs.items()]
         self.channels = [
@@ -83,18 +88,42 @@ class FmuPlant:
         with self._lock:
             if key not in self._known:
                 given = {**self._map.start, **values}
-                self._known[key] = self._runner.replay(given, run.t_s, rows, fed)
+                self._known[key] = self._replayed(given, run, rows, fed)
                 while len(self._known) > _KEPT:
                     self._known.popitem(last=False)
             self._known.move_to_end(key)
             return self._known[key]
 
+    def _replayed(
+        self, values: Mapping[str, float], run: GapRun, rows: Array, fed: list[Fed]
+    ) -> Array:
+        """A replay; the first of all is made twice, for a unit that does not start anew."""
+        course = self._runner.replay(values, run.t_s, rows, fed)
+        if not self._starts_anew:
+            again = self._runner.replay(values, run.t_s, rows, fed)
+            if not np.array_equal(course, again, equal_nan=True):
+                at = np.argwhere(course != again)[0]
+                raise FmiError(
+                    f"unit {self.name} does not start anew: the second replay of run {run.name} is "
+                    f"another one, in {list(self._map.channels)[at[0]]} from "
+                    f"{run.t_s[at[1]]:.6g} s on",
+                    value=f"a difference of up to {np.nanmax(np.abs(course - again)):.3g}",
+                    limit="the same to the last bit",
+                    action="make the unit set all of its state when it is initialised",
+                )
+            self._starts_anew = True
+        if not np.isfinite(course).all():
+            k = int(np.argmin(np.isfinite(course).all(axis=0)))
+            given = ", ".join(f"{name} = {value:.6g}" for name, value in values.items())
+            said = f" ({self._runner.said})" if self._runner.said else ""
+            self.stopped = f"run {run.name} at {run.t_s[k]:.6g} s, with {given}{said}"
+        return course
+
     def _driven(self, point: ModelPoint, run: GapRun) -> tuple[Array, list[Fed]]:
         """What the unit's inputs get, shape (n, inputs), and the terms that follow its outputs."""
         given = {}
-        for name, row in self._map.inputs.items():
-            column = _misread(run.inputs[name], point.effects, name, run.dt_s)
-            given[name] = row.scale * column + row.offset
+        for name in self._map.inputs:
+            given[name] = _misread(run.inputs[name], point.effects, name, run.dt_s)
         rows = np.zeros((len(run.t_s), len(self._rows)))
         for name, row in self._map.inputs.items():
             rows[:, self._rows.index(row.variable)] += given[name]

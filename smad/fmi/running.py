@@ -86,6 +86,11 @@ class Runner:
             self._slave = None
         return out
 
+    @property
+    def said(self) -> str:
+        """What the unit logged last as an error or a warning."""
+        return self._said[-1] if self._said else ""
+
     def _begun(self, values: Mapping[str, float], first: Array) -> Any:
         """The unit at its start. One that cannot be put back there is loaded anew."""
         try:
@@ -104,7 +109,7 @@ class Runner:
             slave.exitInitializationMode()
         except Exception as error:  # whatever somebody else's library does at its start
             self._slave = None
-            said = self._said[-1] if self._said else str(error)
+            said = self.said or str(error)
             raise FmiError(
                 f"{self._unit.path.name} cannot be started: {said}",
                 action="run it in the program that exported it",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import zipfile
 import zlib
 from dataclasses import dataclass
@@ -74,8 +75,20 @@ def open_unit(path: Path) -> UnitFile:
         ) from error
     if described.coSimulation is None:
         raise FmiError(f"{path} is for model exchange only", action="export it for co-simulation")
-    _require_binary(path, str(described.coSimulation.modelIdentifier), names, fmpy)
+    _require_binary(path, _identifier(path, described.coSimulation.modelIdentifier), names, fmpy)
     return UnitFile(path, described)
+
+
+def _identifier(path: Path, name: Any) -> str:
+    """Return what the binaries are called. Raises FmiError for what leads out of the archive."""
+    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", str(name)):
+        raise FmiError(
+            f"{path}: its modelIdentifier is no name of a library",
+            value=str(name),
+            limit="letters, digits and underscores, as FMI 2.0 says",
+            action="do not run it; export it again",
+        )
+    return str(name)
 
 
 def _require_bounded(path: Path, archive: zipfile.ZipFile) -> None:

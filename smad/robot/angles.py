@@ -6,16 +6,13 @@ step only when neither has a way to go before its trajectory.
 
 from __future__ import annotations
 
-import csv
-import math
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from smad.errors import CommandError
+from smad.records.points import TIME, read_points
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
@@ -23,7 +20,7 @@ Pair = tuple[float, float]
 POINTS_A_S = 20.0
 """Points of a trajectory; between them the angles go straight."""
 
-COLUMNS = ("t_s", "pitch_deg", "yaw_deg")
+COLUMNS = ("pitch_deg", "yaw_deg")
 
 
 @dataclass(frozen=True)
@@ -75,46 +72,9 @@ def waypoints(path: str | Path) -> Angles:
 
     Times are shifted to begin at 0. Raises CommandError, naming line and column.
     """
-    try:
-        with Path(path).open(newline="") as file:
-            reader = csv.DictReader(file)
-            missing = [name for name in COLUMNS if name not in (reader.fieldnames or ())]
-            if missing:
-                raise CommandError(
-                    f"{path}: a column is missing",
-                    value=missing[0],
-                    limit=", ".join(COLUMNS),
-                    action="name the columns so, in the first line",
-                )
-            rows = [
-                [_number(path, reader.line_num, name, row[name]) for name in COLUMNS]
-                for row in reader
-            ]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise CommandError(f"cannot read {path}: {reason}", action="give a CSV file") from error
-    if len(rows) < 2 or any(b[0] <= a[0] for a, b in pairwise(rows)):
-        raise CommandError(
-            f"{path}: the times do not rise from point to point",
-            value=f"{len(rows)} points",
-            limit="at least 2, each later than the one before",
-            action="sort the points",
-        )
-    t_s, pitch_deg, yaw_deg = np.array(rows).T
-    return Angles(t_s - t_s[0], pitch_deg, yaw_deg)
+    found = read_points(Path(path), [(name,) for name in COLUMNS])
+    return Angles(*(np.array(found[name]) for name in (TIME, *COLUMNS)))
 
 
 def _times(duration_s: float) -> Array:
     return np.linspace(0.0, duration_s, max(2, round(duration_s * POINTS_A_S) + 1))
-
-
-def _number(path: str | Path, line: int, column: str, text: str | None) -> float:
-    try:
-        value = float(text or "")
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise CommandError(
-            f"{path}, line {line}: {column} is not a number", value=text, action="correct the line"
-        )
-    return value

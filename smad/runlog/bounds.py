@@ -72,7 +72,7 @@ def require_bounded_text(path: Path, columns: int) -> int:
     """
     rows = size = 0
     try:
-        with (gzip.open if path.suffix == ".gz" else open)(path, "rb") as file:
+        with (gzip.open if path.suffix.lower() == ".gz" else open)(path, "rb") as file:
             while piece := file.read(_PIECE):
                 size += len(piece)
                 rows += max(piece.count(b"\n"), piece.count(b"\r"))

@@ -20,6 +20,7 @@ from smad.errors import RunLogError
 from smad.runlog import open_logs
 from smad.runlog.bounds import MOST_LOG_BYTES, MOST_LOG_ROWS
 from smad.runlog.header import METADATA_NAME, RunHeader
+from smad.runlog.holes import HOLES, RECOVERED_METADATA_NAME
 from smad.runlog.scan import Damage, NotMcapError, Progress, no_progress, scan
 from smad.runlog.schema import (
     CHANNELS,
@@ -294,6 +295,8 @@ class _Intake:
             axis=self._axis,
             unix_s=np.array(self._times_ns, np.float64) * 1e-9,
         )
+        recovered = self._metadata.get(RECOVERED_METADATA_NAME, {}).get(HOLES, "")
+        notes += [f"{line}: lost before it was recovered" for line in recovered.splitlines()]
         refused = self._row_decoder.refused + events.refused + link.refused
         if refused:
             notes.append(f"{refused} messages do not follow the schema and were left out")

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from io import FileIO
 from pathlib import Path
 from typing import BinaryIO
 
+import msgspec
 from mcap import records
 
 from smad.errors import RunLogError
 from smad.runlog import open_logs
+from smad.runlog.holes import HOLES, RECOVERED_METADATA_NAME, holes_in, words
 from smad.runlog.mcap_file import CHANNEL_IDS, ROWS_METADATA_NAME, McapFile, Packed, pack
 from smad.runlog.scan import Damage, Message, NotMcapError, Progress, no_progress, scan
 from smad.runlog.schema import ROW_TOPIC, TOPICS, axis_of
 
-RECOVERED_METADATA_NAME = "smad.recovered"
 _MESSAGES_A_CHUNK = 256
 _MESSAGES_A_REPORT = 10_000
 _ID_OF_TOPIC: Mapping[str, int] = {topic: CHANNEL_IDS[record] for record, topic in TOPICS.items()}
@@ -28,6 +30,7 @@ class Recovery:
 
     `lost_messages` is what the file's own index tells of damaged chunks; how many rows the
     `unread_bytes` at the end held is not known, at most those of one flush interval after a crash.
+    `holes` are the times in s between which the log has no samples; the new log says so, too.
     """
 
     path: Path
@@ -35,6 +38,7 @@ class Recovery:
     lost_messages: int
     unread_bytes: int
     notes: list[str]
+    holes: list[tuple[float, float]]
 
 
 def recovered_path(path: Path) -> Path:
@@ -83,6 +87,7 @@ def recover(
         lost_messages=damage.lost_messages,
         unread_bytes=damage.unread_bytes,
         notes=damage.notes,
+        holes=rewrite.holes,
     )
 
 
@@ -137,6 +142,13 @@ def _copy(
     progress(1.0)
 
 
+class _Time(msgspec.Struct):
+    t_s: float
+
+
+_decode_time = msgspec.json.Decoder(_Time).decode
+
+
 class _Rewrite:
     """Puts messages of known topics into a new file, bodies unchanged, numbered afresh."""
 
@@ -146,13 +158,22 @@ class _Rewrite:
         self._ids: dict[int, int] = {}
         self._sequences = dict.fromkeys(_ID_OF_TOPIC.values(), 0)
         self._batch: list[Packed] = []
+        self._times: dict[int, list[float]] = {}
+
+    @property
+    def holes(self) -> list[tuple[float, float]]:
+        """Times without samples, of every axis."""
+        return sorted({hole for times in self._times.values() for hole in holes_in(times)})
 
     def channel(self, channel: records.Channel) -> None:
         if channel.topic in _ID_OF_TOPIC:
             self._ids[channel.id] = _ID_OF_TOPIC[channel.topic]
+            if channel.topic == ROW_TOPIC:
+                self._times.setdefault(self._ids[channel.id], [])
         elif axis := axis_of(channel.topic):
             self._ids[channel.id] = number = self._mcap.add_axis(axis)
             self._sequences.setdefault(number, 0)
+            self._times.setdefault(number, [])
 
     def metadata(self, metadata: records.Metadata) -> None:
         self._flush()
@@ -166,6 +187,10 @@ class _Rewrite:
         self._sequences[channel_id] = (sequence + 1) & 0xFFFFFFFF
         self._batch.append(pack(channel_id, sequence, message.time_ns, message.body))
         self.messages += 1
+        if channel_id in self._times:
+            # What is no row of ours is left to whoever reads the log.
+            with contextlib.suppress(msgspec.MsgspecError, UnicodeDecodeError):
+                self._times[channel_id].append(_decode_time(message.body).t_s)
         if len(self._batch) >= _MESSAGES_A_CHUNK:
             self._flush()
 
@@ -178,6 +203,7 @@ class _Rewrite:
                 "lost_messages": str(damage.lost_messages),
                 "unread_bytes": str(damage.unread_bytes),
                 "notes": "\n".join(damage.notes),
+                HOLES: "\n".join(words(self.holes)),
             },
         )
         self._mcap.finish()

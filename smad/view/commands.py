@@ -20,6 +20,7 @@ from smad.client.async_commands import AsyncCommands
 from smad.control.commands import Trajectory, Tune
 from smad.view.feed import LONGEST_TAIL_S, WINDOWS
 from smad.view.jobs import Job, RunName, Settings
+from smad.view.queue import Verb
 
 LEASE_S = 10.0
 """A page that keeps control and goes away leaves a bench that is disarmed after so long."""
@@ -172,9 +173,22 @@ class EndJob(Ask, tag="end_job", frozen=True, kw_only=True):
     """Interrupt the job, as ctrl-C does."""
 
 
+class ShowQueue(Ask, tag="queue", frozen=True, kw_only=True):
+    """Show the queue. A page that only watches may ask it, too."""
+
+
+class ChangeQueue(Ask, tag="change_queue", frozen=True, kw_only=True):
+    """Add to the queue, change or arm it."""
+
+    change: Verb
+
+
 Command = Arm | Clear | Move | Rest | Gains | Note | Record | EndRecord
-Question = Runs | Results | Experiments | Preview | PreviewExperiment | Begin | EndJob
-Watching = Drawn | Alive | Show | LookAt | LookBack | Stop
+Question = (
+    Runs | Results | Experiments | Preview | PreviewExperiment | Begin | EndJob | ShowQueue
+    | ChangeQueue
+)  # fmt: skip
+Watching = Drawn | Alive | Show | LookAt | LookBack | Stop | ShowQueue
 Message = Watching | Command | Question
 MARKING = (Note, Gains)
 QUESTIONS = get_args(Question)

@@ -11,7 +11,7 @@ from msgspec import Struct
 
 from smad.client import NotReady
 from smad.errors import SmadError
-from smad.view import commands, errands, preview
+from smad.view import commands, errands, preview, queue
 from smad.view.errands import Drawn, Mark, Read
 from smad.view.feed import Feed, View
 from smad.view.forms import Form
@@ -145,6 +145,14 @@ class Desk:
     async def _end_job(self, ask: commands.EndJob) -> tuple[str, Any]:
         return "the job is told to end" if self.jobs.interrupt() else "no job is under way", None
 
+    async def _queue(self, ask: commands.ShowQueue) -> tuple[str, Any]:
+        return "", await asyncio.to_thread(queue.shown, self._folder(), self._source.bench)
+
+    async def _change_queue(self, ask: commands.ChangeQueue) -> tuple[str, Any]:
+        return await asyncio.to_thread(
+            queue.carry_out, self._folder(), self._source.bench, ask.change
+        )
+
     def _folder(self) -> Path:
         if not self._source.folder:
             raise JobError(
@@ -160,6 +168,8 @@ class Desk:
         commands.PreviewExperiment: _preview_experiment,
         commands.Begin: _begin,
         commands.EndJob: _end_job,
+        commands.ShowQueue: _queue,
+        commands.ChangeQueue: _change_queue,
     }
 
 

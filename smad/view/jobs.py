@@ -21,7 +21,7 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
-from smad.errors import SmadError
+from smad.errors import REFUSED_STATUS, SmadError
 from smad.runlog.paths import SUFFIX, free_path, make_folder
 
 MOST_LINES = 200
@@ -187,12 +187,16 @@ class Jobs:
             status = await self._carried_out(order)
             if self._ended_early:
                 self._failed = "it was ended"
+            elif status == REFUSED_STATUS and order.report.exists():
+                self._failed = "it is refused; the report says why"
+                self._address = self._serve(order.report)
             elif status:
                 self._failed = f"it ended with status {status}"
             elif order.report.exists():
                 self._address = self._serve(order.report)
-        except OSError as error:
-            self._failed = f"it cannot be begun: {error.strerror}"
+        except (OSError, ValueError) as error:
+            # A word with a NUL is a ValueError.
+            self._failed = f"it cannot be begun: {getattr(error, 'strerror', None) or error}"
         finally:
             self._ended_s = time.monotonic()
             self.running = False

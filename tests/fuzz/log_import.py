@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from smad.errors import LogImportError
-from smad.runlog.importer import import_table, read_mapping
+from smad.records.importer import import_table, read_mapping
 from smad.runlog.reader import read_run
 from tests.fuzz.files import file_with, no_file
 from tests.fuzz.program import require

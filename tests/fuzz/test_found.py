@@ -24,8 +24,8 @@ from sim_device.plant.models import read_model, save_model
 from sim_device.plant.parameters import load_parameters, parameters_text
 from smad.cli.log import log
 from smad.errors import LogImportError
+from smad.records.importer import import_table
 from smad.runlog.header import RunHeader
-from smad.runlog.importer import import_table
 from smad.runlog.mcap_file import CHANNEL_IDS, pack
 from smad.runlog.overview import list_runs
 from smad.runlog.reader import read_run

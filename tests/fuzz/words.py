@@ -71,9 +71,9 @@ def _commands() -> Iterable[str]:
 
 
 def _import() -> Iterable[str]:
-    from smad.runlog.column_names import ALIASES
+    from smad.records.column_names import ALIASES
+    from smad.records.units import UNITS
     from smad.runlog.schema import CHANNELS
-    from smad.runlog.units import UNITS
 
     yield from (*CHANNELS, *ALIASES, *UNITS, *_JSON, *_TOML)
     yield from ("\f", "\f\f", "\ufeff", "#", "NaN", '"', ";", "\t", "\r\n", "[columns.", "decimal")

@@ -86,7 +86,7 @@ def test_there_is_a_client_method_for_every_method_of_the_api(
         lambda: client.tune(Tune(kp_A_per_mm=1.0)),
         lambda: client.get_param("a"),
         lambda: client.set_param("a", 1.0),
-        lambda: client.note("a"),
+        lambda: client.note("a"), lambda: client.record_last(5.0),
         lambda: client.take_control("me"),
     )  # fmt: skip
     for call in calls:

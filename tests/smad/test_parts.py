@@ -38,8 +38,15 @@ def test_each_package_of_an_extra_is_known_and_no_other() -> None:
     ours = {name: extras[name] for name in {*EXTRA_OF.values(), *EXTRA_OF_COMMAND.values()}}
     brought = {package(line) for lines in ours.values() for line in lines}
     assert {name for name in brought if not name.startswith("smad")} == set(EXTRA_OF)
-    needed = {package(line) for line in PROJECT["project"]["dependencies"]}
-    assert not needed & set(EXTRA_OF)
+    bench = set(PROJECT["dependency-groups"]["bench"])
+    assert not {package(line) for line in bench} & set(EXTRA_OF)
+
+
+def test_what_is_installed_without_an_extra_is_the_bench_and_the_demo() -> None:
+    extras = PROJECT["project"]["optional-dependencies"]
+    demo = {line for line in (*extras["log"], *extras["sim"]) if "smad" not in line}
+    bench = set(PROJECT["dependency-groups"]["bench"])
+    assert set(PROJECT["project"]["dependencies"]) == bench | demo
 
 
 @pytest.mark.parametrize("extra", BROUGHT_BY)

@@ -1,97 +1,133 @@
 """Arming, in two steps: every board gives a token, then every board is confirmed.
 
-A board that gives none keeps all of them from being armed. Where one is not confirmed, the others
-may be armed by then, and the bench is stopped.
+What may be done when is the machine's to say (`smad.daemon.arming`); here it is carried out. An
+arming that is refused or not finished is taken back, and who asked hears so once the boards are
+off.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from firmware_protocol.messages import ArmConfirm, ArmRequest, ArmToken, Message
+from firmware_protocol.messages import ArmConfirm, ArmRequest, ArmToken, Done, Message
 from smad.api import Reason
 from smad.control.commands import Idle
+from smad.daemon.arming import Send
 from smad.daemon.axis import Axis
 from smad.daemon.command.bench import Bench
-from smad.daemon.command.conditions import parameters_read, require_armable
+from smad.daemon.command.conditions import first_samples, parameters_read, require_armable
 from smad.daemon.command.lease import Caller
 from smad.daemon.errors import Refusal
+from smad.daemon.stops import LONGEST_STOP_US, BoardStop
 
 
-class Arming:
+@dataclass(frozen=True)
+class Asked:
+    """Which axes are to be armed, in which generation that was asked, and by whom."""
+
+    axes: Sequence[Axis]
+    generation: int
+    caller: Caller
+
+    @property
+    def names(self) -> list[str]:
+        """Of the axes."""
+        return [axis.name for axis in self.axes]
+
+    @property
+    def boards(self) -> list[BoardStop]:
+        """Of the axes."""
+        return [axis.stop for axis in self.axes]
+
+
+class ArmCommand:
     """Arms axes, one arming at a time."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
-        self._busy = False
+        self._stops = bench.stops
+        self._arming = bench.stops.arming
+        self._now_us = bench.means.clocks.us
 
-    async def arm(
-        self, axes: Sequence[Axis], generation: int, caller: Caller, details: dict[str, Any]
-    ) -> None:
-        """Arm these axes, as asked in this generation. Raises Refusal, told with the axis.
+    async def arm(self, asked: Asked, details: dict[str, Any]) -> None:
+        """Arm these axes. Raises Refusal, told with the axis, once every axis asked is off.
 
         The run log, which begins once all boards have given a token, keeps `details`.
         """
-        bench, now_us = self._bench, self._bench.means.clocks.us
-        if self._busy:
-            raise Refusal(
-                Reason.BUSY,
-                "the bench is being armed already",
-                action="wait for the reply to that (smad status)",
-            )
-
-        def still_wanted() -> None:
-            bench.stops.require(generation, [axis.stop for axis in axes])
-            bench.lease.check(caller.lease, now_us())
-
-        self._busy = True
+        await first_samples(self._stops.boards)
+        self._stops.begin_arming(asked.boards, asked.generation)
         try:
-            tokens = await self._tokens(axes, still_wanted)
-            if bench.config.recorder.automatic and not bench.recorder.recording:
-                await bench.recorder.start("", by_command=False)
-                still_wanted()
-            bench.means.say("command", "arm", details)
-            bench.means.say("arm", "arming", {})
-            for axis in axes:
-                axis.stop.arming()
-            with self._none_alone(axes):
-                await _all_of(axes, lambda a: ArmConfirm(a.config.link.axis, tokens[a.name]))
-                still_wanted()
-                bench.dead_man.watch(caller.client, now_us())
-                for axis in axes:
-                    await axis.stop.until_armed(generation)
-            still_wanted()
-        finally:
-            self._busy = False
-
-    async def _tokens(
-        self, axes: Sequence[Axis], still_wanted: Callable[[], None]
-    ) -> dict[str, int]:
-        for axis in axes:
-            await parameters_read(axis)
-        still_wanted()
-        self._require_armable(axes)
-        self._bench.groups.forget([axis.name for axis in axes])
-        for axis in axes:
-            axis.controller.command(Idle())
-        given = await _all_of(
-            axes, lambda a: ArmRequest(a.config.link.axis, a.watch.parameters.crc)
-        )
-        still_wanted()
-        return {name: token.token for name, token in given.items() if isinstance(token, ArmToken)}
-
-    @contextmanager
-    def _none_alone(self, axes: Sequence[Axis]) -> Iterator[None]:
-        """Stop the bench when something is refused: others may be armed, which nobody asked for."""
-        try:
-            yield
-        except Refusal as refusal:
-            if len(axes) > 1 and refusal.reason is not Reason.STOPPED:
-                self._bench.stops.begin(f"arming failed: {refusal.cause}")
+            await self._carry_out(asked, details)
+        except BaseException as error:
+            stopped = self._take_back(asked, error)
+            if isinstance(error, Exception):
+                await _until_off(stopped, error)
             raise
+        finally:
+            self._arming.end()
+
+    async def _carry_out(self, asked: Asked, details: dict[str, Any]) -> None:
+        bench = self._bench
+        tokens = await self._tokens(asked)
+        if bench.config.recorder.automatic and not bench.recorder.recording:
+            await bench.recorder.start("", by_command=False)
+        self._require_wanted(asked)
+        bench.means.say("command", "arm", details)
+        bench.means.say("arm", "arming", {})
+        bench.dead_man.watch(asked.names, asked.caller.client, self._now_us())
+        for board in asked.boards:
+            board.arming()
+        self._arming.confirm()
+        await self._all_of(
+            asked,
+            Send.ARM_CONFIRM,
+            lambda axis: ArmConfirm(axis.config.link.axis, tokens[axis.name]),
+            _took,
+        )
+        for axis in asked.axes:
+            with axis.told():
+                await axis.stop.until_armed(asked.generation)
+        self._require_wanted(asked)
+
+    async def _tokens(self, asked: Asked) -> Mapping[str, int]:
+        for axis in asked.axes:
+            await parameters_read(axis)
+        self._require_wanted(asked)
+        self._require_armable(asked.axes)
+        self._bench.groups.forget(asked.names)
+        for axis in asked.axes:
+            axis.controller.command(Idle())
+        tokens: dict[str, int] = {}
+
+        def granted(axis: Axis, reply: Message) -> None:
+            assert isinstance(reply, ArmToken)
+            tokens[axis.name] = reply.token
+            self._arming.granted(axis.name)
+
+        self._arming.ask()
+        await self._all_of(
+            asked,
+            Send.ARM_REQUEST,
+            lambda axis: ArmRequest(axis.config.link.axis, axis.watch.parameters.crc),
+            granted,
+        )
+        self._require_wanted(asked)
+        return tokens
+
+    def _require_wanted(self, asked: Asked) -> None:
+        """Raise Refusal when a stop came, or who asked is not in control any more."""
+        self._stops.require(asked.generation, asked.boards)
+        self._bench.lease.check(asked.caller.lease, self._now_us())
+        attempt = self._arming.attempt
+        if attempt is None or attempt.failed:
+            raise Refusal(
+                Reason.STOPPED,
+                f"another axis was stopped while this was being armed ({self._stops.why})",
+                action="nothing is armed of what was asked; see smad status, then arm again",
+            )
 
     def _require_armable(self, axes: Sequence[Axis]) -> None:
         refusals: list[Refusal] = []
@@ -105,15 +141,62 @@ class Arming:
             refusals[0].cause = "; ".join(refusal.cause for refusal in refusals)
             raise refusals[0]
 
+    async def _all_of(
+        self,
+        asked: Asked,
+        what: Send,
+        request: Callable[[Axis], Message],
+        answered: Callable[[Axis, Message], None],
+    ) -> None:
+        """Ask every board that the machine names, at once. Raises the first Refusal, with the axis.
 
-async def _all_of(axes: Sequence[Axis], request: Callable[[Axis], Message]) -> dict[str, Message]:
-    """Ask every board at once; return their replies by axis. Raises Refusal, told with the axis."""
-    asked: list[tuple[Axis, asyncio.Future[Message]]] = []
+        The others may be on their way still, and are taken back by a stop.
+        """
+        to_send = {name for name, send in self._arming.take_sends() if send is what}
+        futures: dict[asyncio.Future[Message], Axis] = {}
+        for axis in asked.axes:
+            if axis.name in to_send:
+                with axis.told():
+                    futures[axis.requests.start(request(axis))] = axis
+        waiting: Iterable[asyncio.Future[Message]] = futures
+        while waiting:
+            done, waiting = await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+            for future in done:
+                with futures[future].told():
+                    answered(futures[future], future.result())
+
+    def _take_back(self, asked: Asked, error: BaseException) -> Sequence[Axis]:
+        """Stop every axis that was asked; return the axes that a refusal has to wait for.
+
+        Once a board may have been armed, that is a stop like any other, of all that its failures
+        stop.
+        """
+        attempt = self._arming.attempt
+        assert attempt is not None
+        if not attempt.confirming:
+            self._arming.fail()
+            self._stops.send()
+            return asked.axes
+        boards = {board.label for asked_one in asked.boards for board in asked_one.stopped_with}
+        stopped = [axis for axis in self._bench.axes.values() if axis.name in boards]
+        if not attempt.failed:
+            cause = error.cause if isinstance(error, Refusal) else repr(error)
+            self._stops.begin(f"arming failed: {cause}", boards=[axis.stop for axis in stopped])
+        return stopped
+
+
+def _took(axis: Axis, reply: Message) -> None:
+    assert isinstance(reply, Done)
+    axis.stop.took(reply)
+
+
+async def _until_off(axes: Sequence[Axis], error: Exception) -> None:
+    """Return once these axes are off; where one is not in time, let the error say so."""
     for axis in axes:
-        with axis.told():
-            asked.append((axis, axis.requests.start(request(axis))))
-    replies = {}
-    for axis, future in asked:
-        with axis.told():
-            replies[axis.name] = await future
-    return replies
+        try:
+            with axis.told():
+                await axis.stop.until_off(LONGEST_STOP_US)
+        except Refusal as open_one:
+            if isinstance(error, Refusal):
+                error.cause = f"{error.cause}; {open_one.cause}"
+                error.action = open_one.action

@@ -14,6 +14,7 @@ from smad.daemon.journal import Journal
 from smad.daemon.means import Means
 from smad.daemon.realtime import IdleCollector
 from smad.daemon.stops import Stops
+from smad.daemon.telemetry.blackbox import BlackBox
 from smad.daemon.telemetry.recorder import Recorder
 from smad.daemon.together import Groups
 
@@ -36,6 +37,7 @@ class Bench:
     stops: Stops
     groups: Groups
     recorder: Recorder
+    black_box: BlackBox
     lease: Lease
     dead_man: DeadMan
     journal: Journal

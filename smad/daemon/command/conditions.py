@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import asyncio
 import functools
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from typing import Concatenate, ParamSpec
 
 from firmware_protocol.enums import BoardState, Capability
 from firmware_protocol.events import HostState
 from smad.api import Reason
+from smad.daemon.arming import Phase
 from smad.daemon.axis import Axis
 from smad.daemon.errors import Refusal
 from smad.daemon.link.tighter import require_own, require_tighter
 from smad.daemon.link.watch import disagreement
+from smad.daemon.stops import BoardStop
 
-_PARAMETER_POLLS = 100
-_PARAMETER_POLL_S = 0.02
+_POLLS = 100
+_POLL_S = 0.02
 P = ParamSpec("P")
 
 
@@ -55,12 +57,20 @@ def require_disarmed(axis: Axis) -> None:
         raise Refusal(Reason.ARMED, "the bench is armed", action="disarm first (smad disarm)")
 
 
+async def first_samples(boards: Iterable[BoardStop]) -> None:
+    """Wait for the first sample of each board: right after a connection it is on its way."""
+    for _ in range(_POLLS):
+        if not any(board.phase is Phase.MET for board in boards):
+            return
+        await asyncio.sleep(_POLL_S)
+
+
 async def parameters_read(axis: Axis) -> None:
     """Wait for the parameters: right after a connection they are on their way."""
-    for _ in range(_PARAMETER_POLLS):
+    for _ in range(_POLLS):
         if axis.watch.parameters.agree is not None or not axis.watch.reading:
             return
-        await asyncio.sleep(_PARAMETER_POLL_S)
+        await asyncio.sleep(_POLL_S)
 
 
 @_told

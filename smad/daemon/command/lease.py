@@ -6,7 +6,7 @@ it: the name of a client's socket is its own choice, and may be seen again after
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import msgspec
 from msgspec import Struct
@@ -34,6 +34,8 @@ class Holder(Struct, frozen=True):
     name: str
     duration_us: int
     until_us: int
+    client: bytes = b""
+    """The name of the socket that took it."""
 
 
 class Lease:
@@ -71,12 +73,14 @@ class Lease:
         if holder is not None and holder.secret == secret:
             self._holder = msgspec.structs.replace(holder, until_us=now_us + holder.duration_us)
 
-    def take(self, secret: str, name: str, duration_us: int, now_us: int) -> Holder:
+    def take(
+        self, secret: str, name: str, duration_us: int, now_us: int, client: bytes = b""
+    ) -> Holder:
         """Give control, under a new secret, or renew it. Raises Refusal while another has it."""
         if not self.held_with(secret, now_us):
             self.check("", now_us)
             secret = self._new_secret()
-        self._holder = Holder(secret, name, duration_us, now_us + duration_us)
+        self._holder = Holder(secret, name, duration_us, now_us + duration_us, client)
         return self._holder
 
     def check(self, secret: str, now_us: int) -> None:
@@ -108,32 +112,37 @@ class Lease:
 
 
 class DeadMan:
-    """Says when the client that armed the bench has been silent too long. Zero: never."""
+    """Knows which client armed each axis, and says when one is silent too long. Zero: never."""
 
     def __init__(self, patience_us: int) -> None:
         self.patience_us = patience_us
-        self.client: bytes | None = None
-        """Who armed; None while nobody has."""
-        self._heard_us = 0
+        self._clients: dict[str, bytes] = {}
+        """By axis, of those that are armed or about to be."""
+        self._heard_us: dict[bytes, int] = {}
 
-    def watch(self, client: bytes, now_us: int) -> None:
-        """Begin to watch the client that armed."""
-        self.client = client
-        self._heard_us = now_us
+    def watch(self, axes: Iterable[str], client: bytes, now_us: int) -> None:
+        """Begin to watch the client that arms these axes."""
+        self._clients |= dict.fromkeys(axes, client)
+        self._heard_us[client] = now_us
 
     def heard(self, client: bytes, now_us: int) -> None:
         """Note that a client said something."""
-        if client == self.client:
-            self._heard_us = now_us
+        if client in self._heard_us:
+            self._heard_us[client] = now_us
 
-    def forget(self) -> None:
-        """The bench is not armed any more."""
-        self.client = None
+    def forget(self, axes: Iterable[str]) -> None:
+        """These axes are not armed any more."""
+        for axis in axes:
+            self._clients.pop(axis, None)
+        armed = set(self._clients.values())
+        self._heard_us = {who: us for who, us in self._heard_us.items() if who in armed}
+
+    def armed_by(self, axis: str) -> bytes | None:
+        """Return the client that armed an axis; None while nobody has."""
+        return self._clients.get(axis)
 
     def expired(self, now_us: int) -> bool:
-        """Return whether the watched client has been silent for longer than it may."""
-        return (
-            self.patience_us > 0
-            and self.client is not None
-            and now_us - self._heard_us > self.patience_us
-        )
+        """Return whether a client that armed has been silent for longer than it may."""
+        if self.patience_us <= 0:
+            return False
+        return any(now_us - us > self.patience_us for us in self._heard_us.values())

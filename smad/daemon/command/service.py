@@ -28,7 +28,7 @@ from smad.control.commands import (
     Tune,
 )
 from smad.daemon.axis import Axis
-from smad.daemon.command.arming import Arming
+from smad.daemon.command.arming import ArmCommand, Asked
 from smad.daemon.command.bench import Bench
 from smad.daemon.command.conditions import (
     not_connected,
@@ -40,6 +40,7 @@ from smad.daemon.command.conditions import (
 from smad.daemon.command.lease import Caller
 from smad.daemon.command.status import StatusReport
 from smad.daemon.errors import Refusal
+from smad.errors import RunLogError
 
 _NO_PORT = HostState.DISCONNECTED
 _BEGIN_A_LOG = (api.Arm, api.StartRecording)
@@ -64,7 +65,9 @@ class Service:
         self._stops = bench.stops
         self._say = bench.means.say
         self._clock_us = bench.means.clocks.us
-        self._arming = Arming(bench)
+        self._arm_command = ArmCommand(bench)
+        self._recording_by = b""
+        """The client that began the run log by command."""
         self.methods: dict[type[Struct], Callable[[Any, Caller], Answer]] = {
             method.params: getattr(self, method.name.replace(".", "_")) for method in METHODS
         }
@@ -89,6 +92,8 @@ class Service:
         if method.ends_with_stop:
             moved = params.moves if isinstance(params, api.Together) else caller.axes
             boards = [axis.stop for axis in self._bench.named(tuple(moved))]
+            if isinstance(params, api.Arm):
+                self._stops.require_all_closed()
             self._stops.require_confirmed(boards)
             before = caller.behind and generation is None
             asked_in = self._stops.generation - 1 if before else generation
@@ -123,6 +128,9 @@ class Service:
     def end_what_lapsed(self, now_us: int) -> None:
         """Stop the bench if who had exclusive control, or who armed, has fallen silent."""
         gone = self._lease.lapsed(now_us)
+        if gone is not None and gone.client == self._recording_by:
+            # A run log belongs to who began it, and ends with its lease.
+            self._recorder.end_by_itself()
         if gone is not None and self._bench.armed:
             silent_s = gone.duration_us * 1e-6
             cause = f"{gone.name}, who had exclusive control, fell silent for {silent_s:g} s"
@@ -142,17 +150,18 @@ class Service:
     async def _armed(
         self, axes: Sequence[Axis], generation: int, caller: Caller, params: api.Arm
     ) -> api.Motion:
-        await self._arming.arm(axes, generation, caller, _details(params, caller))
+        await self._arm_command.arm(Asked(axes, generation, caller), _details(params, caller))
         return self._status.motion(axes)
 
     def disarm(self, params: api.Disarm, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
         """Current off with the next sample, DISARM to every board; replies when none is armed."""
         holder = self._lease.holder(self._clock_us())
         orderly = holder is None or holder.secret == caller.lease
+        armed_by = {self._dead_man.armed_by(name) for name in self._bench.axes} - {None}
+        if armed_by - {caller.client}:
+            self._bench.black_box.want(f"disarm of {self._who(caller)}, who had not armed")
         self._stops.begin(f"disarm of {self._who(caller)}", orderly=orderly)
-        if not any(axis.connected for axis in self._bench.axes.values()):
-            self._require_boards()
-        return self._after(lambda axis: axis.stop.until_disarmed(), self._require_boards)
+        return self._after(lambda axis: axis.stop.until_off(), self._require_boards)
 
     def estop(self, params: api.EStop, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
         """Three copies to each board, and again until it says ESTOP; replies when all have."""
@@ -169,8 +178,6 @@ class Service:
                     raise not_connected("ESTOP cannot be sent", "cut the power")
             self._require_boards()
 
-        if len(away) == len(self._bench.axes):
-            require_sent()
         return self._after(lambda axis: axis.stop.until_estop(), require_sent)
 
     def _who(self, caller: Caller) -> str:
@@ -184,17 +191,18 @@ class Service:
         self, stopped: Callable[[Axis], Awaitable[None]], require: Callable[[], None]
     ) -> api.Motion:
         refusals: list[Refusal] = []
-        for axis in self._bench.axes.values():
-            # One that does not answer keeps nobody from hearing of the others.
-            try:
-                with axis.told():
-                    await stopped(axis)
-            except Refusal as refusal:
-                refusals.append(refusal)
-        if refusals:
-            raise refusals[0]
-        require()
-        return self._status.motion(list(self._bench.axes.values()))
+        with self._stops.reply_open():
+            for axis in self._bench.axes.values():
+                # One that does not answer keeps nobody from hearing of the others.
+                try:
+                    with axis.told():
+                        await stopped(axis)
+                except Refusal as refusal:
+                    refusals.append(refusal)
+            if refusals:
+                raise refusals[0]
+            require()
+            return self._status.motion(list(self._bench.axes.values()))
 
     def _require_boards(self) -> None:
         """Raise Refusal where a board that was there is not any more: nothing is known of it."""
@@ -315,8 +323,9 @@ class Service:
     async def record_start(self, params: api.StartRecording, caller: Caller) -> api.RecorderStatus:
         """Begin a run log."""
         await self._recorder.start(params.name, by_command=True, repeats=params.repeats)
+        self._recording_by = caller.client
         self._say("command", "record.start", api.logged_details(params))
-        return self._recorder.status()
+        return self._status.recorder()
 
     async def record_stop(self, params: api.StopRecording, caller: Caller) -> api.RecorderStatus:
         """Close the run log, also one that failed."""
@@ -325,7 +334,7 @@ class Service:
                 Reason.RECORDER, "nothing is being recorded", action="smad record start begins"
             )
         await self._recorder.stop()
-        return self._recorder.status()
+        return self._status.recorder()
 
     def record_note(self, params: api.AddNote, caller: Caller) -> api.RecorderStatus:
         """Write a note into the run log."""
@@ -336,7 +345,30 @@ class Service:
                 action="smad record start begins a run log",
             )
         self._say("note", params.text, {})
-        return self._recorder.status()
+        return self._status.recorder()
+
+    async def record_last(self, params: api.RecordLast, caller: Caller) -> api.RecorderStatus:
+        """Write what the black box keeps."""
+        box = self._bench.black_box
+        if params.seconds > box.keep_s:
+            raise Refusal(
+                Reason.RECORDER,
+                "so much is not kept in memory",
+                value=params.seconds,
+                limit=f"{box.keep_s:g} s",
+                action="ask for less, or set recorder.black_box_s",
+            )
+        try:
+            await box.write(params.seconds)
+        except RunLogError as error:
+            raise Refusal(
+                Reason.RECORDER,
+                error.cause,
+                value=error.value,
+                limit=error.limit,
+                action=error.action,
+            ) from error
+        return self._status.recorder()
 
     def control_take(self, params: api.TakeControl, caller: Caller) -> api.Control:
         """Take or renew exclusive control. It changes hands only while the bench is not armed."""
@@ -344,7 +376,8 @@ class Service:
         if not self._lease.held_with(caller.lease, now_us):
             self._lease.check("", now_us)
             self._require_not_armed_by_another(caller)
-        holder = self._lease.take(caller.lease, params.name, int(params.lease_s * 1e6), now_us)
+        duration_us = int(params.lease_s * 1e6)
+        holder = self._lease.take(caller.lease, params.name, duration_us, now_us, caller.client)
         return msgspec.structs.replace(self._status.lease(holder.secret), lease=holder.secret)
 
     def control_release(self, params: api.ReleaseControl, caller: Caller) -> api.Control:
@@ -353,8 +386,9 @@ class Service:
         return self._status.lease(caller.lease)
 
     def _require_not_armed_by_another(self, caller: Caller) -> None:
-        self._stops.require_confirmed(self._stops.boards)
-        if self._bench.armed and self._dead_man.client != caller.client:
+        self._stops.require_confirmed([b for b in self._stops.boards if b.reachable])
+        hot = [name for name, axis in self._bench.axes.items() if axis.hot]
+        if any(self._dead_man.armed_by(name) != caller.client for name in hot):
             raise Refusal(
                 Reason.ARMED,
                 "the bench was armed by another client",

@@ -8,7 +8,7 @@ import os
 from collections.abc import Sequence
 
 from msgspec import UNSET
-from msgspec.structs import asdict
+from msgspec.structs import asdict, replace
 
 from firmware_protocol.enums import Limiter, faults_in, warnings_in
 from firmware_protocol.events import HostState
@@ -65,11 +65,17 @@ class StatusReport:
             reference_mm=_mm(controller.reference_m),
             displacement_mm=None if last is None else _mm(last.sample.displacement_m),
             board_time_s=0.0 if last is None else last.sample.t_us * 1e-6,
+            sample_age_s=None if last is None else (self._clock_us() - axis.control.last_us) * 1e-6,
             ended=axis.stop.ended
             or ("" if controller.departure is None else controller.departure.in_words()),
             fault=fault,
             generation=self._bench.stops.generation,
         )
+
+    def recorder(self) -> api.RecorderStatus:
+        """Return the state of the run log, and where the last minute was written last."""
+        bench = self._bench
+        return replace(bench.recorder.status(), last=bench.black_box.path)
 
     def lease(self, secret: str) -> api.Control:
         """Return who has exclusive control."""
@@ -94,7 +100,7 @@ class StatusReport:
             uptime_s=(self._clock_us() - self._started_us) * 1e-6,
             memory_MiB=self._memory_MiB(),
             realtime=self.measures,
-            recorder=self._bench.recorder.status(),
+            recorder=self.recorder(),
             control=self.lease(secret),
             events=tuple(self._bench.journal.recent),
             **{**asdict(parts[axes[0].name]), "motion": self.motion(axes)},

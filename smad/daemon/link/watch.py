@@ -1,7 +1,6 @@
 """What follows from the board's messages that are no samples: connection, faults, parameters.
 
-A session always begins as a watcher's: nothing is armed, whatever was before, and a board found
-armed is told to disarm.
+A session always begins as a watcher's: nothing is armed, whatever was before.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from firmware_protocol.events import (
     StatsReceived,
 )
 from firmware_protocol.messages import FaultGet, FaultReport, Ident, State
-from firmware_protocol.mirror import HOT, STOPPED
+from firmware_protocol.mirror import STOPPED
 from smad import api
 from smad.config import LinkConfig
 from smad.control.sample import Scales
@@ -32,15 +31,15 @@ from smad.daemon.link.board import Parameters, fault_of
 from smad.daemon.link.requests import BoardRequests, refusal
 from smad.daemon.means import Means
 
+READ_AGAIN_US = 500_000
 _REPORTS_KEPT = 16
 
 
 class BoardWatch:
     """Keeps what is known of the board, and tells the journal and the run log what changes.
 
-    `on_scales` gets the scales of the readings once the parameters are read; `on_found_armed` is
-    called for a board that is armed when it connects; `baud` tells the speed of the line as it was
-    opened, 0 for none; `identified` is set once it was heard of;
+    `on_scales` gets the scales of the readings once the parameters are read; `baud` tells the speed
+    of the line as it was opened, 0 for none; `identified` is set once it was heard of;
     `incompatible` holds why this board cannot be used, or only be watched.
     """
 
@@ -52,7 +51,6 @@ class BoardWatch:
         *,
         baud: Callable[[], int],
         on_scales: Callable[[Scales], None],
-        on_found_armed: Callable[[], None],
     ) -> None:
         self.parameters = Parameters(config.axis)
         self.ident: Ident | None = None
@@ -62,13 +60,13 @@ class BoardWatch:
         self.stats: dict[str, int] = {}
         self.identified = asyncio.Event()
         self.reading = False
+        self._read_again_us = 0
         self._config = config
         self._requests = requests
         self._say = means.say
         self._spawn = means.spawn
         self._baud = baud
         self._on_scales = on_scales
-        self._on_found_armed = on_found_armed
 
     def on_event(self, event: HostEvent) -> None:
         """Take one event of the session."""
@@ -106,11 +104,10 @@ class BoardWatch:
         if mode == self.mode:
             return
         before, self.mode = self.mode, BoardState(mode)
+        if mode in STOPPED and self.fault is None:
+            # It was latched before this session, or every copy of its report was lost.
+            self._spawn("fault report", self._read_fault(state))
         if before is None:
-            if mode in HOT:
-                self._on_found_armed()
-            elif mode in STOPPED and self.fault is None:
-                self._spawn("fault report", self._read_fault(state))
             return
         self._say("state", f"{before.name} → {self.mode.name}", {})
         if mode not in STOPPED and before is BoardState.FAULT:
@@ -158,23 +155,34 @@ class BoardWatch:
         self.parameters.complete = False
 
     async def _read_fault(self, state: State) -> None:
-        """Learn of a fault that the board latched before this session; it tells on being asked."""
+        """Learn of a fault of which no report came; the board tells it on being asked."""
         standing = faults_in(state.faults)
+        fault: api.Fault | None = None
         for index in range(_REPORTS_KEPT):
             try:
                 report = await self._requests.ask(FaultGet(self._config.axis, index))
             except Refusal:
                 break
             if isinstance(report, FaultReport) and report.fault in standing:
-                self.fault = fault_of(report)
-        if self.fault is None and standing:
-            self.fault = api.Fault(number=int(standing[0]), name=standing[0].name)
-        if self.fault is not None:
-            self._say("fault", f"the board had stopped: {self.fault.in_words()}", {})
+                fault = fault_of(report)
+        if fault is None and standing:
+            fault = api.Fault(number=int(standing[0]), name=standing[0].name)
+        # Meanwhile it may have been reported, or cleared.
+        if fault is not None and self.fault is None and self.mode in STOPPED:
+            self.fault = fault
+            self._say("fault", f"the board had stopped: {fault.in_words()}", {})
 
     def rescale(self) -> None:
         """Use the parameters as they now are for the readings."""
         self._on_scales(Scales(self.parameters.values, self._config.axis))
+
+    def tick(self, now_us: int) -> None:
+        """Read the parameters again where they could not be read."""
+        if self.ident is None or self.reading or self.parameters.complete:
+            self._read_again_us = now_us + READ_AGAIN_US
+        elif now_us >= self._read_again_us and not self._requests.watch_only:
+            self.reading = True
+            self._spawn("parameters", self._learn(self.ident))
 
     async def _learn(self, ident: Ident) -> None:
         try:
@@ -183,10 +191,12 @@ class BoardWatch:
             await self.parameters.read(ident, self._requests.ask)
             self.rescale()
         except Refusal as error:
-            self._say("warning", f"the board's parameters were not read: {error}", {})
+            if ident is self.ident:
+                text = f"the board's parameters were not read, and will be read again: {error}"
+                self._say("warning", text, {})
             return
         finally:
-            self.reading = False
+            self.reading &= ident is not self.ident
         await self._set_rate(ident)
 
     async def _set_rate(self, ident: Ident) -> None:

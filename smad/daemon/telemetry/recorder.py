@@ -111,6 +111,10 @@ class Recorder:
             if before is not None:
                 await loop.run_in_executor(self._worker, before.close)
 
+    def end_by_itself(self) -> None:
+        """Who began the open log has vanished: it ends as one that arming began does."""
+        self._by_command = False
+
     async def stop(self) -> None:
         """Close the log, if one is open; what is queued is written first."""
         async with self._lock:

@@ -48,6 +48,8 @@ _SCREENED = 6
 """Effects of each reference that are fitted."""
 _LAWS = 4
 """Places whose law is fitted."""
+_KEPT = 1e8
+"""Precision of parameters that stay where they are."""
 _FIRST_ROUNDS = 3
 _LONG = 4
 """Fits that go on to their end."""
@@ -151,6 +153,10 @@ class Question:
         )  # fmt: skip
         made = [replace(r, probability=float(x)) for r, x in zip(rivals, p, strict=True)]
         return sorted(made, key=lambda r: -r.probability)
+
+    def log_weight(self, rival: Rival) -> float:
+        """Log of a rival's unnormalised probability, but for what all of its kind share."""
+        return float(0.5 * self.temper.evidence * rival.scores.sum() + rival.log_prior)
 
     def squares_of(self, evidence: Evidence, left: Array) -> Array:
         """Squares by run and channel of rows, what wanders in each run taken off."""
@@ -347,7 +353,7 @@ class _Search:
         present = {part.name for part in here.model.parts}
         effects = [x for x in question.effects if x.name not in present and x.parameters]
         question.say("screening the effects")
-        fits = _Fits(question)
+        fits = _Fits(question, self.nominal)
         # The nominal simulator, too: where parameters have moved to imitate an effect it is hidden.
         for reference in (here, replace(self.nominal, model=here.model)) if first else (here,):
             for s in screened(e, reference, effects, question.tau)[:_SCREENED]:
@@ -359,7 +365,7 @@ class _Search:
         question.say("laws of the places")
         space = LawSpace.at(e, here, question.tau, self.responses, question.say)
         self.responses = space.responses
-        laws = _Fits(question)
+        laws = _Fits(question, self.nominal)
         for law in space.selected()[:_LAWS]:
             if law.part.name not in present:
                 laws.begin(LAW, here, law.part, law.coordinates)
@@ -369,8 +375,8 @@ class _Search:
 class _Fits:
     """Fits that compete: a few rounds for all, more for the best, own slopes for the first."""
 
-    def __init__(self, question: Question) -> None:
-        self._question = question
+    def __init__(self, question: Question, nominal: Reference) -> None:
+        self._question, self._nominal = question, nominal
         self._found: dict[str, tuple[str, Fit, Reference]] = {}
 
     def begin(self, kind: str, reference: Reference, part: Part, coordinates: Array) -> None:
@@ -397,8 +403,23 @@ class _Fits:
         for name in near:
             fits[name] = polished(e, fits[name], tau)
         kinds = {name: kind for name, (kind, _, _) in self._found.items()}
-        scored = [question.rival(kinds[name], name, f) for name, f in fits.items()]
-        return [r for r in scored if r is not None]
+        scored = {name: question.rival(kinds[name], name, f) for name, f in fits.items()}
+        for name in near:
+            if (kept := self._with_parameters_kept(kinds[name], name, fits[name])) is not None:
+                scored[name] = max(kept, scored[name] or kept, key=question.log_weight)
+        return [r for r in scored.values() if r is not None]
+
+    def _with_parameters_kept(self, kind: str, name: str, free: Fit) -> Rival | None:
+        """The same rival with the parameters where they were: few runs let them follow noise."""
+        question, model = self._question, free.model
+        kept = model.with_precision(_KEPT * np.eye(model.parameters))
+        start = free.x.copy()
+        start[: model.parameters] = 0.0
+        made = fit(question.evidence, kept, start, self._nominal, tau=question.tau)
+        rival = made and question.rival(kind, name, made)
+        if not rival or rival.fit is None:
+            return None
+        return replace(rival, fit=replace(rival.fit, model=model))
 
 
 def _best(fits: dict[str, Fit]) -> list[str]:

@@ -11,12 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from smad.diagnosis.data.columns import filled, readable
 from smad.diagnosis.errors import GapError
 from smad.diagnosis.plant import Array, Channel, Mask, Signal, Traits
-from smad.diagnosis.runs import GapRun, bridged
+from smad.diagnosis.runs import GapRun
+from smad.records.channels import read_channels
+from smad.records.readings import BEYOND
 from smad.runlog import schema
 from smad.runlog.bounds import Together
-from smad.runlog.tables import read_channels
+from smad.runlog.holes import holes_in, words
 
 if TYPE_CHECKING:
     from smad.runlog.reader import Run
@@ -28,6 +31,7 @@ INPUTS = (
     Signal("duty_y", "1", 0.0, 1.0),
 )
 _OPTIONAL_INPUTS = ("drain_x", "drain_y")
+_HIGHEST = {s.name: s.high for s in INPUTS}
 
 
 def _channel(stem: str, unit: str, span: tuple[float, float], side: str = "") -> Channel:
@@ -163,41 +167,40 @@ def run_from_columns(
     """A run from the columns of a run log (`smad.runlog.schema`).
 
     The current of the board counts as input; where a log has none, the commanded one does. A column
-    of which nothing was recorded is absent. Samples with a gap in an input, or in a channel that is
-    otherwise recorded, are not valid; their values are carried over.
+    of which nothing was recorded is absent; NaN where a sample was not. Noise about a current or a
+    duty of 0 is 0.
     """
     t_s = np.asarray(columns["t_s"], dtype=np.float64)
-    valid = np.ones(len(t_s), dtype=bool)
     inputs: dict[str, Array] = {}
     for wanted in (*(s.name for s in INPUTS), *_OPTIONAL_INPUTS):
         column = _recorded(columns, wanted)
         if column is None and wanted.startswith("i_applied"):
             column = _recorded(columns, wanted.replace("applied", "cmd"))
         if column is not None:
-            inputs[wanted] = np.maximum(bridged(column, valid), 0.0)
+            high = _HIGHEST.get(wanted, 1.0)
+            inputs[wanted] = np.where((column < 0.0) & (column > -BEYOND * high), 0.0, column)
     shown = {c.name: _recorded(columns, c.name) for c in CHANNELS}
-    outputs = {name: bridged(y, valid) for name, y in shown.items() if y is not None}
-    return GapRun(name, t_s, inputs, outputs, valid, cut_short, notes)
+    outputs = {name: y for name, y in shown.items() if y is not None}
+    return GapRun(name, t_s, inputs, outputs, None, cut_short, notes)
 
 
 def _table_run(path: Path, together: Together | None) -> GapRun:
-    """A table made elsewhere (`smad.runlog.tables`) as a run of the diagnosis.
+    """A table made elsewhere (`smad.records.channels`) as a run of the diagnosis.
 
     Rows with a `valid` of 0 are not valid, and what was read in them is no more to be fed to a
     model than to be compared with it. A run without other rows keeps its channels: its admission
     refuses it, and wants to see them.
     """
     name = path.name.split(".")[0]
-    columns = read_channels(path, together)
+    found = read_channels(path, together)
+    columns = found.columns
     flagged = columns.pop("valid", None)
     if flagged is None:
-        return run_from_columns(name, columns)
+        return run_from_columns(name, columns, notes=found.notes)
     use = np.nan_to_num(flagged) > 0.5
     measured = {c.name for c in CHANNELS} if use.any() else set()
     kept = {k: np.where(use, v, np.nan) if k in measured else v for k, v in columns.items()}
-    run = run_from_columns(name, kept)
-    assert run.valid is not None, "a run from columns says which samples are valid"
-    return replace(run, valid=run.valid & use)
+    return replace(run_from_columns(name, kept, notes=found.notes), valid=use)
 
 
 def _recorded(columns: Mapping[str, NDArray[Any]], name: str) -> Array | None:
@@ -211,17 +214,47 @@ def _recorded(columns: Mapping[str, NDArray[Any]], name: str) -> Array | None:
 
 
 def read_gap_run(path: Path, together: Together | None = None) -> GapRun:
-    """A run log or a table as a run of the diagnosis, see `read_recorded`."""
-    return read_recorded(path, together)[0]
-
-
-def read_recorded(path: Path, together: Together | None = None) -> tuple[GapRun, Run | None]:
-    """A run log or a table as a run of the diagnosis, and the log that it is of.
+    """A run log or a table as it was recorded; the admission of a diagnosis looks at its values.
 
     Raises RunLogError (of a table LogImportError) when it cannot be read at all, and where it is
     one too many of those held `together`.
     """
-    if path.suffix != ".mcap":
+    return _read(path, together)[0]
+
+
+def read_recorded(path: Path, together: Together | None = None) -> tuple[GapRun, Run | None]:
+    """A run log or a table whose columns can be used, and the log that it is of.
+
+    What is no reading does not count, and is noted. Raises as `read_gap_run` does, and GapError for
+    an input or a channel that cannot be what it is declared to be.
+    """
+    run, log = _read(path, together)
+    notes: list[str] = []
+
+    def say(kind: str, text: str, *, refuses: bool = False) -> None:
+        if refuses:
+            raise GapError(f"{path}: {text}")
+        notes.append(text)
+
+    run = filled(readable(run, INPUTS, CHANNELS, say))
+    # A hole is bridged by its partner, which has the same inputs: rows in it do not count.
+    notes += words(holes_in(run.t_s))
+    return replace(run, notes=(*run.notes, *notes)), log
+
+
+def usable(run: GapRun) -> GapRun | None:
+    """The run with what is no reading taken out; None where its columns cannot be used."""
+    refused: list[str] = []
+
+    def say(kind: str, text: str, *, refuses: bool = False) -> None:
+        refused.extend([text] if refuses else [])
+
+    found = filled(readable(run, INPUTS, CHANNELS, say))
+    return None if refused else found
+
+
+def _read(path: Path, together: Together | None) -> tuple[GapRun, Run | None]:
+    if path.suffix.lower() != ".mcap":
         return _table_run(path, together), None
     from smad.runlog.reader import read_run
 

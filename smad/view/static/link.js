@@ -32,7 +32,9 @@ export class Link {
   }
 
   open() {
-    const socket = new WebSocket(`ws://${location.host}/ws`, ["smad", `key.${this.key}`]);
+    // Of the page's own scheme only what comes after its fourth letter: ":" or "s:".
+    const address = `ws${location.protocol.slice(4)}//${location.host}/ws`;
+    const socket = new WebSocket(address, ["smad", `key.${this.key}`]);
     this.socket = socket;
     this.heardMs = performance.now();
     socket.onmessage = (event) => this.take(socket, event.data);

@@ -7,6 +7,7 @@ import { element, setText } from "./style/plots.js";
 
 const $ = (id) => document.getElementById(id);
 const PREVIEW_MS = 250;
+const SHORTEST_S = 8; // as smad.diagnosis.plant.Traits has it
 
 // Ask for a drawing of what a form says, a moment after its last change.
 export function previewed(form, host, ask, read, channel, limit) {
@@ -63,6 +64,13 @@ export class Runs {
       this.ticked[box.checked ? "add" : "delete"](run.name);
       this.tick();
     };
+    const diagnose = button("Diagnose", "Where model and run disagree; with one other run ticked: what changed since that one",
+      () => this.begin(this.diagnosis(run.name)));
+    // A log of a recorder that was cut notes no duration; the diagnosis looks at it itself.
+    if (run.duration_s != null && run.duration_s < SHORTEST_S) {
+      diagnose.disabled = true;
+      diagnose.title = `A run of less than ${SHORTEST_S} s cannot be diagnosed`;
+    }
     const cells = [
       element("td", {}, box),
       element("th", { scope: "row", textContent: run.name.replace(/\.mcap$/, "") }),
@@ -71,8 +79,7 @@ export class Runs {
       element("td", {}, element("div", { className: "row" },
         button("Results", "What this run came to", () => this.results(run, below, results)),
         button("Page", "The page of this run", () => this.begin({ kind: "page", runs: [run.name] })),
-        button("Diagnose", "Where model and run disagree; with one other run ticked: what changed since that one",
-          () => this.begin(this.diagnosis(run.name))))),
+        diagnose)),
     ];
     const row = element("tr", {}, ...cells);
     row.dataset.run = run.name;

@@ -5,12 +5,14 @@ import { build, buildLive } from "./forms.js";
 import { Link } from "./link.js";
 import { element, setText } from "./style/plots.js";
 import { Plots } from "./plots.js";
+import { Queue } from "./queue.js";
 import { Runs, previewed } from "./runs.js";
 import { Tiles } from "./tiles.js";
 
 const $ = (id) => document.getElementById(id);
 let plots = null;
 let runs = null;
+let queue = null;
 let status = null;
 let modes = {};
 let showGains = () => {};
@@ -32,8 +34,9 @@ const link = new Link({
 const tiles = new Tiles($("tiles"), (axis) => link.send({ do: "look_at", axis }));
 
 // "live", or why what stands here is not to be trusted. STOP works as long as the daemon answers.
-function become(state, what = "", why = "") {
+function become(state, what = "", why = "", oldS = 0) {
   document.body.dataset.link = state;
+  document.body.style.setProperty("--age", oldS > 0 ? `" (${oldS.toFixed(0)} s old)"` : '" (old)"');
   setText($("lost-what"), what);
   setText($("lost-why"), why);
   $("stop").disabled = state === "lost" || state === "away";
@@ -50,7 +53,10 @@ function begin(hello) {
   plots = new Plots(hello, link);
   setText($("bench"), hello.axis ? `${hello.bench}: ${hello.axis}` : hello.bench);
   document.title = `${hello.bench} – smad`;
-  if (hello.right !== "command") {
+  queue?.end();
+  const command = hello.right === "command";
+  queue = new Queue({ ask: (message) => link.ask(message), tell, command });
+  if (!command) {
     document.querySelectorAll(".command").forEach((node) => node.remove());
     return;
   }
@@ -69,7 +75,7 @@ function take(message) {
   if (message.away) {
     become("away", "The daemon does not answer", `${message.away}. What stands here is old. STOP does not reach the bench from here: use its switch.`);
   } else if (message.silent_s > 0) {
-    become("silent", "No samples come", `The board is ${status.link}. STOP is sent all the same; what stands here is old.`);
+    become("silent", "No samples come", `The board is ${status.link}. STOP is sent all the same; what stands here is ${message.silent_s.toFixed(0)} s old.`, message.silent_s);
   } else {
     become("live");
   }
@@ -147,9 +153,13 @@ function movable(armed) {
 
 async function ask(message) {
   const reply = await link.ask(message);
+  tell(reply);
+  return reply.done;
+}
+
+function tell(reply) {
   setText($("said"), reply.text);
   $("said").classList.toggle("refused", !reply.done);
-  return reply.done;
 }
 
 const tune = (field, value) => ask({ do: "tune", tune: { mode: "tune", [field.name]: value } });

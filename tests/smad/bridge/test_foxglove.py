@@ -46,6 +46,16 @@ def test_a_viewer_is_told_the_schemas_of_the_run_log() -> None:
     assert {one["schemaEncoding"] for one in advertised["channels"]} == {"jsonschema"}
 
 
+def test_invented_names_of_parameters_are_not_kept() -> None:
+    one = viewer(kp=3.0)
+    for number in range(100):
+        names = [f"{number} {n}" for n in range(100)]
+        assert ask(one, op="subscribeParameterUpdates", parameterNames=names) == []
+    assert not one._followed
+    (told,) = ask(one, op="getParameters", parameterNames=["kp"] * 1000)
+    assert [value["name"] for value in told["parameters"]] == ["kp"]
+
+
 def test_each_subscription_gets_a_message_once_until_it_ends() -> None:
     one = viewer()
     pairs = [{"id": number, "channelId": ROWS.id} for number in (4, 5)]

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import click
 import msgspec
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from sim_device.plant.laws import Law, Term
 from sim_device.plant.models import save_model
 from smad import api
 from smad.cli import COMMANDS, LazyGroup, execute, root
-from smad.cli.output import Progress
+from smad.cli.output import Progress, described
 from smad.cli.sim import build
 from smad.cli.status import lines
 from smad.config import Config
@@ -203,6 +204,18 @@ def test_status_shows_a_fault_with_value_and_limit() -> None:
     assert "Then smad clear." in text
 
 
+@pytest.mark.parametrize(("age_s", "shown"), [(0.02, ""), (6.2, " (6 s old)")])
+def test_every_reading_of_a_lost_link_is_shown_with_its_age(age_s: float, shown: str) -> None:
+    row = Row(t_s=1.0, displacement_mm=1.25, rtd_x_degC=30.0, rtd_y_degC=25.0, i_meas_x_A=2.0)
+    motion = msgspec.structs.replace(MOTION, sample_age_s=age_s)
+    now = msgspec.structs.replace(STATUS, motion=motion, sample=row)
+    told = map(click.unstyle, lines(now))
+    readings = [line for line in told if "°C" in line or "mm," in line]
+    assert len(readings) == 4
+    assert all(line.endswith(shown) and ("old" in line) == bool(shown) for line in readings)
+    assert described(motion).startswith(f"idle, board ARMED, at 1.25 mm{shown}")
+
+
 def test_status_as_json_is_the_whole_status(
     capfd: pytest.CaptureFixture[str], daemon: FakeDaemon
 ) -> None:
@@ -279,9 +292,9 @@ def test_a_csv_file_of_angles_is_followed_as_displacements(
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("t,displacement_mm\n0,1\n", "t_s, and displacement_mm or angle_deg"),
-        ("t_s,angle\n0,1\n", "t_s, and displacement_mm or angle_deg"),
-        ("t_s,displacement_mm\n0,1\n", "too few points"),
+        ("t,displacement_mm\n0,1\n", "t_s, displacement_mm or angle_deg"),
+        ("t_s,angle\n0,1\n", "t_s, displacement_mm or angle_deg"),
+        ("t_s,displacement_mm\n0,1\n", "at least 2, each later"),
         ("t_s,displacement_mm\n0,1\n1,nan\n", "line 3: displacement_mm is not a number"),
         ("", "an empty file"),
     ],

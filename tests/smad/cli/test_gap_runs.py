@@ -50,15 +50,17 @@ def ask(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):  # type: ignore[no-unt
 )
 def test_an_option_takes_several_files_a_pattern_or_a_folder(ask, arguments) -> None:  # type: ignore[no-untyped-def]
     done = ask(*arguments)
-    assert done.output.splitlines() == ["a.mcap", "b.mcap c.mcap", "1.mcap 2.mcap"]
+    assert done.stdout.splitlines() == ["a.mcap", "b.mcap c.mcap", "1.mcap 2.mcap"]
+    if "good" in arguments:
+        assert done.stderr == "good: read 2 runs, passed over notes.txt\n"
 
 
 def test_a_folder_without_run_logs_stands_for_its_tables(ask, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     for name in ("good/1.csv", "tables/1.csv.gz", "tables/2.parquet", "tables/notes.txt"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).touch()
-    assert ask("a.mcap", "--good", "good").output.splitlines()[2] == "1.mcap 2.mcap"
-    assert ask("a.mcap", "--good", "tables").output.splitlines()[2] == "1.csv.gz 2.parquet"
+    assert ask("a.mcap", "--good", "good").stdout.splitlines()[2] == "1.mcap 2.mcap"
+    assert ask("a.mcap", "--good", "tables").stdout.splitlines()[2] == "1.csv.gz 2.parquet"
 
 
 @pytest.mark.parametrize(

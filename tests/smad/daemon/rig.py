@@ -63,10 +63,11 @@ async def rig_in(
     bench: SimulatedBench | Mapping[str, Line] | None = None,
     *,
     without_missing: bool = False,
+    nonce: int = 7,
     **sections: Any,
 ) -> AsyncIterator[Rig]:
-    """A rig whose daemon is started, and closed at the end."""
-    rig = Rig(config_in(folder, **sections), bench or SimulatedBench(seed=1))
+    """A rig whose daemon is started, and closed at the end; `nonce` is of the daemon's start."""
+    rig = Rig(config_in(folder, **sections), bench or SimulatedBench(seed=1), nonce)
     rig.daemon.start(without_missing=without_missing)
     try:
         yield rig

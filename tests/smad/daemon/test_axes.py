@@ -14,6 +14,7 @@ from smad.config import AxisConfig, DaemonConfig, LimitsConfig
 from smad.faults.virtual import Line, Refused, result_of
 from tests.smad.daemon.axes import NAMES, axes_in, lines
 from tests.smad.daemon.rig import Rig, rig_in
+from tests.smad.daemon.test_stops import without_watchdog
 
 HOT = (BoardState.ARMED, BoardState.HOLD)
 STEP = {"kind": "step", "displacement_mm": 2.0, "duration_s": 5.0}
@@ -105,6 +106,7 @@ async def test_until_every_board_confirms_a_stop_no_axis_is_moved(
         actions = rig.lines["pitch-2"].bench.board.commands._actions
         with monkeypatch.context() as broken:
             broken.setitem(actions, DisarmRequested, lambda *_: None)
+            without_watchdog(rig.lines["pitch-2"].bench)
             with pytest.raises(Refused, match="pitch-2: the board has not confirmed") as refused:
                 await rig.ask("disarm")
             assert refused.value.reason == "no_reply"

@@ -76,6 +76,16 @@ async def test_disarming_cools_and_ends_the_motion(tmp_path: Path) -> None:
         assert (await rig.ask("motion"))["running"] == "idle"
 
 
+async def test_the_age_of_the_last_sample_grows_once_the_link_is_lost(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(1.0)
+        assert (await rig.ask("motion"))["sample_age_s"] < 0.05
+        rig.pull_the_plug()
+        await rig.run_for(6.0)
+        assert (await rig.ask("motion"))["sample_age_s"] == pytest.approx(6.0, abs=0.1)
+        assert (await rig.ask("status"))["motion"]["sample_age_s"] > 5.9
+
+
 async def test_estop_stays_until_the_power_is_cycled(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
         await rig.arm()
@@ -446,7 +456,7 @@ async def test_sensors_that_swap_in_a_run_end_the_motion_and_the_user_is_told(
         assert rig.bench.board.outputs.applied_mA[0] == 2000
         path = Path((await rig.ask("status"))["recorder"]["path"])
         await rig.run_until(rig.daemon.recorder.stop())
-    stops = [e for p in path.parent.iterdir() for e in read_run(p).events if e.kind == "fault"]
+    stops = [e for p in path.parent.glob("*.mcap") for e in read_run(p).events if e.kind == "fault"]
     assert [event.data["by"] for event in stops] == ["host"]
     assert stops[0].text.startswith("the host stopped: SENSOR_IMPLAUSIBLE at SPRING_")
 

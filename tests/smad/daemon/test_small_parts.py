@@ -83,16 +83,28 @@ def test_only_the_holder_can_give_control_back() -> None:
 
 def test_the_dead_man_hears_only_the_client_that_armed() -> None:
     dead_man = DeadMan(2 * SECOND)
-    dead_man.watch(b"ada", 0)
+    dead_man.watch(["pitch"], b"ada", 0)
     dead_man.heard(b"bob", 2 * SECOND)
     assert dead_man.expired(3 * SECOND)
     dead_man.heard(b"ada", 3 * SECOND)
     assert not dead_man.expired(4 * SECOND)
 
 
+def test_the_dead_man_watches_each_axis_until_that_is_not_armed_any_more() -> None:
+    dead_man = DeadMan(2 * SECOND)
+    dead_man.watch(["pitch"], b"ada", 0)
+    dead_man.watch(["yaw"], b"bob", 0)
+    assert (dead_man.armed_by("pitch"), dead_man.armed_by("yaw")) == (b"ada", b"bob")
+    dead_man.heard(b"bob", 2 * SECOND)
+    assert dead_man.expired(3 * SECOND), "Ada is silent, whatever Bob says"
+    dead_man.forget(["pitch"])
+    assert not dead_man.expired(3 * SECOND)
+    assert dead_man.armed_by("pitch") is None
+
+
 def test_without_patience_the_dead_man_never_expires() -> None:
     dead_man = DeadMan(0)
-    dead_man.watch(b"ada", 0)
+    dead_man.watch([""], b"ada", 0)
     assert not dead_man.expired(10**15)
 
 

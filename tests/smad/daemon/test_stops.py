@@ -1,6 +1,7 @@
 """A stop stops: nothing that was asked for before it is carried out, and nothing overtakes it."""
 
 import asyncio
+import dataclasses
 import time
 from collections.abc import Coroutine
 from pathlib import Path
@@ -193,6 +194,12 @@ async def test_an_arm_replies_with_the_state_that_it_led_to(tmp_path: Path) -> N
         assert (motion["armed"], motion["mode"]) == (True, "ARMED")
 
 
+def without_watchdog(bench: SimulatedBench) -> None:
+    """Let the board hold for ever when no setpoint comes."""
+    supervisor = bench.board.supervisor
+    supervisor.set_limits(dataclasses.replace(supervisor.limits, hold_us=60_000_000))
+
+
 async def test_a_stop_that_the_board_does_not_carry_out_says_so_and_is_asked_for_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -200,10 +207,11 @@ async def test_a_stop_that_the_board_does_not_carry_out_says_so_and_is_asked_for
         await rig.arm()
         with monkeypatch.context() as broken:
             broken.setitem(rig.bench.board.commands._actions, DisarmRequested, lambda *_: None)
+            without_watchdog(rig.bench)
             with pytest.raises(Refused, match="has not confirmed that it stopped") as refused:
                 await rig.ask("disarm")
             assert refused.value.reason == "no_reply"
-            assert refused.value.data["value"] == "it is in ARMED"
+            assert refused.value.data["value"] == "it is in HOLD"
             with pytest.raises(Refused, match="being stopped"):
                 await rig.ask("current", i_x_A=1.0)
         await rig.run_for(3.0)

@@ -238,7 +238,7 @@ def test_a_run_log_is_read_by_its_channels_and_converted(unit: Path, tmp_path: P
     )
     plant = plant_of(unit, tmp_path, text)
     run = read_mapped(log, read_map(tmp_path / "map.toml"))
-    np.testing.assert_allclose(run.inputs["power_W"], np.arange(50) / 1000)
+    np.testing.assert_allclose(run.inputs["power_W"], 12.0 * np.arange(50) / 1000)
     np.testing.assert_allclose(run.outputs["temperature_degC"], 20 + np.arange(50) / 100)
     shown = plant.simulate(ModelPoint({}), run)["temperature_degC"]
     plate = 22.0

@@ -1,9 +1,10 @@
 """The plant as a unit of FMI: it validates, it is the simulator, and it says what it refuses."""
 
 import subprocess
-import sys
 import zipfile
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import fmpy
 import numpy as np
@@ -11,12 +12,13 @@ import pytest
 from fmpy.validation import validate_fmu
 
 from sim_device.plant import Inputs, load_parameters, simulate
-from sim_device.plant.models import read_model, save_model
+from sim_device.plant.effects.registry import EFFECTS, resolve
+from sim_device.plant.laws import Factor, Law, Term
+from sim_device.plant.models import Model, read_model, save_model
 from sim_device.plant.parameters import NAMES, ParameterSet, parameters_text
 from smad.cli import execute
 from smad.fmi.errors import FmiError
-from smad.fmi.export import export_unit
-from smad.fmi.pair import UnitOfPair
+from smad.fmi.export import Mounted, export_unit
 from smad.fmi.variables import outputs
 
 from .units import loaded
@@ -31,9 +33,12 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture(scope="module")
-def unit(model: Path) -> Path:
-    return export_unit(read_model(model), model.with_name("model.fmu"))
+@pytest.fixture(scope="module", params=[3, 2], ids=["fmi3", "fmi2"])
+def unit(model: Path, request: pytest.FixtureRequest) -> Path:
+    name = f"model{request.param}.fmu"
+    return export_unit(
+        read_model(model), model.with_name(name), version=request.param
+    ).path  # fmt: skip
 
 
 def a_run(parameters: ParameterSet, n: int = 601) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -53,7 +58,7 @@ def a_run(parameters: ParameterSet, n: int = 601) -> tuple[np.ndarray, dict[str,
 
 
 def replayed(
-    parameters: ParameterSet, t_s: np.ndarray, inputs: dict[str, np.ndarray]
+    parameters: ParameterSet, t_s: np.ndarray, inputs: dict[str, np.ndarray], **options: Any
 ) -> dict[str, np.ndarray]:
     def pair(stem: str) -> np.ndarray:
         none = np.zeros(len(t_s))
@@ -68,7 +73,27 @@ def replayed(
             drain=pair("drain_{}"),
             inlet_K=inputs["inlet_K"],
             ambient_K=inputs["ambient_K"],
+            **({"stage_m": inputs["stage_m"]} if "stage_m" in inputs else {}),
         ),
+        **options,
+    )
+
+
+def difference(unit: Path, folder: Path, given: Model, mounted: Mounted) -> float:
+    """The largest difference of an output of the unit from the replay, over its full scale."""
+    t_s, inputs = a_run(given.parameters)
+    if mounted.fixture != "antagonistic":
+        inputs["stage_m"] = 2e-3 * np.sin(t_s)
+    expected = replayed(
+        given.parameters, t_s, inputs, variant=given.variant, effects=given.effects,
+        laws=given.laws, fixture=mounted.fixture, cooling=mounted.cooling,
+    )  # fmt: skip
+    with loaded(unit, folder) as running:
+        rows = running.run(t_s, inputs, OUTPUTS)
+    assert np.ptp(expected["rtd_x_degC"]) > 1.0
+    return max(
+        float(np.abs(column - expected[name]).max() / (np.ptp(expected[name]) or 1.0))
+        for name, column in zip(OUTPUTS, rows.T, strict=True)
     )
 
 
@@ -79,15 +104,66 @@ def test_fmpy_finds_no_problem_in_the_unit(unit: Path) -> None:
 def test_a_run_of_the_unit_is_the_replay_of_its_inputs(
     unit: Path, model: Path, tmp_path: Path
 ) -> None:
-    parameters = read_model(model).parameters
-    t_s, inputs = a_run(parameters)
-    expected = replayed(parameters, t_s, inputs)
+    assert difference(unit, tmp_path, read_model(model), Mounted()) <= 1e-9
+
+
+HEAT = Law(
+    "heat_into_wire",
+    "both",
+    (
+        Term(name="drag", coefficient=0.4, factors=(
+            Factor(state="current", kind="bend", lag_s=0.5, low=0, high=4, centre=1, scale=1),
+        )),
+    ),
+)  # fmt: skip
+WRONG_RTD = Law("reading_rtd", "x", (Term(name="offset", coefficient=0.7),))
+CALM = {"unified_kinetics", "cooling_front", "water_warming"}
+"""Effects for which other equations are solved; in units of their own."""
+PLANTS: dict[str, tuple[str, set[str], tuple[Law, ...], Mounted]] = {
+    "paper's kinetics": ("extended", {e.name for e in EFFECTS} - CALM, (), Mounted()),
+    "unified kinetics": ("extended", {"unified_kinetics", "minor_loop"}, (), Mounted()),
+    "cells": ("extended", {"cooling_front", "thermal_crosstalk"} & {e.name for e in EFFECTS}, (),
+              Mounted()),
+    "printed": ("printed", {"water_warming"}, (), Mounted()),
+    "laws": ("extended", set(), (HEAT, WRONG_RTD), Mounted()),
+    "stretched": ("extended", set(), (), Mounted(fixture="stretch")),
+    "blocked, in air": ("extended", set(), (), Mounted(fixture="blocked", cooling="air")),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_the_unit_of_every_kind_of_plant_is_its_replay(name: str, tmp_path: Path) -> None:
+    variant, effects, laws, mounted = PLANTS[name]
+    known = Model(load_parameters("A"), variant, {}, "A")
+    given = replace(known, effects=resolve({effect: {} for effect in effects}), laws=laws)
+    made = export_unit(given, tmp_path / "a.fmu", mounted=mounted).path
+    assert difference(made, tmp_path / "unit", given, mounted) <= 1e-9
+
+
+def test_a_state_that_was_kept_is_gone_on_from(unit: Path, tmp_path: Path) -> None:
     with loaded(unit, tmp_path) as running:
-        rows = running.run(t_s, inputs, OUTPUTS)
-    for name, column in zip(OUTPUTS, rows.T, strict=True):
-        full_scale = np.ptp(expected[name]) or 1.0
-        assert np.abs(column - expected[name]).max() <= 1e-6 * full_scale, name
-    assert np.ptp(expected["displacement_m"]) > 1e-3
+        running.put({"i_applied_x_A": 3.0})
+        running.slave.exitInitializationMode()
+        running.slave.doStep(0.0, 2.0)
+        get = getattr(running.slave, "getFMUState", None) or running.slave.getFMUstate
+        put = getattr(running.slave, "setFMUState", None) or running.slave.setFMUstate
+        kept = get()
+        running.slave.doStep(2.0, 1.0)
+        first = running.get(OUTPUTS)
+        put(kept)
+        running.slave.doStep(2.0, 1.0)
+        assert running.get(OUTPUTS) == first
+
+
+def test_the_binary_needs_nothing_but_the_c_library(unit: Path, tmp_path: Path) -> None:
+    with zipfile.ZipFile(unit) as archive:
+        (name,) = (n for n in archive.namelist() if n.endswith(".so"))
+        archive.extract(name, tmp_path)
+    shown = subprocess.run(
+        ["readelf", "-d", str(tmp_path / name)], capture_output=True, text=True, check=True
+    ).stdout
+    needed = {line.split("[")[1].rstrip("]") for line in shown.splitlines() if "NEEDED" in line}
+    assert needed <= {"libm.so.6", "libc.so.6"}
 
 
 def test_a_parameter_that_is_set_before_the_start_counts(unit: Path, model: Path,
@@ -117,7 +193,7 @@ def test_the_model_file_lies_inside_and_needs_no_other(model: Path, tmp_path: Pa
     base.write_text(parameters_text(load_parameters("B").replace(density=6001.7)))
     own = tmp_path / "own.toml"
     save_model(own, base=str(base), effects={"driver_lag": {}})
-    made = export_unit(read_model(own), tmp_path / "own.fmu")
+    made = export_unit(read_model(own), tmp_path / "own.fmu").path
     with zipfile.ZipFile(made) as archive:
         archive.extract("resources/model.toml", tmp_path)
     inside, given = read_model(tmp_path / "resources" / "model.toml"), read_model(own)
@@ -125,47 +201,60 @@ def test_the_model_file_lies_inside_and_needs_no_other(model: Path, tmp_path: Pa
     assert inside.effects == given.effects
 
 
-def test_nan_is_refused_in_one_line_that_the_unit_logs(unit: Path, tmp_path: Path) -> None:
-    # In a process of its own: after a fatal status the standard forbids every further call.
-    code = (
-        "import sys; from pathlib import Path; from tests.smad.fmi.units import Loaded\n"
-        "unit = Loaded(Path(sys.argv[1]), Path(sys.argv[2]))\n"
-        "try: unit.put({'duty_x': float('nan')})\n"
-        "except Exception as error: print(error)\n"
-        "print(*unit.said, sep='\\n'); sys.stdout.flush(); import os; os._exit(0)\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code, str(unit), str(tmp_path)],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    assert "duty_x is not finite; got nan; set a finite number" in done.stdout
-
-
 @pytest.mark.parametrize(
     ("name", "value", "words"),
     [
+        ("duty_x", float("nan"), "duty_x is not finite; got nan; set a finite number"),
         ("i_applied_x_A", float("inf"), "i_applied_x_A is not finite"),
         ("i_applied_x_A", -0.1, "i_applied_x_A is out of range; got -0.1; allowed: at least 0"),
         ("duty_y", 1.5, "duty_y is out of range; got 1.5; allowed: 0 to 1"),
+        ("density", 1.0, "density is out of range; got 1; allowed: 1000 to 20000"),
+        ("rtd_x_degC", 20.0, "is an output or unknown; set inputs and parameters"),
     ],
 )
-def test_an_input_out_of_range_is_refused(
+def test_a_value_out_of_range_is_refused_in_one_line_that_the_unit_logs(
     unit: Path, tmp_path: Path, name: str, value: float, words: str
 ) -> None:
-    with zipfile.ZipFile(unit) as archive:
-        archive.extractall(tmp_path)
-    pair = UnitOfPair(tmp_path / "resources")
-    with pytest.raises(FmiError, match=words):
-        pair.set(name, value)
+    with loaded(unit, tmp_path) as running:
+        with pytest.raises(Exception, match="status 3"):
+            running.put({name: value})
+        assert words in running.said[-1]
+
+
+def test_parameters_that_do_not_fit_together_are_refused(unit: Path, tmp_path: Path) -> None:
+    with loaded(unit, tmp_path) as running:
+        running.put({"austenite_start": 320.0, "austenite_finish": 310.0})
+        with pytest.raises(Exception, match="status 3"):
+            running.slave.exitInitializationMode()
+        assert "austenite_start must be below austenite_finish" in running.said[-1]
 
 
 def test_a_parameter_is_not_changed_while_the_unit_runs(unit: Path, tmp_path: Path) -> None:
-    with zipfile.ZipFile(unit) as archive:
-        archive.extractall(tmp_path)
-    pair = UnitOfPair(tmp_path / "resources")
-    pair.step(0.01)
-    with pytest.raises(FmiError, match="parameter density cannot be changed"):
-        pair.set("density", 5900.0)
+    with loaded(unit, tmp_path) as running:
+        running.slave.exitInitializationMode()
+        running.slave.doStep(0.0, 0.01)
+        with pytest.raises(Exception, match="status 3"):
+            running.put({"density": 5900.0})
+        assert "parameter density cannot be changed" in running.said[-1]
+
+
+def test_without_a_compiler_the_unit_is_source_only(
+    model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    made = export_unit(read_model(model), tmp_path / "a.fmu")
+    assert made.platform == ""
+    with zipfile.ZipFile(made.path) as archive:
+        assert not [name for name in archive.namelist() if name.startswith("binaries")]
+        assert "sources/fmi3.c" in archive.namelist()
+
+
+def test_a_compiler_that_fails_is_named(
+    model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CC", "false")
+    with pytest.raises(FmiError, match="false does not compile the unit"):
+        export_unit(read_model(model), tmp_path / "a.fmu")
 
 
 def test_what_cannot_be_exported_is_said_in_one_line(
@@ -186,9 +275,3 @@ def test_what_cannot_be_exported_is_said_in_one_line(
         (line,) = capfd.readouterr().err.splitlines()
         assert words in line
     assert sorted(path.name for path in tmp_path.iterdir()) == ["tank.toml", "there.fmu"]
-
-
-def test_exporting_leaves_the_path_of_modules_as_it_was(model: Path, tmp_path: Path) -> None:
-    path, modules = list(sys.path), "spring_pair" in sys.modules
-    export_unit(read_model(model), tmp_path / "a.fmu")
-    assert (sys.path, "spring_pair" in sys.modules) == (path, modules)

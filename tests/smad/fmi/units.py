@@ -1,4 +1,4 @@
-"""A unit loaded in this process, with the calls of a co-simulation master."""
+"""A unit loaded in this process, with the calls of a co-simulation master, FMI 2.0 or 3.0."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -8,6 +8,7 @@ from typing import Any
 import fmpy
 import numpy as np
 from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi3 import FMU3Slave
 
 
 class Loaded:
@@ -17,31 +18,37 @@ class Loaded:
         described = fmpy.read_model_description(str(path))
         self.said: list[str] = []
         self.references = {v.name: v.valueReference for v in described.modelVariables}
-        self.slave = FMU2Slave(
-            guid=described.guid,
-            unzipDirectory=fmpy.extract(str(path), str(folder)),
-            modelIdentifier=described.coSimulation.modelIdentifier,
-            instanceName="tested",
-        )
-        # Kept, or ctypes would call what is no longer there.
-        self._callbacks = fmpy.fmi2.fmi2CallbackFunctions()
-        self._callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(self._hear)
-        self._callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
-        self._callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
-        self.slave.instantiate(callbacks=self._callbacks, loggingOn=True)
-        self.slave.setupExperiment(startTime=0.0)
+        given = {
+            "guid": described.guid,
+            "unzipDirectory": fmpy.extract(str(path), str(folder)),
+            "modelIdentifier": described.coSimulation.modelIdentifier,
+            "instanceName": "tested",
+        }
+        if described.fmiVersion.startswith("3"):
+            self.slave: Any = FMU3Slave(**given)
+            self._log3 = fmpy.fmi3.fmi3LogMessageCallback(self._hear)
+            self.slave.instantiate(loggingOn=True, logMessage=self._log3)
+        else:
+            self.slave = FMU2Slave(**given)
+            # Kept, or ctypes would call what is no longer there.
+            self._callbacks = fmpy.fmi2.fmi2CallbackFunctions()
+            self._callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(self._hear)
+            self._callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
+            self._callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
+            self.slave.instantiate(callbacks=self._callbacks, loggingOn=True)
+            self.slave.setupExperiment(startTime=0.0)
         self.slave.enterInitializationMode()
 
     def _hear(self, *words: Any) -> None:
         self.said += [word.decode() for word in words if isinstance(word, bytes)]
 
     def put(self, values: Mapping[str, float]) -> None:
-        self.slave.setReal(
-            [self.references[n] for n in values], [float(v) for v in values.values()]
-        )
+        put = getattr(self.slave, "setFloat64", None) or self.slave.setReal
+        put([self.references[n] for n in values], [float(v) for v in values.values()])
 
     def get(self, names: list[str]) -> list[float]:
-        return list(self.slave.getReal([self.references[n] for n in names]))
+        get = getattr(self.slave, "getFloat64", None) or self.slave.getReal
+        return list(get([self.references[n] for n in names]))
 
     def run(
         self, t_s: np.ndarray, inputs: Mapping[str, np.ndarray], outputs: list[str]

@@ -130,7 +130,7 @@ def test_waypoints_are_read_from_a_csv_and_mistakes_named(tmp_path: Path) -> Non
     read = waypoints(path)
     assert (read.t_s.tolist(), read.yaw_deg.tolist()) == ([0.0, 1.0], [0.0, -2.0])
     for text, said in (
-        ("t_s,pitch_deg\n0,1\n", "a column is missing; got yaw_deg"),
+        ("t_s,pitch_deg\n0,1\n", "a column is missing: yaw_deg"),
         ("t_s,pitch_deg,yaw_deg\n0,1,nan\n", "line 2: yaw_deg is not a number; got nan"),
         ("t_s,pitch_deg,yaw_deg\n1,0,0\n1,0,0\n", "do not rise"),
     ):

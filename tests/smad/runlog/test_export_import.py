@@ -9,13 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from smad.errors import LogImportError, RunLogError
-from smad.runlog.column_names import ALIASES
+from smad.records.column_names import ALIASES
+from smad.records.importer import import_table, read_mapping
+from smad.records.units import UNITS, convert, units_for
 from smad.runlog.export import export_run
-from smad.runlog.importer import import_table, read_mapping
 from smad.runlog.legends import LEGENDS
 from smad.runlog.reader import Run, read_run
 from smad.runlog.schema import CHANNELS, Event
-from smad.runlog.units import UNITS, convert, units_for
 
 from .helpers import HEADER, write_small_run
 

@@ -231,6 +231,19 @@ def test_a_recovered_log_is_whole_and_holds_what_was_readable(tmp_path: Path, cu
         assert summary.statistics.message_count == done.messages
 
 
+def test_a_recovered_log_says_where_its_holes_are(tmp_path: Path) -> None:
+    path = tmp_path / "damaged.mcap"
+    data = bytearray(whole_log())
+    start, end, _ = chunks()[1]
+    data[(start + end) // 2] ^= 0xFF
+    path.write_bytes(data)
+    done = recover(path)
+    assert done.holes == [(2.55, 5.12)]
+    assert read_run(done.path).notes == [
+        "no samples from 2.550 to 5.120 s: lost before it was recovered"
+    ]
+
+
 def test_a_whole_log_is_not_recovered(tmp_path: Path) -> None:
     path = write_small_run(tmp_path / "run.mcap")
     with pytest.raises(RunLogError, match="is whole"):

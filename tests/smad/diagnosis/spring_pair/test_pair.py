@@ -14,7 +14,7 @@ from smad.diagnosis.plant import ModelPoint, Uncertainty
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded
-from smad.diagnosis.spring_pair.signals import CHANNELS, run_from_columns
+from smad.diagnosis.spring_pair.signals import CHANNELS, run_from_columns, usable
 from tests.smad.diagnosis.cases import strong
 
 PLANT, PRINTED = SmaPlant(), SmaPlant(variant="printed")
@@ -79,7 +79,7 @@ def test_the_start_of_a_run_is_rest_and_regimes_are_found_by_side() -> None:
     assert whole["pump on"].any()
 
 
-def test_columns_of_a_log_become_a_run_with_gaps_marked() -> None:
+def test_columns_of_a_log_become_a_run_whose_gaps_do_not_count_once_it_is_admitted() -> None:
     n = 50
     columns = {c.name: np.ones(n) for c in CHANNELS if c.name != "force_N"}
     columns |= {"t_s": np.arange(n) * 0.01, "duty_x": np.zeros(n), "duty_y": np.zeros(n)}
@@ -90,8 +90,11 @@ def test_columns_of_a_log_become_a_run_with_gaps_marked() -> None:
     run = run_from_columns("a", columns)
     assert set(run.inputs) == {"i_applied_x_A", "i_applied_y_A", "duty_x", "duty_y"}
     assert "force_N" not in run.outputs
-    assert run.good.sum() == n - 3
-    assert np.isfinite(run.outputs["v_x_V"]).all()
+    assert np.isnan(run.outputs["v_x_V"]).sum() == 3
+    bridged = usable(run)
+    assert bridged is not None
+    assert bridged.good.sum() == n - 3
+    assert np.isfinite(bridged.outputs["v_x_V"]).all()
 
 
 def test_a_model_file_from_before_the_shares_is_even(tmp_path: Path) -> None:

@@ -1,0 +1,173 @@
+"""A spring of one's own: wire, coil, turns, pitch and tube in one file, scaled from a known set.
+
+A parameter set is that of one spring. For another one of the same alloy, what geometry decides is
+scaled, and all else stays:
+
+- lengths at a given shear strain (δ_L, δ0) with 1/C2, Eq. (2): π N D²/d;
+- the mounted tension F0, at a given shear stress, with 1/C1, Eq. (3). ξ_S0 of Eq. (10) is kept;
+- wire, coil, turns and tube are taken as they are: mass, resistance, films follow from them.
+
+Not scaled: the alloy (moduli, stresses, temperatures, heats, resistivity), the pump's flow, the
+loss of the tube per metre.
+
+A coil in still air loses less heat where its turns are close: `pitch_factor`.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+from sim_device.plant.errors import ParameterError
+from sim_device.plant.laws import Law, Term
+from sim_device.plant.parameters import (
+    ParameterSet,
+    initial_detwinned,
+    load_parameters,
+    spring_factors,
+)
+from sim_device.plant.textfile import TextFileError, beside, parsed
+
+PITCH_FACTOR = (0.668, 0.1095, 0.0089)
+"""Factor on the air film of a straight wire: of turns that touch, and what it gains with the wire
+diameters between them and with their square."""
+PITCH_MOST = 6.0
+"""So many wire diameters apart was it measured."""
+_LIMITS_MM = {
+    "wire": (0.01, 5.0), "coil": (0.05, 50.0), "pitch": (0.0, 50.0), "tube": (0.02, 20.0),
+}  # fmt: skip
+_TURNS = (1.0, 200.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Geometry:
+    """A spring: diameters in mm, coil is the mean one; turns; `pitch_mm` between the turns.
+
+    tube_mm: inner diameter of the tube, None for the base's gap around the wire. pitch_mm: from one
+    turn to the next less the touching distance, 0 for turns that touch; None for a straight wire's
+    film. prestrain: shear strain of the mounted spring, None for that of the base.
+    """
+
+    wire_mm: float
+    coil_mm: float
+    turns: float
+    pitch_mm: float | None = None
+    tube_mm: float | None = None
+    prestrain: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in _LIMITS_MM.items():
+            value = getattr(self, f"{name}_mm")
+            if value is not None:
+                _within(f"{name}_mm", value, low, high)
+        _within("turns", self.turns, *_TURNS)
+        if self.prestrain is not None:
+            _within("prestrain", self.prestrain, 0.0, 0.2)
+        if self.coil_mm < 2.0 * self.wire_mm:
+            raise ParameterError(
+                "coil_mm", f"{self.coil_mm:g} mm is less than two wires of {self.wire_mm:g} mm"
+            )
+        if self.tube_mm is not None and self.tube_mm <= self.wire_mm:
+            raise ParameterError("tube_mm", f"{self.tube_mm:g} mm does not hold the wire")
+
+
+def _within(name: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:
+        raise ParameterError(name, f"{value:g} is outside {low:g} to {high:g}")
+
+
+def load_geometry(path: str | Path) -> tuple[ParameterSet, Geometry]:
+    """The base set and the geometry of a file.
+
+    Keys: `base` (a built-in set or a parameter file beside it, default A), and those of Geometry.
+    Raises ParameterError for anything missing, unknown or out of range.
+    """
+    path = Path(path)
+    try:
+        raw = parsed(path, "TOML", tomllib.loads)
+    except TextFileError as error:
+        raise ParameterError("file", f"{path} {error}") from None
+    base = str(raw.pop("base", "A"))
+    known = {field.name: field for field in fields(Geometry)}
+    for key, value in raw.items():
+        if key not in known:
+            raise ParameterError(key, f"unknown in {path.name}; known are base, {', '.join(known)}")
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ParameterError(key, f"is {value!r}, not a number")
+    missing = [name for name in ("wire_mm", "coil_mm", "turns") if name not in raw]
+    if missing:
+        raise ParameterError(missing[0], f"missing in {path.name}")
+    return load_parameters(beside(path, base) or base), Geometry(**raw)
+
+
+def scaled(base: ParameterSet, geometry: Geometry) -> ParameterSet:
+    """The parameter set of another spring of the same alloy. Raises ParameterError."""
+    wire, coil = geometry.wire_mm * 1e-3, geometry.coil_mm * 1e-3
+    gap = base["tube_diameter"] - base["wire_diameter"]
+    tube = wire + gap if geometry.tube_mm is None else geometry.tube_mm * 1e-3
+    size = {"wire_diameter": wire, "coil_diameter": coil, "coils": float(geometry.turns)}
+    c1, c2 = spring_factors(base)
+    # Between the two replacements δ0 and F0 need not fit: all of it goes in at once.
+    new_c1, new_c2 = spring_factors(_Sized(size))  # type: ignore[arg-type]
+    stretch, pull = c2 / new_c2, c1 / new_c1
+    strain = c2 * base["initial_deflection"]
+    more = 1.0 if geometry.prestrain is None else geometry.prestrain / strain
+    deflection = base["initial_deflection"] * stretch * more
+    force = base["initial_force"] * pull
+    if geometry.prestrain is not None:
+        force = _force_at(base, geometry.prestrain) / new_c1
+    return base.replace(
+        **size,
+        tube_diameter=tube,
+        max_deflection=base["max_deflection"] * stretch,
+        initial_deflection=deflection,
+        initial_force=force,
+    )
+
+
+class _Sized(dict[str, float]):
+    """As much of a parameter set as `spring_factors` reads."""
+
+
+def _force_at(base: ParameterSet, strain: float) -> float:
+    """Shear stress of martensite at a strain on loading, Eqs (9), (12): Pa.
+
+    Of martensite is detwinned what the mounted base has, ξ_S0, or what the stress detwins if that
+    is more. Bisection of τ = G_M (γ - γ_L ξ_S(τ)), whose right side falls with τ.
+    """
+    modulus, span = base["modulus_martensite"], base["stress_finish"] - base["stress_start"]
+    most = spring_factors(base)[1] * base["max_deflection"]
+    low, high = 0.0, modulus * strain
+    for _ in range(100):
+        tau = 0.5 * (low + high)
+        b = min(max((tau - base["stress_start"]) / span, 0.0), 1.0)
+        detwinned = max(0.5 * (1.0 - math.cos(math.pi * b)), initial_detwinned(base))
+        if tau > modulus * (strain - most * detwinned):
+            high = tau
+        else:
+            low = tau
+    return 0.5 * (low + high)
+
+
+def pitch_factor(pitch_mm: float, wire_mm: float) -> float:
+    """Factor on the film of a straight wire in still air, for a coil of that pitch.
+
+    Through what Kolyvas et al. measured on a spring of 0.51 mm wire and 3.45 mm coil, turns
+    touching to 3 mm apart, at 1 A (doi 10.1177/1045389X18770880; springProperties.py of their
+    repository): 29.6, 44.8 and 64.8 W/(m² K) closed, at 1.5 and at 3 mm, over the film that
+    `air_conductance` gives at the same temperature. So it holds what that one lacks, too, such as
+    radiation; beyond PITCH_MOST it stays.
+    """
+    apart = min(pitch_mm / wire_mm, PITCH_MOST)
+    closed, linear, square = PITCH_FACTOR
+    return closed + linear * apart + square * apart * apart
+
+
+def pitch_law(geometry: Geometry) -> tuple[Law, ...]:
+    """The pitch as a law at the film of both springs, none for a straight wire. In air only."""
+    if geometry.pitch_mm is None:
+        return ()
+    factor = pitch_factor(geometry.pitch_mm, geometry.wire_mm)
+    return (Law("film", "both", (Term(name="pitch", coefficient=factor - 1.0),)),)

@@ -1,0 +1,106 @@
+"""`smad design`: what a pair of springs of a given geometry can do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from smad.errors import SmadError
+
+_SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
+
+
+@click.command()
+@click.argument("source", metavar="[GEOMETRY]", required=False, type=click.Path(path_type=Path))
+@click.option("--wire", "wire_mm", type=float, help="Diameter of the wire, mm.")
+@click.option("--coil", "coil_mm", type=float, help="Mean diameter of the coil, mm.")
+@click.option("--turns", type=float, help="Active turns.")
+@click.option("--pitch", "pitch_mm", type=float, help="Between turns, mm; counts in air.")
+@click.option("--tube", "tube_mm", type=float, help="Inner diameter of the tube, mm.")
+@click.option("--prestrain", type=float, help="Shear strain of the mounted springs.")
+@click.option("--current", "current_A", type=click.FloatRange(0.01, 50.0), default=4.0,
+              show_default=True, help="Of the spring that is heated, A.")  # fmt: skip
+@click.option(
+    "--cooling",
+    type=click.Choice(["water", "air"]),
+    default="water",
+    show_default=True,
+    help="Water in a tube around the wire, or still air.",
+)
+@click.option("--params", default="A", show_default=True, help="The alloy: a parameter set.")
+@click.option("--html", "page", type=click.Path(dir_okay=False, path_type=Path),
+              help="Page to write.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+def design(
+    *,
+    source: Path | None,
+    current_A: float,
+    cooling: str,
+    params: str,
+    page: Path | None,
+    as_json: bool,
+    **given: float | None,
+) -> None:
+    """Say what stroke, force, period and power a pair of springs gives.
+
+    GEOMETRY is a file (base, wire_mm, coil_mm, turns, pitch_mm, tube_mm, prestrain); options go
+    before it. Without either it is the spring of the parameter set. The simulated pair makes a full
+    stroke to and fro; docs/guide/design.md says what is scaled and what is not.
+    """
+    from dataclasses import asdict, replace
+
+    import msgspec
+
+    from sim_device.plant.errors import PlantError
+    from sim_device.plant.geometry import Geometry, load_geometry
+    from sim_device.plant.parameters import load_parameters
+    from smad.cli.tables import print_table
+    from smad.design.cycle import design_cycle
+    from smad.report.page import Page, Section, Table, Text, write_page
+
+    try:
+        if source is None:
+            base = load_parameters(params)
+            geometry = Geometry(
+                wire_mm=1e3 * base["wire_diameter"],
+                coil_mm=1e3 * base["coil_diameter"],
+                turns=base["coils"],
+            )
+        else:
+            base, geometry = load_geometry(source)
+        geometry = replace(geometry, **{n: v for n in _SIZES if (v := given[n]) is not None})
+        made = design_cycle(base, geometry, current_A=current_A, cooling=cooling)
+    except PlantError as error:
+        raise SmadError(str(error)) from error
+    if as_json:
+        click.echo(msgspec.json.format(msgspec.json.encode(made), indent=2))
+    else:
+        print_table(Table(("quantity", "value"), made.rows()))
+    if page is not None:
+        sizes = [(name, f"{v:g}") for name, v in asdict(geometry).items() if v is not None]
+        sizes += [("current_A", f"{current_A:g}"), ("cooling", cooling), ("alloy", base.title)]
+        write_page(
+            Page(
+                title="Design of a pair of springs",
+                lead="What the simulated pair gives over a full stroke to and fro.",
+                facts=[],
+                sections=[
+                    Section("What it gives", [Table(("quantity", "value"), made.rows())]),
+                    Section(
+                        "For this geometry",
+                        [
+                            Table(("quantity", "value"), sizes),
+                            Text(
+                                "The alloy is not scaled; its published numbers beside those of "
+                                "other laboratories are in docs/physics.md.",
+                                kind="note",
+                            ),
+                        ],
+                    ),
+                ],
+            ),
+            page,
+        )
+        if not as_json:
+            click.echo(str(page))

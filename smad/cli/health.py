@@ -1,0 +1,128 @@
+"""`smad health`: the record of a bench, its trends, and what they will come to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from smad.cli.output import progress
+
+if TYPE_CHECKING:
+    from smad.health.report import Health
+
+_FOLDER = click.Path(file_okay=False, path_type=Path)
+
+
+@click.command()
+@click.option("--folder", type=_FOLDER, default=Path("runs"), show_default=True,
+              help="Run logs of the bench; the record health.jsonl is kept there.")  # fmt: skip
+@click.option("--verdict", "verdicts", multiple=True,
+              type=click.Path(dir_okay=False, path_type=Path),
+              help="Add a check-up: the JSON that it wrote; may be given often.")  # fmt: skip
+@click.option("--limit", "limits", multiple=True, metavar="NAME=VALUE",
+              help="Predict the cycles to it, as stroke_mm=8; may be given often.")  # fmt: skip
+@click.option("--report", type=click.Path(dir_okay=False, path_type=Path),
+              help="Write one page with all trends here.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def health(
+    *,
+    folder: Path,
+    verdicts: tuple[Path, ...],
+    limits: tuple[str, ...],
+    report: Path | None,
+    as_json: bool,
+) -> None:
+    """Take the new runs of FOLDER into the record, and say what has changed on the bench.
+
+    Each run log gives one row: stroke, rest, force, resistances, cooling, gains; each check-up's
+    verdict parameters with their intervals, floors and places. Runs of one name are compared. A
+    change is told when the cumulative sum of its deviations leaves what ten rows allow.
+    """
+    from smad.experiments.ready import require_packages
+    from smad.health.record import FILE, read
+    from smad.health.report import headline, health_of, page, table
+    from smad.report.page import write_page
+    from smad.writable import require_writable
+
+    require_packages("report" if report else "sim")
+    if report is not None:
+        require_writable(report)
+    given = _limits(limits)
+    _collect(folder, verdicts)
+    found = health_of(read(folder / FILE), given)
+    if report is not None:
+        write_page(page(found, folder.name), report)
+    if as_json:
+        _print_json(found)
+        return
+    click.echo(headline(found))
+    if found.trends:
+        from smad.cli.tables import print_table
+
+        print_table(table(found))
+    if report is not None:
+        click.echo(report)
+
+
+def _limits(given: tuple[str, ...]) -> Mapping[str, float]:
+    limits = {}
+    for text in given:
+        name, equals, value = text.rpartition("=")
+        try:
+            limits[name] = float(value)
+        except ValueError:
+            equals = ""
+        if not (name and equals):
+            raise click.UsageError(f"--limit {text}: give NAME=VALUE, such as stroke_mm=8")
+    return limits
+
+
+def _collect(folder: Path, verdicts: tuple[Path, ...]) -> None:
+    """Append the rows of what the record does not know yet."""
+    from smad.errors import RunLogError
+    from smad.health.cycles import rows_of_cycles
+    from smad.health.errors import HealthError
+    from smad.health.measure import new_rows
+    from smad.health.record import FILE, append, read
+    from smad.health.verdicts import row_of_verdict
+
+    if not folder.is_dir():
+        raise HealthError(f"there is no folder {folder}", action="name that of the run logs")
+    known = {row.source for row in read(folder / FILE)}
+    # Check-ups of the queue write theirs beside the output of their items.
+    written = (*verdicts, *sorted(folder.glob("queue/item-*.json")))
+    rows = [row_of_verdict(path) for path in written if str(path) not in known]
+    rows += rows_of_cycles(folder, known)
+    with progress() as line:
+        for path, row in new_rows(folder, known):
+            line.say(f"reading {path.name}")
+            if isinstance(row, RunLogError):
+                click.echo(f"left out: {row}", err=True)
+            elif row is not None:
+                rows.append(row)
+    append(folder / FILE, rows)
+
+
+def _print_json(found: Health) -> None:
+    import msgspec
+
+    from smad.health.report import headline
+
+    trends = {
+        name: {
+            "then": trend.mean,
+            "scatter": trend.scatter,
+            "change": trend.change,
+            "noticed_at_cycle": None if trend.noticed is None else float(trend.x[trend.noticed]),
+            "forecast": found.forecast(name),
+        }
+        for name, trend in found.trends.items()
+    }
+    click.echo(
+        msgspec.json.encode(
+            {"headline": headline(found), "rows": len(found.rows), "trends": trends}
+        ).decode()
+    )

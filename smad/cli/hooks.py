@@ -1,0 +1,147 @@
+"""`smad hooks`: word of what happens on a bench, and the relay of its heaters' supply."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from firmware_protocol.nearest import instead
+from smad.cli.output import bench_option
+from smad.errors import CommandError
+
+if TYPE_CHECKING:
+    from smad.hooks.relay import Heartbeat, Relay
+
+_POLL_MS = 100
+
+
+@click.group()
+def hooks() -> None:
+    """Commands that are told of faults, stops, lost links, the queue and a full disk.
+
+    They stand in the section [hooks] of the daemon's configuration (smad docs guide/queue).
+    """
+
+
+@hooks.command()
+@bench_option
+@click.option(
+    "--folder",
+    type=click.Path(file_okay=False, path_type=Path),
+    envvar="SMAD_QUEUE",
+    help="Folder of the queue  [default: that of the daemon's run logs]",
+)
+def run(*, bench: str, folder: Path | None) -> None:
+    """Watch bench and queue until ctrl-C, and begin the hooks."""
+    from smad.client.signals import ended_by_signals
+    from smad.hooks.events import Detector
+    from smad.hooks.watch import Watcher, commands_of, watch
+
+    watcher = Watcher(bench, folder)
+    config = watcher.config()
+    commands = commands_of(config, _say)
+    _say(f"watching bench {bench}")
+    with ended_by_signals():
+        try:
+            watch(watcher, Detector(bench, disk_low_MB=config.disk_low_MB), commands, _say)
+        finally:
+            commands.close()
+            watcher.close()
+
+
+@hooks.command()
+@click.argument("name", metavar="HOOK")
+@bench_option
+def test(*, name: str, bench: str) -> None:
+    """Begin one HOOK with a made-up event, and wait for its end."""
+    from smad.hooks.events import Event
+    from smad.hooks.watch import HOOKS, POLL_S, Watcher, commands_of
+
+    if name not in HOOKS:
+        raise CommandError("there is no such hook", value=name, action=instead(name, HOOKS))
+    commands = commands_of(Watcher(bench, None).config(), _say)
+    event = Event(event=name, bench=bench, unix_s=time.time(), text=f"a test of {name}")  # type: ignore[arg-type]
+    if not commands.fire(event):
+        raise CommandError(
+            f"the daemon's configuration has no {name}",
+            action="set it in its section [hooks], and start the daemon anew",
+        )
+    while commands.busy:
+        time.sleep(POLL_S)
+        commands.tick()
+
+
+@hooks.command(context_settings={"ignore_unknown_options": True})
+@click.option("--tasmota", metavar="URL", help="A plug with Tasmota's firmware: http://plug.lab")
+@click.option("--while", "holding", is_flag=True,
+              help="COMMAND keeps the relay on while it runs, such as gpioset.")  # fmt: skip
+@click.argument("command", nargs=-1, type=click.UNPROCESSED)
+@bench_option
+def relay(*, tasmota: str | None, holding: bool, command: tuple[str, ...], bench: str) -> None:
+    """Close the relay of the heaters' supply; let it fall when the daemon's heartbeat ends.
+
+    It falls, too, when the board is in FAULT or ESTOP, and when this command ends. It is closed
+    again only by a person who gives this command again.
+    """
+    from smad.client import Client
+    from smad.client.signals import ended_by_signals
+    from smad.hooks.relay import Heartbeat, HoldingRelay, TasmotaRelay
+
+    if (tasmota is None) == (not holding) or holding != bool(command):
+        raise click.UsageError("give --tasmota URL, or --while COMMAND…")
+    device: Relay = HoldingRelay(command) if tasmota is None else TasmotaRelay(tasmota)
+    with Client(bench) as client:
+        address = client.connection.telemetry
+    with ended_by_signals():
+        try:
+            reason = _hold(device, Heartbeat(), address)
+        finally:
+            device.cut()
+    raise CommandError(
+        f"the supply of the heaters was cut: {reason}",
+        action="look at the bench, then give this command again",
+    )
+
+
+def _hold(device: Relay, heartbeat: Heartbeat, address: str) -> str:
+    """Renew the relay while samples come; return why it has to fall."""
+    import zmq
+
+    from smad.client.wire import subscribe, telemetry_of
+    from smad.errors import SmadError
+    from smad.hooks.relay import RENEW_S, SILENT_S
+
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    socket = subscribe(context, address, b"", 1000)
+    began_s, renewed_s = time.monotonic(), 0.0
+    try:
+        while True:
+            if socket.poll(_POLL_MS):
+                with contextlib.suppress(zmq.Again):
+                    while True:
+                        _, data = socket.recv_multipart(zmq.NOBLOCK)
+                        heartbeat.beat(time.monotonic(), telemetry_of(data).mode)
+            now_s = time.monotonic()
+            if not heartbeat.began and now_s - began_s < 5.0 * SILENT_S:
+                continue
+            if reason := heartbeat.reason(now_s):
+                return reason
+            if now_s - renewed_s >= RENEW_S:
+                try:
+                    device.renew()
+                except SmadError as error:
+                    return str(error)
+                if not renewed_s:
+                    _say("the supply is on")
+                renewed_s = now_s
+    finally:
+        socket.close(linger=0)
+        context.destroy(linger=0)
+
+
+def _say(text: str) -> None:
+    click.echo(text, err=True)

@@ -1,0 +1,349 @@
+"""`smad queue`: commands that run one after the other, also when nobody is there."""
+
+from __future__ import annotations
+
+import functools
+import os
+import sys
+import time
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from smad.cli.output import bench_option
+
+if TYPE_CHECKING:
+    from smad.queue import Queue
+    from smad.queue.process import ItemProcess
+    from smad.queue.states import Arming, Item, Snapshot
+
+F = TypeVar("F", bound=Callable[..., Any])
+_ANYTHING = {"ignore_unknown_options": True, "allow_interspersed_args": False}
+
+_folder_option = click.option(
+    "--folder",
+    type=click.Path(file_okay=False, path_type=Path),
+    envvar="SMAD_QUEUE",
+    help="Folder of the queue  [default: that of the daemon's run logs, else runs]",
+)
+_json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+_number = click.argument("number", type=click.IntRange(1), metavar="ITEM")
+
+
+def _queue_option(command: F) -> F:
+    return bench_option(_folder_option(command))
+
+
+def _opened(folder: Path | None, bench: str) -> Queue:
+    from smad.queue import Queue
+
+    return Queue(folder, bench=bench)
+
+
+@click.group()
+def queue() -> None:
+    """A queue of commands that survives terminals, kills and power losses.
+
+    `smad queue run` carries it out once a person has armed it with `smad queue resume`. What was
+    interrupted is never run again by itself.
+    """
+
+
+@queue.command(context_settings=_ANYTHING)
+@click.argument("kind", metavar="run|tune|checkup|move")
+@click.argument("words", nargs=-1, type=click.UNPROCESSED)
+@click.option("--repeat", type=click.IntRange(1, 1000), default=1, help="Add it so many times.")
+@_json_option
+@_queue_option
+def add(
+    *, kind: str, words: tuple[str, ...], repeat: int, as_json: bool, folder: Path | None,
+    bench: str,
+) -> None:  # fmt: skip
+    """Add a command: what would follow `smad run`, `tune`, `gap checkup` or `run moves`.
+
+    Options of `add` come before the kind or after its words as --repeat. The command is checked
+    now, and again when it begins.
+    """
+    from smad.cli.queue_items import items_of
+
+    words, repeat = _with_repeat(words, repeat)
+    items = items_of(kind, words, Path.cwd(), repeat)
+    with _opened(folder, bench) as opened:
+        added = opened.add_checked(items)
+        running = opened.snapshot().mode == "running"
+    if as_json:
+        _print_json(added)
+        return
+    for item in added:
+        click.echo(f"item {item.id}: {item.title}")
+    if running:
+        click.echo("the queue was armed before: it pauses ahead of this item", err=True)
+
+
+def _with_repeat(words: tuple[str, ...], repeat: int) -> tuple[tuple[str, ...], int]:
+    """Take `--repeat N` out of the words; `smad run` has no such option."""
+    rest = list(words)
+    for place, word in enumerate(rest):
+        name, equals, value = word.partition("=")
+        if name == "--repeat":
+            value = value if equals else (rest[place + 1] if place + 1 < len(rest) else "")
+            try:
+                repeat = int(value)
+            except ValueError:
+                repeat = 0
+            if not 1 <= repeat <= 1000:
+                raise click.UsageError(f"--repeat {value}: give a number from 1 to 1000")
+            return tuple(rest[:place] + rest[place + (1 if equals else 2) :]), repeat
+    return words, repeat
+
+
+@queue.command("list")
+@click.option("--all", "everything", is_flag=True, help="Also what has ended.")
+@_json_option
+@_queue_option
+def list_items(*, everything: bool, as_json: bool, folder: Path | None, bench: str) -> None:
+    """Show the items, and what the queue does."""
+    with _opened(folder, bench) as opened:
+        snapshot, runner = opened.snapshot(), opened.has_runner
+        logs = {item.id: opened.store.logs(item.id) for item in snapshot.items}
+    if as_json:
+        import msgspec
+
+        _print_json({**msgspec.to_builtins(snapshot), "runner": runner, "logs": logs})
+        return
+    _print_items(snapshot, everything=everything)
+    click.echo(state_in_words(snapshot, runner=runner))
+
+
+def _print_items(snapshot: Snapshot, *, everything: bool) -> None:
+    from smad.cli.tables import print_table
+    from smad.report.page import Table
+
+    ended = [item for item in snapshot.items if item.ended_unix_s]
+    shown = [*ended, *([snapshot.running] if snapshot.running else []), *snapshot.queued]
+    if not everything:
+        shown = shown[max(0, len(ended) - 5) :]
+    rows = [
+        (str(item.id), item.title, item.state, _clock(item.started_unix_s or item.added_unix_s),
+         item.reason)
+        for item in shown
+    ]  # fmt: skip
+    if rows:
+        print_table(Table(("item", "command", "state", "since", "why"), rows))
+
+
+def state_in_words(snapshot: Snapshot, *, runner: bool) -> str:
+    """Return what the queue does now, in one line."""
+    without = "" if runner else "; no runner is there: smad queue run"
+    if snapshot.arming is None:
+        return f"paused: {snapshot.reason}{without}"
+    return f"running until {limits_in_words(snapshot.arming)}{without}"
+
+
+def limits_in_words(arming: Arming) -> str:
+    """Return end time, budget and what is used of it, in one line."""
+    usage, budget = arming.usage, arming.budget
+    parts = [_clock(arming.end_unix_s)]
+    if budget.energy_J is not None:
+        parts.append(f"{usage.energy_J / 1e3:.1f} of {budget.energy_J / 1e3:g} kJ")
+    if budget.cycles is not None:
+        parts.append(f"{usage.cycles:.0f} of {budget.cycles:.0f} cycles")
+    if budget.hours is not None:
+        parts.append(f"{usage.seconds / 3600:.2f} of {budget.hours:g} h")
+    return ", or ".join(parts)
+
+
+@queue.command()
+@_number
+@click.argument("place", type=click.IntRange(1))
+@_queue_option
+def move(*, number: int, place: int, folder: Path | None, bench: str) -> None:
+    """Make a queued ITEM the PLACE-th of those that wait."""
+    with _opened(folder, bench) as opened:
+        opened.move(number, place)
+    click.echo(f"item {number} is number {place} of those that wait")
+
+
+@queue.command()
+@_number
+@_queue_option
+def remove(*, number: int, folder: Path | None, bench: str) -> None:
+    """Take a queued ITEM away."""
+    with _opened(folder, bench) as opened:
+        opened.remove(number)
+    click.echo(f"item {number} removed")
+
+
+@queue.command()
+@_number
+@_queue_option
+def again(*, number: int, folder: Path | None, bench: str) -> None:
+    """Add an ITEM anew that has ended or was interrupted."""
+    with _opened(folder, bench) as opened:
+        item = opened.again(number)
+    click.echo(f"item {item.id}: {item.title}")
+
+
+@queue.command()
+@click.option("--now", is_flag=True, help="End what runs, in order: it disarms and keeps its log.")
+@_queue_option
+def pause(*, now: bool, folder: Path | None, bench: str) -> None:
+    """Let no further item begin; its arming ends."""
+    with _opened(folder, bench) as opened:
+        running = opened.pause(now=now).after.running
+    ends = "is being ended" if now else "goes on to its end"
+    click.echo("paused" + (f"; item {running.id} {ends}" if running else ""))
+
+
+@queue.command()
+@click.option("--until", metavar="HH:MM", help="End time, such as 07:30 or 2026-11-26T07:30.")
+@click.option("--hours", type=click.FloatRange(0, 744, min_open=True), help="At most so many.")
+@click.option("--energy-kJ", "energy_kJ", type=click.FloatRange(0, min_open=True),
+              help="At most so much heating energy.")  # fmt: skip
+@click.option("--cycles", type=click.FloatRange(0, min_open=True), help="At most so many cycles.")
+@click.option("--confirm", "code", metavar="CODE", help="Second step, with the code of the first.")
+@_queue_option
+def resume(
+    *,
+    until: str | None,
+    hours: float | None,
+    energy_kJ: float | None,
+    cycles: float | None,
+    code: str | None,
+    folder: Path | None,
+    bench: str,
+) -> None:
+    """Arm the queue in two steps: what would run until when, then --confirm CODE.
+
+    Give an end: --until, --hours, or both. Whatever is reached first pauses the queue and ends what
+    runs.
+    """
+    from smad.queue.arming import CONFIRM_WITHIN_S, end_time
+    from smad.queue.states import Budget
+
+    with _opened(folder, bench) as opened:
+        if code is not None:
+            if (until, hours, energy_kJ, cycles) != (None,) * 4:
+                raise click.UsageError("--confirm is given alone: it confirms what was shown")
+            snapshot = opened.confirm(code)
+            click.echo(state_in_words(snapshot, runner=opened.has_runner))
+            return
+        if until is None and hours is None:
+            raise click.UsageError("give an end: --until 07:30, or --hours 8")
+        now = datetime.now().astimezone()
+        ends = [] if until is None else [end_time(until, _zoned(now)).timestamp()]
+        if hours is not None:
+            ends.append(now.timestamp() + hours * 3600.0)
+        budget = Budget(
+            energy_J=None if energy_kJ is None else energy_kJ * 1e3, cycles=cycles, hours=hours
+        )
+        proposal = opened.propose(min(ends), budget)
+        _print_items(opened.snapshot(), everything=False)
+    click.echo(f"{len(proposal.arming.items)} items until {limits_in_words(proposal.arming)}")
+    click.echo(
+        f"to arm them: smad queue resume --confirm {proposal.code}  "
+        f"(within {CONFIRM_WITHIN_S:.0f} s)"
+    )
+
+
+@queue.command()
+@click.option("--until-paused", is_flag=True, help="End when the queue pauses, for scripts.")
+@_queue_option
+def run(*, until_paused: bool, folder: Path | None, bench: str) -> None:
+    """Carry the queue out, as its one runner, until ctrl-C.
+
+    After a kill or a restart, what ran is interrupted, its run log is recovered, and the queue is
+    paused until a person resumes it.
+    """
+    from smad.cli.queue_items import problem_of
+    from smad.client.signals import ended_by_signals
+    from smad.queue.bench import BenchWatch
+    from smad.queue.lease import RunnerLease
+    from smad.queue.runner import POLL_S, Runner, Surroundings
+
+    with ended_by_signals(), _opened(folder, bench) as opened:
+        lease = RunnerLease(opened.folder)
+        lease.acquire()
+        watch = BenchWatch(bench, clock_s=time.monotonic)
+        start = functools.partial(
+            _started, folder=opened.folder.resolve(), bench=bench, descriptor=lease.descriptor
+        )
+        runner = Runner(
+            opened.store, Surroundings(watch=watch, start=start, check=problem_of, say=_say)
+        )
+        try:
+            runner.begin()
+            _say(f"runner of {opened.folder}: {state_in_words(opened.snapshot(), runner=True)}")
+            while True:
+                runner.tick()
+                snapshot = opened.snapshot()
+                if until_paused and snapshot.mode == "paused" and snapshot.running is None:
+                    return
+                time.sleep(POLL_S)
+        finally:
+            runner.close()
+            watch.close()
+            lease.release()
+
+
+@queue.command()
+@click.option("--after", type=click.IntRange(0), default=0, help="Only those with a higher number.")
+@_json_option
+@_queue_option
+def messages(*, after: int, as_json: bool, folder: Path | None, bench: str) -> None:
+    """Show what happened: the end of every item, and why the queue paused."""
+    with _opened(folder, bench) as opened:
+        found = opened.messages(after)
+    if as_json:
+        _print_json(found)
+        return
+    for message in found:
+        click.echo(f"{message.id:>4}  {_clock(message.unix_s)}  {message.text}")
+
+
+def _started(item: Item, *, folder: Path, bench: str, descriptor: int) -> ItemProcess:
+    from smad.queue.process import ItemProcess
+
+    output = folder / "queue" / f"item-{item.id:06d}.txt"
+    words = list(item.words)
+    if item.kind == "checkup" and not any(word.startswith("--json") for word in words):
+        # For the record of the bench (smad health).
+        output.parent.mkdir(exist_ok=True)
+        words.append(f"--json={output.with_suffix('.json')}")
+    return ItemProcess(
+        [sys.executable, "-m", "smad.cli.queue_child", str(os.getpid()), bench, *words],
+        folder=Path(item.folder),
+        output=output,
+        environment={"SMAD_BENCH": bench, "PYTHONUNBUFFERED": "1"},
+        descriptor=descriptor,
+    )
+
+
+def _zoned(now: datetime) -> datetime:
+    """The moment in the zone of this computer, which knows when clocks change, where it has one."""
+    from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+    name = os.environ.get("TZ", "").lstrip(":")
+    link = os.path.realpath("/etc/localtime")
+    name = name or link.partition("zoneinfo/")[2]
+    try:
+        return now.astimezone(ZoneInfo(name))
+    except (ZoneInfoNotFoundError, ValueError, OSError):
+        return now
+
+
+def _clock(unix_s: float) -> str:
+    return datetime.fromtimestamp(unix_s).strftime("%d %b %H:%M:%S")
+
+
+def _say(text: str) -> None:
+    click.echo(f"{_clock(time.time())}  {text}", err=True)
+
+
+def _print_json(value: object) -> None:
+    import msgspec
+
+    click.echo(msgspec.json.encode(value).decode())

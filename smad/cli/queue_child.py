@@ -1,0 +1,110 @@
+"""`python -m smad.cli.queue_child PARENT BENCH WORD…`: a command of smad as an item of the queue.
+
+Its exit status says what ended it (`smad.queue.machine`): an error alone would not tell a stop,
+which pauses the queue, from a refusal, which does not. It ends with its parent, the runner: asked
+to by the kernel, and killed if it does not.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Sequence
+
+import click
+
+from smad.api import Reason
+from smad.cli import root
+from smad.client import Client
+from smad.client.errors import NoAnswer, NoDaemon, Refused, Stopped
+from smad.errors import SmadError
+from smad.experiments.errors import StoppedError, TrippedError
+from smad.queue.machine import LOST, STOPPED, TRIPPED
+
+_PR_SET_PDEATHSIG = 1
+_ORPHAN_S = 10.0
+_INTERRUPTED, _INTERNAL = 130, 70
+_REASONS = {
+    Reason.STOPPED: STOPPED,
+    Reason.NOT_ARMED: STOPPED,
+    Reason.FAULTED: TRIPPED,
+    Reason.NOT_CONNECTED: LOST,
+}
+_STATUSES: tuple[tuple[type[SmadError], int], ...] = (
+    (StoppedError, STOPPED),
+    (Stopped, STOPPED),
+    (TrippedError, TRIPPED),
+    (NoDaemon, LOST),
+    (NoAnswer, LOST),
+)
+
+
+def status_of(error: SmadError) -> int:
+    """Return the exit status that says why a command ended."""
+    if isinstance(error, Refused) and error.reason in _REASONS:
+        return _REASONS[error.reason]
+    for kind, status in _STATUSES:
+        if isinstance(error, kind):
+            return status
+    return error.exit_status
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the command; return its exit status."""
+    parent, bench, *words = arguments
+    _end_with(int(parent))
+    try:
+        root.main(args=words, prog_name="smad", standalone_mode=False)
+    except SmadError as error:
+        click.echo(f"smad: {error}", err=True)
+        return status_of(error)
+    except click.ClickException as error:
+        click.echo(f"smad: {error.format_message()}", err=True)
+        return error.exit_code
+    except click.Abort:
+        return _INTERRUPTED
+    except Exception:
+        traceback.print_exc()
+        return _INTERNAL
+    return STOPPED if _stopped_since(bench) else 0
+
+
+def _stopped_since(bench: str) -> bool:
+    """Whether somebody stopped the bench while the command did not look, such as in an analysis."""
+    from smad.cli.output import made_clients
+
+    known = {client.as_of(None) for client in made_clients} - {None}
+    if not known:
+        return False
+    try:
+        with Client(bench) as client:
+            stopped = client.motion().generation not in known
+    except SmadError as error:
+        click.echo(f"smad: {error}", err=True)
+        return True
+    if stopped:
+        click.echo("smad: the bench was stopped while this ran", err=True)
+    return stopped
+
+
+def _end_with(parent: int) -> None:
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != parent:
+        os._exit(128 + signal.SIGTERM)
+    threading.Thread(target=_kill_orphan, args=(parent,), daemon=True).start()
+
+
+def _kill_orphan(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    time.sleep(_ORPHAN_S)
+    os.killpg(0, signal.SIGKILL)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,161 @@
+"""What may be queued: kinds of items, the command line of each, and what is checked before it runs.
+
+The words are parsed by the very command that will run, so its arguments, ranges and names hold.
+"""
+
+from __future__ import annotations
+
+import importlib
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from firmware_protocol.nearest import instead
+from smad.errors import SmadError
+from smad.queue.errors import QueueError
+
+if TYPE_CHECKING:
+    from smad.config import Config
+    from smad.queue.states import Item
+
+KINDS: Mapping[str, tuple[tuple[str, ...], str]] = {
+    "run": (("run",), "smad.cli.run:run"),
+    "tune": (("tune",), "smad.cli.tune:tune"),
+    "checkup": (("gap", "checkup"), "smad.cli.gap_checkup:checkup"),
+    "move": (("run", "moves"), "smad.cli.run_moves:moves"),
+}
+"""Kind -> the words after `smad` that it begins with, and where the command is."""
+_NOT_QUEUED = ("listing", "feedforward", "logs")
+"""Options of `smad run` that run nothing."""
+INPUTS = ("run", "path", "config_file", "model", "programme_folder")
+"""Parameters whose files must be there before."""
+
+
+def items_of(kind: str, given: Sequence[str], folder: Path, repeat: int) -> list[Item]:
+    """Return `repeat` items of a kind, checked. Raises QueueError, or what the command raises."""
+    from smad.queue.states import Item
+
+    if kind not in KINDS:
+        raise QueueError(
+            "there is no such kind of item",
+            value=kind,
+            action=instead(kind, KINDS, ", ".join(KINDS)),
+        )
+    lead, _ = KINDS[kind]
+    words = [*lead, *(whole_names(given) if kind == "run" else given)]
+    title = shlex.join([kind, *words[len(lead) :]])
+    sim = _checked(kind, words, folder)
+    return [
+        Item(
+            id=0,
+            position=0.0,
+            kind=kind,
+            title=title if repeat == 1 else f"{title} ({number} of {repeat})",
+            words=tuple(words),
+            folder=str(folder),
+            on_bench=not sim,
+        )
+        for number in range(1, repeat + 1)
+    ]
+
+
+def problem_of(item: Item) -> str:
+    """Return why an item cannot start now; empty when nothing speaks against it."""
+    try:
+        _checked(item.kind, item.words, Path(item.folder))
+    except SmadError as error:
+        return str(error)
+    except click.ClickException as error:
+        return error.format_message()
+    return ""
+
+
+def whole_names(given: Sequence[str]) -> list[str]:
+    """Return the words with a shortened experiment's name made whole: `fig11` is fig11-tracking."""
+    from smad.experiments.registry import EXPERIMENTS
+
+    words = list(given)
+    if words and words[0] not in EXPERIMENTS:
+        fitting = [name for name in EXPERIMENTS if name.startswith(words[0])]
+        if len(fitting) == 1:
+            words[0] = fitting[0]
+    return words
+
+
+def _checked(kind: str, words: Sequence[str], folder: Path) -> bool:
+    """Raise unless the command can begin in `folder`; return whether it is simulated."""
+    lead, place = KINDS[kind]
+    module, _, attribute = place.partition(":")
+    command: click.Command = getattr(importlib.import_module(module), attribute)
+    if not folder.is_dir():
+        raise QueueError(f"the folder {folder} is gone", action="make it again, or remove the item")
+    if {"--help", "-h"} & set(words):
+        raise QueueError("--help runs nothing", action=f"give smad {' '.join(lead)} --help itself")
+    context = command.make_context(" ".join(["smad", *lead]), list(words[len(lead) :]))
+    with context:
+        given = dict(context.params)
+        for name in _NOT_QUEUED:
+            if given.get(name):
+                raise QueueError(f"--{name} moves nothing, so it needs no queue")
+        if kind == "run" and "names" in given:
+            _check_experiments(given)
+        for name, path in _inputs(given):
+            if not (folder / path).exists():
+                raise QueueError(
+                    f"{name} {path} is not there", action="nothing was begun; restore it"
+                )
+        _check_baseline(context, folder)
+        if attribute == "moves":
+            from smad.cli.run_moves import read_moves, require_within
+
+            require_within(read_moves(folder / given["path"]), _config(given["bench"]))
+        sim = bool(given.get("sim"))
+        _check_disk(folder, sim=sim)
+    return sim
+
+
+def _config(bench: str) -> Config:
+    """The configuration of the daemon; without one the usual one, as it is looked at again."""
+    from smad.client import Client
+    from smad.config import Config, parse_config
+    from smad.errors import DaemonError
+
+    try:
+        with Client(bench, timeout_s=1.0) as client:
+            return parse_config(client.config())
+    except DaemonError:
+        return Config()
+
+
+def _check_experiments(given: Mapping[str, Any]) -> None:
+    from smad.cli.run import _experiments
+
+    _experiments(given["names"], given["settings"])
+
+
+def _inputs(given: Mapping[str, Any]) -> Iterator[tuple[str, Path]]:
+    for name in INPUTS:
+        if isinstance(path := given.get(name), Path):
+            yield name, path
+
+
+def _check_baseline(context: click.Context, folder: Path) -> None:
+    """A check-up needs a baseline that was commissioned."""
+    for parameter in context.command.params:
+        if "--baseline" in parameter.opts and parameter.name is not None:
+            path = context.params.get(parameter.name)
+            if path is not None and not (folder / path / "baseline.json").exists():
+                raise QueueError(
+                    f"{path} is no baseline (any more)",
+                    action="commission the bench (smad gap commission), or name another",
+                )
+
+
+def _check_disk(folder: Path, *, sim: bool) -> None:
+    from smad.experiments.ready import BYTES_A_ROW, ROOM_S, require_logs
+
+    # At the usual rate; the command itself looks again where the daemon records.
+    require_logs(folder, 0.0 if sim else BYTES_A_ROW * 100 * ROOM_S)

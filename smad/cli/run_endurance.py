@@ -1,0 +1,244 @@
+"""`smad run endurance`: one cycle many times, with statistics, check-ups and limits that end it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from smad.cli.output import Finite, axis_option, lease_option, progress
+from smad.errors import SmadError
+
+if TYPE_CHECKING:
+    from smad.client import Client
+    from smad.config import Config
+    from smad.control.plan import Plan
+    from smad.experiments.endurance.profile import Profile
+    from smad.experiments.endurance.run import BlockDriver, Endurance, Judgement
+    from smad.experiments.recording import Recording
+
+_FOLDER = click.Path(file_okay=False, path_type=Path)
+_percent = Finite(0.0, 100.0, min_open=True)
+_kelvin = Finite(0.0, 100.0, min_open=True)
+
+
+@click.command()
+@click.option("--cycles", type=click.IntRange(1, 10_000_000), required=True)
+@click.option("--displacement", nargs=2, type=Finite(-20.0, 20.0), metavar="LOW HIGH",
+              help="Cycle between these, mm  [default: -5 5]")  # fmt: skip
+@click.option("--temperature", nargs=2, type=Finite(0.0, 95.0), metavar="LOW HIGH",
+              help="Cycle one spring between these instead, °C.")  # fmt: skip
+@click.option("--spring", type=click.Choice(["x", "y"]), default="x", show_default=True,
+              help="With --temperature: which.")  # fmt: skip
+@click.option("--rate", type=Finite(0.01, 50.0), default=2.0, show_default=True, metavar="MM/S",
+              help="Of the ramps; K/s with --temperature.")  # fmt: skip
+@click.option("--dwell", type=Finite(0.0, 600.0), default=1.0, show_default=True, metavar="S")
+@click.option("--every", nargs=2, type=(click.IntRange(1), click.Choice(["checkup"])),
+              metavar="N checkup", help="Play the quick check-up every N cycles.")  # fmt: skip
+@click.option("--baseline", type=_FOLDER, help="Of the check-ups.")
+@click.option("--end-stroke-lost", type=_percent, metavar="%", help="End when so much is lost.")
+@click.option("--end-resistance-up", type=_percent, metavar="%", help="End when so much is added.")
+@click.option("--end-shift", type=_kelvin, metavar="K", help="End when the transformation shifted.")
+@click.option("--end-place", type=Finite(0.0, 1.0, min_open=True), metavar="P",
+              help="End when a check-up says so likely that a place changed.")  # fmt: skip
+@click.option("--full-every", type=click.IntRange(1, 1_000_000), default=1, show_default=True,
+              help="Keep every n-th cycle in full, of the rest only its statistics.")  # fmt: skip
+@click.option("--folder", type=_FOLDER, default=Path("endurance"), show_default=True,
+              help="Where cycles.csv goes.")  # fmt: skip
+@click.option("--go-on", is_flag=True, help="Go on after the cycles that the folder has.")
+@click.option("--sim", is_flag=True, help="On a simulated bench in virtual time.")
+@click.option("--effect", "effects", multiple=True, metavar="NAME[:P=V,…]",
+              help="With --sim: an effect that the simulated bench has.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
+@lease_option
+@axis_option
+def endurance(**options: Any) -> None:
+    """Cycle between two displacements or temperatures until a limit ends it.
+
+    Each block, at most three quarters of the longest time armed, begins from rest and has a run log
+    of its own. FOLDER/cycles.csv has the statistics of every cycle. What it takes on the disk is
+    told and reserved before. A stop, a fault, or a check-up that fails ends it; --go-on is for a
+    person who looked.
+    """
+    from smad.experiments.endurance.room import room_for
+    from smad.experiments.endurance.run import earlier_cycles, endure
+    from smad.experiments.ready import require_packages
+    from smad.runlog.paths import make_folder
+
+    require_packages("sim")
+    folder: Path = options["folder"]
+    earlier = earlier_cycles(folder)
+    if earlier and not options["go_on"]:
+        raise SmadError(
+            f"{folder} has {earlier} cycles already",
+            action="name another folder, or give --go-on to go on after them",
+        )
+    asked = _asked(options, earlier + 1)
+    make_folder(folder)
+    with contextlib.ExitStack() as stack:
+        line = stack.enter_context(progress())
+        driver, config = stack.enter_context(_bench(options, folder, line.say))
+        asked = replace(asked, on_time_s=config.limits.on_time_max_s)
+        block = asked.profile.cycles_a_block(asked.check_every or asked.cycles, asked.on_time_s)
+        rate_hz = float(config.link.rate_hz)
+        room = room_for(asked.profile, asked.cycles, asked.full_every, block, rate_hz)
+        hours = asked.cycles * asked.profile.period_s / 3600.0
+        click.echo(f"{asked.cycles} cycles, about {hours:.1f} h of board time; {room.in_words()}")
+        ended = endure(
+            asked, driver, folder, room, check=_checker(options, folder, driver), say=line.say
+        )
+    for number, judgement in ended.judgements:
+        click.echo(f"check-up after {number} cycles: {judgement.headline}")
+    click.echo(f"ended after {ended.cycles} cycles: {ended.reason}; {folder / 'cycles.csv'}")
+
+
+def _asked(options: dict[str, Any], first: int) -> Endurance:
+    from smad.experiments.endurance.limits import EndLimits
+    from smad.experiments.endurance.run import Endurance
+
+    if options["every"] and options["baseline"] is None:
+        raise click.UsageError("--every N checkup needs --baseline")
+    if options["end_place"] is not None and not options["every"]:
+        raise click.UsageError("--end-place needs --every N checkup")
+    if options["effects"] and not options["sim"]:
+        raise click.UsageError("--effect is of a simulated bench; add --sim")
+    return Endurance(
+        profile=profile_of(options),
+        cycles=options["cycles"],
+        limits=EndLimits(
+            stroke_lost_percent=options["end_stroke_lost"],
+            resistance_up_percent=options["end_resistance_up"],
+            shift_K=options["end_shift"],
+            place_probability=options["end_place"],
+        ),
+        check_every=options["every"][0] if options["every"] else 0,
+        full_every=options["full_every"],
+        first=first,
+    )
+
+
+def profile_of(options: dict[str, Any]) -> Profile:
+    """Return the cycle that is asked for. Raises a usage error or ExperimentError."""
+    from smad.experiments.endurance.profile import Profile
+
+    if options["displacement"] and options["temperature"]:
+        raise click.UsageError("give --displacement or --temperature")
+    low, high = options["temperature"] or options["displacement"] or (-5.0, 5.0)
+    return Profile(
+        quantity="temperature" if options["temperature"] else "displacement",
+        low=low,
+        high=high,
+        rate=options["rate"],
+        dwell_s=options["dwell"],
+        spring=options["spring"],
+    )
+
+
+class _Simulated:
+    """A simulated bench that ages from block to block."""
+
+    def __init__(self, folder: Path, seed: int, effects: tuple[str, ...]) -> None:
+        from sim_device.plant import load_parameters
+        from sim_device.plant.effects.registry import from_text, resolve
+        from sim_device.plant.errors import PlantError
+        from smad.experiments.virtual import VirtualDriver
+
+        try:
+            chosen = resolve(dict(from_text(text) for text in effects))
+        except PlantError as error:
+            raise click.UsageError(f"--effect: {error}") from None
+        self.folder = folder
+        self.log: Path | None = None
+        self.driver = VirtualDriver(load_parameters("A"), seed=seed, effects=chosen, folder=folder)
+
+    def run(self, plan: Plan) -> Recording:
+        from smad.experiments.driver import log_path
+
+        self.log = log_path(self.folder, plan)
+        return self.driver.run(plan)
+
+
+class _Live:
+    """The bench of the running daemon, armed under a lease for each block."""
+
+    def __init__(self, connected: Client, lease_s: float, say: Callable[[str], None]) -> None:
+        from smad.cli.leased import LeasedDriver
+        from smad.experiments.live import LiveDriver
+
+        self.client = connected
+        self._driver = LiveDriver(connected, progress=say)
+        self._leased = LeasedDriver(
+            connected, self._driver, lease_s=lease_s, progress=say, who="smad run endurance"
+        )
+
+    @property
+    def log(self) -> Path | None:
+        return self._driver.log
+
+    def run(self, plan: Plan) -> Recording:
+        return self._leased.run(plan)
+
+
+@contextlib.contextmanager
+def _bench(
+    options: dict[str, Any], folder: Path, say: Callable[[str], None]
+) -> Iterator[tuple[BlockDriver, Config]]:
+    """The driver, and the configuration of its bench."""
+    from smad.cli.output import client
+    from smad.client.signals import ended_by_signals
+    from smad.config import Config, parse_config
+    from smad.experiments.ready import require_ready
+
+    if options["sim"]:
+        yield _Simulated(folder, options["seed"], options["effects"]), Config()
+        return
+    with ended_by_signals(), client(options["bench"]) as connected:
+        connected.as_of(connected.motion().generation)
+        require_ready(connected)
+        yield _Live(connected, options["lease"], say), parse_config(connected.config())
+
+
+def _checker(
+    options: dict[str, Any], folder: Path, driver: BlockDriver
+) -> Callable[[int], Judgement] | None:
+    """Plays `smad gap checkup` as a command of its own, as `smad queue` does."""
+    if not options["every"]:
+        return None
+
+    def check(number: int) -> Judgement:
+        from smad.experiments.endurance.judgement import judgement_of
+
+        with tempfile.TemporaryDirectory(prefix="smad-") as scratch:
+            verdict = Path(scratch) / "verdict.json"
+            words = ["gap", "checkup", f"--baseline={options['baseline']}", "--quick"]
+            words += [f"--json={verdict}", f"--out={folder / f'checkup-{number:07d}'}"]
+            if options["sim"]:
+                words += ["--sim", f"--seed={options['seed'] + number}"]
+                words += [f"--effect={text}" for text in options["effects"]]
+            done = subprocess.run(
+                [sys.executable, "-m", "smad.cli.queue_child", str(os.getpid()), options["bench"],
+                 *words],
+                capture_output=True, text=True, check=False,
+                env={**os.environ, "SMAD_BENCH": options["bench"]},
+            )  # fmt: skip
+            if done.returncode:
+                lines = done.stderr.strip().splitlines() or ["it said nothing"]
+                said = lines[-1].removeprefix("smad: ")
+                raise SmadError(
+                    f"the check-up after {number} cycles failed: {said}",
+                    action="look at the bench; --go-on goes on",
+                )
+            if isinstance(driver, _Live):
+                # The check-up's own disarms were orderly: it says so by its status.
+                driver.client.as_of(driver.client.motion().generation)
+            return judgement_of(verdict.read_bytes())
+
+    return check

@@ -1,0 +1,170 @@
+"""The full stroke of a pair, to and fro, on the simulated plant: what can be got out of it.
+
+The paper's four steps: one spring is heated with the full current until it is austenite, and cools
+until it is martensite; then the other. After a first cycle from rest the second one is measured.
+Control that heats one spring while the other still cools is faster and pulls harder.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+
+from sim_device.plant import Drive, Plant
+from sim_device.plant.geometry import Geometry, pitch_law, scaled
+from sim_device.plant.parameters import ParameterSet, spring_factors
+from smad.errors import SmadError
+
+DT_S = 0.02
+HOT_FRACTION, COLD_FRACTION = 0.02, 0.9
+"""Martensite left of a spring that counts as heated through, and of one that counts as cooled."""
+LONGEST_S = 900.0
+"""Of heating, and of cooling."""
+CYCLES = 2
+
+
+class DesignError(SmadError):
+    """A pair that cannot make its stroke."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Design:
+    """What a pair gives. Stroke is half the way from end to end; power the mean of both springs."""
+
+    stroke_mm: float
+    force_hot_N: float
+    force_rest_N: float
+    period_s: float
+    heating_s: float
+    power_W: float
+    peak_power_W: float
+    resistance_Ohm: float
+    wire_m: float
+    mass_g: float
+    stress_MPa: float
+    peak_degC: float
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Quantity and value, as a table shows them."""
+        values = asdict(self)
+        return [(words, form.format(values[name])) for name, words, form in _WORDS]
+
+
+_WORDS = (
+    ("stroke_mm", "stroke to either side", "{:.2f} mm"),
+    ("force_hot_N", "tension at its end", "{:.3f} N"),
+    ("force_rest_N", "least tension", "{:.3f} N"),
+    ("stress_MPa", "largest shear stress", "{:.0f} MPa"),
+    ("period_s", "period, to and fro", "{:.1f} s"),
+    ("heating_s", "of which one spring heats through in", "{:.1f} s"),
+    ("power_W", "mean electrical power", "{:.2f} W"),
+    ("peak_power_W", "largest", "{:.2f} W"),
+    ("peak_degC", "hottest wire", "{:.0f} °C"),
+    ("resistance_Ohm", "resistance of a spring", "{:.3f} Ω"),
+    ("wire_m", "wire of a spring", "{:.3f} m"),
+    ("mass_g", "mass of a spring", "{:.3f} g"),
+)
+
+
+def design_cycle(
+    base: ParameterSet, geometry: Geometry, *, current_A: float = 4.0, cooling: str = "water"
+) -> Design:
+    """Run the pair through `CYCLES` full strokes and measure the last.
+
+    base: the alloy, and what is not scaled (`sim_device.plant.geometry`). cooling: "water" in the
+    tube at full flow while a spring cools, or "air", where the pitch counts. Raises DesignError for
+    a spring that takes longer than LONGEST_S, ParameterError for parameters out of range.
+    """
+    parameters = scaled(base, geometry)
+    laws = pitch_law(geometry) if cooling == "air" else ()
+    plant = Plant(parameters, cooling=cooling, laws=laws)
+    c1 = spring_factors(parameters)[0]
+    seen = _Seen()
+    for _ in range(CYCLES):
+        seen = _Seen()
+        for heated in (0, 1):
+            _half(plant, heated, current_A, seen)
+    wire_m = math.pi * parameters["coil_diameter"] * parameters["coils"]
+    section = 0.25 * math.pi * parameters["wire_diameter"] ** 2
+    return Design(
+        stroke_mm=0.5e3 * (seen.high_m - seen.low_m),
+        force_hot_N=seen.most_N,
+        force_rest_N=seen.least_N,
+        period_s=seen.time_s,
+        heating_s=seen.heating_s / 2.0,
+        power_W=seen.energy_J / seen.time_s,
+        peak_power_W=seen.peak_W,
+        resistance_Ohm=plant.truth.resistance_Ohm[0],
+        wire_m=wire_m,
+        mass_g=1e3 * parameters["density"] * section * wire_m,
+        stress_MPa=1e-6 * c1 * seen.most_N,
+        peak_degC=seen.peak_K - 273.15,
+    )
+
+
+@dataclass
+class _Seen:
+    """What a cycle gave so far."""
+
+    time_s: float = 0.0
+    heating_s: float = 0.0
+    energy_J: float = 0.0
+    high_m: float = float("-inf")
+    low_m: float = float("inf")
+    most_N: float = 0.0
+    least_N: float = float("inf")
+    peak_W: float = 0.0
+    peak_K: float = 0.0
+
+
+def _half(plant: Plant, heated: int, current_A: float, seen: _Seen) -> None:
+    """One spring heats through and cools again; what it does goes into `seen`."""
+    drive_A = (current_A, 0.0) if heated == 0 else (0.0, current_A)
+    heating = _Phase(
+        Drive(drive_A), heated, lambda xi: xi <= HOT_FRACTION,
+        "does not heat through", "take more current, or thinner wire",
+    )  # fmt: skip
+    duty = (1.0, 0.0) if heated == 0 else (0.0, 1.0)
+    cooling = _Phase(
+        Drive((0.0, 0.0), duty), heated, lambda xi: xi >= COLD_FRACTION,
+        "does not cool", "cool it with water, or take thinner wire",
+    )  # fmt: skip
+    hot_s = _run(plant, heating, seen)
+    seen.heating_s += hot_s
+    seen.time_s += hot_s + _run(plant, cooling, seen)
+
+
+@dataclass(frozen=True)
+class _Phase:
+    """A drive that is held until the martensite fraction of one spring is as wanted."""
+
+    drive: Drive
+    spring: int
+    done: Callable[[float], bool]
+    failure: str
+    action: str
+
+
+def _run(plant: Plant, phase: _Phase, seen: _Seen) -> float:
+    """Carry out a phase; return its length in s. Raises DesignError for one that does not end."""
+    elapsed_s, current_A = 0.0, phase.drive.i_A[phase.spring]
+    while not phase.done(plant.truth.xi[phase.spring]):
+        if elapsed_s > LONGEST_S:
+            raise DesignError(
+                f"a spring {phase.failure} within {LONGEST_S:g} s",
+                value=f"{plant.truth.T_K[phase.spring] - 273.15:.1f} °C",
+                action=phase.action,
+            )
+        plant.advance(phase.drive, DT_S)
+        elapsed_s += DT_S
+        now = plant.truth
+        power_W = current_A * current_A * now.resistance_Ohm[phase.spring]
+        seen.energy_J += power_W * DT_S
+        seen.peak_W = max(seen.peak_W, power_W)
+        seen.high_m = max(seen.high_m, now.displacement_m)
+        seen.low_m = min(seen.low_m, now.displacement_m)
+        seen.most_N = max(seen.most_N, now.force_N)
+        seen.least_N = min(seen.least_N, now.force_N)
+        seen.peak_K = max(seen.peak_K, now.T_K[phase.spring])
+    return elapsed_s

@@ -1,0 +1,86 @@
+"""What every plant must do, asked once with the first run: shapes, members, and a fresh start."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from smad.diagnosis.errors import PlantMismatch
+from smad.diagnosis.plant import Array, PlantModel, nominal_replay
+from smad.diagnosis.runs import GapRun
+from smad.errors import SmadError
+
+_ACTION = "mend the plant; smad docs bring-your-own-plant says what it has to do"
+
+
+def require_contract(plant: PlantModel, run: GapRun) -> None:
+    """Ask `simulate` and `regimes` of a run. Raises PlantMismatch, naming the member at fault.
+
+    The run is replayed twice: a model that keeps a state from one call to the next would blame the
+    bench for it.
+    """
+    first, second = replayed(plant, run), replayed(plant, run)
+    for name, course in first.items():
+        if not np.array_equal(course, second[name], equal_nan=True):
+            apart = np.flatnonzero(course != second[name])
+            largest = float(np.nanmax(np.abs(course - second[name])))
+            raise PlantMismatch(
+                f"simulate of plant {plant.name} does not start anew: the second replay of run "
+                f"{run.name} is another one, in {name} from {run.t_s[apart[0]]:.6g} s on",
+                value=f"a difference of up to {largest:.3g}",
+                limit="the same to the last bit",
+                action="keep no state from one call to the next, and draw nothing at random",
+            )
+    for side in dict.fromkeys(("", *(c.side for c in plant.channels))):
+        masks = _called(plant, "regimes", run, run, side)
+        if not isinstance(masks, Mapping) or "rest" not in masks:
+            raise _broken(plant, "regimes", run, "has no mask named rest", _names(masks))
+        for name, mask in masks.items():
+            if wrong := _other_than(mask, len(run.t_s), "b"):
+                raise _broken(plant, "regimes", run, f"gives no mask for {name}", wrong)
+
+
+def replayed(plant: PlantModel, run: GapRun) -> dict[str, Array]:
+    """What the nominal model predicts of a run, checked. Raises PlantMismatch."""
+    found = _called(plant, "simulate", run)
+    if not isinstance(found, Mapping):
+        raise _broken(plant, "simulate", run, "gives no mapping", type(found).__name__)
+    for c in plant.channels:
+        if c.name not in found:
+            raise _broken(plant, "simulate", run, f"lacks channel {c.name}", _names(found))
+        if wrong := _other_than(found[c.name], len(run.t_s), "fiu"):
+            raise _broken(plant, "simulate", run, f"gives no column for {c.name}", wrong)
+    return dict(found)
+
+
+def _called(plant: PlantModel, member: str, run: GapRun, *arguments: Any) -> Any:
+    try:
+        return getattr(plant, member)(*arguments) if arguments else nominal_replay(run, plant)
+    except SmadError:
+        raise
+    except Exception as error:  # whatever somebody else's plant raises
+        said = (str(error).splitlines() or [""])[0]
+        raise _broken(plant, member, run, "fails", f"{type(error).__name__}: {said}") from error
+
+
+def _other_than(column: Any, n: int, kinds: str) -> str:
+    """What is given in place of an array of shape (n,) of some kinds of numbers; empty if not."""
+    if not isinstance(column, np.ndarray):
+        return f"a {type(column).__name__}"
+    wrong = column.shape != (n,) or column.dtype.kind not in kinds
+    return f"shape {column.shape} of {column.dtype}" if wrong else ""
+
+
+def _broken(plant: PlantModel, member: str, run: GapRun, what: str, value: str) -> PlantMismatch:
+    return PlantMismatch(
+        f"{member} of plant {plant.name} {what}, for run {run.name}",
+        value=value,
+        limit=None if what == "fails" else f"arrays of shape ({len(run.t_s)},), one by each name",
+        action=_ACTION,
+    )
+
+
+def _names(found: Any) -> str:
+    return ", ".join(map(str, found)) or "nothing" if isinstance(found, Mapping) else repr(found)

@@ -1,0 +1,84 @@
+"""What an endurance run takes on the disk: told before it begins, and reserved."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from smad.errors import CommandError
+from smad.experiments.endurance.profile import Profile
+from smad.experiments.ready import BYTES_A_ROW
+
+BYTES_A_CYCLE = 160
+"""More than a line of `cycles.csv` takes."""
+
+
+@dataclass(frozen=True)
+class Room:
+    """Bytes: of the run logs that stay, of the statistics, and of the block being recorded."""
+
+    logs: float
+    statistics: float
+    block: float
+
+    @property
+    def total(self) -> float:
+        """All that must be there before it begins."""
+        return self.logs + self.statistics + self.block
+
+    def in_words(self) -> str:
+        """Return it in one line."""
+        parts = (self.logs, self.statistics, self.block)
+        logs, statistics, block = (f"{part / 1e6:.1f} MB" for part in parts)
+        return f"{logs} of run logs, {statistics} of statistics, {block} while a block is recorded"
+
+
+def room_for(profile: Profile, cycles: int, full_every: int, block: int, rate_hz: float) -> Room:
+    """Return what `cycles` take when every `full_every`-th stays in full."""
+    bytes_a_cycle = profile.period_s * rate_hz * BYTES_A_ROW
+    return Room(
+        logs=bytes_a_cycle * -(-cycles // full_every),
+        statistics=float(BYTES_A_CYCLE * cycles),
+        block=bytes_a_cycle * block if full_every > 1 else 0.0,
+    )
+
+
+class Reserve:
+    """Room on the disk of `folder` that shrinks with what was written.
+
+    Its file has no name, so that the room of a run that is killed comes back with its process.
+    """
+
+    def __init__(self, folder: Path, room: Room) -> None:
+        free = shutil.disk_usage(folder).free
+        if free < room.total:
+            raise CommandError(
+                f"too little room for this run in {folder}",
+                value=f"{free / 1e6:.0f} MB free",
+                limit=f"{room.total / 1e6:.0f} MB: {room.in_words()}",
+                action="make room, give fewer cycles, or a larger --full-every; nothing was moved",
+            )
+        # What a block takes while it is recorded must stay free for the daemon.
+        self._bytes = int(room.logs + room.statistics)
+        self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 (closed by `close`)
+        try:
+            if self._bytes:
+                os.posix_fallocate(self._file.fileno(), 0, self._bytes)
+        except OSError as error:
+            self._file.close()
+            raise CommandError(
+                f"the room cannot be reserved: {error.strerror}",
+                value=str(folder),
+                action="make room on the disk; nothing was moved",
+            ) from None
+
+    def use(self, share: float) -> None:
+        """Give back the share of the run that lies behind, 0 to 1."""
+        os.ftruncate(self._file.fileno(), int(self._bytes * (1.0 - min(max(share, 0.0), 1.0))))
+
+    def close(self) -> None:
+        """Give back what is left."""
+        self._file.close()

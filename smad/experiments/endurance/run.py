@@ -1,0 +1,177 @@
+"""An endurance run: blocks of cycles on a driver, their statistics, check-ups, and its end."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from msgspec import Struct, structs
+
+from smad.control.plan import Plan
+from smad.experiments.endurance.limits import EndLimits, Watch
+from smad.experiments.endurance.profile import Profile
+from smad.experiments.endurance.room import Reserve, Room
+from smad.experiments.endurance.statistics import NAMES, Cycle, bounds, cycles_of
+from smad.experiments.endurance.thin import thin
+from smad.experiments.errors import ExperimentError
+from smad.experiments.recording import Recording
+
+CYCLES_FILE = "cycles.csv"
+NO_LIMITS = EndLimits()
+
+
+class BlockDriver(Protocol):
+    """Carries out a block."""
+
+    @property
+    def log(self) -> Path | None:
+        """Where it was recorded; None where nothing is."""
+
+    def run(self, plan: Plan) -> Recording:
+        """Carry out the plan from rest and return what was recorded."""
+
+
+class Judgement(Struct, frozen=True):
+    """What a check-up said: its headline, and the probability that a place has changed."""
+
+    headline: str
+    place_probability: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Endurance:
+    """What is asked for. Every `check_every` cycles `check` is called; 0: never.
+
+    `first` is the number of its first cycle; `on_time_s` how long the host lets a bench be armed.
+    """
+
+    profile: Profile
+    cycles: int
+    limits: EndLimits = NO_LIMITS
+    check_every: int = 0
+    full_every: int = 1
+    first: int = 1
+    on_time_s: float = 3600.0
+
+
+@dataclass
+class Ended:
+    """How a run ended: after how many cycles, why, and what the check-ups said."""
+
+    cycles: int = 0
+    reason: str = ""
+    judgements: list[tuple[int, Judgement]] = field(default_factory=list)
+
+
+def earlier_cycles(folder: Path) -> int:
+    """Return the number of the last cycle that a run in this folder wrote; 0: there is none."""
+    path = folder / CYCLES_FILE
+    if not path.exists():
+        return 0
+    return max((int(row["number"]) for row in csv.DictReader(whole_lines(path))), default=0)
+
+
+def whole_lines(path: Path) -> list[str]:
+    """Return the lines of a file, without a last one that a power loss cut."""
+    text = path.read_text(encoding="utf-8")
+    return text[: text.rfind("\n") + 1].splitlines()
+
+
+def endure(
+    asked: Endurance,
+    driver: BlockDriver,
+    folder: Path,
+    room: Room,
+    *,
+    check: Callable[[int], Judgement] | None = None,
+    say: Callable[[str], None] = lambda text: None,
+) -> Ended:
+    """Carry the run out; `cycles.csv` in `folder` has each cycle's statistics as soon as known.
+
+    Raises what the driver raises: a stop or a fault ends it, with all that was recorded kept.
+    """
+    ended = Ended(cycles=asked.first - 1)
+    watch = Watch(asked.limits)
+    reserve = Reserve(folder, room)
+    last = asked.first + asked.cycles - 1
+    try:
+        while ended.cycles < last and not ended.reason:
+            block = _Block(ended.cycles + 1, _block(asked, ended.cycles, last))
+            cycles = _carried_out(asked, driver, folder, block)
+            ended.cycles += len(cycles)
+            ended.reason = next(filter(None, map(watch.add, cycles)), "")
+            say(f"{ended.cycles} of {last} cycles")
+            reserve.use((ended.cycles - asked.first + 1) / asked.cycles)
+            due = asked.check_every and ended.cycles % asked.check_every == 0
+            if check is not None and due and not ended.reason:
+                _check(asked, ended, check)
+    finally:
+        reserve.close()
+    ended.reason = ended.reason or "all cycles were done"
+    return ended
+
+
+def _block(asked: Endurance, done: int, last: int) -> int:
+    most = last - done
+    if asked.check_every:
+        most = min(most, asked.check_every - done % asked.check_every)
+    return asked.profile.cycles_a_block(most, asked.on_time_s)
+
+
+class _Block(NamedTuple):
+    """Cycles that one arming plays: the number of the first, and how many."""
+
+    first: int
+    cycles: int
+
+
+def _carried_out(asked: Endurance, driver: BlockDriver, folder: Path, block: _Block) -> list[Cycle]:
+    """One block; the last cycle has no rise after it, so one more is played than is counted."""
+    recording = driver.run(asked.profile.plan(block.first, block.cycles + 1))
+    cycles = list(cycles_of(recording.columns, asked.profile, block.first))[: block.cycles]
+    if not cycles:
+        raise ExperimentError(
+            "the bench made no whole cycle", action="look at its run log and at the profile"
+        )
+    _append(folder / CYCLES_FILE, cycles)
+    if asked.full_every > 1 and driver.log is not None:
+        stretches = bounds(recording[asked.profile.reference], asked.profile)
+        kept = [
+            stretch
+            for cycle, stretch in zip(cycles, stretches, strict=False)
+            if (cycle.number - asked.first) % asked.full_every == 0
+        ]
+        thin(driver.log, kept, f"every {asked.full_every}th cycle; statistics in {CYCLES_FILE}")
+    return cycles
+
+
+def _check(asked: Endurance, ended: Ended, check: Callable[[int], Judgement]) -> None:
+    judgement = check(ended.cycles)
+    ended.judgements.append((ended.cycles, judgement))
+    limit = asked.limits.place_probability
+    if limit is not None and judgement.place_probability >= limit:
+        ended.reason = (
+            f"a place changed with probability {judgement.place_probability:.2f} at cycle "
+            f"{ended.cycles} (limit {limit:g}): {judgement.headline}"
+        )
+
+
+def _append(path: Path, cycles: list[Cycle]) -> None:
+    new = not path.exists()
+    if not new:
+        os.truncate(path, path.read_bytes().rfind(b"\n") + 1)
+    with path.open("a", newline="") as file:
+        writer = csv.writer(file)
+        if new:
+            writer.writerow(NAMES)
+        writer.writerows([_shown(value) for value in structs.astuple(cycle)] for cycle in cycles)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _shown(value: float) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

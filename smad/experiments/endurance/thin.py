@@ -1,0 +1,67 @@
+"""A run log with every n-th cycle in full and nothing of the rest."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from smad.runlog.reader import Run, read_run
+from smad.runlog.schema import MISSING_INTEGER, Event, Record, Row
+from smad.runlog.writer import write_run
+
+
+@dataclass(frozen=True)
+class Thinned:
+    """What became of a log."""
+
+    path: Path
+    rows_before: int
+    rows: int
+
+
+def thin(path: Path, stretches: Sequence[tuple[int, int]], note: str) -> Thinned:
+    """Replace the log by one with these samples (first, last excluded) and all of its events.
+
+    The new log is on the disk whole before the old one goes. Raises RunLogError.
+    """
+    run = read_run(path)
+    draft = path.with_name(f"{path.stem}.thin{path.suffix}")
+    draft.unlink(missing_ok=True)
+    kept = np.zeros(len(run), bool)
+    for begin, end in stretches:
+        kept[begin:end] = True
+    rows = [_row(run, int(place)) for place in np.flatnonzero(kept)]
+    records: list[Record] = sorted([*rows, *run.events], key=lambda record: record.t_s or 0.0)
+    records.append(Event(t_s=run.columns["t_s"][-1], kind="note", text=note))
+    header = msgspec.structs.replace(run.header, notes=[*run.header.notes, note])
+    write_run(draft, header, records)
+    _to_disk(draft)
+    draft.replace(path)
+    _to_disk(path.parent)
+    return Thinned(path, len(run), len(rows))
+
+
+def _row(run: Run, place: int) -> Row:
+    values = {name: column[place].item() for name, column in run.columns.items()}
+    return Row(
+        **{
+            name: value
+            for name, value in values.items()
+            if not (isinstance(value, float) and math.isnan(value))
+            and not (isinstance(value, int) and value == MISSING_INTEGER)
+        }
+    )
+
+
+def _to_disk(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

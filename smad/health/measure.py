@@ -1,0 +1,129 @@
+"""What a recorded run says of the bench: stroke, force, resistances, cooling, gains."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smad.config import parse_config
+from smad.errors import ConfigError, RunLogError
+from smad.health.record import Row, Value
+from smad.queue.meter import Meter
+from smad.runlog.reader import Run, read_run
+from smad.runlog.schema import Row as Sample
+
+Array = NDArray[np.float64]
+LEAST_A = 0.3
+LEAST_STROKE_MM = 0.5
+LEAST_SAMPLES = 50
+LEAST_EXCESS_K = 3.0
+"""Cooling is fitted while a spring is so much warmer than the water."""
+COOLED_DUTY = 0.5
+_DIGITS = re.compile(r"[-_]?\d+$")
+"""At the end of a run's name: of blocks and repeats, which are one group."""
+
+
+def row_of(path: Path) -> Row | None:
+    """Return the row of a run log; None for one that was cut, is written, or shows nothing.
+
+    Raises RunLogError when it cannot be read.
+    """
+    run = read_run(path)
+    if run.cut_short or run.being_written or len(run) < LEAST_SAMPLES:
+        return None
+    values = dict(_values(run))
+    if not values:
+        return None
+    return Row(
+        unix_s=run.header.started_unix_s or path.stat().st_mtime,
+        kind="run",
+        source=path.name,
+        group=_DIGITS.sub("", run.header.name) or "run",
+        bench=_bench(run.header.configuration),
+        cycles=cycles_of(run.columns),
+        values=values,
+    )
+
+
+def cycles_of(columns: Mapping[str, NDArray[np.generic]]) -> float:
+    """Return the cycles of displacement, counted as a queue's budget counts them."""
+    meter = Meter()
+    displacement = np.asarray(columns["displacement_mm"], float)
+    for t_s, place_mm in zip(np.asarray(columns["t_s"], float), displacement, strict=True):
+        meter.sample(Sample(t_s=t_s, displacement_mm=None if np.isnan(place_mm) else place_mm))
+    return meter.taken().cycles
+
+
+def _values(run: Run) -> Iterator[tuple[str, Value]]:
+    columns = {name: np.asarray(column, float) for name, column in run.columns.items()}
+    displacement = columns["displacement_mm"]
+    finite = displacement[np.isfinite(displacement)]
+    if len(finite):
+        low, high = np.percentile(finite, (1.0, 99.0))
+        if high - low > LEAST_STROKE_MM:
+            yield "stroke_mm", Value(float(high - low))
+        # Where the springs stand before anything was heated.
+        yield "rest_mm", Value(float(np.median(finite[:20])))
+    force = columns["force_N"][np.isfinite(columns["force_N"])]
+    if len(force):
+        yield "force_max_N", Value(float(np.percentile(force, 99.0)))
+    for spring in ("x", "y"):
+        yield from _resistance(columns, spring)
+        yield from _cooling(columns, spring)
+    yield from ((f"gain_{name}", Value(gain)) for name, gain in run.header.gains.items())
+
+
+def _resistance(columns: Mapping[str, Array], spring: str) -> Iterator[tuple[str, Value]]:
+    current_A, volts = columns[f"i_meas_{spring}_A"], columns[f"v_{spring}_V"]
+    heated = (current_A > LEAST_A) & np.isfinite(volts)
+    if np.count_nonzero(heated) < LEAST_SAMPLES:
+        return
+    ratio = volts[heated] / current_A[heated]
+    yield f"resistance_{spring}_ohm", Value(float(np.median(ratio)))
+
+
+def _cooling(columns: Mapping[str, Array], spring: str) -> Iterator[tuple[str, Value]]:
+    """Rate constant of a spring under full water, 1/s: the pump and the film together.
+
+    From -d(T − T_water)/dt = c (T − T_water), least squares over all samples that qualify.
+    """
+    warm, water = columns[f"rtd_{spring}_degC"], columns["rtd_inlet_degC"]
+    duty = columns[f"duty_{spring}"]
+    off = columns[f"i_meas_{spring}_A"] < 0.5 * LEAST_A
+    excess_K = warm - water
+    chosen = off & (duty > COOLED_DUTY) & (excess_K > LEAST_EXCESS_K)
+    if np.count_nonzero(chosen) < LEAST_SAMPLES:
+        return
+    width = 25
+    t_s = columns["t_s"]
+    places = np.flatnonzero(chosen[:-width] & chosen[width:])
+    places = places[np.abs(t_s[places + width] - t_s[places] - 0.01 * width) < 0.01 * width]
+    if len(places) < LEAST_SAMPLES:
+        return
+    rate = np.log(excess_K[places] / excess_K[places + width]) / (t_s[places + width] - t_s[places])
+    yield f"cooling_{spring}_per_s", Value(float(np.median(rate)))
+
+
+def _bench(configuration: str) -> str:
+    if not configuration:
+        return ""
+    try:
+        return parse_config(configuration).daemon.bench
+    except ConfigError:
+        # Written by another version.
+        return ""
+
+
+def new_rows(folder: Path, known: set[str]) -> Iterator[tuple[Path, Row | RunLogError | None]]:
+    """Yield each run log of a folder that has no row yet, with its row or why there is none."""
+    for path in sorted(folder.glob("*.mcap")):
+        if path.name in known or ".recovered" in path.name:
+            continue
+        try:
+            yield path, row_of(path)
+        except RunLogError as error:
+            yield path, error

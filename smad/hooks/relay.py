@@ -1,0 +1,144 @@
+"""The supply of the heaters through a relay that falls when the daemon's heartbeat ends.
+
+The board's watchdog needs a board that works; this one needs only a computer and a relay that is
+off by itself. It closes the relay once, when a person starts it, and never again.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import signal
+import subprocess
+import urllib.parse
+import urllib.request
+from collections.abc import Sequence
+from typing import Protocol
+
+from firmware_protocol.enums import BoardState
+from smad.errors import SmadError
+
+SILENT_S = 1.0
+"""The supply is cut when no sample came for so long."""
+RENEW_S = 0.4
+PULSE_DECISECONDS = 15
+"""A Tasmota plug switches itself off so many tenths of a second after the last renewal."""
+_HTTP_S = 0.4
+_END_S = 1.0
+_PR_SET_PDEATHSIG = 1
+_CUT_IN = (BoardState.FAULT, BoardState.ESTOP)
+
+
+class RelayError(SmadError):
+    """The relay cannot be switched."""
+
+
+class Relay(Protocol):
+    """A relay that is off by default."""
+
+    def renew(self) -> None:
+        """Switch on, or keep on, for a short time. Raises RelayError."""
+
+    def cut(self) -> None:
+        """Switch off. Raises RelayError."""
+
+
+class Heartbeat:
+    """Says why the supply must be cut, if it must. Pure: times are arguments."""
+
+    def __init__(self, silent_s: float = SILENT_S) -> None:
+        self._silent_s = silent_s
+        self._last_s: float | None = None
+        self._stopped_in: BoardState | None = None
+
+    @property
+    def began(self) -> bool:
+        """Whether any sample has come."""
+        return self._last_s is not None
+
+    def beat(self, now_s: float, mode: int | None) -> None:
+        """A sample came, with the state of the board."""
+        self._last_s = now_s
+        if mode in _CUT_IN:
+            # For good: another axis may be in order.
+            self._stopped_in = BoardState(mode)
+
+    def reason(self, now_s: float) -> str:
+        """Return why the supply must be cut; empty while it may be on."""
+        if self._last_s is None:
+            return "no sample has come from the daemon"
+        if now_s - self._last_s >= self._silent_s:
+            return f"no sample came from the daemon for {now_s - self._last_s:.1f} s"
+        if self._stopped_in is not None:
+            return f"the board is in {self._stopped_in.name}"
+        return ""
+
+
+class TasmotaRelay:
+    """A plug with Tasmota's firmware: `PulseTime` lets it fall when it is not renewed."""
+
+    def __init__(self, address: str) -> None:
+        self._address = address.rstrip("/")
+
+    def renew(self) -> None:
+        """Switch on for a second and a half. Raises RelayError."""
+        self._ask(f"Backlog PulseTime1 {PULSE_DECISECONDS}; Power1 ON")
+
+    def cut(self) -> None:
+        """Switch off. Raises RelayError; the plug then falls by itself."""
+        self._ask("Power1 OFF")
+
+    def _ask(self, command: str) -> None:
+        query = urllib.parse.urlencode({"cmnd": command})
+        try:
+            with urllib.request.urlopen(f"{self._address}/cm?{query}", timeout=_HTTP_S) as reply:
+                reply.read(4096)
+        except (OSError, ValueError) as error:
+            raise RelayError(
+                f"the plug does not answer: {error}",
+                value=self._address,
+                action="check its address; it falls by itself",
+            ) from None
+
+
+class HoldingRelay:
+    """A command that keeps the relay on while it runs, such as `gpioset` on a GPIO line."""
+
+    def __init__(self, command: Sequence[str]) -> None:
+        self._command = tuple(command)
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def renew(self) -> None:
+        """Begin the command, the first time. Raises RelayError when it has ended."""
+        if self._process is None:
+            try:
+                self._process = subprocess.Popen(
+                    self._command,
+                    stdin=subprocess.DEVNULL,
+                    start_new_session=True,
+                    # It must not outlive us: a relay that nobody watches would stay on.
+                    preexec_fn=_end_with_parent,  # noqa: PLW1509 (no thread of Python runs here)
+                )
+            except OSError as error:
+                raise RelayError(
+                    f"{self._command[0]} cannot be begun: {error.strerror}",
+                    action="install it, or name another",
+                ) from None
+        if (status := self._process.poll()) is not None:
+            raise RelayError(
+                f"{self._command[0]} ended, and with it the supply", value=f"status {status}"
+            )
+
+    def cut(self) -> None:
+        """End the command, killed if it does not end."""
+        if self._process is None:
+            return
+        self._process.terminate()
+        try:
+            self._process.wait(_END_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+
+def _end_with_parent() -> None:
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)

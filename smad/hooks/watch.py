@@ -1,0 +1,122 @@
+"""Looks at the bench and at its queue four times a second, and lets hooks know what happened."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from smad.client import Client
+from smad.config import HooksConfig, parse_config
+from smad.errors import SmadError
+from smad.hooks.commands import HookCommands
+from smad.hooks.events import Detector, Look
+from smad.queue.lease import RunnerLease
+from smad.queue.states import Snapshot
+from smad.queue.store import FILE, Message, Store
+
+POLL_S = 0.25
+TIMEOUT_S = 0.5
+HOOKS = ("on_fault", "on_stop", "on_link_lost", "on_queue_end", "on_disk_low")
+
+
+class Watcher:
+    """A client that only looks. `folder` is that of the queue, once it is known."""
+
+    def __init__(self, bench: str, folder: Path | None) -> None:
+        self._bench = bench
+        self._folder = folder
+        self._client: Client | None = None
+        self._store: Store | None = None
+        self._last_message = 0
+
+    def config(self) -> HooksConfig:
+        """Return the hooks of the daemon's configuration. Raises SmadError."""
+        with Client(self._bench) as client:
+            return parse_config(client.config()).hooks
+
+    def look(self) -> Look:
+        """Return what bench, disk and queue show now."""
+        status = None
+        try:
+            if self._client is None:
+                self._client = Client(self._bench, timeout_s=TIMEOUT_S)
+            status = self._client.status()
+            if self._folder is None and status.recorder.folder:
+                self._folder = Path(status.recorder.folder)
+        except SmadError:
+            self._disconnect()
+        look = Look(unix_s=time.time(), clock_s=time.monotonic(), status=status)
+        if self._folder is None:
+            return look
+        snapshot: Snapshot | None = None
+        messages: tuple[Message, ...] = ()
+        with contextlib.suppress(SmadError):
+            store = self._opened()
+            if store is not None:
+                snapshot, messages = store.snapshot(), self._new_messages(store)
+        return Look(
+            unix_s=look.unix_s,
+            clock_s=look.clock_s,
+            status=status,
+            free_MB=_free_MB(self._folder),
+            snapshot=snapshot,
+            messages=messages,
+            has_runner=RunnerLease(self._folder).runs(),
+        )
+
+    def close(self) -> None:
+        """Give sockets and file back."""
+        self._disconnect()
+        if self._store is not None:
+            self._store.close()
+
+    def _disconnect(self) -> None:
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+
+    def _opened(self) -> Store | None:
+        assert self._folder is not None
+        if self._store is None and (self._folder / FILE).exists():
+            self._store = Store(self._folder / FILE)
+            earlier = self._store.messages()
+            self._last_message = earlier[-1].id if earlier else 0
+        return self._store
+
+    def _new_messages(self, store: Store) -> tuple[Message, ...]:
+        found = store.messages(after=self._last_message)
+        if found:
+            self._last_message = found[-1].id
+        return found
+
+
+def watch(
+    watcher: Watcher, detector: Detector, commands: HookCommands, say: Callable[[str], None]
+) -> None:
+    """Watch for ever."""
+    while True:
+        for event in detector.events(watcher.look()):
+            say(f"{event.event}: {event.text}")
+            commands.fire(event)
+        commands.tick()
+        time.sleep(POLL_S)
+
+
+def commands_of(config: HooksConfig, say: Callable[[str], None]) -> HookCommands:
+    """Return the commands of a configuration."""
+    return HookCommands(
+        {name: getattr(config, name) for name in HOOKS},
+        timeout_s=config.timeout_s,
+        say=say,
+        clock_s=time.monotonic,
+    )
+
+
+def _free_MB(folder: Path) -> float | None:
+    try:
+        return shutil.disk_usage(folder).free / 1e6
+    except OSError:
+        return None

@@ -1,0 +1,273 @@
+"""What happens next to a queue: pure functions from a snapshot, an event and the time.
+
+Rule 1: everything that decides about items is here. Rule 2: nothing here reads a clock or a file.
+Each function returns a `Change`: the records to write in one transaction, and then, only after
+that, the actions to carry out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal
+
+import msgspec
+from msgspec import Struct
+
+from smad.queue.errors import QueueError
+from smad.queue.states import Arming, Item, Snapshot, State, Usage, moved
+
+STOPPED, TRIPPED, LOST = 3, 4, 5
+"""Exit statuses of an item's process: somebody stopped the bench; a fault; no daemon any more."""
+
+
+class StartItem(Struct, frozen=True):
+    """Begin the process of an item that is written as running."""
+
+    item: Item
+
+
+class EndItem(Struct, frozen=True):
+    """Ask the process of the running item to disarm and end."""
+
+    item: Item
+    reason: str
+
+
+class Tell(Struct, frozen=True):
+    """Something happened that people want to hear of: an item ended, or the queue paused."""
+
+    event: Literal["item_ended", "queue_ended", "queue_paused"]
+    text: str
+    item: Item | None = None
+
+
+Action = StartItem | EndItem | Tell
+
+
+class Bench(Struct, frozen=True):
+    """Whether an item may begin on the bench now; `trouble` says why not without a person.
+
+    Neither ready nor in trouble: it cools, or somebody uses it, and the queue waits.
+    """
+
+    ready: bool
+    trouble: str = ""
+
+
+class Change(Struct, frozen=True, kw_only=True):
+    """What to write, and what to do afterwards. `after` is the snapshot once it is written."""
+
+    after: Snapshot
+    items: tuple[Item, ...] = ()
+    actions: tuple[Action, ...] = ()
+
+
+class Ending(Struct, frozen=True):
+    """What an exit status makes of an item, and why the queue then pauses, if it does."""
+
+    state: State
+    pauses: bool
+    reason: str
+
+
+ENDINGS: Mapping[int, Ending] = {
+    0: Ending(State.DONE, pauses=False, reason=""),
+    STOPPED: Ending(State.INTERRUPTED, pauses=True, reason="the bench was stopped"),
+    TRIPPED: Ending(State.FAILED, pauses=True, reason="a fault or a limit stopped the bench"),
+    LOST: Ending(State.INTERRUPTED, pauses=True, reason="the daemon does not answer"),
+}
+_ERROR = Ending(State.FAILED, pauses=False, reason="it ended with an error")
+_KILLED = Ending(State.INTERRUPTED, pauses=True, reason="its process was killed")
+_KILLED_BY_SHELL = 128
+
+
+def ending_of(status: int) -> Ending:
+    """Return what an exit status means; negative, or above 128, a signal ended the process."""
+    if status < 0 or status > _KILLED_BY_SHELL:
+        return _KILLED
+    return ENDINGS.get(status, _ERROR)
+
+
+def recover(snapshot: Snapshot, now_unix_s: float) -> Change:
+    """Return the change for a runner that begins: what was running is interrupted, never rerun."""
+    item = snapshot.running
+    if item is None:
+        if snapshot.mode == "paused":
+            return Change(after=snapshot)
+        return paused(snapshot, "the runner was started anew")
+    reason = f"the runner ended while item {item.id} ran"
+    ended = moved(item, State.INTERRUPTED, reason, ended_unix_s=now_unix_s)
+    after = _with_items(snapshot, ended)
+    return _merged(
+        Change(after=after, items=(ended,), actions=(_item_ended(ended),)), paused(after, reason)
+    )
+
+
+def paused(snapshot: Snapshot, reason: str, *, end_item: bool = False) -> Change:
+    """Return the change that pauses the queue, and with `end_item` ends what runs."""
+    item = snapshot.running
+    ends = end_item and item is not None
+    after = msgspec.structs.replace(
+        snapshot, mode="paused", reason=reason, arming=None, end_item=ends or snapshot.end_item
+    )
+    actions: tuple[Action, ...] = (Tell("queue_paused", reason),)
+    if ends and item is not None:
+        actions = (EndItem(item, reason), *actions)
+    return Change(after=after, actions=actions)
+
+
+def resumed(snapshot: Snapshot, arming: Arming) -> Change:
+    """Return the change that arms the queue. Raises QueueError while an item still runs."""
+    if snapshot.mode == "running":
+        raise QueueError("the queue is running already", action="pause it first")
+    if snapshot.running is not None:
+        raise QueueError(
+            f"item {snapshot.running.id} is still running",
+            action="wait for its end, or smad queue pause --now",
+        )
+    after = msgspec.structs.replace(
+        snapshot, mode="running", reason="", arming=arming, end_item=False
+    )
+    return Change(after=after)
+
+
+def used(snapshot: Snapshot, usage: Usage) -> Change:
+    """Return the change that adds what was used since the last one."""
+    if snapshot.arming is None:
+        return Change(after=snapshot)
+    arming = msgspec.structs.replace(snapshot.arming, usage=snapshot.arming.usage + usage)
+    return Change(after=msgspec.structs.replace(snapshot, arming=arming))
+
+
+def limit_reached(arming: Arming, now_unix_s: float) -> str:
+    """Return which limit of the arming is reached, in words; empty while none is."""
+    usage, budget = arming.usage, arming.budget
+    hours = usage.seconds / 3600.0
+    if now_unix_s >= arming.end_unix_s or usage.seconds >= arming.longest_s:
+        return "the end time of the arming has come"
+    if budget.energy_J is not None and usage.energy_J >= budget.energy_J:
+        return f"the budget of energy is used up ({usage.energy_J / 1e3:.1f} kJ)"
+    if budget.cycles is not None and usage.cycles >= budget.cycles:
+        return f"the budget of cycles is used up ({usage.cycles:.0f})"
+    if budget.hours is not None and hours >= budget.hours:
+        return f"the budget of hours is used up ({hours:.2f} h)"
+    return ""
+
+
+def candidate(snapshot: Snapshot) -> Item | None:
+    """Return the item that would start now, if nothing speaks against it."""
+    if snapshot.mode != "running" or snapshot.running is not None or not snapshot.queued:
+        return None
+    return snapshot.queued[0]
+
+
+def step(
+    snapshot: Snapshot,
+    now_unix_s: float,
+    bench: Bench,
+    *,
+    refused: Mapping[int, str] | None = None,
+) -> Change:
+    """Return what happens now: an item begins, is ended by a limit, or the queue ends.
+
+    `refused` has the items that were looked at just now and cannot start, each with the reason.
+    """
+    if snapshot.mode == "paused":
+        item = snapshot.running
+        if item is None or not snapshot.end_item:
+            return Change(after=snapshot)
+        return Change(after=snapshot, actions=(EndItem(item, snapshot.reason),))
+    assert snapshot.arming is not None
+    limit = limit_reached(snapshot.arming, now_unix_s)
+    if limit:
+        return paused(snapshot, limit, end_item=True)
+    if snapshot.running is not None:
+        return Change(after=snapshot)
+    item = candidate(snapshot)
+    if item is None:
+        return _queue_ended(snapshot)
+    if item.id not in snapshot.arming.items:
+        return paused(snapshot, f"item {item.id} was added after the queue was armed")
+    if refused and item.id in refused:
+        failed = moved(item, State.FAILED, refused[item.id], ended_unix_s=now_unix_s)
+        return Change(
+            after=_with_items(snapshot, failed), items=(failed,), actions=(_item_ended(failed),)
+        )
+    if item.on_bench and not bench.ready:
+        return paused(snapshot, bench.trouble) if bench.trouble else Change(after=snapshot)
+    started = moved(item, State.RUNNING, started_unix_s=now_unix_s)
+    return Change(
+        after=_with_items(snapshot, started), items=(started,), actions=(StartItem(started),)
+    )
+
+
+def ended(
+    snapshot: Snapshot, number: int, status: int, now_unix_s: float, *, said: str = ""
+) -> Change:
+    """Return the change for the end of an item's process; `said` is the last line it printed."""
+    item = snapshot.item(number)
+    ending = ending_of(status)
+    # What a killed process said last is where it was, not why it ended.
+    words = ending.reason if ending is _KILLED else said or ending.reason
+    if snapshot.end_item and status != 0:
+        # Asked to end, by a person or a limit: that is the reason, not what the process said of it.
+        ending, words = Ending(State.INTERRUPTED, True, snapshot.reason), snapshot.reason
+    over = moved(item, ending.state, words, ended_unix_s=now_unix_s, exit_status=status)
+    after = msgspec.structs.replace(_with_items(snapshot, over), end_item=False)
+    change = Change(after=after, items=(over,), actions=(_item_ended(over),))
+    if not ending.pauses or snapshot.mode == "paused":
+        return change
+    return _merged(change, paused(after, f"item {number}: {words}"))
+
+
+def removed(snapshot: Snapshot, number: int, now_unix_s: float) -> Change:
+    """Return the change that takes a queued item away. Raises QueueError for any other."""
+    item = snapshot.item(number)
+    if item.state is State.RUNNING:
+        raise QueueError(
+            f"item {number} is running", action="smad queue pause --now ends it; nothing changed"
+        )
+    gone = moved(item, State.REMOVED, "removed", ended_unix_s=now_unix_s)
+    return Change(after=_with_items(snapshot, gone), items=(gone,))
+
+
+def placed(snapshot: Snapshot, number: int, place: int) -> Change:
+    """Return the change that makes a queued item the `place`-th of those that wait, from 1."""
+    item = snapshot.item(number)
+    if item.state is not State.QUEUED:
+        raise QueueError(
+            f"item {number} is {item.state}", limit="a queued item", action="nothing was changed"
+        )
+    others = [other for other in snapshot.queued if other.id != number]
+    if not 1 <= place <= len(others) + 1:
+        raise QueueError("there is no such place", value=place, limit=f"1 to {len(others) + 1}")
+    order = [*others[: place - 1], item, *others[place - 1 :]]
+    items = tuple(
+        msgspec.structs.replace(entry, position=float(position))
+        for position, entry in enumerate(order, 1)
+    )
+    return Change(after=_with_items(snapshot, *items), items=items)
+
+
+def _queue_ended(snapshot: Snapshot) -> Change:
+    change = paused(snapshot, "every item has ended")
+    return Change(after=change.after, actions=(Tell("queue_ended", "every item has ended"),))
+
+
+def _item_ended(item: Item) -> Tell:
+    why = f": {item.reason}" if item.reason else ""
+    return Tell("item_ended", f"item {item.id} ({item.title}) {item.state}{why}", item)
+
+
+def _with_items(snapshot: Snapshot, *changed: Item) -> Snapshot:
+    by_number = {item.id: item for item in changed}
+    items = tuple(by_number.get(item.id, item) for item in snapshot.items)
+    return msgspec.structs.replace(snapshot, items=items)
+
+
+def _merged(first: Change, second: Change) -> Change:
+    return Change(
+        after=second.after,
+        items=(*first.items, *second.items),
+        actions=(*first.actions, *second.actions),
+    )

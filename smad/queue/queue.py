@@ -1,0 +1,180 @@
+"""A queue as a program sees it: add, look, move, remove, arm, pause. The runner is another process.
+
+What needs the command line's own checks goes through it: `add` runs `smad queue add`.
+"""
+
+from __future__ import annotations
+
+import json
+import secrets
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import msgspec
+
+from smad.client import Client
+from smad.errors import SmadError
+from smad.queue import arming, machine
+from smad.queue.errors import ArmingError, QueueError
+from smad.queue.lease import RunnerLease
+from smad.queue.machine import Change
+from smad.queue.states import Budget, Item, Snapshot
+from smad.queue.store import FILE, Message, Proposal, Store
+
+_ALPHABET = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"
+"""Of codes that people type: nothing that looks like something else."""
+_DAEMON_S = 1.0
+
+
+def folder_of(bench: str = "bench") -> Path:
+    """Return the folder of the queue: where the daemon records, without one `runs` from here."""
+    try:
+        with Client(bench, timeout_s=_DAEMON_S) as client:
+            folder = client.status().recorder.folder
+    except SmadError:
+        folder = ""
+    return Path(folder or "runs")
+
+
+class Queue:
+    """The queue in `folder`, by default where the daemon of `bench` keeps its run logs.
+
+    Raises StoreError when its file cannot be used.
+    """
+
+    def __init__(
+        self,
+        folder: str | Path | None = None,
+        *,
+        bench: str = "bench",
+        wall_s: Callable[[], float] = time.time,
+    ) -> None:
+        self.folder = Path(folder) if folder is not None else folder_of(bench)
+        self.bench = bench
+        self.store = Store(self.folder / FILE)
+        self._wall_s = wall_s
+
+    def __enter__(self) -> Queue:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        self.store.close()
+
+    def snapshot(self) -> Snapshot:
+        """Return items, mode, and what the arming allows and has used."""
+        return self.store.snapshot()
+
+    @property
+    def has_runner(self) -> bool:
+        """Whether a runner is there to carry the queue out."""
+        return RunnerLease(self.folder).runs()
+
+    def messages(self, after: int = 0) -> tuple[Message, ...]:
+        """Return what happened, oldest first; `after` a message's number, what came since."""
+        return self.store.messages(after)
+
+    def add(self, kind: str, *words: str, repeat: int = 1) -> tuple[Item, ...]:
+        """Add a command, checked as the command line checks it; `repeat` adds it so many times.
+
+        `kind` is run, tune, checkup or move; `words` follow it as after `smad queue add`. Raises
+        QueueError with what the command line says.
+        """
+        command = [sys.executable, "-m", "smad", "queue", "add", "--json", f"--repeat={repeat}"]
+        command += [f"--folder={self.folder}", f"--bench={self.bench}", kind, *words]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise QueueError(done.stderr.strip().removeprefix("smad: ") or "it was refused")
+        return tuple(msgspec.convert(entry, Item) for entry in json.loads(done.stdout))
+
+    def add_checked(self, items: Sequence[Item]) -> tuple[Item, ...]:
+        """Append items that were checked."""
+        now_s = self._wall_s()
+        return self.store.add([msgspec.structs.replace(item, added_unix_s=now_s) for item in items])
+
+    def again(self, number: int) -> Item:
+        """Add an item anew that has ended; nothing of the old one changes."""
+        old = self.snapshot().item(number)
+        if not old.ended_unix_s:
+            raise QueueError(f"item {number} has not ended", action="nothing was added")
+        item = Item(
+            id=0,
+            position=0.0,
+            kind=old.kind,
+            title=old.title,
+            words=old.words,
+            folder=old.folder,
+            on_bench=old.on_bench,
+        )
+        return self.add_checked([item])[0]
+
+    def remove(self, number: int) -> Change:
+        """Take a queued item away. Raises QueueError for any other."""
+        return self.store.change(lambda s: machine.removed(s, number, self._wall_s()))
+
+    def move(self, number: int, place: int) -> Change:
+        """Make a queued item the `place`-th of those that wait, from 1. Raises QueueError."""
+        return self.store.change(lambda s: machine.placed(s, number, place))
+
+    def pause(self, reason: str = "paused by hand", *, now: bool = False) -> Change:
+        """Let nothing more begin; `now` ends what runs, in order."""
+        change = self.store.change(lambda s: machine.paused(s, reason, end_item=now))
+        self.store.say("queue_paused", reason, None, self._wall_s())
+        return change
+
+    def propose(self, end_unix_s: float, budget: Budget) -> Proposal:
+        """First step of arming: what would run until then, under a code. Raises ArmingError."""
+        proposal = arming.propose(
+            self.snapshot(),
+            code="".join(secrets.choice(_ALPHABET) for _ in range(4)),
+            now_unix_s=self._wall_s(),
+            end_unix_s=end_unix_s,
+            budget=budget,
+            generation=self._generation(),
+        )
+        self.store.propose(proposal)
+        return proposal
+
+    def confirm(self, code: str) -> Snapshot:
+        """Second step: the queue runs. Raises ArmingError, also without a runner.
+
+        A runner that begins pauses an armed queue, since it cannot know what happened before.
+        """
+        if not self.has_runner:
+            raise ArmingError(
+                "the queue has no runner", action="start smad queue run first; nothing was armed"
+            )
+        proposal, generation = self.store.proposal(), self._generation()
+        change = self.store.change(
+            lambda s: arming.confirm(
+                s, proposal, code, now_unix_s=self._wall_s(), generation=generation
+            )
+        )
+        self.store.propose(None)
+        return change.after
+
+    def _generation(self) -> int | None:
+        try:
+            with Client(self.bench, timeout_s=_DAEMON_S) as client:
+                return client.motion().generation
+        except SmadError:
+            return None
+
+
+def record_of(item: Item) -> Mapping[str, Any]:
+    """Return an item as JSON has it."""
+    record: Mapping[str, Any] = msgspec.to_builtins(item)
+    return record

@@ -1,0 +1,104 @@
+"""The channels of a run log in a table that was made elsewhere, in the units of the schema."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smad.errors import LogImportError
+from smad.records.column_names import Assignment, ColumnRule, assign
+from smad.records.tables import ForeignTable, open_table
+from smad.records.units import convert
+from smad.runlog.bounds import Together
+from smad.runlog.schema import CHANNELS
+
+
+@dataclass(frozen=True)
+class Channels:
+    """Channels, missing samples NaN, which column each is, and in words what was not read."""
+
+    columns: dict[str, NDArray[np.float64]]
+    assignment: Assignment
+    notes: tuple[str, ...]
+
+
+def read_channels(path: Path, together: Together | None = None) -> Channels:
+    """Channels of the table of one run, which may hold no more than a run can.
+
+    `together` counts the runs that are held at once. Raises LogImportError for a file that cannot
+    be used, RunLogError for one too many.
+    """
+    table = open_table(path)
+    if together is not None:
+        together.take(path, rows=table.most_rows, columns=min(len(table.names), len(CHANNELS)))
+    return channels_of(table)
+
+
+def channels_of(table: ForeignTable, rules: Mapping[str, ColumnRule] | None = None) -> Channels:
+    """Channels of a table. Raises LogImportError for one that cannot be used."""
+    assignment = assign(table.names, rules or {})
+    columns = _converted(table, assignment)
+    _check_time(table, assignment, columns)
+    return Channels(columns, assignment, table.notes)
+
+
+def held(column: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The column, shape (n,), with each number in force until the next; NaN before the first."""
+    known = np.isfinite(column)
+    last = np.maximum.accumulate(np.where(known, np.arange(len(column)), -1))
+    return np.where(last < 0, np.nan, column[last])
+
+
+def _converted(table: ForeignTable, assignment: Assignment) -> dict[str, NDArray[np.float64]]:
+    columns = {}
+    if "t_s" not in {rule.channel for rule in assignment.rules.values()}:
+        raise LogImportError(
+            f"{table.path} has no time column",
+            value=", ".join(table.names),
+            limit="t_s, time_s, time_ms …",
+            action="name the column time_s, or use a mapping file",
+        )
+    for name, values in table.columns(assignment.rules):
+        rule = assignment.rules[name]
+        channel = CHANNELS[rule.channel]
+        converted = convert(values * rule.scale + rule.offset, rule.unit, channel.unit)
+        if rule.hold:
+            converted = held(converted)
+        if channel.kind == "integer":
+            bad = np.flatnonzero((converted < 0) | (converted != np.rint(converted)))
+            bad = bad[~np.isnan(converted[bad])]
+            if len(bad):
+                raise LogImportError(
+                    f"{table.path}, {table.place_of(int(bad[0]))}: column {name!r} holds "
+                    "counts or bits",
+                    value=float(converted[bad[0]]),
+                    limit="whole numbers from 0",
+                    action="correct the value",
+                )
+        columns[rule.channel] = converted
+    return {name: columns[name] for name in CHANNELS if name in columns}
+
+
+def _check_time(
+    table: ForeignTable, assignment: Assignment, columns: Mapping[str, NDArray[np.float64]]
+) -> None:
+    t_s = columns["t_s"]
+    name = next(n for n, rule in assignment.rules.items() if rule.channel == "t_s")
+    empty = np.flatnonzero(np.isnan(t_s))
+    if len(empty):
+        raise LogImportError(
+            f"{table.path}, {table.place_of(int(empty[0]))}: time column {name!r} is empty",
+            action="fill it, or remove the row",
+        )
+    back = np.flatnonzero(np.diff(t_s) <= 0)
+    if len(back):
+        row = int(back[0]) + 1
+        raise LogImportError(
+            f"{table.path}, {table.place_of(row)}: time does not increase",
+            value=f"{t_s[row]:.9g} s after {t_s[row - 1]:.9g} s",
+            action="sort the rows, and remove repeated ones",
+        )

@@ -1,0 +1,166 @@
+"""The head of a CSV file: what stands before the numbers, and which of it names the columns.
+
+Spreadsheets and loggers write a title, comments, `sep=;`, or a row of units around the names. The
+names are the first line that has as many cells as the first row of numbers; where that is the first
+line of all, they may stand in the last comment (as numpy's savetxt writes them).
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+from smad.errors import LogImportError
+from smad.records.units import is_unit
+from smad.runlog.bounds import MOST_HEAD_CHARACTERS, require_bounded
+
+DELIMITERS: tuple[str, ...] = (",", ";", "\t", " ")
+_COMMENT = re.compile(r"\s*(#|%|//)+\s?")
+_SEPARATOR = re.compile(r"\s*\"?sep=(?P<delimiter>.)\"?\s*$", re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?[\d.,']*\d[\d.,']*(e[+-]?\d+)?$", re.IGNORECASE)
+_TOKENS = re.compile(r"[;,\t ]+")
+_MOST_LINES = 1000
+
+
+@dataclass(frozen=True)
+class Head:
+    """Names of the columns, the number of their line, and how many lines the numbers come after.
+
+    `passed_over` says in words which lines were not read.
+    """
+
+    names: list[str]
+    names_line: int
+    lines: int
+    delimiter: str
+    passed_over: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Line:
+    number: int
+    text: str
+
+    def cells(self, delimiter: str) -> list[str]:
+        text = self.text.strip("\r\n")
+        text = text.strip() if delimiter == " " else text
+        return [c.strip() for c in next(csv.reader([text], delimiter=delimiter,
+                                                   skipinitialspace=True), [])]  # fmt: skip
+
+    @property
+    def holds_numbers(self) -> bool:
+        """Whether it begins with a number and most of it is numbers."""
+        words = [w.strip('"') for w in _TOKENS.split(self.text.strip()) if w.strip('"')]
+        numbers = [bool(_NUMBER.match(w)) for w in words]
+        return bool(numbers) and numbers[0] and sum(numbers) > len(numbers) / 2
+
+
+def read_head(path: Path, file: TextIO, delimiter: str = "") -> Head:
+    """The head of an opened file; `delimiter` empty: by what the file says or looks like.
+
+    Raises LogImportError for a file without a line, and for one without names.
+    """
+    told, comments, lines = _lines_before_numbers(path, file)
+    delimiter = delimiter or told
+    if not lines:
+        raise LogImportError(f"{path} is empty", action="there is nothing to import")
+    first = next((k for k, line in enumerate(lines) if line.holds_numbers), None)
+    if first == 0:
+        return _named_by_comment(path, comments, lines[0], delimiter)
+    numbers = lines[0] if first is None else lines[first]
+    before = lines[:1] if first is None else lines[:first]
+    delimiter = delimiter or _likely(path, before[-1], numbers)
+    width = len(_cells(path, numbers, delimiter))
+    at = next(
+        (k for k, line in enumerate(before) if len(_cells(path, line, delimiter)) == width), 0
+    )
+    names, last = _cells(path, before[at], delimiter), before[at]
+    between = before[at + 1 :]
+    if len(between) == 1 and _are_units(units := _cells(path, between[0], delimiter), names):
+        last = between[0]
+        names = [f"{n} [{u}]" if u and not n.endswith("]") else n
+                 for n, u in zip(names, (u.strip("[]()") for u in units), strict=True)]  # fmt: skip
+    _require_distinct(path, names, before[at].number)
+    passed = tuple(f"line {x.number} is no line of names: {x.text.strip()[:60]}"
+                   for x in before[:at])  # fmt: skip
+    return Head(names, before[at].number, last.number, delimiter, passed)
+
+
+def _lines_before_numbers(path: Path, file: TextIO) -> tuple[str, list[_Line], list[_Line]]:
+    """The delimiter that the file tells, its comments, and its lines up to the first numbers."""
+    told, comments, lines = "", list[_Line](), list[_Line]()
+    number, left = 0, MOST_HEAD_CHARACTERS
+    while number < _MOST_LINES and (text := file.readline(left + 1)):
+        number += 1
+        left -= len(text)
+        if left < 0 and not lines:
+            raise LogImportError(
+                f"{path}: its line of names does not end",
+                value=f"more than {MOST_HEAD_CHARACTERS} characters",
+                limit=f"{MOST_HEAD_CHARACTERS} characters",
+                action="leave out columns and comments that are not needed",
+            )
+        if left < 0:
+            break
+        line = _Line(number, text)
+        if number == 1 and (separator := _SEPARATOR.match(text)):
+            told = separator["delimiter"]
+        elif _COMMENT.match(text):
+            comments.append(_Line(number, _COMMENT.sub("", text, count=1)))
+        elif text.strip():
+            lines.append(line)
+            if line.holds_numbers:
+                break
+    return told, comments, lines
+
+
+def _named_by_comment(
+    path: Path, comments: Sequence[_Line], numbers: _Line, delimiter: str
+) -> Head:
+    delimiter = delimiter or _likely(path, numbers, numbers)
+    if comments:
+        names = _cells(path, comments[-1], delimiter)
+        if len(names) == len(_cells(path, numbers, delimiter)) and not comments[-1].holds_numbers:
+            _require_distinct(path, names, comments[-1].number)
+            return Head(names, comments[-1].number, numbers.number - 1, delimiter)
+    raise LogImportError(
+        f"{path}, line {numbers.number}: numbers stand where the names of the columns should be",
+        value=numbers.text.strip(),
+        action="write a line of names above them",
+    )
+
+
+def _likely(path: Path, names: _Line, numbers: _Line) -> str:
+    """The delimiter by which a line of names has as many cells as one of numbers."""
+    alike = [d for d in DELIMITERS
+             if 1 < len(_cells(path, names, d)) == len(_cells(path, numbers, d))]  # fmt: skip
+    known = alike or [d for d in DELIMITERS if d != " "]
+    return max(known, key=lambda d: (d != " ", names.text.count(d)))
+
+
+def _cells(path: Path, line: _Line, delimiter: str) -> list[str]:
+    require_bounded(path, columns=line.text.count(delimiter) + 1 if delimiter != " " else 0)
+    try:
+        return line.cells(delimiter)
+    except csv.Error as error:
+        raise LogImportError(
+            f"{path}, line {line.number}: {error}", action="write the names of the columns there"
+        ) from None
+
+
+def _are_units(cells: Sequence[str], names: Sequence[str]) -> bool:
+    words = [c.strip("[]()") for c in cells]
+    return len(words) == len(names) and any(words) and all(not w or is_unit(w) for w in words)
+
+
+def _require_distinct(path: Path, names: Sequence[str], number: int) -> None:
+    twin = next((name for name, count in Counter(names).items() if count > 1), None)
+    if twin is not None:
+        raise LogImportError(
+            f"{path}, line {number}: two columns are named {twin!r}", action="rename one"
+        )

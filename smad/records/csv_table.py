@@ -1,0 +1,239 @@
+"""A CSV file as columns of numbers; whatever is wrong is told with its line."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import gzip
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TextIO, cast
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from smad.errors import LogImportError
+from smad.records.csv_head import Head, read_head
+from smad.runlog.bounds import DAMAGED, require_bounded_text
+
+if TYPE_CHECKING:
+    import pyarrow
+
+_NOTHING = ["", "nan", "NaN", "NAN", "NA", "null", "NULL", "None"]
+
+
+class CsvFormat(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How the numbers are written. `delimiter` empty: found in the head; `thousands`: no sign."""
+
+    delimiter: Literal["", ",", ";", "\t", " "] = ""
+    decimal: Literal[".", ","] = "."
+    thousands: Literal["", ".", ",", " ", "'"] = ""
+
+
+@dataclass(frozen=True)
+class CsvTable:
+    """The head of a CSV file, and how to read the rest. `most_rows`: how many there are at most."""
+
+    path: Path
+    head: Head
+    form: CsvFormat
+    most_rows: int
+
+    @property
+    def names(self) -> list[str]:
+        """The names of the columns."""
+        return self.head.names
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What of the head was not read, in words."""
+        return self.head.passed_over
+
+    def columns(self, wanted: Iterable[str]) -> Iterator[tuple[str, NDArray[np.float64]]]:
+        """The columns named, each of shape (rows,), NaN where a cell is empty.
+
+        Raises LogImportError for a row of another length, text in numbers, or no rows.
+        """
+        columns = {name: np.empty(self.most_rows) for name in wanted}
+        rows = 0
+        for batch in self._batches(list(columns)):
+            end = rows + batch.num_rows
+            if end > self.most_rows:
+                raise LogImportError(
+                    f"{self.path} became longer while it was read", action="try again"
+                )
+            for name, values in columns.items():
+                values[rows:end] = self._numbers(name, batch[name], rows)
+            rows = end
+        if not rows:
+            raise LogImportError(f"{self.path} holds no rows", action="there is nothing to import")
+        for name in tuple(columns):
+            yield name, columns.pop(name)[:rows]
+
+    def place_of(self, row: int) -> str:
+        """The line of the file on which that row (from 0) ends."""
+        return f"line {self._line_of(row)}"
+
+    def _line_of(self, row: int) -> int:
+        # Columns that nobody wants are not looked at before, so anything may stand in them.
+        with _opened(self.path, errors="replace") as file:
+            reader = csv.reader(_after(file, self.head.lines), delimiter=self.head.delimiter)
+            filled = (reader.line_num for cells in reader if cells)
+            with contextlib.suppress(csv.Error):
+                for number, line in enumerate(filled):
+                    if number == row:
+                        return self.head.lines + line
+            return self.head.lines + reader.line_num
+
+    def _batches(self, wanted: list[str]) -> Iterator[pyarrow.RecordBatch]:
+        """The columns as text, a megabyte of the file at a time."""
+        import pyarrow as pa
+        from pyarrow import csv as arrow_csv
+
+        packing = "gzip" if self.path.suffix.lower() == ".gz" else None
+        try:
+            yield from arrow_csv.open_csv(
+                pa.input_stream(str(self.path), compression=packing),
+                arrow_csv.ReadOptions(
+                    use_threads=False, skip_rows=self.head.lines, column_names=self.names
+                ),
+                arrow_csv.ParseOptions(delimiter=self.head.delimiter, newlines_in_values=False),
+                arrow_csv.ConvertOptions(
+                    include_columns=wanted,
+                    column_types=dict.fromkeys(self.names, pa.string()),
+                    null_values=_NOTHING,
+                    strings_can_be_null=True,
+                ),
+            )
+        except OSError as error:
+            raise LogImportError(
+                f"cannot read {self.path}: {error}", action="restore the file"
+            ) from error
+        except pa.ArrowInvalid as error:
+            if "Empty CSV" in str(error):
+                return
+            raise LogImportError(
+                f"{self.path} is no table: {self._first_bad_row() or error}",
+                action="correct the line",
+            ) from None
+
+    def _first_bad_row(self) -> str:
+        try:
+            with _opened(self.path) as file:
+                reader = csv.reader(_after(file, self.head.lines), delimiter=self.head.delimiter)
+                for cells in reader:
+                    if cells and len(cells) != len(self.names):
+                        line = self.head.lines + reader.line_num
+                        return f"line {line} has {len(cells)} cells, not {len(self.names)}"
+        except (csv.Error, UnicodeDecodeError, *DAMAGED) as error:
+            return str(error)
+        return ""
+
+    def _numbers(self, name: str, texts: pyarrow.Array, before: int) -> NDArray[np.float64]:
+        """The numbers of a piece of a column that `before` rows stand before."""
+        import pyarrow as pa
+        from pyarrow import compute
+
+        plain = compute.utf8_trim_whitespace(texts)
+        decimal, thousands = self.form.decimal, self.form.thousands
+        if thousands:
+            sign, point = re.escape(thousands), re.escape(decimal)
+            grouped = rf"^[+-]?\d{{1,3}}({sign}\d{{3}})+({point}\d*)?$"
+            self._require(name, plain, before, thousands, grouped)
+            plain = compute.replace_substring(plain, thousands, "")
+        if decimal == ",":
+            if thousands != ".":
+                self._require(name, plain, before, ".", "^$")
+            plain = compute.replace_substring(plain, ",", ".")
+        plain = compute.replace_substring_regex(plain, r"^\+", "")
+        try:
+            values: NDArray[np.float64] = compute.cast(plain, pa.float64()).to_numpy(
+                zero_copy_only=False
+            )
+        except pa.ArrowInvalid:
+            row, _ = _first_text(plain)
+            self._refuse(name, before + row, texts[row].as_py())
+        infinite = np.flatnonzero(np.isinf(values))
+        if len(infinite):
+            self._refuse(name, before + int(infinite[0]), "an infinite number")
+        return values
+
+    def _require(
+        self, name: str, texts: pyarrow.Array, before: int, sign: str, pattern: str
+    ) -> None:
+        """Refuse a cell that has a sign and is not written by the pattern."""
+        from pyarrow import compute
+
+        there = compute.match_substring(texts, sign).fill_null(False)
+        fits = compute.match_substring_regex(texts, pattern).fill_null(False)
+        bad = np.flatnonzero(compute.and_not(there, fits).to_numpy(zero_copy_only=False))
+        if len(bad):
+            self._refuse(name, before + int(bad[0]), texts[int(bad[0])].as_py())
+
+    def _refuse(self, name: str, row: int, value: str) -> None:
+        action = "correct it, or leave the cell empty"
+        if self.form.decimal == "," and "." in value:
+            action = 'say `thousands = "."` under [csv] if points group thousands, or correct it'
+        elif self.form.decimal == "." and "," in value:
+            action = (
+                'correct it, or say `decimal = ","` (or `thousands = ","`) under [csv] in a '
+                "mapping file (--mapping of smad log import, --map of smad gap diagnose --fmu)"
+            )
+        raise LogImportError(
+            f"{self.path}, {self.place_of(row)}: column {name!r} is not a number",
+            value=value,
+            limit=f"decimals after {self.form.decimal!r}"
+            + (f", thousands grouped by {self.form.thousands!r}" if self.form.thousands else ""),
+            action=action,
+        )
+
+
+def open_csv(path: Path, form: CsvFormat) -> CsvTable:
+    """Read the head of a file.
+
+    Raises LogImportError for a file that cannot be read, is empty, or is no table of names.
+    """
+    if form.thousands == form.decimal:
+        raise LogImportError(
+            "under [csv], thousands and decimals have one sign",
+            value=form.decimal,
+            action="correct one of them",
+        )
+    try:
+        with _opened(path) as file:
+            head = read_head(path, file, form.delimiter)
+    except DAMAGED as error:
+        said = getattr(error, "strerror", None) or error
+        raise LogImportError(f"cannot read {path}: {said}", action="check the file") from error
+    except UnicodeDecodeError as error:
+        raise LogImportError(
+            f"{path} is not UTF-8 text (byte {error.start})", action="save it as UTF-8 CSV"
+        ) from None
+    return CsvTable(path, head, form, require_bounded_text(path, len(head.names)))
+
+
+def _opened(path: Path, errors: str = "strict") -> TextIO:
+    """The text of a file, unpacked if its name says that it is packed."""
+    how = gzip.open if path.suffix.lower() == ".gz" else open
+    return cast(TextIO, how(path, "rt", encoding="utf-8-sig", errors=errors, newline=""))
+
+
+def _after(lines: Iterator[str], count: int) -> Iterator[str]:
+    for _ in range(count):
+        next(lines, None)
+    return lines
+
+
+def _first_text(values: pyarrow.Array) -> tuple[int, str]:
+    import pyarrow as pa
+
+    for row, value in enumerate(values):
+        if value.is_valid:
+            try:
+                value.cast(pa.float64())
+            except pa.ArrowInvalid:
+                return row, value.as_py()
+    raise AssertionError("a column that could not be cast holds only numbers")

@@ -1,0 +1,198 @@
+"""Logs made elsewhere become run logs, with `source = "import"` in the header."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from smad.bounds import without_mark
+from smad.errors import LogImportError
+from smad.records.channels import channels_of
+from smad.records.column_names import Assignment, ColumnRule
+from smad.records.csv_table import CsvFormat
+from smad.records.readings import Declared, checked
+from smad.records.tables import open_table
+from smad.runlog.export import header_path
+from smad.runlog.header import RunHeader
+from smad.runlog.holes import holes_in, words
+from smad.runlog.schema import CHANNELS, Event, LinkSample, Record, Row
+from smad.runlog.writer import write_run
+
+_ROWS_AT_ONCE = 10_000
+_PLAUSIBLE = {"A": (-50.0, 50.0), "V": (-100.0, 100.0), "degC": (-60.0, 400.0), "1": (0.0, 1.0)}
+"""What a bench of this kind can show, by unit; narrower ranges are the diagnosis's."""
+_APPLIED = ("i_cmd", "i_applied", "duty")
+_SPARSE = 0.8
+
+
+class MappingFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A mapping file (TOML): `[csv]`, and `[columns."name in the file"]` with a rule each."""
+
+    csv: CsvFormat = CsvFormat()
+    columns: dict[str, ColumnRule] = {}
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What an import made: the log, which column became which channel, and what was left out."""
+
+    path: Path
+    rows: int
+    channel_of: dict[str, str]
+    ignored: list[str]
+    missing: list[str]
+    notes: list[str]
+
+
+class _Beside(msgspec.Struct):
+    # What `export` writes beside a CSV; see smad.runlog.export.header_document.
+    header: RunHeader = RunHeader()
+    events: list[Event] = []
+    link: list[LinkSample] = []
+
+
+def read_mapping(path: str | Path) -> MappingFile:
+    """The mapping file at `path`. Raises LogImportError when it cannot be read or understood."""
+    try:
+        return msgspec.toml.decode(without_mark(Path(path).read_bytes()), type=MappingFile)
+    except OSError as error:
+        raise LogImportError(
+            f"cannot read mapping {path}: {error.strerror}", action="check the path"
+        ) from error
+    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+        raise LogImportError(
+            f"mapping {path} is not valid: {error}",
+            action="smad docs guide/run-logs shows a mapping file",
+        ) from None
+
+
+def import_table(
+    source: str | Path, target: str | Path, mapping: MappingFile | None = None
+) -> Imported:
+    """Turn the table at `source` into a run log at `target`.
+
+    A header that `smad log export` left beside it is taken over. Channels that the file does
+    not have are absent from the log and listed in the result.
+
+    Raises LogImportError for a file that cannot be used, RunLogError for a target that cannot be
+    written.
+    """
+    source = Path(source)
+    mapping = mapping or MappingFile()
+    found = channels_of(open_table(source, mapping.csv), mapping.columns)
+    assignment = found.assignment
+    columns, notes = _plausible(source, found.columns)
+    beside = _read_beside(source)
+    header = _header(source, beside.header, assignment, columns)
+    records = _records(columns, beside)
+    target = Path(target)
+    write_run(target, header, records)
+    return Imported(
+        path=target,
+        rows=len(columns["t_s"]),
+        channel_of={name: rule.channel for name, rule in assignment.rules.items()},
+        ignored=assignment.ignored,
+        missing=[name for name in CHANNELS if name not in columns],
+        notes=[*found.notes, *words(holes_in(columns["t_s"])), *notes],
+    )
+
+
+def _plausible(
+    source: Path, columns: Mapping[str, NDArray[np.float64]]
+) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
+    """The columns without what is no reading, and what was left out in words.
+
+    Raises LogImportError for a column that cannot be in its unit.
+    """
+    out, notes = dict(columns), []
+    for name, column in columns.items():
+        unit = CHANNELS[name].unit
+        if unit in _PLAUSIBLE and CHANNELS[name].kind == "float":
+            low, high = _PLAUSIBLE[unit]
+            applied = name.startswith(_APPLIED)
+            declared = Declared(name=name, unit=unit, low=low, high=high, applied=applied)
+            found = checked(column, declared, columns["t_s"])
+            if found.refusal:
+                raise LogImportError(f"{source}: {found.refusal}")
+            out[name] = found.values
+            notes += [f"{note}; left empty" for note in found.notes]
+        filled = float(np.mean(np.isfinite(out[name])))
+        if 0.0 < filled < _SPARSE:
+            notes.append(
+                f"{name} holds a number in {filled:.0%} of the rows; if it was logged on change, "
+                "give its column `hold = true` in the mapping file"
+            )
+    return out, notes
+
+
+def _read_beside(source: Path) -> _Beside:
+    path = header_path(source)
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=_Beside)
+    except FileNotFoundError:
+        return _Beside()
+    except OSError as error:
+        raise LogImportError(
+            f"cannot read {path}: {error.strerror}", action="move it away or make it readable"
+        ) from error
+    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
+        raise LogImportError(
+            f"{path} is no header of an exported log: {error}",
+            action=f"move it away; {source.name} can be imported without",
+        ) from None
+
+
+def _header(
+    source: Path,
+    beside: RunHeader,
+    assignment: Assignment,
+    columns: Mapping[str, NDArray[np.float64]],
+) -> RunHeader:
+    t_s = columns["t_s"]
+    changes: dict[str, Any] = {
+        "source": "import",
+        "name": beside.name or source.stem,
+        "extra": {
+            **beside.extra,
+            "imported_from": source.name,
+            "imported_source": beside.source,
+            "imported_columns": msgspec.json.encode(
+                {
+                    name: f"{rule.channel} from {rule.unit}"
+                    for name, rule in assignment.rules.items()
+                }
+            ).decode(),
+            "ignored_columns": ", ".join(assignment.ignored),
+        },
+    }
+    if beside.rate_hz is None and len(t_s) > 1:
+        changes["rate_hz"] = round(float(1.0 / np.median(np.diff(t_s))), 6)
+    host_time_s = columns.get("host_time_s")
+    if not beside.started_unix_s and host_time_s is not None and np.isfinite(host_time_s[0]):
+        changes["started_unix_s"] = float(host_time_s[0])
+    return msgspec.structs.replace(beside, **changes)
+
+
+def _records(columns: Mapping[str, NDArray[np.float64]], beside: _Beside) -> Iterator[Record]:
+    names = list(columns)
+    for start in range(0, len(columns["t_s"]), _ROWS_AT_ONCE):
+        part = slice(start, start + _ROWS_AT_ONCE)
+        # As Python's numbers the whole table would take several times its size.
+        lists = [_plain_list(name, column[part]) for name, column in columns.items()]
+        for values in zip(*lists, strict=True):
+            yield Row(**dict(zip(names, values, strict=True)))
+    yield from beside.events
+    yield from beside.link
+
+
+def _plain_list(name: str, column: NDArray[np.float64]) -> list[Any]:
+    values: list[float] = column.tolist()
+    if CHANNELS[name].kind == "float":
+        return values
+    return [None if np.isnan(value) else int(value) for value in values]

@@ -1,0 +1,177 @@
+"""Tables made elsewhere: CSV, gzipped CSV and Parquet, column by column."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smad.errors import LogImportError
+from smad.records.bag_table import is_bag, open_bag
+from smad.records.csv_table import CsvFormat, open_csv
+from smad.runlog.bounds import require_bounded
+
+if TYPE_CHECKING:
+    import pyarrow
+
+KINDS = (".parquet", ".csv", ".csv.gz")
+"""How the name of a table ends, in small or capital letters."""
+
+
+def is_table(path: Path) -> bool:
+    """Whether the name of a file is that of a table."""
+    return path.name.lower().endswith(KINDS)
+
+
+_MOST_DIGITS_BYTES = 64
+_MOST_TEXT_BYTES = 1_000_000
+"""Of a column of Parquet that holds numbers as texts: for each row, and besides."""
+
+
+class ForeignTable(Protocol):
+    """A table before its numbers are read."""
+
+    @property
+    def path(self) -> Path: ...
+
+    @property
+    def names(self) -> list[str]: ...
+
+    @property
+    def most_rows(self) -> int: ...
+
+    @property
+    def notes(self) -> tuple[str, ...]: ...
+
+    def columns(self, wanted: Iterable[str]) -> Iterator[tuple[str, NDArray[np.float64]]]:
+        """The columns named, each of shape (rows,), NaN where nothing stands.
+
+        One by one, so that whoever converts them need not hold all of them twice.
+        """
+
+    def place_of(self, row: int) -> str:
+        """Where that row (from 0) is to be found."""
+
+
+@dataclass(frozen=True)
+class ParquetTable:
+    """A Parquet file of which the names of the columns are known."""
+
+    path: Path
+    names: list[str]
+    most_rows: int
+    notes: tuple[str, ...] = ()
+
+    def columns(self, wanted: Iterable[str]) -> Iterator[tuple[str, NDArray[np.float64]]]:
+        """The columns named. Raises LogImportError for text in one, and without rows."""
+        import pyarrow as pa
+        from pyarrow import parquet
+
+        wanted = list(wanted)
+        if not self.most_rows:
+            raise LogImportError(f"{self.path} holds no rows", action="there is nothing to import")
+        try:
+            with parquet.ParquetFile(self.path) as file:
+                kinds = {name: file.schema_arrow.field(name).type for name in wanted}
+                sizes = _sizes(file.metadata)
+            for name, kind in kinds.items():
+                # A list may hold any number of values in a row, and none of them is read.
+                self._require_plain(name, kind)
+            # A text that repeats stays one text, however long it is.
+            texts = [n for n, kind in kinds.items() if not pa.types.is_primitive(kind)]
+            for name in texts:
+                self._require_short(name, sizes[name])
+            with parquet.ParquetFile(self.path, read_dictionary=texts) as file:
+                for name in wanted:
+                    yield name, self._numbers(name, file.read([name])[0])
+        except (OSError, pa.ArrowException) as error:
+            raise _unreadable(self.path, error) from error
+
+    def _require_plain(self, name: str, kind: pyarrow.DataType) -> None:
+        import pyarrow as pa
+
+        if pa.types.is_nested(kind):
+            raise LogImportError(
+                f"{self.path}: column {name!r} is not a number",
+                value=str(kind),
+                action="write it as numbers, one in a row",
+            )
+
+    def _require_short(self, name: str, size: int) -> None:
+        most = _MOST_TEXT_BYTES + _MOST_DIGITS_BYTES * self.most_rows
+        if size > most:
+            raise LogImportError(
+                f"{self.path}: column {name!r} holds longer texts than numbers are",
+                value=f"{size} bytes, unpacked",
+                limit=f"{most} bytes",
+                action="write it as numbers",
+            )
+
+    def place_of(self, row: int) -> str:
+        return f"row {row + 1}"
+
+    def _numbers(self, name: str, column: pyarrow.ChunkedArray) -> NDArray[np.float64]:
+        import pyarrow as pa
+
+        try:
+            if pa.types.is_dictionary(column.type):
+                parts = [c.dictionary.cast(pa.float64()).take(c.indices) for c in column.chunks]
+                column = pa.chunked_array(parts, pa.float64())
+            return np.asarray(column.cast(pa.float64()).to_numpy(), dtype=np.float64)
+        except pa.ArrowException as error:
+            raise LogImportError(
+                f"{self.path}: column {name!r} is not a number",
+                value=str(error).splitlines()[0],
+                action="write it as numbers, and missing samples as nothing or NaN",
+            ) from None
+
+
+def open_table(path: Path, form: CsvFormat | None = None) -> ForeignTable:
+    """The table at `path`. Raises LogImportError when it cannot be read, or is of another kind."""
+    if is_bag(path):
+        return open_bag(path)
+    if not is_table(path):
+        raise LogImportError(
+            f"{path} is no table", value=path.suffix, limit=", ".join(KINDS), action="convert it"
+        )
+    if path.suffix.lower() != ".parquet":
+        return open_csv(path, form or CsvFormat())
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    try:
+        with parquet.ParquetFile(path) as file:
+            about = file.metadata
+            require_bounded(
+                path,
+                columns=about.num_columns,
+                rows=about.num_rows,
+                size=sum(about.row_group(i).total_byte_size for i in range(about.num_row_groups)),
+            )
+            names = file.schema_arrow.names
+    except (OSError, pa.ArrowException) as error:
+        raise _unreadable(path, error) from error
+    twin = next((name for name, count in Counter(names).items() if count > 1), None)
+    if twin is not None:
+        raise LogImportError(f"{path}: two columns are named {twin!r}", action="rename one")
+    return ParquetTable(path, names, about.num_rows)
+
+
+def _sizes(about: pyarrow.parquet.FileMetaData) -> dict[str, int]:
+    """Bytes of each column, unpacked, as the file tells."""
+    sizes: Counter[str] = Counter()
+    for group in map(about.row_group, range(about.num_row_groups)):
+        for column in map(group.column, range(group.num_columns)):
+            sizes[column.path_in_schema] += column.total_uncompressed_size
+    return sizes
+
+
+def _unreadable(path: Path, error: Exception) -> LogImportError:
+    return LogImportError(
+        f"cannot read {path}: {str(error).splitlines()[0]}", action="restore the file"
+    )

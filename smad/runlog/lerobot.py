@@ -1,0 +1,257 @@
+"""Run logs to a dataset of LeRobot v3.0: Parquet and `meta/`, an episode for each run.
+
+`observation.state` has what was measured, `action` what was commanded, in the units of the channel
+names. LeRobot wants frames at an even rate: a frame has the last sample taken by then.
+
+Layout: huggingface/lerobot, `src/lerobot/datasets/utils.py` and `dataset_metadata.py`, v3.0.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smad.errors import RunLogError
+from smad.parts import part
+from smad.runlog.reader import Run, recorded
+from smad.runlog.schema import CHANNELS
+
+SUFFIX = ".lerobot"
+VERSION = "v3.0"
+STATE, ACTION = "observation.state", "action"
+COMMANDED = (
+    "i_cmd_x_A", "i_cmd_y_A", "duty_x", "duty_y", "drain_x", "drain_y", "reference_mm",
+    "reference_degC",
+)  # fmt: skip
+MEASURED = (
+    "displacement_mm", "angle_deg", "force_N", "rtd_x_degC", "rtd_y_degC", "rtd_inlet_degC",
+    "rtd_ambient_degC", "i_meas_x_A", "i_meas_y_A", "v_x_V", "v_y_V", "supply_V", "stage_mm",
+)  # fmt: skip
+DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
+EPISODES = "meta/episodes/chunk-000/file-000.parquet"
+_INDEX = {"frame_index": "int64", "episode_index": "int64", "index": "int64", "task_index": "int64"}
+_QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
+_MOST_FPS = 1000
+Frames = dict[str, NDArray[Any]]
+
+
+def export_lerobot(
+    runs: Sequence[Run], target: Path, *, fps: int | None = None, overwrite: bool = False
+) -> Path:
+    """Write the runs as the episodes of the dataset `target`, a folder; returns it.
+
+    fps: frames per second; left out, the rate of the first run, rounded. A channel that one run has
+    and another has not is NaN there. Raises RunLogError without rows, for a target that is there
+    (with `overwrite`: that is no dataset), and for a disk that refuses; MissingPartError without
+    pyarrow.
+    """
+    if not runs or not all(len(run) for run in runs):
+        raise RunLogError("a run holds no rows", action="leave it out")
+    _require_free(target, overwrite)
+    rate = fps or _rate(runs[0])
+    if not 1 <= rate <= _MOST_FPS:
+        raise RunLogError(
+            "frames per second out of range", value=rate, limit=f"1 to {_MOST_FPS}",
+            action="name another rate with --fps",
+        )  # fmt: skip
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=target.parent, prefix=".lerobot-") as name:
+            made = Path(name) / "dataset"
+            _write(runs, made, rate)
+            if target.exists():
+                shutil.rmtree(target)
+            os.replace(made, target)
+    except OSError as error:
+        raise RunLogError(
+            f"cannot write {target}: {error.strerror or error}", action="check folder and space"
+        ) from error
+    return target
+
+
+def _require_free(target: Path, overwrite: bool) -> None:
+    if not target.exists():
+        return
+    if not overwrite:
+        raise RunLogError(f"{target} is there already", action="use --overwrite or another name")
+    if not (target / "meta" / "info.json").is_file():
+        raise RunLogError(
+            f"{target} is no dataset, and is not replaced by one", action="name another folder"
+        )
+
+
+def _rate(run: Run) -> int:
+    """Samples per second of a run, rounded, at least 1."""
+    step_s = float(np.median(np.diff(run.columns["t_s"]))) if len(run) > 1 else 1.0
+    return max(round(1.0 / step_s), 1) if step_s > 0.0 else 1
+
+
+def _channels(runs: Sequence[Run], names: Sequence[str]) -> list[str]:
+    return [n for n in names if any(n in r.columns and recorded(r.columns[n]).any() for r in runs)]
+
+
+def frames(run: Run, channels: Mapping[str, Sequence[str]], fps: int) -> Frames:
+    """The run at even times from its first sample on, as arrays of float32: (n, channels) each."""
+    t_s = np.asarray(run.columns["t_s"], dtype=np.float64)
+    # Board time begins anew after a restart; what comes before ends the episode.
+    back = np.flatnonzero(np.diff(t_s) <= 0)
+    end = int(back[0]) + 1 if len(back) else len(t_s)
+    since_s = t_s[:end] - t_s[0]
+    at_s = np.arange(int(np.floor(since_s[-1] * fps + 1e-6)) + 1) / fps
+    last = np.searchsorted(since_s, at_s + 1e-6 / fps, side="right") - 1
+    made: Frames = {"timestamp": at_s.astype(np.float32)}
+    for key, names in channels.items():
+        columns = [_numbers(run, name)[:end][last] for name in names]
+        made[key] = np.stack(columns, axis=1).astype(np.float32)
+    return made
+
+
+def _numbers(run: Run, name: str) -> NDArray[np.float64]:
+    column = run.columns.get(name)
+    if column is None:
+        return np.full(len(run), np.nan)
+    return np.where(recorded(column), column.astype(np.float64), np.nan)
+
+
+def _write(runs: Sequence[Run], folder: Path, fps: int) -> None:
+    pa, parquet = part("pyarrow"), part("pyarrow.parquet")
+    channels = {STATE: _channels(runs, MEASURED), ACTION: _channels(runs, COMMANDED)}
+    channels = {key: names for key, names in channels.items() if names}
+    tasks = list(dict.fromkeys(_task(run) for run in runs))
+    tables, episodes, parts, begin = [], [], [], 0
+    for number, run in enumerate(runs):
+        made = frames(run, channels, fps)
+        count = len(made["timestamp"])
+        task = tasks.index(_task(run))
+        made |= {
+            "frame_index": np.arange(count),
+            "episode_index": np.full(count, number),
+            "index": np.arange(begin, begin + count),
+            "task_index": np.full(count, task),
+        }
+        tables.append(_table(made, channels))
+        parts.append(made)
+        episodes.append(
+            {
+                "episode_index": number,
+                "tasks": [tasks[task]],
+                "length": count,
+                "data/chunk_index": 0,
+                "data/file_index": 0,
+                "dataset_from_index": begin,
+                "dataset_to_index": begin + count,
+                "meta/episodes/chunk_index": 0,
+                "meta/episodes/file_index": 0,
+                **_flat(statistics(made)),
+            }
+        )
+        begin += count
+    data = folder / DATA.format(chunk_index=0, file_index=0)
+    data.parent.mkdir(parents=True)
+    with parquet.ParquetWriter(data, tables[0].schema, compression="snappy") as writer:
+        for table in tables:  # an episode is a row group, as theirs
+            writer.write_table(table)
+    (folder / EPISODES).parent.mkdir(parents=True)
+    parquet.write_table(pa.Table.from_pylist(episodes), folder / EPISODES)
+    parquet.write_table(_task_table(tasks), folder / "meta" / "tasks.parquet")
+    together = {key: np.concatenate([made[key] for made in parts]) for key in parts[0]}
+    _json(folder / "meta" / "stats.json", statistics(together))
+    _json(folder / "meta" / "info.json", _info(channels, fps, len(runs), begin, len(tasks)))
+
+
+def _task(run: Run) -> str:
+    return run.header.name or "run"
+
+
+def _table(made: Frames, channels: Mapping[str, Sequence[str]]) -> Any:
+    pa = part("pyarrow")
+    arrays = {
+        key: pa.FixedSizeListArray.from_arrays(pa.array(made[key].ravel()), len(names))
+        for key, names in channels.items()
+    }
+    arrays |= {key: pa.array(made[key]) for key in ("timestamp", *_INDEX)}
+    return pa.table(arrays)
+
+
+def _task_table(tasks: Sequence[str]) -> Any:
+    # pandas shall read the names as index, as LeRobot's reader expects; it need not be here.
+    pa = part("pyarrow")
+
+    def about(name: str, kind: str, numpy: str) -> dict[str, Any]:
+        return {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy,
+                "metadata": None}  # fmt: skip
+
+    pandas = {
+        "index_columns": ["task"],
+        "column_indexes": [],
+        "columns": [about("task_index", "int64", "int64"), about("task", "unicode", "object")],
+        "creator": {"library": "pyarrow", "version": pa.__version__},
+        "pandas_version": "2.2.0",
+    }
+    table = pa.table({"task_index": np.arange(len(tasks)), "task": pa.array(tasks)})
+    return table.replace_schema_metadata({"pandas": json.dumps(pandas)})
+
+
+def statistics(made: Frames) -> dict[str, dict[str, list[float]]]:
+    """Least, most, mean, deviation, count and quantiles of each feature, NaN left out."""
+    told = {}
+    for key, values in made.items():
+        rows = values.reshape(len(values), -1).astype(np.float64)
+        known = [column[np.isfinite(column)] for column in rows.T]
+        known = [column if len(column) else np.zeros(1) for column in known]
+        told[key] = {
+            "min": [float(c.min()) for c in known],
+            "max": [float(c.max()) for c in known],
+            "mean": [float(c.mean()) for c in known],
+            "std": [float(c.std()) for c in known],
+            "count": [float(len(rows))],
+            **{n: [float(np.quantile(c, q)) for c in known] for n, q in _QUANTILES.items()},
+        }
+    return told
+
+
+def _flat(stats: Mapping[str, Mapping[str, list[float]]]) -> dict[str, list[float]]:
+    return {f"stats/{key}/{name}": v for key, all_ in stats.items() for name, v in all_.items()}
+
+
+def _info(
+    channels: Mapping[str, Sequence[str]], fps: int, episodes: int, total: int, tasks: int
+) -> dict[str, Any]:
+    features: dict[str, Any] = {
+        key: {
+            "dtype": "float32",
+            "shape": [len(names)],
+            "names": list(names),
+            "units": [CHANNELS[name].unit for name in names],
+        }
+        for key, names in channels.items()
+    }
+    features["timestamp"] = {"dtype": "float32", "shape": [1], "names": None}
+    features |= {key: {"dtype": kind, "shape": [1], "names": None} for key, kind in _INDEX.items()}
+    return {
+        "codebase_version": VERSION,
+        "robot_type": "smad",
+        "total_episodes": episodes,
+        "total_frames": total,
+        "total_tasks": tasks,
+        "chunks_size": 1000,
+        "data_files_size_in_mb": 100,
+        "video_files_size_in_mb": 200,
+        "fps": fps,
+        "splits": {"train": f"0:{episodes}"},
+        "data_path": DATA,
+        "video_path": None,
+        "features": features,
+    }
+
+
+def _json(path: Path, value: Any) -> None:
+    path.write_text(json.dumps(value, indent=4) + "\n")

@@ -1,0 +1,187 @@
+"""The queue as a page shows and changes it. All of it is files and processes: never the loop's."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Literal
+
+from msgspec import Meta, Struct
+
+from smad.queue import Queue, QueueError
+from smad.queue.states import Arming, Budget, Snapshot
+from smad.queue.store import FILE
+
+MOST_ENDED = 8
+Text = Annotated[str, Meta(max_length=500)]
+
+
+class Add(Struct, tag_field="verb", tag="add", frozen=True, kw_only=True):
+    """Add a command: `what` is an experiment, a loop, a baseline or a file of moves."""
+
+    kind: Literal["run", "tune", "checkup", "move"]
+    what: Text = ""
+    repeat: Annotated[int, Meta(ge=1, le=1000)] = 1
+
+
+class Remove(Struct, tag_field="verb", tag="remove", frozen=True, kw_only=True):
+    """Take a queued item away."""
+
+    item: int
+
+
+class Again(Struct, tag_field="verb", tag="again", frozen=True, kw_only=True):
+    """Add an item anew that has ended."""
+
+    item: int
+
+
+class Place(Struct, tag_field="verb", tag="place", frozen=True, kw_only=True):
+    """Make a queued item the `place`-th of those that wait."""
+
+    item: int
+    place: int
+
+
+class Pause(Struct, tag_field="verb", tag="pause", frozen=True, kw_only=True):
+    """Let nothing more begin; `now` ends what runs."""
+
+    now: bool = False
+
+
+class Propose(Struct, tag_field="verb", tag="propose", frozen=True, kw_only=True):
+    """First step of arming the queue."""
+
+    hours: Annotated[float, Meta(gt=0.0, le=744.0)]
+    energy_kJ: Annotated[float, Meta(gt=0.0, le=1e9)] | None = None
+
+
+class Confirm(Struct, tag_field="verb", tag="confirm", frozen=True, kw_only=True):
+    """Second step, with the code of the first."""
+
+    code: Annotated[str, Meta(max_length=16)]
+
+
+Verb = Add | Remove | Again | Place | Pause | Propose | Confirm
+
+
+class Line(Struct, frozen=True, kw_only=True):
+    """An item as a row of the table."""
+
+    item: int
+    title: str
+    state: str
+    why: str
+    place: int = 0
+    """Among those that wait, from 1; 0: it does not wait."""
+
+
+class Shown(Struct, frozen=True, kw_only=True):
+    """The queue as a page shows it."""
+
+    mode: str
+    reason: str
+    runner: bool
+    end_unix_s: float | None
+    lines: tuple[Line, ...]
+
+
+def shown(folder: Path, bench: str) -> Shown:
+    """Return the queue of a folder; one that has no file yet is empty. Raises StoreError."""
+    if not (folder / FILE).exists():
+        return Shown(mode="paused", reason="it is empty", runner=False, end_unix_s=None, lines=())
+    with Queue(folder, bench=bench) as queue:
+        snapshot, runner = queue.snapshot(), queue.has_runner
+    return Shown(
+        mode=snapshot.mode,
+        reason=snapshot.reason,
+        runner=runner,
+        end_unix_s=_end(snapshot.arming),
+        lines=_lines(snapshot),
+    )
+
+
+def carry_out(folder: Path, bench: str, verb: Verb) -> tuple[str, str]:
+    """Do what a page asks of the queue; return what to say, and the code of a proposal.
+
+    Raises QueueError.
+    """
+    with Queue(folder, bench=bench) as queue:
+        return _DONE[type(verb)](queue, verb)
+
+
+def _lines(snapshot: Snapshot) -> tuple[Line, ...]:
+    ended = [item for item in snapshot.items if item.ended_unix_s][-MOST_ENDED:]
+    running = [snapshot.running] if snapshot.running else []
+    waiting = {item.id: place for place, item in enumerate(snapshot.queued, 1)}
+    return tuple(
+        Line(
+            item=item.id,
+            title=item.title,
+            state=item.state,
+            why=item.reason,
+            place=waiting.get(item.id, 0),
+        )
+        for item in (*ended, *running, *snapshot.queued)
+    )
+
+
+def _end(arming: Arming | None) -> float | None:
+    return None if arming is None else arming.end_unix_s
+
+
+def _add(queue: Queue, verb: Add) -> tuple[str, str]:
+    what = verb.what.strip()
+    if what.startswith("-"):
+        raise QueueError("this is no name", value=what, action="give options on the command line")
+    words = {
+        "run": [what],
+        "tune": [what] if what else [],
+        "checkup": [f"--baseline={what}", "--quick"],
+        "move": [str(queue.folder / what)],
+    }[verb.kind]
+    added = queue.add(verb.kind, *words, repeat=verb.repeat)
+    return "queued: " + ", ".join(f"item {item.id}" for item in added), ""
+
+
+def _propose(queue: Queue, verb: Propose) -> tuple[str, str]:
+    energy_J = None if verb.energy_kJ is None else verb.energy_kJ * 1e3
+    budget = Budget(hours=verb.hours, energy_J=energy_J)
+    proposal = queue.propose(time.time() + verb.hours * 3600.0, budget)
+    return f"{len(proposal.arming.items)} items for at most {verb.hours:g} h", proposal.code
+
+
+def _confirm(queue: Queue, verb: Confirm) -> tuple[str, str]:
+    queue.confirm(verb.code)
+    return "the queue runs", ""
+
+
+def _remove(queue: Queue, verb: Remove) -> tuple[str, str]:
+    queue.remove(verb.item)
+    return f"item {verb.item} removed", ""
+
+
+def _again(queue: Queue, verb: Again) -> tuple[str, str]:
+    return f"queued: item {queue.again(verb.item).id}", ""
+
+
+def _place(queue: Queue, verb: Place) -> tuple[str, str]:
+    queue.move(verb.item, verb.place)
+    return f"item {verb.item} is number {verb.place} of those that wait", ""
+
+
+def _pause(queue: Queue, verb: Pause) -> tuple[str, str]:
+    queue.pause(now=verb.now)
+    return "paused", ""
+
+
+_DONE: Mapping[type, Callable[..., tuple[str, str]]] = {
+    Add: _add,
+    Remove: _remove,
+    Again: _again,
+    Place: _place,
+    Pause: _pause,
+    Propose: _propose,
+    Confirm: _confirm,
+}

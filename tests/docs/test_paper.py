@@ -1,0 +1,41 @@
+"""The paper: figures come from its command, numbers from their source, each citation is listed."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from sim_device.plant.effects.registry import EFFECTS
+from sim_device.plant.published import near_of
+
+FOLDER = Path(__file__).resolve().parents[2] / "paper"
+TEXT = (FOLDER / "paper.md").read_text()
+NUMBERS = {10: "Ten", 16: "sixteen", 42: "forty-two"}
+
+
+def test_the_command_draws_the_figures_that_the_paper_shows(tmp_path: Path) -> None:
+    subprocess.run([sys.executable, str(FOLDER / "figures.py"), str(tmp_path)], check=True)
+    shown = set(re.findall(r"\]\((\w+\.png)\)", TEXT))
+    assert {path.name for path in tmp_path.glob("*.png")} == shown
+    assert all((FOLDER / name).stat().st_size > 10_000 for name in shown)
+
+
+def test_its_numbers_are_those_of_the_code() -> None:
+    near, judged = near_of()
+    assert f"{NUMBERS[near]} of {NUMBERS[judged]} lie within 20 %" in TEXT
+    assert f"{NUMBERS[len(EFFECTS)]} candidate effects" in TEXT
+
+
+def test_each_reference_is_cited_and_each_citation_is_a_reference() -> None:
+    cited = set(re.findall(r"@(\w+)", TEXT))
+    listed = set(re.findall(r"^@\w+\{(\w+),", (FOLDER / "paper.bib").read_text(), re.MULTILINE))
+    assert cited == listed
+
+
+def test_it_has_the_sections_and_the_length_that_the_journal_asks_for() -> None:
+    for section in (
+        "Summary", "Statement of need", "State of the field", "Software design",
+        "Research impact statement", "AI usage disclosure", "References",
+    ):  # fmt: skip
+        assert f"\n# {section}\n" in TEXT
+    assert 750 <= len(TEXT.split()) <= 1750

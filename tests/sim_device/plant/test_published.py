@@ -1,0 +1,27 @@
+"""Other laboratories' numbers: what the table says is what the plant gives."""
+
+import pytest
+
+from sim_device.plant.published import NUMBERS, SOURCES, near_of
+
+
+def test_every_number_has_a_source_and_one_that_is_not_computed_names_what_is_missing() -> None:
+    assert {number.source for number in NUMBERS} == set(SOURCES)
+    assert all(number.missing for number in NUMBERS if number.ours is None)
+
+
+def test_most_computed_numbers_are_near() -> None:
+    near, judged = near_of()
+    assert (near, judged) == (10, 16)
+
+
+def test_a_computed_number_that_is_not_near_names_what_is_missing() -> None:
+    for number in NUMBERS:
+        if number.ratio is not None and abs(number.ratio - 1.0) > 0.2:
+            assert number.missing, number.what
+
+
+def test_the_law_of_the_pitch_gives_what_it_was_fitted_to() -> None:
+    for number in NUMBERS:
+        if number.fitted:
+            assert number.ratio == pytest.approx(1.0, abs=0.03)

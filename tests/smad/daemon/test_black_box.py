@@ -1,0 +1,94 @@
+"""The last minute is in memory, armed or not, and is written when something stopped the bench."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from firmware_protocol.enums import BoardState
+from sim_device.faults import injection
+from smad.daemon.telemetry import blackbox
+from smad.daemon.telemetry.blackbox import FOLDER
+from smad.faults.virtual import Refused
+from smad.runlog.reader import read_axes, read_run
+from tests.smad.daemon.axes import NAMES, axes_in, lines
+from tests.smad.daemon.rig import Rig, rig_in
+from tests.smad.daemon.test_axes import armed, silent_for
+
+
+def written(folder: Path) -> list[Path]:
+    return sorted((folder / "runs" / FOLDER).glob("*.mcap"))
+
+
+async def until_written(rig: Rig, folder: Path, count: int = 1) -> list[Path]:
+    for _ in range(400):
+        await silent_for(rig, 0.05)
+        if rig.daemon.black_box.path and len(written(folder)) >= count:
+            return written(folder)
+    raise AssertionError("nothing was written")
+
+
+@pytest.mark.parametrize("fault", ["sensor_open", "reboot", "unplug"])
+async def test_a_board_that_dies_leaves_the_minute_before_it(tmp_path: Path, fault: str) -> None:
+    boards = lines(faults={"yaw-1": [injection(fault, 4.0)]})
+    async with axes_in(tmp_path, boards) as rig:
+        await armed(rig)
+        await rig.run_for(1.6)
+        (path,) = await until_written(rig, tmp_path)
+        assert (await rig.ask("status"))["recorder"]["last"] == str(path)
+        assert f"in {path}" in rig.said
+    runs = read_axes(path)
+    assert tuple(runs) == NAMES
+    assert all(len(run) > 200 for run in runs.values())
+    assert any("yaw-1" in event.text for event in runs["yaw-1"].events)
+
+
+async def test_a_stop_by_somebody_else_is_kept_and_ones_own_is_not(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        await rig.ask("disarm")
+        await silent_for(rig, 3.5)
+        assert written(tmp_path) == []
+        assert rig.axis.watch.mode is BoardState.SAFE
+        await rig.ask("arm")
+        await rig.ask("disarm", client=b"other")
+        await until_written(rig, tmp_path)
+
+
+async def test_the_last_seconds_are_written_when_asked_for_also_at_rest(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(3.0)
+        status = await rig.ask("record.last", seconds=2.0)
+        assert not status["recording"]
+        assert 190 <= len(read_run(status["last"])) <= 210
+        with pytest.raises(Refused, match="so much is not kept"):
+            await rig.ask("record.last", seconds=100.0)
+
+
+async def test_what_is_kept_is_bounded_in_time_and_bytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        box = rig.daemon.black_box
+        box.keep_s = 1.0
+        await rig.run_for(3.0)
+        assert 90 <= len(box._kept) <= 130
+        monkeypatch.setattr(blackbox, "MOST_BYTES", 20_000)
+        await rig.run_for(0.5)
+        assert box._bytes <= 20_000
+        assert box._bytes == sum(len(entry.data) for entry in box._kept)
+
+
+async def test_a_disk_that_takes_nothing_is_told_and_the_bench_goes_on(tmp_path: Path) -> None:
+    (tmp_path / "runs").write_text("a file where the folder should be")
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        with pytest.raises(Refused, match="cannot create folder") as refused:
+            await rig.ask("record.last")
+        assert refused.value.reason == "recorder"
+        await rig.ask("disarm", client=b"other")
+        while "could not be written" not in rig.said:
+            await silent_for(rig, 0.1)
+            await asyncio.sleep(0)

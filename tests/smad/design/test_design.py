@@ -1,0 +1,70 @@
+"""What a geometry gives: the paper's spring gives the paper's stroke, others what scaling says."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from sim_device.plant import load_parameters
+from sim_device.plant.geometry import Geometry
+from smad.cli import execute
+from smad.design.cycle import DesignError, design_cycle
+
+A = load_parameters("A")
+PAPER = Geometry(wire_mm=0.75, coil_mm=6.5, turns=20)
+
+
+def test_the_springs_of_set_a_make_the_stroke_and_force_of_the_paper() -> None:
+    made = design_cycle(A, PAPER)
+    assert made.stroke_mm == pytest.approx(10.0, rel=0.08)
+    assert made.force_hot_N == pytest.approx(1.743, rel=0.05)
+    assert made.resistance_Ohm == pytest.approx(0.758, rel=0.01)
+    assert made.wire_m == pytest.approx(0.408, rel=0.01)
+    assert made.power_W < made.peak_power_W
+
+
+def test_twice_the_turns_make_twice_the_stroke_with_the_same_force() -> None:
+    one = design_cycle(A, Geometry(wire_mm=0.75, coil_mm=6.5, turns=10))
+    two = design_cycle(A, PAPER)
+    assert two.stroke_mm == pytest.approx(2.0 * one.stroke_mm, rel=0.02)
+    assert two.force_hot_N == pytest.approx(one.force_hot_N, rel=0.02)
+
+
+def test_turns_that_touch_cool_more_slowly_in_air() -> None:
+    closed, open_ = (
+        design_cycle(A, Geometry(wire_mm=0.75, coil_mm=6.5, turns=20, pitch_mm=p), cooling="air")
+        for p in (0.0, 3.0)
+    )
+    assert closed.period_s > 1.3 * open_.period_s
+
+
+def test_a_current_that_does_not_heat_through_is_said() -> None:
+    with pytest.raises(DesignError, match="does not heat through within 900 s"):
+        design_cycle(A, PAPER, current_A=0.1)
+
+
+def test_the_command_prints_a_table_or_json_and_writes_a_page(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "design.html"
+    assert execute(["design", "--wire", "0.5", "--coil", "3.5", "--html", str(page)]) == 0
+    assert "stroke to either side" in capfd.readouterr().out
+    assert "shear stress" in page.read_text()
+    assert execute(["design", "--json"]) == 0
+    assert json.loads(capfd.readouterr().out)["stroke_mm"] > 1.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--wire", "-1"], "wire_mm: -1 is outside 0.01 to 5"),
+        (["nowhere.toml"], "nowhere.toml"),
+        (["--current", "0.05"], "does not heat through"),
+    ],
+)
+def test_what_cannot_be_designed_is_said_in_one_line(
+    arguments: list[str], words: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert execute(["design", *arguments]) == 1
+    (line,) = capfd.readouterr().err.splitlines()
+    assert words in line

@@ -1,0 +1,183 @@
+"""The record of a bench, its trends, and what is forecast."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smad.cli import execute
+from smad.health.cycles import rows_of_cycles
+from smad.health.errors import HealthError
+from smad.health.measure import row_of
+from smad.health.record import FILE, Row, Value, append, read
+from smad.health.report import headline, health_of, page, table
+from smad.health.trends import REFERENCE, Trend, forecast, trend_of
+from smad.health.verdicts import row_of_verdict
+from smad.report.page import render
+from smad.runlog.header import RunHeader
+from smad.runlog.writer import write_run
+
+from . import ageing
+
+X = np.arange(0.0, 20_001.0, 500.0)
+
+
+def trend(y: np.ndarray) -> Trend:
+    found = trend_of("stroke_mm", X, y)
+    assert found is not None
+    return found
+
+
+def noise(seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).normal(0.0, 0.02, len(X))
+
+
+def row(number: int, **values: float) -> Row:
+    return Row(
+        unix_s=float(number), kind="run", source=f"{number}.mcap", group="standard", cycles=500.0,
+        values={name: Value(value) for name, value in values.items()},
+    )  # fmt: skip
+
+
+def test_noise_alone_is_told_as_a_change_in_one_of_a_hundred_series_at_most() -> None:
+    assert sum(trend(10.0 + noise(seed)).noticed is not None for seed in range(500)) <= 5
+
+
+def test_a_slow_loss_is_noticed_and_a_step_of_ten_scatters_within_a_few_rows() -> None:
+    for seed in range(20):
+        slow = trend(10.0 + noise(seed) - 1e-5 * X)
+        assert slow.noticed is not None
+        assert slow.x[slow.noticed] <= 16_000.0
+        step = trend(10.0 + noise(seed) - 0.2 * (X > 8000.0))
+        assert step.noticed is not None
+        assert 8000.0 < step.x[step.noticed] <= 10_000.0
+
+
+def test_the_interval_of_a_forecast_holds_the_truth_in_about_95_of_100() -> None:
+    held = []
+    for seed in range(200):
+        predicted = forecast(trend(10.0 + noise(seed) - 1e-5 * X), 9.7)
+        assert predicted is not None
+        held.append(predicted.low <= 30_000.0 <= predicted.high)
+    assert 0.85 <= np.mean(held) <= 1.0
+
+
+def test_without_a_slope_nothing_is_forecast_nor_for_a_limit_that_lies_behind() -> None:
+    assert forecast(trend(10.0 + noise(1)), 9.0) is None
+    assert forecast(trend(10.0 + noise(1) - 1e-5 * X), 11.0) is None
+
+
+def test_too_few_rows_make_no_trend() -> None:
+    assert trend_of("a", X[: REFERENCE + 1], X[: REFERENCE + 1]) is None
+    assert "too few" in headline(health_of([row(1, stroke_mm=1.0)], {}))
+
+
+def test_runs_of_different_names_are_not_compared() -> None:
+    import msgspec
+
+    mixed = [
+        msgspec.structs.replace(row(n, stroke_mm=10.0 if n % 2 else 5.0), group=f"g{n % 2}")
+        for n in range(40)
+    ]
+    health = health_of(mixed, {})
+    assert set(health.trends) == {"g0: stroke_mm", "g1: stroke_mm"}
+    assert headline(health) == "nothing has changed in 40 rows"
+
+
+def test_the_page_and_the_table_name_what_changed_and_when_the_limit_is_reached() -> None:
+    rows = [row(n, stroke_mm=10.0 - 5e-6 * 500 * n, force_max_N=2.0) for n in range(40)]
+    health = health_of(rows, {"stroke_mm": 9.0})
+    assert headline(health).startswith("changed: standard: stroke_mm; first noticed at cycle")
+    first = table(health).rows[0]
+    assert first[0] == "standard: stroke_mm"
+    assert first[-1].startswith("200500 [")
+    html = render(page(health, "bench"))
+    assert "Health of bench" in html
+    assert html.count("<svg") == 2
+
+
+def test_a_record_is_appended_to_and_a_torn_last_line_is_left_out(tmp_path: Path) -> None:
+    path = tmp_path / FILE
+    append(path, [row(1, a=1.0), row(2, a=2.0)])
+    path.write_bytes(path.read_bytes()[:-10])
+    assert [r.unix_s for r in read(path)] == [1.0]
+    append(path, [row(3, a=3.0)])
+    assert [r.unix_s for r in read(path)] == [1.0, 3.0]
+
+
+def test_a_record_that_is_damaged_or_newer_is_told(tmp_path: Path) -> None:
+    path = tmp_path / FILE
+    path.write_text("nonsense\n")
+    with pytest.raises(HealthError, match="line 1 is damaged"):
+        read(path)
+    import msgspec
+
+    append(tmp_path / "newer", [msgspec.structs.replace(row(1), format=2)])
+    with pytest.raises(HealthError, match="newer smad; got 2; allowed: 1"):
+        read(tmp_path / "newer")
+
+
+def test_a_verdict_of_a_check_up_gives_parameters_floors_and_causes(tmp_path: Path) -> None:
+    path = tmp_path / "verdict.json"
+    path.write_text(
+        '{"outcome": "causes", "headline": "the film has changed", "extra": 1,'
+        '"parameters": [{"name": "h", "before": 1.0, "after": 1.2, "sd": 0.1}],'
+        '"causes": [{"words": "film of X", "probability": 0.8}],'
+        '"budget": [{"signal": "rtd_x", "unit": "K", "floor": 0.1, "raw": 0.9}]}'
+    )
+    found = row_of_verdict(path)
+    assert found.values["parameter_h"] == Value(1.2, 0.1)
+    assert found.values["floor_rtd_x_K"] == Value(0.1)
+    assert found.words == ("the film has changed", "film of X (0.80)")
+    path.write_text("[]")
+    with pytest.raises(HealthError, match="no verdict"):
+        row_of_verdict(path)
+
+
+def test_each_fifty_cycles_of_an_endurance_run_are_a_row_once(tmp_path: Path) -> None:
+    text = "number,t_s,stroke_mm,force_max_N\n" + "".join(
+        f"{n},0,{10.0 - 0.01 * n},nan\n" for n in range(1, 121)
+    )
+    (tmp_path / "cycles.csv").write_text(text)
+    rows = list(rows_of_cycles(tmp_path, set()))
+    assert [r.source for r in rows] == ["cycles.csv 1 to 50", "cycles.csv 51 to 100"]
+    assert rows[0].values == {"stroke_mm": Value(pytest.approx(9.745))}
+    assert rows[0].unix_s < rows[1].unix_s
+    assert list(rows_of_cycles(tmp_path, {r.source for r in rows})) == []
+    (tmp_path / "cycles.csv").write_text(text + "121,to")
+    assert len(list(rows_of_cycles(tmp_path, set()))) == 2
+    (tmp_path / "cycles.csv").write_text(text + "121,torn\n")
+    with pytest.raises(HealthError, match="cannot be read"):
+        list(rows_of_cycles(tmp_path, set()))
+
+
+def test_a_run_that_is_too_short_gives_no_row(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    from smad.runlog.schema import Row as Sample
+
+    write_run(path, RunHeader(name="run"), [Sample(t_s=0.01 * n) for n in range(10)])
+    assert row_of(path) is None
+
+
+def test_a_standard_run_gives_stroke_cooling_and_resistance(tmp_path: Path) -> None:
+    found = ageing.grown(ageing.AGEINGS[0], 0, 1, seed=1, folder=tmp_path)
+    assert found.group == "standard"
+    assert found.values["stroke_mm"].value == pytest.approx(8.0, abs=1.0)
+    assert found.values["cooling_x_per_s"].value > 0.05
+    assert 0.5 < found.values["resistance_x_ohm"].value < 1.2
+
+
+def test_the_command_takes_new_runs_in_once_and_says_what_is_wrong(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert execute(["health", "--folder", str(tmp_path / "none")]) == 1
+    assert "there is no folder" in capsys.readouterr().err
+    assert execute(["health", "--folder", str(tmp_path), "--limit", "stroke"]) == 2
+    assert "give NAME=VALUE" in capsys.readouterr().err
+    (tmp_path / "bad.mcap").write_text("no run log")
+    ageing.grown(ageing.AGEINGS[0], 0, 1, seed=1, folder=tmp_path)
+    append(tmp_path / FILE, [row(n, stroke_mm=10.0) for n in range(12)])
+    assert execute(["health", "--folder", str(tmp_path)]) == 0
+    told = capsys.readouterr()
+    assert "left out: " in told.err
+    assert told.out.startswith("nothing has changed in 12 rows")

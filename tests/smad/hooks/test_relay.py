@@ -1,0 +1,118 @@
+"""The relay that falls when the daemon's heartbeat ends."""
+
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
+
+import psutil
+import pytest
+
+from firmware_protocol.enums import BoardState
+from smad.hooks.relay import (
+    PULSE_DECISECONDS,
+    RENEW_S,
+    SILENT_S,
+    Heartbeat,
+    HoldingRelay,
+    RelayError,
+    TasmotaRelay,
+)
+
+
+def test_the_supply_may_be_on_while_samples_come_and_falls_when_they_end() -> None:
+    heartbeat = Heartbeat()
+    assert "no sample has come" in heartbeat.reason(0.0)
+    for n in range(100):
+        heartbeat.beat(0.01 * n, BoardState.ARMED)
+        assert heartbeat.reason(0.01 * n + 0.5 * SILENT_S) == ""
+    assert "for 1.0 s" in heartbeat.reason(0.99 + SILENT_S)
+
+
+@pytest.mark.parametrize("state", [BoardState.FAULT, BoardState.ESTOP])
+def test_the_supply_falls_with_a_fault_and_an_emergency_stop(state: BoardState) -> None:
+    heartbeat = Heartbeat()
+    heartbeat.beat(0.0, BoardState.ARMED)
+    heartbeat.beat(0.01, state)
+    heartbeat.beat(0.011, BoardState.ARMED)
+    assert heartbeat.reason(0.01) == f"the board is in {state.name}"
+
+
+def test_silence_and_the_pulse_of_a_plug_together_cut_within_two_seconds() -> None:
+    assert SILENT_S + 0.1 < 2.0
+    assert RENEW_S + PULSE_DECISECONDS / 10 < 2.0
+
+
+@pytest.fixture
+def plug() -> Iterator[tuple[str, list[str]]]:
+    asked: list[str] = []
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            asked.extend(parse_qs(urlsplit(self.path).query)["cmnd"])
+            self.send_response(200)
+            self.end_headers()
+            self.wfile.write(b'{"POWER":"ON"}')
+
+        def log_message(self, *arguments: object) -> None:
+            pass
+
+    server = HTTPServer(("127.0.0.1", 0), Handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}/", asked
+    server.shutdown()
+    server.server_close()
+
+
+def test_a_plug_is_switched_on_for_a_short_time_only(plug: tuple[str, list[str]]) -> None:
+    address, asked = plug
+    relay = TasmotaRelay(address)
+    relay.renew()
+    relay.cut()
+    assert asked == ["Backlog PulseTime1 15; Power1 ON", "Power1 OFF"]
+
+
+def test_a_plug_that_does_not_answer_is_told() -> None:
+    with pytest.raises(RelayError, match="falls by itself"):
+        TasmotaRelay("http://127.0.0.1:1").renew()
+    with pytest.raises(RelayError, match="does not answer"):
+        TasmotaRelay("nonsense").renew()
+
+
+def test_a_holding_command_runs_until_the_supply_is_cut(tmp_path: Path) -> None:
+    relay = HoldingRelay(["sleep", "1000"])
+    relay.renew()
+    relay.renew()
+    assert relay._process is not None
+    assert relay._process.poll() is None
+    relay.cut()
+    assert relay._process.poll() is not None
+    with pytest.raises(RelayError, match="sleep ended"):
+        relay.renew()
+    with pytest.raises(RelayError, match="cannot be begun"):
+        HoldingRelay(["/no/such/program"]).renew()
+
+
+_HOLDER = """
+import sys
+from smad.hooks.relay import HoldingRelay
+relay = HoldingRelay(["sleep", "1000"])
+relay.renew()
+print(relay._process.pid, flush=True)
+sys.stdin.read()
+"""
+
+
+def test_the_supply_falls_when_the_relays_own_process_is_killed() -> None:
+    holder = subprocess.Popen(
+        [sys.executable, "-c", _HOLDER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert holder.stdout is not None
+    held = psutil.Process(int(holder.stdout.readline()))
+    holder.kill()
+    holder.wait()
+    _, alive = psutil.wait_procs([held], timeout=20.0)
+    assert not [process for process in alive if process.status() != psutil.STATUS_ZOMBIE]

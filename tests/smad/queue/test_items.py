@@ -1,0 +1,155 @@
+"""What the command line lets into a queue, and what it says of the rest."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from smad.api import Reason
+from smad.cli import execute
+from smad.cli.queue_child import status_of
+from smad.cli.queue_items import KINDS, items_of, problem_of
+from smad.client.errors import NoAnswer, NoDaemon, NotReady, Stopped
+from smad.errors import SmadError
+from smad.experiments.errors import StoppedError, TrippedError
+from smad.queue import Queue, QueueError, machine
+
+MOVES = '[[pieces]]\nkind = "step"\ndisplacement_mm = {mm}\nduration_s = 2.0\n'
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("SMAD_RUNTIME_DIR", str(tmp_path / "nobody"))
+    monkeypatch.setenv("SMAD_QUEUE", str(tmp_path / "runs"))
+    (tmp_path / "steps.toml").write_text(MOVES.format(mm=3.0))
+    return tmp_path
+
+
+def test_a_shortened_experiment_is_made_whole_and_repeats_are_items_of_their_own(
+    folder: Path,
+) -> None:
+    items = items_of("run", ["fig11", "--set", "cycles=3"], folder, 2)
+    assert [item.title for item in items] == [
+        "run fig11-tracking --set cycles=3 (1 of 2)",
+        "run fig11-tracking --set cycles=3 (2 of 2)",
+    ]
+    assert items[0].words == ("run", "fig11-tracking", "--set", "cycles=3")
+    assert items[0].on_bench
+
+
+def test_every_kind_is_taken_and_what_is_simulated_needs_no_bench(folder: Path) -> None:
+    (folder / "good").mkdir()
+    (folder / "good" / "baseline.json").write_text("{}")
+    words = {
+        "run": ["fig10", "--sim"],
+        "tune": ["temperature", "--spring", "y"],
+        "checkup": ["--baseline", "good"],
+        "move": ["steps.toml"],
+    }
+    assert set(words) == set(KINDS)
+    made = [items_of(kind, given, folder, 1)[0] for kind, given in words.items()]
+    assert [item.on_bench for item in made] == [False, True, True, True]
+    assert [problem_of(item) for item in made] == [""] * 4
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["add", "walk"], "no such kind of item"),
+        (["add", "run", "nonsense"], "no such experiment"),
+        (["add", "run", "fig11", "--set", "cycles=-1"], "cycles is not valid"),
+        (["add", "run", "fig11", "--report"], "requires an argument"),
+        (["add", "run", "--list"], "needs no queue"),
+        (["add", "run", "repeat", "gone.mcap"], "is not there"),
+        (["add", "run", "endurance", "--cycles", "0"], "not in the range"),
+        (["add", "tune", "sideways"], "is not one of"),
+        (["add", "tune", "--help"], "--help runs nothing"),
+        (["add", "checkup", "--baseline", "gone"], "no baseline"),
+        (["add", "move", "gone.toml"], "is not there"),
+        (["add", "tune", "--repeat", "0"], "from 1 to 1000"),
+        (["remove", "3"], "no such item"),
+        (["move", "3", "1"], "no such item"),
+        (["again", "3"], "no such item"),
+        (["resume"], "give an end"),
+        (["resume", "--hours", "1"], "the queue is empty"),
+        (["resume", "--until", "yesterday"], "no end time"),
+        (["resume", "--hours", "1", "--confirm", "AAAA"], "given alone"),
+        (["resume", "--confirm", "AAAA"], "no runner"),
+    ],
+)
+def test_what_is_wrong_is_refused_in_one_line_and_nothing_is_queued(
+    folder: Path, words: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert execute(["queue", *words]) != 0
+    error = capsys.readouterr().err
+    assert told in error
+    assert error.count("\n") == 1
+    with Queue(folder / "runs") as queue:
+        assert queue.snapshot().items == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (MOVES.format(mm=3000.0), "is no file of moves"),
+        (MOVES.format(mm=19.0), "limits.displacement_max_mm"),
+        ("[[pieces]]\nkind = 'fly'\n", "is no file of moves"),
+        ("pieces = []", "is no file of moves"),
+        ("no toml", "is no file of moves"),
+    ],
+)
+def test_a_file_of_moves_is_checked_against_the_limits(folder: Path, text: str, told: str) -> None:
+    (folder / "steps.toml").write_text(text)
+    with pytest.raises(SmadError, match=told):
+        items_of("move", ["steps.toml"], folder, 1)
+
+
+def test_an_item_whose_file_or_folder_has_gone_says_so_when_it_is_looked_at_again(
+    folder: Path,
+) -> None:
+    (item,) = items_of("move", ["steps.toml"], folder, 1)
+    (folder / "steps.toml").unlink()
+    assert "is not there" in problem_of(item)
+    (folder / "other").mkdir()
+    (moved,) = items_of("tune", [], folder / "other", 1)
+    (folder / "other").rmdir()
+    assert "is gone" in problem_of(moved)
+
+
+def test_the_queue_in_python_checks_as_the_command_line_does(folder: Path) -> None:
+    with Queue(folder / "runs") as queue:
+        (item,) = queue.add("move", "steps.toml")
+        assert queue.snapshot().queued == (item,)
+        with pytest.raises(QueueError, match="no such experiment"):
+            queue.add("run", "nonsense")
+
+
+def test_the_list_as_json_has_items_and_mode(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert execute(["queue", "add", "--json", "move", "steps.toml"]) == 0
+    assert json.loads(capsys.readouterr().out)[0]["id"] == 1
+    assert execute(["queue", "list", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["mode"], told["runner"], len(told["items"])) == ("paused", False, 1)
+
+
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [
+        (StoppedError("x"), machine.STOPPED),
+        (Stopped("x"), machine.STOPPED),
+        (NotReady("x", reason=Reason.STOPPED), machine.STOPPED),
+        (TrippedError("x"), machine.TRIPPED),
+        (NotReady("x", reason=Reason.FAULTED), machine.TRIPPED),
+        (NoDaemon("x"), machine.LOST),
+        (NoAnswer("x"), machine.LOST),
+        (NotReady("x", reason=Reason.NOT_CONNECTED), machine.LOST),
+        (SmadError("x"), 1),
+    ],
+)
+def test_a_stop_a_fault_and_a_lost_daemon_have_exit_statuses_of_their_own(
+    error: SmadError, status: int
+) -> None:
+    assert status_of(error) == status

@@ -1,0 +1,102 @@
+"""Heads of CSV files as spreadsheets and loggers write them, and numbers of other countries."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smad.errors import LogImportError
+from smad.records.channels import Channels, channels_of, held
+from smad.records.csv_table import CsvFormat
+from smad.records.tables import open_table
+
+
+def read(folder: Path, text: str | bytes, **form: str) -> Channels:
+    path = folder / "a.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return channels_of(open_table(path, CsvFormat(**form)))  # type: ignore[arg-type]
+
+
+ROWS = "0,20.5\n1,21.5\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t_s,temp_x_degC\n" + ROWS,
+        "\ufefft_s,temp_x_degC\r\n" + ROWS.replace("\n", "\r\n"),
+        "# t_s,temp_x_degC\n" + ROWS,
+        "% logger 7\n% t_s, temp_x_degC\n" + ROWS,
+        "# t_s temp_x_degC\n" + ROWS.replace(",", " "),
+        "sep=;\nt_s;temp_x_degC\n" + ROWS.replace(",", ";"),
+        '"sep=,"\nt_s,temp_x_degC\n' + ROWS,
+        "Run 3, a warm day\n\nt_s\ttemp_x_degC\n" + ROWS.replace(",", "\t"),
+        "Measured by Ada\nt_s,temp_x_degC\n" + ROWS,
+        '"t_s", "temp_x_degC"\n' + ROWS,
+        '"Time (s)","Temperature X (°C)"\n' + ROWS,
+        "time s,temp x degC\n" + ROWS,
+        "Time,Temperature X\ns,°C\n" + ROWS,
+        "Time,Temperature X\n[s],[°C]\n" + ROWS,
+    ],
+)
+def test_names_are_found_wherever_they_stand(text: str, tmp_path: Path) -> None:
+    found = read(tmp_path, text)
+    assert found.columns["t_s"].tolist() == [0.0, 1.0]
+    assert found.columns["rtd_x_degC"].tolist() == [20.5, 21.5]
+
+
+def test_a_title_that_was_passed_over_is_told(tmp_path: Path) -> None:
+    found = read(tmp_path, "Measured by Ada\nt_s,temp_x_degC\n" + ROWS)
+    assert found.notes == ("line 1 is no line of names: Measured by Ada",)
+
+
+def test_a_file_without_names_is_refused_with_its_first_numbers(tmp_path: Path) -> None:
+    with pytest.raises(LogImportError, match=r"line 2: numbers stand where the names.*got 0,20\.5"):
+        read(tmp_path, "# of channel 3\n" + ROWS)
+
+
+@pytest.mark.parametrize("name", ["LOG00001.CSV", "a.Csv", "b.PARQUET", "c.CSV.GZ"])
+def test_the_name_of_a_table_may_be_in_capital_letters(name: str, tmp_path: Path) -> None:
+    import gzip
+
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path, text = tmp_path / name, f"t_s,temp_x_degC\n{ROWS}".encode()
+    if name.endswith("PARQUET"):
+        pq.write_table(pa.table({"t_s": [0.0, 1.0], "temp_x_degC": [20.5, 21.5]}), path)
+    else:
+        path.write_bytes(gzip.compress(text) if name.endswith("GZ") else text)
+    assert channels_of(open_table(path)).columns["rtd_x_degC"].tolist() == [20.5, 21.5]
+
+
+GERMAN = "t_s;current_x_mA\n0,5;850,5\n1,0;1.500\n"
+
+
+def test_a_point_among_commas_is_refused_until_it_is_said_what_it_is(tmp_path: Path) -> None:
+    with pytest.raises(LogImportError) as refused:
+        read(tmp_path, GERMAN, decimal=",")
+    assert "line 3: column 'current_x_mA' is not a number; got 1.500" in str(refused.value)
+    assert 'say `thousands = "."` under [csv]' in str(refused.value)
+    found = read(tmp_path, GERMAN, decimal=",", thousands=".")
+    np.testing.assert_allclose(found.columns["i_meas_x_A"], [0.8505, 1.5])
+
+
+@pytest.mark.parametrize("cell", ["1.5", "1.50", "12.3456", "1.500.00", ".500"])
+def test_a_sign_that_groups_no_thousands_is_refused(cell: str, tmp_path: Path) -> None:
+    with pytest.raises(LogImportError, match="is not a number"):
+        read(tmp_path, f"t_s;current_x_mA\n0;{cell}\n", decimal=",", thousands=".")
+
+
+def test_thousands_may_be_grouped_by_commas_and_blanks(tmp_path: Path) -> None:
+    text = 't_s;current_x_mA\n0;"1,500.5"\n'
+    assert read(tmp_path, text, thousands=",").columns["i_meas_x_A"].tolist() == [1.5005]
+    text = "t_s;current_x_mA\n0;1 500\n"
+    assert read(tmp_path, text, thousands=" ").columns["i_meas_x_A"].tolist() == [1.5]
+    with pytest.raises(LogImportError, match="thousands and decimals have one sign"):
+        read(tmp_path, text, decimal=",", thousands=",")
+
+
+def test_a_number_in_force_until_the_next_one_is_held() -> None:
+    column = np.array([np.nan, 3.0, np.nan, np.nan, 5.0, np.nan])
+    np.testing.assert_array_equal(held(column), [np.nan, 3.0, 3.0, 3.0, 5.0, 5.0])

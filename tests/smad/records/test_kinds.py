@@ -1,0 +1,66 @@
+"""What every reader says of every kind of faulty record: refused by name, or left out and said."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.smad.records.kinds import KINDS, READERS, outcome
+
+DIAGNOSED = ("run log", "CSV", "Parquet", "FMU map", "Python plant")
+VALUES = (*DIAGNOSED, "check-up")
+"""Readers that compare values with what their plant declares."""
+EVERY = (*VALUES, "log import")
+
+# Kind -> the readers it concerns, how what they say begins, and words in it. The other readers
+# pass the record on to a diagnosis, which looks at it.
+RIGHT: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
+    "nothing": (EVERY, ("used", "read", "imported"), ()),
+    "a hole of 1 s": (DIAGNOSED, ("used",), ("is not recorded: the run is used up to",)),
+    "counts of 8 bits": (EVERY, ("refused",), ("declared 0 to", "counts of 8 bits? give `scale")),
+    "thousandths": (EVERY, ("refused",), ("declared", "in m")),
+    "a reversed sign": (VALUES, ("refused",), ("holds -", "is its sign reversed?", "`scale = -1`")),
+    "degrees Fahrenheit": (VALUES, ("refused",), ("declared -20 to", "in degF?")),
+    "-127 in three samples": (EVERY, ("used", "read", "imported"), ("holds -127 in 3 samples",)),
+    "85 °C in one sample": (EVERY, ("used", "read", "imported"), ("holds 85 in one sample",)),
+    "9999 in one sample": (EVERY, ("used", "read", "imported"), ("holds 9999 in one sample",)),
+    "a jump of one sample": (VALUES, ("used", "read"), ("jumps and comes back at once in one",)),
+    "NaN in ten samples": (VALUES, ("used", "read"), ("hold no number in 10 of",)),
+    "an open sensor": (VALUES, ("used", "read", "refused"), ("-127", "is its sensor open?")),
+    "a stuck channel": (DIAGNOSED, ("used",), ("stays at", "where the inputs should move it")),
+    "an input on change": (VALUES, ("refused",), ("holds a number in", "`hold = true`")),
+    "a slower channel": (VALUES, ("used", "read", "refused"), ("samples only", "`hold = true`")),
+    "1.1 s long": (DIAGNOSED, ("refused",), ("s long; at least 8 s are needed",)),
+    "no input changes": (DIAGNOSED, ("refused",), ("were the inputs recorded?", "--trust")),
+    "another run's reading": (("FMU map", "Python plant"), ("used",), ("shifted in time",)),
+}  # fmt: skip
+
+
+# A log is not held to the range of a plant, but to what any bench of this kind can show.
+OTHERWISE = {
+    ("counts of 8 bits", "log import"): ("i_applied_x_A holds 0 to", "declared -50 to 50 A")
+}
+
+
+def test_every_kind_has_a_right_answer() -> None:
+    assert RIGHT.keys() == KINDS.keys()
+
+
+@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_kind_is_told_by_each_reader_that_it_concerns(
+    kind: str, reader: str, tmp_path: Path
+) -> None:
+    readers, begins, words = RIGHT[kind]
+    said = outcome(kind, reader, tmp_path)
+    assert len(said.splitlines()) == 1
+    if reader not in readers:
+        assert said.startswith(("used", "read", "imported"))
+        return
+    assert said.startswith(begins)
+    for word in OTHERWISE.get((kind, reader), words):
+        assert word in said
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_a_record_without_a_fault_is_used_without_a_word(reader: str, tmp_path: Path) -> None:
+    assert ":" not in outcome("nothing", reader, tmp_path)

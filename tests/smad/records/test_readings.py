@@ -1,0 +1,86 @@
+"""What in a column is no reading, and the unit that values beyond a range are likely to be in."""
+
+import numpy as np
+import pytest
+
+from smad.records.readings import Declared, checked
+
+T = np.arange(400) * 0.1
+WARM = Declared(name="T", unit="degC", low=-20.0, high=120.0)
+
+
+def course() -> np.ndarray:
+    """A reading that swings by 40 degrees, with noise."""
+    noise = np.random.default_rng(0).standard_normal(len(T))
+    return 45.0 + 20.0 * np.sin(T / 3.0) + 0.1 * noise
+
+
+def applied(unit: str, low: float, high: float) -> Declared:
+    return Declared(name="u", unit=unit, low=low, high=high, applied=True)
+
+
+def test_a_reading_without_a_fault_is_left_as_it_is() -> None:
+    found = checked(course(), WARM, T, np.ones(len(T), dtype=bool))
+    assert (found.notes, found.refusal, found.share) == ((), "", 0.0)
+    np.testing.assert_array_equal(found.values, course())
+
+
+@pytest.mark.parametrize("code", [-127.0, 85.0, 9999.0, -9999.0, 32767.0, 1e30])
+def test_a_code_is_taken_out_and_told_with_its_count_and_time(code: float) -> None:
+    y = course()
+    y[[50, 51, 300]] = code
+    found = checked(y, WARM, T)
+    assert np.flatnonzero(np.isnan(found.values)).tolist() == [50, 51, 300]
+    assert found.notes == (f"T holds {code:g} in 3 samples (the first at 5 s): a code, no reading",)
+
+
+def test_a_reading_that_goes_through_85_degrees_keeps_it() -> None:
+    y = np.round(np.linspace(60.0, 110.0, len(T)), 0)
+    assert (y == 85.0).any()
+    assert checked(y, WARM, T).notes == ()
+
+
+def test_a_code_that_is_no_usual_one_is_known_by_its_repeating() -> None:
+    y = course()
+    y[::20] = -55.0
+    assert checked(y, WARM, T).notes == (
+        "T holds -55 in 20 samples (the first at 0 s): a code, no reading",
+    )
+
+
+def test_a_step_of_a_reading_is_no_jump() -> None:
+    y = np.where(T > 20.0, 80.0, 20.0)
+    assert checked(y, WARM, T, np.ones(len(T), dtype=bool)).notes == ()
+
+
+def test_noise_beyond_the_end_of_a_range_is_none_of_it() -> None:
+    u = np.where(T > 20.0, 100.0, 0.0) + 0.5 * np.sin(T)
+    assert checked(u, applied("pct", 0.0, 100.0), T).refusal == ""
+
+
+@pytest.mark.parametrize(
+    ("declared", "factor", "words"),
+    [
+        (applied("pct", 0.0, 100.0), 2.55, "0 to 204, declared 0 to 100 pct: counts of 8 bits? "
+         "give `scale = 0.392157`"),
+        (applied("1", 0.0, 1.0), 2.55, "0 to 1: counts of 8 bits? give `scale = 0.00392157`"),
+        (applied("1", 0.0, 1.0), 1.0, "percent? give `scale = 0.01`"),
+        (applied("A", 0.0, 4.0), 18.75, "in mA? say so, in the name of its column"),
+        (applied("A", 0.0, 4.0), -0.05, "holds -4 to -0, declared 0 to 4 A: is its sign reversed?"),
+        (applied("V", 0.0, 10.0), 12.7875, "counts of 10 bits? give `scale = 0.00977517`"),
+        (applied("rpm", 0.0, 10.0), 1e7, "correct the column, its unit, or the range"),
+    ],
+)  # fmt: skip
+def test_an_input_beyond_its_range_is_refused_with_values_range_and_likely_unit(
+    declared: Declared, factor: float, words: str
+) -> None:
+    u = np.rint(np.where(T > 20.0, 80.0, 0.0) * factor * 1000) / 1000
+    refusal = checked(u, declared, T).refusal
+    assert refusal.startswith("u holds ")
+    assert words in refusal
+    assert "\n" not in refusal
+
+
+def test_an_input_that_goes_both_ways_is_not_clipped_but_refused() -> None:
+    refusal = checked(np.sin(T) * 5.0, applied("A", 0.0, 4.0), T).refusal
+    assert "does it go both ways? declare its range so" in refusal

@@ -1,0 +1,85 @@
+"""Answers that were computed are on the disk before anything is printed, whoever reads it."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from smad.cli import execute
+from smad.diagnosis.verdict import REFUSED, Verdict
+from smad.errors import CommandError
+from smad.writable import replacing
+from tests.smad.records.kinds import as_csv, pair
+
+
+@pytest.fixture
+def refused(tmp_path: Path) -> list[str]:
+    """A diagnosis that is refused at once, and the files that it is to write."""
+    short = {name: column[:110] for name, column in pair().columns.items()}
+    run = as_csv(short, tmp_path / "short.csv")
+    return ["gap", "diagnose", str(run), "--json", str(tmp_path / "v.json"),
+            "--html", str(tmp_path / "v.html")]  # fmt: skip
+
+
+def asked(words: list[str], shell: str) -> subprocess.CompletedProcess[str]:
+    """The command in a shell that does with its output what `shell` says."""
+    command = " ".join([sys.executable, "-m", "smad", *words])
+    return subprocess.run(
+        ["bash", "-c", f"{command} {shell}"], capture_output=True, text=True, check=False
+    )
+
+
+def verdict(folder: Path) -> Verdict:
+    return Verdict.from_json((folder / "v.json").read_bytes())
+
+
+def test_a_refused_diagnosis_has_a_status_of_its_own_and_writes_its_files(
+    refused: list[str], tmp_path: Path
+) -> None:
+    assert execute(refused) == 3
+    found = verdict(tmp_path)
+    assert found.outcome == REFUSED
+    assert [f.kind for f in found.findings if f.refuses] == ["too short"]
+    assert "at least 8 s are needed" in (tmp_path / "v.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("shell", "words"),
+    [
+        ("> /dev/full", "the answer cannot be printed: No space left on device"),
+        ("| true", ""),
+        ("| head -1; exit ${PIPESTATUS[0]}", ""),
+        (">&-", ""),
+    ],
+)
+def test_output_that_nobody_takes_loses_no_file_and_is_no_internal_error(
+    shell: str, words: str, refused: list[str], tmp_path: Path
+) -> None:
+    done = asked(refused, shell)
+    assert verdict(tmp_path).outcome == REFUSED
+    assert "Traceback" not in done.stderr
+    assert "internal error" not in done.stderr
+    assert words in done.stderr
+
+
+def test_a_file_that_cannot_be_written_is_told_before_anything_is_computed(
+    refused: list[str], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert execute([*refused, "--apply", str(tmp_path / "gone" / "m.toml")]) == 1
+    assert "there is no folder" in capfd.readouterr().err
+    assert not (tmp_path / "v.json").exists()
+
+
+def test_a_file_keeps_its_content_until_the_new_one_is_whole(tmp_path: Path) -> None:
+    target = tmp_path / "v.json"
+    target.write_text("old")
+    with pytest.raises(ZeroDivisionError), replacing(target) as path:
+        path.write_text(f"half of the n{1 / 0}")
+    assert target.read_text() == "old"
+    with replacing(target) as path:
+        path.write_text("new")
+    assert [p.name for p in tmp_path.iterdir()] == ["v.json"]
+    assert target.read_text() == "new"
+    with pytest.raises(CommandError, match="cannot write"), replacing(target) as path:
+        raise OSError(28, "No space left on device")

@@ -1,0 +1,111 @@
+"""Run logs as a dataset of LeRobot v3.0, held against the layout that its reader takes.
+
+Its own package needs PyTorch, so what its loader does is done here: paths from `info.json`, tasks
+through pandas, one row group an episode, indices of the episodes.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from pyarrow import parquet
+
+from smad.cli import execute
+from smad.errors import RunLogError
+from smad.runlog.lerobot import ACTION, STATE, export_lerobot
+from smad.runlog.reader import Run, read_run
+
+from .helpers import write_small_run
+
+ROWS = 90
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    return read_run(write_small_run(tmp_path_factory.mktemp("run") / "run.mcap", ROWS))
+
+
+@pytest.fixture(scope="module")
+def dataset(run: Run) -> Path:
+    return export_lerobot([run, run], run.path.with_suffix(".lerobot"))
+
+
+def info(dataset: Path) -> dict:  # type: ignore[type-arg]
+    return json.loads((dataset / "meta" / "info.json").read_text())  # type: ignore[no-any-return]
+
+
+def test_the_description_has_what_their_reader_asks_for(dataset: Path) -> None:
+    told = info(dataset)
+    assert told["codebase_version"] == "v3.0"
+    assert told["total_episodes"] == 2
+    assert told["splits"] == {"train": "0:2"}
+    assert set(told["features"]) == {
+        STATE, ACTION, "timestamp", "frame_index", "episode_index", "index", "task_index",
+    }  # fmt: skip
+    for feature in (STATE, ACTION):
+        assert told["features"][feature]["shape"] == [len(told["features"][feature]["names"])]
+
+
+def test_each_episode_lies_where_the_description_says(dataset: Path) -> None:
+    told = info(dataset)
+    episodes = parquet.read_table(dataset / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    assert [row["episode_index"] for row in episodes] == [0, 1]
+    for row in episodes:
+        path = told["data_path"].format(
+            chunk_index=row["data/chunk_index"], file_index=row["data/file_index"]
+        )
+        file = parquet.ParquetFile(dataset / path)
+        part = file.read_row_group(row["episode_index"])
+        assert len(part) == row["length"]
+        index = part["index"].to_pylist()
+        assert (index[0], index[-1] + 1) == (row["dataset_from_index"], row["dataset_to_index"])
+        assert set(part["episode_index"].to_pylist()) == {row["episode_index"]}
+    assert told["total_frames"] == episodes[-1]["dataset_to_index"]
+
+
+def test_tasks_are_read_by_name_through_pandas(dataset: Path) -> None:
+    tasks = pd.read_parquet(dataset / "meta" / "tasks.parquet")
+    assert tasks.index.name == "task"
+    assert tasks["task_index"].tolist() == [0]
+
+
+def test_frames_are_the_samples_at_even_times(run: Run, dataset: Path) -> None:
+    told = info(dataset)
+    table = parquet.ParquetFile(dataset / "data/chunk-000/file-000.parquet").read_row_group(0)
+    times = np.array(table["timestamp"].to_pylist())
+    assert np.allclose(np.diff(times), 1.0 / told["fps"], atol=1e-5)
+    state = np.array(table[STATE].to_pylist())
+    at = told["features"][STATE]["names"].index("rtd_x_degC")
+    since_s = run.columns["t_s"] - run.columns["t_s"][0]
+    for k in (0, 17, len(times) - 1):
+        sample = np.searchsorted(since_s, k / told["fps"] + 1e-9, side="right") - 1
+        assert state[k, at] == pytest.approx(run.columns["rtd_x_degC"][sample], rel=1e-6)
+
+
+def test_statistics_are_those_of_the_frames(dataset: Path) -> None:
+    stats = json.loads((dataset / "meta" / "stats.json").read_text())
+    rows = np.array(
+        parquet.read_table(dataset / "data/chunk-000/file-000.parquet")[STATE].to_pylist()
+    )
+    assert stats[STATE]["max"] == pytest.approx(np.nanmax(rows, axis=0).tolist())
+    assert stats[STATE]["count"] == [len(rows)]
+
+
+def test_what_cannot_be_written_is_said(run: Run, dataset: Path, tmp_path: Path) -> None:
+    with pytest.raises(RunLogError, match="is there already"):
+        export_lerobot([run], dataset)
+    with pytest.raises(RunLogError, match="is no dataset"):
+        export_lerobot([run], tmp_path, overwrite=True)
+    with pytest.raises(RunLogError, match="frames per second"):
+        export_lerobot([run], tmp_path / "a", fps=100_000)
+
+
+def test_the_command_writes_a_dataset_beside_the_log(
+    run: Run, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    target = tmp_path / "made.lerobot"
+    assert execute(["log", "export", str(run.path), "-o", str(target), "--fps", "50"]) == 0
+    assert str(target) in capfd.readouterr().out
+    assert info(target)["fps"] == 50

@@ -1,0 +1,81 @@
+"""What ends, ends with who started it, and what cannot be used is refused at once."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from smad.cli import execute
+from smad.client import Client, NoAnswer
+from smad.fmi.errors import FmiError
+from smad.fmi.unit_file import _identifier
+from tests.smad.fakedaemon import FakeDaemon
+
+_CHILD = (
+    "import time; from smad.processes.parent import end_with; "
+    "end_with({}); print('ready', flush=True); time.sleep(600)"
+)
+_PARENT = f"""
+import os, subprocess, sys, time
+child = subprocess.Popen([sys.executable, "-c", {_CHILD!r}.format(os.getpid())])
+print(child.pid, flush=True)
+time.sleep(600)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_a_child_ends_with_a_parent_that_is_killed(number: signal.Signals) -> None:
+    parent = subprocess.Popen([sys.executable, "-c", _PARENT], stdout=subprocess.PIPE, text=True)
+    assert parent.stdout is not None
+    assert int(parent.stdout.readline()) > 0
+    assert parent.stdout.readline() == "ready\n"
+    parent.send_signal(number)
+    parent.wait()
+    # The pipe ends when the last of both has.
+    assert parent.stdout.read() == ""
+    parent.stdout.close()
+
+
+def test_who_asks_a_daemon_that_has_ended_hears_so_at_once(tmp_path: Path) -> None:
+    daemon = FakeDaemon(tmp_path)
+    client = Client(folder=tmp_path, timeout_s=300.0)
+    try:
+        daemon.close()
+        daemon.endpoints.connection_file.unlink(missing_ok=True)
+        with pytest.raises(NoAnswer, match="the daemon has ended"):
+            client.motion()
+        with pytest.raises(NoAnswer, match="the daemon has ended"):
+            client.disarm()
+    finally:
+        client.close()
+
+
+@pytest.mark.parametrize("name", ["/lib/evil", "../evil", "a/b", "", "a b", "a\n"])
+def test_a_unit_whose_library_lies_outside_of_its_archive_is_refused(name: str) -> None:
+    with pytest.raises(FmiError, match="no name of a library"):
+        _identifier(Path("unit.fmu"), name)
+
+
+def test_config_check_refuses_a_coupling_without_an_inverse(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "smad.toml"
+    axis = '[[axes]]\nname = "{}"\ncoupling = [1.0, 1.0]\n'
+    path.write_text(axis.format("pitch") + axis.format("yaw"))
+    assert execute(["config", "check", str(path)]) != 0
+    assert "has no inverse" in capsys.readouterr().err
+
+
+def test_a_pipe_as_parameter_file_is_refused_before_anything_is_started(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    path = tmp_path / "smad.toml"
+    path.write_text(f'[plant]\nparameter_file = "{tmp_path / "pipe"}"\n')
+    assert execute(["start", "--sim", "--config", str(path)]) != 0
+    assert "parameter_file is no file" in capsys.readouterr().err

@@ -1,0 +1,50 @@
+"""What the live page offers of a run, and what it shows of a diagnosis that is refused."""
+
+import asyncio
+import re
+from pathlib import Path
+
+import pytest
+
+import smad.view
+from smad.diagnosis.plant import Traits
+from smad.errors import REFUSED_STATUS
+from smad.view.jobs import Diagnose, Jobs, Order
+
+
+@pytest.mark.parametrize(
+    ("status", "failed", "served"),
+    [
+        (0, "", True),
+        (REFUSED_STATUS, "it is refused; the report says why", True),
+        (1, "it ended with status 1", False),
+    ],
+)
+def test_the_report_of_a_refused_diagnosis_is_served_all_the_same(
+    status: int, failed: str, served: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def carried_out(jobs: Jobs, order: Order) -> int:
+        order.report.write_text("why")
+        return status
+
+    monkeypatch.setattr(Jobs, "_carried_out", carried_out)
+
+    async def told() -> tuple[str, str]:
+        jobs = Jobs()
+        await jobs.begin(Diagnose(run="a.mcap"), tmp_path, "bench")
+        while jobs.running:
+            await asyncio.sleep(0)
+        job = jobs.told()
+        assert job is not None
+        return job.failed, job.report
+
+    said, report = asyncio.run(told())
+    assert said == failed
+    assert bool(report) == served
+
+
+def test_the_page_offers_a_diagnosis_of_runs_that_are_long_enough_for_one() -> None:
+    script = Path(smad.view.__file__).with_name("static") / "runs.js"
+    found = re.search(r"SHORTEST_S = (\d+);", script.read_text())
+    assert found is not None
+    assert float(found[1]) == Traits().shortest_s
