@@ -53,8 +53,8 @@ def page_of(answer: Answer, asked: str = "", facts: Sequence[tuple[str, str]] = 
     ]
     sections += [Section(title, blocks, folded=True) for title, blocks in folded if blocks]
     known = [("question", _QUESTIONS.get(v.question, _CHANGED)),
-             ("plant", f"{v.plant} {v.plant_version}"), ("time", f"{v.seconds:.0f} s" if v.seconds else ""),
-             *facts]  # fmt: skip
+             ("plant", f"{v.plant} {v.plant_version}"),
+             ("time", f"{v.seconds:.0f} s" if v.seconds else ""), *facts]  # fmt: skip
     title, _, gap = (v.headline[:1].upper() + v.headline[1:]).partition("; ")
     lead = gap and f"{gap[0].upper()}{gap[1:]}."
     return Page(title, sections, lead, [(n, x) for n, x in known if x])
