@@ -53,8 +53,8 @@ def page_of(answer: Answer, asked: str = "", facts: Sequence[tuple[str, str]] = 
     ]
     sections += [Section(title, blocks, folded=True) for title, blocks in folded if blocks]
     known = [("question", _QUESTIONS.get(v.question, _CHANGED)),
-             ("plant", f"{v.plant} {v.plant_version}"), ("time", f"{v.seconds:.0f} s"),
-             *facts]  # fmt: skip
+             ("plant", f"{v.plant} {v.plant_version}"),
+             ("time", f"{v.seconds:.0f} s" if v.seconds else ""), *facts]  # fmt: skip
     title, _, gap = (v.headline[:1].upper() + v.headline[1:]).partition("; ")
     lead = gap and f"{gap[0].upper()}{gap[1:]}."
     return Page(title, sections, lead, [(n, x) for n, x in known if x])
@@ -65,7 +65,8 @@ def _answer(v: Verdict) -> list[Block]:
         Text(f"{f.run}: {f.text}", "warning")
         for f in v.findings if f.refuses or f.run == "all runs"
     ]  # fmt: skip
-    judged = "".join(judged_lines(v))
+    floor = "what two good days differ in" if v.question == CHECK_UP else "the noise of a reading"
+    judged = f"{''.join(judged_lines(v))}. A floor is {floor}."
     for cause in v.causes:
         out += [rivals(cause.rivals, judged), _cause(cause)]
     if not v.causes and v.rivals:
@@ -82,8 +83,7 @@ def rivals(rows: Sequence[RivalGap], judged: str) -> Table:
         ("floors left", "probability", "rival", "values"),
         [(f"{r.gap:.3g}", f"{r.probability:.2f}", _what(r), ", ".join(v.text for v in r.values))
          for r in first_rivals(rows)],
-        f"Each rival is fitted together with the parameters, and {judged}. A floor is the noise "
-        "of a reading.",
+        f"Each rival is fitted together with the parameters, and {judged}",
         frozenset((0, 1)),
     )  # fmt: skip
 
@@ -156,5 +156,5 @@ def _runs(v: Verdict) -> list[Block]:
 
 
 def _next(v: Verdict, asked: str) -> list[Block]:
-    steps = [f"{c}    # {why}" if c else f"# {why}" for c, why in advice(v, asked)]
+    steps = [f"{c}    # {why}" if c else f"# {why}" for c, why in advice(v, asked) if asked]
     return [Code("\n".join(steps))] if steps else []

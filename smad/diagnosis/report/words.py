@@ -28,7 +28,7 @@ from smad.diagnosis.verdict import (
 _MOVED = 4
 _UNSEEN = 4
 _RIVALS = 5
-_NO_BETTER, _RARE = 0.99, 0.005
+_NO_BETTER = 0.99
 _NAMES = 4
 _LIKELY = 0.05
 _AT_FLOOR = 1.3
@@ -108,7 +108,7 @@ def first_rivals(rivals: Sequence[RivalGap]) -> list[RivalGap]:
     """
     without = [r for r in rivals if r.kind in ("nothing", "parameters")]
     most = _NO_BETTER * min((r.gap for r in without), default=math.inf)
-    telling = [r for r in rivals if r not in without and (r.gap < most or r.probability > _RARE)]
+    telling = [r for r in rivals if r not in without and (r.gap < most or r.probability >= _LIKELY)]
     return [r for r in rivals if r in without or r in telling[:_RIVALS]]
 
 
