@@ -50,7 +50,7 @@ def _scale(values: Array) -> float:
     Outliers are told by the median, whose own estimate would be a third off for a hundred rows.
     """
     middle = float(np.median(np.abs(values))) / 0.6745
-    kept = values[np.abs(values) <= _OUTLIER * middle] if middle > 0.0 else values
+    kept = values[np.abs(values) <= _OUTLIER * middle]
     return float(np.sqrt(np.mean(kept**2)))
 
 
