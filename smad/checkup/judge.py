@@ -6,6 +6,7 @@ correlation of what is left come from the repeats of the good bench.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -89,6 +90,7 @@ def judged(
     Effects of `exclude` are not asked. Raises PairingError for inputs that differ too much, and
     GapError where the model cannot replay the runs.
     """
+    began = time.perf_counter()
     c = constants or shipped()
     placed = with_places(plant)
     pairs = paired(placed, reference, runs)
@@ -103,7 +105,7 @@ def judged(
     answer = answer_of(placed, search, question=CHECK_UP, constants=c, judged_on=_JUDGED_ON)
     verdict = msgspec.structs.replace(
         answer.verdict, notes=notes_of(pairs), plant=plant.name, plant_version=plant.version,
-        smad_version=VERSION,
+        smad_version=VERSION, seconds=round(time.perf_counter() - began, 2),
     )  # fmt: skip
     return Judged(pairs=pairs, answer=replace(answer, verdict=verdict))
 

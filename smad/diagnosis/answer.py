@@ -116,7 +116,9 @@ def _outcome(search: Searched, causes: Sequence[Cause]) -> str:
 
 
 def _entered(search: Searched) -> list[Step]:
-    """The steps by which parts entered, in their order."""
+    """The steps by which parts entered, in their order; none where all were withdrawn."""
+    if search.final.fit is None or not search.final.fit.model.parts:
+        return []
     return [s for s in search.steps if s.entered is not None and s.entered.kind in (EFFECT, LAW)]
 
 

@@ -229,8 +229,11 @@ def searched(question: Question, *, most: int, exchange: bool = True) -> Searche
         step = search.step(first=not steps)
         steps.append(step)
         done = step.entered is None or question.near(search.current)
-    if len(search.parts) == 0 and not search.moved:
+    if not search.parts and not search.moved:
         search.current = configured
+    if question.gap(search.current) > question.gap(parameters) and search.parts:
+        # What leaves more of the judged runs than parameters alone is not told, whatever it is.
+        search.current, search.moved = parameters, True
     return Searched(
         question=question, configured=configured, parameters=parameters, steps=tuple(steps),
         final=search.current, moved=search.moved,
