@@ -49,7 +49,7 @@ def recorded(
     plant = Plant(
         parameters,
         variant=model.variant,
-        effects=model.within(point.effects),
+        effects=model.acting(point),
         laws=point.laws,
         seed=seed,
     )
