@@ -32,8 +32,12 @@ def require_writable(output: Path) -> None:
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a path beside `path` to write to; it replaces `path` once the block has ended.
 
-    After an error it is removed and `path` stays as it was. Raises OSError.
+    After an error it is removed and `path` stays as it was. What is no file (a pipe, a terminal) is
+    written as it is. Raises OSError.
     """
+    if path.exists() and not path.is_file():
+        yield path
+        return
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         yield partial
@@ -41,6 +45,18 @@ def replacing(path: Path) -> Iterator[Path]:
     finally:
         with contextlib.suppress(OSError):
             partial.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def named_output(path: Path) -> Iterator[Path]:
+    """As `replacing`, for a file that a command was asked for. Raises CommandError."""
+    try:
+        with replacing(path) as partial:
+            yield partial
+    except OSError as error:
+        raise CommandError(
+            f"cannot write {path}: {error.strerror or error}", action="make room, or name another"
+        ) from error
 
 
 def write_whole(path: Path, data: bytes | str) -> None:

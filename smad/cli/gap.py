@@ -33,7 +33,7 @@ from smad.cli.gap_runs import (
     uncut,
 )
 from smad.cli.output import progress
-from smad.files import replacing, require_writable
+from smad.files import named_output, require_writable
 
 if TYPE_CHECKING:
     from smad.diagnosis.answer import Answer
@@ -133,7 +133,7 @@ def _write(
     """Write what was asked for, each file whole or not at all; returns those written."""
     verdict, written = answer.verdict, []
     if json_path is not None:
-        with replacing(json_path) as path:
+        with named_output(json_path) as path:
             path.write_bytes(verdict.to_json())
         written.append(json_path)
     if html_path is not None:
@@ -143,7 +143,7 @@ def _write(
         written.append(write_page(page_of(answer, asked), html_path))
     # A refused answer has no model; why it was refused says more than that.
     if model is not None and (verdict.models or verdict.outcome != "refused"):
-        with replacing(model) as path:
+        with named_output(model) as path:
             verdict.write_model(path)
         written.append(model)
     return written
@@ -169,7 +169,7 @@ def apply(*, verdict: Path, out: Path, first: int | None) -> None:
             value=str(error),
             action="give a file that smad gap diagnose --json wrote",
         ) from error
-    with replacing(out) as path:
+    with named_output(out) as path:
         told.write_model(path, first)
     causes = told.causes if first is None else told.causes[:first]
     click.echo(f"{out}: parameters" + "".join(f", {c.name or c.words}" for c in causes))

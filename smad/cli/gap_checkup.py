@@ -22,7 +22,7 @@ from smad.cli.baselines import (
 )
 from smad.cli.gap_runs import tell_passed_over
 from smad.cli.output import axis_option, progress
-from smad.files import replacing, require_writable
+from smad.files import named_output, require_writable
 
 if TYPE_CHECKING:
     from smad.checkup.files import Found
@@ -179,7 +179,7 @@ def checkup(
         )
     verdict, written = found.verdict, []
     if json_path is not None:
-        with replacing(json_path) as path:
+        with named_output(json_path) as path:
             path.write_bytes(verdict.to_json())
         written.append(json_path)
     if page_path is not None:
@@ -191,7 +191,7 @@ def checkup(
     if model_path is not None:
         from smad.checkup.judge import save_found
 
-        with replacing(model_path) as path:
+        with named_output(model_path) as path:
             save_found(new_plant(), found, path)
         written.append(model_path)
     print_verdict(verdict)

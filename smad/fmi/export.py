@@ -17,8 +17,7 @@ import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim_device.plant.models import Model, save_model
-from sim_device.plant.parameters import built_in_sets, load_parameters
+from sim_device.plant.models import Model, write_model
 from smad.fmi.description import IDENTIFIER, SOURCE, build_description, description
 from smad.fmi.errors import FmiError
 from smad.fmi.kernel_c import kernel_source
@@ -73,7 +72,7 @@ def export_unit(
         folder = Path(name)
         write_sources(model, folder, version, mounted or Mounted())
         (folder / "resources").mkdir()
-        write_model(model, folder / "resources" / MODEL)
+        write_model(folder / "resources" / MODEL, model)
         built_for = compile_unit(folder, version)
         _pack(folder, target)
     return Exported(target, built_for)
@@ -117,27 +116,6 @@ def compile_unit(folder: Path, version: int) -> str:
         first = next((line for line in done.stderr.splitlines() if "error" in line), "no message")
         raise FmiError(f"{compiler} does not compile the unit: {first}", action="set CC to another")
     return built_for
-
-
-def write_model(model: Model, path: Path) -> None:
-    """Write a model file that needs no other file beside it."""
-    overrides = dict(model.overrides)
-    base = model.base
-    if base not in built_in_sets():
-        base = "A"
-        known = load_parameters(base)
-        here = model.parameters
-        overrides = {name: here[name] for name in here.names if here[name] != known[name]}
-    save_model(
-        path,
-        base=base,
-        variant=model.variant,
-        overrides=overrides,
-        effects=model.effects,
-        mounting=model.mounting,
-        laws=model.laws,
-        note=model.note,
-    )
 
 
 def _pack(folder: Path, target: Path) -> None:

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from evaluation.calibrate.check_up import kept_cases
 
 from evaluation.bank import any_inputs
 from evaluation.bank.check_ups import CheckUps, make, read_programme
@@ -112,5 +111,3 @@ def test_sealing_makes_both_banks_and_enters_their_hashes(
     folder = tmp_path / "banks"
     with pytest.raises(BankError, match="is sealed"):
         run(folder / "check-ups", tmp_path / "v.json", key=folder / "check-ups-key")
-    with pytest.raises(BankError, match="is sealed"):
-        kept_cases(folder / "check-ups", tmp_path / "kept")

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pytest
-from smad.fmi.pair import MODEL, MOUNTED, Mounted, UnitOfPair
 
 from sim_device.plant import Drive, Plant, load_parameters
 from sim_device.plant.covariance import Covariance
@@ -19,7 +18,7 @@ from smad.config import Config
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.envs.models import Source
 from smad.experiments.virtual import VirtualDriver
-from smad.fmi import export
+from smad.fmi.export import MODEL, export_unit
 
 LAW = Law("film", "both", (Term(name="constant", coefficient=-0.2),))
 STEPS = 200
@@ -72,12 +71,13 @@ def by_gap_next(path: Path, monkeypatch: pytest.MonkeyPatch) -> Plant:
 
 
 def by_unit(path: Path, monkeypatch: pytest.MonkeyPatch) -> Plant:
-    """The folder that `export_unit` packs, without the packing."""
-    folder = path.parent / "unit"
-    folder.mkdir()
-    export.write_model(folder / MODEL, read_model(path))
-    (folder / MOUNTED).write_bytes(msgspec.json.encode(Mounted()))
-    return UnitOfPair(folder).started()
+    """The model file that a unit of FMI carries; what its C computes is tested with the unit."""
+    unit = path.with_name("pair.fmu")
+    monkeypatch.setenv("CC", "no compiler")
+    export_unit(read_model(path), unit)
+    with zipfile.ZipFile(unit) as packed:
+        packed.extract(f"resources/{MODEL}", path.parent)
+    return plant_of(read_model(path.parent / "resources" / MODEL))
 
 
 def by_environment(path: Path, monkeypatch: pytest.MonkeyPatch) -> Plant:

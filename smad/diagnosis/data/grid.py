@@ -17,6 +17,7 @@ PERIOD_S = 0.2
 MOST_ROWS = 6000
 """Of all runs together: what is kept of every law's response for each is a gigabyte at most."""
 _NEARLY = 0.01
+_AMPLE = 1.25
 LEAST_PERIODS = 40
 """A run must be as many rows long."""
 _ROWS = 10
@@ -98,23 +99,23 @@ def thinned(run: GapRun, step_s: float, inputs: Sequence[Signal]) -> GapRun:
 
 
 def row_length_s(runs: Sequence[GapRun], plant: PlantModel) -> float:
-    """Length of a row that suits these records: a 10th of the usual correlation time of what is
-    measured, in whole samples, and long enough that all runs together have at most `MOST_ROWS`.
+    """Length of a row that suits these records, in whole samples.
 
+    A 10th of the usual correlation time of what is measured; so short that the usual run has a
+    quarter more rows than it must, so long that all runs together have at most `MOST_ROWS`.
     Without a channel that moves, or without a run, it is that of the spring pair.
     """
-    usual = correlation_time_s(runs, plant)
     if not runs:
         return PERIOD_S
-    total_s = sum(run.duration_s for run in runs)
-    wanted_s = max(PERIOD_S if usual is None else usual / _ROWS, total_s / MOST_ROWS)
+    usual = correlation_time_s(runs, plant)
+    lengths_s = [run.duration_s for run in runs]
+    short_s = float(np.median(lengths_s)) / (_AMPLE * LEAST_PERIODS)
+    wanted_s = min(PERIOD_S if usual is None else usual / _ROWS, short_s)
+    wanted_s = max(wanted_s, sum(lengths_s) / MOST_ROWS)
     sample_s = float(np.median([r.dt_s for r in runs]))
-    # Of less than three samples a mean is not worth while.
-    return (
-        sample_s * max(np.ceil(wanted_s / sample_s - _NEARLY), 1.0)
-        if (wanted_s > _FEWEST * sample_s or total_s > MOST_ROWS * sample_s)
-        else sample_s
-    )
+    # Of less than three samples a mean is not worth while, unless memory asks for it.
+    few = wanted_s <= _FEWEST * sample_s and sum(lengths_s) <= MOST_ROWS * sample_s
+    return sample_s if few else sample_s * max(float(np.ceil(wanted_s / sample_s - _NEARLY)), 1.0)
 
 
 def correlation_time_s(runs: Sequence[GapRun], plant: PlantModel) -> float | None:

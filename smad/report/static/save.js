@@ -1,33 +1,35 @@
 // Saves a figure of the page as it is printed: its colours fall back to those of paper.
-const inPrint = (svg) => new XMLSerializer().serializeToString(svg)
-  .replace(/var\(--[\w-]+, (#[0-9a-f]{6})\)/g, "$1");
+{
+  const inPrint = (svg) => new XMLSerializer().serializeToString(svg)
+    .replace(/var\(--[\w-]+, (#[0-9a-f]{6})\)/g, "$1");
 
-function download(blob, name) {
-  const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(blob),
-    download: name });
-  link.click();
-  URL.revokeObjectURL(link.href);
-}
+  function download(blob, name) {
+    const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(blob),
+      download: name });
+    link.click();
+    URL.revokeObjectURL(link.href);
+  }
 
-const DOTS_PER_POINT = 300 / 72;
+  const DOTS_PER_POINT = 300 / 72;
 
-async function png(svg, vector) {
-  const image = new Image();
-  image.src = URL.createObjectURL(vector);
-  await image.decode();
-  const { width, height } = svg.viewBox.baseVal;
-  const canvas = Object.assign(document.createElement("canvas"), {
-    width: Math.round(width * DOTS_PER_POINT), height: Math.round(height * DOTS_PER_POINT) });
-  canvas.getContext("2d").drawImage(image, 0, 0, canvas.width, canvas.height);
-  URL.revokeObjectURL(image.src);
-  return new Promise((resolve) => canvas.toBlob(resolve, "image/png"));
-}
+  async function png(svg, vector) {
+    const image = new Image();
+    image.src = URL.createObjectURL(vector);
+    await image.decode();
+    const { width, height } = svg.viewBox.baseVal;
+    const canvas = Object.assign(document.createElement("canvas"), {
+      width: Math.round(width * DOTS_PER_POINT), height: Math.round(height * DOTS_PER_POINT) });
+    canvas.getContext("2d").drawImage(image, 0, 0, canvas.width, canvas.height);
+    URL.revokeObjectURL(image.src);
+    return new Promise((resolve) => canvas.toBlob(resolve, "image/png"));
+  }
 
-for (const button of document.querySelectorAll(".save button")) {
-  button.addEventListener("click", async () => {
-    const svg = button.closest("figure").querySelector("svg");
-    const vector = new Blob([inPrint(svg)], { type: "image/svg+xml" });
-    const file = button.value === "svg" ? vector : await png(svg, vector);
-    download(file, `${button.parentElement.dataset.name}.${button.value}`);
-  });
+  for (const button of document.querySelectorAll(".save button")) {
+    button.addEventListener("click", async () => {
+      const svg = button.closest("figure").querySelector("svg");
+      const vector = new Blob([inPrint(svg)], { type: "image/svg+xml" });
+      const file = button.value === "svg" ? vector : await png(svg, vector);
+      download(file, `${button.parentElement.dataset.name}.${button.value}`);
+    });
+  }
 }

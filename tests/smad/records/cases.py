@@ -48,7 +48,7 @@ def asked(runs: str, unit: str = "heater", mapped: str = "map") -> str:
     return D.format("{folder}", runs, unit, mapped)
 
 
-SEES = "other values of the parameters bring the gap"
+SEES = "other values of the parameters explain it"
 CASES = (
     Case(0, "records without a fault", asked("plain"), 0, (SEES,)),
     Case(1, "a number of one locale read in another",

@@ -9,7 +9,7 @@ import pytest
 from smad.cli import execute
 from smad.diagnosis.verdict import REFUSED, Verdict
 from smad.errors import CommandError
-from smad.files import replacing
+from smad.files import named_output
 from tests.smad.records.kinds import as_csv, pair
 
 
@@ -74,12 +74,12 @@ def test_a_file_that_cannot_be_written_is_told_before_anything_is_computed(
 def test_a_file_keeps_its_content_until_the_new_one_is_whole(tmp_path: Path) -> None:
     target = tmp_path / "v.json"
     target.write_text("old")
-    with pytest.raises(ZeroDivisionError), replacing(target) as path:
+    with pytest.raises(ZeroDivisionError), named_output(target) as path:
         path.write_text(f"half of the n{1 / 0}")
     assert target.read_text() == "old"
-    with replacing(target) as path:
+    with named_output(target) as path:
         path.write_text("new")
     assert [p.name for p in tmp_path.iterdir()] == ["v.json"]
     assert target.read_text() == "new"
-    with pytest.raises(CommandError, match="cannot write"), replacing(target) as path:
+    with pytest.raises(CommandError, match="cannot write"), named_output(target) as path:
         raise OSError(28, "No space left on device")

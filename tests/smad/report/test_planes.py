@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from bench.browser import browser, what_is_missing
-from smad.report.page import Page, Picture, Section, render
+from smad.report.page import Page, Section, render
 from smad.report.panels import Panels, followed
 from smad.report.planes import MOST_POINTS, QUANTITIES, Curve, Plane, cycles_of, planes_of
-from smad.report.plots import draw, new_figure, svg_of
+from smad.report.plots import draw, new_figure, picture
 from smad.runlog.cycles import TURN_MM, Cycles
 from smad.style.palette import in_print
 
@@ -144,6 +144,11 @@ def test_a_browser_draws_a_known_loop_and_names_the_sample_under_the_pointer(
         assert driver.get_log("browser") == []
 
 
+def buttons(place: str) -> str:
+    """Selects what saves a figure."""
+    return f"{place} [data-save], {place} .save button[value], {place} .save a"
+
+
 @pytest.mark.skipif(
     bool(MISSING) and not os.environ.get("SMAD_REQUIRE_BROWSER"), reason=MISSING or "-"
 )
@@ -154,7 +159,7 @@ def test_panels_planes_and_pictures_are_saved_as_files_for_print(tmp_path: Path)
     figure, (axes,) = new_figure()
     draw(axes, [0.0, 1.0], [0.0, 1.0], "a line", "x")
     page, saved = tmp_path / "page.html", tmp_path / "saved"
-    blocks = [a_known_loop(), Picture(svg_of(figure))]
+    blocks = [a_known_loop(), picture(figure, "A picture")]
     page.write_text(render(Page("t", [Section("s", blocks)])))
     files: dict[str, bytes] = {}
     with browser(tmp_path / "profile") as driver:
@@ -163,8 +168,8 @@ def test_panels_planes_and_pictures_are_saved_as_files_for_print(tmp_path: Path)
             "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(saved)}
         )
         for place in (".tools", ".plane", "figure:not(.panels)"):
-            for button in driver.find_elements(By.CSS_SELECTOR, f"{place} [data-save]"):
-                kind = button.get_attribute("data-save")
+            for button in driver.find_elements(By.CSS_SELECTOR, buttons(place)):
+                kind = button.get_attribute("data-save") or button.get_attribute("value") or "pdf"
                 before = {path.name for path in saved.glob("*")} if saved.exists() else set()
                 driver.execute_script("arguments[0].click()", button)
 
@@ -174,9 +179,9 @@ def test_panels_planes_and_pictures_are_saved_as_files_for_print(tmp_path: Path)
                 (path,) = WebDriverWait(driver, 60.0).until(new)
                 files[f"{place} {kind}"] = path.read_bytes()
         assert driver.get_log("browser") == []
-    assert len(files) == 3 + 3 + 2
+    assert len(files) == 3 + 3 + 3
     for name, data in files.items():
-        begins = {"svg": b"<svg", "pdf": b"%PDF-1.4", "png": b"\x89PNG"}[name.split()[-1]]
+        begins = {"svg": b"<svg", "pdf": b"%PDF-1.", "png": b"\x89PNG"}[name.split()[-1]]
         assert data.startswith(begins), name
     strips = files[".tools svg"].decode()
     assert f'width="{85 * 72 / 25.4:.2f}pt"' in strips
