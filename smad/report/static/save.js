@@ -24,7 +24,7 @@
     return new Promise((resolve) => canvas.toBlob(resolve, "image/png"));
   }
 
-  for (const button of document.querySelectorAll(".save button")) {
+  for (const button of document.querySelectorAll("figcaption .save button")) {
     button.addEventListener("click", async () => {
       const svg = button.closest("figure").querySelector("svg");
       const vector = new Blob([inPrint(svg)], { type: "image/svg+xml" });
