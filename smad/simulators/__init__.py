@@ -1,0 +1,9 @@
+"""Anybody's simulator as a plant of the diagnosis: a Python function, a MuJoCo model.
+
+Start with `simulator` and `diagnose`; docs/your-simulator.md shows both.
+"""
+
+from smad.simulators.asking import diagnose
+from smad.simulators.declare import Missing, Simulator, simulator
+
+__all__ = ["Missing", "Simulator", "diagnose", "simulator"]
