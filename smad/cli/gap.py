@@ -28,7 +28,7 @@ from smad.cli.gap_runs import (
     runs_argument,
     uncut,
 )
-from smad.cli.output import progress
+from smad.cli.gap_simulator import diagnosed_elsewhere, require_pairs, simulator_options
 
 _RUN = click.Path(exists=True, dir_okay=False, path_type=Path)
 _OUT = click.Path(dir_okay=False, path_type=Path)
@@ -56,8 +56,7 @@ gap.add_command(next_experiment)
 @click.option("--html", "html_path", type=_OUT, help="Write the report page here.")
 @click.option("--apply", "model_path", type=_OUT,
               help="Write the model with everything that is told here.")  # fmt: skip
-@click.option("--fmu", type=_RUN, help="The model is this unit of FMI 2.0; needs --map.")
-@click.option("--map", "map_path", type=_RUN, help="With --fmu: what its variables are (TOML).")
+@simulator_options
 def diagnose(
     *,
     runs: tuple[Path, ...],
@@ -70,7 +69,9 @@ def diagnose(
     html_path: Path | None,
     model_path: Path | None,
     fmu: Path | None,
+    mjcf: Path | None,
     map_path: Path | None,
+    window_s: float | None,
 ) -> None:
     """Say where model and RUNs disagree, which law is missing there, and how much of the gap goes.
 
@@ -84,18 +85,14 @@ def diagnose(
     if not runs:
         raise click.UsageError("--leave-out leaves no run to fit; give more runs")
     good = uncut(good)
-    if (fmu is None) != (map_path is None):
-        raise click.UsageError("--fmu and --map belong together; give both")
+    require_pairs(fmu, mjcf, map_path)
     if fmu is not None and model_path is not None:
-        raise click.UsageError("--apply writes a model of the spring pair; leave it out with --fmu")
+        raise click.UsageError("no model of a unit can be written; leave --apply out with --fmu")
     with clean_errors():
-        if fmu is not None and map_path is not None:
-            from smad.fmi.asked import diagnose_unit
-
-            with progress() as line:
-                answer = diagnose_unit(
-                    fmu, map_path, runs, good=good, hold_out=hold_out, progress=line.say
-                )
+        if map_path is not None:
+            answer = diagnosed_elsewhere(
+                runs, good, hold_out, fmu=fmu, mjcf=mjcf, map_path=map_path, window_s=window_s
+            )
             asked = ""
         else:
             answer = diagnosed(plant_of(params, variant), runs, good, hold_out)

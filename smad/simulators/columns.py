@@ -34,26 +34,29 @@ class Table:
     run: GapRun | None = None
 
 
-def tables_of(runs: Any) -> list[Table]:
+def tables_of(runs: Any, time: str = "") -> list[Table]:
     """The records in files, patterns, mappings or frames of columns, and runs that are made.
 
+    `time` is the column that is the time in s, where it has none of the usual names.
     Raises SimulatorError for what is none of these, or has no time.
     """
-    if isinstance(runs, (str, Path, GapRun)) or hasattr(runs, "keys"):
+    if isinstance(runs, (str, Path, GapRun, Table)) or hasattr(runs, "keys"):
         runs = [runs]
-    return [table for n, one in enumerate(runs, 1) for table in _tables(one, f"run {n}")]
+    return [table for n, one in enumerate(runs, 1) for table in _tables(one, f"run {n}", time)]
 
 
-def _tables(one: Any, name: str) -> Iterable[Table]:
+def _tables(one: Any, name: str, time: str) -> Iterable[Table]:
+    if isinstance(one, Table):
+        return [one]
     if isinstance(one, GapRun):
         return [Table(one.name, one.t_s, {**one.inputs, **one.outputs}, one)]
     if isinstance(one, (str, Path)):
         paths = sorted(glob.glob(str(one))) if not Path(one).exists() else [str(one)]
         if not paths:
             raise SimulatorError(f"no file is {str(one)!r}", action="correct the path or pattern")
-        return [_timed(Path(p).stem, _of_file(Path(p)), str(p)) for p in paths]
+        return [_timed(Path(p).stem, _of_file(Path(p)), str(p), time) for p in paths]
     if hasattr(one, "keys"):
-        return [_timed(name, {str(k): np.asarray(one[k]) for k in one}, name)]
+        return [_timed(name, {str(k): np.asarray(one[k]) for k in one}, name, time)]
     raise SimulatorError(
         "a run is neither a file nor a table of columns",
         value=type(one).__name__,
@@ -70,13 +73,14 @@ def _of_file(path: Path) -> dict[str, Array]:
     return dict(table.columns(table.names))
 
 
-def _timed(name: str, columns: Mapping[str, Any], where: str) -> Table:
-    time = next((t for t in TIMES if t in columns), None)
+def _timed(name: str, columns: Mapping[str, Any], where: str, called: str) -> Table:
+    usual = (called,) if called else TIMES
+    time = next((t for t in usual if t in columns), None)
     if time is None:
         raise SimulatorError(
             f"{where} has no column of the time in s",
             value=", ".join(columns),
-            limit=", ".join(TIMES),
+            limit=", ".join(usual),
             action="name it so",
         )
     numbers: dict[str, Array] = {}
