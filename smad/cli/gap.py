@@ -19,6 +19,7 @@ from smad.cli.gap_asked import (
 from smad.cli.gap_checkup import checkup, commission
 from smad.cli.gap_investigate import investigate
 from smad.cli.gap_next import next_experiment
+from smad.cli.gap_plan import plan_runs
 from smad.cli.gap_runs import (
     ManyRuns,
     good_option,
@@ -43,6 +44,7 @@ gap.add_command(commission)
 gap.add_command(checkup)
 gap.add_command(investigate)
 gap.add_command(next_experiment)
+gap.add_command(plan_runs)
 
 
 @gap.command(cls=ManyRuns)

@@ -18,6 +18,7 @@ from smad.fmi.unit_file import open_unit
 from smad.runlog.bounds import require_bounded
 from smad.runlog.reader import read_run, recorded
 from smad.runlog.tables import KINDS, open_table
+from smad.simulators.rating import Rating, rate
 
 
 def diagnose_unit(
@@ -42,10 +43,23 @@ def diagnose_unit(
         return diagnose(asked, plant=plant, good=known, hold_out=held, progress=progress)
 
 
-def read_mapped(path: Path, mapped: Map) -> GapRun:
+def plan_unit(
+    fmu: Path, map_path: Path, inputs: Sequence[Path], *, within_s: float = 5.0
+) -> list[Rating]:
+    """What runs with these inputs would show of a unit; see `smad.simulators.rating.rate`.
+
+    Raises FmiError for a unit or a map that cannot be used, RunLogError for a file that cannot.
+    """
+    mapped = read_map(map_path)
+    with contextlib.closing(FmuPlant(open_unit(fmu), mapped)) as plant:
+        runs = [read_mapped(path, mapped, measured=False) for path in inputs]
+        return rate(plant, runs, within_s=within_s)
+
+
+def read_mapped(path: Path, mapped: Map, *, measured: bool = True) -> GapRun:
     """The run in a table or a run log, by the columns that the map names.
 
-    A channel may be missing, an input may not. Raises FmiError and RunLogError.
+    A channel may be missing, an input may not; all channels where nothing was `measured`. Raises FmiError and RunLogError.
     """
     columns = _columns(path, mapped)
     n = len(columns[mapped.time])
@@ -67,7 +81,7 @@ def read_mapped(path: Path, mapped: Map) -> GapRun:
 
     inputs, outputs = kind(mapped.inputs), kind(mapped.channels)
     lacking = [name for name in mapped.inputs if name not in inputs]
-    if lacking or not outputs:
+    if lacking or (measured and not outputs):
         what = mapped.inputs[lacking[0]].column or lacking[0] if lacking else "any channel"
         raise FmiError(
             f"{path} has no column of {what}, which the map names",

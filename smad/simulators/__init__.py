@@ -5,5 +5,6 @@ Start with `simulator` and `diagnose`; docs/your-simulator.md shows both.
 
 from smad.simulators.asking import diagnose
 from smad.simulators.declare import Missing, Simulator, simulator
+from smad.simulators.planning import plan
 
-__all__ = ["Missing", "Simulator", "diagnose", "simulator"]
+__all__ = ["Missing", "Simulator", "diagnose", "plan", "simulator"]

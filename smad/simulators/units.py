@@ -8,6 +8,7 @@ from math import pi
 from smad.simulators.errors import SimulatorError
 
 _ENDINGS: Mapping[str, str] = {
+    "J_K": "J/K", "W_K": "W/K", "N_s_m": "N s/m", "N_m_s": "N m s", "J_kg": "J/kg",
     "m_s2": "m/s²", "rad_s2": "rad/s²", "rad_s": "rad/s", "deg_s": "deg/s", "mm_s": "mm/s",
     "m_s": "m/s", "m3_s": "m³/s", "N_m": "N m", "Nm": "N m", "degC": "degC", "rad": "rad",
     "deg": "deg", "rpm": "rpm", "mm": "mm", "Hz": "Hz", "kPa": "kPa", "Pa": "Pa", "bar": "bar",

@@ -105,17 +105,18 @@ def begins_from_readings(plant: SimulatedPlant, run: GapRun) -> bool:
 def lost_by(
     plant: SimulatedPlant, point: ModelPoint, runs: Sequence[GapRun], window_s: float
 ) -> float:
-    """Error of late predictions over the signal's standard deviation: of the worst channel, the
-    median over runs. Late is the last quarter of each window, or of the run."""
-    by_channel: dict[str, list[float]] = {}
+    """Prediction error over the signal's standard deviation, both over all runs: of the worst
+    channel, the larger of the whole and of the last quarter of each window (or run)."""
+    square: dict[str, Array] = {}
     for run, shown in zip(runs, _replayed(plant, point, runs, window_s), strict=True):
         late = _late(plant, run, window_s)
         for name, y in run.outputs.items():
-            error = (y - shown[name])[late & run.good]
-            own = float(np.nanstd(y)) or 1.0
-            ratio = float(np.sqrt(np.mean(error**2))) / own if error.size else np.inf
-            by_channel.setdefault(name, []).append(ratio if np.isfinite(ratio) else np.inf)
-    return max(float(np.median(v)) for v in by_channel.values())
+            e = np.where(run.good, y - shown[name], 0.0)
+            own = len(y) * float(np.nanvar(y))
+            parts = np.array([e @ e, own, e[late] @ e[late], own * float(np.mean(late))])
+            square[name] = square.get(name, np.zeros(4)) + parts
+    ratios = [np.sqrt(max(a / max(b, 1e-300), c / max(d, 1e-300))) for a, b, c, d in square.values()]
+    return float(max((r if np.isfinite(r) else np.inf for r in ratios), default=0.0))
 
 
 def _late(plant: SimulatedPlant, run: GapRun, window_s: float) -> Mask:

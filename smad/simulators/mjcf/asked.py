@@ -27,6 +27,8 @@ from smad.simulators.mjcf.map_file import MjcfMap, ParameterRow, read_map
 from smad.simulators.mjcf.model import MujocoModel, load
 from smad.simulators.mjcf.parts import number_of
 from smad.simulators.mjcf.saving import saver
+from smad.simulators.planning import plan
+from smad.simulators.rating import Rating
 
 _PRIOR_OF_RANGE = 1.0 / 6.0
 
@@ -50,6 +52,19 @@ def diagnose_mjcf(
     return diagnose(
         fit, declared, good=known, hold_out=held, window_s=window_s, progress=progress
     )  # fmt: skip
+
+
+def plan_mjcf(
+    model: Path,
+    map_path: Path,
+    inputs: Any,
+    *,
+    window_s: float | None = None,
+    within_s: float = 5.0,
+) -> tuple[list[Rating], list[str]]:
+    """What runs with these inputs would show of a MuJoCo model; as `smad.simulators.plan`."""
+    declared, (tables,) = declare_mjcf(model, map_path, inputs)
+    return plan(tables, declared, window_s=window_s, within_s=within_s)
 
 
 def declare_mjcf(
