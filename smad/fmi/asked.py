@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from smad.diagnosis import Answer, diagnose
@@ -19,6 +21,7 @@ from smad.runlog.bounds import require_bounded
 from smad.runlog.reader import read_run, recorded
 from smad.runlog.tables import KINDS, open_table
 from smad.simulators.rating import Rating, rate
+from smad.simulators.windows import choose_window
 
 
 def diagnose_unit(
@@ -40,7 +43,12 @@ def diagnose_unit(
         asked, known, held = (
             [read_mapped(path, mapped) for path in paths] for paths in (runs, good, hold_out)
         )
-        return diagnose(asked, plant=plant, good=known, hold_out=held, progress=progress)
+        plant.window_s, why = 0.0, ""
+        if any(isinstance(v, str) for v in mapped.start.values()):
+            plant.window_s, why = choose_window(plant, asked, mapped.window_s)
+        answer = diagnose(asked, plant=plant, good=known, hold_out=held, progress=progress)
+        notes = [*answer.verdict.notes, *([why] if why else [])]
+        return replace(answer, verdict=msgspec.structs.replace(answer.verdict, notes=notes))
 
 
 def plan_unit(
@@ -59,7 +67,8 @@ def plan_unit(
 def read_mapped(path: Path, mapped: Map, *, measured: bool = True) -> GapRun:
     """The run in a table or a run log, by the columns that the map names.
 
-    A channel may be missing, an input may not; all channels where nothing was `measured`. Raises FmiError and RunLogError.
+    A channel may be missing, an input may not; all channels where nothing was
+    `measured`. Raises FmiError and RunLogError.
     """
     columns = _columns(path, mapped)
     n = len(columns[mapped.time])

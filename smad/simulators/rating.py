@@ -18,7 +18,7 @@ from sim_device.plant.errors import PlantError
 from smad.diagnosis.data.grid import Grid, row_length_s, thinned
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.places.place import PlacesPlant
-from smad.diagnosis.plant import Array, Effect, ModelPoint, PlantModel, nominal_point
+from smad.diagnosis.plant import Array, ModelPoint, PlantModel, nominal_point
 from smad.diagnosis.runs import GapRun
 
 Rated = Literal["identifiable", "weak", "not", "unknown"]
@@ -71,9 +71,7 @@ class _Cause:
     places: frozenset[str]
 
 
-def rate(
-    plant: PlantModel, runs: Sequence[GapRun], *, within_s: float = 5.0
-) -> list[Rating]:
+def rate(plant: PlantModel, runs: Sequence[GapRun], *, within_s: float = 5.0) -> list[Rating]:
     """Rate every parameter, effect and place for runs with these inputs, without any reading.
 
     Readings that the runs have are not used. What is not reached `within_s` is *unknown*.
@@ -251,9 +249,7 @@ def _places(sheet: _Sheet, ends: float) -> Iterator[_Cause | Rating]:
 
 
 def _missed(kind: Literal["effect", "place"], name: str, words: str, unit: str) -> Rating:
-    return Rating(
-        kind=kind, name=name, words=words, rating=UNKNOWN, size=np.inf, unit=unit
-    )
+    return Rating(kind=kind, name=name, words=words, rating=UNKNOWN, size=np.inf, unit=unit)
 
 
 def lines(ratings: Sequence[Rating]) -> list[str]:
@@ -267,7 +263,9 @@ def lines(ratings: Sequence[Rating]) -> list[str]:
             out.append(head)
         for r in rows:
             like = f"; looks like {', '.join(r.alike[:3])}" if r.alike else ""
-            out.append(f"  {r.rating:<12} {r.words if kind == 'place' else r.name}: {_size(r)}{like}")
+            out.append(
+                f"  {r.rating:<12} {r.words if kind == 'place' else r.name}: {_size(r)}{like}"
+            )
     return out
 
 

@@ -7,14 +7,28 @@ windows that begin from its readings. Between windows nothing is fitted.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
 from smad.diagnosis.data.grid import row_length_s
-from smad.diagnosis.plant import Array, Mask, ModelPoint, moved_parameters, nominal_point
+from smad.diagnosis.plant import (
+    Array,
+    Mask,
+    ModelPoint,
+    PlantModel,
+    moved_parameters,
+    nominal_point,
+)
 from smad.diagnosis.runs import GapRun
 from smad.simulators.errors import SimulatorError
-from smad.simulators.plant import SimulatedPlant
+
+
+class Windowed(PlantModel, Protocol):
+    """A plant whose runs can be replayed in windows that begin from their readings."""
+
+    window_s: float
+
 
 _FOLLOWS = 0.25
 """Error over the signal's standard deviation up to which a model follows a run, as configured."""
@@ -33,7 +47,7 @@ _MOST_RUNS = 4
 
 
 def choose_window(
-    plant: SimulatedPlant, runs: Sequence[GapRun], window_s: float | None
+    plant: Windowed, runs: Sequence[GapRun], window_s: float | None
 ) -> tuple[float, str]:
     """The length of a window in s, 0 for whole runs, and why in words.
 
@@ -65,7 +79,7 @@ def choose_window(
     )
 
 
-def _given(plant: SimulatedPlant, runs: Sequence[GapRun], window_s: float) -> tuple[float, str]:
+def _given(plant: Windowed, runs: Sequence[GapRun], window_s: float) -> tuple[float, str]:
     if not window_s >= 0.0:
         raise SimulatorError("window_s is no length", value=window_s, action="give s, or 0")
     if window_s == 0.0:
@@ -86,7 +100,7 @@ def _given(plant: SimulatedPlant, runs: Sequence[GapRun], window_s: float) -> tu
     return window_s, f"replayed in windows of {window_s:.3g} s that begin from the readings"
 
 
-def begins_from_readings(plant: SimulatedPlant, run: GapRun) -> bool:
+def begins_from_readings(plant: Windowed, run: GapRun) -> bool:
     """Whether what the readings show at the start changes what the model predicts."""
     moved = {
         n: y + np.ptp(y) * (0.3 + 0.1 * (run.t_s - run.t_s[0]) / max(run.duration_s, 1e-9))
@@ -102,9 +116,7 @@ def begins_from_readings(plant: SimulatedPlant, run: GapRun) -> bool:
     return any(not np.array_equal(base[n], begun[n], equal_nan=True) for n in base)
 
 
-def lost_by(
-    plant: SimulatedPlant, point: ModelPoint, runs: Sequence[GapRun], window_s: float
-) -> float:
+def lost_by(plant: Windowed, point: ModelPoint, runs: Sequence[GapRun], window_s: float) -> float:
     """Prediction error over the signal's standard deviation, both over all runs: of the worst
     channel, the larger of the whole and of the last quarter of each window (or run)."""
     square: dict[str, Array] = {}
@@ -115,11 +127,13 @@ def lost_by(
             own = len(y) * float(np.nanvar(y))
             parts = np.array([e @ e, own, e[late] @ e[late], own * float(np.mean(late))])
             square[name] = square.get(name, np.zeros(4)) + parts
-    ratios = [np.sqrt(max(a / max(b, 1e-300), c / max(d, 1e-300))) for a, b, c, d in square.values()]
+    ratios = [
+        np.sqrt(max(a / max(b, 1e-300), c / max(d, 1e-300))) for a, b, c, d in square.values()
+    ]
     return float(max((r if np.isfinite(r) else np.inf for r in ratios), default=0.0))
 
 
-def _late(plant: SimulatedPlant, run: GapRun, window_s: float) -> Mask:
+def _late(plant: Windowed, run: GapRun, window_s: float) -> Mask:
     into = run.t_s - run.t_s[0]
     length = window_s or max(run.duration_s, 1e-9)
     late: Mask = np.mod(into, length) >= 0.75 * length
@@ -127,7 +141,7 @@ def _late(plant: SimulatedPlant, run: GapRun, window_s: float) -> Mask:
 
 
 def _replayed(
-    plant: SimulatedPlant, point: ModelPoint, runs: Sequence[GapRun], window_s: float
+    plant: Windowed, point: ModelPoint, runs: Sequence[GapRun], window_s: float
 ) -> list[dict[str, Array]]:
     before, plant.window_s = plant.window_s, window_s
     try:
@@ -136,7 +150,7 @@ def _replayed(
         plant.window_s = before
 
 
-def _lengths(plant: SimulatedPlant, runs: Sequence[GapRun]) -> list[float]:
+def _lengths(plant: Windowed, runs: Sequence[GapRun]) -> list[float]:
     """Lengths that windows may have, longest first: halves of a run, down to a few rows."""
     longest = float(np.median([r.duration_s for r in runs])) / 2.0
     least = _LEAST_ROWS * row_length_s(runs, plant)
@@ -146,7 +160,7 @@ def _lengths(plant: SimulatedPlant, runs: Sequence[GapRun]) -> list[float]:
 
 
 def fitted(
-    plant: SimulatedPlant, start: ModelPoint, runs: Sequence[GapRun], window_s: float
+    plant: Windowed, start: ModelPoint, runs: Sequence[GapRun], window_s: float
 ) -> ModelPoint:
     """The parameters that predict best in windows, by damped Gauss-Newton steps with priors."""
 

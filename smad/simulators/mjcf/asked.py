@@ -67,9 +67,7 @@ def plan_mjcf(
     return plan(tables, declared, window_s=window_s, within_s=within_s)
 
 
-def declare_mjcf(
-    model: Path, map_path: Path, *groups: Any
-) -> tuple[Simulator, list[list[Table]]]:
+def declare_mjcf(model: Path, map_path: Path, *groups: Any) -> tuple[Simulator, list[list[Table]]]:
     """The model as a simulator, with the runs of each group by the columns that the map names."""
     mapped, spec = read_map(map_path), load(model)
     tables = [[_mapped(t, mapped) for t in tables_of(group, mapped.time)] for group in groups]
@@ -82,7 +80,10 @@ def declare_mjcf(
 def _declared(
     replay: MujocoModel, mapped: MjcfMap, name: str, spans: dict[str, tuple[float, float]]
 ) -> Simulator:
-    m, forces, felt, labels = replay.model, {}, {}, {}
+    m = replay.model
+    forces: dict[str, tuple[float, float]] = {}
+    felt: dict[str, str] = {}
+    labels: dict[str, str] = {}
     found = []
     for joint, number in replay.joints.items():
         driving = _driving(replay, number)
@@ -102,7 +103,8 @@ def _declared(
         (n, play(n, replay.unit(n, r) or "rad", -1.0, 1.0))
         for n, r in mapped.channels.items() if r.joint
     ]  # fmt: skip
-    units = {n: replay.unit(n, r) for n, r in (*mapped.inputs.items(), *mapped.channels.items())}
+    units = {n: replay.unit(n, r) for n, r in mapped.inputs.items()}
+    units |= {n: replay.unit(n, r) for n, r in mapped.channels.items()}
     units |= {n: "N m" if m.jnt_type[replay.joints[n.removesuffix("_torque")]] == replay.hinge
               else "N" for n in forces}  # fmt: skip
     return Simulator(

@@ -67,7 +67,9 @@ def _turns(m: Any, joint: int) -> tuple[float, float]:
     return -np.pi, np.pi
 
 
-def joint_effects(m: Any, joint: str, scale: Scale, place: str, *, turns: bool) -> list[ModelEffect]:  # fmt: skip
+def joint_effects(
+    m: Any, joint: str, scale: Scale, place: str, *, turns: bool
+) -> list[ModelEffect]:
     """Dry and viscous friction, armature, and a spring with its rest, of one joint."""
     number = number_of(m, "joint", joint, "")
     unit, some = ("N m" if turns else "N"), _SOME * scale.torque

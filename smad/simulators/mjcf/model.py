@@ -185,7 +185,10 @@ class MujocoModel:
         """Outputs of the map at times `t`."""
         with self._lock:
             grid, pieces = self._grid(t)
-            shown = self._rolled(grid, pieces, t, inputs, values, start)
+            m = self.at(values)
+            m.opt.timestep = float(grid[1]) / pieces if len(grid) > 1 else self._step_s
+            self._begin(start)
+            shown = self._rolled(self._control(t, grid, inputs), pieces)
         if not (len(grid) == len(t) and np.allclose(grid, t, atol=1e-6 * max(grid[-1], 1e-9))):
             shown = {n: np.interp(t, grid, y) for n, y in shown.items()}
         for channel, effect in self.plays:
@@ -204,35 +207,33 @@ class MujocoModel:
     def _step_s(self) -> float:
         return float(self.spec.option.timestep)
 
-    def _rolled(
-        self, grid: Array, pieces: int, t: Array, inputs: Mapping[str, Array],
-        values: Mapping[str, float], start: Mapping[str, float],
-    ) -> dict[str, Array]:  # fmt: skip
-        mujoco, m, d = self._mujoco, self.at(values), self._data
-        m.opt.timestep = float(grid[1]) / pieces if len(grid) > 1 else self._step_s
-        mujoco.mj_setConst(m, d)
-        mujoco.mj_resetData(m, d)
-        self._begin(start)
+    def _control(self, t: Array, grid: Array, inputs: Mapping[str, Array]) -> Array:
+        """Controls and applied torques in force from each time of a grid on, (n, nu + nv)."""
+        m = self.model
         control = np.zeros((len(grid), m.nu + m.nv))
         for x in self.driven:
             column = x.scale * _held(inputs[x.name], t, grid) + x.offset
-            # Row k acts on the step that begins at sample k.
             control[:, x.column] += column if x.late else np.r_[column[1:], column[-1:]]
         for joint, number in self.joints.items():
             pushed = _held(inputs[f"{joint}_torque"], t, grid)
             control[:, m.nu + int(m.jnt_dofadr[number])] += pushed
+        return control
+
+    def _rolled(self, control: Array, pieces: int) -> dict[str, Array]:
+        """Outputs at the times of a grid, from where the data stand, in so many steps for each."""
+        mujoco, m, d = self._mujoco, self.model, self._data
         spec = mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED
         physics = mujoco.mjtState.mjSTATE_FULLPHYSICS
         first = np.zeros(mujoco.mj_stateSize(m, physics))
         mujoco.mj_getState(m, d, first, physics)
-        steps = (len(grid) - 1) * pieces + 1
+        steps = (len(control) - 1) * pieces + 1
         with _quiet(mujoco):
             states, sensors = mujoco.rollout.rollout(
                 m, d, first[None], np.repeat(control, pieces, axis=0)[None, :steps],
                 control_spec=int(spec), skip_checks=False,
             )  # fmt: skip
         if any(w.number for w in d.warning):
-            return {x.name: np.full(len(grid), np.nan) for x in self._shown}
+            return {x.name: np.full(len(control), np.nan) for x in self._shown}
         # A state is that after its step, sensors are those before it.
         before = np.vstack([first, states[0][:-1]])[::pieces]
         of = {
@@ -245,6 +246,8 @@ class MujocoModel:
     def _begin(self, start: Mapping[str, float]) -> None:
         """Joints that are measured begin where they were shown to be, the others as compiled."""
         m, d = self.model, self._data
+        self._mujoco.mj_setConst(m, d)
+        self._mujoco.mj_resetData(m, d)
         for x in self._shown:
             if x.source == "position":
                 d.qpos[x.number] = (start[x.name] - x.offset) / x.scale

@@ -29,9 +29,7 @@ def saver(replay: MujocoModel) -> Callable[..., None]:
     return save
 
 
-def written(
-    replay: MujocoModel, point: ModelPoint
-) -> tuple[str, dict[str, Mapping[str, float]]]:
+def written(replay: MujocoModel, point: ModelPoint) -> tuple[str, dict[str, Mapping[str, float]]]:
     """The MJCF at a point, and the effects that no field of it has."""
     spec = replay.spec.copy()
     fresh = spec.compile()

@@ -11,8 +11,7 @@ import pytest
 from smad.cli import execute
 from smad.simulators import plan
 from smad.simulators.rating import Rating, lines
-from tests.smad.diagnosis.heater_plant import HeaterPlant
-from tests.smad.diagnosis.heater_plant import recorded
+from tests.smad.diagnosis.heater_plant import HeaterPlant, recorded
 from tests.smad.simulators.arm import arm_run, files
 from tests.smad.simulators.systems import declared_heater, heater_run
 
