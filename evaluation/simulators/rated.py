@@ -62,7 +62,8 @@ def inputs(seed: int) -> dict[str, Array]:
     power = np.repeat(rng.uniform(0.0, 45.0, _SAMPLES // 50), 50)
     fan = np.repeat(rng.uniform(0.0, 1.0, _SAMPLES // 30), 30)
     power[:50] = fan[:50] = 0.0
-    return {"t_s": np.arange(_SAMPLES) * _DT_S, "power_W": power, "fan": fan}
+    t_s: Array = np.arange(_SAMPLES) * _DT_S
+    return {"t_s": t_s, "power_W": power, "fan": fan}
 
 
 def cases(count: int, seed: int, say: Callable[[str], None]) -> Iterator[Case]:

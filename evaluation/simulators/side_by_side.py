@@ -144,5 +144,7 @@ def table_of(rows: list[Row]) -> list[str]:
            "|---|---|---:|---|---:|---:|"]  # fmt: skip
     for r in rows:
         friction = "—" if np.isnan(r.friction) else f"{r.friction:.4f} ± {r.sd:.1g}"
-        out.append(f"| {r.plant} | {r.place} | {friction} | {r.name} | {r.seconds:.0f} | {r.lines} |")
+        out.append(
+            f"| {r.plant} | {r.place} | {friction} | {r.name} | {r.seconds:.0f} | {r.lines} |"
+        )
     return out

@@ -19,16 +19,18 @@ def simulated(*, speed: float = 4.0, options: Sequence[str] = ()) -> Iterator[Cl
     """A client of a simulated bench that nobody else sees, for as long as the block lasts.
 
     The board waits for each setpoint, so that a busy machine makes a run slower and never wrong.
-    `speed` is how many times faster than the clock it may go: a board that is not armed keeps to it,
-    and on a busy machine arming may come too late for a faster one. `options` are further ones of
-    `smad start --sim`, as `("--effect", "rtd_lag")`. Run logs go to `runs/` here, as always.
+    `speed` is how many times faster than the clock it may go: a board that is not armed keeps to
+    it, and on a busy machine arming may come too late for a faster one. `options` are further ones
+    of `smad start --sim`, as `("--effect", "rtd_lag")`. Run logs go to `runs/` here, as always.
     Raises DaemonError where it does not come up.
     """
     if not 0.0 < speed <= FASTEST:
         raise DaemonError(
-            "a simulated bench cannot go so fast", value=speed, limit=f"above 0, at most {FASTEST:g}",
+            "a simulated bench cannot go so fast",
+            value=speed,
+            limit=f"above 0, at most {FASTEST:g}",
             action="give another speed",
-        )  # fmt: skip
+        )
     arguments = ["--sim", "--speed", f"{speed:g}", "--paced-by-host", *options]
     with tempfile.TemporaryDirectory(prefix="smad-") as name:
         folder = Path(name)

@@ -56,7 +56,6 @@ class Simulator:
     version: str = "1"
     parameters: tuple[Parameter, ...]
     effects: tuple[Effect, ...]
-    outputs: tuple[str, ...] = ()
     exact: tuple[str, ...] = ()
     observed: tuple[str, ...] = ()
     forces: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -104,6 +103,7 @@ def simulator(
     forces: Mapping[str, tuple[float, float]] | None = None,
     units: Mapping[str, str] | None = None,
     noise: Mapping[str, float] | None = None,
+    ranges: Mapping[str, tuple[float, float]] | None = None,
     transducers: bool = False,
 ) -> Simulator:
     """Declare a function as a simulator whose gap to recorded runs can be diagnosed.
@@ -113,7 +113,8 @@ def simulator(
     are inputs. `parameters`: name -> (value, low, high); the prior's standard deviation is a sixth
     of the range, or a fourth number. `effects`: what may be missing, 0 when absent: name -> typical
     size, (typical, low, high) or `Missing`. `transducers` adds gain, zero, lag and delay of each
-    reading and drive. `noise` is the standard deviation of a sample where no run shows it.
+    reading and drive. `noise` is the standard deviation of a sample where no run shows it, `ranges`
+    are low and high of inputs that go further than the records.
 
     Raises SimulatorError for numbers that cannot be these.
     """
@@ -129,7 +130,8 @@ def simulator(
     return Simulator(
         function=function, name=name or title.strip("<>"), parameters=known, effects=causes,
         exact=tuple(exact), observed=tuple(observed), forces=dict(forces or {}),
-        units=dict(units or {}), noise=dict(noise or {}), transducers=transducers,
+        units=dict(units or {}), noise=dict(noise or {}), ranges=dict(ranges or {}),
+        transducers=transducers,
     )  # fmt: skip
 
 

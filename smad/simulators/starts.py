@@ -13,7 +13,7 @@ from smad.simulators.columns import correlation_time_s
 _OF_CORRELATION = 0.3
 _DEGREE = 3
 _FEWEST = 4
-_MOST = 200
+_MOST = 20
 
 
 class Starts:

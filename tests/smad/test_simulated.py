@@ -32,9 +32,13 @@ def test_a_simulated_bench_is_commanded_by_its_client_and_gone_after_the_block(
 
 
 def test_what_interrupts_the_block_ends_the_bench_as_well() -> None:
-    with pytest.raises(ZeroDivisionError), smad.simulated() as bench:
-        assert bench.status() is not None
-        raise ZeroDivisionError
+    def interrupted() -> None:
+        with smad.simulated() as bench:
+            assert bench.status() is not None
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        interrupted()
     assert daemons() == []
 
 

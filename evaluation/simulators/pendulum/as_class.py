@@ -19,9 +19,7 @@ class Pendulum:
         Effect(
             name="friction",
             title="dry friction",
-            parameters=(
-                EffectParameter(name="size", unit="N m", typical=0.05, low=0.0, high=0.5),
-            ),
+            parameters=(EffectParameter(name="size", unit="N m", typical=0.05, low=0.0, high=0.5),),
             signals=("angle_rad",),
             places=("input_torque_N_m",),
         ),
