@@ -62,7 +62,7 @@ def inputs(seed: int) -> dict[str, Array]:
     power = np.repeat(rng.uniform(0.0, 45.0, _SAMPLES // 50), 50)
     fan = np.repeat(rng.uniform(0.0, 1.0, _SAMPLES // 30), 30)
     power[:50] = fan[:50] = 0.0
-    t_s: Array = np.arange(_SAMPLES) * _DT_S
+    t_s = np.asarray(np.arange(_SAMPLES) * _DT_S, dtype=np.float64)
     return {"t_s": t_s, "power_W": power, "fan": fan}
 
 
