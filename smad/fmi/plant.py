@@ -106,7 +106,7 @@ class FmuPlant:
         fed: list[Fed],
         windows: Sequence[Window],
     ) -> Array:
-        """A replay in windows; the first of all is made twice, for a unit that does not start anew."""
+        """A replay in windows; the first is made twice, for a unit that does not start anew."""
         course = self._in_windows(values, run, rows, fed, windows)
         if not self._starts_anew:
             again = self._in_windows(values, run, rows, fed, windows)
