@@ -1,6 +1,7 @@
 """Software of a shape-memory-alloy bench: daemon, clients, run logs, experiments, diagnosis.
 
-`smad.Client` and `smad.AsyncClient` command a running daemon, `smad.read_run` reads a run log.
+`smad.Client` and `smad.AsyncClient` command a running daemon, `smad.read_run` reads a run log,
+`with smad.simulated() as bench:` is a simulated bench with its client.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -9,14 +10,16 @@ from smad.version import VERSION
 
 if TYPE_CHECKING:
     from smad.client import AsyncClient, Client
+    from smad.processes.simulated import simulated
     from smad.runlog.reader import read_run
 
 __version__ = VERSION
-__all__ = ["AsyncClient", "Client", "__version__", "read_run"]
+__all__ = ["AsyncClient", "Client", "__version__", "read_run", "simulated"]
 _HOMES = {
     "AsyncClient": "smad.client",
     "Client": "smad.client",
     "read_run": "smad.runlog.reader",
+    "simulated": "smad.processes.simulated",
 }
 
 

@@ -13,6 +13,7 @@ EXTRA_OF: Mapping[str, str] = {
     "gymnasium": "env",
     "jinja2": "log",
     "matplotlib": "report",
+    "mujoco": "mujoco",
     "numba": "sim",
     "numpy": "log",
     "pandas": "notebook",

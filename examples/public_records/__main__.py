@@ -8,10 +8,10 @@ from pathlib import Path
 import click
 
 from examples.public_records.records import RECORDS, RecordError
-from smad.diagnosis import diagnose
 from smad.diagnosis.report.page import page_of
 from smad.diagnosis.report.words import lines
 from smad.report.page import write_page
+from smad.simulators import diagnose
 
 
 @click.command()
@@ -28,7 +28,7 @@ def main(name: str, folder: Path, html: Path | None, exchange: bool) -> None:
     except RecordError as error:
         raise click.ClickException(str(error)) from error
     fit, held = (asked.hold_out, asked.fit) if exchange else (asked.fit, asked.hold_out)
-    answer = diagnose(fit, plant=record.plant, hold_out=held)
+    answer = diagnose(fit, record.simulator, hold_out=held)
     click.echo("\n".join(lines(answer.verdict)))
     click.echo(f"{time.process_time():.0f} s of processor time")
     if html is not None:

@@ -17,13 +17,14 @@ from pathlib import Path
 import numpy as np
 from scipy.io import loadmat
 
-from examples.public_records.emps import LAP, Emps
+from examples.public_records.emps import EMPS, LAP
 from examples.public_records.emps import STEP_S as SAMPLE_S
-from examples.public_records.silverbox import RATE_HZ, Silverbox
-from examples.public_records.tanks import STEP_S, Tanks
-from smad.diagnosis.plant import Array, PlantModel
+from examples.public_records.silverbox import RATE_HZ, SILVERBOX
+from examples.public_records.tanks import STEP_S, TANKS
+from smad.diagnosis.plant import Array
 from smad.diagnosis.runs import GapRun
 from smad.errors import SmadError
+from smad.simulators import Simulator
 
 _TIMEOUT_S = 60.0
 _SETTLING = 100
@@ -44,7 +45,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class Record:
-    """Published files: where they are, their digests, their columns, and the plant they are of.
+    """Published files: where they are, their digests, their columns, and a simulator of them.
 
     `files` has the SHA-256 of each by its name, that of a text with line ends of one character,
     since copies of both kinds are about. `runs` takes the columns of each file.
@@ -54,7 +55,7 @@ class Record:
     archive: str
     files: Mapping[str, str]
     columns: tuple[str, ...]
-    plant: PlantModel
+    simulator: Simulator
     runs: Callable[..., Asked]
 
     def asked(self, folder: Path) -> Asked:
@@ -165,7 +166,7 @@ RECORDS = {
         "https://drive.google.com/uc?export=download&id=17iS-6oBUUgrmiAcrZoG9S5sOaljZnDSy",
         {"SNLS80mV.csv": "ae62d5a91230c10f76e6dd02c8a4fac3c9d4d8a95fbf50e87cb0c4885003e0f1"},
         ("V1", "V2"),
-        Silverbox(),
+        SILVERBOX,
         _silverbox,
     ),
     "tanks": Record(
@@ -173,7 +174,7 @@ RECORDS = {
         "https://data.4tu.nl/file/d4810b78-6cdd-48fe-8950-9bd601e5f47f/3b697e42-01a4-4979-a370-813a456c36f5",
         {"dataBenchmark.csv": "ef2388ed822f3aef4aa80d6b0f2b466dd80b361786b3eafc7a2957c31ea323a7"},
         ("uEst", "uVal", "yEst", "yVal"),
-        Tanks(),
+        TANKS,
         _tanks,
     ),
     "emps": Record(
@@ -186,7 +187,7 @@ RECORDS = {
             ),
         },
         ("vir", "qm", "gtau"),
-        Emps(),
+        EMPS,
         _emps,
     ),
 }

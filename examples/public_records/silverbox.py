@@ -7,12 +7,10 @@ x′ = ω₀·w, w′ = ω₀·(f − x − 2ζ·w), to which each effect adds a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numba
 import numpy as np
 
-from smad.diagnosis.plant import Channel, Effect, EffectParameter, Parameter, Signal, Traits
+from smad.simulators import Missing, simulator
 
 RATE_HZ = 1e7 / 2**14
 """Samples a second (equation 12)."""
@@ -20,58 +18,45 @@ _FINER = 8
 """Input samples to a recorded one: two to a step of the solver, four steps to a sample."""
 
 
-def _effect(name: str, title: str, unit: str, high: float, *, low: float = 0.0) -> Effect:
-    size = EffectParameter(name="size", unit=unit, typical=high / 10, low=low, high=high)
-    return Effect(name=name, title=title, parameters=(size,), signals=("output_V",))
+def _size(title: str, unit: str, high: float, *, low: float = 0.0) -> Missing:
+    return Missing(typical=high / 10, low=low, high=high, title=title, unit=unit)
 
 
-_EFFECTS = (
-    _effect("cubic_spring", "stiffness that grows with y²", "1/V²", 20.0, low=-20.0),
-    _effect("quadratic_spring", "stiffness that grows with y", "1/V", 3.0, low=-3.0),
-    _effect("fifth_order_spring", "stiffness that grows with y⁴", "1/V⁴", 400.0, low=-400.0),
-    _effect("spring_play", "play before the spring acts", "V", 0.1),
-    _effect("soft_stop", "a second spring from 0.1 V on", "V/V", 4.0),
-    _effect("coulomb_friction", "friction of constant size", "V", 0.05),
-    _effect("quadratic_damping", "damping with the square of the rate", "1/V", 5.0),
-    _effect("swing_damping", "damping that grows with y²", "1/V²", 20.0, low=-20.0),
-    _effect("input_bend", "an input gain that changes with u²", "1/V²", 40.0, low=-40.0),
-    _effect("output_bend", "an output gain that changes with y²", "1/V²", 5.0, low=-5.0),
-    _effect("sensor_lag", "an output that is measured late", "s", 3e-3),
-)
+_EFFECTS = {
+    "cubic_spring": _size("stiffness that grows with y²", "1/V²", 20.0, low=-20.0),
+    "quadratic_spring": _size("stiffness that grows with y", "1/V", 3.0, low=-3.0),
+    "fifth_order_spring": _size("stiffness that grows with y⁴", "1/V⁴", 400.0, low=-400.0),
+    "spring_play": _size("play before the spring acts", "V", 0.1),
+    "soft_stop": _size("a second spring from 0.1 V on", "V/V", 4.0),
+    "coulomb_friction": _size("friction of constant size", "V", 0.05),
+    "quadratic_damping": _size("damping with the square of the rate", "1/V", 5.0),
+    "swing_damping": _size("damping that grows with y²", "1/V²", 20.0, low=-20.0),
+    "input_bend": _size("an input gain that changes with u²", "1/V²", 40.0, low=-40.0),
+    "output_bend": _size("an output gain that changes with y²", "1/V²", 5.0, low=-5.0),
+    "sensor_lag": _size("an output that is measured late", "s", 3e-3),
+}
+_PARAMETERS = {
+    "resonance_Hz": (70.0, 50.0, 90.0, 5.0),
+    "damping_ratio": (0.05, 0.01, 0.2, 0.02),
+    "gain": (1.0, 0.3, 3.0, 0.3),
+    "input_zero_V": (0.0, -0.02, 0.02, 5e-3),
+    "output_zero_V": (0.0, -0.02, 0.02, 5e-3),
+}
 
 
-@dataclass(frozen=True)
-class Silverbox:
-    """Input and output in volts, sampled at 610.35 Hz, from rest to rest."""
+def _circuit(t, inputs, values, start):
+    theta = np.array([values[n] for n in _PARAMETERS])
+    sizes = np.array([values[n] for n in _EFFECTS])
+    # Nothing above a third of the rate was played, so that the input between its samples is known;
+    # runs begin and end at rest, which a Fourier series takes for granted.
+    finer = np.fft.irfft(np.fft.rfft(inputs["input_V"]), _FINER * len(t)) * _FINER
+    return {"output_V": _replay(finer, 2.0 / (_FINER * RATE_HZ), theta, sizes)}
 
-    name: str = "Silverbox"
-    version: str = "1"
-    traits = Traits(shortest_s=1.0)  # its resonance goes through 68 periods in a second
-    inputs = (Signal("input_V", "V", -0.2, 0.2),)
-    channels = (Channel(name="output_V", unit="V", quantum=1e-5, low=-0.5, high=0.5, noise=1e-3),)
-    parameters = (
-        Parameter(name="resonance_Hz", unit="Hz", nominal=70.0, low=50.0, high=90.0, prior_sd=5.0),
-        Parameter(name="damping_ratio", unit="1", nominal=0.05, low=0.01, high=0.2, prior_sd=0.02),
-        Parameter(name="gain", unit="V/V", nominal=1.0, low=0.3, high=3.0, prior_sd=0.3),
-        Parameter(name="input_zero_V", unit="V", nominal=0.0, low=-0.02, high=0.02, prior_sd=5e-3),
-        Parameter(name="output_zero_V", unit="V", nominal=0.0, low=-0.02, high=0.02, prior_sd=5e-3),
-    )
-    effects = _EFFECTS
 
-    def simulate(self, point, run, *, fast=False):
-        theta = np.array([point.theta.get(p.name, p.nominal) for p in self.parameters])
-        sizes = [point.effects.get(e.name, {}).get("size", 0.0) for e in self.effects]
-        # Nothing above a third of the rate was played, so that the input between its samples is
-        # known; runs begin and end at rest, which a Fourier series takes for granted.
-        spectrum = np.fft.rfft(run.inputs["input_V"])
-        finer = np.fft.irfft(spectrum, _FINER * len(run.t_s)) * _FINER
-        course = _replay(finer, 2.0 / (_FINER * RATE_HZ), theta, np.array(sizes))
-        return {"output_V": course}
-
-    def regimes(self, run, side):
-        square = np.convolve(run.outputs["output_V"] ** 2, np.full(16, 1 / 16), "same")
-        large = square > 0.05**2
-        return {"rest": np.zeros(len(large), dtype=bool), "small": ~large, "large": large}
+SILVERBOX = simulator(
+    _circuit, name="Silverbox", parameters=_PARAMETERS, effects=_EFFECTS,
+    shortest_s=1.0,  # its resonance goes through 68 periods in a second
+)  # fmt: skip
 
 
 @numba.njit(nogil=True)

@@ -9,88 +9,53 @@ is not measured; k₂ = k₁ sets its unit: what leaves the upper tank arrives i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numba
 import numpy as np
 
-from smad.diagnosis.plant import Channel, Effect, EffectParameter, Parameter, Signal
+from smad.simulators import Missing, simulator
 
 STEP_S = 4.0
 END_V = 10.0
 _FINER = 8
 
 
-def _shape(name: str, unit: str, typical: float, low: float, high: float) -> EffectParameter:
-    return EffectParameter(
-        name=name, unit=unit, typical=typical, low=low, high=high, strength=False
-    )
+def _size(title: str, unit: str, high: float, *, low: float = 0.0, **shapes) -> Missing:
+    return Missing(typical=high / 4, low=low, high=high, title=title, unit=unit, shapes=shapes)
 
 
-def _effect(name: str, title: str, unit: str, high: float, *shapes, low: float = 0.0) -> Effect:
-    size = EffectParameter(name="size", unit=unit, typical=high / 4, low=low, high=high)
-    return Effect(name=name, title=title, parameters=(size, *shapes), signals=("level_V",))
+_EFFECTS = {
+    "upper_overflow": _size("the upper tank spills over its rim", "1", 1.0,
+                            upper_rim_V=(15.0, 2.0, 40.0), to_lower=(0.5, 0.0, 1.0)),
+    "lower_overflow": _size("the lower tank spills over its rim", "1", 1.0,
+                            lower_rim_V=(10.0, 5.0, 20.0)),
+    "upper_leak": _size("the upper tank leaks in proportion to its level", "1/s", 0.02),
+    "lower_leak": _size("the lower tank leaks in proportion to its level", "1/s", 0.02),
+    "upper_power": _size("outflow above with another power than ½", "1", 0.45, low=-0.45),
+    "lower_power": _size("outflow below with another power than ½", "1", 0.45, low=-0.45),
+    "pump_bend": _size("the pump's gain changes with its voltage", "1/V", 0.12, low=-0.12),
+    "pump_dead_zone": _size("no flow below a voltage", "V", 2.0),
+    "pump_lag": _size("the pump follows late", "s", 120.0),
+    "sensor_lag": _size("the level is shown late", "s", 120.0),
+    "sensor_bend": _size("the sensor's gain changes with the level", "1/V", 0.05, low=-0.05),
+    "splash": _size("a share of the inflow goes straight to the lower tank", "1", 0.9),
+}  # fmt: skip
+_PARAMETERS = {
+    "upper_outlet": (0.05, 0.01, 0.2, 0.02),
+    "lower_outlet": (0.05, 0.01, 0.2, 0.02),
+    "pump": (0.05, 0.01, 0.2, 0.02),
+    "upper_start_V": (5.0, 0.5, 35.0, 5.0),
+    "lower_start_V": (5.0, 3.0, 7.0, 0.5),
+    "sensor_zero_V": (0.0, -3.0, 3.0, 1.0),
+}
 
 
-_EFFECTS = (
-    _effect("upper_overflow", "the upper tank spills over its rim", "1", 1.0,
-            _shape("rim_V", "V", 15.0, 2.0, 40.0), _shape("to_lower", "1", 0.5, 0.0, 1.0)),
-    _effect("lower_overflow", "the lower tank spills over its rim", "1", 1.0,
-            _shape("rim_V", "V", 10.0, 5.0, 20.0)),
-    _effect("upper_leak", "the upper tank leaks in proportion to its level", "1/s", 0.02),
-    _effect("lower_leak", "the lower tank leaks in proportion to its level", "1/s", 0.02),
-    _effect("upper_power", "outflow above with another power than ½", "1", 0.45, low=-0.45),
-    _effect("lower_power", "outflow below with another power than ½", "1", 0.45, low=-0.45),
-    _effect("pump_bend", "the pump's gain changes with its voltage", "1/V", 0.12, low=-0.12),
-    _effect("pump_dead_zone", "no flow below a voltage", "V", 2.0),
-    _effect("pump_lag", "the pump follows late", "s", 120.0),
-    _effect("sensor_lag", "the level is shown late", "s", 120.0),
-    _effect("sensor_bend", "the sensor's gain changes with the level", "1/V", 0.05, low=-0.05),
-    _effect("splash", "a share of the inflow goes straight to the lower tank", "1", 0.9),
-)  # fmt: skip
+def _tanks(t, inputs, values, start):
+    theta = np.array([values[n] for n in _PARAMETERS])
+    rest = np.array([values[n] for n in values if n not in _PARAMETERS])
+    return {"level_V": _replay(inputs["pump_V"], STEP_S / _FINER, theta, rest)}
 
 
-@dataclass(frozen=True)
-class Tanks:
-    """Pump voltage and the shown level of the lower tank, one sample every 4 s."""
-
-    name: str = "cascaded tanks"
-    version: str = "1"
-    inputs = (Signal("pump_V", "V", 0.0, 10.0),)
-    channels = (Channel(name="level_V", unit="V", quantum=0.01, low=0.0, high=10.01, noise=0.02),)
-    parameters = (
-        Parameter(
-            name="upper_outlet", unit="√V/s", nominal=0.05, low=0.01, high=0.2, prior_sd=0.02
-        ),
-        Parameter(
-            name="lower_outlet", unit="√V/s", nominal=0.05, low=0.01, high=0.2, prior_sd=0.02
-        ),
-        Parameter(name="pump", unit="1/s", nominal=0.05, low=0.01, high=0.2, prior_sd=0.02),
-        Parameter(name="upper_start_V", unit="V", nominal=5.0, low=0.5, high=35.0, prior_sd=5.0),
-        Parameter(name="lower_start_V", unit="V", nominal=5.0, low=3.0, high=7.0, prior_sd=0.5),
-        Parameter(name="sensor_zero_V", unit="V", nominal=0.0, low=-3.0, high=3.0, prior_sd=1.0),
-    )
-    effects = _EFFECTS
-
-    def simulate(self, point, run, *, fast=False):
-        theta = np.array([point.theta.get(p.name, p.nominal) for p in self.parameters])
-        values = [
-            point.effects.get(e.name, {}).get(p.name, 0.0 if p.strength else p.typical)
-            for e in self.effects
-            for p in e.parameters
-        ]
-        course = _replay(run.inputs["pump_V"], STEP_S / _FINER, theta, np.array(values))
-        return {"level_V": course}
-
-    def regimes(self, run, side):
-        level, flow = run.outputs["level_V"], run.inputs["pump_V"]
-        rising = np.gradient(level) > 0
-        return {
-            "rest": np.zeros(len(level), dtype=bool),
-            "rising": rising,
-            "falling": ~rising,
-            "much water": flow > 3.0,
-        }
+TANKS = simulator(_tanks, name="cascaded tanks", parameters=_PARAMETERS, effects=_EFFECTS)
 
 
 @numba.njit(nogil=True)

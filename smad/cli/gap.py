@@ -21,6 +21,7 @@ from smad.cli.gap_asked import (
 from smad.cli.gap_checkup import checkup, commission
 from smad.cli.gap_investigate import investigate
 from smad.cli.gap_next import next_experiment
+from smad.cli.gap_plan import plan_runs
 from smad.cli.gap_runs import (
     ManyRuns,
     good_option,
@@ -32,7 +33,7 @@ from smad.cli.gap_runs import (
     trust_option,
     uncut,
 )
-from smad.cli.output import progress
+from smad.cli.gap_simulator import diagnosed_elsewhere, require_pairs, simulator_options
 from smad.files import named_output, require_writable
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ gap.add_command(commission)
 gap.add_command(checkup)
 gap.add_command(investigate)
 gap.add_command(next_experiment)
+gap.add_command(plan_runs)
 
 
 @gap.command(cls=ManyRuns)
@@ -65,8 +67,7 @@ gap.add_command(next_experiment)
 @click.option("--html", "html_path", type=_OUT, help="Write the report page here.")
 @click.option("--apply", "model_path", type=_OUT,
               help="Write the model with everything that is told here.")  # fmt: skip
-@click.option("--fmu", type=_RUN, help="The model is this unit of FMI 2.0; needs --map.")
-@click.option("--map", "map_path", type=_RUN, help="With --fmu: what its variables are (TOML).")
+@simulator_options
 def diagnose(
     *,
     runs: tuple[Path, ...],
@@ -80,7 +81,9 @@ def diagnose(
     html_path: Path | None,
     model_path: Path | None,
     fmu: Path | None,
+    mjcf: Path | None,
     map_path: Path | None,
+    window_s: float | None,
 ) -> None:
     """Say where model and RUNs disagree, which law is missing there, and how much of the gap goes.
 
@@ -99,22 +102,15 @@ def diagnose(
     if not runs:
         raise click.UsageError("--leave-out leaves no run to fit; give more runs")
     good = uncut(good)
-    if (fmu is None) != (map_path is None):
-        raise click.UsageError("--fmu and --map belong together; give both")
+    require_pairs(fmu, mjcf, map_path)
     if fmu is not None and model_path is not None:
-        raise click.UsageError("--apply writes a model of the spring pair; leave it out with --fmu")
+        raise click.UsageError("no model of a unit can be written; leave --apply out with --fmu")
     with clean_errors():
-        if fmu is not None and map_path is not None:
-            from smad.fmi.asked import diagnose_unit
-
-            click.echo(
-                f"smad: runs the code of {fmu} as you; use units of those you trust", err=True
-            )
-            with progress() as line:
-                answer = diagnose_unit(
-                    fmu, map_path, runs, good=good, hold_out=hold_out, trusted=trust,
-                    progress=line.say,
-                )  # fmt: skip
+        if map_path is not None:
+            answer = diagnosed_elsewhere(
+                runs, good, hold_out, trust,
+                fmu=fmu, mjcf=mjcf, map_path=map_path, window_s=window_s,
+            )  # fmt: skip
             asked = ""
         else:
             answer = diagnosed(plant_of(params, variant), runs, good, hold_out, trust)

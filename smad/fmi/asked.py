@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,6 +24,8 @@ from smad.records.tables import is_table, open_table
 from smad.records.units import UNITS, convert, spelt, units_for
 from smad.runlog.bounds import require_bounded
 from smad.runlog.reader import read_run, recorded
+from smad.simulators.rating import Rating, rate
+from smad.simulators.windows import choose_window
 
 _COARSE, _SHORT = 5.0, 2.0
 """Of the lag that a map names: a longest step, and a shortest run, that make sense."""
@@ -53,8 +56,11 @@ def diagnose_unit(
             return replace(read_mapped(path, mapped), trusted=bool(known))
 
         asked, known, held_out = ([read(p) for p in paths] for paths in (runs, good, hold_out))
+        plant.window_s, why = 0.0, ""
         try:
-            return diagnose(asked, plant=plant, good=known, hold_out=held_out, progress=progress)
+            if any(isinstance(v, str) for v in mapped.start.values()):
+                plant.window_s, why = choose_window(plant, asked, mapped.window_s)
+            answer = diagnose(asked, plant=plant, good=known, hold_out=held_out, progress=progress)
         except (GapError, np.linalg.LinAlgError) as error:
             if not plant.stopped or isinstance(error, PlantMismatch):
                 raise
@@ -64,13 +70,28 @@ def diagnose_unit(
                 action="mend the unit there, narrow the range of the parameters in the map, or "
                 "leave the run out",
             ) from error
+        notes = [*answer.verdict.notes, *([why] if why else [])]
+        return replace(answer, verdict=msgspec.structs.replace(answer.verdict, notes=notes))
 
 
-def read_mapped(path: Path, mapped: Map) -> GapRun:
+def plan_unit(
+    fmu: Path, map_path: Path, inputs: Sequence[Path], *, within_s: float = 5.0
+) -> list[Rating]:
+    """What runs with these inputs would show of a unit; see `smad.simulators.rating.rate`.
+
+    Raises FmiError for a unit or a map that cannot be used, RunLogError for a file that cannot.
+    """
+    mapped = read_map(map_path)
+    with contextlib.closing(FmuPlant(open_unit(fmu), mapped)) as plant:
+        runs = [read_mapped(path, mapped, measured=False) for path in inputs]
+        return rate(plant, runs, within_s=within_s)
+
+
+def read_mapped(path: Path, mapped: Map, *, measured: bool = True) -> GapRun:
     """The run in a table or a run log, by the columns that the map names, in the map's units.
 
-    NaN where nothing was recorded. A channel may be missing, an input may not. Raises FmiError and
-    RunLogError.
+    NaN where nothing was recorded. A channel may be missing, an input may not; all channels where
+    nothing was `measured`. Raises FmiError and RunLogError.
     """
     columns, notes = _columns(path, mapped)
     t_s = _time_s(path, columns[mapped.time], mapped)
@@ -87,7 +108,7 @@ def read_mapped(path: Path, mapped: Map) -> GapRun:
     inputs |= {n: held(c) for n, c in inputs.items() if mapped.inputs[n].hold}
     outputs |= {n: _between(c) for n, c in outputs.items() if mapped.channels[n].hold}
     lacking = [name for name in mapped.inputs if name not in inputs]
-    if lacking or not outputs:
+    if lacking or (measured and not outputs):
         what = mapped.inputs[lacking[0]].column or lacking[0] if lacking else "any channel"
         raise FmiError(
             f"{path} has no column of {what}, which the map names",

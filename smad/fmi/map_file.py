@@ -40,8 +40,11 @@ class _ColumnRow(_Row, frozen=True, kw_only=True):
 class InputRow(_ColumnRow, frozen=True, kw_only=True):
     """An input: value of the unit = `scale` · column + `offset`; the range is that of the value.
 
-    With `hold` a number is in force until the next one.
+    With `hold` a number is in force until the next one. `held`: its rows were in force *until*
+    their time or *from* it on; empty: as the map's `held`.
     """
+
+    held: Literal["until", "from", ""] = ""
 
 
 class ChannelRow(_ColumnRow, frozen=True, kw_only=True):
@@ -62,10 +65,11 @@ class ParameterRow(_Row, frozen=True, kw_only=True):
 
 
 class TermRow(_Row, frozen=True, kw_only=True):
-    """A term that the unit adds by way of the input `variable`: size · ((of − zero) / span)^power.
+    """A term that the unit adds by way of the input `variable`: size · f((of − zero) / span).
 
-    `of`: an input or channel of the map, as the unit has it; empty for a constant. The power keeps
-    the sign.
+    `of`: an input or channel of the map, as the unit has it; empty for a constant. `shape` is f:
+    the `power`, which keeps the sign; the *sign*, tanh(x), as dry friction goes with a velocity; or
+    the *deadband*, 0 within ±1 and x ∓ 1 beyond.
     """
 
     title: str
@@ -74,15 +78,18 @@ class TermRow(_Row, frozen=True, kw_only=True):
     zero: _Number = 0.0
     span: _Positive = 1.0
     power: Annotated[float, msgspec.Meta(gt=0, le=8)] = 1.0
+    shape: Literal["power", "sign", "deadband"] = "power"
 
 
 class Map(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A map file. `lag_s`: what a sensor or a drive of such a plant may well lag by.
 
     `held`: a row's inputs were in force *until* its time, as a run log has them, or *from* it on.
-    `start`: variables set before each run, by name in the unit. `csv`: how a CSV file is written.
-    `time_unit`: that of the time column, where its name does not end with it. `shortest_s`: how
-    long a run must be.
+    `start`: variables set before each run, by name in the unit: a number, or the name of a channel
+    whose reading there it is (CHANNEL_rate: its rate). `window_s`: runs are replayed in windows
+    that begin so; 0: whole; left out: chosen, where the start is of channels. `csv`: how a CSV file
+    is written. `time_unit`: that of the time column, where its name does not end with it.
+    `shortest_s`: how long a run must be.
     """
 
     lag_s: _Positive
@@ -90,7 +97,8 @@ class Map(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     channels: dict[str, ChannelRow]
     parameters: dict[str, ParameterRow]
     terms: dict[str, TermRow] = {}
-    start: dict[str, _Number] = {}
+    start: dict[str, _Number | str] = {}
+    window_s: Annotated[float, msgspec.Meta(ge=0, le=1e15)] | None = None
     time: str = "t_s"
     time_unit: Literal["", "s", "ms", "us", "ns", "min", "h"] = ""
     csv: CsvFormat = CsvFormat()
@@ -144,12 +152,31 @@ def _check(path: Path, found: Map) -> None:
                 limit=", ".join([*found.inputs, *found.channels]),
                 action="correct it",
             )
+        if term.power != 1.0 and term.shape != "power":
+            raise FmiError(
+                f"map file {path}, terms.{name} has a power and another shape", action="give one"
+            )
         if not term.low <= 0.0 <= term.high or not term.typical:
             raise FmiError(
                 f"map file {path}, terms.{name} must allow 0 and be typically something else",
                 value=f"{term.low:g} to {term.high:g}, typically {term.typical:g}",
                 action="correct it",
             )
+
+    for variable, start in found.start.items():
+        if isinstance(start, str) and start.removesuffix("_rate") not in found.channels:
+            raise FmiError(
+                f"map file {path}, start.{variable} is no channel of the map",
+                value=start,
+                limit=", ".join([*found.channels, *(f"{c}_rate" for c in found.channels)]),
+                action="correct it, or give a number",
+            )
+    if found.window_s and not any(isinstance(v, str) for v in found.start.values()):
+        raise FmiError(
+            f"map file {path} has windows that begin nowhere",
+            value=f"window_s = {found.window_s:g}",
+            action="give [start] the channels that the unit begins from",
+        )
 
 
 def _tables(found: Map) -> dict[str, Mapping[str, Any]]:
@@ -179,7 +206,7 @@ def require_fit(found: Map, unit: UnitFile) -> None:
             _require(unit, f"{table}.{name}", row.variable, _ROLES[table])
             _require_unit(unit, f"{table}.{name}", row)
     for variable in found.start:
-        _require(unit, f"start.{variable}", variable, ("parameter", "input", "local"))
+        _require(unit, f"start.{variable}", variable, ("parameter", "input", "local", "output"))
 
 
 def _require(unit: UnitFile, key: str, variable: str, roles: tuple[str, ...]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import threading
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.signal import lfilter
@@ -25,14 +25,16 @@ from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.signals import means_over_pieces
 from smad.fmi.errors import FmiError
 from smad.fmi.map_file import ChannelRow, InputRow, Map, ParameterRow, TermRow, require_fit
-from smad.fmi.running import Fed, Runner, signed_power
+from smad.fmi.running import Fed, Runner, shaped
 from smad.fmi.unit_file import UnitFile
+from smad.simulators.starts import Starts
 
 _KEPT = 64
 _GAIN = (0.05, 0.5)
 _ZERO_OF_RANGE = (0.02, 0.25)
 _LONGEST_LAG = 10.0
 _MOVED = 0.01
+Window = tuple[int, int, dict[str, float]]
 
 
 class FmuPlant:
@@ -65,6 +67,8 @@ class FmuPlant:
         ]
         self.parameters = [_parameter(n, r, unit) for n, r in mapped.parameters.items()]
         self.effects = effects_of(mapped)
+        self.window_s = mapped.window_s or 0.0
+        self._starts: dict[int, tuple[GapRun, Starts]] = {}
 
     def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
         """See `PlantModel`."""
@@ -84,23 +88,28 @@ class FmuPlant:
         rows, fed = self._driven(point, run)
         about = hashlib.sha256(np.ascontiguousarray(run.t_s).tobytes())
         about.update(rows.tobytes())
-        key = (about.digest(), tuple(sorted(values.items())), tuple(map(repr, fed)))
+        windows = self._windows(run)
+        key = (about.digest(), tuple(sorted(values.items())), tuple(map(repr, (*fed, *windows))))
         with self._lock:
             if key not in self._known:
-                given = {**self._map.start, **values}
-                self._known[key] = self._replayed(given, run, rows, fed)
+                self._known[key] = self._replayed(values, run, rows, fed, windows)
                 while len(self._known) > _KEPT:
                     self._known.popitem(last=False)
             self._known.move_to_end(key)
             return self._known[key]
 
     def _replayed(
-        self, values: Mapping[str, float], run: GapRun, rows: Array, fed: list[Fed]
+        self,
+        values: Mapping[str, float],
+        run: GapRun,
+        rows: Array,
+        fed: list[Fed],
+        windows: Sequence[Window],
     ) -> Array:
-        """A replay; the first of all is made twice, for a unit that does not start anew."""
-        course = self._runner.replay(values, run.t_s, rows, fed)
+        """A replay in windows; the first is made twice, for a unit that does not start anew."""
+        course = self._in_windows(values, run, rows, fed, windows)
         if not self._starts_anew:
-            again = self._runner.replay(values, run.t_s, rows, fed)
+            again = self._in_windows(values, run, rows, fed, windows)
             if not np.array_equal(course, again, equal_nan=True):
                 at = np.argwhere(course != again)[0]
                 raise FmiError(
@@ -112,18 +121,63 @@ class FmuPlant:
                     action="make the unit set all of its state when it is initialised",
                 )
             self._starts_anew = True
-        if not np.isfinite(course).all():
-            k = int(np.argmin(np.isfinite(course).all(axis=0)))
-            given = ", ".join(f"{name} = {value:.6g}" for name, value in values.items())
-            said = f" ({self._runner.said})" if self._runner.said else ""
-            self.stopped = f"run {run.name} at {run.t_s[k]:.6g} s, with {given}{said}"
         return course
+
+    def _in_windows(
+        self,
+        values: Mapping[str, float],
+        run: GapRun,
+        rows: Array,
+        fed: list[Fed],
+        windows: Sequence[Window],
+    ) -> Array:
+        parts = []
+        for a, b, start in windows:
+            given = {**start, **values}
+            part = self._runner.replay(given, run.t_s[a:b], rows[a:b], fed)
+            if not np.isfinite(part).all():
+                k = a + int(np.argmin(np.isfinite(part).all(axis=0)))
+                words = ", ".join(f"{name} = {value:.6g}" for name, value in given.items())
+                said = f" ({self._runner.said})" if self._runner.said else ""
+                self.stopped = f"run {run.name} at {run.t_s[k]:.6g} s, with {words}{said}"
+            parts.append(part)
+        return np.concatenate(parts, axis=1)
+
+    def _windows(self, run: GapRun) -> list[Window]:
+        """First and last sample of each window, and what the unit is set to before it."""
+        fixed = {n: v for n, v in self._map.start.items() if not isinstance(v, str)}
+        read = {n: v for n, v in self._map.start.items() if isinstance(v, str)}
+        whole = run if run.whole is None else run.whole
+        if not read or not whole.outputs:
+            return [(0, len(run.t_s), fixed)]
+        if id(whole) not in self._starts:
+            # The run is kept as well, so that nothing else gets its number.
+            self._starts[id(whole)] = (whole, Starts(whole, tuple(self._map.channels)))
+        starts = self._starts[id(whole)][1]
+        edges = [0]
+        if self.window_s > 0.0:
+            number = np.floor((run.t_s - run.t_s[0]) / self.window_s + 1e-9)
+            edges += [int(k) + 1 for k in np.flatnonzero(np.diff(number) > 0)]
+        out = []
+        for a, b in zip(edges, [*edges[1:], len(run.t_s)], strict=True):
+            shown = starts.at(int(np.searchsorted(whole.t_s, run.t_s[a])))
+            out.append((a, b, fixed | {n: self._in_unit(c, shown) for n, c in read.items()}))
+        return out
+
+    def _in_unit(self, of: str, shown: Mapping[str, float]) -> float:
+        """A reading, or a rate of one, as the unit has it."""
+        if of in self._map.channels:
+            return (shown[of] - self._map.channels[of].offset) / self._map.channels[of].scale
+        return shown[of] / self._map.channels[of.removesuffix("_rate")].scale
 
     def _driven(self, point: ModelPoint, run: GapRun) -> tuple[Array, list[Fed]]:
         """What the unit's inputs get, shape (n, inputs), and the terms that follow its outputs."""
         given = {}
-        for name in self._map.inputs:
-            given[name] = _misread(run.inputs[name], point.effects, name, run.dt_s)
+        for name, row in self._map.inputs.items():
+            column = _misread(run.inputs[name], point.effects, name, run.dt_s)
+            if (row.held or self._map.held) == "from" and run.whole is None:
+                column = np.r_[column[:1], column[:-1]]
+            given[name] = column
         rows = np.zeros((len(run.t_s), len(self._rows)))
         for name, row in self._map.inputs.items():
             rows[:, self._rows.index(row.variable)] += given[name]
@@ -136,13 +190,10 @@ class FmuPlant:
             if term.of in self._map.channels:
                 fed.append(_fed(at, list(self._map.channels).index(term.of), size, term))
             elif term.of:
-                rows[:, at] += size * signed_power(
-                    (given[term.of] - term.zero) / term.span, term.power
-                )
+                x = (given[term.of] - term.zero) / term.span
+                rows[:, at] += size * shaped(x, term.shape, term.power)
             else:
                 rows[:, at] += size
-        if self._map.held == "from" and run.whole is None:
-            rows = np.r_[rows[:1], rows[:-1]]
         return rows, fed
 
     def regimes(self, run: GapRun, side: str) -> dict[str, Mask]:
@@ -177,7 +228,9 @@ def effects_of(mapped: Map) -> list[Effect]:
         size = EffectParameter(
             name="size", unit=term.unit, typical=term.typical, low=term.low, high=term.high
         )
-        what = f"(({term.of} − {term.zero:g})/{term.span:g})^{term.power:g}" if term.of else "1"
+        f = {"power": "", "sign": "tanh", "deadband": "deadband"}[term.shape]
+        raised = f"^{term.power:g}" if term.shape == "power" else ""
+        what = f"{f}(({term.of} − {term.zero:g})/{term.span:g}){raised}" if term.of else "1"
         found.append(
             Effect(
                 name=name, title=term.title, parameters=(size,), signals=everything,
@@ -237,7 +290,10 @@ def _rows(mapped: Map) -> list[str]:
 
 
 def _fed(row: int, output: int, size: float, term: TermRow) -> Fed:
-    return Fed(row=row, output=output, size=size, zero=term.zero, span=term.span, power=term.power)
+    return Fed(
+        row=row, output=output, size=size, zero=term.zero, span=term.span, power=term.power,
+        shape=term.shape,
+    )  # fmt: skip
 
 
 def _parameter(name: str, row: ParameterRow, unit: UnitFile) -> Parameter:

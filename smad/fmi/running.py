@@ -22,8 +22,8 @@ _OK_OR_WARNING = (0, 1)
 
 @dataclass(frozen=True, kw_only=True)
 class Fed:
-    """A term that depends on an output: an input's row gets size · ((output − zero) / span)^power
-    more."""
+    """A term that depends on an output: an input's row gets size · f((output − zero) / span) more;
+    see `shaped` for f."""
 
     row: int
     output: int
@@ -31,6 +31,7 @@ class Fed:
     zero: float
     span: float
     power: float
+    shape: str = "power"
 
 
 class Runner:
@@ -74,9 +75,8 @@ class Runner:
             for k in range(1, len(t)):
                 put_view[:] = rows[k]
                 for term in fed:
-                    put_view[term.row] += term.size * signed_power(
-                        (got_view[term.output] - term.zero) / term.span, term.power
-                    )
+                    x = (got_view[term.output] - term.zero) / term.span
+                    put_view[term.row] += term.size * shaped(x, term.shape, term.power)
                 slave.fmi2SetReal(slave.component, self._in, self._n_in, put)
                 slave.fmi2DoStep(slave.component, t[k - 1], t[k] - t[k - 1], 1)
                 slave.fmi2GetReal(slave.component, self._out, self._n_out, got)
@@ -151,6 +151,10 @@ class Runner:
         self._folder.cleanup()
 
 
-def signed_power(x: Any, power: float) -> Any:
-    """|x|^power with the sign of x."""
+def shaped(x: Any, shape: str, power: float = 1.0) -> Any:
+    """f of a term: |x|^power with the sign of x, tanh(x), or x beyond ±1."""
+    if shape == "sign":
+        return np.tanh(x)
+    if shape == "deadband":
+        return x - np.clip(x, -1.0, 1.0)
     return x if power == 1.0 else np.sign(x) * np.abs(x) ** power

@@ -59,9 +59,9 @@ def test_a_notebook_is_committed_without_output(path: Path) -> None:
     assert [cell for cell in cells if cell.outputs or cell.execution_count] == []
 
 
-def test_the_plant_of_the_notebook_is_the_one_of_the_page() -> None:
-    page = (ROOT / "docs/bring-your-own-plant.md").read_text()
-    (script,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    cells = [c.source for c in read(ROOT / "examples/notebooks/own_plant.ipynb").cells
+def test_the_simulator_of_the_notebook_is_the_one_of_the_page() -> None:
+    page = (ROOT / "docs/your-simulator.md").read_text()
+    script, *_ = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    cells = [c.source for c in read(ROOT / "examples/notebooks/own_simulator.ipynb").cells
              if c.cell_type == "code"]  # fmt: skip
     assert "".join(cells).replace("\n", "").startswith(script.replace("\n", ""))

@@ -10,6 +10,8 @@ OURS = frozenset(("smad", "sim_device", "firmware_protocol", "firmware"))
 # Room -> the rooms that it may import beside itself, and the packages of ours.
 ROOMS: dict[str, tuple[set[str], set[str]]] = {
     "plant": (set(), set()),
+    "pendulum": (set(), {"smad"}),
+    "simulators": (set(), {"smad"}),
     "bank": ({"plant", "errors"}, set()),
     "quiz": ({"plant", "bank", "errors"}, {"firmware_protocol"}),
     "run": ({"score", "names", "checkout", "errors"}, {"smad", "sim_device"}),

@@ -1,0 +1,95 @@
+"""`smad gap plan`: what runs with given inputs could show, asked before a bench is heated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from smad.cli.gap_asked import clean_errors, params_option, plant_of, read_runs, variant_option
+from smad.cli.gap_runs import files
+from smad.cli.gap_simulator import require_pairs, simulator_options, warn_of
+
+if TYPE_CHECKING:
+    from smad.diagnosis.runs import GapRun
+    from smad.diagnosis.spring_pair import SmaPlant
+    from smad.simulators.rating import Rating
+
+
+@click.command(name="plan")
+@click.option("--inputs", "inputs", multiple=True, callback=files, metavar="FILE…",
+              help="Tables or run logs whose inputs are to be played.")  # fmt: skip
+@click.option("--experiment", "experiments", multiple=True, metavar="NAME",
+              help="Of the spring pair: a run of `smad gap next`'s list.")  # fmt: skip
+@click.option("--within", "within_s", type=click.FloatRange(0.1, 3600.0), default=5.0,
+              show_default=True, metavar="S", help="Time for the replays.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+@simulator_options
+@params_option
+@variant_option
+def plan_runs(
+    *,
+    inputs: tuple[Path, ...],
+    experiments: tuple[str, ...],
+    within_s: float,
+    as_json: bool,
+    fmu: Path | None,
+    mjcf: Path | None,
+    map_path: Path | None,
+    window_s: float | None,
+    params: str,
+    variant: str,
+) -> None:
+    """Rate parameters, effects and places by what these inputs could show; nothing is measured.
+
+    identifiable: noticed below its typical size, like no other; weak: noticed only above, or like
+    another; not: within its range other values of the parameters imitate it, or nothing shows.
+    """
+    require_pairs(fmu, mjcf, map_path)
+    if not inputs and not experiments:
+        raise click.UsageError("nothing would be played; give --inputs FILE or --experiment NAME")
+    if experiments and map_path is not None:
+        raise click.UsageError("--experiment is of the spring pair; give --inputs with --map")
+    said: list[str] = []
+    with clean_errors():
+        if mjcf is not None and map_path is not None:
+            from smad.simulators.mjcf.asked import plan_mjcf
+
+            ratings, said = plan_mjcf(mjcf, map_path, inputs, window_s=window_s, within_s=within_s)
+        elif fmu is not None and map_path is not None:
+            from smad.fmi.asked import plan_unit
+
+            warn_of(fmu)
+            ratings = plan_unit(fmu, map_path, inputs, within_s=within_s)
+        else:
+            from smad.simulators.rating import rate
+
+            plant = plant_of(params, variant)
+            ratings = rate(plant, _played(plant, inputs, experiments), within_s=within_s)
+    _print(ratings, said, as_json=as_json)
+
+
+def _played(
+    plant: SmaPlant, inputs: tuple[Path, ...], experiments: tuple[str, ...]
+) -> list[GapRun]:
+    from smad.diagnosis.plant import nominal_point
+
+    shown = [plant.perform(name, nominal_point(plant), 0) for name in experiments]
+    return [*read_runs(inputs, inputs), *shown]
+
+
+def _print(ratings: list[Rating], said: list[str], *, as_json: bool) -> None:
+    import dataclasses
+    import json
+
+    from smad.simulators.rating import lines
+
+    if as_json:
+        rows = [dataclasses.asdict(r) for r in ratings]
+        for row in rows:
+            row["size"] = row["size"] if row["size"] < float("inf") else None
+        click.echo(json.dumps(rows, indent=1))
+        return
+    for line in (*lines(ratings), *said):
+        click.echo(line)

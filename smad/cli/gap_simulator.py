@@ -1,0 +1,78 @@
+"""Options of `smad gap` for a simulator that is not ours: a unit of FMI, a MuJoCo model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from smad.cli.output import progress
+
+if TYPE_CHECKING:
+    from smad.diagnosis.answer import Answer
+
+_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
+_F = TypeVar("_F", bound=Callable[..., Any])
+
+
+def simulator_options(command: _F) -> _F:
+    """Add --fmu, --mjcf, --map and --window to a command."""
+    for option in (
+        click.option("--window", "window_s", type=click.FloatRange(0.0), metavar="S",
+                     help="With --mjcf: replay windows of this length; 0: whole runs "
+                          "(default: chosen, and said)."),
+        click.option("--map", "map_path", type=_FILE,
+                     help="With --fmu or --mjcf: what its variables or parts are (TOML)."),
+        click.option("--mjcf", type=_FILE, help="The model is this one of MuJoCo; needs --map."),
+        click.option("--fmu", type=_FILE,
+                     help="The model is this unit of FMI 2.0; needs --map. Runs its code."),
+    ):  # fmt: skip
+        command = option(command)
+    return command
+
+
+def require_pairs(fmu: Path | None, mjcf: Path | None, map_path: Path | None) -> None:
+    """Raise UsageError for options that do not belong together."""
+    if fmu is not None and mjcf is not None:
+        raise click.UsageError("a model is one of --fmu and --mjcf; give one")
+    if map_path is None and (fmu or mjcf):
+        name = "--fmu" if fmu else "--mjcf"
+        raise click.UsageError(f"{name} and --map belong together; give both")
+    if map_path is not None and not (fmu or mjcf):
+        raise click.UsageError("--map is of --fmu or --mjcf; give one of them")
+
+
+def warn_of(fmu: Path) -> None:
+    """Say on stderr that a unit is a program."""
+    click.echo(f"smad: runs the code of {fmu} as you; use units of those you trust", err=True)
+
+
+def diagnosed_elsewhere(
+    runs: Sequence[Path],
+    good: Sequence[Path],
+    hold_out: Sequence[Path],
+    trusted: Sequence[str],
+    *,
+    fmu: Path | None,
+    mjcf: Path | None,
+    map_path: Path,
+    window_s: float | None,
+) -> Answer:
+    """The answer for a simulator that is not ours."""
+    with progress() as line:
+        if mjcf is not None:
+            from smad.simulators.mjcf.asked import diagnose_mjcf
+
+            return diagnose_mjcf(
+                mjcf, map_path, runs, good=good, hold_out=hold_out, trusted=trusted,
+                window_s=window_s, progress=line.say,
+            )  # fmt: skip
+        from smad.fmi.asked import diagnose_unit
+
+        assert fmu is not None
+        warn_of(fmu)
+        return diagnose_unit(
+            fmu, map_path, runs, good=good, hold_out=hold_out, trusted=trusted, progress=line.say
+        )  # fmt: skip

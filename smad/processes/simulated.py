@@ -1,0 +1,38 @@
+"""A simulated bench in one line: a daemon of its own with a client, gone when the block ends."""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from smad.client import Client
+from smad.errors import DaemonError
+from smad.processes.daemon import running_daemon
+
+FASTEST = 100.0
+
+
+@contextlib.contextmanager
+def simulated(*, speed: float = 4.0, options: Sequence[str] = ()) -> Iterator[Client]:
+    """A client of a simulated bench that nobody else sees, for as long as the block lasts.
+
+    The board waits for each setpoint, so that a busy machine makes a run slower and never wrong.
+    `speed` is how many times faster than the clock it may go: a board that is not armed keeps to
+    it, and on a busy machine arming may come too late for a faster one. `options` are further ones
+    of `smad start --sim`, as `("--effect", "rtd_lag")`. Run logs go to `runs/` here, as always.
+    Raises DaemonError where it does not come up.
+    """
+    if not 0.0 < speed <= FASTEST:
+        raise DaemonError(
+            "a simulated bench cannot go so fast",
+            value=speed,
+            limit=f"above 0, at most {FASTEST:g}",
+            action="give another speed",
+        )
+    arguments = ["--sim", "--speed", f"{speed:g}", "--paced-by-host", *options]
+    with tempfile.TemporaryDirectory(prefix="smad-") as name:
+        folder = Path(name)
+        with running_daemon(arguments, folder), Client(folder=folder) as bench:
+            yield bench

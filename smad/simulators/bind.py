@@ -1,0 +1,153 @@
+"""A declared simulator and the runs it is asked about: what the records say of its signals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from smad.diagnosis.plant import Channel, Signal
+from smad.diagnosis.runs import GapRun
+from smad.simulators.checks import roles
+from smad.simulators.columns import (
+    Table,
+    correlation_time_s,
+    noise_of,
+    quantum_of,
+    require_time,
+    run_of,
+    span_of,
+    tables_of,
+)
+from smad.simulators.declare import Simulator
+from smad.simulators.errors import SimulatorError
+from smad.simulators.places import SavedPlaces, SimulatorPlaces
+from smad.simulators.plant import SimulatedPlant
+
+_LAG_OF_CORRELATION = 0.1
+_UNCHANGED = 1e-9
+_UNMEASURED = 1e-3
+"""Of what a reading goes through, its noise where no run has it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bound:
+    """A plant of the diagnosis with its runs, in the groups they were given in.
+
+    `said` are the defaults that were taken, in words; `seconds` is what a replay takes.
+    """
+
+    plant: SimulatorPlaces
+    groups: tuple[tuple[GapRun, ...], ...]
+    said: tuple[str, ...]
+    seconds: float
+
+
+def bind(declared: Simulator, *groups: Any, trusted: Sequence[str] = ()) -> Bound:
+    """Read the runs of each group, and make the plant that they are of.
+
+    `trusted` are paths, or names, of runs that the model's opinion does not refuse.
+
+    Raises SimulatorError for runs or a function that cannot be used.
+    """
+    tables = [tables_of(group) for group in groups]
+    every = [t for group in tables for t in group]
+    if not every:
+        raise SimulatorError("there are no runs", action="give at least one")
+    for table in every:
+        require_time(table)
+    inputs, outputs, seconds = roles(declared, every[0])
+    exact = {*declared.exact, *_constant(inputs, every, declared)}
+    read = [n for n in inputs if n not in declared.forces]
+    wanted = [*read, *(n for n in declared.observed if n not in read)]
+    runs = [
+        tuple(
+            run_of(t, wanted, outputs, tuple(declared.forces),
+                   trusted=bool(t.words & set(trusted)))
+            for t in group
+        )
+        for group in tables
+    ]  # fmt: skip
+    said = _said(declared, every, read, outputs, exact)
+    plant = SimulatedPlant(
+        declared=declared,
+        inputs=_signals(declared, [n for n in read if n not in exact], every),
+        channels=[_channel(declared, n, [r for group in runs for r in group]) for n in outputs],
+        lag_s=_LAG_OF_CORRELATION * _correlation_s(outputs, every),
+    )
+    kind = SavedPlaces if declared.save is not None else SimulatorPlaces
+    return Bound(
+        plant=kind(plant), groups=tuple(runs), said=tuple(said), seconds=seconds
+    )  # fmt: skip
+
+
+def _constant(inputs: Sequence[str], tables: Sequence[Table], declared: Simulator) -> list[str]:
+    """Inputs that no run changes: a law or a drive error there would be a parameter."""
+    out = []
+    for name in (n for n in inputs if n not in declared.forces):
+        low, high = _ends(name, tables)
+        if high - low <= _UNCHANGED * max(abs(low), abs(high), 1e-300):
+            out.append(name)
+    return out
+
+
+def _ends(name: str, tables: Sequence[Table]) -> tuple[float, float]:
+    values = [t.columns[name] for t in tables if name in t.columns]
+    return (
+        float(min(np.nanmin(v) for v in values)), float(max(np.nanmax(v) for v in values))
+    )  # fmt: skip
+
+
+def _signals(declared: Simulator, inputs: Sequence[str], tables: Sequence[Table]) -> list[Signal]:
+    found = []
+    for name in inputs:
+        low, high = declared.ranges.get(name) or span_of(
+            [t.columns[name] for t in tables if name in t.columns]
+        )
+        found.append(Signal(name, declared.unit(name), low, high))
+    forces = [Signal(n, declared.unit(n), a, b) for n, (a, b) in declared.forces.items()]
+    return [*found, *forces]
+
+
+def _channel(declared: Simulator, name: str, runs: Sequence[GapRun]) -> Channel:
+    columns = [r.outputs[name] for r in runs if name in r.outputs]
+    low, high = span_of(columns)
+    noise = declared.noise.get(name) or noise_of(columns)
+    return Channel(
+        name=name, unit=declared.unit(name), quantum=quantum_of(columns),
+        # A reading at the end of what was seen is not at the end of what it can show.
+        low=low - (high - low), high=high + (high - low),
+        noise=noise or _UNMEASURED * (high - low),
+    )  # fmt: skip
+
+
+def _correlation_s(outputs: Sequence[str], tables: Sequence[Table]) -> float:
+    times = [
+        correlation_time_s(t.t_s, np.nan_to_num(t.columns[n]))
+        for t in tables for n in outputs if n in t.columns
+    ]  # fmt: skip
+    return float(np.median(times))
+
+
+def _said(
+    declared: Simulator,
+    tables: Sequence[Table],
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    exact: set[str],
+) -> list[str]:
+    used = {*inputs, *outputs, *declared.observed}
+    unread = sorted({n for t in tables for n in t.columns} - used)
+    flat = sorted(exact & set(inputs) - set(declared.exact))
+    rows: Mapping[str, Sequence[str]] = {
+        "inputs": [n for n in inputs if n not in exact],
+        "inputs taken as exact, no places": sorted(declared.exact),
+        "inputs that no run changes, no places": flat,
+        "columns that a law may go with": declared.observed,
+        "columns that the simulator does not read": unread,
+        "measured": outputs,
+    }
+    words = "; ".join(f"{what}: {', '.join(names)}" for what, names in rows.items() if names)
+    return [f"{words}. Ranges, quanta and noise are those of the records"]

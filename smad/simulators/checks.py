@@ -1,0 +1,140 @@
+"""What is asked of a function before it is trusted with a diagnosis."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from smad.diagnosis.plant import Array
+from smad.diagnosis.runs import GapRun, bridged
+from smad.simulators.columns import Table
+from smad.simulators.declare import Simulator
+from smad.simulators.errors import SimulatorError
+from smad.simulators.plant import called
+from smad.simulators.starts import Starts
+
+
+class Asked(Mapping[str, Array]):
+    """The columns of a run, noting which of them the function reads."""
+
+    def __init__(self, columns: Mapping[str, Array]) -> None:
+        self._columns = columns
+        self.read: dict[str, None] = {}
+
+    def __getitem__(self, name: str) -> Array:
+        column = self._columns[name]
+        self.read[name] = None
+        return column
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._columns)
+
+    def __len__(self) -> int:
+        return len(self._columns)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._columns
+
+
+def roles(declared: Simulator, table: Table) -> tuple[list[str], list[str], float]:
+    """The inputs that the function reads and the outputs that it returns of a run, and seconds.
+
+    Raises SimulatorError for a function that cannot be asked: it fails, writes to what it is given,
+    returns another length, is not the same twice.
+    """
+    # What lacks is bridged, as in an admitted run.
+    columns = {n: bridged(c, np.ones(len(c), dtype=bool)) for n, c in table.columns.items()
+               if np.isfinite(c).any()}  # fmt: skip
+    columns |= {n: np.zeros(len(table.t_s)) for n in declared.forces}
+    asked = Asked(columns)
+    starting = _starts(table).at(0)
+    values = declared.values({}, {})
+    began = time.process_time()
+    first = _first(declared, table, asked, values, starting)
+    seconds = time.process_time() - began
+    outputs = [n for n in first if n in table.columns]
+    if not outputs:
+        raise SimulatorError(
+            f"{declared.name} returns nothing that was measured",
+            value=", ".join(first) or "nothing",
+            limit=", ".join(table.columns),
+            action="return outputs by the names of their columns",
+        )
+    peeked = [n for n in asked.read if n in outputs]
+    if peeked:
+        raise SimulatorError(
+            f"{declared.name} reads {peeked[0]}, which it returns",
+            action=f"begin from start[{peeked[0]!r}], and leave the rest of it alone",
+        )
+    for name in outputs:
+        if not np.isfinite(first[name]).all():
+            raise SimulatorError(
+                f"{declared.name} gives no numbers for {name} with the values it begins with",
+                value=table.name,
+                action="begin with values at which it runs",
+            )
+    _require_same(declared, table, asked, starting, {n: first[n] for n in outputs})
+    inputs = [n for n in asked.read if n not in outputs]
+    return inputs, outputs, seconds
+
+
+def _first(
+    declared: Simulator,
+    table: Table,
+    asked: Asked,
+    values: Mapping[str, float],
+    starting: Mapping[str, float],
+) -> dict[str, Array]:
+    try:
+        return called(declared, table.t_s, asked, values, starting)
+    except KeyError as error:
+        raise SimulatorError(
+            f"{declared.name} asks for {error.args[0]!r}, which is neither a column nor a value",
+            limit=", ".join([*table.columns, *values]),
+            action="correct the name, or declare it",
+        ) from error
+    except Exception as error:  # whatever somebody else's function does
+        text = f"{type(error).__name__}: {error}"
+        if "read-only" in text or "does not support item assignment" in text:
+            raise SimulatorError(
+                f"{declared.name} changes what it is given",
+                value=text,
+                action="work on a copy: np.array(inputs[…])",
+            ) from error
+        raise SimulatorError(
+            f"{declared.name} fails on {table.name} with the values it begins with",
+            value=text,
+            action="return outputs by name, one value for each time",
+        ) from error
+
+
+def _require_same(
+    declared: Simulator,
+    table: Table,
+    asked: Asked,
+    starting: Mapping[str, float],
+    first: Mapping[str, Array],
+) -> None:
+    """The same again, also after other values, or it is no function."""
+    values = declared.values({}, {})
+    parameter = declared.parameters[0]
+    moved = {**values, parameter.name: parameter.nominal + 0.1 * parameter.prior_sd}
+    with contextlib.suppress(Exception):  # it may fail elsewhere: such a model is dropped
+        called(declared, table.t_s, asked, moved, starting)
+    again = called(declared, table.t_s, asked, values, starting)
+    for name in first:
+        if not np.array_equal(first[name], again[name], equal_nan=True):
+            off = float(np.nanmax(np.abs(first[name] - again[name])))
+            raise SimulatorError(
+                f"{declared.name} gives another {name} for the same run and values",
+                value=f"up to {off:.3g} apart",
+                action="keep no state from one call to the next, and give what is random a seed",
+            )
+
+
+def _starts(table: Table) -> Starts:
+    finite = {n: np.nan_to_num(c) for n, c in table.columns.items() if np.isfinite(c).any()}
+    return Starts(GapRun(table.name, table.t_s, {}, finite), tuple(finite))

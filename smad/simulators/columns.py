@@ -1,0 +1,196 @@
+"""Runs for a simulator: columns of files, tables and frames; ranges, quanta and noise from them."""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from smad.diagnosis.plant import Array
+from smad.diagnosis.runs import GapRun
+from smad.records.tables import is_table, open_table
+from smad.runlog.bounds import require_bounded
+from smad.runlog.reader import read_run, recorded
+from smad.simulators.errors import SimulatorError
+
+TIMES = ("t_s", "time_s", "time", "t", "timestamp_s")
+"""Names of a column that is the time in s."""
+_SAME = 1e-6
+_WHOLE = 0.02
+"""Steps between values this near to a whole number of the least one are of a rounded column."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of one record on its time axis; a `GapRun` is one whose columns have their roles.
+
+    `path` is that of its file, where it has one; `notes` say what was not read of it.
+    """
+
+    name: str
+    t_s: Array
+    columns: Mapping[str, Array]
+    run: GapRun | None = None
+    path: str = ""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def words(self) -> set[str]:
+        """What it may be called by: its name, and that of its file."""
+        return {self.name, self.path, Path(self.path).name} - {""}
+
+
+def tables_of(runs: Any, time: str = "") -> list[Table]:
+    """The records in files, patterns, mappings or frames of columns, and runs that are made.
+
+    `time` is the column that is the time in s, where it has none of the usual names.
+    Raises SimulatorError for what is none of these, or has no time.
+    """
+    if isinstance(runs, (str, Path, GapRun, Table)) or hasattr(runs, "keys"):
+        runs = [runs]
+    return [table for n, one in enumerate(runs, 1) for table in _tables(one, f"run {n}", time)]
+
+
+def _tables(one: Any, name: str, time: str) -> Iterable[Table]:
+    if isinstance(one, Table):
+        return [one]
+    if isinstance(one, GapRun):
+        return [Table(one.name, one.t_s, {**one.inputs, **one.outputs}, one)]
+    if isinstance(one, (str, Path)):
+        paths = sorted(glob.glob(str(one))) if not Path(one).exists() else [str(one)]
+        if not paths:
+            raise SimulatorError(f"no file is {str(one)!r}", action="correct the path or pattern")
+        return [_of_file(Path(p), time) for p in paths]
+    if hasattr(one, "keys"):
+        return [_timed(name, {str(k): np.asarray(one[k]) for k in one}, name, time)]
+    raise SimulatorError(
+        "a run is neither a file nor a table of columns",
+        value=type(one).__name__,
+        action="give paths, mappings of columns, data frames or GapRuns",
+    )
+
+
+def _of_file(path: Path, time: str) -> Table:
+    notes: Sequence[str]
+    if is_table(path):
+        require_bounded(path)
+        table = open_table(path)
+        columns, notes = dict(table.columns(table.names)), table.notes
+    else:
+        run = read_run(path)
+        notes = run.notes
+        columns = {n: np.where(recorded(c), c, np.nan) for n, c in run.columns.items()
+                   if recorded(c).any()}  # fmt: skip
+    found = _timed(path.stem, columns, str(path), time)
+    return replace(found, path=str(path), notes=tuple(notes))
+
+
+def _timed(name: str, columns: Mapping[str, Any], where: str, called: str) -> Table:
+    usual = (called,) if called else TIMES
+    time = next((t for t in usual if t in columns), None)
+    if time is None:
+        raise SimulatorError(
+            f"{where} has no column of the time in s",
+            value=", ".join(columns),
+            limit=", ".join(usual),
+            action="name it so",
+        )
+    numbers: dict[str, Array] = {}
+    for n, c in columns.items():
+        try:
+            numbers[n] = np.asarray(c, dtype=np.float64)
+        except (TypeError, ValueError):
+            continue
+    t_s = numbers.pop(time)
+    return Table(name, t_s, numbers)
+
+
+def run_of(
+    table: Table,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    zeros: Sequence[str] = (),
+    *,
+    trusted: bool = False,
+) -> GapRun:
+    """A record as a run with these inputs and outputs; inputs of `zeros` are 0 throughout.
+
+    NaN where nothing was recorded.
+
+    Raises SimulatorError for an input that it lacks.
+    """
+    lacking = [n for n in inputs if n not in table.columns]
+    if lacking:
+        raise SimulatorError(
+            f"{table.name} has no column {lacking[0]}, which the simulator reads",
+            limit=", ".join(table.columns),
+            action="record it, or rename a column",
+        )
+    flat = {n: np.zeros(len(table.t_s)) for n in zeros}
+    if table.run is not None:
+        run = table.run.with_columns(inputs=flat)
+        return replace(run, trusted=run.trusted or trusted)
+    given = {n: table.columns[n] for n in inputs}
+    shown = {n: table.columns[n] for n in outputs if n in table.columns}
+    return GapRun(
+        table.name, table.t_s, {**given, **flat}, shown, notes=table.notes, trusted=trusted
+    )  # fmt: skip
+
+
+def require_time(table: Table) -> None:
+    """Raise SimulatorError for a time that does not increase, or too few samples."""
+    steps = np.diff(table.t_s)
+    back = np.flatnonzero(~(steps > 0))
+    if len(table.t_s) < 8 or back.size:
+        row = int(back[0]) + 1 if back.size else 0
+        raise SimulatorError(
+            f"{table.name}: its time does not increase at row {row + 1}" if back.size
+            else f"{table.name} has only {len(table.t_s)} samples",
+            action="sort the rows, remove repeated ones, or leave the run out",
+        )  # fmt: skip
+
+
+def span_of(columns: Sequence[Array]) -> tuple[float, float]:
+    """Lowest and highest finite value of a signal over some runs; (0, 1) of none."""
+    finite = [c[np.isfinite(c)] for c in columns]
+    joined = np.concatenate([np.zeros(0), *finite])
+    if not joined.size:
+        return 0.0, 1.0
+    low, high = float(joined.min()), float(joined.max())
+    return (low, high) if high > low else (low - 0.5, high + 0.5)
+
+
+def quantum_of(columns: Sequence[Array]) -> float:
+    """The step to which a signal was rounded; 0 where none shows."""
+    joined = np.concatenate([np.zeros(0), *(c[np.isfinite(c)] for c in columns)])
+    values = np.unique(joined)
+    steps = np.diff(values)
+    steps = steps[steps > _SAME * np.ptp(values)] if len(values) > 2 else steps[:0]
+    if not steps.size:
+        return 0.0
+    least = float(steps.min())
+    off = np.abs(steps / least - np.rint(steps / least))
+    return least if bool(np.all(off < _WHOLE)) else 0.0
+
+
+def noise_of(columns: Sequence[Array]) -> float:
+    """Standard deviation of a sample's noise, from what no smooth course explains."""
+    # Third differences remove a smooth course; of white noise their variance is 20 σ².
+    rest = np.abs(np.concatenate([np.zeros(0), *(np.diff(c, 3) for c in columns)]))
+    rest = rest[np.isfinite(rest)]
+    return float(np.quantile(rest, 0.25) / 0.3186 / np.sqrt(20.0)) if rest.size else 0.0
+
+
+def correlation_time_s(t_s: Array, y: Array) -> float:
+    """Time in which the autocorrelation of a signal falls to 1/e."""
+    level = y - np.mean(y)
+    n = len(level)
+    size = 1 << (2 * n - 1).bit_length()
+    power = np.abs(np.fft.rfft(level, size)) ** 2
+    products = np.fft.irfft(power, size)[: max(n // 2, 1)]
+    below = np.flatnonzero(products < products[0] / np.e)
+    return float(below[0] if below.size else len(products)) * float(np.median(np.diff(t_s)))

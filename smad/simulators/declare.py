@@ -1,0 +1,203 @@
+"""A simulator as its author declares it: a function, its parameters, what may be missing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from smad.diagnosis.plant import Array, Effect, EffectParameter, Parameter, Traits
+from smad.simulators.errors import SimulatorError
+from smad.simulators.units import unit_of
+
+Replay = Callable[[Array, Mapping[str, Array], Mapping[str, float], Mapping[str, float]], Any]
+"""f(t, inputs, values, start) -> outputs by name.
+
+`t` (n,) begins at 0; `inputs` are (n,) each, not to be written to; `values` are the parameters and
+effects; `start` has the first reading of each output and its rate (`NAME`, `NAME_rate`).
+"""
+SHORTEST_S = Traits().shortest_s
+"""What a run must be long, where its simulator says nothing else."""
+_PRIOR_OF_RANGE = 1.0 / 6.0
+_TYPICAL_OF_RANGE = 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Missing:
+    """Something that a simulator may lack, 0 when absent, in more words than three numbers.
+
+    `shapes` are further values that say how it acts, name -> (typical, low, high). `places` are the
+    places where it acts, by their names in the diagnosis; without them it may be anywhere.
+    """
+
+    typical: float
+    low: float = 0.0
+    high: float
+    title: str = ""
+    unit: str = ""
+    shapes: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    places: tuple[str, ...] = ()
+
+
+Strength = float | Sequence[float] | Missing
+"""Of an effect: its typical size, (typical, low, high), or `Missing`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Simulator:
+    """What is known of a simulator before any run; made by `simulator`.
+
+    `forces` are inputs that no run has: the function adds them where they act, and they are places.
+    `exact` inputs are no places, `observed` columns may be what a law goes with. `felt_at` says
+    through which force an input acts, whose place then stands for both. `save` writes a model. A
+    run must be `shortest_s` long.
+    """
+
+    function: Replay
+    name: str
+    version: str = "1"
+    parameters: tuple[Parameter, ...]
+    effects: tuple[Effect, ...]
+    exact: tuple[str, ...] = ()
+    observed: tuple[str, ...] = ()
+    forces: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    labels: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    noise: Mapping[str, float] = field(default_factory=dict)
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    felt_at: Mapping[str, str] = field(default_factory=dict)
+    transducers: bool = False
+    shortest_s: float = SHORTEST_S
+    save: Callable[..., None] | None = None
+
+    def acts_at(self, name: str) -> str:
+        """The place at which an input is felt: its own, or the force that it goes through."""
+        return f"input_{self.felt_at.get(name, name)}"
+
+    def unit(self, name: str) -> str:
+        """The unit of a column: as declared, else as its name has it."""
+        return self.units.get(name, unit_of(name))
+
+    def values(self, theta: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
+               ) -> dict[str, float]:  # fmt: skip
+        """Parameters and effects by name as the function takes them, absent effects 0."""
+        out = {p.name: float(theta.get(p.name, p.nominal)) for p in self.parameters}
+        for e in self.effects:
+            given = effects.get(e.name, {})
+            for q in e.parameters:
+                key = value_name(e, q)
+                out[key] = float(given.get(q.name, 0.0 if q.strength else q.typical))
+        return out
+
+
+def value_name(effect: Effect, q: EffectParameter) -> str:
+    """What a value of an effect is called in `values`: a strength as its effect."""
+    return effect.name if q.strength else q.name
+
+
+def simulator(
+    function: Replay,
+    *,
+    parameters: Mapping[str, Sequence[float]],
+    effects: Mapping[str, Strength] | None = None,
+    name: str = "",
+    exact: Sequence[str] = (),
+    observed: Sequence[str] = (),
+    forces: Mapping[str, tuple[float, float]] | None = None,
+    units: Mapping[str, str] | None = None,
+    noise: Mapping[str, float] | None = None,
+    ranges: Mapping[str, tuple[float, float]] | None = None,
+    transducers: bool = False,
+    shortest_s: float = SHORTEST_S,
+) -> Simulator:
+    """Declare a function as a simulator whose gap to recorded runs can be diagnosed.
+
+    `function` is called as f(t, inputs, values, start) (`Replay`) and returns its outputs by name,
+    (n,) each; columns of the runs of these names are what was measured, other columns that it reads
+    are inputs. `parameters`: name -> (value, low, high); the prior's standard deviation is a sixth
+    of the range, or a fourth number. `effects`: what may be missing, 0 when absent: name -> typical
+    size, (typical, low, high) or `Missing`. `transducers` adds gain, zero, lag and delay of each
+    reading and drive. `noise` is the standard deviation of a sample where no run shows it, `ranges`
+    are low and high of inputs that go further than the records. `shortest_s` is how long a run must
+    be: less than 8 s for what is fast.
+
+    Raises SimulatorError for numbers that cannot be these.
+    """
+    known = tuple(_parameter(n, row, units or {}) for n, row in parameters.items())
+    causes = tuple(_effect(n, row) for n, row in (effects or {}).items())
+    names = [p.name for p in known] + [value_name(e, q) for e in causes for q in e.parameters]
+    if not 0.0 < shortest_s < math.inf:
+        raise SimulatorError("shortest_s is no length", value=shortest_s, action="give s")
+    twice = sorted({n for n in names if names.count(n) > 1})
+    if twice:
+        raise SimulatorError(
+            "two values of the simulator have one name", value=twice[0], action="rename one"
+        )
+    title = getattr(function, "__name__", "") or type(function).__name__
+    return Simulator(
+        function=function, name=name or title.strip("<>"), parameters=known, effects=causes,
+        exact=tuple(exact), observed=tuple(observed), forces=dict(forces or {}),
+        units=dict(units or {}), noise=dict(noise or {}), ranges=dict(ranges or {}),
+        transducers=transducers, shortest_s=shortest_s,
+    )  # fmt: skip
+
+
+def _parameter(name: str, row: Sequence[float], units: Mapping[str, str]) -> Parameter:
+    numbers = _numbers("parameter", name, row, (3, 4), "(value, low, high)")
+    value, low, high, *more = numbers
+    if not low < high or not low <= value <= high:
+        raise SimulatorError(
+            f"parameter {name} does not begin within its range",
+            value=f"{value:g}, range {low:g} to {high:g}",
+            limit="low <= value <= high, low < high",
+            action="give (value, low, high)",
+        )
+    prior = more[0] if more else _PRIOR_OF_RANGE * (high - low)
+    unit = units.get(name, unit_of(name))
+    return Parameter(name=name, unit=unit, nominal=value, low=low, high=high, prior_sd=prior)
+
+
+def _effect(name: str, row: Strength) -> Effect:
+    given = row if isinstance(row, Missing) else _missing(name, row)
+    if not given.low <= 0.0 <= given.high or given.low == given.high or given.typical == 0.0:
+        raise SimulatorError(
+            f"effect {name} must allow 0, where it is absent, and be typically something else",
+            value=f"{given.low:g} to {given.high:g}, typically {given.typical:g}",
+            action="give (typical, low, high)",
+        )
+    unit = given.unit or unit_of(name)
+    strength = EffectParameter(
+        name="size", unit=unit, typical=given.typical, low=given.low, high=given.high
+    )
+    shapes = tuple(
+        EffectParameter(name=n, unit=unit_of(n), typical=t, low=a, high=b, strength=False)
+        for n, (t, a, b) in given.shapes.items()
+    )
+    title = given.title or name.replace("_", " ")
+    return Effect(
+        name=name, title=title, parameters=(strength, *shapes), signals=(), places=given.places
+    )
+
+
+def _missing(name: str, row: float | Sequence[float]) -> Missing:
+    if isinstance(row, (int, float)):
+        typical = _numbers("effect", name, (row,), (1,), "a number")[0]
+        ends = (0.0, _TYPICAL_OF_RANGE * typical)
+        return Missing(typical=typical, low=min(ends), high=max(ends))
+    typical, low, high = _numbers("effect", name, row, (3,), "(typical, low, high)")
+    return Missing(typical=typical, low=low, high=high)
+
+
+def _numbers(
+    kind: str, name: str, row: Sequence[float], counts: tuple[int, ...], form: str
+) -> list[float]:
+    try:
+        numbers = [float(x) for x in row]
+    except (TypeError, ValueError):
+        numbers = []
+    if len(numbers) not in counts or not all(map(math.isfinite, numbers)):
+        raise SimulatorError(
+            f"{kind} {name} is not {form}", value=repr(row), action=f"give {form}, finite numbers"
+        )
+    return numbers

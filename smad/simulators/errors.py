@@ -1,0 +1,9 @@
+"""The errors of simulators that are not ours."""
+
+from __future__ import annotations
+
+from smad.errors import SmadError
+
+
+class SimulatorError(SmadError):
+    """A simulator cannot be used, or does not fit the runs that it is asked about."""

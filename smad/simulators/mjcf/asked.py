@@ -1,0 +1,170 @@
+"""The diagnosis of a MuJoCo model: its map and its runs make a declared simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from smad.diagnosis import Answer
+from smad.diagnosis.plant import Parameter
+from smad.simulators.asking import diagnose
+from smad.simulators.columns import Table, span_of, tables_of
+from smad.simulators.declare import Simulator
+from smad.simulators.errors import SimulatorError
+from smad.simulators.mjcf.library import (
+    joint_effects,
+    joints_above,
+    moving_bodies,
+    payload,
+    play,
+    scale_of,
+)
+from smad.simulators.mjcf.map_file import MjcfMap, ParameterRow, read_map
+from smad.simulators.mjcf.model import MujocoModel, load
+from smad.simulators.mjcf.parts import number_of
+from smad.simulators.mjcf.saving import saver
+from smad.simulators.planning import plan
+from smad.simulators.rating import Rating
+
+_PRIOR_OF_RANGE = 1.0 / 6.0
+
+
+def diagnose_mjcf(
+    model: Path,
+    map_path: Path,
+    runs: Any,
+    *,
+    good: Any = (),
+    hold_out: Any = (),
+    trusted: Sequence[str] = (),
+    window_s: float | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Answer:
+    """Where a MuJoCo model and runs disagree; as `smad.simulators.diagnose`.
+
+    Raises SimulatorError for a model or a map that cannot be used, MissingPartError without mujoco.
+    """
+    declared, groups = declare_mjcf(model, map_path, runs, good, hold_out)
+    fit, known, held = groups
+    return diagnose(
+        fit, declared, good=known, hold_out=held, trusted=trusted, window_s=window_s,
+        progress=progress,
+    )  # fmt: skip
+
+
+def plan_mjcf(
+    model: Path,
+    map_path: Path,
+    inputs: Any,
+    *,
+    window_s: float | None = None,
+    within_s: float = 5.0,
+) -> tuple[list[Rating], list[str]]:
+    """What runs with these inputs would show of a MuJoCo model; as `smad.simulators.plan`."""
+    declared, (tables,) = declare_mjcf(model, map_path, inputs)
+    return plan(tables, declared, window_s=window_s, within_s=within_s)
+
+
+def declare_mjcf(model: Path, map_path: Path, *groups: Any) -> tuple[Simulator, list[list[Table]]]:
+    """The model as a simulator, with the runs of each group by the columns that the map names."""
+    mapped, spec = read_map(map_path), load(model)
+    tables = [[_mapped(t, mapped) for t in tables_of(group, mapped.time)] for group in groups]
+    replay = MujocoModel(spec, mapped)
+    every = [t for group in tables for t in group]
+    spans = {n: span_of([t.columns[n] for t in every if n in t.columns]) for n in mapped.inputs}
+    return _declared(replay, mapped, model.stem, spans), tables
+
+
+def _declared(
+    replay: MujocoModel, mapped: MjcfMap, name: str, spans: dict[str, tuple[float, float]]
+) -> Simulator:
+    m = replay.model
+    forces: dict[str, tuple[float, float]] = {}
+    felt: dict[str, str] = {}
+    labels: dict[str, str] = {}
+    found = []
+    for joint, number in replay.joints.items():
+        driving = _driving(replay, number)
+        driven = sum(max(map(abs, spans[n])) * share for n, share in driving.items())
+        scale, force = scale_of(m, number, driven), f"{joint}_torque"
+        turns = m.jnt_type[number] == replay.hinge
+        forces[force] = (-scale.torque, scale.torque)
+        labels[force] = f"{'torque' if turns else 'force'} at joint {joint}"
+        felt |= dict.fromkeys(driving, force)
+        found += joint_effects(m, joint, scale, f"input_{force}", turns=turns)
+    for body in moving_bodies(m) if mapped.payload_at is None else mapped.payload_at:
+        above = joints_above(m, number_of(m, "body", body, "payload_at"))
+        places = [f"input_{j}_torque" for j, n in replay.joints.items() if n in above]
+        found.append(payload(m, body, places))
+    replay.effects = found
+    replay.plays = [
+        (n, play(n, replay.unit(n, r) or "rad", -1.0, 1.0))
+        for n, r in mapped.channels.items() if r.joint
+    ]  # fmt: skip
+    units = {n: replay.unit(n, r) for n, r in mapped.inputs.items()}
+    units |= {n: replay.unit(n, r) for n, r in mapped.channels.items()}
+    units |= {n: "N m" if m.jnt_type[replay.joints[n.removesuffix("_torque")]] == replay.hinge
+              else "N" for n in forces}  # fmt: skip
+    return Simulator(
+        function=replay, name=mapped.name or name,
+        parameters=tuple(_parameter(replay, n, r) for n, r in mapped.parameters.items()),
+        effects=(*(e.effect for e in found), *(e for _, e in replay.plays)),
+        exact=tuple(n for n, r in mapped.inputs.items() if r.exact), observed=mapped.observed,
+        forces=forces, felt_at=felt, labels=labels, units=units, transducers=True,
+        noise={n: r.noise for n, r in mapped.channels.items() if r.noise is not None},
+        shortest_s=mapped.shortest_s, save=saver(replay),
+    )  # fmt: skip
+
+
+def _driving(replay: MujocoModel, joint: int) -> dict[str, float]:
+    """Inputs that are a torque at a joint, as a motor's is, with what one unit gives."""
+    m, found = replay.model, {}
+    for x in replay.driven:
+        if x.column >= m.nu:
+            if x.column - m.nu == m.jnt_dofadr[joint]:
+                found[x.name] = abs(x.scale)
+        elif m.actuator_trnid[x.column, 0] == joint and replay.is_motor(x.column):
+            gain = m.actuator_gainprm[x.column, 0] * m.actuator_gear[x.column, 0]
+            found[x.name] = abs(float(gain) * x.scale)
+    return found
+
+
+def _parameter(replay: MujocoModel, name: str, row: ParameterRow) -> Parameter:
+    """A row of the map, with what it leaves out: the model's own value, a sixth of the range."""
+    nominal = replay.nominal(name) if row.nominal is None else row.nominal
+    if not row.low < row.high or not row.low <= nominal <= row.high:
+        raise SimulatorError(
+            f"parameters.{name} does not begin within its range",
+            value=nominal,
+            limit=f"{row.low:g} to {row.high:g}",
+            action="give nominal, or another range, in the map",
+        )
+    prior = row.prior_sd or _PRIOR_OF_RANGE * (row.high - row.low)
+    return Parameter(name=name, unit=UNITS.get(row.field, ""), nominal=nominal, low=row.low,
+                     high=row.high, prior_sd=prior)  # fmt: skip
+
+
+UNITS = {"mass": "kg", "length": "m"}
+
+
+def _mapped(table: Table, mapped: MjcfMap) -> Table:
+    """The columns that the map names, by its own names."""
+    rows: Sequence[tuple[str, Any]] = (*mapped.inputs.items(), *mapped.channels.items())
+    columns = {
+        name: table.columns[row.column or name] for name, row in rows
+        if (row.column or name) in table.columns
+    }  # fmt: skip
+    lacking = [n for n in mapped.inputs if n not in columns]
+    if lacking:
+        raise SimulatorError(
+            f"{table.name} has no column {mapped.inputs[lacking[0]].column or lacking[0]!r}, "
+            "which the map names",
+            limit=", ".join(table.columns),
+            action="correct the map, or leave the run out",
+        )
+    columns |= {n: table.columns[n] for n in mapped.observed if n in table.columns}
+    return replace(table, columns={n: np.asarray(c) for n, c in columns.items()})

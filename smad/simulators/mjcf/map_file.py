@@ -1,0 +1,114 @@
+"""The map file of a MuJoCo model (TOML): which column is which part, what may be refitted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+
+from smad.config.bounds import field_and_words, without_mark
+from smad.simulators.declare import SHORTEST_S
+from smad.simulators.errors import SimulatorError
+
+_Number = Annotated[float, msgspec.Meta(ge=-1e15, le=1e15)]
+_Positive = Annotated[float, msgspec.Meta(gt=0, le=1e15)]
+Held = Literal["until", "from"]
+MOST_BYTES = 1_000_000
+PAGE = "your-simulator"
+
+
+class _Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    column: str = ""
+    unit: str = ""
+    scale: _Number = 1.0
+    offset: _Number = 0.0
+
+
+class InputRow(_Row, frozen=True, kw_only=True):
+    """An input: control of the `actuator`, or torque at the `joint` = scale · column + offset.
+
+    `held`: the row's value was in force *until* its time, or *from* it on. `exact` inputs are no
+    places.
+    """
+
+    actuator: str = ""
+    joint: str = ""
+    held: Held | None = None
+    exact: bool = False
+
+
+class ChannelRow(_Row, frozen=True, kw_only=True):
+    """What was measured: position of the `joint`, `velocity_of` one, or number `index` of a
+    `sensor`; channel = scale · value + offset."""
+
+    joint: str = ""
+    velocity_of: str = ""
+    sensor: str = ""
+    index: Annotated[int, msgspec.Meta(ge=0)] = 0
+    noise: _Positive | None = None
+
+
+class ParameterRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The `field` of the part `of` that the refit may move; it begins where the model has it."""
+
+    field: str
+    of: str = ""
+    low: _Number
+    high: _Number
+    nominal: _Number | None = None
+    prior_sd: _Positive | None = None
+
+
+class MjcfMap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A map file. `payload_at` are the bodies that may carry one (default: all that move).
+
+    `shortest_s`: how long a run must be.
+    """
+
+    channels: dict[str, ChannelRow]
+    parameters: dict[str, ParameterRow]
+    inputs: dict[str, InputRow] = {}
+    held: Held = "until"
+    time: str = ""
+    name: str = ""
+    payload_at: tuple[str, ...] | None = None
+    observed: tuple[str, ...] = ()
+    shortest_s: _Positive = SHORTEST_S
+
+
+def read_map(path: Path) -> MjcfMap:
+    """Read a map file. Raises SimulatorError for one that cannot be read, by the key's name."""
+    try:
+        with path.open("rb") as file:
+            text = file.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise SimulatorError(
+            f"cannot read {path}: {error.strerror}", action="check the path"
+        ) from error
+    if len(text) > MOST_BYTES:
+        raise SimulatorError(f"{path} is longer than a map can be", limit=f"{MOST_BYTES} bytes")
+    try:
+        found = msgspec.toml.decode(without_mark(text), type=MjcfMap)
+    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+        where, why = field_and_words(str(error))
+        raise SimulatorError(
+            f"map file {path}{f', {where}' if where else ''}: {why}",
+            action=f"smad docs {PAGE} shows a map file",
+        ) from None
+    for table in ("channels", "parameters"):
+        if not getattr(found, table):
+            raise SimulatorError(f"map file {path} has no {table}", action=f"add [{table}.NAME]")
+    for name, given in found.inputs.items():
+        if bool(given.actuator) == bool(given.joint):
+            raise SimulatorError(
+                f"map file {path}, inputs.{name} is neither of an actuator nor of a joint",
+                action="give one of actuator, joint",
+            )
+    for name, row in found.channels.items():
+        if sum(map(bool, (row.joint, row.velocity_of, row.sensor))) != 1:
+            raise SimulatorError(
+                f"map file {path}, channels.{name} is not of one part of the model",
+                action="give one of joint, velocity_of, sensor",
+            )
+    return found

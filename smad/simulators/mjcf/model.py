@@ -1,0 +1,286 @@
+"""A MuJoCo model as a function of time, inputs, values and start (`declare.Replay`)."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from smad.diagnosis.plant import Array, Effect
+from smad.extras import part
+from smad.simulators.errors import SimulatorError
+from smad.simulators.mjcf.library import ModelEffect
+from smad.simulators.mjcf.map_file import ChannelRow, InputRow, MjcfMap, ParameterRow
+from smad.simulators.mjcf.parts import FIELDS, Field, is_hinge, number_of
+from smad.simulators.units import in_si, unit_of
+
+_TOUCHED = (
+    "body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "dof_damping",
+    "dof_frictionloss", "dof_armature", "jnt_stiffness", "qpos_spring", "actuator_gear",
+    "actuator_gainprm", "actuator_biasprm",
+)  # fmt: skip
+"""Fields of a compiled model that a value may change; the rest stays as it was compiled."""
+
+
+def load(path: Path) -> Any:
+    """The specification of an MJCF file. Raises SimulatorError for one that is none."""
+    mujoco = part("mujoco")
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+        spec.compile()
+    except (ValueError, OSError) as error:
+        raise SimulatorError(
+            f"{path} is no MuJoCo model", value=str(error), action="open it in MuJoCo's viewer"
+        ) from error
+    return spec
+
+
+@dataclass(frozen=True)
+class Driven:
+    """An input: the column of the control vector that it fills, as scale · input + offset."""
+
+    name: str
+    column: int
+    scale: float
+    offset: float
+    late: bool
+
+
+@dataclass(frozen=True)
+class Shown:
+    """An output: of positions, velocities or sensors the number, as scale · value + offset."""
+
+    name: str
+    source: str
+    number: int
+    scale: float
+    offset: float
+
+
+class MujocoModel:
+    """Replays of one model; see `Replay` for how it is called.
+
+    Torques of joints that no run has are inputs named `JOINT_torque`. Safe to call from several
+    threads, one after the other. NaN where the simulation becomes unstable.
+    """
+
+    def __init__(self, spec: Any, mapped: MjcfMap) -> None:
+        self._mujoco = part("mujoco")
+        part("mujoco.rollout")
+        self.spec, self.mapped = spec, mapped
+        self.model = spec.compile()
+        self._data = self._mujoco.MjData(self.model)
+        self._as_compiled = {n: np.array(getattr(self.model, n)) for n in _TOUCHED}
+        self._lock = threading.Lock()
+        self.joints = self._joints()
+        self.driven = [self._input(n, r) for n, r in mapped.inputs.items()]
+        self._shown = [self._channel(n, r) for n, r in mapped.channels.items()]
+        self._parameters = {n: self._field(n, r) for n, r in mapped.parameters.items()}
+        self.effects: Sequence[ModelEffect] = ()
+        self.plays: Sequence[tuple[str, Effect]] = ()
+
+    def _field(self, name: str, row: ParameterRow) -> tuple[Field, int]:
+        if row.field not in FIELDS:
+            raise SimulatorError(
+                f"parameters.{name}.field is none that can be refitted",
+                value=row.field, limit=", ".join(FIELDS), action="correct the map",
+            )  # fmt: skip
+        found = FIELDS[row.field]
+        return found, number_of(self.model, found.kind, row.of, f"parameters.{name}")
+
+    def _joints(self) -> dict[str, int]:
+        """Joints that turn or slide, by name."""
+        m, kinds = self.model, self._mujoco.mjtJoint
+        plain = (int(kinds.mjJNT_HINGE), int(kinds.mjJNT_SLIDE))
+        names = {j: self._mujoco.mj_id2name(m, self._mujoco.mjtObj.mjOBJ_JOINT, j)
+                 for j in range(m.njnt)}  # fmt: skip
+        return {n: j for j, n in names.items() if n and int(m.jnt_type[j]) in plain}
+
+    def _input(self, name: str, row: InputRow) -> Driven:
+        m, key = self.model, f"inputs.{name}"
+        if row.actuator:
+            at, scale = number_of(m, "actuator", row.actuator, key), 1.0
+        else:
+            joint = number_of(m, "joint", row.joint, key)
+            wanted = "N m" if is_hinge(m, joint, key) else "N"
+            at, scale = m.nu + int(m.jnt_dofadr[joint]), in_si(self.unit(name, row), wanted, key)
+        late = (row.held or self.mapped.held) == "from"
+        return Driven(name, at, scale * row.scale, row.offset, late)
+
+    def _channel(self, name: str, row: ChannelRow) -> Shown:
+        m, key = self.model, f"channels.{name}"
+        if row.sensor:
+            sensor = number_of(m, "sensor", row.sensor, key)
+            if row.index >= m.sensor_dim[sensor]:
+                raise SimulatorError(
+                    f"{key}: sensor {row.sensor} has no such value",
+                    value=row.index, limit=f"0 to {m.sensor_dim[sensor] - 1}",
+                    action="correct index",
+                )  # fmt: skip
+            at = int(m.sensor_adr[sensor]) + row.index
+            return Shown(name, "sensor", at, row.scale, row.offset)
+        joint = number_of(m, "joint", row.joint or row.velocity_of, key)
+        turns, per_s = is_hinge(m, joint, key), "/s" if row.velocity_of else ""
+        unit = in_si(self.unit(name, row), f"{'rad' if turns else 'm'}{per_s}", key)
+        source = "velocity" if row.velocity_of else "position"
+        at = int((m.jnt_dofadr if row.velocity_of else m.jnt_qposadr)[joint])
+        return Shown(name, source, at, row.scale / unit, row.offset)
+
+    @property
+    def hinge(self) -> int:
+        """The type of a joint that turns."""
+        return int(self._mujoco.mjtJoint.mjJNT_HINGE)
+
+    def is_motor(self, actuator: int) -> bool:
+        """Whether an actuator is a torque at its joint, whatever the joint does."""
+        m, mujoco = self.model, self._mujoco
+        return (
+            int(m.actuator_gaintype[actuator]) == int(mujoco.mjtGain.mjGAIN_FIXED)
+            and int(m.actuator_biastype[actuator]) == int(mujoco.mjtBias.mjBIAS_NONE)
+            and int(m.actuator_dyntype[actuator]) == int(mujoco.mjtDyn.mjDYN_NONE)
+            and int(m.actuator_trntype[actuator]) == int(mujoco.mjtTrn.mjTRN_JOINT)
+        )
+
+    @staticmethod
+    def unit(name: str, row: InputRow | ChannelRow) -> str:
+        """The unit of a column: as the map has it, else as its name has it."""
+        return row.unit or unit_of(name)
+
+    def nominal(self, name: str) -> float:
+        """What the model has for a parameter of the map."""
+        what, number = self._parameters[name]
+        return what.read(self.model, number)
+
+    def at(self, values: Mapping[str, float]) -> Any:
+        """The model with these values in it; it stays so until the next call."""
+        for name, compiled in self._as_compiled.items():
+            getattr(self.model, name)[:] = compiled
+        self.write(self.model, values)
+        return self.model
+
+    def write(self, m: Any, values: Mapping[str, float]) -> None:
+        """Write values to a model that is as it was compiled."""
+        for name, (what, number) in self._parameters.items():
+            if values[name] != what.read(m, number):
+                what.write(m, number, values[name])
+        for e in self.effects:
+            own = e.effect
+            if values[own.name] != 0.0:
+                shapes = {q.name: values[q.name] for q in own.parameters if not q.strength}
+                e.write(m, {"size": values[own.name], **shapes})
+
+    def __call__(
+        self,
+        t: Array,
+        inputs: Mapping[str, Array],
+        values: Mapping[str, float],
+        start: Mapping[str, float],
+    ) -> dict[str, Array]:
+        """Outputs of the map at times `t`."""
+        with self._lock:
+            grid, pieces = self._grid(t)
+            m = self.at(values)
+            m.opt.timestep = float(grid[1]) / pieces if len(grid) > 1 else self._step_s
+            self._begin(start)
+            shown = self._rolled(self._control(t, grid, inputs), pieces)
+        if not (len(grid) == len(t) and np.allclose(grid, t, atol=1e-6 * max(grid[-1], 1e-9))):
+            shown = {n: np.interp(t, grid, y) for n, y in shown.items()}
+        for channel, effect in self.plays:
+            if values[effect.name] > 0.0:
+                shown[channel] = _followed(shown[channel], values[effect.name])
+        return shown
+
+    def _grid(self, t: Array) -> tuple[Array, int]:
+        """Equal times over a run, and how many steps of the model there are in one of them."""
+        dt_s = float(np.median(np.diff(t))) if len(t) > 1 else self.model.opt.timestep
+        count = round(float(t[-1]) / dt_s) + 1
+        pieces = max(1, int(np.ceil(dt_s / self._step_s - 1e-9)))
+        return np.arange(count) * dt_s, pieces
+
+    @property
+    def _step_s(self) -> float:
+        return float(self.spec.option.timestep)
+
+    def _control(self, t: Array, grid: Array, inputs: Mapping[str, Array]) -> Array:
+        """Controls and applied torques in force from each time of a grid on, (n, nu + nv)."""
+        m = self.model
+        control = np.zeros((len(grid), m.nu + m.nv))
+        for x in self.driven:
+            column = x.scale * _held(inputs[x.name], t, grid) + x.offset
+            control[:, x.column] += column if x.late else np.r_[column[1:], column[-1:]]
+        for joint, number in self.joints.items():
+            pushed = _held(inputs[f"{joint}_torque"], t, grid)
+            control[:, m.nu + int(m.jnt_dofadr[number])] += pushed
+        return control
+
+    def _rolled(self, control: Array, pieces: int) -> dict[str, Array]:
+        """Outputs at the times of a grid, from where the data stand, in so many steps for each."""
+        mujoco, m, d = self._mujoco, self.model, self._data
+        spec = mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED
+        physics = mujoco.mjtState.mjSTATE_FULLPHYSICS
+        first = np.zeros(mujoco.mj_stateSize(m, physics))
+        mujoco.mj_getState(m, d, first, physics)
+        steps = (len(control) - 1) * pieces + 1
+        with _quiet(mujoco):
+            states, sensors = mujoco.rollout.rollout(
+                m, d, first[None], np.repeat(control, pieces, axis=0)[None, :steps],
+                control_spec=int(spec), skip_checks=False,
+            )  # fmt: skip
+        if any(w.number for w in d.warning):
+            return {x.name: np.full(len(control), np.nan) for x in self._shown}
+        # A state is that after its step, sensors are those before it.
+        before = np.vstack([first, states[0][:-1]])[::pieces]
+        of = {
+            "position": before[:, 1 : 1 + m.nq],
+            "velocity": before[:, 1 + m.nq : 1 + m.nq + m.nv],
+            "sensor": sensors[0][::pieces],
+        }
+        return {x.name: x.scale * of[x.source][:, x.number] + x.offset for x in self._shown}
+
+    def _begin(self, start: Mapping[str, float]) -> None:
+        """Joints that are measured begin where they were shown to be, the others as compiled."""
+        m, d = self.model, self._data
+        self._mujoco.mj_setConst(m, d)
+        self._mujoco.mj_resetData(m, d)
+        for x in self._shown:
+            if x.source == "position":
+                d.qpos[x.number] = (start[x.name] - x.offset) / x.scale
+                joint = int(np.flatnonzero(m.jnt_qposadr == x.number)[0])
+                d.qvel[m.jnt_dofadr[joint]] = start[f"{x.name}_rate"] / x.scale
+        for x in self._shown:
+            if x.source == "velocity":
+                d.qvel[x.number] = (start[x.name] - x.offset) / x.scale
+
+
+def _held(column: Array, t: Array, grid: Array) -> Array:
+    """A column at equal times: the row in force there."""
+    if len(grid) == len(t):
+        return np.asarray(column)
+    return np.asarray(column)[np.clip(np.searchsorted(t, grid - 1e-9), 0, len(t) - 1)]
+
+
+@contextmanager
+def _quiet(mujoco: Any) -> Any:
+    """Warnings of an unstable simulation go to nobody: the model is dropped and said."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda text: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+@njit(cache=True, nogil=True)
+def _followed(position: Array, play: float) -> Array:
+    out = np.empty(len(position))
+    shown = position[0]
+    for k in range(len(position)):
+        shown = min(max(shown, position[k] - play), position[k] + play)
+        out[k] = shown
+    return out

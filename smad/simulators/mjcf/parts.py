@@ -1,0 +1,134 @@
+"""Parts of a MuJoCo model by name, and the fields of them that a value sets.
+
+A field is written in the compiled model for a replay, and in the specification for a file.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from smad.extras import part
+from smad.simulators.errors import SimulatorError
+
+_LISTS = {"body": "nbody", "joint": "njnt", "actuator": "nu", "sensor": "nsensor"}
+
+
+def number_of(model: Any, kind: str, name: str, key: str) -> int:
+    """The number of a part. Raises SimulatorError for a name that the model does not have."""
+    mujoco = part("mujoco")
+    found = mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), name)
+    if found < 0:
+        known = names_of(model, kind)
+        near = difflib.get_close_matches(name, known, n=3) or known
+        raise SimulatorError(
+            f"the model has no {kind} {name!r}, which the map has at {key}",
+            limit=", ".join(near) or f"it has no named {kind}",
+            action="correct the map, or name the part in the model",
+        )
+    return int(found)
+
+
+def names_of(model: Any, kind: str) -> list[str]:
+    """Names of all parts of a kind that have one, in the model's order."""
+    mujoco = part("mujoco")
+    of = getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}")
+    found = (mujoco.mj_id2name(model, of, k) for k in range(getattr(model, _LISTS[kind])))
+    return [name for name in found if name]
+
+
+def is_hinge(model: Any, joint: int, key: str) -> bool:
+    """Whether a joint turns; a slide does not. Raises SimulatorError for ball and free joints."""
+    kinds = part("mujoco").mjtJoint
+    kind = int(model.jnt_type[joint])
+    if kind not in (int(kinds.mjJNT_HINGE), int(kinds.mjJNT_SLIDE)):
+        raise SimulatorError(
+            f"{key} is of a joint that neither turns nor slides",
+            limit="hinge, slide",
+            action="map a hinge or a slide, or a sensor",
+        )
+    return kind == int(kinds.mjJNT_HINGE)
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of the parts of one `kind`: how it is read from a model, and written to it."""
+
+    kind: str
+    read: Callable[[Any, int], float]
+    write: Callable[[Any, int, float], None]
+
+
+def _of_dof(name: str) -> Field:
+    return _array("joint", f"dof_{name}", lambda m, j: (m.jnt_dofadr[j],))
+
+
+def _array(kind: str, name: str, where: Callable[[Any, int], tuple[int, ...]]) -> Field:
+    def write(m: Any, k: int, value: float) -> None:
+        getattr(m, name)[where(m, k)] = value
+
+    return Field(kind, lambda m, k: float(getattr(m, name)[where(m, k)]), write)
+
+
+def _write_mass(m: Any, b: int, value: float) -> None:
+    m.body_inertia[b] *= value / m.body_mass[b]
+    m.body_mass[b] = value
+
+
+def _read_length(m: Any, b: int) -> float:
+    return float(np.linalg.norm(m.body_ipos[b]))
+
+
+def _write_length(m: Any, b: int, value: float) -> None:
+    share = value / _read_length(m, b)
+    m.body_ipos[b] *= share
+    m.body_inertia[b] *= share**2
+    for child in np.flatnonzero(m.body_parentid == b):
+        if child:
+            m.body_pos[child] *= share
+
+
+def _write_kp(m: Any, a: int, value: float) -> None:
+    m.actuator_biasprm[a, 1] *= value / m.actuator_gainprm[a, 0]
+    m.actuator_gainprm[a, 0] = value
+
+
+FIELDS: Mapping[str, Field] = {
+    "mass": Field("body", lambda m, b: float(m.body_mass[b]), _write_mass),
+    "length": Field("body", _read_length, _write_length),
+    "damping": _of_dof("damping"),
+    "frictionloss": _of_dof("frictionloss"),
+    "armature": _of_dof("armature"),
+    "stiffness": _array("joint", "jnt_stiffness", lambda m, j: (j,)),
+    "springref": _array("joint", "qpos_spring", lambda m, j: (m.jnt_qposadr[j],)),
+    "gear": _array("actuator", "actuator_gear", lambda m, a: (a, 0)),
+    "kp": Field("actuator", lambda m, a: float(m.actuator_gainprm[a, 0]), _write_kp),
+}
+"""What a parameter of a map may be. `length`: of a body, from its frame to its centre of mass;
+its inertia and where its children hang go along. `mass` takes the inertia along."""
+
+
+def add_point_mass(m: Any, body: int, mass: float, at: Any) -> None:
+    """Add a point mass at a point of a body's frame, with what it does to centre and inertia."""
+    mujoco = part("mujoco")
+    rotation = np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, m.body_iquat[body])
+    R = rotation.reshape(3, 3)
+    own, centre = float(m.body_mass[body]), np.array(m.body_ipos[body])
+    total = own + mass
+    new = (own * centre + mass * np.asarray(at)) / total
+    inertia = R @ np.diag(m.body_inertia[body]) @ R.T
+    for part_mass, point in ((own, centre), (mass, np.asarray(at))):
+        d = point - new
+        inertia += part_mass * (d @ d * np.eye(3) - np.outer(d, d))
+    values, axes = np.linalg.eigh(inertia)
+    if np.linalg.det(axes) < 0.0:
+        axes[:, 0] *= -1.0
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, np.ascontiguousarray(axes).ravel())
+    m.body_mass[body], m.body_ipos[body] = total, new
+    m.body_inertia[body], m.body_iquat[body] = values, quat

@@ -1,0 +1,72 @@
+"""Places of a simulator: its readings, its inputs, and the forces that it can be given inside."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from smad.diagnosis.places.bare import BarePlaces
+from smad.diagnosis.places.place import Place
+from smad.diagnosis.plant import Array, ModelPoint, Uncertainty
+from smad.diagnosis.runs import GapRun
+from smad.simulators.plant import SimulatedPlant
+
+
+class SimulatorPlaces(BarePlaces):
+    """A simulated plant that can be forced; see `Forceable`.
+
+    An input that is felt through a force has no place beside that of the force: nothing could tell
+    the two apart.
+    """
+
+    plain: SimulatedPlant
+
+    @cached_property
+    def places(self) -> Sequence[Place]:
+        """Readings, inputs and forces, with the observed columns among their states."""
+        of = self.plain.declared
+        felt = {f"input_{name}" for name in of.felt_at}
+        found = []
+        for place in super().places:
+            if place.name not in felt:
+                label = of.labels.get(place.name.removeprefix("input_"), place.label)
+                states = tuple(s for s in place.states if s not in of.forces)
+                found.append(replace(place, label=label, states=(*states, *of.observed)))
+        return tuple(found)
+
+    def state_words(self, place: str, state: str) -> tuple[str, str]:
+        """See `Forceable`."""
+        if state in self.plain.declared.observed:
+            return state, self.plain.declared.unit(state)
+        return super().state_words(place, state)
+
+    def _states(self, run: GapRun, shown: Mapping[str, Array]) -> dict[str, Array]:
+        """Those of a bare plant; rates are not taken across the seams of windows."""
+        out = {s.name: np.asarray(run.inputs[s.name], float) for s in self.plain.inputs}
+        out |= {n: np.asarray(run.inputs[n], float) for n in self.plain.declared.observed}
+        edges = [*self.plain.seams(run), len(run.t_s)]
+        for c in self.plain.channels:
+            out[c.name] = shown[c.name]
+            rate = np.zeros(len(run.t_s))
+            for a, b in pairwise(edges):
+                if b - a > 1:
+                    rate[a:b] = np.gradient(shown[c.name][a:b], run.t_s[a:b])
+            out[f"{c.name}_rate"] = rate
+        return out | {"time": run.t_s - run.t_s[0]}
+
+
+class SavedPlaces(SimulatorPlaces):
+    """The same of a simulator that can be written to a file; see `SavesModel`."""
+
+    def save_model(
+        self, point: ModelPoint, path: Path, note: str, uncertainty: Uncertainty | None = None
+    ) -> None:
+        """Write the model at a point of it."""
+        save = self.plain.declared.save
+        assert save is not None
+        save(point, path, note, uncertainty)

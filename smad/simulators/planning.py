@@ -1,0 +1,83 @@
+"""The rating of a simulator that is not ours, from a file of inputs that were not yet played."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from smad.diagnosis.data.columns import filled
+from smad.diagnosis.plant import ModelPoint, nominal_point
+from smad.diagnosis.runs import GapRun
+from smad.simulators.bind import bind
+from smad.simulators.columns import Table, tables_of
+from smad.simulators.declare import Simulator
+from smad.simulators.plant import SimulatedPlant, called
+from smad.simulators.rating import Rating, rate
+from smad.simulators.windows import choose_window
+
+_OTHERWISE = 0.5
+"""Of its prior deviation each parameter is moved, to see how far a bench may run away."""
+
+
+class AtRest(Mapping[str, float]):
+    """A start of which nothing is known: every reading and rate is 0."""
+
+    def __getitem__(self, name: str) -> float:
+        return 0.0
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(())
+
+    def __len__(self) -> int:
+        return 0
+
+
+def plan(
+    inputs: Any,
+    simulator: Simulator,
+    *,
+    window_s: float | None = None,
+    within_s: float = 5.0,
+) -> tuple[list[Rating], list[str]]:
+    """Rate what runs with these inputs would show, before any is measured; and what was assumed.
+
+    `inputs` are as the runs of `diagnose`, with or without what is measured. A run without begins
+    at rest at 0. Readings have the noise that the simulator declares, else a thousandth of what
+    they go through. Raises SimulatorError.
+    """
+    tables = [_complete(simulator, t) for t in tables_of(inputs)]
+    bound = bind(simulator, tables)
+    plain, runs = bound.plant.plain, tuple(filled(r) for r in bound.groups[0])
+    plain.window_s, why = choose_window(plain, _other(plain, runs), window_s)
+    return rate(bound.plant, runs, within_s=within_s), [why] if why else []
+
+
+def _complete(declared: Simulator, table: Table) -> Table:
+    """The table with what the simulator as declared would measure, where it has no reading."""
+    columns = dict(table.columns)
+    zeros = {n: np.zeros(len(table.t_s)) for n in declared.forces}
+    try:
+        shown = called(declared, table.t_s, {**columns, **zeros}, declared.values({}, {}), AtRest())
+    except Exception:  # what is wrong with it is said when it is bound
+        return table
+    more = {n: y for n, y in shown.items() if n not in columns}
+    run = None if more else table.run
+    return replace(table, columns={**columns, **more}, run=run)
+
+
+def _other(plant: SimulatedPlant, runs: tuple[GapRun, ...]) -> list[GapRun]:
+    """The runs as a bench with other parameters might give them."""
+    nominal = nominal_point(plant)
+    moved = {
+        q.name: float(np.clip(q.nominal + (-1) ** k * _OTHERWISE * q.prior_sd, q.low, q.high))
+        for k, q in enumerate(plant.parameters)
+    }
+    point = ModelPoint({**nominal.theta, **moved})
+    shown = [plant.simulate(point, r) for r in runs]
+    return [
+        r.with_columns(outputs=y) if all(np.isfinite(c).all() for c in y.values()) else r
+        for r, y in zip(runs, shown, strict=True)
+    ]

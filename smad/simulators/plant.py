@@ -1,0 +1,265 @@
+"""A declared simulator with its runs, as a plant of the diagnosis."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from smad.diagnosis.plant import (
+    Array,
+    Channel,
+    Effect,
+    Mask,
+    ModelPoint,
+    Parameter,
+    Signal,
+    Traits,
+)
+from smad.diagnosis.runs import GapRun
+from smad.simulators.declare import Simulator
+from smad.simulators.starts import Starts
+from smad.simulators.transducers import Transduced, effects_of, transduced
+
+_KEPT = 128
+_MOVED = 0.01
+_STILL = 0.02
+_RUNAWAY = 1e3
+"""Times a channel's range beyond which a simulator has exploded."""
+Window = tuple[int, int, Mapping[str, float]]
+
+
+@dataclass
+class Failures:
+    """Replays that gave no numbers: how many, and why the first did."""
+
+    replays: int = 0
+    failed: int = 0
+    why: str = ""
+
+
+@dataclass(kw_only=True)
+class SimulatedPlant:
+    """Satisfies `PlantModel`: replays the function on the runs as they were recorded.
+
+    Each run is replayed in windows of `window_s` that begin from its readings; 0: from its start
+    to its end. A point at which the function fails, or runs away, predicts NaN.
+    """
+
+    declared: Simulator
+    inputs: Sequence[Signal]
+    channels: Sequence[Channel]
+    lag_s: float
+    window_s: float = 0.0
+    failures: Failures = field(default_factory=Failures)
+
+    def __post_init__(self) -> None:
+        self.name, self.version = self.declared.name, self.declared.version
+        self.parameters: Sequence[Parameter] = self.declared.parameters
+        self.traits = Traits(shortest_s=self.declared.shortest_s)
+        self._signals = tuple(c.name for c in self.channels)
+        own = [replace(e, signals=e.signals or self._signals) for e in self.declared.effects]
+        self.effects: Sequence[Effect] = [*own, *self._transducers()]
+        self._largest = {s.name: max(abs(s.low), abs(s.high)) for s in self.inputs}
+        self._known: OrderedDict[object, Mapping[str, Array]] = OrderedDict()
+        self._windows: dict[tuple[int, float], tuple[GapRun, list[Window]]] = {}
+
+    def _transducers(self) -> list[Effect]:
+        if not self.declared.transducers:
+            return []
+        found: list[Effect] = []
+        of = self.declared
+        for c in self.channels:
+            shared: dict[str, Any] = {"name": c.name, "unit": c.unit, "lag_s": self.lag_s}
+            low, high = of.ranges.get(c.name, (c.low, c.high))
+            found += effects_of(Transduced(
+                **shared, low=low, high=high, drive=False, signals=(c.name,),
+                places=(f"reading_{c.name}",),
+            ))  # fmt: skip
+        for s in (s for s in self.inputs if s.name not in of.forces):
+            found += effects_of(
+                Transduced(
+                    name=s.name, unit=s.unit, lag_s=self.lag_s, low=s.low, high=s.high, drive=True,
+                    signals=self._signals, places=(of.acts_at(s.name),),
+                ),
+                saturation=True,
+            )  # fmt: skip
+        return found
+
+    def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
+        """See `PlantModel`. The run as it was recorded is replayed; `fast` changes nothing."""
+        whole = run if run.whole is None else run.whole
+        course = self._course(point, whole, self._given(point, run, whole))
+        out = {}
+        for name in self._signals:
+            shown = transduced(course[name], point.effects, name, whole.t_s)
+            out[name] = shown if run.whole is None else _means(run, shown)
+        return out
+
+    def _given(self, point: ModelPoint, run: GapRun, whole: GapRun) -> dict[str, Array]:
+        """What the function is given: inputs as recorded, with what was added, as drives make it.
+
+        A thinned run may have been pushed: what its inputs have beyond the means holds over the
+        samples that each stands for.
+        """
+        given: dict[str, Array] = {}
+        signals = {s.name for s in self.inputs}
+        size = run.pieces.astype(np.intp)
+        for name, column in whole.inputs.items():
+            values = np.asarray(column, dtype=np.float64)
+            if name in signals and run.whole is not None:
+                more = np.asarray(run.inputs[name], dtype=np.float64) - _means(run, values)
+                if np.any(np.abs(more) > 1e-12 * self._largest[name]):
+                    values = values + np.repeat(more, size)
+            if name in signals:
+                values = transduced(values, point.effects, name, whole.t_s, self._largest[name])
+            given[name] = values
+        return given
+
+    def _course(
+        self, point: ModelPoint, whole: GapRun, given: Mapping[str, Array]
+    ) -> Mapping[str, Array]:
+        values = self.declared.values(point.theta, point.effects)
+        key = (
+            id(whole), self.window_s, tuple(values.values()),
+            *(hash(given[n].tobytes()) for n in sorted(given)),
+        )  # fmt: skip
+        if key not in self._known:
+            self._known[key] = self._replayed(values, whole, given)
+            while len(self._known) > _KEPT:
+                self._known.popitem(last=False)
+        self._known.move_to_end(key)
+        return self._known[key]
+
+    def _replayed(
+        self, values: Mapping[str, float], whole: GapRun, given: Mapping[str, Array]
+    ) -> Mapping[str, Array]:
+        out = {n: np.full(len(whole.t_s), np.nan) for n in self._signals}
+        self.failures.replays += 1
+        try:
+            for a, b, start in self.windows(whole):
+                shown = called(self.declared, whole.t_s[a:b], {n: v[a:b] for n, v in given.items()},
+                               values, start)  # fmt: skip
+                for name in self._signals:
+                    out[name][a:b] = shown[name]
+        except Exception as error:  # whatever somebody else's function does at some point
+            self._failed(f"{type(error).__name__}: {error}", values)
+            return {n: np.full(len(whole.t_s), np.nan) for n in self._signals}
+        for c in self.channels:
+            bound = _RUNAWAY * max(c.high - c.low, abs(c.low), abs(c.high))
+            if not np.all(np.abs(out[c.name]) < bound):
+                self._failed(f"{c.name} runs away", values)
+                return {n: np.full(len(whole.t_s), np.nan) for n in self._signals}
+        return out
+
+    def _failed(self, why: str, values: Mapping[str, float]) -> None:
+        self.failures.failed += 1
+        if not self.failures.why:
+            self.failures.why = (
+                f"{why} at " + ", ".join(f"{n} = {v:.4g}" for n, v in values.items() if v)
+            )  # fmt: skip
+
+    def windows(self, whole: GapRun) -> list[Window]:
+        """First and last sample of each window of a run, and where it begins."""
+        key = (id(whole), self.window_s)
+        if key not in self._windows:
+            # The run is kept as well, so that nothing else gets its number.
+            self._windows[key] = (whole, self._cut(whole))
+        return self._windows[key][1]
+
+    def _cut(self, whole: GapRun) -> list[Window]:
+        starts = Starts(whole, self._signals)
+        edges = [0]
+        if self.window_s > 0.0:
+            number = np.floor((whole.t_s - whole.t_s[0]) / self.window_s + 1e-9)
+            edges += [int(k) + 1 for k in np.flatnonzero(np.diff(number) > 0)]
+        ends = [*edges[1:], len(whole.t_s)]
+        return [
+            (a, b, MappingProxyType(dict(starts.at(a)))) for a, b in zip(edges, ends, strict=True)
+        ]
+
+    def seams(self, run: GapRun) -> list[int]:
+        """The samples of a run, thinned or not, at which a window begins."""
+        whole = run if run.whole is None else run.whole
+        begun = [whole.t_s[a] for a, _, _ in self.windows(whole)]
+        return sorted({int(np.searchsorted(run.t_s, t)) for t in begun} | {0})
+
+    def regimes(self, run: GapRun, side: str) -> dict[str, Mask]:
+        """At rest until an input first moves, where nothing that is measured moves either."""
+        n = len(run.t_s)
+        moved = np.zeros(n, dtype=bool)
+        for s in self.inputs:
+            column = np.asarray(run.inputs[s.name])
+            moved |= np.abs(column - column[0]) > _MOVED * (s.high - s.low)
+        rest = np.cumsum(moved) == 0
+        for column in run.outputs.values():
+            still = np.ptp(column[rest]) if rest.any() else 0.0
+            if still > _STILL * float(np.ptp(column)):
+                rest = np.zeros(n, dtype=bool)
+        out = {"rest": rest}
+        for s in self.inputs:
+            high = np.asarray(run.inputs[s.name]) > (s.low + s.high) / 2
+            out[f"{s.name} high"], out[f"{s.name} low"] = high & ~rest, ~high & ~rest
+        return out
+
+
+class _Shielded(Mapping[str, Array]):
+    """Columns as the function is given them: copies that cannot be written to, made when read."""
+
+    def __init__(self, columns: Mapping[str, Array]) -> None:
+        self._columns = columns
+
+    def __getitem__(self, name: str) -> Array:
+        return _shielded(self._columns[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._columns)
+
+    def __len__(self) -> int:
+        return len(self._columns)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._columns
+
+
+def _shielded(column: Array) -> Array:
+    view = np.array(column, dtype=np.float64)
+    view.flags.writeable = False
+    return view
+
+
+def called(
+    declared: Simulator,
+    t_s: Array,
+    inputs: Mapping[str, Array],
+    values: Mapping[str, float],
+    start: Mapping[str, float],
+) -> dict[str, Array]:
+    """One call of the function, its arguments read-only: outputs by name, (n,) each.
+
+    Raises what the function raises, and ValueError for outputs that are no (n,) of numbers.
+    """
+    t = _shielded(t_s - t_s[0])
+    given = _Shielded(inputs)
+    with np.errstate(all="ignore"):
+        found = declared.function(t, given, MappingProxyType(dict(values)), start)
+    if not isinstance(found, Mapping):
+        raise ValueError(f"it returns {type(found).__name__}, not outputs by name")
+    out = {}
+    for name, column in found.items():
+        y = np.asarray(column, dtype=np.float64)
+        if y.shape != t.shape:
+            raise ValueError(f"{name} has shape {y.shape}; the run has {t.shape}")
+        out[str(name)] = y
+    return out
+
+
+def _means(run: GapRun, values: Array) -> Array:
+    """Means over the samples of the whole run that each sample of a thinned one stands for."""
+    size = run.pieces
+    starts = np.r_[0, np.cumsum(size)[:-1]].astype(np.intp)
+    return np.asarray(np.add.reduceat(values, starts) / size)

@@ -1,0 +1,280 @@
+"""Check before you measure: what runs with these inputs could show of each parameter and cause.
+
+Of every parameter, effect and place the nominal model says what it would change of the readings.
+What other values of the parameters imitate is taken off by least squares with their priors, as in
+a diagnosis; what is left is compared with the floor of a reading, and with what the others leave.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from sim_device.plant.errors import PlantError
+from smad.diagnosis.data.columns import filled
+from smad.diagnosis.data.grid import Grid, row_length_s, thinned
+from smad.diagnosis.places.bare import with_places
+from smad.diagnosis.places.place import PlacesPlant
+from smad.diagnosis.plant import Array, ModelPoint, PlantModel, nominal_point
+from smad.diagnosis.runs import GapRun
+
+Rated = Literal["identifiable", "weak", "not", "unknown"]
+IDENTIFIABLE: Rated = "identifiable"
+WEAK: Rated = "weak"
+NOT: Rated = "not"
+UNKNOWN: Rated = "unknown"
+_OF_SCALE = {True: 100.0, False: 30.0}
+"""Times the scale of a place, a reading or not, that a law there may well be."""
+_ALIKE = 0.95
+"""Squared cosine of what two causes leave from which runs do not tell them apart."""
+_CORRELATED = 16.0
+"""Rows that are worth an independent one, as in a diagnosis."""
+_RESOLUTION = 1e-3
+_THETA_STEP = 0.1
+_SURE, _LITTLE = 0.3, 0.8
+"""Of the prior's deviation, what runs must leave of it for a parameter to be identifiable, weak."""
+_PIECES = 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rating:
+    """What these inputs show of one parameter, effect or place.
+
+    `size` is from where on it would be noticed, in `unit`: where the parameters leave one floor of
+    it; infinite where nothing of it shows. `alike` are causes elsewhere that look the same. A cause
+    is *identifiable* that is noticed below its typical size and looks like no other, *weak* that is
+    noticed within its range, and *not* that is not.
+    """
+
+    kind: Literal["parameter", "effect", "place"]
+    name: str
+    words: str
+    rating: Rated
+    size: float
+    unit: str
+    alike: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Cause:
+    kind: Literal["effect", "place"]
+    name: str
+    words: str
+    unit: str
+    step: float
+    typical: float
+    high: float
+    rows: Array
+    places: frozenset[str]
+
+
+def rate(plant: PlantModel, runs: Sequence[GapRun], *, within_s: float = 5.0) -> list[Rating]:
+    """Rate every parameter, effect and place for runs with these inputs, without any reading.
+
+    Readings that the runs have are not used. What is not reached `within_s` is *unknown*.
+    """
+    known = with_places(plant)
+    sheet = _Sheet.of(known, [filled(r) for r in runs])
+    # The first replay of all may have compiled a kernel.
+    ends = time.process_time() + within_s
+    slopes, reached = _slopes(sheet, ends)
+    gram = slopes @ slopes.T / _CORRELATED + np.eye(len(slopes))
+
+    def beside(rows: Array) -> Array:
+        return np.asarray(rows - slopes.T @ np.linalg.solve(gram, slopes @ rows / _CORRELATED))
+
+    found = [*_effects(sheet, ends), *_places(sheet, ends)]
+    causes = [x for x in found if isinstance(x, _Cause)]
+    missed = [x for x in found if isinstance(x, Rating)]
+    left = [beside(c.rows) for c in causes]
+    rated = [_rated(c, sheet.size(left[k]), _alike(k, causes, left)) for k, c in enumerate(causes)]
+    return [*_parameters(known, slopes, gram, reached), *rated, *missed]
+
+
+def _rated(c: _Cause, left: float, alike: tuple[str, ...]) -> Rating:
+    size = c.step / left if left > 0.0 else np.inf
+    rating = NOT if size > c.high else WEAK if alike or size > c.typical else IDENTIFIABLE
+    return Rating(
+        kind=c.kind, name=c.name, words=c.words, rating=rating, size=float(size), unit=c.unit,
+        alike=alike,
+    )  # fmt: skip
+
+
+def _alike(k: int, causes: Sequence[_Cause], left: Sequence[Array]) -> tuple[str, ...]:
+    """Causes at other places whose rows are nearly those of a cause, up to their size."""
+    own, square = causes[k], float(left[k] @ left[k])
+    found = []
+    for other, rows in zip(causes, left, strict=True):
+        # An effect that may be anywhere is nowhere else.
+        known = bool(own.places and other.places)
+        if known and other.kind == own.kind and not own.places & other.places:
+            both = square * float(rows @ rows)
+            if both > 0.0 and float(left[k] @ rows) ** 2 > _ALIKE * both:
+                found.append(other.name)
+    return tuple(found)
+
+
+def _parameters(
+    plant: PlantModel, slopes: Array, gram: Array, reached: Sequence[bool]
+) -> list[Rating]:
+    """Each parameter by what runs leave of its prior deviation, the others free."""
+    spread = np.sqrt(np.diag(np.linalg.inv(gram)))
+    size = np.sqrt(_CORRELATED * np.maximum(spread**-2 - 1.0, 0.0) / max(slopes.shape[1], 1))
+    out = []
+    for q, sd, rows, known in zip(plant.parameters, spread, size, reached, strict=True):
+        rating = IDENTIFIABLE if sd < _SURE else WEAK if sd < _LITTLE else NOT
+        rating = rating if known else UNKNOWN
+        noticed = q.prior_sd / rows if rows > 0.0 else np.inf
+        out.append(Rating(
+            kind="parameter", name=q.name, words=q.name, rating=rating, size=float(noticed),
+            unit=q.unit,
+        ))  # fmt: skip
+    return out
+
+
+@dataclass(frozen=True)
+class _Sheet:
+    """Runs of a plant as rows: every channel's means over a row, in its floors."""
+
+    plant: PlacesPlant
+    runs: tuple[GapRun, ...]
+    grids: tuple[Grid, ...]
+    floors: Array
+    base: Array
+
+    @classmethod
+    def of(cls, plant: PlacesPlant, runs: Sequence[GapRun]) -> _Sheet:
+        point = nominal_point(plant)
+        shown = [plant.simulate(point, r) for r in runs]
+        as_read = [replace(r, outputs=y) for r, y in zip(runs, shown, strict=True)]
+        period_s = row_length_s(as_read, plant)
+        own = tuple(r if r.outputs else a for r, a in zip(runs, as_read, strict=True))
+        per_row = max(period_s / max(np.median([r.dt_s for r in runs]), 1e-9), 1.0)
+        floors = []
+        for c in plant.channels:
+            noise = max(c.noise / np.sqrt(per_row), c.quantum / np.sqrt(12.0))
+            span = np.median([np.ptp(np.quantile(y[c.name], (0.01, 0.99))) for y in shown])
+            floors.append(np.hypot(noise, _RESOLUTION * span) or 1.0)
+        quick = tuple(thinned(r, period_s / _PIECES, plant.inputs) for r in own)
+        made = cls(plant, quick, tuple(Grid.of(r, period_s) for r in quick), np.array(floors),
+                   np.zeros(0))  # fmt: skip
+        return replace(made, base=made._rows([plant.simulate(point, r, fast=True) for r in quick]))
+
+    def _rows(self, shown: Sequence[Mapping[str, Array]]) -> Array:
+        parts = [
+            grid.mean(y[c.name]) / floor
+            for grid, y in zip(self.grids, shown, strict=True)
+            for c, floor in zip(self.plant.channels, self.floors, strict=True)
+        ]
+        return np.concatenate(parts)
+
+    def size(self, rows: Array) -> float:
+        """Root mean square of rows, in floors."""
+        return float(np.sqrt(np.mean(rows**2)))
+
+    def at(self, point: ModelPoint) -> Array | None:
+        """What a point changes of the nominal readings, (rows,); None where it cannot be run."""
+        return self._less([self.plant.simulate(point, r, fast=True) for r in self.runs])
+
+    def forced(self, place: str, side: str, size: float) -> Array | None:
+        """What a constant of that size changes at a place."""
+        point = nominal_point(self.plant)
+        try:
+            shown = [
+                self.plant.forced(
+                    point, r, {(place, side): np.full(len(r.t_s), size)}, fast=True
+                )
+                for r in self.runs
+            ]  # fmt: skip
+        except PlantError:
+            return None
+        return self._less(shown)
+
+    def _less(self, shown: Sequence[Mapping[str, Array]]) -> Array | None:
+        moved = self._rows(shown) - self.base
+        return moved if np.isfinite(moved).all() else None
+
+
+def _slopes(sheet: _Sheet, ends: float) -> tuple[Array, list[bool]]:
+    """Rows for a prior standard deviation of each parameter, (parameters, rows), where reached."""
+    out = np.zeros((len(sheet.plant.parameters), len(sheet.base)))
+    reached = [False] * len(out)
+    for i, q in enumerate(sheet.plant.parameters):
+        if time.process_time() > ends:
+            break
+        step = _THETA_STEP * q.prior_sd * (1.0 if q.nominal + q.prior_sd <= q.high else -1.0)
+        point = nominal_point(sheet.plant)
+        moved = sheet.at(replace(point, theta={**point.theta, q.name: q.nominal + step}))
+        if moved is not None:
+            out[i], reached[i] = moved * (q.prior_sd / step), True
+    return out, reached
+
+
+def _effects(sheet: _Sheet, ends: float) -> Iterator[_Cause | Rating]:
+    """Each strength of each effect at its typical value, the shapes typical."""
+    for effect in sheet.plant.effects:
+        for q in (p for p in effect.parameters if p.strength):
+            name = effect.name if q.name in ("size", "g", "b") else f"{effect.name}.{q.name}"
+            values = {p.name: 0.0 if p.strength else p.typical for p in effect.parameters}
+            point = nominal_point(sheet.plant)
+            at = replace(point, effects={effect.name: {**values, q.name: q.typical}})
+            rows = None if time.process_time() > ends else sheet.at(at)
+            if rows is None:
+                yield _missed("effect", name, effect.title, q.unit)
+                continue
+            yield _Cause(
+                "effect", name, effect.title, q.unit, abs(q.typical), abs(q.typical),
+                max(abs(q.low), abs(q.high)), rows, frozenset(effect.places),
+            )  # fmt: skip
+
+
+def _places(sheet: _Sheet, ends: float) -> Iterator[_Cause | Rating]:
+    """A constant at each place and side."""
+    for place in sheet.plant.places:
+        for side in place.sides:
+            name = place.name if len(place.sides) < 2 else f"{place.name} {side.upper()}"
+            words = place.label if len(place.sides) < 2 else f"{place.label}, {side.upper()}"
+            rows = None if time.process_time() > ends else sheet.forced(
+                place.name, side, place.scale
+            )  # fmt: skip
+            if rows is None:
+                yield _missed("place", name, words, place.unit)
+                continue
+            most = _OF_SCALE[place.reading] * place.scale
+            yield _Cause("place", name, words, place.unit, place.scale, most, most, rows,
+                         frozenset({place.name}))  # fmt: skip
+
+
+def _missed(kind: Literal["effect", "place"], name: str, words: str, unit: str) -> Rating:
+    return Rating(kind=kind, name=name, words=words, rating=UNKNOWN, size=np.inf, unit=unit)
+
+
+def lines(ratings: Sequence[Rating]) -> list[str]:
+    """Ratings in words, by kind: what shows best first."""
+    order = {IDENTIFIABLE: 0, WEAK: 1, UNKNOWN: 2, NOT: 3}
+    out = []
+    for kind, head in (("parameter", "parameters"), ("effect", "effects"),
+                       ("place", "places, a law that is always there")):  # fmt: skip
+        rows = sorted((r for r in ratings if r.kind == kind), key=lambda r: order[r.rating])
+        if rows:
+            out.append(head)
+        for r in rows:
+            like = f"; looks like {', '.join(r.alike[:3])}" if r.alike else ""
+            out.append(
+                f"  {r.rating:<12} {r.words if kind == 'place' else r.name}: {_size(r)}{like}"
+            )
+    return out
+
+
+def _size(r: Rating) -> str:
+    if r.rating == UNKNOWN:
+        return "not reached in the time, or the model cannot run with it"
+    if not np.isfinite(r.size) or r.size > 1e12:
+        return "nothing of it shows"
+    unit = f" {r.unit}" if r.unit not in ("", "1") else ""
+    text = f"{100 * r.size:.2g} %" if r.unit == "1" else f"{r.size:.2g}{unit}"
+    return f"noticed from {text} on"

@@ -1,0 +1,208 @@
+"""Windows: how far a model predicts, and a length from which its replays are begun anew.
+
+Multiple shooting (Bock and Plitt 1984): a run that is only predictable for a while is replayed in
+windows that begin from its readings. Between windows nothing is fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from smad.diagnosis.data.columns import filled, up_to_first_hole
+from smad.diagnosis.data.grid import row_length_s
+from smad.diagnosis.plant import (
+    Array,
+    Mask,
+    ModelPoint,
+    PlantModel,
+    moved_parameters,
+    nominal_point,
+)
+from smad.diagnosis.runs import GapRun
+from smad.simulators.errors import SimulatorError
+
+
+class Windowed(PlantModel, Protocol):
+    """A plant whose runs can be replayed in windows that begin from their readings."""
+
+    window_s: float
+
+
+_FOLLOWS = 0.25
+"""Error over the signal's standard deviation up to which a model follows a run, as configured."""
+_FITTED = 0.1
+"""The same with the best parameters: beyond, what is missing has moved the phase."""
+_GROWS = 2.0
+"""Times the error within a window that a whole run's must be, or windows help nothing."""
+_ROUNDS = 6
+_SAMPLES = 400
+_STEP = 0.05
+_LEAST_ROWS = 10
+_HALVINGS = 8
+_DAMPING = (0.0, 0.1, 1.0, 10.0, 100.0)
+_PRIOR = 0.01
+_MOST_RUNS = 4
+
+
+def choose_window(
+    plant: Windowed, runs: Sequence[GapRun], window_s: float | None
+) -> tuple[float, str]:
+    """The length of a window in s, 0 for whole runs, and why in words.
+
+    A length that is given is taken; None chooses: whole runs, unless the model loses them with the
+    best parameters, then the longest windows that it does not lose.
+    """
+    runs = [_usable(plant, run) for run in runs if len(run.t_s) > 1]
+    if not runs:
+        return window_s or 0.0, ""
+    if window_s is not None:
+        return _given(plant, runs, window_s)
+    some, start = runs[:_MOST_RUNS], nominal_point(plant)
+    before = lost_by(plant, start, some, 0.0)
+    lengths = _lengths(plant, runs)
+    if before <= _FOLLOWS or not lengths or not begins_from_readings(plant, some[0]):
+        return 0.0, ""
+    point = fitted(plant, start, some, lengths[len(lengths) // 2])
+    if lost_by(plant, point, some, 0.0) <= _FITTED:
+        return 0.0, ""
+    good = [
+        w for w in lengths
+        if lost_by(plant, start, some, w) <= _FOLLOWS and lost_by(plant, point, some, w) <= _FITTED
+    ]  # fmt: skip
+    chosen = max(good, default=lengths[-1])
+    after = lost_by(plant, start, some, chosen)
+    if before < _GROWS * after:
+        return 0.0, ""
+    return chosen, (
+        f"replayed in windows of {chosen:.3g} s that begin from the readings: over a whole run the "
+        f"prediction error grows to {before:.2f} of the signal, within a window to {after:.2f} "
+        "(window_s = 0 asks for whole runs)"
+    )
+
+
+def _usable(plant: Windowed, run: GapRun) -> GapRun:
+    """A run as it will be admitted: up to its first hole, without NaN."""
+    used = filled(up_to_first_hole(run, row_length_s([run], plant), lambda *_, **__: None))
+    return replace(
+        used, outputs={n: y for n, y in used.outputs.items() if np.isfinite(y).all()}
+    )  # fmt: skip
+
+
+def _given(plant: Windowed, runs: Sequence[GapRun], window_s: float) -> tuple[float, str]:
+    if not window_s >= 0.0:
+        raise SimulatorError("window_s is no length", value=window_s, action="give s, or 0")
+    if window_s == 0.0:
+        return 0.0, ""
+    least = _LEAST_ROWS * row_length_s(runs, plant)
+    if window_s < least:
+        raise SimulatorError(
+            "windows are too short for what is measured",
+            value=f"{window_s:g} s",
+            limit=f"at least {least:.3g} s",
+            action="give longer ones, or leave window_s out",
+        )
+    if not begins_from_readings(plant, runs[0]):
+        raise SimulatorError(
+            f"{plant.name} does not begin from its readings, so no window can",
+            action="use start['NAME'] and start['NAME_rate'] as the initial state",
+        )
+    return window_s, f"replayed in windows of {window_s:.3g} s that begin from the readings"
+
+
+def begins_from_readings(plant: Windowed, run: GapRun) -> bool:
+    """Whether what the readings show at the start changes what the model predicts."""
+    moved = {
+        n: y + np.ptp(y) * (0.3 + 0.1 * (run.t_s - run.t_s[0]) / max(run.duration_s, 1e-9))
+        for n, y in run.outputs.items()
+    }
+    other = run.with_columns(outputs=moved)
+    window_s, plant.window_s = plant.window_s, 0.0
+    try:
+        base = plant.simulate(nominal_point(plant), run)
+        begun = plant.simulate(nominal_point(plant), other)
+    finally:
+        plant.window_s = window_s
+    return any(not np.array_equal(base[n], begun[n], equal_nan=True) for n in base)
+
+
+def lost_by(plant: Windowed, point: ModelPoint, runs: Sequence[GapRun], window_s: float) -> float:
+    """Prediction error over the signal's standard deviation, both over all runs: of the worst
+    channel, the larger of the whole and of the last quarter of each window (or run)."""
+    square: dict[str, Array] = {}
+    for run, shown in zip(runs, _replayed(plant, point, runs, window_s), strict=True):
+        late = _late(plant, run, window_s)
+        for name, y in run.outputs.items():
+            e = np.where(run.good, y - shown[name], 0.0)
+            own = len(y) * float(np.nanvar(y))
+            parts = np.array([e @ e, own, e[late] @ e[late], own * float(np.mean(late))])
+            square[name] = square.get(name, np.zeros(4)) + parts
+    ratios = [
+        np.sqrt(max(a / max(b, 1e-300), c / max(d, 1e-300))) for a, b, c, d in square.values()
+    ]
+    return float(max((r if np.isfinite(r) else np.inf for r in ratios), default=0.0))
+
+
+def _late(plant: Windowed, run: GapRun, window_s: float) -> Mask:
+    into = run.t_s - run.t_s[0]
+    length = window_s or max(run.duration_s, 1e-9)
+    late: Mask = np.mod(into, length) >= 0.75 * length
+    return late
+
+
+def _replayed(
+    plant: Windowed, point: ModelPoint, runs: Sequence[GapRun], window_s: float
+) -> list[dict[str, Array]]:
+    before, plant.window_s = plant.window_s, window_s
+    try:
+        return [plant.simulate(point, run) for run in runs]
+    finally:
+        plant.window_s = before
+
+
+def _lengths(plant: Windowed, runs: Sequence[GapRun]) -> list[float]:
+    """Lengths that windows may have, longest first: halves of a run, down to a few rows."""
+    longest = float(np.median([r.duration_s for r in runs])) / 2.0
+    least = _LEAST_ROWS * row_length_s(runs, plant)
+    # A row of means has its own length; a window begins where a row does.
+    out = [longest / 2.0**k for k in range(_HALVINGS)]
+    return [float(f"{w:.2g}") for w in out if w >= least]
+
+
+def fitted(
+    plant: Windowed, start: ModelPoint, runs: Sequence[GapRun], window_s: float
+) -> ModelPoint:
+    """The parameters that predict best in windows, by damped Gauss-Newton steps with priors."""
+
+    def left(x: Array) -> Array:
+        point = ModelPoint(moved_parameters(plant, start, x))
+        rows = [_PRIOR * x]
+        for run, shown in zip(runs, _replayed(plant, point, runs, window_s), strict=True):
+            every = max(len(run.t_s) // _SAMPLES, 1)
+            for name, y in run.outputs.items():
+                e = np.where(run.good, y - shown[name], 0.0)[::every]
+                rows.append(e / (float(np.nanstd(y)) or 1.0) / np.sqrt(len(e)))
+        return np.concatenate(rows)
+
+    x = np.zeros(len(plant.parameters))
+    now = left(x)
+    for _ in range(_ROUNDS):
+        J = np.array([(left(x + _STEP * unit) - now) / _STEP for unit in np.eye(len(x))])
+        if not np.isfinite(J).all():
+            break
+        A, g = J @ J.T, J @ now
+        for damping in _DAMPING:
+            step = np.linalg.solve(A + (damping + 1e-9) * np.diag(np.diag(A) + 1e-12), -g)
+            there = left(x + step)
+            if np.isfinite(there).all() and there @ there < now @ now:
+                break
+        else:
+            break
+        small = now @ now - there @ there < 1e-3 * (now @ now)
+        x, now = x + step, there
+        if small:
+            break
+    return ModelPoint(moved_parameters(plant, start, x))

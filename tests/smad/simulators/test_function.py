@@ -1,0 +1,397 @@
+"""A Python function as a simulator: asked about its gap, and what is said of one that is none."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from unittest.mock import ANY
+
+import numpy as np
+import pytest
+
+from smad.diagnosis.plant import ModelPoint
+from smad.diagnosis.runs import GapRun
+from smad.simulators import Missing, diagnose, simulator
+from smad.simulators.bind import bind
+from smad.simulators.errors import SimulatorError
+from smad.simulators.windows import choose_window
+from tests.smad.simulators.systems import (
+    declared_heater,
+    declared_pendulum,
+    heater,
+    heater_run,
+    pendulum_run,
+)
+
+RUNS = [heater_run(seed) for seed in range(4)]
+PARAMETERS = {"capacity_J_K": (30.0, 20.0, 40.0), "loss_W_K": (0.8, 0.5, 1.1)}
+
+
+def test_the_gap_of_a_function_is_named_and_sized() -> None:
+    answer = diagnose(RUNS, declared_heater())
+    (cause,) = answer.verdict.causes
+    assert cause.name == "slow_sensor"
+    assert cause.values[0].value == pytest.approx(1.5, abs=0.1)
+    assert any("inputs: power_W; measured: temperature_degC" in n for n in answer.verdict.notes)
+
+
+def test_runs_may_be_files_a_pattern_tables_or_made_runs(tmp_path: Path) -> None:
+    for n, run in enumerate(RUNS[:2]):
+        rows = np.column_stack(list(run.values()))
+        np.savetxt(tmp_path / f"r{n}.csv", rows, delimiter=",", header=",".join(run), comments="")
+    made = GapRun("made", RUNS[0]["t_s"], {"power_W": RUNS[0]["power_W"]},
+                  {"temperature_degC": RUNS[0]["temperature_degC"]})  # fmt: skip
+    for given in (str(tmp_path / "r*.csv"), [tmp_path / "r0.csv", tmp_path / "r1.csv"],
+                  RUNS[:2], RUNS[0], made):  # fmt: skip
+        (fit,) = bind(declared_heater(), given).groups
+        np.testing.assert_allclose(fit[0].inputs["power_W"], RUNS[0]["power_W"])
+        np.testing.assert_allclose(
+            fit[0].outputs["temperature_degC"], RUNS[0]["temperature_degC"], atol=1e-9
+        )
+
+
+def test_ranges_quanta_and_noise_are_those_of_the_records() -> None:
+    plant = bind(declared_heater(), RUNS).plant
+    (signal,), (channel,) = plant.inputs, plant.channels
+    assert (signal.name, signal.unit, signal.low, signal.high) == ("power_W", "W", 0.0, 45.0)
+    assert channel.unit == "degC"
+    assert channel.quantum == pytest.approx(0.01, rel=0.01)
+    assert 0.02 < channel.noise < 0.05
+
+
+def test_a_thinned_run_shows_the_means_of_the_run_as_it_was_recorded() -> None:
+    bound = bind(declared_heater(), RUNS[:1])
+    ((run,),) = bound.groups
+    point = ModelPoint({})
+    each = bound.plant.simulate(point, run)["temperature_degC"]
+    thin = GapRun(
+        "thin", run.t_s[4::5], {"power_W": run.inputs["power_W"].reshape(-1, 5).mean(axis=1)},
+        {}, whole=run,
+    )  # fmt: skip
+    means = bound.plant.simulate(point, thin)["temperature_degC"]
+    np.testing.assert_allclose(means, each.reshape(-1, 5).mean(axis=1), atol=1e-9)
+    pushed = thin.with_columns(inputs={"power_W": thin.inputs["power_W"] + 2.0})
+    more = run.with_columns(inputs={"power_W": run.inputs["power_W"] + 2.0})
+    np.testing.assert_allclose(
+        bound.plant.simulate(point, pushed)["temperature_degC"],
+        bound.plant.simulate(point, more)["temperature_degC"].reshape(-1, 5).mean(axis=1),
+        atol=1e-9,
+    )
+
+
+def with_input(name, values):
+    return [{**run, name: np.asarray(values(run), dtype=float)} for run in RUNS]
+
+
+def gated(t, inputs, values, start):
+    return heater(t, {"power_W": inputs["power_W"] * (inputs["enable"] > 0.5)}, values, start)
+
+
+def test_an_exact_input_is_no_place_and_an_observed_column_may_be_in_a_law() -> None:
+    runs = with_input("enable", lambda r: r["power_W"] >= 0.0)
+    runs = [{**r, "wind_m_s": np.sin(0.1 * r["t_s"])} for r in runs]
+    runs[0]["enable"][:10] = 0.0
+    declared = simulator(
+        gated, parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
+        effects={"slow_sensor": (2.0, 0.0, 8.0)}, exact=("enable",), observed=("wind_m_s",),
+    )  # fmt: skip
+    bound = bind(declared, runs)
+    assert [p.name for p in bound.plant.places] == ["reading_temperature_degC", "input_power_W"]
+    assert all("wind_m_s" in p.states for p in bound.plant.places)
+    ((first, *_),) = bound.groups
+    assert "wind_m_s" in bound.plant.trajectory(ModelPoint({}), first)
+    (said,) = bound.said
+    assert "exact, no places: enable" in said
+    assert "may go with: wind_m_s" in said
+
+
+def test_what_drives_a_heater_beside_its_power_is_found_as_a_law_over_the_observed_column() -> None:
+    def blown(seed: int):
+        run = heater_run(seed, tau=0.0)
+        wind = np.repeat(np.random.default_rng(90 + seed).uniform(0.0, 4.0, 20), 30)
+        values = {"capacity_J_K": 32.0, "loss_W_K": 0.74, "room_degC": 22.0, "slow_sensor": 0.0}
+        given = {"power_W": run["power_W"] - 3.0 * wind}
+        shown = heater(None, given, values, {})["temperature_degC"]
+        return {**run, "wind_m_s": wind, "temperature_degC": np.round(shown, 2)}
+
+    runs = [blown(seed) for seed in range(4)]
+    verdict = diagnose(runs, declared_heater(observed=("wind_m_s",))).verdict
+    first, *_ = verdict.causes
+    assert first.place == "input_power_W"
+    assert {t.state for t in first.read} == {"wind_m_s"}
+    # A straight line that is fitted as a bend is steeper beyond its knot.
+    assert -6.0 < first.read[0].slopes["both"] < -2.0
+    assert verdict.whole is not None
+    assert verdict.whole.final < 0.25 * verdict.whole.parameters
+
+
+def test_a_column_that_no_run_changes_and_one_that_is_not_read_are_said() -> None:
+    runs = with_input("enable", lambda r: np.ones(len(r["t_s"])))
+    runs = [{**r, "humidity": r["t_s"]} for r in runs]
+    declared = simulator(gated, parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
+                         effects={"slow_sensor": 2.0})  # fmt: skip
+    bound = bind(declared, runs)
+    assert [s.name for s in bound.plant.inputs] == ["power_W"]
+    (said,) = bound.said
+    assert "that no run changes, no places: enable" in said
+    assert "does not read: humidity" in said
+
+
+class Drawing:
+    def __init__(self) -> None:
+        self.rng = np.random.default_rng(0)
+
+    def __call__(self, t, inputs, values, start):
+        shown = heater(t, inputs, {**values, "room_degC": 22.0, "slow_sensor": 0.0}, start)
+        return {n: y + self.rng.standard_normal(len(y)) for n, y in shown.items()}
+
+
+def writing(t, inputs, values, start):
+    inputs["power_W"][:] *= 2.0
+    return {"temperature_degC": inputs["power_W"]}
+
+
+def setting(t, inputs, values, start):
+    values["loss_W_K"] = 1.0
+    return {"temperature_degC": t}
+
+
+def short(t, inputs, values, start):
+    return {"temperature_degC": inputs["power_W"][1:]}
+
+
+def bare_array(t, inputs, values, start):
+    return inputs["power_W"]
+
+
+def misspelt(t, inputs, values, start):
+    return {"temperature_degC": inputs["powr_W"]}
+
+
+def peeking(t, inputs, values, start):
+    return {"temperature_degC": inputs["temperature_degC"] + inputs["power_W"]}
+
+
+def elsewhere(t, inputs, values, start):
+    return {"pressure": inputs["power_W"]}
+
+
+def failing(t, inputs, values, start):
+    raise ZeroDivisionError("capacity")
+
+
+def endless(t, inputs, values, start):
+    return {"temperature_degC": inputs["power_W"] * np.inf}
+
+
+@pytest.mark.parametrize(
+    ("function", "words"),
+    [
+        (Drawing(), "another temperature_degC for the same run and values.*give what is random"),
+        (writing, "writing changes what it is given.*work on a copy"),
+        (setting, "setting changes what it is given"),
+        (short, r"fails on run 1.*temperature_degC has shape \(599,\); the run has \(600,\)"),
+        (bare_array, "returns ndarray, not outputs by name"),
+        (misspelt, "asks for 'powr_W', which is neither a column nor a value.*power_W"),
+        (peeking, r"reads temperature_degC, which it returns; begin from start\["),
+        (elsewhere, "returns nothing that was measured; got pressure"),
+        (failing, "fails on run 1 with the values it begins with; got ZeroDivisionError"),
+        (endless, "gives no numbers for temperature_degC"),
+    ],
+)
+def test_a_function_that_cannot_be_asked_is_refused_by_what_is_wrong_with_it(
+    function, words: str
+) -> None:
+    with pytest.raises(SimulatorError, match=words):
+        diagnose(RUNS, simulator(function, parameters=PARAMETERS))
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"parameters": {"a": (1.0, 2.0, 3.0)}}, "parameter a does not begin within its range"),
+        ({"parameters": {"a": (1.0, 2.0)}}, r"parameter a is not \(value, low, high\)"),
+        ({"parameters": {"a": (1.0, np.nan, 3.0)}}, r"parameter a is not \(value, low, high\)"),
+        ({"parameters": {}, "effects": {"e": (0.0, 0.0, 1.0)}}, "effect e must allow 0"),
+        ({"parameters": {}, "effects": {"e": (2.0, 1.0, 3.0)}}, "effect e must allow 0"),
+        ({"parameters": {"a": (1.0, 0.0, 3.0)}, "effects": {"a": 1.0}}, "two values .* one name"),
+    ],
+)
+def test_numbers_that_cannot_be_a_parameter_or_an_effect_are_refused(given, words: str) -> None:
+    with pytest.raises(SimulatorError, match=words):
+        simulator(heater, **given)
+
+
+def test_shapes_of_an_effect_reach_the_function_beside_its_size() -> None:
+    seen = {}
+
+    def noting(t, inputs, values, start):
+        seen.update(values)
+        return {"temperature_degC": inputs["power_W"]}
+
+    rim = Missing(typical=0.5, high=1.0, shapes={"rim_m": (2.0, 1.0, 3.0)}, places=("input_x",))
+    declared = simulator(noting, parameters=PARAMETERS, effects={"overflow": rim})
+    bound = bind(declared, RUNS[:1])
+    bound.plant.simulate(ModelPoint({}, {"overflow": {"size": 0.7, "rim_m": 1.5}}),
+                         bound.groups[0][0])  # fmt: skip
+    assert (seen["overflow"], seen["rim_m"]) == (0.7, 1.5)
+    assert bound.plant.effects[0].places == ("input_x",)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda r: {k: v for k, v in r.items() if k != "t_s"}, "no column of the time in s"),
+        (lambda r: {**r, "t_s": r["t_s"][::-1]}, "time does not increase at row 2"),
+        (lambda r: {k: v[:5] for k, v in r.items()}, "only 5 samples"),
+        (lambda r: 7, "neither a file nor a table"),
+        (lambda r: "nowhere/*.csv", "no file is 'nowhere"),
+    ],
+)
+def test_runs_that_cannot_be_read_are_refused(change, words: str) -> None:
+    with pytest.raises(SimulatorError, match=words):
+        diagnose([change(RUNS[0])], declared_heater())
+
+
+def test_what_lacks_in_a_column_does_not_count_and_a_run_ends_at_its_first_hole() -> None:
+    gaps = [{n: c.copy() for n, c in run.items()} for run in RUNS]
+    gaps[0]["power_W"][300:303] = np.nan
+    gaps[0]["temperature_degC"][::40] = np.nan
+    gaps[1]["power_W"][500:] = np.nan
+    verdict = diagnose(gaps, declared_heater()).verdict
+    assert verdict.causes[0].name == "slow_sensor"
+    said = {(f.run, f.kind) for f in verdict.findings}
+    assert {("run 1", "gaps"), ("run 2", "hole")} <= said
+    assert not any(f.refuses for f in verdict.findings)
+
+
+def test_a_run_is_as_long_as_the_simulator_says_it_must_be() -> None:
+    short = [pendulum_run(seed, seconds=4.0) for seed in range(2)]
+    assert diagnose(short, declared_pendulum()).verdict.outcome == "refused"
+    quick = diagnose(short, declared_pendulum(shortest_s=4.0)).verdict
+    assert not any(f.refuses for f in quick.findings)
+    with pytest.raises(SimulatorError, match="shortest_s is no length"):
+        declared_pendulum(shortest_s=0.0)
+
+
+def test_a_run_that_is_trusted_is_so_by_its_name_or_path(tmp_path: Path) -> None:
+    for n, run in enumerate(RUNS[:2]):
+        rows = np.column_stack(list(run.values()))
+        np.savetxt(tmp_path / f"r{n}.csv", rows, delimiter=",", header=",".join(run), comments="")
+    paths = [tmp_path / "r0.csv", tmp_path / "r1.csv"]
+    for called in ("r1", "r1.csv", str(paths[1])):
+        (runs,) = bind(declared_heater(), paths, trusted=(called,)).groups
+        assert [r.trusted for r in runs] == [False, True]
+
+
+def test_a_second_run_that_lacks_an_input_is_named() -> None:
+    lacking = {k: v for k, v in RUNS[1].items() if k != "power_W"}
+    with pytest.raises(SimulatorError, match="run 2 has no column power_W, which the simulator"):
+        diagnose([RUNS[0], lacking], declared_heater())
+
+
+def test_models_that_explode_are_dropped_and_said() -> None:
+    def explosive(t, inputs, values, start):
+        if values["burst"] > 1.0:
+            raise FloatingPointError("it burst")
+        if values["burst"] < 0.0:
+            return {"temperature_degC": np.full(len(t), 1e12)}
+        return heater(t, inputs, values, start)
+
+    declared = simulator(
+        explosive, parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
+        effects={"slow_sensor": (2.0, 0.0, 8.0), "burst": (0.5, -5.0, 5.0)},
+    )  # fmt: skip
+    verdict = diagnose(RUNS, declared).verdict
+    assert verdict.causes[0].name == "slow_sensor"
+    (said,) = (n for n in verdict.notes if "gave no numbers" in n)
+    assert re.search(r"\d+ of \d+ replays gave no numbers.*dropped: .*burst", said)
+
+
+def test_a_slow_function_says_beforehand_how_long_the_whole_will_take(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock = iter(np.arange(0.0, 1e6, 1.0))
+    monkeypatch.setattr("smad.simulators.checks.time.process_time", lambda: float(next(clock)))
+    told: list[str] = []
+    diagnose(RUNS, declared_heater(), progress=told.append)
+    assert re.match(r"a replay takes 1 s: about \d+ min in all", told[0])
+
+
+def test_the_time_that_is_told_is_near_the_replays_that_are_made() -> None:
+    from smad.simulators.asking import seconds_expected
+
+    bound = bind(declared_heater(), RUNS)
+    expected = seconds_expected(bound) / bound.seconds
+    answer = diagnose(RUNS, declared_heater())
+    assert answer.search is not None
+    made = answer.search.question.model.plant.plain.failures.replays
+    assert made / 3 < expected < 3 * made
+
+
+def test_a_pendulum_whose_whole_runs_are_lost_is_replayed_in_windows_and_its_friction_found() -> (
+    None
+):
+    runs = [pendulum_run(seed) for seed in range(4)]
+    verdict = diagnose(runs, declared_pendulum()).verdict
+    (said,) = (n for n in verdict.notes if "windows" in n)
+    assert re.match(r"replayed in windows of [\d.]+ s that begin from the readings: over a", said)
+    first, *_ = verdict.causes
+    assert first.name == "dry_friction"
+    assert first.values[0].value == pytest.approx(0.06, rel=0.15)
+    (law,) = diagnose(runs, declared_pendulum(), candidates=()).verdict.causes
+    assert law.place == "input_torque_N_m"
+    assert law.read[0].name == "angle_rad_rate_sign"
+    assert law.read[0].slopes["both"] == pytest.approx(-0.06, rel=0.15)
+
+
+def test_a_window_that_is_given_is_taken_and_whole_runs_are_asked_for_with_0() -> None:
+    (runs,) = bind(declared_pendulum(), [pendulum_run(0)]).groups
+    plant = bind(declared_pendulum(), [pendulum_run(0)]).plant.plain
+    assert choose_window(plant, runs, 2.0) == (2.0, ANY)
+    assert choose_window(plant, runs, 0.0) == (0.0, "")
+
+
+def test_each_window_begins_from_the_readings_there() -> None:
+    bound = bind(declared_pendulum(), [pendulum_run(0)])
+    plant, ((run,),) = bound.plant.plain, bound.groups
+    plant.window_s = 2.0
+    assert plant.seams(run) == list(range(0, 2000, 200))
+    shown = plant.simulate(ModelPoint({}), run)["angle_rad"]
+    at = plant.seams(run)
+    np.testing.assert_allclose(shown[at], run.outputs["angle_rad"][at], atol=3e-3)
+    states = bound.plant.trajectory(ModelPoint({}), run)
+    assert np.abs(states["angle_rad_rate"][at]).max() < 10.0
+
+
+def test_windows_that_are_too_short_or_do_not_begin_from_readings_are_refused() -> None:
+    with pytest.raises(SimulatorError, match=r"windows are too short.*at least"):
+        diagnose([pendulum_run(0)], declared_pendulum(), window_s=0.02)
+    with pytest.raises(SimulatorError, match="does not begin from its readings"):
+        diagnose(RUNS, declared_heater(), window_s=20.0)
+    with pytest.raises(SimulatorError, match="window_s is no length"):
+        diagnose(RUNS, declared_heater(), window_s=-1.0)
+
+
+def test_runs_that_a_model_follows_are_replayed_whole() -> None:
+    bound = bind(declared_pendulum(), [pendulum_run(s, seconds=4.0, friction=0.0) for s in (0, 1)])
+    assert choose_window(bound.plant.plain, bound.groups[0], None) == (0.0, "")
+    heated = bind(declared_heater(), RUNS)
+    assert choose_window(heated.plant.plain, heated.groups[0], None) == (0.0, "")
+
+
+@pytest.mark.parametrize("value", [0.0, 0.3])
+def test_a_transducer_of_no_size_changes_nothing_and_each_of_some_size_does(value: float) -> None:
+    bound = bind(declared_heater(transducers=True), RUNS[:1])
+    ((run,),) = bound.groups
+    base = bound.plant.simulate(ModelPoint({}), run)["temperature_degC"]
+    transducers = [e for e in bound.plant.effects if e.name != "slow_sensor"]
+    assert {e.name for e in transducers} == {
+        *(f"temperature_degC_{x}" for x in ("gain", "zero", "lag", "delay")),
+        *(f"power_W_{x}" for x in ("gain", "zero", "lag", "delay", "saturation")),
+    }
+    for effect in transducers:
+        (q,) = effect.parameters
+        point = ModelPoint({}, {effect.name: {q.name: value}})
+        moved = bound.plant.simulate(point, run)["temperature_degC"]
+        assert np.array_equal(moved, base) == (value == 0.0), effect.name

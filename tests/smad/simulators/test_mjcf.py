@@ -1,0 +1,257 @@
+"""A MuJoCo model as a simulator: replays, its library, what is refused, the better model."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from sim_device.plant.laws import Law, Term
+from smad.cli import execute
+from smad.diagnosis.plant import ModelPoint
+from smad.simulators.bind import bind
+from smad.simulators.errors import SimulatorError
+from smad.simulators.mjcf.asked import declare_mjcf, diagnose_mjcf
+from smad.simulators.mjcf.parts import add_point_mass
+from tests.smad.diagnosis.cases import strong
+from tests.smad.simulators.arm import DT, MAP, MODEL, arm_run, files, rubbing
+
+
+def bound_arm(folder: Path, model: str = MODEL, mapped: str = MAP, runs=None):
+    declared, (tables,) = declare_mjcf(*files(folder, model, mapped), runs or [arm_run(0)])
+    return bind(declared, tables)
+
+
+def shown(bound, point: ModelPoint | None = None):
+    return bound.plant.simulate(point or ModelPoint({}), bound.groups[0][0])
+
+
+def test_friction_that_a_model_lacks_is_placed_named_and_sized(tmp_path: Path) -> None:
+    runs = [arm_run(seed, rubbing) for seed in range(2)]
+    verdict = diagnose_mjcf(*files(tmp_path), runs).verdict
+    first, *_ = verdict.causes
+    assert first.place == "input_hinge_torque"
+    assert first.words == "torque at joint hinge"
+    assert first.name == "hinge_dry_friction"
+    assert first.values[0].value == pytest.approx(0.06, rel=0.3)
+    assert "windows" in " ".join(verdict.notes)
+    assert verdict.models
+
+
+def test_a_replay_is_that_of_mj_step(tmp_path: Path) -> None:
+    run = arm_run(0, noise=0.0)
+    declared, _ = declare_mjcf(*files(tmp_path), [run])
+    inputs = {"torque_N_m": run["torque_N_m"], "hinge_torque": np.zeros(len(run["t_s"]))}
+    at_rest = {"angle_rad": 0.0, "angle_rad_rate": 0.0}
+    found = declared.function(run["t_s"], inputs, declared.values({}, {}), at_rest)
+    np.testing.assert_allclose(found["angle_rad"], run["angle_rad"], atol=1e-10)
+
+
+@pytest.mark.parametrize(("held", "late"), [("until", 0), ("from", 1)])
+def test_a_row_is_in_force_until_its_time_or_from_it_on(
+    tmp_path: Path, held: str, late: int
+) -> None:
+    run = arm_run(0, noise=0.0, seconds=2.0)
+    run["angle_rad"] = np.zeros(len(run["t_s"]))
+    run["torque_N_m"] = np.where(np.arange(len(run["t_s"])) == 50, 1.0, 0.0)
+    for mapped in (f'held = "{held}"\n{MAP}', MAP.replace('"motor"', f'"motor"\nheld = "{held}"')):
+        angle = shown(bound_arm(tmp_path, mapped=mapped, runs=[run]))["angle_rad"]
+        assert int(np.flatnonzero(angle)[0]) == 50 + late
+
+
+def test_an_effect_of_no_size_changes_nothing_and_each_of_usual_size_does(tmp_path: Path) -> None:
+    bound = bound_arm(tmp_path)
+    base = shown(bound)["angle_rad"]
+    names = [e.name for e in bound.plant.effects]
+    assert {
+        "hinge_dry_friction", "hinge_viscous_friction", "hinge_armature", "hinge_spring",
+        "arm_payload", "angle_rad_backlash", "angle_rad_delay", "angle_rad_zero", "angle_rad_gain",
+        "torque_N_m_gain", "torque_N_m_lag", "torque_N_m_delay", "torque_N_m_saturation",
+    } <= set(names)  # fmt: skip
+    for effect in bound.plant.effects:
+        none = ModelPoint({}, {effect.name: strong(effect, 0.0)})
+        some = ModelPoint({}, {effect.name: strong(effect, 1.0)})
+        assert np.array_equal(shown(bound, none)["angle_rad"], base), effect.name
+        assert np.ptp(shown(bound, some)["angle_rad"] - base) > 0.0, effect.name
+
+
+def test_a_parameter_sets_what_mujoco_compiles_from_the_same_number(tmp_path: Path) -> None:
+    bound = bound_arm(tmp_path)
+    heavier = MODEL.replace('mass="1"', 'mass="1.3"')
+    (tmp_path / "other").mkdir()
+    again = bound_arm(tmp_path / "other", model=heavier)
+    np.testing.assert_allclose(
+        shown(bound, ModelPoint({"mass_kg": 1.3}))["angle_rad"], shown(again)["angle_rad"],
+        atol=1e-9,
+    )  # fmt: skip
+
+
+def test_a_payload_is_a_point_mass_as_mujoco_would_compile_it() -> None:
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    add_point_mass(model, 1, 0.3, np.array([0.1, 0.0, -0.8]))
+    inertia = '<inertial pos="0 0 0" mass="0.3" diaginertia="1e-9 1e-9 1e-9"/>'
+    ball = f'<body pos="0.1 0 -.8">{inertia}</body>'
+    fused = mujoco.MjModel.from_xml_string(MODEL.replace("</body>", f"{ball}</body>", 1))
+    mass = [np.zeros((1, 1)), np.zeros((1, 1))]
+    for m, into in zip((model, fused), mass, strict=True):
+        data = mujoco.MjData(m)
+        mujoco.mj_setConst(m, data)
+        data.qpos[:] = 0.4
+        mujoco.mj_forward(m, data)
+        mujoco.mj_fullM(m, data, into)
+        np.add(into, data.qfrc_bias, out=into)
+    assert mass[0] == pytest.approx(mass[1], rel=1e-6)
+
+
+def test_degrees_and_sensors_are_converted_and_a_sensor_lags_nothing(tmp_path: Path) -> None:
+    mapped = MAP.replace(
+        '[channels.angle_rad]\njoint = "hinge"',
+        '[channels.angle_deg]\njoint = "hinge"\n[channels.pull_N_m]\nsensor = "pull"\n'
+        '[channels.rate_rad_s]\nvelocity_of = "hinge"',
+    )
+    run = arm_run(0, noise=0.0)
+    rate = np.gradient(run["angle_rad"], DT)
+    run |= {"angle_deg": np.degrees(run["angle_rad"]), "pull_N_m": run["torque_N_m"],
+            "rate_rad_s": rate}  # fmt: skip
+    found = shown(bound_arm(tmp_path, mapped=mapped, runs=[run]))
+    np.testing.assert_allclose(found["angle_deg"], run["angle_deg"], atol=1.0)
+    np.testing.assert_allclose(found["rate_rad_s"], rate, atol=0.3)
+    # In force until its time: at a sample the motor pulls as the next row says.
+    np.testing.assert_allclose(found["pull_N_m"][:-1], run["torque_N_m"][1:], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("model", "mapped", "words"),
+    [
+        (MODEL, MAP.replace('joint = "hinge"', 'joint = "elbow"'),
+         r"no joint 'elbow', which the map has at channels\.angle_rad; allowed: hinge"),
+        (MODEL, MAP.replace('"motor"', '"moto"'), r"no actuator 'moto'.*inputs\.torque_N_m"),
+        (MODEL, MAP.replace('of = "arm"', 'of = "leg"'), r"no body 'leg'.*parameters\.mass_kg"),
+        (MODEL, MAP.replace("angle_rad", "angle_mm"),
+         r"channels\.angle_mm: the unit contradicts the model's, which is rad; got mm"),
+        (MODEL, MAP.replace('actuator = "motor"', 'joint = "hinge"\nunit = "N"'),
+         r"inputs\.torque_N_m: the unit contradicts the model's, which is N m; got N"),
+        (MODEL, MAP.replace("low = 0.5", "low = 1.5"), r"mass_kg does not begin within its range"),
+        (MODEL, MAP.replace('field = "mass"', 'field = "weight"'), r"parameters\.mass_kg.*weight"),
+        (MODEL, MAP.replace('actuator = "motor"', ""), "neither of an actuator nor of a joint"),
+        (MODEL, MAP.replace('joint = "hinge"', ""), "is not of one part of the model"),
+        (MODEL, MAP.replace('joint = "hinge"', 'sensor = "pull"\nindex = 3'), "no such value"),
+        (MODEL, MAP.replace('field = "mass"', 'feld = "mass"'), "feld"),
+        (MODEL, "inputs = 3", "map file"),
+        ("<mujoco><worldbody><body/>", MAP, "is no MuJoCo model"),
+        (MODEL.replace('"hinge" axis="0 1 0" damping="0.05"', '"hinge" type="ball"'), MAP,
+         "neither turns nor slides"),
+    ],
+)  # fmt: skip
+def test_a_model_and_a_map_that_do_not_fit_are_refused_by_name(
+    tmp_path: Path, model: str, mapped: str, words: str
+) -> None:
+    run = {**arm_run(0, seconds=2.0), "angle_mm": np.zeros(200)}
+    with pytest.raises(SimulatorError, match=words):
+        bound_arm(tmp_path, model, mapped, [run])
+
+
+def test_a_model_that_becomes_unstable_predicts_nothing_and_leaves_no_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    wild = MODEL.replace('integrator="implicitfast"', 'integrator="Euler"').replace("0.005", "0.01")
+    mapped = MAP.replace('field = "damping"', 'field = "stiffness"').replace(
+        "high = 0.3", "high = 1e9"
+    )
+    bound = bound_arm(tmp_path, wild, mapped.replace("low = 0.0", "low = 0.0\nnominal = 0.0"))
+    angle = shown(bound, ModelPoint({"damping": 1e8}))["angle_rad"]
+    assert np.isnan(angle).all()
+    assert bound.plant.plain.failures.failed == 1
+    assert np.isfinite(shown(bound)["angle_rad"]).all()
+    assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
+
+
+def test_the_better_model_is_mjcf_that_moves_as_the_point_does(tmp_path: Path) -> None:
+    bound = bound_arm(tmp_path)
+    point = ModelPoint(
+        {"mass_kg": 1.2, "damping": 0.02},
+        {"hinge_dry_friction": {"size": 0.05}, "arm_payload": {"size": 0.1},
+         "hinge_spring": {"size": 0.4, "hinge_spring_rest": 0.1}, "torque_N_m_gain": {"g": 0.2}},
+    )  # fmt: skip
+    bound.plant.save_model(point, tmp_path / "better.xml", "a note -- with dashes")
+    better = (tmp_path / "better.xml").read_text()
+    assert 'frictionloss="0.05"' in better
+    again = tmp_path / "other"
+    again.mkdir()
+    np.testing.assert_allclose(
+        shown(bound_arm(again, model=better))["angle_rad"], shown(bound, point)["angle_rad"],
+        atol=1e-4,
+    )  # fmt: skip
+
+
+def test_what_no_field_of_mjcf_has_goes_into_a_model_file_with_the_mjcf(tmp_path: Path) -> None:
+    bound = bound_arm(tmp_path)
+    law = Law("input_hinge_torque", "both", (Term(name="constant", coefficient=0.3),))
+    point = ModelPoint({"mass_kg": 1.2}, {"angle_rad_delay": {"T_s": 0.02}}, (law,))
+    bound.plant.save_model(point, tmp_path / "better.toml", "a note")
+    with (tmp_path / "better.toml").open("rb") as file:
+        found = tomllib.load(file)
+    assert found["effects"] == {"angle_rad_delay": {"T_s": 0.02}}
+    assert found["laws"][0]["coefficient"] == 0.3
+    model = mujoco.MjModel.from_xml_string(found["mjcf"])
+    assert model.body_mass[1] == pytest.approx(1.2)
+
+
+def test_an_uneven_clock_is_replayed_on_an_even_one(tmp_path: Path) -> None:
+    run = arm_run(0, noise=0.0)
+    rng = np.random.default_rng(1)
+    kept = np.sort(rng.choice(len(run["t_s"]), 1100, replace=False))
+    kept[0] = 0
+    uneven = {n: c[kept] for n, c in run.items()}
+    angle = shown(bound_arm(tmp_path, runs=[uneven]))["angle_rad"]
+    assert np.sqrt(np.mean((angle[:400] - uneven["angle_rad"][:400]) ** 2)) < 0.05
+
+
+def test_the_command_line_diagnoses_a_model_with_its_map(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model, mapped = files(tmp_path)
+    for seed in range(2):
+        run = arm_run(seed, rubbing)
+        np.savetxt(tmp_path / f"r{seed}.csv", np.column_stack(list(run.values())), delimiter=",",
+                   header=",".join(run), comments="")  # fmt: skip
+    runs = [str(tmp_path / "r0.csv"), str(tmp_path / "r1.csv")]
+    better = str(tmp_path / "better.toml")
+    status = execute(["gap", "diagnose", *runs, "--mjcf", str(model), "--map", str(mapped),
+                      "--apply", better])  # fmt: skip
+    told = capsys.readouterr().out
+    assert status == 0
+    assert "torque at joint hinge" in told
+    assert Path(better).exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--mjcf", "arm.xml"], "--mjcf and --map belong together"),
+        (["--map", "map.toml"], "--map is of --fmu or --mjcf"),
+        (["--mjcf", "arm.xml", "--fmu", "arm.xml", "--map", "map.toml"], "one of --fmu and --mjcf"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys, options: list[str], words: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    files(tmp_path)
+    (tmp_path / "r.csv").write_text("t_s\n0\n")
+    assert execute(["gap", "diagnose", "r.csv", *options]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_a_joint_that_turns_by_a_servo_keeps_its_input_as_a_place(tmp_path: Path) -> None:
+    servo = MODEL.replace('<motor name="motor" joint="hinge"/>',
+                          '<position name="motor" joint="hinge" kp="20"/>')  # fmt: skip
+    places = [p.name for p in bound_arm(tmp_path, model=servo).plant.places]
+    assert places == ["reading_angle_rad", "input_torque_N_m", "input_hinge_torque"]
+    (tmp_path / "other").mkdir()
+    places = [p.name for p in bound_arm(tmp_path / "other").plant.places]
+    assert places == ["reading_angle_rad", "input_hinge_torque"]

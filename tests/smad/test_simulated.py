@@ -1,0 +1,56 @@
+"""`with smad.simulated() as bench:` is a bench that is gone when the block ends."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import psutil
+import pytest
+
+import smad
+from smad.control.commands import Step
+from smad.errors import DaemonError
+
+
+def daemons() -> list[int]:
+    """Processes of daemons that this one has started."""
+    children = psutil.Process().children(recursive=True)
+    return [p.pid for p in children if "start" in p.cmdline()]
+
+
+def test_a_simulated_bench_is_commanded_by_its_client_and_gone_after_the_block(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with smad.simulated() as bench:
+        assert len(daemons()) >= 1
+        with bench.armed():
+            bench.move(Step(displacement_mm=1.0, duration_s=2.0))
+            now = bench.wait_until_done()
+        assert now.displacement_mm == pytest.approx(1.0, abs=0.3)
+    assert daemons() == []
+
+
+def test_what_interrupts_the_block_ends_the_bench_as_well() -> None:
+    def interrupted() -> None:
+        with smad.simulated() as bench:
+            assert bench.status() is not None
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        interrupted()
+    assert daemons() == []
+
+
+@pytest.mark.parametrize("speed", [0.0, -1.0, 1e6, float("nan")])
+def test_a_speed_that_cannot_be_is_refused(speed: float) -> None:
+    with pytest.raises(DaemonError, match="cannot go so fast"), smad.simulated(speed=speed):
+        pass
+
+
+def test_a_bench_that_does_not_come_up_says_why() -> None:
+    with (
+        pytest.raises(DaemonError, match="did not come up"),
+        smad.simulated(options=("--effect", "no_such_effect")),
+    ):
+        pass
