@@ -28,7 +28,8 @@ _PARTS = 6
 
 
 class _Form(msgspec.Struct):
-    format: str
+    # A verdict file leaves out what is its default.
+    format: str = ""
 
 
 def cases_of(path: Path, keys: Sequence[Path]) -> list[Asked]:

@@ -1,4 +1,4 @@
-"""The five numbers of the diagnosis that were fitted to development benches, in one file.
+"""The five numbers that decide in the diagnosis, in one file.
 
 `python -m evaluation calibrate` writes `constants.toml`, which says what they were fitted to. What
 is defined, as how many terms can be read, stands where it is used.
