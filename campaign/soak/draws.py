@@ -149,8 +149,8 @@ DRAWN: dict[str, Drawn] = {
     "params.save": Drawn(0.2, lambda rng: api.SaveParams()),
     "record.start": Drawn(0.1, lambda rng: api.StartRecording(name="again")),
     "record.stop": Drawn(0.0, lambda rng: api.StopRecording()),
-    "record.last": Drawn(0.2, lambda rng: api.RecordLast(seconds=rng.uniform(1.0, 60.0))),
     "record.note": Drawn(2.0, lambda rng: api.AddNote(text=f"soak note {rng.randrange(2**32)}")),
+    "record.last": Drawn(0.2, lambda rng: api.RecordLast(seconds=rng.uniform(1.0, 60.0))),
     "control.take": Drawn(0.3, lambda rng: api.TakeControl(name="soak", lease_s=60.0)),
     "control.release": Drawn(0.5, lambda rng: api.ReleaseControl()),
 }  # fmt: skip

@@ -35,6 +35,7 @@ from smad.errors import DaemonError, RunLogError
 from smad.progress import Say
 from smad.runlog.reader import read_run
 
+BLACK_BOX_S = 5.0
 SPEED = 50.0
 """Board time over wall time at most; the daemon's answers usually take longer."""
 
@@ -71,7 +72,10 @@ class SoakRig(DaemonRig):
             link=LinkConfig(
                 port=str(port), baud=BAUD, rate_hz=stage.rate_hz, reconnect_interval_s=0.05
             ),
-            recorder=RecorderConfig(folder=str(folder / "runs"), automatic=False),
+            # What is kept in memory for after a fault is full before growth is looked at.
+            recorder=RecorderConfig(
+                folder=str(folder / "runs"), automatic=False, black_box_s=BLACK_BOX_S
+            ),
             telemetry=TelemetryConfig(endpoint="", high_water_mark=100),
         )
         super().__init__(folder, start_daemon(folder, config))
@@ -289,7 +293,7 @@ def run_stage(stage: Stage, seed: int, say: Say) -> Found:
 def read_back(found: Found, runs: Path) -> None:
     """Compare the run logs in `runs` with what was seen and acknowledged."""
     logged: list[Logged] = []
-    for path in sorted(runs.iterdir()):
+    for path in sorted(runs.glob("*.mcap")):
         try:
             run = read_run(path)
         except RunLogError as error:

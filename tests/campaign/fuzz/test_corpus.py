@@ -26,7 +26,8 @@ from smad.config import default_toml
 from smad.control.sample import sample_of
 from smad.daemon.command.service import Service
 from smad.daemon.control import ControlTask
-from smad.runlog import scan, tables
+from smad.records import tables
+from smad.runlog import scan
 
 MUTATIONS = 100
 CORPUS_LIMIT_BYTES = 500_000

@@ -137,12 +137,12 @@ def test_a_source_of_several_lines_survives_writing_the_parameters(tmp_path: Pat
     assert load_parameters(path).entry("coils").source == "one\ntwo"
 
 
-def test_a_bad_cell_is_told_with_its_line_although_another_column_is_no_text(
+def test_a_column_that_is_no_text_is_told_before_a_bad_cell_of_another(
     tmp_path: Path,
 ) -> None:
     source = tmp_path / "run.csv"
     source.write_bytes(b"time_s,remark\n0,ok\nsoon,\xce")
-    with pytest.raises(LogImportError, match="line 3: column 'time_s'"):
+    with pytest.raises(LogImportError, match="is not UTF-8 text"):
         import_table(source, tmp_path / "run.mcap")
 
 

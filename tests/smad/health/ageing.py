@@ -16,7 +16,7 @@ from pathlib import Path
 
 import msgspec
 
-from sim_device.plant import load_parameters
+from sim_device.plant.models import built_in
 from smad.control.commands import DriveCurrent, Follow, Sine
 from smad.control.plan import Do, Pause, Plan, UntilDone
 from smad.experiments.driver import log_path
@@ -64,7 +64,7 @@ def grown(ageing: Ageing, cycle: int, cycles: int, *, seed: int, folder: Path) -
     if ageing.flow_lost and cycle > BEGIN:
         share = ageing.flow_lost * (cycle - BEGIN) / (cycles - BEGIN)
         effects["flow_shortfall"] = {"share": share}
-    driver = VirtualDriver(load_parameters("A"), seed=seed, effects=effects, folder=folder)
+    driver = VirtualDriver(built_in("A").with_effects(effects), seed=seed, folder=folder)
     driver.cycles = (SHARE * cycle, SHARE * cycle)
     plan = Plan(f"standard-{cycle}", PLAN)
     driver.run(plan)

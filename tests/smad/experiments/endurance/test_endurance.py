@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from campaign.faults.smalldisk import small_disk
-from sim_device.plant import load_parameters
+from sim_device.plant.models import built_in
 from smad.control.plan import Plan
 from smad.errors import CommandError
 from smad.experiments.driver import log_path
@@ -162,7 +162,7 @@ class Virtual:
     def __init__(self, folder: Path, **effects: dict[str, float]) -> None:
         self.folder = folder
         self.log: Path | None = None
-        self.driver = VirtualDriver(load_parameters("A"), effects=effects, folder=folder)
+        self.driver = VirtualDriver(built_in("A").with_effects(effects), folder=folder)
 
     def run(self, plan: Plan) -> Recording:
         self.log = log_path(self.folder, plan)
