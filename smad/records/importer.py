@@ -99,7 +99,7 @@ def import_table(
         channel_of={name: rule.channel for name, rule in assignment.rules.items()},
         ignored=assignment.ignored,
         missing=[name for name in CHANNELS if name not in columns],
-        notes=[*found.notes, *words(holes_in(columns["t_s"])), *notes],
+        notes=[*found.notes, *words(holes_in(columns["t_s"].tolist())), *notes],
     )
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-
-import numpy as np
-from numpy.typing import NDArray
+from itertools import pairwise
+from statistics import median
 
 RECOVERED_METADATA_NAME = "smad.recovered"
 HOLES = "holes"
@@ -13,15 +12,13 @@ _STEPS = 2.5
 _MOST = 20
 
 
-def holes_in(t_s: Sequence[float] | NDArray[np.float64]) -> list[tuple[float, float]]:
+def holes_in(t_s: Sequence[float]) -> list[tuple[float, float]]:
     """The last time before each hole and the first after it: steps over 2.5 usual ones."""
     if len(t_s) < 3:
         return []
-    times = np.asarray(t_s, dtype=np.float64)
-    steps = np.diff(times)
-    usual = float(np.median(steps))
-    at = np.flatnonzero(steps > _STEPS * usual)
-    return [(float(times[k]), float(times[k + 1])) for k in at]
+    steps = [(float(a), float(b)) for a, b in pairwise(t_s)]
+    usual = median(b - a for a, b in steps)
+    return [(a, b) for a, b in steps if b - a > _STEPS * usual]
 
 
 def words(holes: Sequence[tuple[float, float]]) -> list[str]:

@@ -238,7 +238,7 @@ def read_recorded(path: Path, together: Together | None = None) -> tuple[GapRun,
 
     run = filled(readable(run, INPUTS, CHANNELS, say))
     # A hole is bridged by its partner, which has the same inputs: rows in it do not count.
-    notes += words(holes_in(run.t_s))
+    notes += words(holes_in(run.t_s.tolist()))
     return replace(run, notes=(*run.notes, *notes)), log
 
 
