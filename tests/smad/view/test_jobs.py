@@ -34,7 +34,7 @@ def test_the_report_of_a_refused_diagnosis_is_served_all_the_same(
         await jobs.begin(Diagnose(run="a.mcap"), tmp_path, "bench")
         while jobs.running:
             await asyncio.sleep(0)
-        job = jobs.told()
+        job = jobs.snapshot()
         assert job is not None
         return job.failed, job.report
 
