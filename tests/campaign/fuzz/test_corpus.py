@@ -26,7 +26,7 @@ from smad.config import default_toml
 from smad.control.sample import sample_of
 from smad.daemon.command.service import Service
 from smad.daemon.control import ControlTask
-from smad.records import tables
+from smad.records import channels
 from smad.runlog import scan
 
 MUTATIONS = 100
@@ -147,7 +147,7 @@ def forget_the_note(patch: pytest.MonkeyPatch) -> None:
 
 
 def check_no_times(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(tables, "_check_time", lambda *arguments: None)
+    patch.setattr(channels, "_check_time", lambda *arguments: None)
 
 
 PLANTED: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
