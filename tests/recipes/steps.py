@@ -15,8 +15,8 @@ from sim_device.plant.kernel.compiled import PACKAGE
 
 ROOT = Path(__file__).resolve().parents[2]
 COPIED = (
-    "bench", "docs", "evaluation", "examples", "firmware", "firmware_protocol", "sim_device",
-    "smad", "tests", "tools",
+    "bench", "campaign", "docs", "evaluation", "examples", "firmware", "firmware_protocol",
+    "sim_device", "smad", "tests", "tools",
 )  # fmt: skip
 FILES = (
     "CHANGELOG.md",

@@ -7,7 +7,7 @@ that the control loop waits for neither the disk nor the interpreter.
 from __future__ import annotations
 
 import asyncio
-import time
+import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -74,6 +74,7 @@ class BlackBox:
         self._why = ""
         self._due_s = 0.0
         self._written_s = float("-inf")
+        self._let_others_run = threading.Event()
         self._worker = ThreadPoolExecutor(
             1, thread_name_prefix="black box", initializer=step_below_loop
         )
@@ -152,7 +153,7 @@ class BlackBox:
             for number, entry in enumerate(kept):
                 writer.append(_DECODERS[entry.kind](entry.data), entry.axis, entry.stamp_s)
                 if number % _ROWS_AT_ONCE == 0:
-                    time.sleep(_PAUSE_S)
+                    self._let_others_run.wait(_PAUSE_S)
         if writer.error is not None:
             raise RunLogError(writer.error, value=str(path), action="see the disk")
         return path
