@@ -57,6 +57,7 @@ def screened(
     out: list[Screened] = []
     for effect in effects:
         part = EffectPart(effect)
+        strengths = {q.name for q in effect.parameters if q.strength}
         best: Screened | None = None
         for values in _asked(effect):
             at = replace(point, effects={**point.effects, effect.name: values})
@@ -68,10 +69,9 @@ def screened(
             square, along = float(s @ s), float(s @ z)
             if square <= 0.0 or along <= 0.0:
                 continue
-            scale = min(along / square, _FURTHEST)
+            scale = min(along / square, _FURTHEST) if strengths else 1.0
             gain = 2.0 * scale * along - scale**2 * square
             if best is None or gain > best.gain:
-                strengths = {q.name for q in effect.parameters if q.strength}
                 scaled = {n: v * scale if n in strengths else v for n, v in values.items()}
                 low, high = part.bounds()
                 start = np.clip(part.coordinates(scaled), low, high)
@@ -108,11 +108,13 @@ def _asked(effect: Effect) -> list[dict[str, float]]:
     """Values that an effect is asked at: each strength alone, at two levels and either sign.
 
     At its typical strength each shape is asked at the ends of its range, too: an effect of one
-    spring alone is often hidden where both are asked.
+    spring alone is often hidden where both are asked. An effect that has no strength is there or
+    not.
     """
     rest = {q.name: 0.0 if q.strength else q.typical for q in effect.parameters}
     shapes = [q for q in effect.parameters if not q.strength]
-    out = []
+    out = [] if len(shapes) < len(effect.parameters) else [rest]
+    out += [{**rest, q.name: end} for q in (shapes if out else ()) for end in (q.low, q.high)]
     for q in (q for q in effect.parameters if q.strength):
         for sign in (1.0, -1.0) if q.low < 0.0 < q.high else (1.0,):
             levels = [sign * level * q.typical for level in _LEVELS]
