@@ -86,7 +86,7 @@ def answer_of(
         whole=whole,
         by_run=_by_run(asked, search.configured, search.parameters, final),
         judged_on=judged_on,
-        unseen=unseen_strengths(asked, final),
+        unseen=unseen_strengths(search),
         models=_models(plant, asked, stages, headline_of(question, outcome, causes, whole)),
     )
     return Answer(

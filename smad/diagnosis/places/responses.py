@@ -181,7 +181,7 @@ def responses(
     found = list(known or ())
     for played in runs[len(found) :]:
         progress(f"responses of the places: {played.whole.name}")
-        found.append(_Replayed(plant, point, played.coarse).responses(laws, count))
+        found.append(_Replayed(plant, point, played).responses(laws, count))
     scales = {place.name: place.scale for place in plant.places}
     return Responses(laws=laws, scales=scales, runs=tuple(found))
 

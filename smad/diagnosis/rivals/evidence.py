@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -64,6 +65,12 @@ class Evidence:
         return np.repeat(np.arange(len(sizes), dtype=np.intp), sizes)
 
     @cached_property
+    def spans(self) -> tuple[slice, ...]:
+        """Where the rows of each trial stand."""
+        stops = np.cumsum([0, *(t.target.size for t in self.trials)])
+        return tuple(slice(int(a), int(b)) for a, b in pairwise(stops))
+
+    @cached_property
     def channel_of_row(self) -> Index:
         """Number of the channel of each row, (n,)."""
         return np.concatenate([
@@ -91,8 +98,9 @@ class Evidence:
         """Each run, or of fewer than four every fourth stretch of them; −1 where not valid."""
         fold = np.empty(len(self.run_of_row), dtype=np.intp)
         for k in range(len(self.trials)):
-            mine = np.flatnonzero(self.run_of_row == k)
-            block = (np.arange(len(mine)) * _FOLDS * _TURNS) // len(mine)
+            mine = self.spans[k]
+            size = mine.stop - mine.start
+            block = (np.arange(size) * _FOLDS * _TURNS) // size
             fold[mine] = k if len(self.trials) >= _FOLDS else block % _FOLDS
         fold[self.valid == 0.0] = -1
         return fold
@@ -117,9 +125,8 @@ class Evidence:
         if not any(len(d) for d in self.wandering):
             return r
         out = r.copy()
-        for k, D in enumerate(self.wandering):
+        for mine, D in zip(self.spans, self.wandering, strict=True):
             if len(D):
-                mine = self.run_of_row == k
                 W = D * weight[mine]
                 u = np.linalg.solve(W @ D.T + np.eye(len(D)), W @ r[mine])
                 out[mine] -= u @ D
@@ -128,9 +135,8 @@ class Evidence:
     def shrunk(self, values: Array, weight: Array) -> Array:
         """Rows (m, n) times the root of their weights, shrunk along each run's directions."""
         out = values * np.sqrt(weight)
-        for k, D in enumerate(self.wandering):
+        for mine, D in zip(self.spans, self.wandering, strict=True):
             if len(D):
-                mine = self.run_of_row == k
                 out[:, mine] = Shrink(D * np.sqrt(weight[mine]))(out[:, mine])
         return out
 
@@ -149,7 +155,7 @@ class Evidence:
         """Correlation time of each channel's rows, in rows, (channels,): (1 + ρ)/(1 − ρ)."""
         product, square = np.zeros(self.channels), np.full(self.channels, 1e-12)
         for k, trial in enumerate(self.trials):
-            e = (r * self.valid)[self.run_of_row == k].reshape(trial.target.shape)
+            e = (r * self.valid)[self.spans[k]].reshape(trial.target.shape)
             product += (e[1:] * e[:-1]).sum(axis=0)
             square += (e**2).sum(axis=0)
         rho = np.clip(product / square, 0.0, _MOST_CORRELATED)

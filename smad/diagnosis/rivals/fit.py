@@ -28,7 +28,9 @@ _LONGER = (1.0, 2.0, 4.0, 8.0)
 _RIDGE, _TINY = 1e-9, 1e-12
 _ROUNDS = 8
 _ENOUGH = 0.2
-_POLISHES, _POLISH_ROUNDS, _POLISH_ENOUGH = 6, 4, 1.0
+_WORTH = 0.05
+"""Of F, that a step must promise to be tried."""
+_POLISHES, _POLISH_ROUNDS, _POLISH_ENOUGH = 6, 4, 4.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -163,6 +165,8 @@ class _Descent:
         A, g = J @ J.T + precision, J @ r - precision @ (stand.x - mean)
         for damping in _DAMPING:
             step = bounded_step(A, g, low - stand.x, high - stand.x, damping)
+            if 2.0 * g @ step - step @ A @ step < _WORTH:
+                break
             best = stand
             # The weights of the log-likelihood lag behind the fit: steps are rather too short.
             for times in _LONGER:
@@ -189,6 +193,7 @@ def fit(
 
     Predictions are those of averaged inputs shifted by what exact replays of the `reference` differ
     by. Slopes of the parameters are the reference's, or with `fresh` made anew where it begins.
+    Each step corrects them by what it showed (Broyden); those of the parts are made anew at each.
     """
     low, high = model.bounds
     even = _Descent(evidence=evidence, model=model, reference=reference, tau=tau,
@@ -205,6 +210,10 @@ def fit(
         which = range(0 if fresh and k == 0 else model.parameters, len(start))
         slopes[which.start :] = slopes_at(evidence, here, which)
         stand = descent.lessened(begun, slopes)
+        step = stand.x - begun.x
+        if step.any():
+            unforeseen = begun.left - stand.left - step @ slopes
+            slopes += np.outer(step / (step @ step), unforeseen)
         if begun.value - stand.value < _ENOUGH:
             break
     return Fit(model=model, x=stand.x, left=stand.left, slopes=slopes, objective=stand.value)
@@ -222,18 +231,25 @@ def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
     )  # fmt: skip
 
 
-def polished(evidence: Evidence, fitted: Fit, tau: Array) -> Fit:
-    """The fit carried on with slopes of its own and exact replays of where it stands."""
+def polished(evidence: Evidence, fitted: Fit, tau: Array, *, moved: bool = True) -> Fit:
+    """The fit carried on by exact replays of where it stands, until that lessens F no further.
+
+    With `moved` the parameters may be far from where their slopes were made: it begins and ends
+    with fresh ones.
+    """
+    fresh = moved
     for _ in range(_POLISHES):
         here = rebased(evidence, fitted)
         made = here and fit(
-            evidence, fitted.model, fitted.x, here, tau=tau, rounds=_POLISH_ROUNDS, fresh=True
+            evidence, fitted.model, fitted.x, here, tau=tau, rounds=_POLISH_ROUNDS, fresh=fresh
         )
         if not made:
             return fitted
         gained, fitted = fitted.objective - made.objective, made
-        if abs(gained) < _POLISH_ENOUGH:
+        ended = abs(gained) < _POLISH_ENOUGH
+        if ended and fresh == moved:
             break
+        fresh = ended and moved
     return fitted
 
 
@@ -245,11 +261,11 @@ def leave_out(evidence: Evidence, fitted: Fit, tau: Array) -> tuple[Array, ...]:
     weight = weights(evidence, fitted.left, tau)
     J = evidence.shrunk(fitted.slopes, weight)
     r = evidence.shrunk(fitted.left[None], weight)[0]
+    products, along = J @ J.T + precision, J @ r - precision @ (x - mean)
     out = []
     for f in range(int(evidence.fold.max(initial=-1)) + 1):
-        kept = evidence.fold != f
-        A = J[:, kept] @ J[:, kept].T + precision
-        g = J[:, kept] @ r[kept] - precision @ (x - mean)
+        gone = evidence.fold == f
+        A, g = products - J[:, gone] @ J[:, gone].T, along - J[:, gone] @ r[gone]
         out.append(np.clip(x + bounded_step(A, g, low - x, high - x), low, high))
     return tuple(out)
 

@@ -1,8 +1,9 @@
 """Screening: which effects of the library are worth a fit, by one replay of each strength and sign.
 
-At a reference the change that an effect makes is scaled to take most of the rows that are left,
-with the parameters open beside it. A right effect is often hidden where the parameters have moved
-to imitate it, so every reference is asked, and the best of each are fitted.
+What an effect changes is asked once, at the nominal simulator. At a reference that change is scaled
+to take most of the rows that are left, with the parameters open beside it. A right effect is often
+hidden where the parameters have moved to imitate it, so every reference is asked, and the best of
+each are fitted.
 """
 
 from __future__ import annotations
@@ -27,6 +28,24 @@ _FURTHEST = 3.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Change:
+    """What an effect changes with these values, as rows (n,)."""
+
+    effect: Effect
+    values: dict[str, float]
+    rows: Array
+
+    @property
+    def typical(self) -> EffectParameter | None:
+        """The strength that is at its typical value, where everything else is usual; else None."""
+        acting = [q for q in self.effect.parameters if q.strength and self.values[q.name] != 0.0]
+        usual = all(self.values[q.name] == q.typical for q in self.effect.parameters
+                    if not q.strength)  # fmt: skip
+        one = len(acting) == 1 and self.values[acting[0].name] == acting[0].typical
+        return acting[0] if one and usual else None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Screened:
     """An effect at a reference: coordinates to begin with, and what it takes of the rows."""
 
@@ -34,6 +53,23 @@ class Screened:
     reference: Reference
     coordinates: Array
     gain: float
+
+
+def changes_at(
+    evidence: Evidence, reference: Reference, effects: Sequence[Effect]
+) -> tuple[Change, ...]:
+    """What each effect changes there, at each of the values that it is asked at."""
+    point = reference.model.point(reference.x)
+    out: list[Change] = []
+    for effect in effects:
+        for values in _asked(effect):
+            at = replace(point, effects={**point.effects, effect.name: values})
+            found = predictions(reference.model.plant, at, evidence.played)
+            if finite(found):
+                change = [(f - b)[None] for f, b in zip(found, reference.averaged, strict=True)]
+                rows = evidence.rows(change)[0].astype(np.float32)
+                out.append(Change(effect=effect, values=values, rows=rows))
+    return tuple(out)
 
 
 def opened(evidence: Evidence, reference: Reference, left: Array, tau: Array
@@ -48,60 +84,37 @@ def opened(evidence: Evidence, reference: Reference, left: Array, tau: Array
 
 
 def screened(
-    evidence: Evidence, reference: Reference, effects: Sequence[Effect], tau: Array
+    evidence: Evidence, reference: Reference, changes: Sequence[Change], tau: Array
 ) -> list[Screened]:
     """Effects by what they take of what the reference leaves, the best first."""
-    left = evidence.left(reference.exact)
-    weight, z, shrink = opened(evidence, reference, left, tau)
-    point = reference.model.point(reference.x)
-    out: list[Screened] = []
-    for effect in effects:
-        part = EffectPart(effect)
+    weight, z, shrink = opened(evidence, reference, evidence.left(reference.exact), tau)
+    best: dict[str, Screened] = {}
+    for change in changes:
+        s = shrink(evidence.shrunk(change.rows[None].astype(np.float64), weight))[0]
+        square, along = float(s @ s), float(s @ z)
+        if square <= 0.0 or along <= 0.0:
+            continue
+        effect = change.effect
         strengths = {q.name for q in effect.parameters if q.strength}
-        best: Screened | None = None
-        for values in _asked(effect):
-            at = replace(point, effects={**point.effects, effect.name: values})
-            found = predictions(reference.model.plant, at, evidence.played)
-            if not finite(found):
-                continue
-            change = [(f - b)[None] for f, b in zip(found, reference.averaged, strict=True)]
-            s = shrink(evidence.shrunk(evidence.rows(change), weight))[0]
-            square, along = float(s @ s), float(s @ z)
-            if square <= 0.0 or along <= 0.0:
-                continue
-            scale = min(along / square, _FURTHEST) if strengths else 1.0
-            gain = 2.0 * scale * along - scale**2 * square
-            if best is None or gain > best.gain:
-                scaled = {n: v * scale if n in strengths else v for n, v in values.items()}
-                low, high = part.bounds()
-                start = np.clip(part.coordinates(scaled), low, high)
-                best = Screened(part=part, reference=reference, coordinates=start, gain=gain)
-        if best is not None:
-            out.append(best)
-    return sorted(out, key=lambda s: -s.gain)
+        scale = min(along / square, _FURTHEST) if strengths else 1.0
+        gain = 2.0 * scale * along - scale**2 * square
+        if effect.name in best and gain <= best[effect.name].gain:
+            continue
+        part = EffectPart(effect)
+        scaled = {n: v * scale if n in strengths else v for n, v in change.values.items()}
+        start = np.clip(part.coordinates(scaled), *part.bounds())
+        best[effect.name] = Screened(part=part, reference=reference, coordinates=start, gain=gain)
+    return sorted(best.values(), key=lambda s: -s.gain)
 
 
-def changes_of(
-    evidence: Evidence, reference: Reference, effect: Effect, tau: Array
-) -> list[tuple[EffectParameter, float, Array]]:
-    """What a typical strength of an effect adds to the mean square of each channel, (channels,).
-
-    One for each strength, with its value; the parameters are open beside it.
-    """
-    left = evidence.left(reference.exact)
-    weight, _, shrink = opened(evidence, reference, left, tau)
-    point = reference.model.point(reference.x)
+def added_squares(
+    evidence: Evidence, reference: Reference, changes: Sequence[Change], tau: Array
+) -> list[Array]:
+    """What changes add to the mean square of each channel, (channels,), beside open parameters."""
+    weight, _, shrink = opened(evidence, reference, evidence.left(reference.exact), tau)
     root = np.sqrt(np.where(weight > 0.0, weight, 1.0))
-    out = []
-    for q in (q for q in effect.parameters if q.strength):
-        values = {p.name: 0.0 if p.strength else p.typical for p in effect.parameters}
-        at = replace(point, effects={**point.effects, effect.name: {**values, q.name: q.typical}})
-        found = predictions(reference.model.plant, at, evidence.played)
-        if finite(found):
-            change = [(f - b)[None] for f, b in zip(found, reference.averaged, strict=True)]
-            s = shrink(evidence.shrunk(evidence.rows(change), weight))[0] / root
-            out.append((q, q.typical, evidence.variances(s)))
-    return out
+    rows = (shrink(evidence.shrunk(c.rows[None].astype(np.float64), weight))[0] for c in changes)
+    return [evidence.variances(r / root) for r in rows]
 
 
 def _asked(effect: Effect) -> list[dict[str, float]]:

@@ -41,7 +41,7 @@ from smad.diagnosis.rivals.score import (
     log_scores,
     probabilities,
 )
-from smad.diagnosis.rivals.screening import screened
+from smad.diagnosis.rivals.screening import Change, Screened, changes_at, screened
 
 Say = Callable[[str], None]
 _SCREENED = 6
@@ -50,12 +50,10 @@ _LAWS = 4
 """Places whose law is fitted."""
 _KEPT = 1e8
 """Precision of parameters that stay where they are."""
-_FIRST_ROUNDS = 3
-_LONG = 4
-"""Fits that go on to their end."""
+_FIRST_ROUNDS = 4
 _POLISHED, _WITHIN = 3, 60.0
-"""Fits that get slopes of the parameters of their own, and how much more than the best one they may
-leave to be worth it, in units of F."""
+"""Fits that go on to their end, and how much more than the best one they may leave to be worth it,
+in units of F."""
 NEAR = 1.3
 """A channel that leaves at most so many floors shows nothing more: floors are known to a third."""
 
@@ -202,9 +200,12 @@ class Searched:
 
     `configured` is the simulator as it was, `parameters` with other values of them and no part,
     `final` with everything that entered. `moved`: other values of the parameters are among that.
+    `changes` are what each effect changes at the `nominal` simulator.
     """
 
     question: Question
+    nominal: Reference
+    changes: tuple[Change, ...]
     configured: Rival
     parameters: Rival
     steps: tuple[Step, ...]
@@ -235,8 +236,8 @@ def searched(question: Question, *, most: int, exchange: bool = True) -> Searche
         # What leaves more of the judged runs than parameters alone is not told, whatever it is.
         search.current, search.moved = parameters, True
     return Searched(
-        question=question, configured=configured, parameters=parameters, steps=tuple(steps),
-        final=search.current, moved=search.moved,
+        question=question, nominal=search.nominal, changes=search.changes, configured=configured,
+        parameters=parameters, steps=tuple(steps), final=search.current, moved=search.moved,
     )  # fmt: skip
 
 
@@ -250,6 +251,7 @@ class _Search:
 
     question: Question
     nominal: Reference
+    changes: tuple[Change, ...]
     configured: Rival
     parameters: Rival
     current: Rival
@@ -274,7 +276,9 @@ class _Search:
             current = question.fitted(NOTHING, NOTHING, nominal)
         if configured is None or parameters is None or current is None:
             return None
+        question.say("screening the effects")
         return cls(question=question, nominal=nominal, configured=configured,
+                   changes=changes_at(e, nominal, [x for x in question.effects if x.parameters]),
                    parameters=parameters, current=current, moved=question.tied is None,
                    responses=question.responses)  # fmt: skip
 
@@ -330,22 +334,33 @@ class _Search:
             base = self._without(fitted, i)
             if base is None:
                 continue
-            others = [r for r in self._rivals(base, first=False) if r.name != name]
-            ranked = question.ranked([replace(current, kind=EFFECT, name=name), *others])
+            asked = self._screened(base)
+            gain = max((s.gain for s in asked if s.part.name == name), default=0.0)
+            fits = _Fits(question, self.nominal)
+            for s in [s for s in asked if s.gain > gain][:_SCREENED]:
+                fits.begin(EFFECT, s.reference, s.part, s.coordinates)
+            ranked = question.ranked([replace(current, kind=EFFECT, name=name), *fits.rivals()])
             if ranked[0].name != name and question.gap(ranked[0]) < question.gap(current):
                 current = ranked[0]
         return current
 
-    def _without(self, fitted: Fit, i: int) -> Rival | None:
+    def _without(self, fitted: Fit, i: int) -> Reference | None:
         """The model without one of its parts, fitted anew."""
-        model = fitted.model
+        e, model = self.question.evidence, fitted.model
         kept = [k for k in range(len(model.parts)) if k != i]
         x = np.concatenate([
             fitted.x[: model.parameters], *(fitted.x[model.slices[k]] for k in kept)
         ])  # fmt: skip
         smaller = model.with_parts([model.parts[k] for k in kept])
-        here = reference_at(self.question.evidence, smaller, x)
-        return None if here is None else self.question.fitted(NOTHING, NOTHING, here)
+        here = rebased(e, replace(fitted, model=smaller, x=x))
+        made = here and fit(e, smaller, x, here, tau=self.question.tau)
+        return rebased(e, made) if made else None
+
+    def _screened(self, reference: Reference) -> list[Screened]:
+        """The effects that a reference does not have, the most promising first."""
+        present = {part.name for part in reference.model.parts}
+        changes = [c for c in self.changes if c.effect.name not in present]
+        return screened(self.question.evidence, reference, changes, self.question.tau)
 
     def _rivals(self, current: Rival, *, first: bool) -> list[Rival]:
         """Effects and laws beside what a model has, each fitted and scored."""
@@ -353,13 +368,13 @@ class _Search:
         here = None if current.fit is None else rebased(e, current.fit)
         if here is None:
             return []
-        present = {part.name for part in here.model.parts}
-        effects = [x for x in question.effects if x.name not in present and x.parameters]
-        question.say("screening the effects")
         fits = _Fits(question, self.nominal)
-        # The nominal simulator, too: where parameters have moved to imitate an effect it is hidden.
-        for reference in (here, replace(self.nominal, model=here.model)) if first else (here,):
-            for s in screened(e, reference, effects, question.tau)[:_SCREENED]:
+        references = [here]
+        if first and question.tied is None:
+            # Where the parameters have moved to imitate an effect it is hidden.
+            references.append(replace(self.nominal, model=here.model))
+        for reference in references:
+            for s in self._screened(reference)[:_SCREENED]:
                 fits.begin(EFFECT, reference, s.part, s.coordinates)
         rivals = fits.rivals()
         best = max(rivals, key=lambda r: r.scores.sum(), default=None)
@@ -368,7 +383,8 @@ class _Search:
         question.say("laws of the places")
         space = LawSpace.at(e, here, question.tau, self.responses, question.say)
         self.responses = space.responses
-        laws = _Fits(question, self.nominal)
+        present = {part.name for part in here.model.parts}
+        laws = _Fits(question, self.nominal, least=fits.least)
         for law in space.selected()[:_LAWS]:
             if law.part.name not in present:
                 laws.begin(LAW, here, law.part, law.coordinates)
@@ -376,11 +392,15 @@ class _Search:
 
 
 class _Fits:
-    """Fits that compete: a few rounds for all, more for the best, own slopes for the first."""
+    """Fits that compete: a few rounds for all, the best go on to their end.
 
-    def __init__(self, question: Question, nominal: Reference) -> None:
+    `least` is the least F of a fit so far.
+    """
+
+    def __init__(self, question: Question, nominal: Reference, least: float = float("inf")) -> None:
+        self.least = least
         self._question, self._nominal = question, nominal
-        self._found: dict[str, tuple[str, Fit, Reference]] = {}
+        self._found: dict[str, tuple[str, Fit]] = {}
 
     def begin(self, kind: str, reference: Reference, part: Part, coordinates: Array) -> None:
         """A few rounds of a part beside a reference; the better of two of one name stays."""
@@ -392,20 +412,22 @@ class _Fits:
                    rounds=_FIRST_ROUNDS)  # fmt: skip
         known = self._found.get(part.name)
         if made and (known is None or made.objective < known[1].objective):
-            self._found[part.name] = kind, made, reference
+            self._found[part.name] = kind, made
+            self.least = min(self.least, made.objective)
 
     def rivals(self) -> list[Rival]:
         """The fits as rivals."""
-        question, e, tau = self._question, self._question.evidence, self._question.tau
-        fits = {name: made for name, (_, made, _) in self._found.items()}
-        for name in _best(fits)[:_LONG]:
-            _, made, reference = self._found[name]
-            fits[name] = fit(e, made.model, made.x, reference, tau=tau) or made
-        ordered = _best(fits)[:_POLISHED]
-        near = [n for n in ordered if fits[n].objective < fits[ordered[0]].objective + _WITHIN]
-        for name in near:
-            fits[name] = polished(e, fits[name], tau)
-        kinds = {name: kind for name, (kind, _, _) in self._found.items()}
+        question = self._question
+        fits = {name: made for name, (_, made) in self._found.items()}
+        near = []
+        for name in _best(fits)[:_POLISHED]:
+            if fits[name].objective < self.least + _WITHIN:
+                near.append(name)
+                # Parameters that are tied stay where their slopes hold.
+                fits[name] = polished(question.evidence, fits[name], question.tau,
+                                      moved=question.tied is None)  # fmt: skip
+                self.least = min(self.least, fits[name].objective)
+        kinds = {name: kind for name, (kind, _) in self._found.items()}
         scored = {name: question.rival(kinds[name], name, f) for name, f in fits.items()}
         for name in near:
             if (kept := self._with_parameters_kept(kinds[name], name, fits[name])) is not None:

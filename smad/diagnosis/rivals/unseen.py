@@ -10,32 +10,33 @@ import numpy as np
 from scipy.optimize import brentq
 
 from smad.diagnosis.numerics.folds import Array
-from smad.diagnosis.rivals.fit import rebased, reference_at
-from smad.diagnosis.rivals.screening import changes_of
-from smad.diagnosis.rivals.search import Question, Rival
+from smad.diagnosis.rivals.fit import rebased
+from smad.diagnosis.rivals.screening import added_squares
+from smad.diagnosis.rivals.search import Searched
 
 _RANGE = (1e-6, 1e6)
 
 
-def unseen_strengths(question: Question, final: Rival) -> list[str]:
+def unseen_strengths(search: Searched) -> list[str]:
     """Each effect with the strength that would have been told, those least seen first."""
-    e, fit = question.evidence, final.fit
-    zero = np.zeros(question.model.parameters)
-    here = reference_at(e, question.model, zero) if fit is None else rebased(e, fit)
+    question, fit = search.question, search.final.fit
+    e = question.evidence
+    here = search.nominal if fit is None else rebased(e, fit)
     if here is None:
         return []
     present = {part.name for part in here.model.parts}
     v = e.variances(e.left(here.exact))
     runs = len(question.judged.trials)
     needed = question.temper.nothing - question.temper.effect + np.log(len(question.effects) or 1)
+    asked = [(c, q) for c in search.changes if c.effect.name not in present and (q := c.typical)]
     rows: list[tuple[float, str]] = []
-    for effect in (x for x in question.effects if x.name not in present):
-        for q, value, added in changes_of(e, here, effect, question.tau):
-            size = _strength(v, added, 2.0 * needed / (question.temper.evidence * runs))
-            unit = "" if q.unit == "1" else f" {q.unit}"
-            strength = size * abs(value)
-            words = f"less than {strength:.2g}{unit}" if strength < q.high else "any strength"
-            rows.append((strength / abs(q.typical), f"{effect.name}, {q.name}: {words}"))
+    squares = added_squares(e, here, [c for c, _ in asked], question.tau)
+    for (change, q), added in zip(asked, squares, strict=True):
+        size = _strength(v, added, 2.0 * needed / (question.temper.evidence * runs))
+        unit = "" if q.unit == "1" else f" {q.unit}"
+        strength = size * abs(q.typical)
+        words = f"less than {strength:.2g}{unit}" if strength < q.high else "any strength"
+        rows.append((strength / abs(q.typical), f"{change.effect.name}, {q.name}: {words}"))
     return [text for _, text in sorted(rows, reverse=True)]
 
 
