@@ -21,7 +21,6 @@ from evaluation.plant.layout import (
     LAG_A,
     LAG_B,
     LAG_C,
-    LIMITED,
     LONG_ON,
     OHM,
     PUMP,
@@ -33,7 +32,6 @@ from evaluation.plant.layout import (
     SPEED,
     SPIN,
     SPIN_RATE,
-    STARTED,
     TIME,
     TIRED,
     X,
@@ -56,8 +54,6 @@ DEAD_TIME = slot("pump_dead_time")
 SHORTFALL = slot("flow_shortfall")
 LEAK = slot("valve_leak")
 CAVITATION = slot("pump_cavitation")
-POWER_LIMIT = slot("shared_power_limit")
-COARSE = slot("coarse_driver")
 BATTERY = slot("tired_battery")
 SOFT_START = slot("soft_start")
 COASTING = slot("coasting_pump")
@@ -104,12 +100,6 @@ def current(
     if e[s, SATURATION] > 0.0:
         knee = CURRENT_LIMIT_A / e[s, SATURATION] * p[RESISTANCE] / side[s, OHM]
         i /= (1.0 + (i / knee) ** 8) ** 0.125
-    if e[0, POWER_LIMIT] > 0.0:
-        watts = side[0, AMPERE] ** 2 * side[0, OHM] + side[1, AMPERE] ** 2 * side[1, OHM]
-        side[s, LIMITED] = approach(side[s, LIMITED], max(watts / 8.0 - 1.0, 0.0), dt, 0.5)
-        i /= 1.0 + e[0, POWER_LIMIT] * side[s, LIMITED]
-    if e[s, COARSE] > 0.0:
-        i = e[s, COARSE] * round(i / e[s, COARSE])
     if e[0, BATTERY] > 0.0:
         load = (side[0, AMPERE] + side[1, AMPERE]) / CURRENT_LIMIT_A
         side[s, DRAINED] = approach(side[s, DRAINED], load, dt, 40.0)
@@ -168,7 +158,6 @@ def flow(
     share = _pump_speed(s, p, e, side, pair, ring, dt)
     if e[s, SHORTFALL] > 0.0 and share > 0.0:
         share = (1.0 - e[s, SHORTFALL]) * share ** (1.0 + e[s, SHORTFALL])
-    side[s, STARTED] = approach(side[s, STARTED], side[s, PUMP], dt, 1.2)
     side[s, PUMP_ON] = side[s, PUMP_ON] + dt if share > 0.05 else 0.0
     if e[s, CAVITATION] > 0.0:
         side[s, HOT] += dt * (heat_W / 25.0 - side[s, HOT] / 30.0)

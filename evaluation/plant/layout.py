@@ -47,13 +47,7 @@ CELL_WIDTH = PLAY + PLAYS
     QUIET,
     COMPLIANT,
     FREE_STRAIN,
-    STARTED,
-    LIMITED,
-    MOTOR,
-    AMMETER,
     GROWN,
-    CHARGE,
-    GRIP,
     DRAINED,
     RAMPED,
     CLIP,
@@ -80,7 +74,7 @@ CELL_WIDTH = PLAY + PLAYS
     AVERAGED,
     SHRUNK,
     SIDE_WIDTH,
-) = range(57)
+) = range(51)
 
 (
     TIME,
@@ -96,7 +90,6 @@ CELL_WIDTH = PLAY + PLAYS
     FRAME,
     RESERVOIR,
     GLANCE,
-    CELL_WARM,
     COUPLED,
     GUIDE,
     BOARD,
@@ -111,7 +104,7 @@ CELL_WIDTH = PLAY + PLAYS
     INDEXED,
     SPONGE,
     PAIR_WIDTH,
-) = range(28)
+) = range(27)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256

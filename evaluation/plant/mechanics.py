@@ -24,13 +24,10 @@ from evaluation.plant.layout import (
     FORCE_X,
     FORCE_Y,
     FRACTION,
-    FRAME,
     FREE_STRAIN,
     FRICTION,
     GIVEN_WAY,
-    GRIP,
     GROWN,
-    PUMP,
     R_PHASE,
     RATCHETED,
     RATE,
@@ -38,7 +35,6 @@ from evaluation.plant.layout import (
     SHRUNK,
     SPEED,
     SPONGE,
-    STARTED,
     TIME,
     TURNED,
     WORK_DONE,
@@ -68,10 +64,6 @@ COILS_TOUCH = slot("coil_contact")
 BOURDON = slot("pump_bourdon")
 DRIFT = slot("transformation_drift")
 R_PHASES = slot("r_phase")
-EXPANSION = slot("coil_expansion")
-SLIPPING = slot("clamp_slip")
-GROWTH = slot("frame_growth")
-HAMMER = slot("water_hammer")
 RATCHET = slot("plastic_ratchet")
 ANCHOR = slot("rubber_anchor")
 LIP = slot("lip_seal")
@@ -87,7 +79,6 @@ PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
 COILS_CLOSE_m = 0.020
 DETENT_m = 2.5e-3  # how far from its rest a magnet holds the tendon hardest
-GRIPS_m = 2e-3  # how far a tube is drawn from its rest before it slips in its clamp
 
 
 @compiled
@@ -98,15 +89,12 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     if e[s, DRIFT] > 0.0:
         strain *= 1.0 - 0.02 * e[s, DRIFT] * (1.0 - math.exp(-side[s, WORK_DONE] / 3.0))
     total = 0.0
-    warm = 0.0
     for i in range(CELLS):
         fraction = cells[s, i, FRACTION]
         total += 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
-        warm += (cells[s, i, T] - 27.0) / CELLS
         if e[s, R_PHASES] > 0.0:
             total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * p[STRESS] / 57.0
-    side[s, GROWN] = e[s, EXPANSION] * 1e-3 * warm / 20.0
-    side[s, GROWN] += e[s, RATCHET] * 1e-3 * side[s, RATCHETED]
+    side[s, GROWN] = e[s, RATCHET] * 1e-3 * side[s, RATCHETED]
     side[s, GROWN] += e[s, ANCHOR] * 1e-3 * side[s, GIVEN_WAY]
     side[s, GROWN] += e[s, CRIMP_CREEPS] * 1e-3 * side[s, CRIMP]
     side[s, GROWN] -= e[s, SHRINKING] * 1e-3 * side[s, SHRUNK]
@@ -137,18 +125,6 @@ def deflection(s: int, force: float, p: Array, cells: Array, side: Array) -> tup
         else:
             length += share * cells[s, i, TURNED]
     return length, slope
-
-
-@compiled
-def gripped(s: int, length: float, e: Array, side: Array) -> float:
-    """Force (N) of the tube of spring `s` between its clamps."""
-    return float(e[s, SLIPPING] * min(max((length - side[s, GRIP]) / GRIPS_m, -1.0), 1.0))
-
-
-@compiled
-def jolt(s: int, e: Array, side: Array) -> float:
-    """Force (N) by which a pump that changes its speed takes from the tendon."""
-    return float(e[s, HAMMER] * (side[s, PUMP] - side[s, STARTED]))
 
 
 @compiled
@@ -185,10 +161,6 @@ def pull(
         rate = e[s, PARALLEL] * 58.0 * max(0.3, 1.0 - 0.004 * warm)
         force += rate * off * (1.0 + 60.0 * abs(off))
         slope += rate * (1.0 + 120.0 * abs(off))
-    if e[s, SLIPPING] > 0.0:
-        force += gripped(s, length, e, side)
-        slope += e[s, SLIPPING] / GRIPS_m
-    force -= jolt(s, e, side)
     if e[s, COILS_TOUCH] > 0.0 and length < COILS_CLOSE_m:
         close = (COILS_CLOSE_m - length) / 0.005
         force -= 0.05 * e[s, COILS_TOUCH] * close**1.5
@@ -212,7 +184,6 @@ def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
         scale = e[0, CREEP] * 1e-3 * math.log(1.0 + pair[TIME] / 3.0)
         stretch += scale * tension
         slope += scale
-    stretch -= e[0, GROWTH] * 1e-3 * pair[FRAME]
     return stretch, slope
 
 
@@ -322,8 +293,6 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
         turned = turned_by(wire, p)
         for i in range(CELLS):
             cells[s, i, TURNED] = max(cells[s, i, TURNED], turned)
-        length = 0.5 * p[SPAN] + (x if s == 1 else -x)
-        side[s, GRIP] = min(max(side[s, GRIP], length - GRIPS_m), length + GRIPS_m)
         if e[s, ANCHOR] > 0.0:
             tension = force_x if s == 0 else force_y
             side[s, GIVEN_WAY] = approach(side[s, GIVEN_WAY], (tension - 1.24) / 0.4, dt, 3.0)
@@ -345,7 +314,6 @@ def wire_stress(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Arr
     off = length - PRESTRETCH_m
     if e[s, PARALLEL] > 0.0:
         beside += e[s, PARALLEL] * 58.0 * off * (1.0 + 60.0 * abs(off))
-    beside += gripped(s, length, e, side) - jolt(s, e, side)
     if e[s, COILS_TOUCH] > 0.0 and length < COILS_CLOSE_m:
         beside -= 0.05 * e[s, COILS_TOUCH] * ((COILS_CLOSE_m - length) / 0.005) ** 1.5
     if e[s, BOURDON] != 0.0:

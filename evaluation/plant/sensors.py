@@ -12,14 +12,12 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.drive import approach, late
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
-    AMMETER,
     AMPERE,
     AMPERE_BEFORE,
     AVERAGED,
     BOARD,
     BOUND,
     BRACKET,
-    CELL_WARM,
     CELLS,
     CLIP,
     CONTACT,
@@ -86,11 +84,6 @@ ECCENTRIC = slot("encoder_eccentricity")
 FRAME_WARMS = slot("force_frame_warming")
 SHUNT_WARMS = slot("shunt_self_heating")
 BEAT = slot("supply_beat")
-CLIPS = slot("clip_tension")
-BOW = slot("rtd_bow")
-BENDING = slot("shaft_bending")
-SPAN_DRIFT = slot("cell_span_drift")
-AMMETER_LAG = slot("ammeter_average")
 BATTERY = slot("tired_battery")
 GALVANIC = slot("galvanic_clip")
 WARMUP = slot("rtd_warmup")
@@ -137,9 +130,6 @@ def rtd(
     reading += e[s, RTD_OFFSET] * (1.0 + 0.01 * (reading - 27.0))
     reading += e[s, PICKUP] * (side[s, AMPERE] + 0.2 * side[1 - s, AMPERE])
     reading += e[s, WARMUP] * (1.0 - math.exp(-time / 25.0))
-    if e[s, BOW] != 0.0:
-        z = (reading - 27.0) / 30.0
-        reading += 4.0 * e[s, BOW] * z * (1.0 - z)
     if e[s, SOAKS] > 0.0:
         wet = min(max(seen - 38.0, 0.0) / 10.0, 1.0) * (1.0 - side[s, SOAKED])
         side[s, SOAKED] += dt * (wet / 5.0 - side[s, SOAKED] / 40.0)
@@ -184,7 +174,6 @@ def travel(seen_mm: float, dt: float, e: Array, cells: Array, side: Array, pair:
         phase = 2.0 * math.pi * e[2, ECCENTRIC]
         turn = 2.0 * math.pi * reading / TURN_mm
         reading += e[0, ECCENTRIC] * (math.sin(turn + phase) - math.sin(phase))
-    reading += e[0, BENDING] * (pair[FORCE_X] / 1.24 - 1.0)
     if e[0, COUPLING] > 0.0:
         pair[COUPLED] = approach(pair[COUPLED], reading, dt, 6.0)
         reading -= e[0, COUPLING] * (reading - pair[COUPLED])
@@ -213,12 +202,6 @@ def load(
     """Load cell reading (N) for a tendon force (N)."""
     time = pair[TIME]
     reading = seen_N * (1.0 + e[0, FORCE_GAIN] * (0.7 + 0.2 * seen_N))
-    if e[0, SPAN_DRIFT] != 0.0:
-        warm = 0.0
-        for i in range(CELLS):
-            warm += (cells[0, i, W] - 27.0) / CELLS
-        pair[CELL_WARM] = approach(pair[CELL_WARM], warm, dt, 20.0)
-        reading *= 1.0 + e[0, SPAN_DRIFT] * pair[CELL_WARM] / 20.0
     if e[0, FORCE_CREEP] > 0.0:
         pair[CREEP_FAST] = approach(pair[CREEP_FAST], seen_N - 1.24, dt, 4.0)
         pair[CREEP_SLOW] = approach(pair[CREEP_SLOW], seen_N - 1.24, dt, 40.0)
@@ -267,16 +250,10 @@ def read(
     for s in range(2):
         warm = 1.0 + e[s, SHUNT_WARMS] * side[s, SHUNT]
         out[s] = side[s, AMPERE] * warm
-        if e[s, AMMETER_LAG] > 0.0:
-            side[s, AMMETER] = approach(side[s, AMMETER], out[s], dt, e[s, AMMETER_LAG])
-            out[s] = side[s, AMMETER]
         out[s] += e[0, HALL_DRIFT] * pair[BOARD]
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
-        if e[s, CLIPS] > 0.0:
-            tension = max(pair[FORCE_X] if s == 0 else pair[FORCE_Y], 0.3)
-            out[2 + s] += e[s, CLIPS] * side[s, AMPERE] * ((1.24 / tension) ** 2 - 1.0)
         if e[s, GALVANIC] != 0.0:
             side[s, CLIP] = approach(side[s, CLIP], cells[s, CELLS - 1, T] - 27.0, dt, 4.0)
             out[2 + s] += e[s, GALVANIC] * side[s, CLIP] / 20.0

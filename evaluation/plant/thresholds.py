@@ -12,7 +12,6 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     ASLEEP,
-    CHARGE,
     COOLED_FROM,
     HEATED_FROM,
     INNER_STRESS,
@@ -31,7 +30,6 @@ MINOR_LOOP = slot("minor_loop")
 DRIFT = slot("transformation_drift")
 OVERSHOOT = slot("rate_overshoot")
 STABILISED = slot("martensite_stabilisation")
-HYDROGEN = slot("hydrogen_uptake")
 PRECIPITATION = slot("precipitation")
 LINGERING = slot("lingering_stress")
 
@@ -56,10 +54,6 @@ def shifts(
         cool -= 0.5 * apart
     if e[s, STABILISED] > 0.0:
         heat += e[s, STABILISED] * math.log10(1.0 + side[s, ASLEEP] / 4.0)
-    if e[s, HYDROGEN] != 0.0:
-        lowered = e[s, HYDROGEN] * side[s, CHARGE] / (side[s, CHARGE] + 60.0)
-        heat -= lowered
-        cool -= lowered
     if e[s, PRECIPITATION] > 0.0:
         risen = e[s, PRECIPITATION] * (1.0 - math.exp(-cells[s, i, PRECIPITATED]))
         heat += risen

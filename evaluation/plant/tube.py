@@ -16,7 +16,6 @@ from evaluation.plant.layout import (
     ASLEEP,
     BUBBLE,
     CELLS,
-    CHARGE,
     CONTACT,
     COOLED_FROM,
     CORRODED,
@@ -40,7 +39,6 @@ from evaluation.plant.layout import (
     RATE,
     RESERVOIR,
     SHUNT,
-    SPEED,
     SWIRL,
     TIME,
     TURNED,
@@ -95,8 +93,6 @@ EXPONENT = slot("convection_exponent")
 STRESS_LATENT = slot("stress_latent_heat")
 SWELLING = slot("tube_swelling")
 R_PHASES = slot("r_phase")
-HOT_CLIPS = slot("hot_clips")
-STIRRING = slot("stirring_coils")
 TOUCHING = slot("touching_tubes")
 SWIRLING = slot("lasting_swirl")
 PRECIPITATION = slot("precipitation")
@@ -183,8 +179,6 @@ def coefficients(
         latent *= 1.0 - min(e[s, LATENT_FADES], 0.9) * (1.0 - math.exp(-side[s, WORK_DONE] / 1.5))
     share = min(side[s, FLOW] / p[FULL_FLOW], 1.5)
     reach = 1.0 / (1.0 + e[s, LIME] * side[s, LIMED])
-    if e[s, STIRRING] > 0.0:
-        reach *= 1.0 + e[s, STIRRING] * min(abs(pair[SPEED]) / 5e-3, 3.0)
     if e[s, ON_THE_WALL] > 0.0:
         tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
         reach /= 1.0 + e[s, ON_THE_WALL] * max((1.5 - tension) / 0.3, 0.0)
@@ -215,8 +209,6 @@ def coefficients(
         row[STORES] = p[WIRE_HEAT] / CELLS
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
     rows[CELLS - 1, TO_CLAMP] = 0.5 * e[s, COLD_ENDS]
-    rows[0, HEAT_WIRE] += 0.5 * e[s, HOT_CLIPS] * side[s, CONTACT]
-    rows[CELLS - 1, HEAT_WIRE] += 0.5 * e[s, HOT_CLIPS] * side[s, CONTACT]
     if e[s, SWEATING] > 0.0 or e[1 - s, LEADS] > 0.0 or e[s, PEAK] > 0.0:
         odd_heat(s, e, cells, side, rows)
     if e[s, ROD] > 0.0 or e[1 - s, DRIPPING] > 0.0 or e[0, LAMP] > 0.0:
@@ -315,7 +307,6 @@ def remember(
         tension = stress / p[STRESS]
         fading = approach(side[s, INNER_STRESS], tension, dt, 25.0)
         side[s, INNER_STRESS] = max(tension, fading)
-    side[s, CHARGE] += abs(side[s, AMPERE]) * dt
     side[s, WORK_DONE] += moved_all
     side[s, RATCHETED] += moved_all * stress / 57.0
     side[s, RATE] = approach(side[s, RATE], moved_all / dt, dt, 0.3)
@@ -346,7 +337,7 @@ def tube(
     """Advance spring `s` and its water by one tick."""
     calm = abs(amperes - side[s, AMPERE]) < 0.2
     side[s, AMPERE] = amperes
-    source = entering(s, inlet, dt, e, side, pair)
+    source = entering(inlet, e, pair)
     wet_shares(s, e, cells, side, source, dt)
     pockets(s, e, cells, side, luck, dt)
     mix = coefficients(s, amperes, stress, ambient, p, e, cells, side, pair, heat, rows)

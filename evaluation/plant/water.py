@@ -9,16 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.plant.compiled import compiled
-from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     BUBBLE,
     CELLS,
     FILL,
     FLOW,
-    MOTOR,
     POCKET,
-    PUMP,
     RESERVOIR,
     SINK_WARM,
     WET,
@@ -29,7 +26,6 @@ Array = NDArray[np.float64]
 
 DRAIN = slot("water_drain")
 BUBBLES = slot("air_bubbles")
-WASTE = slot("pump_waste_heat")
 HEATSINK = slot("hose_on_heatsink")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
@@ -74,12 +70,9 @@ def pockets(s: int, e: Array, cells: Array, side: Array, luck: float, dt: float)
 
 
 @compiled
-def entering(s: int, inlet: float, dt: float, e: Array, side: Array, pair: Array) -> float:
+def entering(inlet: float, e: Array, pair: Array) -> float:
     """Temperature (°C) of the water at the tube's inlet, after what warms it on its way."""
     source = inlet + pair[RESERVOIR]
-    if e[s, WASTE] > 0.0:
-        side[s, MOTOR] = approach(side[s, MOTOR], side[s, PUMP], dt, 20.0)
-        source += e[s, WASTE] * side[s, MOTOR]
     if e[0, HEATSINK] > 0.0:
         source += e[0, HEATSINK] * pair[SINK_WARM]
     return float(source)
