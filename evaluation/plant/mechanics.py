@@ -16,6 +16,8 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
+    AMPERE,
+    ANNEALED,
     CELLS,
     COMPLIANT,
     CRIMP,
@@ -28,6 +30,7 @@ from evaluation.plant.layout import (
     FRICTION,
     GIVEN_WAY,
     GROWN,
+    PLIED,
     R_PHASE,
     RATCHETED,
     RATE,
@@ -35,6 +38,7 @@ from evaluation.plant.layout import (
     SHRUNK,
     SPEED,
     SPONGE,
+    TAUT_BEFORE,
     TIME,
     TURNED,
     WORK_DONE,
@@ -74,10 +78,16 @@ MOBILE = slot("mobile_interfaces")
 SHRINKING = slot("shrinking_tendon")
 SOAKING = slot("hanging_sponge")
 GRIPPING = slot("gripping_hose")
+ANNEALING = slot("annealed_spring")
+SOFTENING = slot("cyclic_softening")
+ATTRACTING = slot("attracting_turns")
+PLIES = slot("plied_tendon")
+BENT_GUIDE = slot("bent_guide")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
 COILS_CLOSE_m = 0.020
+PLIES_N = 0.2  # change of tension over which the friction between plies turns round
 DETENT_m = 2.5e-3  # how far from its rest a magnet holds the tendon hardest
 
 
@@ -100,6 +110,10 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     side[s, GROWN] -= e[s, SHRINKING] * 1e-3 * side[s, SHRUNK]
     if e[s, MOBILE] > 0.0:
         total *= 1.0 + e[s, MOBILE] * side[s, RATE] / (side[s, RATE] + 0.03)
+    if e[s, SOFTENING] > 0.0:
+        total *= 1.0 + e[s, SOFTENING] * (1.0 - math.exp(-side[s, WORK_DONE] / 1.5))
+    if e[s, ANNEALING] > 0.0:
+        total *= 1.0 + e[s, ANNEALING] * (1.0 - math.exp(-side[s, ANNEALED]))
     side[s, COMPLIANT] = total / CELLS
     side[s, FREE_STRAIN] = strain / CELLS
 
@@ -167,6 +181,7 @@ def pull(
         slope += 0.05 * e[s, COILS_TOUCH] * 1.5 * math.sqrt(close) / 0.005
     if e[s, BOURDON] != 0.0:
         force -= e[s, BOURDON] * (side[s, FLOW] / p[FULL_FLOW]) ** 2
+    force += e[s, ATTRACTING] * (side[s, AMPERE] / 4.0) ** 2
     return force, slope
 
 
@@ -184,6 +199,11 @@ def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
         scale = e[0, CREEP] * 1e-3 * math.log(1.0 + pair[TIME] / 3.0)
         stretch += scale * tension
         slope += scale
+    if e[0, PLIES] > 0.0:
+        rubbed = pair[PLIED] + (force - pair[TAUT_BEFORE]) / PLIES_N
+        stretch += 1e-3 * e[0, PLIES] * min(max(rubbed, -1.0), 1.0)
+        if abs(rubbed) < 1.0:
+            slope += 1e-3 * e[0, PLIES] / PLIES_N
     return stretch, slope
 
 
@@ -245,6 +265,11 @@ def resisting(
         scale = e[0, GRIPPING] * (side[0, FLOW] + side[1, FLOW]) / full_flow
         total += scale * v / (abs(v) + 1.0)
         slope += scale / (abs(v) + 1.0) ** 2 / dt / 5e-4
+    if e[0, BENT_GUIDE] > 0.0:
+        v = (x - before) / dt / 5e-4
+        scale = e[0, BENT_GUIDE] * abs(before) / 5e-3
+        total += scale * v / (abs(v) + 1.0)
+        slope += scale / (abs(v) + 1.0) ** 2 / dt / 5e-4
     return total, slope, bristle
 
 
@@ -282,6 +307,9 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     pair[FORCE_Y] = force_y
     pair[FRICTION] = bristle
     pair[SPEED] = (x - before) / dt
+    rubbed = pair[PLIED] + (force_y - pair[TAUT_BEFORE]) / PLIES_N
+    pair[PLIED] = min(max(rubbed, -1.0), 1.0)
+    pair[TAUT_BEFORE] = force_y
     if e[0, GREASE] > 0.0:
         stirred = (1.0 - pair[SHEARED]) * abs(pair[SPEED]) / 4e-3
         pair[SHEARED] = min(pair[SHEARED] + dt * (stirred - pair[SHEARED] / 8.0), 1.0)
@@ -318,4 +346,5 @@ def wire_stress(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Arr
         beside -= 0.05 * e[s, COILS_TOUCH] * ((COILS_CLOSE_m - length) / 0.005) ** 1.5
     if e[s, BOURDON] != 0.0:
         beside -= e[s, BOURDON] * (side[s, FLOW] / p[FULL_FLOW]) ** 2
+    beside += e[s, ATTRACTING] * (side[s, AMPERE] / 4.0) ** 2
     return float(max(tendon - beside, 0.0) * p[STRESS])

@@ -12,6 +12,7 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     ASLEEP,
+    AWAKE,
     COOLED_FROM,
     HEATED_FROM,
     INNER_STRESS,
@@ -32,6 +33,8 @@ OVERSHOOT = slot("rate_overshoot")
 STABILISED = slot("martensite_stabilisation")
 PRECIPITATION = slot("precipitation")
 LINGERING = slot("lingering_stress")
+NARROWING = slot("narrowing_loop")
+RESTING = slot("resting_austenite")
 
 
 @compiled
@@ -62,4 +65,10 @@ def shifts(
         lifted = e[s, LINGERING] * max(side[s, INNER_STRESS] - 1.35, 0.0) / 0.4
         heat += lifted
         cool += lifted
+    if e[s, NARROWING] > 0.0:
+        nearer = e[s, NARROWING] * (1.0 - math.exp(-side[s, WORK_DONE] / 2.0))
+        heat -= nearer
+        cool += 0.5 * nearer
+    if e[s, RESTING] > 0.0:
+        cool -= e[s, RESTING] * math.log10(1.0 + 2.0 * side[s, AWAKE])
     return heat, cool

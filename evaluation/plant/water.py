@@ -9,15 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.plant.compiled import compiled
+from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     BUBBLE,
     CELLS,
     FILL,
     FLOW,
+    HOSE_WARM,
     POCKET,
     RESERVOIR,
     SINK_WARM,
+    TIME,
     WET,
     W,
 )
@@ -27,10 +30,13 @@ Array = NDArray[np.float64]
 DRAIN = slot("water_drain")
 BUBBLES = slot("air_bubbles")
 HEATSINK = slot("hose_on_heatsink")
+HOSES_TOUCH = slot("hoses_side_by_side")
+CHILLER = slot("cycling_chiller")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
 POCKET_S = 0.5
+CHILLER_S = 26.0
 
 
 @compiled
@@ -70,9 +76,18 @@ def pockets(s: int, e: Array, cells: Array, side: Array, luck: float, dt: float)
 
 
 @compiled
-def entering(inlet: float, e: Array, pair: Array) -> float:
+def entering(
+    s: int, inlet: float, dt: float, e: Array, cells: Array, side: Array, pair: Array
+) -> float:
     """Temperature (°C) of the water at the tube's inlet, after what warms it on its way."""
     source = inlet + pair[RESERVOIR]
     if e[0, HEATSINK] > 0.0:
         source += e[0, HEATSINK] * pair[SINK_WARM]
+    if e[1 - s, HOSES_TOUCH] > 0.0:
+        beside = (cells[1 - s, CELLS - 1, W] - 27.0) / 20.0
+        side[s, HOSE_WARM] = approach(side[s, HOSE_WARM], beside, dt, 6.0)
+        source += e[1 - s, HOSES_TOUCH] * side[s, HOSE_WARM]
+    if e[0, CHILLER] > 0.0:
+        turn = pair[TIME] / CHILLER_S + e[2, CHILLER]
+        source += e[0, CHILLER] * math.sin(2.0 * math.pi * turn)
     return float(source)
