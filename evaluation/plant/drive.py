@@ -14,6 +14,7 @@ from evaluation.plant.layout import (
     AIR_DRAWN,
     AMPERE,
     DRAINED,
+    EMPTIED,
     FLOW,
     GLANCE,
     HELD_DOWN,
@@ -21,19 +22,19 @@ from evaluation.plant.layout import (
     LAG_A,
     LAG_B,
     LAG_C,
-    LIMITED,
     LONG_ON,
     OHM,
     PUMP,
     PUMP_ON,
     RAMPED,
+    RETURN_WARM,
     RING_DUTY_X,
     RING_LENGTH,
+    SETPOINT,
     SETTLED,
     SPEED,
     SPIN,
     SPIN_RATE,
-    STARTED,
     TIME,
     TIRED,
     X,
@@ -56,8 +57,6 @@ DEAD_TIME = slot("pump_dead_time")
 SHORTFALL = slot("flow_shortfall")
 LEAK = slot("valve_leak")
 CAVITATION = slot("pump_cavitation")
-POWER_LIMIT = slot("shared_power_limit")
-COARSE = slot("coarse_driver")
 BATTERY = slot("tired_battery")
 SOFT_START = slot("soft_start")
 COASTING = slot("coasting_pump")
@@ -68,6 +67,10 @@ CHATTER = slot("chattering_plug")
 PEAK_AND_HOLD = slot("peak_and_hold")
 SUCTION = slot("shared_suction")
 MEMBRANE = slot("tired_membrane")
+ON_RETURN = slot("driver_on_return")
+LAZY = slot("lazy_setpoint")
+PUMP_SUPPLY = slot("pump_supply_sag")
+FOOT_VALVE = slot("leaking_foot_valve")
 
 CURRENT_LIMIT_A = 4.0
 PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
@@ -96,6 +99,10 @@ def current(
 ) -> float:
     """Real current (A) through spring `s` for a commanded one."""
     i = min(max(command, 0.0), CURRENT_LIMIT_A)
+    if e[s, LAZY] > 0.0:
+        if i <= 0.0 or abs(i - side[s, SETPOINT]) > e[s, LAZY]:
+            side[s, SETPOINT] = i
+        i = side[s, SETPOINT]
     if e[s, DRIVER_GAIN] != 0.0:
         i *= 1.0 + e[s, DRIVER_GAIN] * (1.0 - 0.08 * i)
     if e[s, BEAT] > 0.0:
@@ -104,12 +111,6 @@ def current(
     if e[s, SATURATION] > 0.0:
         knee = CURRENT_LIMIT_A / e[s, SATURATION] * p[RESISTANCE] / side[s, OHM]
         i /= (1.0 + (i / knee) ** 8) ** 0.125
-    if e[0, POWER_LIMIT] > 0.0:
-        watts = side[0, AMPERE] ** 2 * side[0, OHM] + side[1, AMPERE] ** 2 * side[1, OHM]
-        side[s, LIMITED] = approach(side[s, LIMITED], max(watts / 8.0 - 1.0, 0.0), dt, 0.5)
-        i /= 1.0 + e[0, POWER_LIMIT] * side[s, LIMITED]
-    if e[s, COARSE] > 0.0:
-        i = e[s, COARSE] * round(i / e[s, COARSE])
     if e[0, BATTERY] > 0.0:
         load = (side[0, AMPERE] + side[1, AMPERE]) / CURRENT_LIMIT_A
         side[s, DRAINED] = approach(side[s, DRAINED], load, dt, 40.0)
@@ -130,6 +131,8 @@ def current(
         held = 1.0 if side[s, LONG_ON] > PEAK_S else 0.0
         side[s, HELD_DOWN] = approach(side[s, HELD_DOWN], held, dt, 0.4)
         i *= 1.0 - min(e[s, PEAK_AND_HOLD], 0.9) * side[s, HELD_DOWN]
+    if e[s, ON_RETURN] > 0.0:
+        i *= max(0.1, 1.0 - e[s, ON_RETURN] * side[s, RETURN_WARM])
     side[s, LAG_A] = approach(side[s, LAG_A], i, dt, p[DRIVER_LAG])
     slow = e[s, SLOW_DRIVER]
     if slow <= 0.0:
@@ -168,7 +171,13 @@ def flow(
     share = _pump_speed(s, p, e, side, pair, ring, dt)
     if e[s, SHORTFALL] > 0.0 and share > 0.0:
         share = (1.0 - e[s, SHORTFALL]) * share ** (1.0 + e[s, SHORTFALL])
-    side[s, STARTED] = approach(side[s, STARTED], side[s, PUMP], dt, 1.2)
+    if e[0, PUMP_SUPPLY] > 0.0:
+        load = (side[0, AMPERE] + side[1, AMPERE]) / CURRENT_LIMIT_A
+        share *= max(0.05, 1.0 - e[0, PUMP_SUPPLY] * load)
+    if e[s, FOOT_VALVE] > 0.0:
+        emptier = approach(side[s, EMPTIED], 1.0, dt, 8.0)
+        side[s, EMPTIED] = max(emptier - dt * share / e[s, FOOT_VALVE], 0.0)
+        share *= 0.1 / (0.1 + side[s, EMPTIED])
     side[s, PUMP_ON] = side[s, PUMP_ON] + dt if share > 0.05 else 0.0
     if e[s, CAVITATION] > 0.0:
         side[s, HOT] += dt * (heat_W / 25.0 - side[s, HOT] / 30.0)

@@ -15,9 +15,9 @@ SIGNED = frozenset(
     (
         "driver_gain", "rtd_offset", "force_offset", "force_gain", "ambient_drift",
         "convection_exponent", "stress_latent_heat", "rtd_current_pickup", "force_frame_warming",
-        "pump_bourdon", "rtd_bow", "shaft_bending", "cell_span_drift", "hydrogen_uptake",
-        "water_hammer", "galvanic_clip", "rtd_warmup",
-        "bracket_growth", "cell_shock", "hall_zero_drift", "motor_beside_sensor",
+        "pump_bourdon", "galvanic_clip", "rtd_warmup", "bracket_growth", "cell_shock",
+        "hall_zero_drift", "motor_beside_sensor", "sliding_clip", "flexed_lead", "squeezed_rtd",
+        "encoder_in_field", "attracting_turns",
     )
 )  # fmt: skip
 """Effects whose magnitude may be negative."""

@@ -27,7 +27,6 @@ from evaluation.plant.layout import (
     FORCE_Y,
     FRACTION,
     GLANCE,
-    GRIP,
     HEATED_FROM,
     I_X,
     INLET,
@@ -113,7 +112,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, RTD_B] = water_degC
     side[:, RTD_BEFORE] = water_degC
     side[:, STEM] = 0.3 * water_degC + 0.7 * ambient_degC
-    side[:, GRIP] = 0.5 * bench.span_m
     pair[FORCE_X] = pair[FORCE_Y] = 1.2
     quiet = np.zeros(8)
     quiet[INLET] = water_degC

@@ -47,13 +47,7 @@ CELL_WIDTH = PLAY + PLAYS
     QUIET,
     COMPLIANT,
     FREE_STRAIN,
-    STARTED,
-    LIMITED,
-    MOTOR,
-    AMMETER,
     GROWN,
-    CHARGE,
-    GRIP,
     DRAINED,
     RAMPED,
     CLIP,
@@ -79,8 +73,15 @@ CELL_WIDTH = PLAY + PLAYS
     LEAD_WARM,
     AVERAGED,
     SHRUNK,
+    RETURN_WARM,
+    SETPOINT,
+    EMPTIED,
+    HOSE_WARM,
+    SHUNT_WARM,
+    AWAKE,
+    ANNEALED,
     SIDE_WIDTH,
-) = range(57)
+) = range(58)
 
 (
     TIME,
@@ -96,7 +97,6 @@ CELL_WIDTH = PLAY + PLAYS
     FRAME,
     RESERVOIR,
     GLANCE,
-    CELL_WARM,
     COUPLED,
     GUIDE,
     BOARD,
@@ -110,8 +110,10 @@ CELL_WIDTH = PLAY + PLAYS
     SINK_WARM,
     INDEXED,
     SPONGE,
+    PLIED,
+    TAUT_BEFORE,
     PAIR_WIDTH,
-) = range(28)
+) = range(29)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256

@@ -16,6 +16,8 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
+    AMPERE,
+    ANNEALED,
     CELLS,
     COMPLIANT,
     CRIMP,
@@ -24,13 +26,11 @@ from evaluation.plant.layout import (
     FORCE_X,
     FORCE_Y,
     FRACTION,
-    FRAME,
     FREE_STRAIN,
     FRICTION,
     GIVEN_WAY,
-    GRIP,
     GROWN,
-    PUMP,
+    PLIED,
     R_PHASE,
     RATCHETED,
     RATE,
@@ -38,7 +38,7 @@ from evaluation.plant.layout import (
     SHRUNK,
     SPEED,
     SPONGE,
-    STARTED,
+    TAUT_BEFORE,
     TIME,
     TURNED,
     WORK_DONE,
@@ -68,10 +68,6 @@ COILS_TOUCH = slot("coil_contact")
 BOURDON = slot("pump_bourdon")
 DRIFT = slot("transformation_drift")
 R_PHASES = slot("r_phase")
-EXPANSION = slot("coil_expansion")
-SLIPPING = slot("clamp_slip")
-GROWTH = slot("frame_growth")
-HAMMER = slot("water_hammer")
 RATCHET = slot("plastic_ratchet")
 ANCHOR = slot("rubber_anchor")
 LIP = slot("lip_seal")
@@ -82,12 +78,17 @@ MOBILE = slot("mobile_interfaces")
 SHRINKING = slot("shrinking_tendon")
 SOAKING = slot("hanging_sponge")
 GRIPPING = slot("gripping_hose")
+ANNEALING = slot("annealed_spring")
+SOFTENING = slot("cyclic_softening")
+ATTRACTING = slot("attracting_turns")
+PLIES = slot("plied_tendon")
+BENT_GUIDE = slot("bent_guide")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
 COILS_CLOSE_m = 0.020
+PLIES_N = 0.2  # change of tension over which the friction between plies turns round
 DETENT_m = 2.5e-3  # how far from its rest a magnet holds the tendon hardest
-GRIPS_m = 2e-3  # how far a tube is drawn from its rest before it slips in its clamp
 
 
 @compiled
@@ -98,20 +99,21 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     if e[s, DRIFT] > 0.0:
         strain *= 1.0 - 0.02 * e[s, DRIFT] * (1.0 - math.exp(-side[s, WORK_DONE] / 3.0))
     total = 0.0
-    warm = 0.0
     for i in range(CELLS):
         fraction = cells[s, i, FRACTION]
         total += 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
-        warm += (cells[s, i, T] - 27.0) / CELLS
         if e[s, R_PHASES] > 0.0:
             total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * p[STRESS] / 57.0
-    side[s, GROWN] = e[s, EXPANSION] * 1e-3 * warm / 20.0
-    side[s, GROWN] += e[s, RATCHET] * 1e-3 * side[s, RATCHETED]
+    side[s, GROWN] = e[s, RATCHET] * 1e-3 * side[s, RATCHETED]
     side[s, GROWN] += e[s, ANCHOR] * 1e-3 * side[s, GIVEN_WAY]
     side[s, GROWN] += e[s, CRIMP_CREEPS] * 1e-3 * side[s, CRIMP]
     side[s, GROWN] -= e[s, SHRINKING] * 1e-3 * side[s, SHRUNK]
     if e[s, MOBILE] > 0.0:
         total *= 1.0 + e[s, MOBILE] * side[s, RATE] / (side[s, RATE] + 0.03)
+    if e[s, SOFTENING] > 0.0:
+        total *= 1.0 + e[s, SOFTENING] * (1.0 - math.exp(-side[s, WORK_DONE] / 1.5))
+    if e[s, ANNEALING] > 0.0:
+        total *= 1.0 + e[s, ANNEALING] * (1.0 - math.exp(-side[s, ANNEALED]))
     side[s, COMPLIANT] = total / CELLS
     side[s, FREE_STRAIN] = strain / CELLS
 
@@ -137,18 +139,6 @@ def deflection(s: int, force: float, p: Array, cells: Array, side: Array) -> tup
         else:
             length += share * cells[s, i, TURNED]
     return length, slope
-
-
-@compiled
-def gripped(s: int, length: float, e: Array, side: Array) -> float:
-    """Force (N) of the tube of spring `s` between its clamps."""
-    return float(e[s, SLIPPING] * min(max((length - side[s, GRIP]) / GRIPS_m, -1.0), 1.0))
-
-
-@compiled
-def jolt(s: int, e: Array, side: Array) -> float:
-    """Force (N) by which a pump that changes its speed takes from the tendon."""
-    return float(e[s, HAMMER] * (side[s, PUMP] - side[s, STARTED]))
 
 
 @compiled
@@ -185,16 +175,13 @@ def pull(
         rate = e[s, PARALLEL] * 58.0 * max(0.3, 1.0 - 0.004 * warm)
         force += rate * off * (1.0 + 60.0 * abs(off))
         slope += rate * (1.0 + 120.0 * abs(off))
-    if e[s, SLIPPING] > 0.0:
-        force += gripped(s, length, e, side)
-        slope += e[s, SLIPPING] / GRIPS_m
-    force -= jolt(s, e, side)
     if e[s, COILS_TOUCH] > 0.0 and length < COILS_CLOSE_m:
         close = (COILS_CLOSE_m - length) / 0.005
         force -= 0.05 * e[s, COILS_TOUCH] * close**1.5
         slope += 0.05 * e[s, COILS_TOUCH] * 1.5 * math.sqrt(close) / 0.005
     if e[s, BOURDON] != 0.0:
         force -= e[s, BOURDON] * (side[s, FLOW] / p[FULL_FLOW]) ** 2
+    force += e[s, ATTRACTING] * (side[s, AMPERE] / 4.0) ** 2
     return force, slope
 
 
@@ -212,7 +199,11 @@ def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
         scale = e[0, CREEP] * 1e-3 * math.log(1.0 + pair[TIME] / 3.0)
         stretch += scale * tension
         slope += scale
-    stretch -= e[0, GROWTH] * 1e-3 * pair[FRAME]
+    if e[0, PLIES] > 0.0:
+        rubbed = pair[PLIED] + (force - pair[TAUT_BEFORE]) / PLIES_N
+        stretch += 1e-3 * e[0, PLIES] * min(max(rubbed, -1.0), 1.0)
+        if abs(rubbed) < 1.0:
+            slope += 1e-3 * e[0, PLIES] / PLIES_N
     return stretch, slope
 
 
@@ -274,6 +265,11 @@ def resisting(
         scale = e[0, GRIPPING] * (side[0, FLOW] + side[1, FLOW]) / full_flow
         total += scale * v / (abs(v) + 1.0)
         slope += scale / (abs(v) + 1.0) ** 2 / dt / 5e-4
+    if e[0, BENT_GUIDE] > 0.0:
+        v = (x - before) / dt / 5e-4
+        scale = e[0, BENT_GUIDE] * abs(before) / 5e-3
+        total += scale * v / (abs(v) + 1.0)
+        slope += scale / (abs(v) + 1.0) ** 2 / dt / 5e-4
     return total, slope, bristle
 
 
@@ -311,6 +307,9 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     pair[FORCE_Y] = force_y
     pair[FRICTION] = bristle
     pair[SPEED] = (x - before) / dt
+    rubbed = pair[PLIED] + (force_y - pair[TAUT_BEFORE]) / PLIES_N
+    pair[PLIED] = min(max(rubbed, -1.0), 1.0)
+    pair[TAUT_BEFORE] = force_y
     if e[0, GREASE] > 0.0:
         stirred = (1.0 - pair[SHEARED]) * abs(pair[SPEED]) / 4e-3
         pair[SHEARED] = min(pair[SHEARED] + dt * (stirred - pair[SHEARED] / 8.0), 1.0)
@@ -322,8 +321,6 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
         turned = turned_by(wire, p)
         for i in range(CELLS):
             cells[s, i, TURNED] = max(cells[s, i, TURNED], turned)
-        length = 0.5 * p[SPAN] + (x if s == 1 else -x)
-        side[s, GRIP] = min(max(side[s, GRIP], length - GRIPS_m), length + GRIPS_m)
         if e[s, ANCHOR] > 0.0:
             tension = force_x if s == 0 else force_y
             side[s, GIVEN_WAY] = approach(side[s, GIVEN_WAY], (tension - 1.24) / 0.4, dt, 3.0)
@@ -345,9 +342,9 @@ def wire_stress(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Arr
     off = length - PRESTRETCH_m
     if e[s, PARALLEL] > 0.0:
         beside += e[s, PARALLEL] * 58.0 * off * (1.0 + 60.0 * abs(off))
-    beside += gripped(s, length, e, side) - jolt(s, e, side)
     if e[s, COILS_TOUCH] > 0.0 and length < COILS_CLOSE_m:
         beside -= 0.05 * e[s, COILS_TOUCH] * ((COILS_CLOSE_m - length) / 0.005) ** 1.5
     if e[s, BOURDON] != 0.0:
         beside -= e[s, BOURDON] * (side[s, FLOW] / p[FULL_FLOW]) ** 2
+    beside += e[s, ATTRACTING] * (side[s, AMPERE] / 4.0) ** 2
     return float(max(tendon - beside, 0.0) * p[STRESS])

@@ -12,14 +12,12 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.drive import approach, late
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
-    AMMETER,
     AMPERE,
     AMPERE_BEFORE,
     AVERAGED,
     BOARD,
     BOUND,
     BRACKET,
-    CELL_WARM,
     CELLS,
     CLIP,
     CONTACT,
@@ -50,6 +48,7 @@ from evaluation.plant.layout import (
     RTD_B,
     RTD_BEFORE,
     SHUNT,
+    SHUNT_WARM,
     SKIN,
     SLIPPED,
     SOAKED,
@@ -86,11 +85,6 @@ ECCENTRIC = slot("encoder_eccentricity")
 FRAME_WARMS = slot("force_frame_warming")
 SHUNT_WARMS = slot("shunt_self_heating")
 BEAT = slot("supply_beat")
-CLIPS = slot("clip_tension")
-BOW = slot("rtd_bow")
-BENDING = slot("shaft_bending")
-SPAN_DRIFT = slot("cell_span_drift")
-AMMETER_LAG = slot("ammeter_average")
 BATTERY = slot("tired_battery")
 GALVANIC = slot("galvanic_clip")
 WARMUP = slot("rtd_warmup")
@@ -111,6 +105,12 @@ RIPPLE_FILTER = slot("ripple_filter")
 WIDE_INDEX = slot("wide_index")
 RIPPLE = slot("rectified_ripple")
 MOTOR_FIELD = slot("motor_beside_sensor")
+SLIDING_CLIP = slot("sliding_clip")
+FLEXED = slot("flexed_lead")
+SQUEEZED = slot("squeezed_rtd")
+IN_FIELD = slot("encoder_in_field")
+BRIDGE_SAGS = slot("bridge_on_pump_supply")
+SHUNT_ON_TUBE = slot("shunt_on_tube")
 
 TURN_mm = 13.0
 GUIDE_m = 3e-4  # travel over which the friction of the load cell's guide builds up
@@ -118,7 +118,14 @@ GUIDE_m = 3e-4  # travel over which the friction of the load cell's guide builds
 
 @compiled
 def rtd(
-    s: int, ambient: float, time: float, dt: float, p: Array, e: Array, cells: Array, side: Array
+    s: int,
+    ambient: float,
+    dt: float,
+    p: Array,
+    e: Array,
+    cells: Array,
+    side: Array,
+    pair: Array,
 ) -> float:
     """Reading (°C) of the RTD tied to spring `s`, before the converter."""
     place = p[RTD_PLACE] * CELLS - 0.5
@@ -136,10 +143,13 @@ def rtd(
     reading = side[s, RTD_B]
     reading += e[s, RTD_OFFSET] * (1.0 + 0.01 * (reading - 27.0))
     reading += e[s, PICKUP] * (side[s, AMPERE] + 0.2 * side[1 - s, AMPERE])
-    reading += e[s, WARMUP] * (1.0 - math.exp(-time / 25.0))
-    if e[s, BOW] != 0.0:
-        z = (reading - 27.0) / 30.0
-        reading += 4.0 * e[s, BOW] * z * (1.0 - z)
+    reading += e[s, WARMUP] * (1.0 - math.exp(-pair[TIME] / 25.0))
+    if e[s, FLEXED] != 0.0:
+        speed = pair[SPEED] if s == 0 else -pair[SPEED]
+        reading += e[s, FLEXED] * speed / (abs(speed) + 2e-3)
+    if e[s, SQUEEZED] != 0.0:
+        tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
+        reading += e[s, SQUEEZED] * (tension / 1.24 - 1.0)
     if e[s, SOAKS] > 0.0:
         wet = min(max(seen - 38.0, 0.0) / 10.0, 1.0) * (1.0 - side[s, SOAKED])
         side[s, SOAKED] += dt * (wet / 5.0 - side[s, SOAKED] / 40.0)
@@ -184,7 +194,6 @@ def travel(seen_mm: float, dt: float, e: Array, cells: Array, side: Array, pair:
         phase = 2.0 * math.pi * e[2, ECCENTRIC]
         turn = 2.0 * math.pi * reading / TURN_mm
         reading += e[0, ECCENTRIC] * (math.sin(turn + phase) - math.sin(phase))
-    reading += e[0, BENDING] * (pair[FORCE_X] / 1.24 - 1.0)
     if e[0, COUPLING] > 0.0:
         pair[COUPLED] = approach(pair[COUPLED], reading, dt, 6.0)
         reading -= e[0, COUPLING] * (reading - pair[COUPLED])
@@ -198,6 +207,7 @@ def travel(seen_mm: float, dt: float, e: Array, cells: Array, side: Array, pair:
             warm += (cells[0, i, W] - 27.0) / CELLS
         pair[BRACKET] = approach(pair[BRACKET], warm / 20.0, dt, 25.0)
         reading += e[0, BRACKET_GROWS] * pair[BRACKET]
+    reading += e[0, IN_FIELD] * (side[0, AMPERE] - side[1, AMPERE]) / 4.0
     if e[0, WIDE_INDEX] > 0.0:
         off = seen_mm - 6.0 * (e[2, WIDE_INDEX] - 0.5)
         if abs(off) > 1.0:
@@ -213,12 +223,6 @@ def load(
     """Load cell reading (N) for a tendon force (N)."""
     time = pair[TIME]
     reading = seen_N * (1.0 + e[0, FORCE_GAIN] * (0.7 + 0.2 * seen_N))
-    if e[0, SPAN_DRIFT] != 0.0:
-        warm = 0.0
-        for i in range(CELLS):
-            warm += (cells[0, i, W] - 27.0) / CELLS
-        pair[CELL_WARM] = approach(pair[CELL_WARM], warm, dt, 20.0)
-        reading *= 1.0 + e[0, SPAN_DRIFT] * pair[CELL_WARM] / 20.0
     if e[0, FORCE_CREEP] > 0.0:
         pair[CREEP_FAST] = approach(pair[CREEP_FAST], seen_N - 1.24, dt, 4.0)
         pair[CREEP_SLOW] = approach(pair[CREEP_SLOW], seen_N - 1.24, dt, 40.0)
@@ -241,6 +245,7 @@ def load(
         for s in range(2):
             side[s, HOSE] = approach(side[s, HOSE], side[s, FLOW] / p[FULL_FLOW], dt, 0.4)
         reading += e[0, HOSES] * (side[0, HOSE] - 0.6 * side[1, HOSE])
+    reading *= 1.0 - e[0, BRIDGE_SAGS] * (side[0, PUMP] + side[1, PUMP])
     for s in range(2):
         ampere = side[s, AMPERE]
         reading += e[0, RIPPLE] * ampere * max(4.0 - ampere, 0.0) / 4.0
@@ -267,20 +272,23 @@ def read(
     for s in range(2):
         warm = 1.0 + e[s, SHUNT_WARMS] * side[s, SHUNT]
         out[s] = side[s, AMPERE] * warm
-        if e[s, AMMETER_LAG] > 0.0:
-            side[s, AMMETER] = approach(side[s, AMMETER], out[s], dt, e[s, AMMETER_LAG])
-            out[s] = side[s, AMMETER]
+        if e[s, SHUNT_ON_TUBE] > 0.0:
+            tube_warm = 0.0
+            for i in range(CELLS):
+                tube_warm += (cells[s, i, W] - 27.0) / CELLS
+            side[s, SHUNT_WARM] = approach(side[s, SHUNT_WARM], tube_warm / 20.0, dt, 8.0)
+            out[s] *= 1.0 + e[s, SHUNT_ON_TUBE] * side[s, SHUNT_WARM]
         out[s] += e[0, HALL_DRIFT] * pair[BOARD]
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
-        if e[s, CLIPS] > 0.0:
-            tension = max(pair[FORCE_X] if s == 0 else pair[FORCE_Y], 0.3)
-            out[2 + s] += e[s, CLIPS] * side[s, AMPERE] * ((1.24 / tension) ** 2 - 1.0)
         if e[s, GALVANIC] != 0.0:
             side[s, CLIP] = approach(side[s, CLIP], cells[s, CELLS - 1, T] - 27.0, dt, 4.0)
             out[2 + s] += e[s, GALVANIC] * side[s, CLIP] / 20.0
         out[2 + s] *= 1.0 + e[1 - s, WARMED_AMPLIFIER] * side[1 - s, CONTACT]
+        if e[s, SLIDING_CLIP] != 0.0:
+            drawn_in = pair[X] if s == 0 else -pair[X]
+            out[2 + s] *= max(0.1, 1.0 + e[s, SLIDING_CLIP] * drawn_in / 5e-3)
         if e[s, MIST] > 0.0:
             share = side[s, FLOW] / p[FULL_FLOW]
             slow = 3.0 if share > side[s, MISTED] else 15.0
@@ -290,7 +298,7 @@ def read(
             rate = (side[s, AMPERE] - side[s, AMPERE_BEFORE]) / dt
             out[2 + s] += 1e-3 * e[s, INDUCTANCE] * rate
         side[s, AMPERE_BEFORE] = side[s, AMPERE]
-        out[4 + s] = rtd(s, ambient, pair[TIME], dt, p, e, cells, side)
+        out[4 + s] = rtd(s, ambient, dt, p, e, cells, side, pair)
     out[6] = inlet + 0.3 * pair[RESERVOIR]
     out[7] = ambient
     ticks = 0.0

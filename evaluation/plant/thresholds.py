@@ -12,7 +12,7 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     ASLEEP,
-    CHARGE,
+    AWAKE,
     COOLED_FROM,
     HEATED_FROM,
     INNER_STRESS,
@@ -31,9 +31,10 @@ MINOR_LOOP = slot("minor_loop")
 DRIFT = slot("transformation_drift")
 OVERSHOOT = slot("rate_overshoot")
 STABILISED = slot("martensite_stabilisation")
-HYDROGEN = slot("hydrogen_uptake")
 PRECIPITATION = slot("precipitation")
 LINGERING = slot("lingering_stress")
+NARROWING = slot("narrowing_loop")
+RESTING = slot("resting_austenite")
 
 
 @compiled
@@ -56,10 +57,6 @@ def shifts(
         cool -= 0.5 * apart
     if e[s, STABILISED] > 0.0:
         heat += e[s, STABILISED] * math.log10(1.0 + side[s, ASLEEP] / 4.0)
-    if e[s, HYDROGEN] != 0.0:
-        lowered = e[s, HYDROGEN] * side[s, CHARGE] / (side[s, CHARGE] + 60.0)
-        heat -= lowered
-        cool -= lowered
     if e[s, PRECIPITATION] > 0.0:
         risen = e[s, PRECIPITATION] * (1.0 - math.exp(-cells[s, i, PRECIPITATED]))
         heat += risen
@@ -68,4 +65,10 @@ def shifts(
         lifted = e[s, LINGERING] * max(side[s, INNER_STRESS] - 1.35, 0.0) / 0.4
         heat += lifted
         cool += lifted
+    if e[s, NARROWING] > 0.0:
+        nearer = e[s, NARROWING] * (1.0 - math.exp(-side[s, WORK_DONE] / 2.0))
+        heat -= nearer
+        cool += 0.5 * nearer
+    if e[s, RESTING] > 0.0:
+        cool -= e[s, RESTING] * math.log10(1.0 + 2.0 * side[s, AWAKE])
     return heat, cool

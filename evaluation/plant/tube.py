@@ -13,10 +13,11 @@ from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
+    ANNEALED,
     ASLEEP,
+    AWAKE,
     BUBBLE,
     CELLS,
-    CHARGE,
     CONTACT,
     COOLED_FROM,
     CORRODED,
@@ -39,8 +40,8 @@ from evaluation.plant.layout import (
     RATCHETED,
     RATE,
     RESERVOIR,
+    RETURN_WARM,
     SHUNT,
-    SPEED,
     SWIRL,
     TIME,
     TURNED,
@@ -95,8 +96,6 @@ EXPONENT = slot("convection_exponent")
 STRESS_LATENT = slot("stress_latent_heat")
 SWELLING = slot("tube_swelling")
 R_PHASES = slot("r_phase")
-HOT_CLIPS = slot("hot_clips")
-STIRRING = slot("stirring_coils")
 TOUCHING = slot("touching_tubes")
 SWIRLING = slot("lasting_swirl")
 PRECIPITATION = slot("precipitation")
@@ -119,6 +118,14 @@ LAMP = slot("cycling_lamp")
 LATENT_FADES = slot("fading_latent")
 BENT = slot("bent_coils")
 LINGERING = slot("lingering_stress")
+PIEZO = slot("stress_in_resistance")
+SCATTERING = slot("scattering_fronts")
+HUMMING = slot("humming_coils")
+SLEEVE = slot("sliding_sleeve")
+INDUCED = slot("induced_heat")
+ANNEALING = slot("annealed_spring")
+RESTING = slot("resting_austenite")
+ON_RETURN = slot("driver_on_return")
 
 OPENS_MPa, CLOSES_MPa = 66.0, 59.0  # stress at which a crack in the wire opens and closes
 LAMP_S, LAMP_ON = 24.0, 0.375  # how often a lamp comes on, and for what share of that
@@ -135,6 +142,11 @@ def resistance(
         base *= 1.0 - min(e[s, SHORTED] * max(drawn_in - 1e-3, 0.0) / 5e-3, 0.8)
     if e[s, CORRODING] > 0.0:
         base *= 1.0 + min(e[s, CORRODING] * side[s, CORRODED], 2.0)
+    if e[s, PIEZO] > 0.0:
+        tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
+        base *= max(0.2, 1.0 + e[s, PIEZO] * (tension / 1.24 - 1.0))
+    if e[s, SCATTERING] > 0.0:
+        base *= 1.0 + e[s, SCATTERING] * side[s, RATE] / (side[s, RATE] + 0.05)
     total = 0.0
     strength = e[s, RESISTIVITY]
     for i in range(CELLS):
@@ -175,6 +187,9 @@ def coefficients(
     loss = p[LOSS_RATE] * (p[Y_LOSS] if s == 1 else 1.0) / CELLS
     if e[0, DRIVER_FAN] > 0.0:
         loss *= 1.0 + e[0, DRIVER_FAN] * pair[FAN]
+    if e[s, SLEEVE] > 0.0:
+        drawn_in = pair[X] if s == 0 else -pair[X]
+        loss *= 1.0 + e[s, SLEEVE] * min(max((drawn_in + 1e-3) / 5e-3, 0.0), 1.0)
     latent = p[LATENT_HEAT] / CELLS
     if e[s, STRESS_LATENT] != 0.0:
         relative = stress / 57.0
@@ -183,8 +198,7 @@ def coefficients(
         latent *= 1.0 - min(e[s, LATENT_FADES], 0.9) * (1.0 - math.exp(-side[s, WORK_DONE] / 1.5))
     share = min(side[s, FLOW] / p[FULL_FLOW], 1.5)
     reach = 1.0 / (1.0 + e[s, LIME] * side[s, LIMED])
-    if e[s, STIRRING] > 0.0:
-        reach *= 1.0 + e[s, STIRRING] * min(abs(pair[SPEED]) / 5e-3, 3.0)
+    reach *= 1.0 + e[s, HUMMING] * amperes / 4.0
     if e[s, ON_THE_WALL] > 0.0:
         tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
         reach /= 1.0 + e[s, ON_THE_WALL] * max((1.5 - tension) / 0.3, 0.0)
@@ -215,11 +229,9 @@ def coefficients(
         row[STORES] = p[WIRE_HEAT] / CELLS
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
     rows[CELLS - 1, TO_CLAMP] = 0.5 * e[s, COLD_ENDS]
-    rows[0, HEAT_WIRE] += 0.5 * e[s, HOT_CLIPS] * side[s, CONTACT]
-    rows[CELLS - 1, HEAT_WIRE] += 0.5 * e[s, HOT_CLIPS] * side[s, CONTACT]
     if e[s, SWEATING] > 0.0 or e[1 - s, LEADS] > 0.0 or e[s, PEAK] > 0.0:
         odd_heat(s, e, cells, side, rows)
-    if e[s, ROD] > 0.0 or e[1 - s, DRIPPING] > 0.0 or e[0, LAMP] > 0.0:
+    if e[s, ROD] > 0.0 or max(e[1 - s, DRIPPING], e[1 - s, INDUCED], e[0, LAMP]) > 0.0:
         elsewhere(s, p, e, cells, side, pair, rows)
     if e[s, TURNED_RESISTS] > 0.0 or e[s, SHAKEN] > 0.0 or e[s, BENT] > 0.0:
         odd_shifts(s, share, p, e, cells, pair, rows)
@@ -241,14 +253,17 @@ def odd_heat(s: int, e: Array, cells: Array, side: Array, rows: Array) -> None:
 def elsewhere(
     s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, rows: Array
 ) -> None:
-    """Add to `rows` the heat of rarer effects: to a rod, from the other outlet and from a lamp."""
+    """Add to `rows` the heat of rarer effects: to a rod, from the other side and from a lamp."""
     drawn_out = pair[X] if s == 1 else -pair[X]
     gripped = min(max((drawn_out + 1e-3) / 5e-3, 0.0), 1.0)
     dripping = e[1 - s, DRIPPING] * min(side[1 - s, FLOW] / p[FULL_FLOW], 1.5)
     warm = cells[1 - s, CELLS - 1, W]
     turn = pair[TIME] / LAMP_S + e[2, LAMP]
     shone = e[0, LAMP] if turn - math.floor(turn) < LAMP_ON else 0.0
+    ampere = side[1 - s, AMPERE]
+    induced = e[1 - s, INDUCED] * ampere * max(4.0 - ampere, 0.0) / 4.0
     for i in range(CELLS):
+        rows[i, HEAT_WIRE] += induced / CELLS
         rows[i, TO_CLAMP] += e[s, ROD] * gripped / CELLS
         rows[i, HEAT_WATER] += (dripping * (warm - cells[s, i, W]) + shone) / CELLS
 
@@ -311,11 +326,17 @@ def remember(
         side[s, CORRODED] += dt / 30.0 * math.exp(min(warmth - 45.0, 30.0) / 10.0)
     if e[s, LIME] > 0.0:
         side[s, LIMED] += dt / 20.0 * max(warmth - 36.0, 0.0) / 10.0
+    if e[s, ANNEALING] > 0.0:
+        side[s, ANNEALED] += dt * max(warmth - 36.0, 0.0) / 100.0
+    if e[s, RESTING] > 0.0:
+        side[s, AWAKE] = side[s, AWAKE] + dt if mean < 0.5 else 0.0
+    if e[s, ON_RETURN] > 0.0:
+        warm = (cells[s, CELLS - 1, W] - 27.0) / 20.0
+        side[s, RETURN_WARM] = approach(side[s, RETURN_WARM], warm, dt, 10.0)
     if e[s, LINGERING] > 0.0:
         tension = stress / p[STRESS]
         fading = approach(side[s, INNER_STRESS], tension, dt, 25.0)
         side[s, INNER_STRESS] = max(tension, fading)
-    side[s, CHARGE] += abs(side[s, AMPERE]) * dt
     side[s, WORK_DONE] += moved_all
     side[s, RATCHETED] += moved_all * stress / 57.0
     side[s, RATE] = approach(side[s, RATE], moved_all / dt, dt, 0.3)
@@ -346,7 +367,7 @@ def tube(
     """Advance spring `s` and its water by one tick."""
     calm = abs(amperes - side[s, AMPERE]) < 0.2
     side[s, AMPERE] = amperes
-    source = entering(s, inlet, dt, e, side, pair)
+    source = entering(s, inlet, dt, e, cells, side, pair)
     wet_shares(s, e, cells, side, source, dt)
     pockets(s, e, cells, side, luck, dt)
     mix = coefficients(s, amperes, stress, ambient, p, e, cells, side, pair, heat, rows)

@@ -16,11 +16,11 @@ from evaluation.plant.layout import (
     CELLS,
     FILL,
     FLOW,
-    MOTOR,
+    HOSE_WARM,
     POCKET,
-    PUMP,
     RESERVOIR,
     SINK_WARM,
+    TIME,
     WET,
     W,
 )
@@ -29,12 +29,14 @@ Array = NDArray[np.float64]
 
 DRAIN = slot("water_drain")
 BUBBLES = slot("air_bubbles")
-WASTE = slot("pump_waste_heat")
 HEATSINK = slot("hose_on_heatsink")
+HOSES_TOUCH = slot("hoses_side_by_side")
+CHILLER = slot("cycling_chiller")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
 POCKET_S = 0.5
+CHILLER_S = 26.0
 
 
 @compiled
@@ -74,12 +76,18 @@ def pockets(s: int, e: Array, cells: Array, side: Array, luck: float, dt: float)
 
 
 @compiled
-def entering(s: int, inlet: float, dt: float, e: Array, side: Array, pair: Array) -> float:
+def entering(
+    s: int, inlet: float, dt: float, e: Array, cells: Array, side: Array, pair: Array
+) -> float:
     """Temperature (°C) of the water at the tube's inlet, after what warms it on its way."""
     source = inlet + pair[RESERVOIR]
-    if e[s, WASTE] > 0.0:
-        side[s, MOTOR] = approach(side[s, MOTOR], side[s, PUMP], dt, 20.0)
-        source += e[s, WASTE] * side[s, MOTOR]
     if e[0, HEATSINK] > 0.0:
         source += e[0, HEATSINK] * pair[SINK_WARM]
+    if e[1 - s, HOSES_TOUCH] > 0.0:
+        beside = (cells[1 - s, CELLS - 1, W] - 27.0) / 20.0
+        side[s, HOSE_WARM] = approach(side[s, HOSE_WARM], beside, dt, 6.0)
+        source += e[1 - s, HOSES_TOUCH] * side[s, HOSE_WARM]
+    if e[0, CHILLER] > 0.0:
+        turn = pair[TIME] / CHILLER_S + e[2, CHILLER]
+        source += e[0, CHILLER] * math.sin(2.0 * math.pi * turn)
     return float(source)

@@ -97,7 +97,10 @@ def riddle(seed: int) -> Riddle:
     spec = BY_NAME[name]
     size = min(spec.usual * float(rng.uniform(3.0, 4.5)), spec.limit)
     sign = -1.0 if name in SIGNED and rng.integers(2) else 1.0
-    active = Active(name, sign * size, float(rng.uniform(0.6, 1.0)), float(rng.uniform()))
+    y_share, shape = float(rng.uniform(0.6, 1.0)), float(rng.uniform())
+    if spec.side == "one":
+        y_share = 0.0
+    active = Active(name, sign * size, y_share, shape)
     return Riddle(seed, bench, (active,))
 
 

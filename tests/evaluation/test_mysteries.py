@@ -128,7 +128,7 @@ def ended(outcome: str, *names: str, truth: str = "rtd_lag", listed: bool = True
         (ended("parameters"), "wrongly"),
         (ended("causes"), "said to be unknown"),
         (ended("unexplained", listed=False), "rightly"),
-        (ended("causes", "rtd_lag", truth="stirring_coils", listed=False), "wrongly"),
+        (ended("causes", "rtd_lag", truth="misted_board", listed=False), "wrongly"),
     ],
 )
 def test_an_end_is_right_when_it_says_what_there_is(case: dict[str, Any], said: str) -> None:
