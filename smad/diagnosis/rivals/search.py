@@ -44,7 +44,7 @@ from smad.diagnosis.rivals.score import (
 from smad.diagnosis.rivals.screening import Change, Screened, changes_at, screened
 
 Say = Callable[[str], None]
-_SCREENED = 6
+_SCREENED = 8
 """Effects of each reference that are fitted."""
 _LAWS = 4
 """Places whose law is fitted."""
@@ -123,6 +123,24 @@ class Question:
         if made is None:
             return None
         return self.rival(kind, name, polished(self.evidence, made, self.tau))
+
+    def steadied(
+        self, rival: Rival | None, kind: str, name: str, free: Fit, nominal: Reference
+    ) -> Rival | None:
+        """The rival, or the same with the parameters where they were, whichever is likelier.
+
+        Few runs let free parameters follow noise.
+        """
+        model = free.model
+        kept = model.with_precision(_KEPT * np.eye(model.parameters))
+        start = free.x.copy()
+        start[: model.parameters] = 0.0
+        made = fit(self.evidence, kept, start, nominal, tau=self.tau)
+        steady = made and self.rival(kind, name, made)
+        if not steady or steady.fit is None:
+            return rival
+        steady = replace(steady, fit=replace(steady.fit, model=model))
+        return steady if rival is None else max(steady, rival, key=self.log_weight)
 
     def of_point(self, point: ModelPoint) -> Rival | None:
         """A simulator that is not fitted, by what it leaves; None where it cannot run."""
@@ -274,6 +292,8 @@ class _Search:
         current = parameters
         if question.tied is not None:
             current = question.fitted(NOTHING, NOTHING, nominal)
+            if current is not None and current.fit is not None:
+                current = question.steadied(current, NOTHING, NOTHING, current.fit, nominal)
         if configured is None or parameters is None or current is None:
             return None
         question.say("screening the effects")
@@ -430,21 +450,9 @@ class _Fits:
         kinds = {name: kind for name, (kind, _) in self._found.items()}
         scored = {name: question.rival(kinds[name], name, f) for name, f in fits.items()}
         for name in near:
-            if (kept := self._with_parameters_kept(kinds[name], name, fits[name])) is not None:
-                scored[name] = max(kept, scored[name] or kept, key=question.log_weight)
+            scored[name] = question.steadied(scored[name], kinds[name], name, fits[name],
+                                             self._nominal)  # fmt: skip
         return [r for r in scored.values() if r is not None]
-
-    def _with_parameters_kept(self, kind: str, name: str, free: Fit) -> Rival | None:
-        """The same rival with the parameters where they were: few runs let them follow noise."""
-        question, model = self._question, free.model
-        kept = model.with_precision(_KEPT * np.eye(model.parameters))
-        start = free.x.copy()
-        start[: model.parameters] = 0.0
-        made = fit(question.evidence, kept, start, self._nominal, tau=question.tau)
-        rival = made and question.rival(kind, name, made)
-        if not rival or rival.fit is None:
-            return None
-        return replace(rival, fit=replace(rival.fit, model=model))
 
 
 def _best(fits: dict[str, Fit]) -> list[str]:
