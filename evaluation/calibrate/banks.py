@@ -58,7 +58,8 @@ def _of_recovery(path: Path, answers: Sequence[Answer]) -> list[Asked]:
             continue
         out.append(Asked(
             case=case.name, fold=f"{path.stem} part {k % _PARTS}", question=case.question,
-            truth=_TRUTHS[case.kind], names=frozenset(canonical(n) for n in case.effects),
+            exact=True, truth=_TRUTHS[case.kind],
+            names=frozenset(canonical(n) for n in case.effects),
             places=frozenset(p for n in case.effects for p in places[n]),
             rivals=tuple(verdict.first_step), **_counts(plant),
         ))  # fmt: skip
@@ -80,7 +81,7 @@ def _of_bank(path: Path, file: VerdictFile, keys: Sequence[Path]) -> list[Asked]
             continue
         out.append(Asked(
             case=name, fold=f"{file.bank} {_bench(truth, name)}", question=truth.question,
-            truth=_TRUTHS[truth.kind], names=frozenset(e.name for e in truth.effects),
+            exact=False, truth=_TRUTHS[truth.kind], names=frozenset(e.name for e in truth.effects),
             places=frozenset(p for e in truth.effects for p in e.places),
             rivals=tuple(verdict.first_step), **_counts(plant),
         ))  # fmt: skip

@@ -4,7 +4,9 @@ What is minimised is the sum over kinds of cases of
 
     −(mean of log p(right rival)) / (share of errors that the goals allow of this kind),
 
-so that a quiet case called changed costs as much more as its goal is stricter. The level of the
+so that a quiet case called changed costs as much more as its goal is stricter. Benches of the
+product's own simulator and of the independent plant count as much as each other, however many there
+are of either. The level of the
 sets that are told is the least at which they hold the truth as often as they should.
 """
 
@@ -55,9 +57,13 @@ def cost(cases: Sequence[Asked], c: Constants) -> float:
     """What is minimised; cases without a right rival must not be among them."""
     total = 0.0
     for truth, allowed in ALLOWED.items():
-        logs = [np.log(x.probability(c)[x.right].sum() + _LEAST) for x in cases if x.truth == truth]
-        if logs:
-            total -= float(np.mean(logs)) / allowed
+        means = [
+            np.mean([np.log(x.probability(c)[x.right].sum() + _LEAST) for x in some])
+            for exact in (True, False)
+            if (some := [x for x in cases if (x.truth, x.exact) == (truth, exact)])
+        ]
+        if means:
+            total -= float(np.mean(means)) / allowed
     return total / sum(1.0 / a for a in ALLOWED.values())
 
 

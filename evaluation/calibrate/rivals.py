@@ -36,7 +36,8 @@ _PARTS = 5
 
 @dataclass(frozen=True, kw_only=True)
 class Asked:
-    """The rivals of a case. `fold` is the name of what it is left out with.
+    """The rivals of a case. `fold` is the name of what it is left out with; `exact`: the bench is
+    the product's own simulator.
 
     `names` are the effects at work as keys call them, `places` where the simulator can hold them.
     """
@@ -44,6 +45,7 @@ class Asked:
     case: str
     fold: str
     question: str
+    exact: bool
     truth: str
     names: frozenset[str]
     places: frozenset[str]
