@@ -18,8 +18,9 @@ from smad.diagnosis.rivals.describe import Describer
 from smad.diagnosis.rivals.evidence import Evidence
 from smad.diagnosis.rivals.fit import Fit, covariance
 from smad.diagnosis.rivals.parts import EffectPart, LawPart
+from smad.diagnosis.rivals.rival import Question, Rival
 from smad.diagnosis.rivals.score import EFFECT, LAW, credible_set
-from smad.diagnosis.rivals.search import Question, Rival, Searched, Step
+from smad.diagnosis.rivals.search import Searched, Step
 from smad.diagnosis.rivals.unseen import unseen_strengths
 from smad.diagnosis.verdict import (
     CAUSES,

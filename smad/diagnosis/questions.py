@@ -23,8 +23,9 @@ from smad.diagnosis.plant import Effect, ModelPoint, nominal_point, traits_of
 from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
 from smad.diagnosis.rivals.fit import covariance
 from smad.diagnosis.rivals.parts import Model
+from smad.diagnosis.rivals.rival import Question
 from smad.diagnosis.rivals.score import Temper
-from smad.diagnosis.rivals.search import Question, Searched, searched
+from smad.diagnosis.rivals.search import Searched, searched
 from smad.diagnosis.runs import GapRun
 
 Say = Callable[[str], None]

@@ -56,7 +56,8 @@ def cases(counts: dict[str, int]) -> list[Asked]:
     effect = {NONE: 0.7, MOVED: 0.7, LISTED: 0.7, UNLISTED: 1.9}
     return [
         Asked(
-            case=f"{truth}-{n}", fold=f"bench {n % 4}", question="check-up", truth=truth, exact=n % 2 == 0,
+            case=f"{truth}-{n}", fold=f"bench {n % 4}", question="check-up",
+            truth=truth, exact=n % 2 == 0,
             names=frozenset({"rtd_lag"} if truth == LISTED else {"slow glue"}),
             places=frozenset({"reading_rtd"}), effects=41, laws=20,
             rivals=tuple(rivals(truth, effect[truth], rng)),

@@ -15,7 +15,8 @@ from smad.diagnosis.places.responses import law_series
 from smad.diagnosis.plant import ModelPoint
 from smad.diagnosis.rivals.fit import replayed
 from smad.diagnosis.rivals.parts import LawPart
-from smad.diagnosis.rivals.search import Question, Searched
+from smad.diagnosis.rivals.rival import Question
+from smad.diagnosis.rivals.search import Searched
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import CHECK_UP, Cause, labelled, unit_words
 from smad.report.page import Picture

@@ -12,8 +12,8 @@ from smad.diagnosis.places.place import BOTH, PlacesPlant
 from smad.diagnosis.places.responses import law_series
 from smad.diagnosis.rivals.fit import Fit
 from smad.diagnosis.rivals.parts import EffectPart, LawPart
+from smad.diagnosis.rivals.rival import Question, Rival
 from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS
-from smad.diagnosis.rivals.search import Question, Rival
 from smad.diagnosis.verdict import EffectValue, LawTerm
 
 

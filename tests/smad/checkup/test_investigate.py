@@ -21,7 +21,7 @@ from smad.checkup.series import Recorded
 from smad.diagnosis.plant import EffectValues
 from smad.diagnosis.questions import free_model
 from smad.diagnosis.rivals.fit import Fit
-from smad.diagnosis.rivals.search import Rival
+from smad.diagnosis.rivals.rival import Rival
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import Cause
 from smad.runlog.header import RunHeader
