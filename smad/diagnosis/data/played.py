@@ -138,7 +138,7 @@ def reference_point(
     best, best_cost = start, np.inf
     for _ in range(_ROUNDS + 1):
         point = ModelPoint(moved_parameters(plant, start, offset), start.effects)
-        base = predictions(plant, point, runs)
+        base = predictions(plant, point, runs, exact=True)
         if not finite(base):
             break
         r = np.concatenate([(np.where(v, m - b, 0.0) / sd).ravel()
