@@ -1,0 +1,180 @@
+"""A rival, and the question that it answers: what is fitted, and what it is judged on.
+
+A rival is judged by what it leaves of rows that it was not fitted to, runs held out or else each
+fold in turn, replayed as they were recorded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from smad.diagnosis.data.played import predictions
+from smad.diagnosis.numerics.folds import Array
+from smad.diagnosis.places.responses import Responses
+from smad.diagnosis.plant import Effect, ModelPoint
+from smad.diagnosis.rivals.evidence import Evidence
+from smad.diagnosis.rivals.fit import Fit, Reference, fit, leave_out, polished, replayed, weights
+from smad.diagnosis.rivals.parts import Model
+from smad.diagnosis.rivals.score import (
+    EFFECT,
+    LAW,
+    NOTHING,
+    Temper,
+    log_scores,
+    probabilities,
+)
+
+Say = Callable[[str], None]
+_KEPT = 1e8
+"""Precision of parameters that stay where they are."""
+NEAR = 1.3
+"""A channel that leaves at most so many floors shows nothing more: floors are known to a third."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rival:
+    """A hypothesis with its fit (None for the simulator as configured), and what it leaves.
+
+    `squares` (judged runs, channels) are in floors, of rows that it was not fitted to; `scores`
+    (judged runs,) are those of `log_scores`. `log_prior` is that of where its parameters are.
+    """
+
+    kind: str
+    name: str
+    fit: Fit | None
+    squares: Array
+    scores: Array
+    log_prior: float = 0.0
+    probability: float = 0.0
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Where the part that is asked acts; empty for parameters and nothing."""
+        if self.kind not in (EFFECT, LAW) or self.fit is None:
+            return ()
+        return self.fit.model.parts[-1].places
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Question:
+    """What is asked: evidence to fit, evidence held out or None, and the model that is fitted.
+
+    `effects` may be told; `places` are how many places there are. `tied` (p, p) is the precision of
+    the parameters until other values of them are the answer; None: they are free from the start.
+    `responses` are those of laws where they are known. `tau` (channels,) are correlation times in
+    rows.
+    """
+
+    evidence: Evidence
+    held_out: Evidence | None
+    model: Model
+    tied: Array | None
+    responses: Responses | None
+    effects: tuple[Effect, ...]
+    places: int
+    temper: Temper
+    tau: Array
+    say: Say
+
+    @property
+    def judged(self) -> Evidence:
+        """The runs that rivals are judged on."""
+        return self.evidence if self.held_out is None else self.held_out
+
+    def rival(self, kind: str, name: str, fitted: Fit) -> Rival | None:
+        """A rival by what it leaves of the judged runs; None where it cannot run there."""
+        squares = self._squares(fitted)
+        if squares is None:
+            return None
+        scores = log_scores(squares, self.judged.counts)
+        return Rival(kind=kind, name=name, fit=fitted, squares=squares, scores=scores,
+                     log_prior=fitted.model.log_prior(fitted.x))  # fmt: skip
+
+    def fitted(self, kind: str, name: str, reference: Reference) -> Rival | None:
+        """The model of a reference fitted from there on to its end, as a rival."""
+        made = fit(self.evidence, reference.model, reference.x, reference, tau=self.tau, fresh=True)
+        if made is None:
+            return None
+        return self.rival(kind, name, polished(self.evidence, made, self.tau))
+
+    def steadied(
+        self, rival: Rival | None, kind: str, name: str, free: Fit, nominal: Reference
+    ) -> Rival | None:
+        """The rival, or the same with the parameters where they were, whichever is likelier.
+
+        Few runs let free parameters follow noise.
+        """
+        model = free.model
+        kept = model.with_precision(_KEPT * np.eye(model.parameters))
+        start = free.x.copy()
+        start[: model.parameters] = 0.0
+        made = fit(self.evidence, kept, start, nominal, tau=self.tau)
+        steady = made and self.rival(kind, name, made)
+        if not steady or steady.fit is None:
+            return rival
+        steady = replace(steady, fit=replace(steady.fit, model=model))
+        return steady if rival is None else max(steady, rival, key=self.log_weight)
+
+    def of_point(self, point: ModelPoint) -> Rival | None:
+        """A simulator that is not fitted, by what it leaves; None where it cannot run."""
+        found = replayed(self.judged, point, self.model, exact=True)
+        if found is None:
+            return None
+        squares = self.squares_of(self.judged, self.judged.left(found))
+        scores = log_scores(squares, self.judged.counts)
+        return Rival(kind=NOTHING, name=NOTHING, fit=None, squares=squares, scores=scores)
+
+    def near(self, rival: Rival) -> bool:
+        """Whether a rival leaves nothing that could be told in any channel of the judged runs."""
+        counts = self.judged.counts.sum(axis=0)
+        return bool((rival.squares.sum(axis=0) <= NEAR**2 * counts).all())
+
+    def gap(self, rival: Rival) -> float:
+        """What a rival leaves of the judged runs, root mean square in floors."""
+        return float(np.sqrt(rival.squares.sum() / max(self.judged.counts.sum(), 1.0)))
+
+    def ranked(self, rivals: Sequence[Rival]) -> list[Rival]:
+        """Rivals with their probabilities, the likeliest first."""
+        p = probabilities(
+            np.array([r.scores for r in rivals]), [r.kind for r in rivals], self.temper,
+            effects=len(self.effects), laws=self.places,
+            log_prior=np.array([r.log_prior for r in rivals]),
+        )  # fmt: skip
+        made = [replace(r, probability=float(x)) for r, x in zip(rivals, p, strict=True)]
+        return sorted(made, key=lambda r: -r.probability)
+
+    def log_weight(self, rival: Rival) -> float:
+        """Log of a rival's unnormalised probability, but for what all of its kind share."""
+        return float(0.5 * self.temper.evidence * rival.scores.sum() + rival.log_prior)
+
+    def squares_of(self, evidence: Evidence, left: Array) -> Array:
+        """Squares by run and channel of rows, what wanders in each run taken off."""
+        return evidence.squares(evidence.freed(left, weights(evidence, left, self.tau)))
+
+    def predicted(self, fitted: Fit) -> list[Array] | None:
+        """What a fit predicts of the judged runs, (bins, channels) each, without a part in them.
+
+        Without runs held out each fold is predicted by coordinates fitted to the others. None where
+        the model cannot run.
+        """
+        if self.held_out is not None:
+            return replayed(self.held_out, fitted.point, fitted.model, exact=True)
+        evidence = self.evidence
+        out = [np.zeros_like(t.target) for t in evidence.trials]
+        for f, x in enumerate(leave_out(evidence, fitted, self.tau)):
+            point = fitted.model.point(x)
+            for k in np.unique(evidence.run_of_row[evidence.fold == f]):
+                (found,) = predictions(fitted.model.plant, point, [evidence.played[k]], exact=True)
+                if not np.isfinite(found).all():
+                    return None
+                fold = evidence.fold[evidence.run_of_row == k].reshape(found.shape)
+                # A row that does not count has no fold; any prediction may stand there.
+                out[k] = np.where((fold == f) | (fold < 0), found, out[k])
+        return out
+
+    def _squares(self, fitted: Fit) -> Array | None:
+        found = self.predicted(fitted)
+        return None if found is None else self.squares_of(self.judged, self.judged.left(found))
