@@ -6,7 +6,7 @@ it has.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,15 +19,15 @@ from smad.checkup.judge import Judged, SavablePlant, judged, save_found
 from smad.checkup.paired.difference import paired
 from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import Programme, ProgrammeRun
-from smad.checkup.series import Play, keep, write_whole
+from smad.checkup.series import Play, keep, newest_open, write_whole
 from smad.diagnosis.answer import gaps_on
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.verdict import SignalGap, Verdict
+from smad.progress import Say
 
 REST_S = 60.0
 """What the rest before a run takes at least, until one has been measured."""
 _HELD_OUT = "for proof"
-Say = Callable[[str], None]
 
 
 class Record(msgspec.Struct, frozen=True):
@@ -66,6 +66,16 @@ def read_report(path: Path) -> Report:
             f"{path} cannot be read: {getattr(error, 'strerror', None) or error}",
             action=f"move {path.parent} away, and investigate anew",
         ) from None
+
+
+def open_folder(folder: Path) -> Path:
+    """Where the investigation of a baseline's folder goes on, or the next one begins."""
+
+    def goes_on(place: Path) -> bool:
+        report = place / "investigation.json"
+        return report.exists() and not read_report(report).why_over
+
+    return newest_open(folder, "investigation", goes_on)
 
 
 @dataclass

@@ -197,6 +197,12 @@ def _read_run(folder: Path, entry: RunEntry) -> ProgrammeRun:
     )  # fmt: skip
 
 
+def chosen(folder: Path | None, *, quick: bool = False) -> Programme:
+    """The programme of a folder, or the shipped one; `quick`: its quick part."""
+    programme = shipped() if folder is None else read_programme(folder)
+    return programme.quick() if quick else programme
+
+
 def shipped() -> Programme:
     """The programme of the spring pair, as designed by `python -m evaluation design`."""
     return read_programme(Path(str(files("smad.checkup") / "data" / "spring-pair")))

@@ -19,6 +19,7 @@ import msgspec
 from smad.checkup.errors import BaselineError
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.errors import SmadError
+from smad.progress import Say
 from smad.runlog.reader import Run, read_run
 from smad.runlog.schema import CUT
 
@@ -40,7 +41,9 @@ class Recorded:
 Play = Callable[[ProgrammeRun, Path | None], Recorded]
 """Plays a run, or, where there is one, the log of the run that it repeats."""
 
-Say = Callable[[str], None]
+Player = Callable[[int], Play]
+"""What plays the runs of a series, by the number of the series: a simulated bench takes its noise
+from it."""
 
 
 class State(msgspec.Struct, frozen=True):

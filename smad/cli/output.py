@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from smad.api import Motion
     from smad.client import Client
+    from smad.experiments.leased import LeasedDriver
+    from smad.progress import Say
 
 FIRST_PROGRESS_S = 2.0
 _LINE_EVERY_S = 5.0
@@ -123,6 +125,30 @@ def client(bench: str, *, lasting: bool = False) -> Client:
     return made
 
 
+@contextlib.contextmanager
+def ready_client(bench: str, *, extra: str = "") -> Iterator[Client]:
+    """A client of a program that arms: signals end it, and a stop before it arms is known.
+
+    Raises what `require_ready` does where something is missing that is needed afterwards.
+    """
+    from smad.client.signals import ended_by_signals
+    from smad.experiments.ready import require_ready
+
+    with ended_by_signals(), client(bench) as connected:
+        connected.as_of(connected.motion().generation)
+        require_ready(connected, extra=extra)
+        yield connected
+
+
+def leased_driver(connected: Client, who: str, lease_s: float, say: Say) -> LeasedDriver:
+    """What carries plans out on the bench of a client, armed for each under a lease of `who`."""
+    from smad.experiments.leased import LeasedDriver
+    from smad.experiments.live import LiveDriver
+
+    live = LiveDriver(connected, progress=say)
+    return LeasedDriver(connected, live, lease_s=lease_s, progress=say, who=who)
+
+
 made_clients: list[Client] = []
 """Clients of this command: who ran it asks them which stops they know of."""
 
@@ -154,6 +180,11 @@ class Progress:
             click.echo(text, err=True)
             self._last = text
             self._last_s = now_s
+
+    def note(self, text: str) -> None:
+        """Print a line that stays."""
+        self.done()
+        click.echo(text, err=True)
 
     def done(self) -> None:
         """Take the line away."""

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import axis_option, lease_option, progress
+from smad.cli.output import axis_option, lease_option, progress, ready_client
+from smad.cli.simulated import seed_option, sim_option
 
 if TYPE_CHECKING:
     from smad.experiments.repeating import Repeat
@@ -20,7 +21,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 @click.argument("run", type=_FILE)
 @click.option("--as-is", is_flag=True, help="Begin where the bench is, without cooling first.")
 @click.option("--other-bench", is_flag=True, help="Also a run of another bench or board.")
-@click.option("--sim", is_flag=True, help="In virtual time, on a simulated bench.")
+@sim_option
 @click.option(
     "--save-logs",
     type=click.Path(file_okay=False, path_type=Path),
@@ -28,8 +29,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     show_default=True,
     help="With --sim, the folder of the new run log.",
 )
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
-              help="With --sim: of its noise.")  # fmt: skip
+@seed_option
 @lease_option
 @axis_option
 def repeat(
@@ -70,25 +70,19 @@ def repeat(
 def _virtual(found: Repeat, name: str, folder: Path, seed: int) -> Path:
     from sim_device.plant.models import built_in
     from smad.config import Config
-    from smad.experiments.driver import log_path
-    from smad.experiments.errors import EndedEarlyError, ExperimentError, TrippedError
+    from smad.experiments.driver import new_log_path
+    from smad.experiments.errors import EndedEarlyError, TrippedError
     from smad.experiments.virtual import VirtualDriver
 
     found.require_fit(Config())
     plan = found.plan(name)
-    path = log_path(folder, plan)
-    if path.exists():
-        raise ExperimentError(
-            "a run log of that name is there already",
-            value=str(path),
-            action="give another folder with --save-logs, or move it away",
-        )
+    path = new_log_path(folder, plan, "give another folder with --save-logs, or move it away")
     with progress() as line:
         driver = VirtualDriver(built_in("A"), seed=seed, folder=folder, progress=line.say)
         try:
             driver.run(plan)
         except (EndedEarlyError, TrippedError):
-            click.echo(f"recorded until then: {path}", err=True)
+            line.note(f"recorded until then: {path}")
             raise
     return path
 
@@ -96,17 +90,12 @@ def _virtual(found: Repeat, name: str, folder: Path, seed: int) -> Path:
 def _live(
     found: Repeat, name: str, bench: str, lease_s: float, *, as_is: bool, other_bench: bool
 ) -> Path:
-    from smad.cli.leased import LeasedDriver
-    from smad.cli.output import client
-    from smad.client.signals import ended_by_signals
     from smad.config import parse_config
     from smad.experiments.errors import EndedEarlyError, StoppedError, TrippedError
-    from smad.experiments.ready import require_ready
+    from smad.experiments.leased import LeasedDriver
     from smad.experiments.replayer import Directly, Replayer
 
-    with ended_by_signals(), client(bench) as connected, progress() as line:
-        connected.as_of(connected.motion().generation)
-        require_ready(connected, extra="log")
+    with ready_client(bench, extra="log") as connected, progress() as line:
         found.require_fit(parse_config(connected.config()))
         if not other_bench:
             board = connected.status().board
@@ -124,7 +113,7 @@ def _live(
             leased.run(found.plan(name))
         except (EndedEarlyError, StoppedError, TrippedError):
             if driver.log is not None:
-                click.echo(f"recorded until then: {driver.log}", err=True)
+                line.note(f"recorded until then: {driver.log}")
             raise
         assert driver.log is not None
         return driver.log

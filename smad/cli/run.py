@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from smad.cli import complete
-from smad.cli.output import axis_option, lease_option, progress
+from smad.cli.output import axis_option, lease_option, progress, ready_client
 from smad.errors import SmadError
 from smad.files import write_whole
 
@@ -278,16 +278,11 @@ def _simulated(
 def _live(
     experiments: Sequence[Experiment[Any]], model: ParameterSet, options: dict[str, Any]
 ) -> tuple[CampaignResult, Facts]:
-    from smad.cli.leased import LeasedDriver
-    from smad.cli.output import client
-    from smad.client.signals import ended_by_signals
     from smad.experiments.campaign import run_on
+    from smad.experiments.leased import LeasedDriver
     from smad.experiments.live import LiveDriver
-    from smad.experiments.ready import require_ready
 
-    with ended_by_signals(), client(options["bench"]) as connected, progress() as line:
-        connected.as_of(connected.motion().generation)
-        require_ready(connected, extra="report")
+    with ready_client(options["bench"], extra="report") as connected, progress() as line:
         driver = LiveDriver(
             connected,
             fixture=options["fixture"],

@@ -9,7 +9,7 @@ import click
 import msgspec
 from msgspec import Meta, Struct
 
-from smad.cli.output import axis_option, lease_option, progress
+from smad.cli.output import axis_option, lease_option, leased_driver, progress, ready_client
 from smad.control.commands import Follow, Trajectory
 from smad.control.plan import Do, Plan, UntilDone
 from smad.errors import CommandError
@@ -37,26 +37,15 @@ def moves(*, path: Path, lease: float, bench: str) -> None:
     FILE is TOML with a table [[pieces]] for each piece: `kind` is step, ramp, sine …,
     the other keys are its fields (smad docs guide/clients). `timeout_s` ends a motion that hangs.
     """
-    from smad.cli.leased import LeasedDriver
-    from smad.cli.output import client
-    from smad.client.signals import ended_by_signals
-    from smad.experiments.live import LiveDriver
-    from smad.experiments.ready import require_ready
-
     file = read_moves(path)
     plan = Plan(
         path.stem[:60],
         (Do(Follow(trajectories=file.pieces)), UntilDone(file.timeout_s + LATE_S)),
     )
-    with ended_by_signals(), client(bench) as connected, progress() as line:
-        connected.as_of(connected.motion().generation)
-        require_ready(connected)
-        driver = LiveDriver(connected, progress=line.say)
-        leased = LeasedDriver(
-            connected, driver, lease_s=lease, progress=line.say, who="smad run moves"
-        )
+    with ready_client(bench) as connected, progress() as line:
+        driver = leased_driver(connected, "smad run moves", lease, line.say)
         try:
-            leased.run(plan)
+            driver.run(plan)
         finally:
             if driver.log is not None:
                 click.echo(f"recorded: {driver.log}")

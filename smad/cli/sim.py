@@ -13,8 +13,8 @@ import click
 import msgspec
 
 from smad.cli import complete
-from smad.cli.effects import effect_lines
 from smad.cli.output import Finite
+from smad.cli.simulated import effect_lines
 from smad.errors import SmadError
 from smad.processes.simulator import READY
 

@@ -23,6 +23,7 @@ from smad.records.column_names import unit_in
 from smad.records.tables import is_table, open_table
 from smad.records.units import UNITS, convert, spelt, units_for
 from smad.runlog.bounds import require_bounded
+from smad.runlog.paths import names_of
 from smad.runlog.reader import read_run, recorded
 from smad.simulators.rating import Rating, rate
 from smad.simulators.windows import choose_window
@@ -52,8 +53,7 @@ def diagnose_unit(
         progress("reading")
 
         def read(path: Path) -> GapRun:
-            known = {str(path), path.name, path.stem} & set(trusted)
-            return replace(read_mapped(path, mapped), trusted=bool(known))
+            return replace(read_mapped(path, mapped), trusted=bool(names_of(path) & set(trusted)))
 
         asked, known, held_out = ([read(p) for p in paths] for paths in (runs, good, hold_out))
         plant.window_s, why = 0.0, ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +20,7 @@ from smad.records.readings import BEYOND
 from smad.runlog import schema
 from smad.runlog.bounds import Together
 from smad.runlog.holes import holes_in, words
+from smad.runlog.paths import distinct_name, names_of
 
 if TYPE_CHECKING:
     from smad.runlog.reader import Run
@@ -220,6 +221,25 @@ def read_gap_run(path: Path, together: Together | None = None) -> GapRun:
     one too many of those held `together`.
     """
     return _read(path, together)[0]
+
+
+def read_gap_runs(
+    paths: Sequence[Path], among: Sequence[Path], trusted: Sequence[str] = ()
+) -> list[GapRun]:
+    """The runs of files, with names that tell those of all files `among` which they are apart.
+
+    `trusted` are names or paths of runs that are. Raises as `read_gap_run` does.
+    """
+    together = Together()
+    return [
+        replace(
+            run,
+            name=distinct_name(path, among) or run.name,
+            trusted=bool(names_of(path) & set(trusted)),
+        )
+        for path in paths
+        for run in (read_gap_run(path, together),)
+    ]
 
 
 def read_recorded(path: Path, together: Together | None = None) -> tuple[GapRun, Run | None]:

@@ -14,8 +14,10 @@ import pytest
 
 from evaluation.programme.segments import run_of
 from evaluation.programme.writing import write_programme
-from smad.checkup.commission import checked_files, commissioned, repeated
+from smad.checkup.check import checked_files
+from smad.checkup.commission import commissioned
 from smad.checkup.errors import BaselineError, ProgrammeError
+from smad.checkup.everyday import repeated
 from smad.checkup.files import Found, read_file, read_folder, require_other_recordings
 from smad.checkup.judge import judged
 from smad.checkup.paired.reference import Reference
