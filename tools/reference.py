@@ -20,6 +20,7 @@ from msgspec import inspect as types
 
 from firmware_protocol.supervisor.document import PARTS as SUPERVISOR
 from smad import api
+from smad.config.fields import info_of
 from smad.config.template import markdown_lists
 from smad.control import commands
 from smad.daemon.arming import TRANSITIONS
@@ -196,7 +197,7 @@ def _fields(struct: type[Struct]) -> Iterator[str]:
 
 
 def _told(struct: type[Struct]) -> Iterator[tuple[str, str, str]]:
-    for field in _info(struct).fields:
+    for field in info_of(struct).fields:
         kind, description = _described(field.type)
         default = "" if field.required else _default(field)
         kind = kind.removesuffix(" or empty") if default == "empty" else kind
@@ -204,12 +205,6 @@ def _told(struct: type[Struct]) -> Iterator[tuple[str, str, str]]:
         kind = "" if kind == "true or false" and default in ("true", "false") else kind
         told = "; ".join(part for part in (kind, default) if part)
         yield field.name, told, description
-
-
-def _info(struct: type[Struct]) -> types.StructType:
-    info = types.type_info(struct)
-    assert isinstance(info, types.StructType)
-    return info
 
 
 def _described(kind: types.Type) -> tuple[str, str]:

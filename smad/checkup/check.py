@@ -6,7 +6,7 @@ The way is the same each time: read what was good, play or read the runs of now,
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,7 +28,7 @@ from smad.checkup.series import Play, folder_for, play_series, read_state
 from smad.checkup.store import Baseline
 from smad.diagnosis.errors import PairingError
 from smad.diagnosis.plant import PlantModel
-from smad.progress import Say
+from smad.progress import Say, silent
 from smad.runlog.paths import passed_over
 
 
@@ -142,7 +142,7 @@ def checked_files(
     plant: PlantModel,
     good: Sequence[Found],
     now: Sequence[Found],
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Say = silent,
 ) -> tuple[Judged, Matched]:
     """The verdict over files of a good day and of now, and what was paired with what.
 

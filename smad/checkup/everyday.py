@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from smad.diagnosis.plant import PlantModel
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.signals import read_gap_runs, usable
 from smad.diagnosis.verdict import Repeated
-from smad.progress import Say
+from smad.progress import Say, silent
 
 _LEAST_REPEATS = 2
 
@@ -56,7 +56,7 @@ def repeated(
     plant: PlantModel,
     good: Sequence[Found],
     runs: Sequence[Found],
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Say = silent,
 ) -> Repeated | None:
     """What the runs say that repeat the inputs of known-good ones; None where none does.
 

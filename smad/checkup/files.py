@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from smad.diagnosis.errors import PairingError
 from smad.diagnosis.plant import PlantModel
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.signals import read_recorded, require_columns
+from smad.progress import Say
 from smad.records.tables import KINDS
 from smad.runlog.bounds import Together
 
@@ -61,7 +62,7 @@ def read_folder(folder: Path) -> list[Found]:
     return [_found(p, together) for p in paths]
 
 
-def read_good(folder: Path, say: Callable[[str], None]) -> list[Found]:
+def read_good(folder: Path, say: Say) -> list[Found]:
     """All runs of a folder that count as good; those that a stop cut are told of and left out.
 
     Raises PairingError when that leaves none.

@@ -14,6 +14,7 @@ import numpy as np
 
 from firmware_protocol.nearest import instead
 from smad.checkup.errors import ProgrammeError
+from smad.config.toml_file import read_toml
 from smad.control.commands import FollowInputs
 from smad.control.pieces import rows_in_pieces
 from smad.control.plan import Do, Plan, UntilDone
@@ -154,18 +155,9 @@ class Programme:
 
 def read_programme(folder: Path) -> Programme:
     """The programme of a folder. Raises ProgrammeError."""
-    try:
-        entry = msgspec.toml.decode((folder / "programme.toml").read_bytes(), type=ProgrammeFile)
-    except OSError as error:
-        raise ProgrammeError(
-            f"cannot read {folder / 'programme.toml'}: {error.strerror}",
-            action="name the folder of a programme",
-        ) from error
-    except (msgspec.MsgspecError, ValueError) as error:
-        raise ProgrammeError(
-            f"{folder / 'programme.toml'} is not valid: {error}",
-            action="correct it, or design it again with python -m evaluation design",
-        ) from None
+    action = "correct it, or design it again with python -m evaluation design"
+    path = folder / "programme.toml"
+    entry = read_toml(path, ProgrammeFile, "programme", ProgrammeError, action)
     runs = [_read_run(folder, r) for r in entry.runs]
     return Programme(entry.name, entry.title, tuple(runs))
 

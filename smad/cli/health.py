@@ -43,6 +43,7 @@ def health(
     """
     from smad.experiments.ready import require_packages
     from smad.files import require_writable
+    from smad.health.collect import collect
     from smad.health.record import FILE, read
     from smad.health.report import headline, health_of, page, table
     from smad.report.page import write_page
@@ -51,7 +52,8 @@ def health(
     if report is not None:
         require_writable(report)
     given = _limits(limits)
-    _collect(folder, verdicts)
+    with progress() as line:
+        collect(folder, verdicts, say=line.note, progress=line.say)
     found = health_of(read(folder / FILE), given)
     if report is not None:
         write_page(page(found, folder.name), report)
@@ -78,32 +80,6 @@ def _limits(given: tuple[str, ...]) -> Mapping[str, float]:
         if not (name and equals):
             raise click.UsageError(f"--limit {text}: give NAME=VALUE, such as stroke_mm=8")
     return limits
-
-
-def _collect(folder: Path, verdicts: tuple[Path, ...]) -> None:
-    """Append the rows of what the record does not know yet."""
-    from smad.errors import RunLogError
-    from smad.health.cycles import rows_of_cycles
-    from smad.health.errors import HealthError
-    from smad.health.measure import new_rows
-    from smad.health.record import FILE, append, read
-    from smad.health.verdicts import row_of_verdict
-
-    if not folder.is_dir():
-        raise HealthError(f"there is no folder {folder}", action="name that of the run logs")
-    known = {row.source for row in read(folder / FILE)}
-    # Check-ups of the queue write theirs beside the output of their items.
-    written = (*verdicts, *sorted(folder.glob("queue/item-*.json")))
-    rows = [row_of_verdict(path) for path in written if str(path) not in known]
-    rows += rows_of_cycles(folder, known)
-    with progress() as line:
-        for path, row in new_rows(folder, known):
-            line.say(f"reading {path.name}")
-            if isinstance(row, RunLogError):
-                click.echo(f"left out: {row}", err=True)
-            elif row is not None:
-                rows.append(row)
-    append(folder / FILE, rows)
 
 
 def _print_json(found: Health) -> None:

@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import subprocess
-import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +20,7 @@ from smad.cli.output import (
 )
 from smad.cli.simulated import bench_with, effect_option, require_sim, seed_option, sim_option
 from smad.errors import SmadError
+from smad.progress import Say
 
 if TYPE_CHECKING:
     from smad.config import Config
@@ -146,9 +143,7 @@ def profile_of(options: dict[str, Any]) -> Profile:
 
 
 @contextlib.contextmanager
-def _bench(
-    options: dict[str, Any], folder: Path, say: Callable[[str], None]
-) -> Iterator[tuple[BlockDriver, Config]]:
+def _bench(options: dict[str, Any], folder: Path, say: Say) -> Iterator[tuple[BlockDriver, Config]]:
     """The driver, and the configuration of its bench."""
     from smad.config import Config, parse_config
     from smad.experiments.virtual import VirtualDriver
@@ -165,37 +160,21 @@ def _bench(
 def _checker(
     options: dict[str, Any], folder: Path, driver: BlockDriver
 ) -> Callable[[int], Judgement] | None:
-    """Plays `smad gap checkup` as a command of its own, as `smad queue` does."""
+    from smad.experiments.endurance.judgement import judged_by_command
+    from smad.experiments.leased import LeasedDriver
+
     if not options["every"]:
         return None
 
     def check(number: int) -> Judgement:
-        from smad.experiments.endurance.judgement import judgement_of
-        from smad.experiments.leased import LeasedDriver
-
-        with tempfile.TemporaryDirectory(prefix="smad-") as scratch:
-            verdict = Path(scratch) / "verdict.json"
-            words = ["gap", "checkup", f"--baseline={options['baseline']}", "--quick"]
-            words += [f"--json={verdict}", f"--out={folder / f'checkup-{number:07d}'}"]
-            if options["sim"]:
-                words += ["--sim", f"--seed={options['seed'] + number}"]
-                words += [f"--effect={text}" for text in options["effects"]]
-            done = subprocess.run(
-                [sys.executable, "-m", "smad.cli.queue_child", str(os.getpid()), options["bench"],
-                 *words],
-                capture_output=True, text=True, check=False,
-                env={**os.environ, "SMAD_BENCH": options["bench"]},
-            )  # fmt: skip
-            if done.returncode:
-                lines = done.stderr.strip().splitlines() or ["it said nothing"]
-                said = lines[-1].removeprefix("smad: ")
-                raise SmadError(
-                    f"the check-up after {number} cycles failed: {said}",
-                    action="look at the bench; --go-on goes on",
-                )
-            if isinstance(driver, LeasedDriver):
-                # The check-up's own disarms were orderly: it says so by its status.
-                driver.client.as_of(driver.client.motion().generation)
-            return judgement_of(verdict.read_bytes())
+        words = [f"--baseline={options['baseline']}", f"--out={folder / f'checkup-{number:07d}'}"]
+        if options["sim"]:
+            words += ["--sim", f"--seed={options['seed'] + number}"]
+            words += [f"--effect={text}" for text in options["effects"]]
+        judgement = judged_by_command(words, options["bench"], number)
+        if isinstance(driver, LeasedDriver):
+            # The check-up's own disarms were orderly: it says so by its status.
+            driver.client.as_of(driver.client.motion().generation)
+        return judgement
 
     return check

@@ -9,7 +9,7 @@ still gets wrong everywhere is not new.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,8 +26,8 @@ from smad.diagnosis.rivals.parts import Model
 from smad.diagnosis.rivals.score import Temper
 from smad.diagnosis.rivals.search import Question, Searched, searched
 from smad.diagnosis.runs import GapRun
+from smad.progress import Say
 
-Say = Callable[[str], None]
 _MOST_CAUSES = 3
 _MOST_OF_GOOD = 2
 """What the simulator lacks on the good runs is a floor for the rest: two causes take most of it."""

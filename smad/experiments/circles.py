@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from smad.errors import RunLogError
+from smad.progress import Say
 from smad.report.page import Page, Section, Table, Text
 from smad.report.panels import Panel, Panels, Trace
 from smad.report.planes import Curve, Plane, Quantity
@@ -73,9 +74,7 @@ class Tracking:
         return float(np.max(self.error_deg))
 
 
-def draw(
-    bench: Client, robot: Robot, circles: Circles, progress: Callable[[str], None]
-) -> tuple[Path, Percentiles]:
+def draw(bench: Client, robot: Robot, circles: Circles, progress: Say) -> tuple[Path, Percentiles]:
     """Carry it out on a bench that is not armed; return the run log and the skew of the begins.
 
     Arms, and disarms at the end. Raises what the client raises.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from smad.fmi.errors import FmiError
 from smad.fmi.map_file import ChannelRow, InputRow, Map, read_map
 from smad.fmi.plant import FmuPlant
 from smad.fmi.unit_file import open_unit
+from smad.progress import Say, silent
 from smad.records.channels import held
 from smad.records.column_names import unit_in
 from smad.records.tables import is_table, open_table
@@ -41,7 +42,7 @@ def diagnose_unit(
     good: Sequence[Path] = (),
     hold_out: Sequence[Path] = (),
     trusted: Sequence[str] = (),
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Say = silent,
 ) -> Answer:
     """Where a unit and the runs disagree; as `smad.diagnosis.diagnose`.
 

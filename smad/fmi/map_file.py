@@ -9,14 +9,13 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from smad.config.bounds import field_and_words, without_mark
+from smad.config.toml_file import read_toml
 from smad.fmi.errors import FmiError
 from smad.fmi.unit_file import UnitFile
 from smad.records.csv_table import CsvFormat
 
 _Number = Annotated[float, msgspec.Meta(ge=-1e15, le=1e15)]
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=1e15)]
-MOST_BYTES = 1_000_000
 
 
 class _Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -109,21 +108,7 @@ class Map(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 
 def read_map(path: Path) -> Map:
     """Read a map file. Raises FmiError for a file that cannot be read, and by the key's name."""
-    try:
-        with path.open("rb") as file:
-            text = file.read(MOST_BYTES + 1)
-    except OSError as error:
-        raise FmiError(f"cannot read {path}: {error.strerror}", action="check the path") from error
-    if len(text) > MOST_BYTES:
-        raise FmiError(f"{path} is longer than a map file can be", limit=f"{MOST_BYTES} bytes")
-    try:
-        found = msgspec.toml.decode(without_mark(text), type=Map)
-    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
-        where, why = field_and_words(str(error))
-        place = f", {where}" if where else ""
-        raise FmiError(
-            f"map file {path}{place}: {why}", action="docs/guide/fmi.md shows a map file"
-        ) from None
+    found = read_toml(path, Map, "map file", FmiError, "docs/guide/fmi.md shows a map file")
     _check(path, found)
     return found
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Protocol
 
 from smad.errors import RunLogError, SmadError
+from smad.progress import Say, silent
 from smad.queue import machine
 from smad.queue.bench import View
 from smad.queue.errors import QueueError, StoreError
@@ -53,7 +54,7 @@ class Surroundings:
     watch: Watch
     start: Callable[[Item], Process]
     check: Callable[[Item], str]
-    say: Callable[[str], None] = lambda text: None
+    say: Say = silent
     wall_s: Callable[[], float] = time.time
     clock_s: Callable[[], float] = time.monotonic
 

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from smad.config.bounds import without_mark
+from smad.config.toml_file import read_toml
 from smad.errors import LogImportError
 from smad.records.channels import channels_of
 from smad.records.column_names import Assignment, ColumnRule
@@ -59,17 +59,8 @@ class _Beside(msgspec.Struct):
 
 def read_mapping(path: str | Path) -> MappingFile:
     """The mapping file at `path`. Raises LogImportError when it cannot be read or understood."""
-    try:
-        return msgspec.toml.decode(without_mark(Path(path).read_bytes()), type=MappingFile)
-    except OSError as error:
-        raise LogImportError(
-            f"cannot read mapping {path}: {error.strerror}", action="check the path"
-        ) from error
-    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
-        raise LogImportError(
-            f"mapping {path} is not valid: {error}",
-            action="smad docs guide/run-logs shows a mapping file",
-        ) from None
+    action = "smad docs guide/run-logs shows a mapping file"
+    return read_toml(Path(path), MappingFile, "mapping", LogImportError, action)
 
 
 def import_table(

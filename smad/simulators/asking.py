@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,6 +10,7 @@ import msgspec
 
 from smad.diagnosis import Answer
 from smad.diagnosis import diagnose as ask
+from smad.progress import Say, silent
 from smad.simulators.bind import Bound, bind
 from smad.simulators.declare import Simulator
 from smad.simulators.windows import choose_window
@@ -27,7 +28,7 @@ def diagnose(
     trusted: Sequence[str] = (),
     window_s: float | None = None,
     candidates: Sequence[str] | None = None,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Say = silent,
 ) -> Answer:
     """Where a simulator and runs disagree, which law is missing there, what it is called.
 

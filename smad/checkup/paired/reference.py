@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,7 @@ from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses, responses
 from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, nominal_point, traits_of
 from smad.diagnosis.runs import GapRun
+from smad.progress import Say, silent
 
 _CLOCK_SD_S = 0.004
 
@@ -103,7 +104,7 @@ def regime_numbers(plant: PlantModel, run: GapRun, bins: int, start_s: float) ->
 def reference_from(
     plant: PlacesPlant,
     groups: Sequence[Sequence[GapRun]],
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Say = silent,
 ) -> Reference:
     """The reference that good runs make: `groups` are the repeats of each run of the programme.
 

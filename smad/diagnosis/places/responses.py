@@ -7,7 +7,7 @@ channel, and one replay tells how; every other place costs a replay a term.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
@@ -22,6 +22,7 @@ from smad.diagnosis.numerics.folds import Array, Index
 from smad.diagnosis.places.bare import BarePlaces
 from smad.diagnosis.places.place import BOTH, Forcing, Place, PlacesPlant, single_sides
 from smad.diagnosis.plant import ModelPoint
+from smad.progress import Say, silent
 
 Singles = NDArray[np.float32]
 
@@ -167,7 +168,7 @@ def responses(
     *,
     known: Sequence[Singles] | None = None,
     space: tuple[Law, ...] | None = None,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Say = silent,
 ) -> Responses:
     """Responses of all places at `point`. Terms that the model cannot replay have response 0.
 

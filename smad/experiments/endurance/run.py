@@ -19,6 +19,7 @@ from smad.experiments.endurance.statistics import NAMES, Cycle, bounds, cycles_o
 from smad.experiments.endurance.thin import thin
 from smad.experiments.errors import ExperimentError
 from smad.experiments.recording import Recording
+from smad.progress import Say, silent
 
 CYCLES_FILE = "cycles.csv"
 NO_LIMITS = EndLimits()
@@ -88,7 +89,7 @@ def endure(
     room: Room,
     *,
     check: Callable[[int], Judgement] | None = None,
-    say: Callable[[str], None] = lambda text: None,
+    say: Say = silent,
 ) -> Ended:
     """Carry the run out; `cycles.csv` in `folder` has each cycle's statistics as soon as known.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 
 from smad.diagnosis import Answer
 from smad.diagnosis.plant import Parameter
+from smad.progress import Say, silent
 from smad.simulators.asking import diagnose
 from smad.simulators.columns import Table, span_of, tables_of
 from smad.simulators.declare import Simulator
@@ -42,7 +43,7 @@ def diagnose_mjcf(
     hold_out: Any = (),
     trusted: Sequence[str] = (),
     window_s: float | None = None,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Say = silent,
 ) -> Answer:
     """Where a MuJoCo model and runs disagree; as `smad.simulators.diagnose`.
 
