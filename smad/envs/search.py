@@ -61,11 +61,6 @@ def act(weights: Array, seen: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.f
     return out
 
 
-def policy_of(weights: Array) -> Callable[[npt.NDArray[np.float32]], npt.NDArray[np.float32]]:
-    """The policy of some weights, as `on_bench` takes it."""
-    return lambda seen: act(weights, seen)
-
-
 def returns(env: Vector, weights: Array, seeds: npt.ArrayLike) -> Array:
     """Mean reward of a step over whole episodes, mm; shape (n,), weights (n, 7), seeds (n,).
 

@@ -10,10 +10,9 @@ import secrets
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 import msgspec
 
@@ -172,9 +171,3 @@ class Queue:
                 return client.motion().generation
         except SmadError:
             return None
-
-
-def record_of(item: Item) -> Mapping[str, Any]:
-    """Return an item as JSON has it."""
-    record: Mapping[str, Any] = msgspec.to_builtins(item)
-    return record
