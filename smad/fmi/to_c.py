@@ -232,9 +232,7 @@ class _Body:
                 given = [self._expression(bound)[0] for bound in bounds]
             case _:
                 raise self._fail(node)
-        start, stop, step = {
-            1: ("0", *given, "1"), 2: (*given, "1"), 3: tuple(given)
-        }[len(given)]  # fmt: skip
+        start, stop, step = {1: ("0", *given, "1"), 2: (*given, "1"), 3: tuple(given)}[len(given)]
         self._declare(name, LONG)
         count, end = self._temporary(), self._temporary()
         test = ">" if step.lstrip("(").startswith("-") else "<"

@@ -138,7 +138,7 @@ def run_of(
     shown = {n: table.columns[n] for n in outputs if n in table.columns}
     return GapRun(
         table.name, table.t_s, {**given, **flat}, shown, notes=table.notes, trusted=trusted
-    )  # fmt: skip
+    )
 
 
 def require_time(table: Table) -> None:

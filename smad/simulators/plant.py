@@ -159,9 +159,9 @@ class SimulatedPlant:
     def _failed(self, why: str, values: Mapping[str, float]) -> None:
         self.failures.failed += 1
         if not self.failures.why:
-            self.failures.why = (
-                f"{why} at " + ", ".join(f"{n} = {v:.4g}" for n, v in values.items() if v)
-            )  # fmt: skip
+            self.failures.why = f"{why} at " + ", ".join(
+                f"{n} = {v:.4g}" for n, v in values.items() if v
+            )
 
     def windows(self, whole: GapRun) -> list[Window]:
         """First and last sample of each window of a run, and where it begins."""

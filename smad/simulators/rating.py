@@ -185,11 +185,9 @@ class _Sheet:
         point = nominal_point(self.plant)
         try:
             shown = [
-                self.plant.forced(
-                    point, r, {(place, side): np.full(len(r.t_s), size)}, fast=True
-                )
+                self.plant.forced(point, r, {(place, side): np.full(len(r.t_s), size)}, fast=True)
                 for r in self.runs
-            ]  # fmt: skip
+            ]
         except PlantError:
             return None
         return self._less(shown)
@@ -238,9 +236,9 @@ def _places(sheet: _Sheet, ends: float) -> Iterator[_Cause | Rating]:
         for side in place.sides:
             name = place.name if len(place.sides) < 2 else f"{place.name} {side.upper()}"
             words = place.label if len(place.sides) < 2 else f"{place.label}, {side.upper()}"
-            rows = None if time.process_time() > ends else sheet.forced(
-                place.name, side, place.scale
-            )  # fmt: skip
+            rows = (
+                None if time.process_time() > ends else sheet.forced(place.name, side, place.scale)
+            )
             if rows is None:
                 yield _missed("place", name, words, place.unit)
                 continue

@@ -87,9 +87,7 @@ def choose_window(
 def _usable(plant: Windowed, run: GapRun) -> GapRun:
     """A run as it will be admitted: up to its first hole, without NaN."""
     used = filled(up_to_first_hole(run, row_length_s([run], plant), lambda *_, **__: None))
-    return replace(
-        used, outputs={n: y for n, y in used.outputs.items() if np.isfinite(y).all()}
-    )  # fmt: skip
+    return replace(used, outputs={n: y for n, y in used.outputs.items() if np.isfinite(y).all()})
 
 
 def _given(plant: Windowed, runs: Sequence[GapRun], window_s: float) -> tuple[float, str]:

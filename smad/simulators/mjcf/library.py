@@ -180,6 +180,4 @@ def play(name: str, unit: str, low: float, high: float) -> Effect:
 
 
 def _size(unit: str, typical: float) -> EffectParameter:
-    return EffectParameter(
-        name="size", unit=unit, typical=typical, low=0.0, high=_MOST * typical
-    )  # fmt: skip
+    return EffectParameter(name="size", unit=unit, typical=typical, low=0.0, high=_MOST * typical)
