@@ -212,7 +212,7 @@ def of_the_bench(motions: dict[str, Motion]) -> Motion:
         return ", ".join(dict.fromkeys(getattr(motion, name) for motion in motions.values()))
 
     def first(name: str) -> Any:
-        return next((told for m in motions.values() if (told := getattr(m, name))), None)
+        return next((value for m in motions.values() if (value := getattr(m, name))), None)
 
     return Motion(
         running=common("running"),
@@ -274,8 +274,8 @@ class Status(AxisStatus, frozen=True, kw_only=True):
     def of(self, axis: str) -> Status:
         """Return it as the status of a bench of this axis alone. Raises KeyError."""
         part = self.parts()[axis]
-        own = {name: getattr(part, name) for name in AxisStatus.__struct_fields__}
-        return structs.replace(self, **own, axes=UNSET)
+        shared = {name: getattr(part, name) for name in AxisStatus.__struct_fields__}
+        return structs.replace(self, **shared, axes=UNSET)
 
     def _repr_html_(self) -> str:
         from smad import notebook

@@ -70,8 +70,8 @@ class Source:
         self.rows = rows_of(tuple(config.by_axis()))
         self.parameters = {
             named(axis, name): value
-            for axis, own in config.by_axis().items()
-            for name, value in _of_config(own).items()
+            for axis, axis_config in config.by_axis().items()
+            for name, value in _of_config(axis_config).items()
         }
 
     def sampled(self, axis: str, data: bytes) -> None:
@@ -119,7 +119,7 @@ def _of_config(config: Config) -> Mapping[str, Value]:
     waiting = [(name, value) for name, value in sections.items()]
     for key, value in waiting:
         if isinstance(value, dict):
-            waiting += [(f"{key}.{name}", own) for name, own in value.items()]
+            waiting += [(f"{key}.{name}", entry) for name, entry in value.items()]
         elif isinstance(value, str | bool | int | float):
             found[key] = value
     return found

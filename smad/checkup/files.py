@@ -147,17 +147,17 @@ def match(plant: PlantModel, good: Sequence[Found], now: Sequence[Found]) -> Mat
             pairs.append((found, fits[0]))
         else:
             alone.append(str(found.path))
-    used = [g for g in groups if any(g is own for _, own in pairs)]
+    used = [g for g in groups if any(g is group for _, group in pairs)]
     named = {id(g): f"{g[0].name}" if len({h[0].name for h in used}) == len(used)
              else str(g[0].path) for g in used}  # fmt: skip
     lines = [
-        f"{found.path} repeats {len(own)} good run{'s' if len(own) > 1 else ''}: "
-        + ", ".join(str(f.path) for f in own)
-        for found, own in pairs
+        f"{found.path} repeats {len(group)} good run{'s' if len(group) > 1 else ''}: "
+        + ", ".join(str(f.path) for f in group)
+        for found, group in pairs
     ]
     return Matched(
         [[replace(f.run, name=named[id(g)]) for f in g] for g in used],
-        [(found.run, named[id(own)]) for found, own in pairs],
+        [(found.run, named[id(group)]) for found, group in pairs],
         lines,
         alone,
     )
@@ -188,10 +188,10 @@ def require_one_bench(found: Sequence[Found]) -> None:
     """Raises PairingError when runs of several boards are mixed, as far as the files tell."""
     boards = {f.board: f.path for f in found if f.board}
     if len(boards) > 1:
-        (one, path), (other, second) = list(boards.items())[:2]
+        (board, path), (other, second) = list(boards.items())[:2]
         raise PairingError(
             "runs of two benches are mixed",
-            value=f"{path} of board {one}, {second} of board {other}",
+            value=f"{path} of board {board}, {second} of board {other}",
             limit="one bench",
             action="take those of the other bench out; if only the board was replaced, give CSV "
             "(smad log export), which names none",

@@ -121,8 +121,8 @@ class Inquiry:
         report = self._with_model(report, found)
         if proposal.staying:
             offers = unpaired_offers(found, self.programme)
-            told = {o.run: round(o.separation, 1) for o in offers}
-            report = msgspec.structs.replace(report, offers=told)
+            separations = {o.run: round(o.separation, 1) for o in offers}
+            report = msgspec.structs.replace(report, offers=separations)
         # Last of all: an investigation that lost its bench during the proof is not over.
         report = msgspec.structs.replace(report, why_over=why)
         self._write(report)

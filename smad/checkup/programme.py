@@ -87,8 +87,8 @@ class ProgrammeRun:
         """Ends of the ticks, and the inputs in force over each; shapes (n,) and (n, 4)."""
         n = round(self.duration_s / tick_s)
         starts = np.arange(n) * tick_s
-        at = np.searchsorted(self.t_s, starts + 1e-9, side="right") - 1
-        return np.asarray(starts + tick_s, dtype=np.float64), self.inputs[at]
+        row = np.searchsorted(self.t_s, starts + 1e-9, side="right") - 1
+        return np.asarray(starts + tick_s, dtype=np.float64), self.inputs[row]
 
     def as_run(self, inlet_degC: float, ambient_degC: float) -> GapRun:
         """The run as a replay takes it: inputs, and what water and room show at the start."""

@@ -107,7 +107,7 @@ def play_series(
             continue
         say(f"{folder.name}: {run.name}, {run.duration_s:.0f} s: {run.title}")
         original = None if originals is None else originals / f"{run.name}.mcap"
-        with _told_what_is_kept(folder, programme, say):
+        with _saying_what_is_kept(folder, programme, say):
             recorded = play(run, original)
         keep(recorded.path, folder / f"{run.name}.mcap")
         if recorded.ended:
@@ -118,14 +118,14 @@ def play_series(
 
 
 @contextlib.contextmanager
-def _told_what_is_kept(folder: Path, programme: Programme, say: Say) -> Iterator[None]:
+def _saying_what_is_kept(folder: Path, programme: Programme, say: Say) -> Iterator[None]:
     """Says what an interruption costs, whatever it is."""
     try:
         yield
     except BaseException:
-        kept = sum((folder / f"{run.name}.mcap").exists() for run in programme.runs)
+        there = sum((folder / f"{run.name}.mcap").exists() for run in programme.runs)
         say(
-            f"{folder.name}: {kept} of {len(programme.runs)} runs are kept; the same command goes "
+            f"{folder.name}: {there} of {len(programme.runs)} runs are kept; the same command goes "
             "on after them"
         )
         raise

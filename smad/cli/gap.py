@@ -140,7 +140,7 @@ def apply(*, verdict: Path, out: Path, first: int | None) -> None:
     from smad.diagnosis.verdict import Verdict
 
     try:
-        told = Verdict.from_json(verdict.read_bytes())
+        read = Verdict.from_json(verdict.read_bytes())
     except msgspec.DecodeError as error:
         raise GapError(
             f"{verdict} is no verdict",
@@ -148,8 +148,8 @@ def apply(*, verdict: Path, out: Path, first: int | None) -> None:
             action="give a file that smad gap diagnose --json wrote",
         ) from error
     with named_output(out) as path:
-        told.write_model(path, first)
-    causes = told.causes if first is None else told.causes[:first]
+        read.write_model(path, first)
+    causes = read.causes if first is None else read.causes[:first]
     click.echo(f"{out}: parameters" + "".join(f", {c.name or c.words}" for c in causes))
 
 

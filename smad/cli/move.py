@@ -92,7 +92,7 @@ def command_of(piece: type[Piece]) -> click.Command | None:
             raise
         _send(cast("Trajectory", made), queue=queue, wait=wait, bench=bench)
 
-    told = [
+    arguments = [
         f"{parameter.human_readable_name}: {meta.get('description', '')}"
         for parameter, (_, _, meta) in zip(parameters, fields, strict=True)
         if isinstance(parameter, click.Argument)
@@ -101,7 +101,7 @@ def command_of(piece: type[Piece]) -> click.Command | None:
         piece.word or str(piece.__struct_config__.tag).replace("_", "-"),
         params=[*parameters, *([_DEGREES] if lengths else []), *_COMMON],
         callback=send,
-        help="\n\n".join([inspect.getdoc(piece) or "", "\b\n" + "\n".join(told)]),
+        help="\n\n".join([inspect.getdoc(piece) or "", "\b\n" + "\n".join(arguments)]),
         context_settings=NEGATIVE,
     )
     return axis_option(command)

@@ -130,10 +130,10 @@ def sim(
         build(config, rate_hz=100, seed=0).step()
         with contextlib.ExitStack() as built:
             benches = {}
-            for k, (axis, own) in enumerate(config.by_axis().items()):
+            for k, (axis, axis_config) in enumerate(config.by_axis().items()):
                 benches[axis] = build(
-                    own,
-                    rate_hz=_rate(own.link.rate_hz, firmware),
+                    axis_config,
+                    rate_hz=_rate(axis_config.link.rate_hz, firmware),
                     seed=(seed + k * SEED_STEP) % 2**32,
                     faults=faults_of(faults, axis),
                     model_path=model_path,
@@ -233,5 +233,5 @@ def _with_firmware(port: str, store_path: Path | None) -> Callable[..., Simulate
 
 
 def _announce(names: Mapping[str, str]) -> None:
-    told = ", ".join(f"{axis} {name}".strip() for axis, name in names.items())
-    click.echo(f"{READY}{told}")
+    ports = ", ".join(f"{axis} {name}".strip() for axis, name in names.items())
+    click.echo(f"{READY}{ports}")

@@ -78,8 +78,8 @@ def lines(now: Status) -> Iterator[str]:
 def _bench(now: Status) -> Iterator[str]:
     motion = now.motion
     armed = warned("ARMED") if motion.armed else good("not armed")
-    told = f"{len(now.axes)} axes" if now.axes else f"link {now.link.state}"
-    yield _line("bench", f"{now.bench}: {armed}, board {motion.mode}, {told}")
+    link = f"{len(now.axes)} axes" if now.axes else f"link {now.link.state}"
+    yield _line("bench", f"{now.bench}: {armed}, board {motion.mode}, {link}")
     if motion.fault is not None:
         yield _line("fault", bad(f"{motion.fault.in_words()} (stopped by the {motion.fault.by})"))
         yield from (_line("", text) for text in _explained(motion.fault.number))
@@ -108,7 +108,7 @@ def _readings(now: Status) -> Iterator[str]:
     if row is None:
         yield _line("readings", "none yet")
         return
-    old = warned(told) if (told := aged(now.motion)) else ""
+    old = warned(age) if (age := aged(now.motion)) else ""
     yield _line(
         "place",
         f"{number(row.displacement_mm, 3)} mm, {number(row.force_N, 2)} N{old}",

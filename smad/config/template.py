@@ -37,10 +37,10 @@ def config_to_toml(config: Config) -> str:
     lines = []
     for section in sections():
         value: Any = attrgetter(section.name)(config)
-        for one in value if section.many else (value,):
+        for part in value if section.many else (value,):
             lines.append(section.heading)
-            told = ((key.name, getattr(one, key.name)) for key in section.keys)
-            lines += [_assignment(name, value) for name, value in told if value is not None]
+            values = ((key.name, getattr(part, key.name)) for key in section.keys)
+            lines += [_assignment(name, value) for name, value in values if value is not None]
     return "\n".join(lines) + "\n"
 
 

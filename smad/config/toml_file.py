@@ -33,4 +33,4 @@ def read_toml(path: Path, kind: type[T], what: str, error: type[SmadError], acti
     except (msgspec.MsgspecError, ValueError, RecursionError) as refused:
         where, why = field_and_words(str(refused))
         place = f", {where}" if where else ""
-        raise error(f"{what} {path}{place}: {why}", action=action) from None
+        raise error(f"{what} {path} is not valid{place}: {why}", action=action) from None

@@ -98,8 +98,8 @@ def library(plant: PlantModel, candidates: Sequence[str] | None) -> list[Effect]
 
 
 def _judged_on(inquiry: Inquiry) -> str:
-    if held := len(inquiry.held_out):
-        return f"{held} run{'s'[: held > 1]} held out"
+    if count := len(inquiry.held_out):
+        return f"{count} run{'s'[: count > 1]} held out"
     if len(inquiry.fit) == 1:
         return "stretches of the one run, each by a model of the others"
     return f"{len(inquiry.fit)} runs, each by a model of the others"

@@ -164,8 +164,8 @@ def conclude_all(
 def _loops(outcomes: Mapping[str, Any]) -> Panels | None:
     """The recordings among the outcomes, each from its own beginning; None where nothing moves."""
     runs = [
-        (trial.rpartition("/")[2], f"run-{at % PENS + 1}", run.t_s - run.t_s[0], run.columns)
-        for at, (trial, run) in enumerate(outcomes.items())
+        (trial.rpartition("/")[2], f"run-{number % PENS + 1}", run.t_s - run.t_s[0], run.columns)
+        for number, (trial, run) in enumerate(outcomes.items())
         if isinstance(run, Recording)
     ]
     planes = planes_of(runs)

@@ -254,7 +254,7 @@ def _table(found: Mapping[str, list[Largest]]) -> Table:
 
 
 def _figure(found: Mapping[str, list[Largest]], caption: str) -> Picture:
-    pens = {control: f"run-{at}" for at, control in enumerate(CONTROLS, 1)}
+    pens = {control: f"run-{number}" for number, control in enumerate(CONTROLS, 1)}
     figure, (axes,) = new_figure(height_in=3.4)
     for control, results in found.items():
         axes.plot(

@@ -113,12 +113,12 @@ class Repeat:
 
     def require_bench(self, uid: str, bench: str) -> None:
         """Raise RepeatError when the run is of another board or another bench."""
-        for mine, own in ((self.uid, uid), (self.bench, bench)):
-            if mine != own:
+        for mine, wanted in ((self.uid, uid), (self.bench, bench)):
+            if mine != wanted:
                 raise RepeatError(
                     f"{self.name} was recorded on another bench",
                     value=mine or "a log that names none",
-                    limit=own,
+                    limit=wanted,
                     action="to play its inputs here all the same, add --other-bench",
                 )
 

@@ -111,11 +111,11 @@ class FmuPlant:
         if not self._starts_anew:
             again = self._in_windows(values, run, rows, fed, windows)
             if not np.array_equal(course, again, equal_nan=True):
-                at = np.argwhere(course != again)[0]
+                place = np.argwhere(course != again)[0]
                 raise FmiError(
                     f"unit {self.name} does not start anew: the second replay of run {run.name} is "
-                    f"another one, in {list(self._map.channels)[at[0]]} from "
-                    f"{run.t_s[at[1]]:.6g} s on",
+                    f"another one, in {list(self._map.channels)[place[0]]} from "
+                    f"{run.t_s[place[1]]:.6g} s on",
                     value=f"a difference of up to {np.nanmax(np.abs(course - again)):.3g}",
                     limit="the same to the last bit",
                     action="make the unit set all of its state when it is initialised",

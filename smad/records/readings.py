@@ -84,8 +84,10 @@ def checked(values: Array, declared: Declared, t_s: Array, steady: Mask | None =
     notes, bad = [], np.zeros(len(values), dtype=bool)
     codes = _codes(values, known, declared)
     for code in np.unique(values[codes]):
-        at = codes & (values == code)
-        notes.append(f"{declared.name} holds {code:g} in {_samples(at, t_s)}: a code, no reading")
+        coded = codes & (values == code)
+        notes.append(
+            f"{declared.name} holds {code:g} in {_samples(coded, t_s)}: a code, no reading"
+        )
     bad |= codes
     rest = known & ~bad & declared.beyond(values)
     if rest.any():

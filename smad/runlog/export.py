@@ -110,7 +110,7 @@ def header_document(run: Run) -> bytes:
 def legends(run: Run) -> dict[str, Mapping[int, str]]:
     """Return what the numbers of each channel stand for that has words, where it was recorded."""
     channels = {name: channel_of(name).name for name in _used(run)}
-    return {name: LEGENDS[one] for name, one in channels.items() if one in LEGENDS}
+    return {name: LEGENDS[channel] for name, channel in channels.items() if channel in LEGENDS}
 
 
 def _used(run: Run) -> dict[str, Column]:

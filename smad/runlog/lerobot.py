@@ -178,12 +178,12 @@ def _task_table(tasks: Sequence[str]) -> Any:
 
 def statistics(made: Frames) -> dict[str, dict[str, list[float]]]:
     """Least, most, mean, deviation, count and quantiles of each feature, NaN left out."""
-    told = {}
+    summary = {}
     for key, values in made.items():
         rows = values.reshape(len(values), -1).astype(np.float64)
         known = [column[np.isfinite(column)] for column in rows.T]
         known = [column if len(column) else np.zeros(1) for column in known]
-        told[key] = {
+        summary[key] = {
             "min": [float(c.min()) for c in known],
             "max": [float(c.max()) for c in known],
             "mean": [float(c.mean()) for c in known],
@@ -191,7 +191,7 @@ def statistics(made: Frames) -> dict[str, dict[str, list[float]]]:
             "count": [float(len(rows))],
             **{n: [float(np.quantile(c, q)) for c in known] for n, q in _QUANTILES.items()},
         }
-    return told
+    return summary
 
 
 def _flat(stats: Mapping[str, Mapping[str, list[float]]]) -> dict[str, list[float]]:

@@ -39,13 +39,18 @@ def diagnose(
     """
     bound = bind(simulator, runs, good, hold_out, trusted=trusted)
     plain = bound.plant.plain
-    fit, known, held = bound.groups
+    fit, known, held_out = bound.groups
     expected_s = seconds_expected(bound)
     if expected_s > _SLOW_S:
         progress(f"a replay takes {bound.seconds:.2g} s: about {expected_s / 60:.0f} min in all")
     plain.window_s, why = choose_window(plain, fit, window_s)
     answer = ask(
-        fit, plant=bound.plant, good=known, hold_out=held, candidates=candidates, progress=progress
+        fit,
+        plant=bound.plant,
+        good=known,
+        hold_out=held_out,
+        candidates=candidates,
+        progress=progress,
     )
     failures = plain.failures
     notes = [*answer.verdict.notes, *bound.said, *([why] if why else [])]

@@ -62,8 +62,10 @@ class SimulatedPlant:
         self.parameters: Sequence[Parameter] = self.declared.parameters
         self.traits = Traits(shortest_s=self.declared.shortest_s)
         self._signals = tuple(c.name for c in self.channels)
-        own = [replace(e, signals=e.signals or self._signals) for e in self.declared.effects]
-        self.effects: Sequence[Effect] = [*own, *self._transducers()]
+        declared_effects = [
+            replace(e, signals=e.signals or self._signals) for e in self.declared.effects
+        ]
+        self.effects: Sequence[Effect] = [*declared_effects, *self._transducers()]
         self._largest = {s.name: max(abs(s.low), abs(s.high)) for s in self.inputs}
         self._known: OrderedDict[object, Mapping[str, Array]] = OrderedDict()
         self._windows: dict[tuple[int, float], tuple[GapRun, list[Window]]] = {}

@@ -106,12 +106,12 @@ def _rated(c: _Cause, left: float, alike: tuple[str, ...]) -> Rating:
 
 def _alike(k: int, causes: Sequence[_Cause], left: Sequence[Array]) -> tuple[str, ...]:
     """Causes at other places whose rows are nearly those of a cause, up to their size."""
-    own, square = causes[k], float(left[k] @ left[k])
+    cause, square = causes[k], float(left[k] @ left[k])
     found = []
     for other, rows in zip(causes, left, strict=True):
         # An effect that may be anywhere is nowhere else.
-        known = bool(own.places and other.places)
-        if known and other.kind == own.kind and not own.places & other.places:
+        known = bool(cause.places and other.places)
+        if known and other.kind == cause.kind and not cause.places & other.places:
             both = square * float(rows @ rows)
             if both > 0.0 and float(left[k] @ rows) ** 2 > _ALIKE * both:
                 found.append(other.name)
@@ -152,14 +152,14 @@ class _Sheet:
         shown = [plant.simulate(point, r) for r in runs]
         as_read = [replace(r, outputs=y) for r, y in zip(runs, shown, strict=True)]
         period_s = row_length_s(as_read, plant)
-        own = tuple(r if r.outputs else a for r, a in zip(runs, as_read, strict=True))
+        measured = tuple(r if r.outputs else a for r, a in zip(runs, as_read, strict=True))
         per_row = max(period_s / max(np.median([r.dt_s for r in runs]), 1e-9), 1.0)
         floors = []
         for c in plant.channels:
             noise = max(c.noise / np.sqrt(per_row), c.quantum / np.sqrt(12.0))
             span = np.median([np.ptp(np.quantile(y[c.name], (0.01, 0.99))) for y in shown])
             floors.append(np.hypot(noise, _RESOLUTION * span) or 1.0)
-        quick = tuple(thinned(r, period_s / _PIECES, plant.inputs) for r in own)
+        quick = tuple(thinned(r, period_s / _PIECES, plant.inputs) for r in measured)
         made = cls(plant, quick, tuple(Grid.of(r, period_s) for r in quick), np.array(floors),
                    np.zeros(0))  # fmt: skip
         return replace(made, base=made._rows([plant.simulate(point, r, fast=True) for r in quick]))
@@ -219,8 +219,8 @@ def _effects(sheet: _Sheet, ends: float) -> Iterator[_Cause | Rating]:
             name = effect.name if q.name in ("size", "g", "b") else f"{effect.name}.{q.name}"
             values = {p.name: 0.0 if p.strength else p.typical for p in effect.parameters}
             point = nominal_point(sheet.plant)
-            at = replace(point, effects={effect.name: {**values, q.name: q.typical}})
-            rows = None if time.process_time() > ends else sheet.at(at)
+            with_effect = replace(point, effects={effect.name: {**values, q.name: q.typical}})
+            rows = None if time.process_time() > ends else sheet.at(with_effect)
             if rows is None:
                 yield _missed("effect", name, effect.title, q.unit)
                 continue

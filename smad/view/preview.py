@@ -74,7 +74,7 @@ def planned(plan: Plan, limits: LimitsConfig, handover_rate_mm_per_s: float) -> 
 def _patience_s(plan: Plan, number: int) -> float:
     """How long the plan waits for what action `number` begins."""
     later = plan.actions[number + 1 :]
-    return next((one.timeout_s for one in later if isinstance(one, UntilDone)), 0.0)
+    return next((action.timeout_s for action in later if isinstance(action, UntilDone)), 0.0)
 
 
 def _followed(queue: ReferenceQueue, begin_s: float) -> tuple[list[float], list[float]]:

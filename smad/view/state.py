@@ -183,9 +183,9 @@ def conditions(
 
 def axis_condition(name: str, now: Shown) -> Condition:
     """Return the conditions of an axis as one; its detail has those that do not hold."""
-    lacking = [one for one in now.conditions if not one.holds]
-    holds = None if all(one.holds is None for one in lacking) else False
-    words = "; ".join(f"{one.text}: {one.detail or 'no'}" for one in lacking)
+    lacking = [condition for condition in now.conditions if not condition.holds]
+    holds = None if all(condition.holds is None for condition in lacking) else False
+    words = "; ".join(f"{condition.text}: {condition.detail or 'no'}" for condition in lacking)
     return Condition(name, holds if lacking else True, words and f"lacking: {words}", axis=name)
 
 

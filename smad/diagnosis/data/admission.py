@@ -95,12 +95,12 @@ def admit_groups(
 def _only(group: RunSet, channels: set[str]) -> RunSet:
     admitted, findings = [], list(group.findings)
     for run in group.admitted:
-        kept = {k: v for k, v in run.outputs.items() if k in channels}
+        outputs = {k: v for k, v in run.outputs.items() if k in channels}
         for name in (n for n in run.outputs if n not in channels):
             text = f"runs of another group all lack {name}: its residual is switched off"
             findings.append(Finding(run.name, "channel not shared", text, refuses=False))
-        if kept:
-            admitted.append(replace(run, outputs=kept))
+        if outputs:
+            admitted.append(replace(run, outputs=outputs))
         else:
             text = "nothing it measured is in the runs to fit, the held out and the good ones alike"
             findings.append(Finding(run.name, "no channel", text, refuses=True))

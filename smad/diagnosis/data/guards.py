@@ -55,11 +55,11 @@ def without_repeats(
 
 
 def _repeated(run: GapRun, role: str, earlier_role: str, earlier: GapRun) -> Finding:
-    own, other = "", ""
+    role_words, other = "", ""
     if role != earlier_role:
-        own, other = f"given as {role}, ", f", given as {earlier_role}"
+        role_words, other = f"given as {role}, ", f", given as {earlier_role}"
     why = _WHY_NOT[earlier_role, role]
-    text = f"{own}holds the same samples as {earlier.name}{other}; left out, since {why}"
+    text = f"{role_words}holds the same samples as {earlier.name}{other}; left out, since {why}"
     return Finding(run.name, "given twice", text, refuses=True)
 
 

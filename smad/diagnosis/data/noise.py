@@ -50,8 +50,8 @@ def _scale(values: Array) -> float:
     Outliers are told by the median, whose own estimate would be a third off for a hundred rows.
     """
     middle = float(np.median(np.abs(values))) / 0.6745
-    kept = values[np.abs(values) <= _OUTLIER * middle]
-    return float(np.sqrt(np.mean(kept**2)))
+    inliers = values[np.abs(values) <= _OUTLIER * middle]
+    return float(np.sqrt(np.mean(inliers**2)))
 
 
 def _difference_sigma(runs: Sequence[GapRun], grids: Sequence[Grid], name: str) -> float:

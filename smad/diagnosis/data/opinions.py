@@ -232,9 +232,9 @@ def _unrelated(
     def follows(shift: int) -> float:
         return float(np.mean([_best_lag(y, np.roll(m, shift)) for _, y, m in moving]))
 
-    own = follows(0)
+    unshifted = follows(0)
     others = sorted(follows(int(s)) for s in rng.integers(n // 10, n - n // 10, size=19))
-    related = own >= _FOLLOWS or (own >= _HARDLY and own > others[-2])
+    related = unshifted >= _FOLLOWS or (unshifted >= _HARDLY and unshifted > others[-2])
     alone = {name: _best_lag(y, m) for name, y, m in moving}
     following = [name for name, r in alone.items() if r >= _FOLLOWS]
     if related and not following:

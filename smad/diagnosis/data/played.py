@@ -66,12 +66,12 @@ class Played:
         `exact`: the samples are those of the run as it was recorded.
         """
         run = self.whole if exact else self.run
-        at = bin_numbers(run, self.start_s, self.period_s)
-        inside = (at >= 0) & (at < self.bins)
-        size = np.ones(len(at)) if exact else run.pieces
-        at, size = at[inside], size[inside]
-        count = np.maximum(np.bincount(at, size, minlength=self.bins), 1.0)
-        sums = [np.bincount(at, s[inside] * size, minlength=self.bins) for s in series]
+        bin_of_row = bin_numbers(run, self.start_s, self.period_s)
+        inside = (bin_of_row >= 0) & (bin_of_row < self.bins)
+        size = np.ones(len(bin_of_row)) if exact else run.pieces
+        bin_of_row, size = bin_of_row[inside], size[inside]
+        count = np.maximum(np.bincount(bin_of_row, size, minlength=self.bins), 1.0)
+        sums = [np.bincount(bin_of_row, s[inside] * size, minlength=self.bins) for s in series]
         return np.array(sums) / count
 
     @property
@@ -115,11 +115,11 @@ def slopes(plant: PlantModel, point: ModelPoint, runs: Sequence[Played]) -> list
     base = predictions(plant, point, runs)
     out = [np.zeros((len(plant.parameters), *b.shape)) for b in base]
     for i, q in enumerate(plant.parameters):
-        at = point.theta.get(q.name, q.nominal)
+        value = point.theta.get(q.name, q.nominal)
         step = _THETA_STEP * q.prior_sd
-        if at + step > q.high:
+        if value + step > q.high:
             step = -step
-        moved = replace(point, theta={**point.theta, q.name: at + step})
+        moved = replace(point, theta={**point.theta, q.name: value + step})
         found = predictions(plant, moved, runs)
         if finite(found):
             for j, (new, old) in enumerate(zip(found, base, strict=True)):

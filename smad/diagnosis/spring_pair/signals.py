@@ -200,8 +200,10 @@ def _table_run(path: Path, together: Together | None) -> GapRun:
         return run_from_columns(name, columns, notes=found.notes)
     use = np.nan_to_num(flagged) > 0.5
     measured = {c.name for c in CHANNELS} if use.any() else set()
-    kept = {k: np.where(use, v, np.nan) if k in measured else v for k, v in columns.items()}
-    return replace(run_from_columns(name, kept, notes=found.notes), valid=use)
+    valid_columns = {
+        k: np.where(use, v, np.nan) if k in measured else v for k, v in columns.items()
+    }
+    return replace(run_from_columns(name, valid_columns, notes=found.notes), valid=use)
 
 
 def _recorded(columns: Mapping[str, NDArray[Any]], name: str) -> Array | None:

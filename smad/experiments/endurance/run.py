@@ -141,12 +141,16 @@ def _carried_out(asked: Endurance, driver: BlockDriver, folder: Path, block: _Bl
     _append(folder / CYCLES_FILE, cycles)
     if asked.full_every > 1 and driver.log is not None:
         stretches = bounds(recording[asked.profile.reference], asked.profile)
-        kept = [
+        whole_cycles = [
             stretch
             for cycle, stretch in zip(cycles, stretches, strict=False)
             if (cycle.number - asked.first) % asked.full_every == 0
         ]
-        thin(driver.log, kept, f"every {asked.full_every}th cycle; statistics in {CYCLES_FILE}")
+        thin(
+            driver.log,
+            whole_cycles,
+            f"every {asked.full_every}th cycle; statistics in {CYCLES_FILE}",
+        )
     return cycles
 
 

@@ -50,9 +50,9 @@ def diagnose_mjcf(
     Raises SimulatorError for a model or a map that cannot be used, MissingPartError without mujoco.
     """
     declared, groups = declare_mjcf(model, map_path, runs, good, hold_out)
-    fit, known, held = groups
+    fit, known, held_out = groups
     return diagnose(
-        fit, declared, good=known, hold_out=held, trusted=trusted, window_s=window_s,
+        fit, declared, good=known, hold_out=held_out, trusted=trusted, window_s=window_s,
         progress=progress,
     )  # fmt: skip
 

@@ -118,11 +118,11 @@ def add_point_mass(m: Any, body: int, mass: float, at: Any) -> None:
     rotation = np.zeros(9)
     mujoco.mju_quat2Mat(rotation, m.body_iquat[body])
     R = rotation.reshape(3, 3)
-    own, centre = float(m.body_mass[body]), np.array(m.body_ipos[body])
-    total = own + mass
-    new = (own * centre + mass * np.asarray(at)) / total
+    body_kg, centre = float(m.body_mass[body]), np.array(m.body_ipos[body])
+    total = body_kg + mass
+    new = (body_kg * centre + mass * np.asarray(at)) / total
     inertia = R @ np.diag(m.body_inertia[body]) @ R.T
-    for part_mass, point in ((own, centre), (mass, np.asarray(at))):
+    for part_mass, point in ((body_kg, centre), (mass, np.asarray(at))):
         d = point - new
         inertia += part_mass * (d @ d * np.eye(3) - np.outer(d, d))
     values, axes = np.linalg.eigh(inertia)

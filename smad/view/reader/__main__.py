@@ -143,7 +143,10 @@ def plan(ask: requests.Plan) -> list[requests.Drawn]:
             experiment.conduct(trial, driver)
         except _Planned:
             continue
-    return [preview.planned(one, ask.limits, ask.handover_rate_mm_per_s) for one in driver.found]
+    return [
+        preview.planned(found_plan, ask.limits, ask.handover_rate_mm_per_s)
+        for found_plan in driver.found
+    ]
 
 
 HANDLERS: Mapping[type[requests.ReaderRequest], Callable[[Any], Any]] = {

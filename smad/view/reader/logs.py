@@ -51,7 +51,7 @@ class Envelopes:
     def part(self, begin: int, end: int) -> Envelopes:
         """Return stretches `begin` to `end`."""
         every = (self.t, self.low, self.high, self.first, self.last)
-        return Envelopes(*(one[begin:end] for one in every))
+        return Envelopes(*(envelope[begin:end] for envelope in every))
 
     def folded(self, width_s: float) -> Envelopes:
         """Return them put together into stretches of a width."""
@@ -71,7 +71,9 @@ class Envelopes:
 def joined(some: Sequence[Envelopes]) -> Envelopes:
     """Return stretches one after the other."""
     names = ("t", "low", "high", "first", "last")
-    return Envelopes(*(np.concatenate([getattr(one, name) for one in some]) for name in names))
+    return Envelopes(
+        *(np.concatenate([getattr(envelopes, name) for envelopes in some]) for name in names)
+    )
 
 
 def of_rows(t: Array, y: Array) -> Envelopes:
@@ -157,8 +159,8 @@ class Follower:
         self._read_to = begin
         with self._path.open("rb") as file:
             for chunk in range(begin, end):
-                at, length = self._places[chunk]
-                file.seek(at)
+                place, length = self._places[chunk]
+                file.seek(place)
                 for message in _messages(file.read(length)):
                     if message.channel_id == self._rows_id:
                         times.append(message.time_ns * _NS)
@@ -263,6 +265,6 @@ def _no_rows() -> Array:
 def _messages(chunk: bytes) -> list[Message]:
     """The messages of a chunk; none of one that is damaged."""
     try:
-        return [one for one in records_in(chunk_data(chunk)) if isinstance(one, Message)]
+        return [record for record in records_in(chunk_data(chunk)) if isinstance(record, Message)]
     except DamagedError:
         return []
