@@ -24,8 +24,9 @@ from smad.cli.gap_runs import (
     some_runs_argument,
     uncut,
 )
-from smad.cli.output import bench_option, leased_driver, progress, ready_client, shown
+from smad.cli.output import bench_option, leased_driver, progress, ready_client
 from smad.cli.simulated import effect_option
+from smad.files import shown
 
 if TYPE_CHECKING:
     from smad.diagnosis.plant import ModelPoint

@@ -17,10 +17,9 @@ import click
 
 from smad.cli import complete
 from smad.cli.layouts import layouts
-from smad.cli.output import shown
 from smad.cli.tables import fitted
 from smad.errors import RunLogError
-from smad.files import require_writable
+from smad.files import require_writable, shown
 
 if TYPE_CHECKING:
     from smad.runlog.overview import Overview

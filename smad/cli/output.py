@@ -7,7 +7,6 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -227,7 +226,7 @@ def wait_for_motion(bench_client: Client, *, wait: bool, what: str) -> None:
 
 def described(motion: Motion) -> str:
     """Return a motion in a few words."""
-    from smad.cli.axis_lines import aged
+    from smad.view.terminal.axis_lines import aged
 
     parts = [f"{motion.running}, board {motion.mode}"]
     if motion.displacement_mm is not None:
@@ -237,14 +236,6 @@ def described(motion: Motion) -> str:
     if motion.fault is not None:
         parts.append(f"fault {motion.fault.name}")
     return ", ".join(parts)
-
-
-def shown(path: str | Path) -> str:
-    """A path as a person here reads it: from this folder on where it is below it, else whole."""
-    try:
-        return str(Path(path).relative_to(Path.cwd()))
-    except (ValueError, OSError):
-        return str(path)
 
 
 def good(text: str) -> str:

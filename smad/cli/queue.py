@@ -262,7 +262,7 @@ def run(*, until_paused: bool, folder: Path | None, bench: str) -> None:
     from smad.client.signals import ended_by_signals
     from smad.queue.bench import BenchWatch
     from smad.queue.lease import RunnerLease
-    from smad.queue.runner import POLL_S, Runner, Surroundings
+    from smad.queue.runner import Runner, Surroundings
 
     with ended_by_signals(), _opened(folder, bench) as opened:
         lease = RunnerLease(opened.folder)
@@ -277,12 +277,7 @@ def run(*, until_paused: bool, folder: Path | None, bench: str) -> None:
         try:
             runner.begin()
             _say(f"runner of {opened.folder}: {state_in_words(opened.snapshot(), runner=True)}")
-            while True:
-                runner.tick()
-                snapshot = opened.snapshot()
-                if until_paused and snapshot.mode == "paused" and snapshot.running is None:
-                    return
-                time.sleep(POLL_S)
+            runner.run(until_paused=until_paused)
         finally:
             runner.close()
             watch.close()

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import click
 
 from smad.api import Percentiles, Status
-from smad.cli.axis_lines import aged, axis_lines, number
-from smad.cli.output import axis_option, bad, client, good, shown, warned
+from smad.cli.output import axis_option, bad, client, good, warned
+from smad.files import shown
+from smad.view.terminal.axis_lines import aged, axis_lines, number
 
 if TYPE_CHECKING:
     from smad.client import Client
@@ -45,7 +46,7 @@ def status(watch: bool, as_json: bool, bench: str) -> None:
 def _watch(bench_client: Client) -> None:
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise click.UsageError("--watch needs a terminal; --watch --json prints lines.")
-    from smad.cli import watch
+    from smad.view.terminal import watch
 
     bench_client.timeout_s = watch.PATIENCE_S
     watch.run(bench_client)

@@ -91,6 +91,15 @@ class Runner:
         if interrupted is not None:
             self._save_logs(interrupted)
 
+    def run(self, *, until_paused: bool) -> None:
+        """Carry the queue out, for ever or until it pauses with nothing running."""
+        while True:
+            self.tick()
+            snapshot = self._store.snapshot()
+            if until_paused and snapshot.mode == "paused" and snapshot.running is None:
+                return
+            time.sleep(POLL_S)
+
     def tick(self) -> None:
         """Look, decide, write, act. A store that cannot be written holds everything up."""
         try:

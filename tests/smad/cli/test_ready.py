@@ -15,11 +15,12 @@ import pytest
 import smad.cli
 from smad import api
 from smad.cli import execute
-from smad.cli.output import ready_client, shown
+from smad.cli.output import ready_client
 from smad.client.endpoints import FOLDER_VARIABLE
 from smad.config import Config, config_to_toml
 from smad.errors import SmadError
 from smad.experiments.ready import require_ready
+from smad.files import shown
 from tests.smad.cli.test_commands import STATUS
 from tests.smad.fakedaemon import MOTION, FakeDaemon, fake_daemon
 

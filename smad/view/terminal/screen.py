@@ -11,10 +11,10 @@ from typing import Literal, NamedTuple
 from firmware_protocol import enums
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
 from smad.api import Entry, Percentiles, Status
-from smad.cli.axis_lines import aged, axis_lines
-from smad.cli.output import shown
+from smad.files import shown
 from smad.runlog.schema import Row
 from smad.style.strips import STRIPS, Curve, Strip
+from smad.view.terminal.axis_lines import aged, axis_lines
 
 LEAST_COLUMNS, LEAST_ROWS = 60, 20
 MOST_HISTORY = 240
