@@ -140,7 +140,7 @@ def link_counters(
     axis: str, frames: dict[str, int], board_stats: dict[str, int], counts: Counts, timing: Timing
 ) -> dict[str, float]:
     """Return what the run log keeps about a link once a second: host's and board's counts."""
-    found = {
+    counters = {
         **{f"host_{name}": float(value) for name, value in frames.items()},
         **{f"board_{name}": float(value) for name, value in board_stats.items()},
         "missed_samples": float(counts.missed),
@@ -150,7 +150,7 @@ def link_counters(
         "setpoint_age_p99_us": timing.setpoint_age.p99_us,
         "own_share_p99_us": timing.own_share.p99_us,
     }
-    return {named(axis, name): value for name, value in found.items()}
+    return {named(axis, name): value for name, value in counters.items()}
 
 
 class RecorderStatus(Struct, frozen=True, kw_only=True):

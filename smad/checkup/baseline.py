@@ -96,8 +96,8 @@ def to_extend(
 
 def good_series(folder: Path) -> list[Path]:
     """The folders of the good repeats, in the order in which they were played."""
-    found = (p for p in folder.glob("good-*") if p.name.removeprefix("good-").isdecimal())
-    return sorted(found, key=lambda p: int(p.name.removeprefix("good-")))
+    folders = (p for p in folder.glob("good-*") if p.name.removeprefix("good-").isdecimal())
+    return sorted(folders, key=lambda p: int(p.name.removeprefix("good-")))
 
 
 def require_same(

@@ -80,20 +80,20 @@ def check_folder(
     if state is not None and state.ended:
         say(f"not all of it was played: {state.ended}")
     known = names_in(baseline)
-    found = [f for f in read_folder(now) if f.name in known]
-    _say_notes(found, say)
+    runs = [f for f in read_folder(now) if f.name in known]
+    _say_notes(runs, say)
     if not recorded_for_it:
         for place in good_series(folder):
-            good = [f for f in read_folder(place) if f.name in {n.name for n in found}]
-            require_one_bench([*good, *found])
-            require_other_recordings(good, found)
-    if not found:
+            good = [f for f in read_folder(place) if f.name in {n.name for n in runs}]
+            require_one_bench([*good, *runs])
+            require_other_recordings(good, runs)
+    if not runs:
         raise BaselineError(
             f"{now} holds no run of the baseline {folder}",
             limit=", ".join(sorted(known)),
             action="name the files after the runs of the programme, or use --good",
         )
-    return judged(plant, baseline.reference, [(f.run, f.name) for f in found], progress=progress)
+    return judged(plant, baseline.reference, [(f.run, f.name) for f in runs], progress=progress)
 
 
 def check_newest(folder: Path, baseline: Baseline, plant: PlantModel, progress: Say) -> Judged:
@@ -130,12 +130,12 @@ def check_files(plant: PlantModel, good: Path, now: Path, *, say: Say, progress:
         if text := passed_over(folder, there, [run.path for run in read]):
             say(text)
     _say_notes([*then, *runs], say)
-    found, matched = checked_files(plant, then, runs, progress)
+    judgement, matched = checked_files(plant, then, runs, progress)
     for text in matched.lines:
         say(text)
     for name in matched.alone:
         say(f"{name} has the inputs of no good run, and is left out")
-    return found
+    return judgement
 
 
 def checked_files(

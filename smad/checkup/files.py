@@ -67,11 +67,11 @@ def read_good(folder: Path, say: Say) -> list[Found]:
 
     Raises PairingError when that leaves none.
     """
-    found = read_folder(folder)
-    for run in found:
+    every_run = read_folder(folder)
+    for run in every_run:
         if run.cut:
             say(left_out(run.path, run.cut))
-    whole = [run for run in found if not run.cut]
+    whole = [run for run in every_run if not run.cut]
     if not whole:
         raise PairingError(
             f"every run in {folder} was cut",
@@ -132,32 +132,32 @@ class Matched:
 def match(plant: PlantModel, good: Sequence[Found], now: Sequence[Found]) -> Matched:
     """Pairs files by name where names repeat over folders and inputs agree, else by inputs."""
     groups: list[list[Found]] = []
-    for found in good:
-        mine = next((g for g in groups if _repeats(plant, found, g[0])), None)
+    for run in good:
+        mine = next((g for g in groups if _repeats(plant, run, g[0])), None)
         if mine is None:
-            groups.append([found])
+            groups.append([run])
         else:
-            mine.append(found)
+            mine.append(run)
     pairs: list[tuple[Found, list[Found]]] = []
     alone: list[str] = []
-    for found in now:
-        fits = [g for g in groups if _repeats(plant, found, g[0])]
-        fits.sort(key=lambda g: found.name not in {f.name for f in g})
+    for run in now:
+        fits = [g for g in groups if _repeats(plant, run, g[0])]
+        fits.sort(key=lambda g: run.name not in {f.name for f in g})
         if fits:
-            pairs.append((found, fits[0]))
+            pairs.append((run, fits[0]))
         else:
-            alone.append(str(found.path))
+            alone.append(str(run.path))
     used = [g for g in groups if any(g is group for _, group in pairs)]
     named = {id(g): f"{g[0].name}" if len({h[0].name for h in used}) == len(used)
              else str(g[0].path) for g in used}  # fmt: skip
     lines = [
-        f"{found.path} repeats {len(group)} good run{'s' if len(group) > 1 else ''}: "
+        f"{run.path} repeats {len(group)} good run{'s' if len(group) > 1 else ''}: "
         + ", ".join(str(f.path) for f in group)
-        for found, group in pairs
+        for run, group in pairs
     ]
     return Matched(
         [[replace(f.run, name=named[id(g)]) for f in g] for g in used],
-        [(found.run, named[id(group)]) for found, group in pairs],
+        [(run.run, named[id(group)]) for run, group in pairs],
         lines,
         alone,
     )
@@ -170,23 +170,23 @@ def require_other_recordings(good: Sequence[Found], now: Sequence[Found]) -> Non
     """
     known: list[Found] = []
     for role, runs in (("good", good), ("now", now)):
-        for found in runs:
-            same = next((k for k in known if same_recording(k.run, found.run)), None)
+        for run in runs:
+            same = next((k for k in known if same_recording(k.run, run.run)), None)
             if same is not None:
-                linked = found.path.resolve() == same.path.resolve()
+                linked = run.path.resolve() == same.path.resolve()
                 raise PairingError(
-                    f"{found.path} is the same recording as {same.path}"
+                    f"{run.path} is the same recording as {same.path}"
                     + (": one is a link to the other" if linked else ""),
                     action="give runs of now that are not among the good ones"
                     if role == "now"
                     else "leave one out: a bench repeats itself less well than a copy does",
                 )
-            known += [found] if role == "good" else []
+            known += [run] if role == "good" else []
 
 
-def require_one_bench(found: Sequence[Found]) -> None:
+def require_one_bench(runs: Sequence[Found]) -> None:
     """Raises PairingError when runs of several boards are mixed, as far as the files tell."""
-    boards = {f.board: f.path for f in found if f.board}
+    boards = {f.board: f.path for f in runs if f.board}
     if len(boards) > 1:
         (board, path), (other, second) = list(boards.items())[:2]
         raise PairingError(

@@ -134,7 +134,7 @@ def checkup(
     plant = SmaPlant()
     with progress() as line:
         if good is not None and now is not None:
-            found = check.check_files(plant, good, now, say=line.note, progress=line.say)
+            judgement = check.check_files(plant, good, now, say=line.note, progress=line.say)
         else:
             assert folder is not None
             programme = chosen(programme_folder, quick=quick)
@@ -146,17 +146,17 @@ def checkup(
                         folder, baseline, programme, player(_NOW), out=out, bench=whose,
                         say=line.note,
                     )  # fmt: skip
-            found = check.check_folder(
+            judgement = check.check_folder(
                 folder, baseline, plant, now, recorded_for_it=played, say=line.note,
                 progress=line.say,
             )  # fmt: skip
-    facts = [("baseline", str(folder or good)), ("repeats", str(found.pairs.reference.repeats))]
-    written = write_verdict(found.answer, json_path, page_path, facts=facts)
+    facts = [("baseline", str(folder or good)), ("repeats", str(judgement.pairs.reference.repeats))]
+    written = write_verdict(judgement.answer, json_path, page_path, facts=facts)
     if model_path is not None:
         with named_output(model_path) as path:
-            save_found(plant, found, path)
+            save_found(plant, judgement, path)
         written.append(model_path)
-    print_verdict(found.verdict)
+    print_verdict(judgement.verdict)
     for path in written:
         click.echo(f"written: {path}", err=True)
 

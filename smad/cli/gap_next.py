@@ -105,12 +105,12 @@ def next_experiment(
         print_answer(answer.verdict, "")
         require_answered(answer.verdict)
         with progress() as line:
-            confused, found = offers(answer, line.say)
+            confused, ranked = offers(answer, line.say)
     if not confused:
         click.echo("Nothing is confused that a run of the catalogue could tell apart.")
         return
     click.echo(f"Not told apart: {' or '.join(confused)}. Least d² between two of them:")
-    for offer in found[:_OFFERS]:
+    for offer in ranked[:_OFFERS]:
         x = offer.experiment
         d2 = f"d² {offer.separation:>7.1f}"
         click.echo(f"  {d2}  {x.duration_s:>4.0f} s  {x.title}:  {x.command}")
@@ -126,9 +126,9 @@ def _propose(folder: Path) -> None:
     plant = SmaPlant()
     baseline = load(folder, plant)
     with progress() as line:
-        found = check_newest(folder, baseline, plant, line.say)
-    click.secho(found.verdict.headline, bold=True)
-    proposal = propose(found, dict.fromkeys(names_in(baseline), 1.0), left_s=1.0)
+        judgement = check_newest(folder, baseline, plant, line.say)
+    click.secho(judgement.verdict.headline, bold=True)
+    proposal = propose(judgement, dict.fromkeys(names_in(baseline), 1.0), left_s=1.0)
     click.echo(f"{proposal.run} {proposal.why}" if proposal.run else proposal.why)
     for offer in proposal.offers:
         click.echo(f"  {offer.run:<10} d² = {offer.separation:.1f}")

@@ -48,16 +48,16 @@ def _files(value: str, ctx: click.Context, param: click.Parameter) -> list[Path]
     if path.is_file():
         return [path]
     if path.is_dir():
-        found = _in_folder(path)
+        paths = _in_folder(path)
         lacking = f"folder {value!r} holds no run log (*{SUFFIX}), CSV or Parquet file"
     else:
-        found = sorted(p for p in map(Path, glob.glob(value)) if p.is_file())
+        paths = sorted(p for p in map(Path, glob.glob(value)) if p.is_file())
         lacking = f"no file, folder or match of a pattern is {value!r}"
-    if not found:
+    if not paths:
         raise click.BadParameter(
             f"{lacking}. Give run logs, a folder of them or a quoted pattern", ctx, param
         )
-    return found
+    return paths
 
 
 def _in_folder(folder: Path) -> list[Path]:
@@ -66,10 +66,10 @@ def _in_folder(folder: Path) -> list[Path]:
 
     there = sorted(p for p in folder.iterdir() if p.is_file())
     logs = [p for p in there if p.name.lower().endswith(SUFFIX)]
-    found = logs or [p for p in there if is_table(p)]
-    if found and (text := passed_over(folder, there, found)):
+    runs = logs or [p for p in there if is_table(p)]
+    if runs and (text := passed_over(folder, there, runs)):
         click.echo(text, err=True)
-    return found
+    return runs
 
 
 runs_argument = click.argument(

@@ -54,17 +54,17 @@ def health(
     given = _limits(limits)
     with progress() as line:
         collect(folder, verdicts, say=line.note, progress=line.say)
-    found = health_of(read(folder / FILE), given)
+    bench_health = health_of(read(folder / FILE), given)
     if report is not None:
-        write_page(page(found, folder.name), report)
+        write_page(page(bench_health, folder.name), report)
     if as_json:
-        _print_json(found)
+        _print_json(bench_health)
         return
-    click.echo(headline(found))
-    if found.trends:
+    click.echo(headline(bench_health))
+    if bench_health.trends:
         from smad.cli.tables import print_table
 
-        print_table(table(found))
+        print_table(table(bench_health))
     if report is not None:
         click.echo(report)
 
@@ -82,7 +82,7 @@ def _limits(given: tuple[str, ...]) -> Mapping[str, float]:
     return limits
 
 
-def _print_json(found: Health) -> None:
+def _print_json(bench_health: Health) -> None:
     import msgspec
 
     from smad.health.report import headline
@@ -93,12 +93,12 @@ def _print_json(found: Health) -> None:
             "scatter": trend.scatter,
             "change": trend.change,
             "noticed_at_cycle": None if trend.noticed is None else float(trend.x[trend.noticed]),
-            "forecast": found.forecast(name),
+            "forecast": bench_health.forecast(name),
         }
-        for name, trend in found.trends.items()
+        for name, trend in bench_health.trends.items()
     }
     click.echo(
         msgspec.json.encode(
-            {"headline": headline(found), "rows": len(found.rows), "trends": trends}
+            {"headline": headline(bench_health), "rows": len(bench_health.rows), "trends": trends}
         ).decode()
     )

@@ -164,9 +164,9 @@ def follow(path: Path, **options: Any) -> None:
 
 def read_samples(path: Path) -> Samples:
     """Return the points of a CSV file, times shifted to begin at 0. Raises CommandError."""
-    found = read_points(path, [(DISPLACEMENT_COLUMN, ANGLE_COLUMN)])
-    places = found.get(DISPLACEMENT_COLUMN) or [millimetres(a) for a in found[ANGLE_COLUMN]]
-    return Samples(t_s=tuple(found[TIME]), displacement_mm=tuple(places))
+    columns = read_points(path, [(DISPLACEMENT_COLUMN, ANGLE_COLUMN)])
+    places = columns.get(DISPLACEMENT_COLUMN) or [millimetres(a) for a in columns[ANGLE_COLUMN]]
+    return Samples(t_s=tuple(columns[TIME]), displacement_mm=tuple(places))
 
 
 follow.params += _COMMON

@@ -291,11 +291,11 @@ def run(*, until_paused: bool, folder: Path | None, bench: str) -> None:
 def messages(*, after: int, as_json: bool, folder: Path | None, bench: str) -> None:
     """Show what happened: the end of every item, and why the queue paused."""
     with _opened(folder, bench) as opened:
-        found = opened.messages(after)
+        listed = opened.messages(after)
     if as_json:
-        _print_json(found)
+        _print_json(listed)
         return
-    for message in found:
+    for message in listed:
         click.echo(f"{message.id:>4}  {_clock(message.unix_s)}  {message.text}")
 
 

@@ -51,31 +51,31 @@ def repeat(
     """
     from smad.experiments.repeating import read_repeat
 
-    found = read_repeat(run)
-    if found.armed_s < found.whole_s - 0.1:
+    recorded = read_repeat(run)
+    if recorded.armed_s < recorded.whole_s - 0.1:
         click.echo(
-            f"{run.name}: its board was armed for {found.armed_s:.1f} of {found.whole_s:.1f} s; "
-            "that part is repeated",
+            f"{run.name}: its board was armed for {recorded.armed_s:.1f} of "
+            f"{recorded.whole_s:.1f} s; that part is repeated",
             err=True,
         )
     name = f"repeat-of-{run.stem}"[:64]
     path = (
-        _virtual(found, name, save_logs, seed)
+        _virtual(recorded, name, save_logs, seed)
         if sim
-        else _live(found, name, bench, lease, as_is=as_is, other_bench=other_bench)
+        else _live(recorded, name, bench, lease, as_is=as_is, other_bench=other_bench)
     )
     click.echo(f"{run.name} repeated: {path}")
 
 
-def _virtual(found: Repeat, name: str, folder: Path, seed: int) -> Path:
+def _virtual(recorded: Repeat, name: str, folder: Path, seed: int) -> Path:
     from sim_device.plant.models import built_in
     from smad.config import Config
     from smad.experiments.driver import new_log_path
     from smad.experiments.errors import EndedEarlyError, TrippedError
     from smad.experiments.virtual import VirtualDriver
 
-    found.require_fit(Config())
-    plan = found.plan(name)
+    recorded.require_fit(Config())
+    plan = recorded.plan(name)
     path = new_log_path(folder, plan, "give another folder with --save-logs, or move it away")
     with progress() as line:
         driver = VirtualDriver(built_in("A"), seed=seed, folder=folder, progress=line.say)
@@ -88,7 +88,7 @@ def _virtual(found: Repeat, name: str, folder: Path, seed: int) -> Path:
 
 
 def _live(
-    found: Repeat, name: str, bench: str, lease_s: float, *, as_is: bool, other_bench: bool
+    recorded: Repeat, name: str, bench: str, lease_s: float, *, as_is: bool, other_bench: bool
 ) -> Path:
     from smad.config import parse_config
     from smad.experiments.errors import EndedEarlyError, StoppedError, TrippedError
@@ -96,21 +96,21 @@ def _live(
     from smad.experiments.replayer import Directly, Replayer
 
     with ready_client(bench, extra="log") as connected, progress() as line:
-        found.require_fit(parse_config(connected.config()))
+        recorded.require_fit(parse_config(connected.config()))
         if not other_bench:
             board = connected.status().board
-            found.require_bench("" if board is None else board.uid, bench)
+            recorded.require_bench("" if board is None else board.uid, bench)
         driver: Directly | Replayer
         if as_is:
             driver = Directly(connected, progress=line.say)
         else:
             driver = Replayer(connected, progress=line.say, sleep=time.sleep)
-            driver.start = found.start
+            driver.start = recorded.start
         leased = LeasedDriver(
             connected, driver, lease_s=lease_s, progress=line.say, who="smad run repeat"
         )
         try:
-            leased.run(found.plan(name))
+            leased.run(recorded.plan(name))
         except (EndedEarlyError, StoppedError, TrippedError):
             if driver.log is not None:
                 line.note(f"recorded until then: {driver.log}")

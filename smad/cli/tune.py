@@ -183,6 +183,6 @@ def _table(header: list[str], rows: list[list[str]]) -> list[str]:
 def _print_json(session: Session, section: str) -> None:
     import msgspec
 
-    found: dict[str, Any] = msgspec.to_builtins(session)
-    found |= {"toml": section, "worse": session.worse}
-    click.echo(msgspec.json.encode(found).decode())
+    fields: dict[str, Any] = msgspec.to_builtins(session)
+    fields |= {"toml": section, "worse": session.worse}
+    click.echo(msgspec.json.encode(fields).decode())

@@ -33,15 +33,15 @@ class Segment:
 
 def segments(t_s: Array, reference_mm: Array, shortest_s: float = 5.0) -> list[Segment]:
     """Return where the reference stood still for at least `shortest_s`, in order."""
-    found = []
+    spans = []
     edges = np.flatnonzero(np.diff(reference_mm) != 0.0) + 1
     bounds = [0, *edges.tolist(), len(t_s)]
     for begin, end in itertools.pairwise(bounds):
         if np.isfinite(reference_mm[begin]) and t_s[end - 1] - t_s[begin] >= shortest_s:
-            found.append(
+            spans.append(
                 Segment(float(t_s[begin]), float(t_s[end - 1]), float(reference_mm[begin]))
             )
-    return found
+    return spans
 
 
 def column(run: Run, name: str) -> Array:

@@ -136,10 +136,10 @@ def changed(inquiry: Inquiry) -> Searched:
 
 
 def _searched(question: Question, *, most: int = _MOST_CAUSES, exchange: bool = True) -> Searched:
-    found = searched(question, most=most, exchange=exchange)
-    if found is None:
+    search = searched(question, most=most, exchange=exchange)
+    if search is None:
         raise cannot_replay(question)
-    return found
+    return search
 
 
 def cannot_replay(question: Question) -> GapError:

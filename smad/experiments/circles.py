@@ -138,7 +138,7 @@ def trackings(runs: Mapping[str, Run], robot: Robot) -> Iterator[Tracking]:
                 )
 
 
-def table(found: list[Tracking]) -> Table:
+def table(circles: list[Tracking]) -> Table:
     """Return the errors as a table: a row for each circle."""
     return Table(
         ("segment", "drawn", "error RMS °", "largest °", "samples"),
@@ -150,7 +150,7 @@ def table(found: list[Tracking]) -> Table:
                 f"{t.most_deg:.2f}",
                 str(len(t.t_s)),
             )
-            for t in found
+            for t in circles
         ],
         "Distance of the tip from its circle, in the plane of pitch and yaw",
         frozenset({2, 3, 4}),
@@ -159,15 +159,15 @@ def table(found: list[Tracking]) -> Table:
 
 def page_of(log: Path, robot: Robot, skew: Percentiles | None = None) -> Page:
     """Return the page of a log. Raises RunLogError as `trackings` does."""
-    found = list(trackings(read_axes(log), robot))
+    circles = list(trackings(read_axes(log), robot))
     begins = (
         "The log has how far apart the boards began each circle (events)."
         if skew is None
         else f"The boards began {skew.count} circles, each within {skew.max_us / 1000:.2f} ms on "
         "the computer's clock."
     )
-    sections = [Section("Tracking", [table(found), Text(begins)])]
-    for tracking in found:
+    sections = [Section("Tracking", [table(circles), Text(begins)])]
+    for tracking in circles:
         name = f"{tracking.segment}, {'together' if tracking.phase == TOGETHER else 'alone'}"
         sections.append(Section(name, [Panels(_panels(tracking), planes=[_plane(tracking)])]))
     return Page(

@@ -179,17 +179,17 @@ def _columns(path: Path, mapped: Map) -> tuple[dict[str, Column], tuple[str, ...
         require_bounded(path)
         table = open_table(path, mapped.csv)
         has, notes = table.names, table.notes
-        found = dict(table.columns([n for n in dict.fromkeys(wanted) if n in has]))
+        columns = dict(table.columns([n for n in dict.fromkeys(wanted) if n in has]))
     else:
         run = read_run(path)
         notes = tuple(run.notes)
         logged = {n: c for n, c in run.columns.items() if recorded(c).any()}
         has = list(logged)
-        found = {n: np.where(recorded(c), c, np.nan) for n, c in logged.items() if n in wanted}
-    if mapped.time not in found:
+        columns = {n: np.where(recorded(c), c, np.nan) for n, c in logged.items() if n in wanted}
+    if mapped.time not in columns:
         raise FmiError(
             f"{path} has no time column {mapped.time!r}",
             limit=", ".join(has),
             action="name it in the map: time = …",
         )
-    return {n: np.asarray(column, dtype=np.float64) for n, column in found.items()}, notes
+    return {n: np.asarray(column, dtype=np.float64) for n, column in columns.items()}, notes

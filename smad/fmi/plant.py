@@ -218,12 +218,12 @@ class FmuPlant:
 
 def effects_of(mapped: Map) -> list[Effect]:
     """Gain, zero and lag of each reading and drive, then the terms of the map."""
-    found: list[Effect] = []
+    effects: list[Effect] = []
     everything = tuple(mapped.channels)
     for name, channel in mapped.channels.items():
-        found += _errors("reading", name, channel, lag_s=mapped.lag_s, signals=(name,))
+        effects += _errors("reading", name, channel, lag_s=mapped.lag_s, signals=(name,))
     for name, driven in mapped.inputs.items():
-        found += _errors("drive", name, driven, lag_s=mapped.lag_s, signals=everything)
+        effects += _errors("drive", name, driven, lag_s=mapped.lag_s, signals=everything)
     for name, term in mapped.terms.items():
         size = EffectParameter(
             name="size", unit=term.unit, typical=term.typical, low=term.low, high=term.high
@@ -231,13 +231,13 @@ def effects_of(mapped: Map) -> list[Effect]:
         f = {"power": "", "sign": "tanh", "deadband": "deadband"}[term.shape]
         raised = f"^{term.power:g}" if term.shape == "power" else ""
         what = f"{f}(({term.of} − {term.zero:g})/{term.span:g}){raised}" if term.of else "1"
-        found.append(
+        effects.append(
             Effect(
                 name=name, title=term.title, parameters=(size,), signals=everything,
                 equation=f"{term.variable} += size · {what}",
             )
         )  # fmt: skip
-    return found
+    return effects
 
 
 def _errors(

@@ -87,10 +87,10 @@ class Watcher:
         return self._store
 
     def _new_messages(self, store: Store) -> tuple[Message, ...]:
-        found = store.messages(after=self._last_message)
-        if found:
-            self._last_message = found[-1].id
-        return found
+        messages = store.messages(after=self._last_message)
+        if messages:
+            self._last_message = messages[-1].id
+        return messages
 
 
 def watch(watcher: Watcher, detector: Detector, commands: HookCommands, say: Say) -> None:

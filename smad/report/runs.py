@@ -77,11 +77,11 @@ def shown(runs: Sequence[Run], from_s: float = -math.inf, to_s: float = math.inf
         stem if stems.count(stem) == 1 else f"{stem} ({number})"
         for number, stem in enumerate(stems, 1)
     ]
-    found = [_part(run, name, from_s, to_s) for run, name in zip(runs, names, strict=True)]
-    found.sort(key=lambda drawn: drawn.run.header.source != "sim")
-    if len(found) == 1:
-        return found
-    return [replace(drawn, sign=_sign(number)) for number, drawn in enumerate(found)]
+    parts = [_part(run, name, from_s, to_s) for run, name in zip(runs, names, strict=True)]
+    parts.sort(key=lambda drawn: drawn.run.header.source != "sim")
+    if len(parts) == 1:
+        return parts
+    return [replace(drawn, sign=_sign(number)) for number, drawn in enumerate(parts)]
 
 
 def _part(run: Run, label: str, from_s: float, to_s: float) -> Shown:

@@ -81,8 +81,8 @@ def side_by_side(runs: Mapping[str, Run]) -> Run:
         last = np.searchsorted(run.unix_s, base.unix_s, side="right") - 1
         for channel, column in run.columns.items():
             missing = np.nan if column.dtype.kind == "f" else MISSING_INTEGER
-            found = column[last] if len(column) else np.full(len(last), missing, column.dtype)
-            columns[f"{name}.{channel}"] = np.where(last < 0, missing, found)
+            latest = column[last] if len(column) else np.full(len(last), missing, column.dtype)
+            columns[f"{name}.{channel}"] = np.where(last < 0, missing, latest)
     return replace(base, axis="", columns=columns)
 
 

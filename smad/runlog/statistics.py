@@ -69,8 +69,8 @@ def _in_summary(file: BinaryIO, offset: int, end: int, name: str) -> Ending | No
 
 def _metadata_at(file: BinaryIO, offset: int) -> dict[str, str]:
     opcode, length = _head_at(file, offset)
-    found = _parsed(file, length, records.Metadata.read) if opcode == Opcode.METADATA else None
-    return {} if found is None else found.metadata
+    metadata = _parsed(file, length, records.Metadata.read) if opcode == Opcode.METADATA else None
+    return {} if metadata is None else metadata.metadata
 
 
 def _head_at(file: BinaryIO, offset: int) -> tuple[int, int]:

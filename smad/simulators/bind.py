@@ -96,14 +96,14 @@ def _ends(name: str, tables: Sequence[Table]) -> tuple[float, float]:
 
 
 def _signals(declared: Simulator, inputs: Sequence[str], tables: Sequence[Table]) -> list[Signal]:
-    found = []
+    signals = []
     for name in inputs:
         low, high = declared.ranges.get(name) or span_of(
             [t.columns[name] for t in tables if name in t.columns]
         )
-        found.append(Signal(name, declared.unit(name), low, high))
+        signals.append(Signal(name, declared.unit(name), low, high))
     forces = [Signal(n, declared.unit(n), a, b) for n, (a, b) in declared.forces.items()]
-    return [*found, *forces]
+    return [*signals, *forces]
 
 
 def _channel(declared: Simulator, name: str, runs: Sequence[GapRun]) -> Channel:

@@ -73,24 +73,24 @@ class SimulatedPlant:
     def _transducers(self) -> list[Effect]:
         if not self.declared.transducers:
             return []
-        found: list[Effect] = []
+        effects: list[Effect] = []
         of = self.declared
         for c in self.channels:
             shared: dict[str, Any] = {"name": c.name, "unit": c.unit, "lag_s": self.lag_s}
             low, high = of.ranges.get(c.name, (c.low, c.high))
-            found += effects_of(Transduced(
+            effects += effects_of(Transduced(
                 **shared, low=low, high=high, drive=False, signals=(c.name,),
                 places=(f"reading_{c.name}",),
             ))  # fmt: skip
         for s in (s for s in self.inputs if s.name not in of.forces):
-            found += effects_of(
+            effects += effects_of(
                 Transduced(
                     name=s.name, unit=s.unit, lag_s=self.lag_s, low=s.low, high=s.high, drive=True,
                     signals=self._signals, places=(of.acts_at(s.name),),
                 ),
                 saturation=True,
             )  # fmt: skip
-        return found
+        return effects
 
     def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
         """See `PlantModel`. The run as it was recorded is replayed; `fast` changes nothing."""
@@ -248,11 +248,11 @@ def called(
     t = _shielded(t_s - t_s[0])
     given = _Shielded(inputs)
     with np.errstate(all="ignore"):
-        found = declared.function(t, given, MappingProxyType(dict(values)), start)
-    if not isinstance(found, Mapping):
-        raise ValueError(f"it returns {type(found).__name__}, not outputs by name")
+        outputs = declared.function(t, given, MappingProxyType(dict(values)), start)
+    if not isinstance(outputs, Mapping):
+        raise ValueError(f"it returns {type(outputs).__name__}, not outputs by name")
     out = {}
-    for name, column in found.items():
+    for name, column in outputs.items():
         y = np.asarray(column, dtype=np.float64)
         if y.shape != t.shape:
             raise ValueError(f"{name} has shape {y.shape}; the run has {t.shape}")

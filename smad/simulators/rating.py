@@ -87,9 +87,9 @@ def rate(plant: PlantModel, runs: Sequence[GapRun], *, within_s: float = 5.0) ->
     def beside(rows: Array) -> Array:
         return np.asarray(rows - slopes.T @ np.linalg.solve(gram, slopes @ rows / _CORRELATED))
 
-    found = [*_effects(sheet, ends), *_places(sheet, ends)]
-    causes = [x for x in found if isinstance(x, _Cause)]
-    missed = [x for x in found if isinstance(x, Rating)]
+    ratings = [*_effects(sheet, ends), *_places(sheet, ends)]
+    causes = [x for x in ratings if isinstance(x, _Cause)]
+    missed = [x for x in ratings if isinstance(x, Rating)]
     left = [beside(c.rows) for c in causes]
     rated = [_rated(c, sheet.size(left[k]), _alike(k, causes, left)) for k, c in enumerate(causes)]
     return [*_parameters(known, slopes, gram, reached), *rated, *missed]
@@ -107,15 +107,15 @@ def _rated(c: _Cause, left: float, alike: tuple[str, ...]) -> Rating:
 def _alike(k: int, causes: Sequence[_Cause], left: Sequence[Array]) -> tuple[str, ...]:
     """Causes at other places whose rows are nearly those of a cause, up to their size."""
     cause, square = causes[k], float(left[k] @ left[k])
-    found = []
+    alike = []
     for other, rows in zip(causes, left, strict=True):
         # An effect that may be anywhere is nowhere else.
         known = bool(cause.places and other.places)
         if known and other.kind == cause.kind and not cause.places & other.places:
             both = square * float(rows @ rows)
             if both > 0.0 and float(left[k] @ rows) ** 2 > _ALIKE * both:
-                found.append(other.name)
-    return tuple(found)
+                alike.append(other.name)
+    return tuple(alike)
 
 
 def _parameters(

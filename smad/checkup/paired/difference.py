@@ -99,8 +99,8 @@ def _pair(plant: PlantModel, reference: Reference, run: GapRun, then: RunReferen
     difference = now.values - then.mean
     played, base = then.played, then.base
     again = _again(then, run if other else None, around, start)
-    found = predictions(plant, reference.point, [again])[0]
-    moved = np.where(np.isfinite(found) & now.covered[:, None], found - base, 0.0)
+    predicted = predictions(plant, reference.point, [again])[0]
+    moved = np.where(np.isfinite(predicted) & now.covered[:, None], predicted - base, 0.0)
     if other:
         played = again
     difference = difference - moved

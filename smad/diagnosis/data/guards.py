@@ -126,11 +126,11 @@ def goes_further(groups: Mapping[str, Sequence[GapRun]], plant: PlantModel) -> l
 
 def _ranges(runs: Sequence[GapRun], plant: PlantModel) -> dict[str, tuple[float, float]]:
     """Lowest and highest value of each channel that the nominal model predicts of some runs."""
-    found: dict[str, tuple[float, float]] = {}
+    ranges: dict[str, tuple[float, float]] = {}
     for run in runs:
         for channel, values in nominal_replay(run, plant).items():
             y = values[np.isfinite(values)]
             if channel in run.outputs and len(y):
-                low, high = found.get(channel, (np.inf, -np.inf))
-                found[channel] = min(low, float(y.min())), max(high, float(y.max()))
-    return found
+                low, high = ranges.get(channel, (np.inf, -np.inf))
+                ranges[channel] = min(low, float(y.min())), max(high, float(y.max()))
+    return ranges

@@ -193,7 +193,7 @@ def compare(
 def _swapped_twins(
     plant: PlantModel, measured: dict[str, Array], predicted: dict[str, Array]
 ) -> list[tuple[str, str]]:
-    found = []
+    findings = []
     for channel in plant.channels:
         a, b = channel.name, channel.twin
         if not b or a > b or a not in measured or b not in measured:
@@ -204,8 +204,8 @@ def _swapped_twins(
         straight = _misfit(measured[a], predicted[a]) + _misfit(measured[b], predicted[b])
         crossed = _misfit(measured[a], predicted[b]) + _misfit(measured[b], predicted[a])
         if crossed < 0.2 * straight and straight > 0.05:
-            found.append((a, b))
-    return found
+            findings.append((a, b))
+    return findings
 
 
 def _unrelated(

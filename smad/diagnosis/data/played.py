@@ -96,8 +96,8 @@ def predictions(
     out = []
     for played in runs:
         run = played.whole if exact else played.run
-        found = plant.simulate(point, run, fast=not exact)
-        series = np.stack([found[c.name] for c in plant.channels])
+        outputs = plant.simulate(point, run, fast=not exact)
+        series = np.stack([outputs[c.name] for c in plant.channels])
         out.append(np.ascontiguousarray(played.means(series, exact=exact).T))
     return out
 
@@ -120,9 +120,9 @@ def slopes(plant: PlantModel, point: ModelPoint, runs: Sequence[Played]) -> list
         if value + step > q.high:
             step = -step
         moved = replace(point, theta={**point.theta, q.name: value + step})
-        found = predictions(plant, moved, runs)
-        if finite(found):
-            for j, (new, old) in enumerate(zip(found, base, strict=True)):
+        moved_outputs = predictions(plant, moved, runs)
+        if finite(moved_outputs):
+            for j, (new, old) in enumerate(zip(moved_outputs, base, strict=True)):
                 out[j][i] = (new - old) * (q.prior_sd / step)
     return out
 

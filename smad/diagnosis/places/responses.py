@@ -181,12 +181,12 @@ def responses(
     count = sum(len(law.terms) for law in laws)
     if known is not None and any(len(k) != count for k in known):
         raise ValueError(f"responses of {len(known[0])} terms; the laws have {count}")
-    found = list(known or ())
-    for played in runs[len(found) :]:
+    arrays = list(known or ())
+    for played in runs[len(arrays) :]:
         progress(f"responses of the places: {played.whole.name}")
-        found.append(_Replayed(plant, point, played.coarse).responses(laws, count))
+        arrays.append(_Replayed(plant, point, played.coarse).responses(laws, count))
     scales = {place.name: place.scale for place in plant.places}
-    return Responses(laws=laws, scales=scales, runs=tuple(found))
+    return Responses(laws=laws, scales=scales, runs=tuple(arrays))
 
 
 @dataclass(frozen=True)

@@ -155,17 +155,17 @@ class SmaPlant:
     @cached_property
     def places(self) -> Sequence[Place]:
         options = {"variant": self.variant, "fixture": "antagonistic", "cooling": "water"}
-        found = []
+        offered = []
         for entry in PLACES:
             with contextlib.suppress(InputError):
                 check_place_needs(entry.name, options)
-                found.append(
+                offered.append(
                     Place(
                         name=entry.name, label=entry.label, unit=entry.unit, scale=entry.scale,
                         sides=entry.sides, states=entry.states, reading=entry.reading,
                     )
                 )  # fmt: skip
-        return tuple(found)
+        return tuple(offered)
 
     def trajectory(
         self, point: ModelPoint, run: GapRun, *, fast: bool = False

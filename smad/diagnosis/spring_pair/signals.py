@@ -193,17 +193,17 @@ def _table_run(path: Path, together: Together | None) -> GapRun:
     refuses it, and wants to see them.
     """
     name = path.name.split(".")[0]
-    found = read_channels(path, together)
-    columns = found.columns
+    table = read_channels(path, together)
+    columns = table.columns
     flagged = columns.pop("valid", None)
     if flagged is None:
-        return run_from_columns(name, columns, notes=found.notes)
+        return run_from_columns(name, columns, notes=table.notes)
     use = np.nan_to_num(flagged) > 0.5
     measured = {c.name for c in CHANNELS} if use.any() else set()
     valid_columns = {
         k: np.where(use, v, np.nan) if k in measured else v for k, v in columns.items()
     }
-    return replace(run_from_columns(name, valid_columns, notes=found.notes), valid=use)
+    return replace(run_from_columns(name, valid_columns, notes=table.notes), valid=use)
 
 
 def _recorded(columns: Mapping[str, NDArray[Any]], name: str) -> Array | None:
@@ -271,8 +271,8 @@ def usable(run: GapRun) -> GapRun | None:
     def say(kind: str, text: str, *, refuses: bool = False) -> None:
         refused.extend([text] if refuses else [])
 
-    found = filled(readable(run, INPUTS, CHANNELS, say))
-    return None if refused else found
+    readable_run = filled(readable(run, INPUTS, CHANNELS, say))
+    return None if refused else readable_run
 
 
 def _read(path: Path, together: Together | None) -> tuple[GapRun, Run | None]:

@@ -86,12 +86,12 @@ def joint_effects(
                       signals=(), equation=f"{key} += size", places=(place,))  # fmt: skip
         return ModelEffect(effect=made, write=write)
 
-    found = [
+    effects = [
         added("frictionloss", _size(unit, some), "dry friction"),
         added("damping", _size(f"{unit} s/{angle}", some / scale.rate), "viscous friction"),
         added("armature", _size("kg m²" if turns else "kg", 0.1 * scale.inertia), "armature"),
     ]
-    return [*found, _spring(joint, number, some, place, (unit, angle))]
+    return [*effects, _spring(joint, number, some, place, (unit, angle))]
 
 
 _NAMES = {
@@ -150,22 +150,22 @@ def payload(m: Any, body: str, places: Sequence[str]) -> ModelEffect:
 
 def moving_bodies(m: Any) -> list[str]:
     """Named bodies with a mass that hang on a joint."""
-    found = []
+    bodies = []
     for name in names_of(m, "body"):
         number = number_of(m, "body", name, "")
         if number and m.body_mass[number] > 0.0 and joints_above(m, number):
-            found.append(name)
-    return found
+            bodies.append(name)
+    return bodies
 
 
 def joints_above(m: Any, body: int) -> list[int]:
     """Numbers of the joints between a body and the world, its own first."""
-    found: list[int] = []
+    joints: list[int] = []
     while body:
         first, count = int(m.body_jntadr[body]), int(m.body_jntnum[body])
-        found += range(first, first + count)
+        joints += range(first, first + count)
         body = int(m.body_parentid[body])
-    return found
+    return joints
 
 
 def play(name: str, unit: str, low: float, high: float) -> Effect:

@@ -79,20 +79,20 @@ class MjcfMap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 def read_map(path: Path) -> MjcfMap:
     """Read a map file. Raises SimulatorError for one that cannot be read, by the key's name."""
     action = f"smad docs {PAGE} shows a map file"
-    found = read_toml(path, MjcfMap, "map file", SimulatorError, action)
+    mapped = read_toml(path, MjcfMap, "map file", SimulatorError, action)
     for table in ("channels", "parameters"):
-        if not getattr(found, table):
+        if not getattr(mapped, table):
             raise SimulatorError(f"map file {path} has no {table}", action=f"add [{table}.NAME]")
-    for name, given in found.inputs.items():
+    for name, given in mapped.inputs.items():
         if bool(given.actuator) == bool(given.joint):
             raise SimulatorError(
                 f"map file {path}, inputs.{name} is neither of an actuator nor of a joint",
                 action="give one of actuator, joint",
             )
-    for name, row in found.channels.items():
+    for name, row in mapped.channels.items():
         if sum(map(bool, (row.joint, row.velocity_of, row.sensor))) != 1:
             raise SimulatorError(
                 f"map file {path}, channels.{name} is not of one part of the model",
                 action="give one of joint, velocity_of, sensor",
             )
-    return found
+    return mapped

@@ -91,8 +91,8 @@ class MujocoModel:
                 f"parameters.{name}.field is none that can be refitted",
                 value=row.field, limit=", ".join(FIELDS), action="correct the map",
             )  # fmt: skip
-        found = FIELDS[row.field]
-        return found, number_of(self.model, found.kind, row.of, f"parameters.{name}")
+        field = FIELDS[row.field]
+        return field, number_of(self.model, field.kind, row.of, f"parameters.{name}")
 
     def _joints(self) -> dict[str, int]:
         """Joints that turn or slide, by name."""

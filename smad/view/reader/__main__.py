@@ -41,8 +41,8 @@ def past(ask: requests.Past) -> requests.Read:
         while len(_logs) >= MOST_LOGS:
             del _logs[next(iter(_logs))]
         _logs[place] = Log(Path(ask.path), ask.axis)
-    found: requests.Read = _logs[place].read(ask.from_s, ask.to_s, ask.channels, ask.xy)
-    return found
+    read: requests.Read = _logs[place].read(ask.from_s, ask.to_s, ask.channels, ask.xy)
+    return read
 
 
 def runs(ask: requests.Runs) -> list[requests.Row]:
