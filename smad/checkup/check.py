@@ -14,8 +14,8 @@ from smad.checkup.baseline import FIRST, good_series, require_same
 from smad.checkup.commission import commissioned
 from smad.checkup.errors import BaselineError
 from smad.checkup.files import (
-    Found,
     Matched,
+    RunFile,
     match,
     read_folder,
     read_good,
@@ -140,8 +140,8 @@ def check_files(plant: PlantModel, good: Path, now: Path, *, say: Say, progress:
 
 def checked_files(
     plant: PlantModel,
-    good: Sequence[Found],
-    now: Sequence[Found],
+    good: Sequence[RunFile],
+    now: Sequence[RunFile],
     progress: Say = silent,
 ) -> tuple[Judged, Matched]:
     """The verdict over files of a good day and of now, and what was paired with what.
@@ -162,7 +162,7 @@ def checked_files(
     return judged(plant, reference, matched.now, progress=progress), matched
 
 
-def _say_notes(runs: Sequence[Found], say: Say) -> None:
+def _say_notes(runs: Sequence[RunFile], say: Say) -> None:
     for run in runs:
         for note in run.run.notes:
             say(f"{run.path}: {note}")

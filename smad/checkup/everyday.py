@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 
 from smad.checkup.commission import commissioned
-from smad.checkup.files import Found, match
+from smad.checkup.files import RunFile, match
 from smad.checkup.judge import judged
 from smad.diagnosis import diagnose
 from smad.diagnosis.answer import Answer
@@ -47,15 +47,15 @@ def diagnose_files(
     return replace(answer, verdict=msgspec.structs.replace(answer.verdict, repeated=comparison))
 
 
-def _usable(paths: Sequence[Path], runs: Sequence[GapRun]) -> list[Found]:
+def _usable(paths: Sequence[Path], runs: Sequence[GapRun]) -> list[RunFile]:
     read = zip(paths, map(usable, runs), strict=True)
-    return [Found.of(path, run) for path, run in read if run is not None]
+    return [RunFile.of(path, run) for path, run in read if run is not None]
 
 
 def repeated(
     plant: PlantModel,
-    good: Sequence[Found],
-    runs: Sequence[Found],
+    good: Sequence[RunFile],
+    runs: Sequence[RunFile],
     progress: Say = silent,
 ) -> Repeated | None:
     """What the runs say that repeat the inputs of known-good ones; None where none does.

@@ -23,7 +23,7 @@ _LIKE = 0.05
 
 
 @dataclass(frozen=True)
-class Found:
+class RunFile:
     """A run of a file: its name without folder and suffix.
 
     `board` is the serial number of the board that it was recorded on, empty where the file does not
@@ -37,12 +37,12 @@ class Found:
     cut: str = ""
 
     @classmethod
-    def of(cls, path: Path, run: GapRun) -> Found:
+    def of(cls, path: Path, run: GapRun) -> RunFile:
         """A run that was read already."""
         return cls(path.name.split(".")[0], path, run)
 
 
-def read_folder(folder: Path) -> list[Found]:
+def read_folder(folder: Path) -> list[RunFile]:
     """All runs of a folder and its subfolders, by path; links to folders are followed.
 
     Raises PairingError when there is none.
@@ -62,7 +62,7 @@ def read_folder(folder: Path) -> list[Found]:
     return [_found(p, together) for p in paths]
 
 
-def read_good(folder: Path, say: Say) -> list[Found]:
+def read_good(folder: Path, say: Say) -> list[RunFile]:
     """All runs of a folder that count as good; those that a stop cut are told of and left out.
 
     Raises PairingError when that leaves none.
@@ -104,7 +104,7 @@ def read_file(path: Path, together: Together | None = None) -> GapRun:
     return _found(path, together).run
 
 
-def _found(path: Path, together: Together | None) -> Found:
+def _found(path: Path, together: Together | None) -> RunFile:
     run, log = read_recorded(path, together)
     if not len(run.t_s):
         raise PairingError(
@@ -112,8 +112,8 @@ def _found(path: Path, together: Together | None) -> Found:
         )
     require_columns(path, run)
     if log is None:
-        return Found.of(path, run)
-    return replace(Found.of(path, run), board=log.header.board.get("uid", ""), cut=cut_in(log))
+        return RunFile.of(path, run)
+    return replace(RunFile.of(path, run), board=log.header.board.get("uid", ""), cut=cut_in(log))
 
 
 @dataclass(frozen=True)
@@ -129,16 +129,16 @@ class Matched:
     alone: list[str]
 
 
-def match(plant: PlantModel, good: Sequence[Found], now: Sequence[Found]) -> Matched:
+def match(plant: PlantModel, good: Sequence[RunFile], now: Sequence[RunFile]) -> Matched:
     """Pairs files by name where names repeat over folders and inputs agree, else by inputs."""
-    groups: list[list[Found]] = []
+    groups: list[list[RunFile]] = []
     for run in good:
         mine = next((g for g in groups if _repeats(plant, run, g[0])), None)
         if mine is None:
             groups.append([run])
         else:
             mine.append(run)
-    pairs: list[tuple[Found, list[Found]]] = []
+    pairs: list[tuple[RunFile, list[RunFile]]] = []
     alone: list[str] = []
     for run in now:
         fits = [g for g in groups if _repeats(plant, run, g[0])]
@@ -163,12 +163,12 @@ def match(plant: PlantModel, good: Sequence[Found], now: Sequence[Found]) -> Mat
     )
 
 
-def require_other_recordings(good: Sequence[Found], now: Sequence[Found]) -> None:
+def require_other_recordings(good: Sequence[RunFile], now: Sequence[RunFile]) -> None:
     """Raises PairingError when a run of now is one of the good ones, or a good one is there twice.
 
     A copy under another name, or written by another exporter, is the same recording.
     """
-    known: list[Found] = []
+    known: list[RunFile] = []
     for role, runs in (("good", good), ("now", now)):
         for run in runs:
             same = next((k for k in known if same_recording(k.run, run.run)), None)
@@ -184,7 +184,7 @@ def require_other_recordings(good: Sequence[Found], now: Sequence[Found]) -> Non
             known += [run] if role == "good" else []
 
 
-def require_one_bench(runs: Sequence[Found]) -> None:
+def require_one_bench(runs: Sequence[RunFile]) -> None:
     """Raises PairingError when runs of several boards are mixed, as far as the files tell."""
     boards = {f.board: f.path for f in runs if f.board}
     if len(boards) > 1:
@@ -198,7 +198,7 @@ def require_one_bench(runs: Sequence[Found]) -> None:
         )
 
 
-def _repeats(plant: PlantModel, one: Found, other: Found) -> bool:
+def _repeats(plant: PlantModel, one: RunFile, other: RunFile) -> bool:
     """Whether two runs have the same inputs over what both recorded."""
     a, b = one.run, other.run
     if not len(edges_s(a)) or not len(edges_s(b)):

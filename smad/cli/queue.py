@@ -262,7 +262,7 @@ def run(*, until_paused: bool, folder: Path | None, bench: str) -> None:
     from smad.client.signals import ended_by_signals
     from smad.queue.bench import BenchWatch
     from smad.queue.lease import RunnerLease
-    from smad.queue.runner import Runner, Surroundings
+    from smad.queue.runner import Runner, RunnerParts
 
     with ended_by_signals(), _opened(folder, bench) as opened:
         lease = RunnerLease(opened.folder)
@@ -272,7 +272,7 @@ def run(*, until_paused: bool, folder: Path | None, bench: str) -> None:
             _started, folder=opened.folder.resolve(), bench=bench, descriptor=lease.descriptor
         )
         runner = Runner(
-            opened.store, Surroundings(watch=watch, start=start, check=problem_of, say=_say)
+            opened.store, RunnerParts(watch=watch, start=start, check=problem_of, say=_say)
         )
         try:
             runner.begin()

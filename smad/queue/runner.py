@@ -48,7 +48,7 @@ class Watch(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Surroundings:
+class RunnerParts:
     """What the runner acts with. `check` returns why an item cannot start now, or nothing."""
 
     watch: Watch
@@ -62,7 +62,7 @@ class Surroundings:
 class Runner:
     """Carries the items of a store out, one at a time. `tick` does what there is to do now."""
 
-    def __init__(self, store: Store, surroundings: Surroundings) -> None:
+    def __init__(self, store: Store, surroundings: RunnerParts) -> None:
         self._store = store
         self._by = surroundings
         self._process: Process | None = None

@@ -31,7 +31,7 @@ _DIGEST = 12
 
 
 @dataclass(frozen=True)
-class Shown:
+class RunPart:
     """A run on the axis of a page: the part of it that is shown.
 
     `x` in s from the run's first sample, shape (n,), increasing; `y` the columns, each of that
@@ -65,7 +65,7 @@ def elapsed_s(t_s: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(steps)])[: t_s.size]
 
 
-def shown(runs: Sequence[Run], from_s: float = -math.inf, to_s: float = math.inf) -> list[Shown]:
+def shown(runs: Sequence[Run], from_s: float = -math.inf, to_s: float = math.inf) -> list[RunPart]:
     """The runs by the names of their files, in the order in which they are drawn.
 
     Runs of a bench come after those of a simulation: what was measured lies on top. `from_s` and
@@ -84,7 +84,7 @@ def shown(runs: Sequence[Run], from_s: float = -math.inf, to_s: float = math.inf
     return [replace(drawn, sign=_sign(number)) for number, drawn in enumerate(parts)]
 
 
-def _part(run: Run, label: str, from_s: float, to_s: float) -> Shown:
+def _part(run: Run, label: str, from_s: float, to_s: float) -> RunPart:
     t_s = run.columns["t_s"].astype(np.float64)
     x = elapsed_s(t_s)
     inside = (x >= from_s) & (x <= to_s)
@@ -96,10 +96,10 @@ def _part(run: Run, label: str, from_s: float, to_s: float) -> Shown:
             action="choose another part, or another log",
         )
     columns = {name: column[inside] for name, column in run.columns.items()}
-    return Shown(run, label, x[inside], columns, float(t_s[0]))
+    return RunPart(run, label, x[inside], columns, float(t_s[0]))
 
 
-def panels_of(runs: Sequence[Shown], caption: str = "") -> Panels:
+def panels_of(runs: Sequence[RunPart], caption: str = "") -> Panels:
     """One panel for each strip of which something was recorded, the runs overlaid.
 
     Beside them what moves against what, such as displacement against temperature.
@@ -112,7 +112,7 @@ def panels_of(runs: Sequence[Shown], caption: str = "") -> Panels:
     return Panels(panels, caption=caption, marks=marks, planes=planes)
 
 
-def _panel(strip: Strip, runs: Sequence[Shown]) -> Panel:
+def _panel(strip: Strip, runs: Sequence[RunPart]) -> Panel:
     # References first, of all runs: what was measured is drawn over what was wanted.
     curves = sorted(strip.curves, key=lambda curve: curve.pen != "reference")
     traces = [
@@ -124,7 +124,7 @@ def _panel(strip: Strip, runs: Sequence[Shown]) -> Panel:
     return Panel(strip.title, strip.unit, strip.digits, traces, on_demand=strip.on_demand)
 
 
-def _trace(strip: Strip, curve: Curve, drawn: Shown, run_pen: str) -> Trace:
+def _trace(strip: Strip, curve: Curve, drawn: RunPart, run_pen: str) -> Trace:
     y = drawn.y[curve.column].astype(np.float64) * strip.scale
     dash = _DASHES.get(curve.pen, ())
     if drawn.sign:
@@ -142,7 +142,7 @@ def _sign(number: int) -> str:
     return chr(ord("A") + number) if number < LETTERS else str(number + 1)
 
 
-def _marks(drawn: Shown) -> list[Mark]:
+def _marks(drawn: RunPart) -> list[Mark]:
     return [
         Mark(event.t_s - drawn.start_s, event.text)
         for event in drawn.run.events
@@ -150,7 +150,7 @@ def _marks(drawn: Shown) -> list[Mark]:
     ]
 
 
-def page_of(runs: Sequence[Shown]) -> Page:
+def page_of(runs: Sequence[RunPart]) -> Page:
     """A page of runs, overlaid from their first samples on."""
     several = len(runs) > 1
     caption = "Time from the first sample of each run." if several else ""
@@ -191,11 +191,11 @@ def digest(path: Path) -> str:
         return ""
 
 
-def _events_title(drawn: Shown, several: bool) -> str:
+def _events_title(drawn: RunPart, several: bool) -> str:
     return f"Events of {drawn.label}" if several else "Events"
 
 
-def _facts(runs: Iterable[Shown]) -> Table:
+def _facts(runs: Iterable[RunPart]) -> Table:
     return Table(
         ("run", "source", "started (UTC)", "duration (s)", "rows", "gains", "smad", "SHA-256"),
         [
@@ -215,7 +215,7 @@ def _facts(runs: Iterable[Shown]) -> Table:
     )
 
 
-def _notes(runs: Iterable[Shown]) -> list[Text]:
+def _notes(runs: Iterable[RunPart]) -> list[Text]:
     return [
         Text(f"{drawn.label}: {note}", "note")
         for drawn in runs
@@ -223,7 +223,7 @@ def _notes(runs: Iterable[Shown]) -> list[Text]:
     ]
 
 
-def _events(drawn: Shown) -> Table:
+def _events(drawn: RunPart) -> Table:
     events = drawn.run.events[-_MOST_EVENTS:]
     left_out = len(drawn.run.events) - len(events)
     return Table(

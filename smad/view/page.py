@@ -124,7 +124,7 @@ class Page:
     async def _take(self, ask: commands.Message) -> None:
         if self._right != "command" and not isinstance(ask, commands.WATCHING):
             await self._reply(ask.id, False, _WATCH_ONLY)
-        elif isinstance(ask, commands.Drawn):
+        elif isinstance(ask, commands.FrameDrawn):
             self._frames = max(0, self._frames - 1)
         elif isinstance(ask, commands.Alive):
             self._unconfirmed_s = None

@@ -14,7 +14,7 @@ from smad.config import Config
 from smad.style import strips
 from smad.view.feed import Feed
 from smad.view.requests import Mark
-from smad.view.state import MODES, NO_WORD, Shown, Tile, shown
+from smad.view.state import MODES, NO_WORD, BenchState, Tile, shown
 
 STATUS_EVERY_S = 0.5
 SILENT_AFTER_S = 1.5
@@ -31,7 +31,7 @@ class Axis:
         self.name = name
         self.config = Config()
         self.feed = Feed(len(strips.CHANNELS), strips.MOTION)
-        self.shown: Shown | None = None
+        self.shown: BenchState | None = None
         self.now: tuple[float | None, ...] = ()
         self.mode: int | None = None
         self.reference_mm = 0.0

@@ -53,7 +53,7 @@ class Driven:
 
 
 @dataclass(frozen=True)
-class Shown:
+class Output:
     """An output: of positions, velocities or sensors the number, as scale · value + offset."""
 
     name: str
@@ -116,7 +116,7 @@ class MujocoModel:
         late = (row.held or self.mapped.held) == "from"
         return Driven(name, column, scale * row.scale, row.offset, late)
 
-    def _channel(self, name: str, row: ChannelRow) -> Shown:
+    def _channel(self, name: str, row: ChannelRow) -> Output:
         m, key = self.model, f"channels.{name}"
         if row.sensor:
             sensor = number_of(m, "sensor", row.sensor, key)
@@ -127,13 +127,13 @@ class MujocoModel:
                     action="correct index",
                 )  # fmt: skip
             column = int(m.sensor_adr[sensor]) + row.index
-            return Shown(name, "sensor", column, row.scale, row.offset)
+            return Output(name, "sensor", column, row.scale, row.offset)
         joint = number_of(m, "joint", row.joint or row.velocity_of, key)
         turns, per_s = is_hinge(m, joint, key), "/s" if row.velocity_of else ""
         unit = in_si(self.unit(name, row), f"{'rad' if turns else 'm'}{per_s}", key)
         source = "velocity" if row.velocity_of else "position"
         column = int((m.jnt_dofadr if row.velocity_of else m.jnt_qposadr)[joint])
-        return Shown(name, source, column, row.scale / unit, row.offset)
+        return Output(name, source, column, row.scale / unit, row.offset)
 
     @property
     def hinge(self) -> int:

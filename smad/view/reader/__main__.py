@@ -133,7 +133,7 @@ class _Plans:
         raise _Planned
 
 
-def plan(ask: requests.Plan) -> list[requests.Drawn]:
+def plan(ask: requests.Plan) -> list[requests.Preview]:
     """Draw the first run of each trial of an experiment; later ones may hang on its outcome."""
     from smad.experiments.registry import make_experiment
 
