@@ -1,4 +1,4 @@
-"""The host's end of a session.
+"""The host's end of a session: everything that decides what goes on the line lives here.
 
 Theory of operation. `connect` sends HELLO until IDENT echoes its nonce; from then on frames carry
 the session number that IDENT gave. STATE frames come by themselves. A setpoint waits in one slot,

@@ -12,13 +12,12 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from firmware_protocol import messages as wire
-from firmware_protocol.enums import BoardState, Fault, ResetCause
+from firmware_protocol.enums import BoardState, ResetCause
 from firmware_protocol.parameters import BY_NAME, ParameterStore, axis_name_crc
 from firmware_protocol.supervisor import (
     ArmConfirmed,
     ArmRequested,
     Disarmed,
-    FaultCleared,
     Link,
     Outcome,
     Stopped,
@@ -166,10 +165,6 @@ class SimulatedBench:
     def disarm(self) -> None:
         """End heating: COOL, then SAFE."""
         self._require(self.board.command(Disarmed(), self.board.now_us))
-
-    def clear_fault(self, fault: Fault) -> None:
-        """Clear the first fault. Raises RefusedError with the supervisor's reason."""
-        self._require(self.board.command(FaultCleared(fault), self.board.now_us))
 
     def stop(self) -> None:
         """ESTOP."""

@@ -54,8 +54,8 @@ def part(name: str) -> Any:
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
-        told = missing(error)
-        raise told if told is not None else error from None
+        missing_part = missing(error)
+        raise missing_part if missing_part is not None else error from None
 
 
 def missing(

@@ -63,3 +63,11 @@ def write_whole(path: Path, data: bytes | str) -> None:
     """Write a file whole or not at all, text as UTF-8. Raises OSError."""
     with replacing(path) as partial:
         partial.write_bytes(data.encode() if isinstance(data, str) else data)
+
+
+def shown(path: str | Path) -> str:
+    """A path as a person here reads it: from this folder on where it is below it, else whole."""
+    try:
+        return str(Path(path).relative_to(Path.cwd()))
+    except (ValueError, OSError):
+        return str(path)

@@ -9,3 +9,7 @@ Say = Callable[[str], None]
 
 Share = Callable[[float], None]
 """Takes the share that is done, 0 to 1."""
+
+
+def silent(text: str) -> None:
+    """Say nothing: the default of what reports."""

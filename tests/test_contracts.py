@@ -178,6 +178,27 @@ def test_the_report_of_a_diagnosis_is_imported_by_nobody_who_decides() -> None:
     ] == []
 
 
+def test_no_room_imports_the_command_line() -> None:
+    assert [
+        f"{module} imports {name}"
+        for module, others in graph_of_imports().items()
+        for name in others
+        if name.startswith("smad.cli.")
+        and not module.startswith("smad.cli.")
+        and module != "smad.__main__"
+    ] == []
+
+
+def test_a_check_up_knows_neither_screen_nor_arguments() -> None:
+    rooms = ("smad.checkup.", "smad.experiments.", "smad.diagnosis.")
+    assert [
+        f"{path.relative_to(ROOT)} imports click"
+        for room in rooms
+        for path in modules_under(room.strip(".").replace(".", "/"))
+        if "click" in imports_of(path)
+    ] == []
+
+
 def test_the_first_design_of_the_diagnosis_is_gone() -> None:
     needle = re.compile(r"smad[./]g" + r"ap\b(?! )")
     sources = [p for room in ("smad", "tests", "examples") for p in modules_under(room)]

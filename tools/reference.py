@@ -20,7 +20,8 @@ from msgspec import inspect as types
 
 from firmware_protocol.supervisor.document import PARTS as SUPERVISOR
 from smad import api
-from smad.config.template import markdown_lists
+from smad.config.describe import sections
+from smad.config.fields import info_of
 from smad.control import commands
 from smad.daemon.arming import TRANSITIONS
 from smad.diagnosis.constants import Constants, shipped
@@ -48,7 +49,7 @@ _ACCESS = {
 
 
 def methods() -> str:
-    """Every method with its parameters and its reply."""
+    """Every method with the names of its parameters, and its reply."""
     return "".join(line for method in api.METHODS for line in _method(method))
 
 
@@ -70,6 +71,15 @@ def channels() -> str:
         for c in CHANNELS.values()
     ]
     return "".join(_listed(rows))
+
+
+def configuration() -> str:
+    """Every section of the configuration with its purpose and its keys."""
+    return "\n".join(
+        f"### `{section.heading}`\n\n{section.purpose}\n\n"
+        f"{', '.join(f'`{key.name}`' for key in section.keys)}\n"
+        for section in sections()
+    )
 
 
 def reasons() -> str:
@@ -142,7 +152,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "pieces": pieces,
     "telemetry": telemetry,
     "reasons": reasons,
-    "configuration": markdown_lists,
+    "configuration": configuration,
     "channels": channels,
     "decisions": decisions,
     "trust": trust,
@@ -161,8 +171,9 @@ def refreshed(text: str) -> str:
 def _method(method: api.Method) -> Iterator[str]:
     access = _ACCESS[method.access]
     reply = method.reply.__name__
-    yield f"- **`{method.name}`** ({access}[{reply}](#replies)): {_prose(method.params)}\n"
-    yield from (f"  {line}" for line in _fields(method.params))
+    takes = ", ".join(f"`{field.name}`" for field in info_of(method.params).fields)
+    takes = f" Takes {takes}." if takes else ""
+    yield f"- **`{method.name}`** ({access}[{reply}](#replies)): {_prose(method.params)}{takes}\n"
 
 
 def _piece(struct: type[Struct]) -> Iterator[str]:
@@ -196,7 +207,7 @@ def _fields(struct: type[Struct]) -> Iterator[str]:
 
 
 def _told(struct: type[Struct]) -> Iterator[tuple[str, str, str]]:
-    for field in _info(struct).fields:
+    for field in info_of(struct).fields:
         kind, description = _described(field.type)
         default = "" if field.required else _default(field)
         kind = kind.removesuffix(" or empty") if default == "empty" else kind
@@ -204,12 +215,6 @@ def _told(struct: type[Struct]) -> Iterator[tuple[str, str, str]]:
         kind = "" if kind == "true or false" and default in ("true", "false") else kind
         told = "; ".join(part for part in (kind, default) if part)
         yield field.name, told, description
-
-
-def _info(struct: type[Struct]) -> types.StructType:
-    info = types.type_info(struct)
-    assert isinstance(info, types.StructType)
-    return info
 
 
 def _described(kind: types.Type) -> tuple[str, str]:

@@ -6,7 +6,6 @@ import contextlib
 import select
 import socket
 import threading
-from types import TracebackType
 
 _PIECE = 65_536
 _LOOK_S = 0.05
@@ -41,12 +40,7 @@ class Proxy:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._ending.set()
         self._thread.join()
         self._listener.close()

@@ -1,4 +1,4 @@
-"""What protects the heater: one table of states, transitions, checks and limits.
+"""What protects the heater: everything that may switch it off must be a row of this table.
 
 The simulated board, the host's mirror, the generated C and docs/safety.md are all made from it.
 """

@@ -138,8 +138,7 @@ def _host() -> str:
 
 def _faults() -> str:
     return "".join(
-        f"- {int(fault)} **{fault.name}**{f' ({text.unit})' if text.unit else ''}: {text.cause}"
-        f" *{text.remedy}*\n"
+        f"- {int(fault)} **{fault.name}**{f' ({text.unit})' if text.unit else ''}: {text.cause}\n"
         for fault, text in FAULT_TEXTS.items()
         if fault
     )

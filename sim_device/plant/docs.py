@@ -41,7 +41,7 @@ def differences_table() -> str:
 
 
 def effects_list() -> str:
-    """Every entry of the effect registry by subsystem: places, equation."""
+    """Every entry of the effect registry by subsystem, with its places."""
     lines: list[str] = []
     for subsystem, group in groupby(EFFECTS, key=lambda entry: entry.subsystem):
         entries = list(group)
@@ -50,7 +50,7 @@ def effects_list() -> str:
         for entry in entries:
             places = ", ".join(f"`{name}`" for name in entry.places)
             needs = _needs([need for need in entry.needs if need not in shared])
-            lines.append(f"- **`{entry.name}`** ({places}{needs}): {entry.title}. {entry.equation}")
+            lines.append(f"- **`{entry.name}`** ({places}{needs}): {entry.title}")
     return "\n".join(lines[1:])
 
 

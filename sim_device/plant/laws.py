@@ -3,7 +3,7 @@
 A term is a coefficient times up to two factors; a factor is a function of one state, or of what a
 first-order lag of 1 or 10 s makes of it. States are clamped to the support that the law was learned
 on, so that a law stays at its last value beyond it. The kernel evaluates laws from its own states;
-`design_matrix` evaluates the same terms on a recorded trajectory.
+`basis` evaluates the same terms on those of a recorded trajectory.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy.typing as npt
 from numba import njit
 
 from sim_device.plant.errors import InputError
-from sim_device.plant.places import BOTH, SLOTS, STATE_NAMES, STATES, keys_of, place
+from sim_device.plant.places import SLOTS, STATE_NAMES, STATES, keys_of, place
 
 Array = npt.NDArray[np.float64]
 Support = Mapping[str, tuple[float, float]]
@@ -99,25 +99,6 @@ def joined(laws: Iterable[Law]) -> tuple[Law, ...]:
             more = 0.0 if known is None else known.coefficient
             own[term.name] = replace(term, coefficient=term.coefficient + more)
     return tuple(Law(*key, tuple(own.values())) for key, own in terms.items())
-
-
-def law_space(
-    place_name: str,
-    side: str,
-    support: Support,
-    *,
-    bends: bool = True,
-    lags: bool = True,
-    products: bool = True,
-) -> tuple[Term, ...]:
-    """Candidate terms of a place by rule, see `terms_over`, for the states that `support` names.
-
-    Raises InputError for an unknown place, side or state.
-    """
-    entry = place(place_name)
-    keys_of(place_name, side)
-    _known_states(entry.name, support)
-    return terms_over(entry.states, support, bends=bends, lags=lags, products=products)
 
 
 def terms_over(
@@ -201,19 +182,6 @@ def own_states(place_name: str, side: str, states: Mapping[str, Array]) -> dict[
     return seen
 
 
-def support_of(
-    place_name: str, side: str, trajectories: Iterable[Mapping[str, Array]]
-) -> dict[str, tuple[float, float]]:
-    """Lowest and highest value of each state of a place over these trajectories."""
-    support: dict[str, tuple[float, float]] = {}
-    for states in trajectories:
-        for _, own in keys_of(place_name, side):
-            for name, values in own_states(place_name, own, states).items():
-                low, high = support.get(name, (math.inf, -math.inf))
-                support[name] = min(low, float(values.min())), max(high, float(values.max()))
-    return support
-
-
 def lagged(values: Array, t_s: Array, lag_s: float) -> Array:
     """A first-order lag of samples, shape (n,), that starts at the first of them."""
     return _lagged(np.ascontiguousarray(values), 1.0 - np.exp(-np.diff(t_s) / lag_s))
@@ -242,23 +210,6 @@ def evaluate_factor(factor: Factor, values: Array) -> Array:
     return np.tanh(z)
 
 
-def design_matrix(
-    place_name: str,
-    side: str,
-    states: Mapping[str, Array],
-    terms: Sequence[Term],
-    t_s: Array,
-) -> Array:
-    """Basis functions of the terms (coefficients left out) on a trajectory, shape (n, k).
-
-    side: "x" or "y", or "both" where the place has but that one. Row k has the functions of the
-    states at sample k. At a reading they act on that very sample; at any other place from then on,
-    so that the forcing of row k + 1 is made of row k (`as_forcing`). Raises InputError.
-    """
-    (key,) = keys_of(place_name, side) if side != BOTH else keys_of(place_name, side)[:1]
-    return basis(own_states(place_name, key[1], states), terms, t_s)
-
-
 def basis(seen: Mapping[str, Array], terms: Sequence[Term], t_s: Array) -> Array:
     """Basis functions of terms on the states that a place sees, by name; shape (n, k).
 
@@ -281,16 +232,6 @@ def basis(seen: Mapping[str, Array], terms: Sequence[Term], t_s: Array) -> Array
     for column, term in enumerate(terms):
         for factor in term.factors:
             out[:, column] *= of(factor)
-    return out
-
-
-def as_forcing(place_name: str, values: Array) -> Array:
-    """Values of a law at the samples, (n, ...), as the forcing that a replay takes."""
-    if place(place_name).reading:
-        return values
-    out = np.empty_like(values)
-    out[0] = values[0]
-    out[1:] = values[:-1]
     return out
 
 

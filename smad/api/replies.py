@@ -140,7 +140,7 @@ def link_counters(
     axis: str, frames: dict[str, int], board_stats: dict[str, int], counts: Counts, timing: Timing
 ) -> dict[str, float]:
     """Return what the run log keeps about a link once a second: host's and board's counts."""
-    found = {
+    counters = {
         **{f"host_{name}": float(value) for name, value in frames.items()},
         **{f"board_{name}": float(value) for name, value in board_stats.items()},
         "missed_samples": float(counts.missed),
@@ -150,7 +150,7 @@ def link_counters(
         "setpoint_age_p99_us": timing.setpoint_age.p99_us,
         "own_share_p99_us": timing.own_share.p99_us,
     }
-    return {named(axis, name): value for name, value in found.items()}
+    return {named(axis, name): value for name, value in counters.items()}
 
 
 class RecorderStatus(Struct, frozen=True, kw_only=True):
@@ -212,7 +212,7 @@ def of_the_bench(motions: dict[str, Motion]) -> Motion:
         return ", ".join(dict.fromkeys(getattr(motion, name) for motion in motions.values()))
 
     def first(name: str) -> Any:
-        return next((told for m in motions.values() if (told := getattr(m, name))), None)
+        return next((value for m in motions.values() if (value := getattr(m, name))), None)
 
     return Motion(
         running=common("running"),
@@ -274,8 +274,8 @@ class Status(AxisStatus, frozen=True, kw_only=True):
     def of(self, axis: str) -> Status:
         """Return it as the status of a bench of this axis alone. Raises KeyError."""
         part = self.parts()[axis]
-        own = {name: getattr(part, name) for name in AxisStatus.__struct_fields__}
-        return structs.replace(self, **own, axes=UNSET)
+        shared = {name: getattr(part, name) for name in AxisStatus.__struct_fields__}
+        return structs.replace(self, **shared, axes=UNSET)
 
     def _repr_html_(self) -> str:
         from smad import notebook

@@ -156,18 +156,18 @@ class Viewer:
     def _channel_news(self) -> list[str]:
         """Offer the channels that are new, and take back those that are gone."""
         known, self._advertised = self._advertised, self._offered()
-        gone = [one.id for one in known if one not in self._advertised]
+        gone = [channel.id for channel in known if channel not in self._advertised]
         new = [
             {
-                "id": one.id,
-                "topic": one.topic,
+                "id": channel.id,
+                "topic": channel.topic,
                 "encoding": "json",
-                "schemaName": one.schema_name,
-                "schema": one.schema.decode(),
+                "schemaName": channel.schema_name,
+                "schema": channel.schema.decode(),
                 "schemaEncoding": "jsonschema",
             }
-            for one in self._advertised
-            if one not in known
+            for channel in self._advertised
+            if channel not in known
         ]
         self._channels = {k: number for k, number in self._channels.items() if number not in gone}
         return [
@@ -183,14 +183,14 @@ class Viewer:
             return [status(WARNING, f"not understood, or not offered here: {error}")]
         match asked:
             case _Subscribe(subscriptions):
-                return [message for one in subscriptions for message in self._subscribe(one)]
+                return [message for entry in subscriptions for message in self._subscribe(entry)]
             case _Unsubscribe(subscription_ids):
                 for number in subscription_ids:
                     self._channels.pop(number, None)
             case _GetParameters(names, number):
                 return [self._values(names or list(self._parameters()), number)]
             case _SetParameters(parameters, number):
-                names = [str(one.get("name", "")) for one in parameters]
+                names = [str(entry.get("name", "")) for entry in parameters]
                 refused = "parameters are read-only here; change them with smad"
                 return [status(WARNING, refused), self._values(names, number)]
             case _Follow(names):
@@ -204,7 +204,9 @@ class Viewer:
         return []
 
     def _subscribe(self, asked: _Subscription) -> list[str | bytes]:
-        channel = next((one for one in self._offered() if one.id == asked.channel_id), None)
+        channel = next(
+            (offered for offered in self._offered() if offered.id == asked.channel_id), None
+        )
         if channel is None:
             return [status(ERROR, f"there is no channel {asked.channel_id}")]
         if len(self._channels) >= MOST_SUBSCRIPTIONS and asked.id not in self._channels:
@@ -230,7 +232,7 @@ class Viewer:
 
     def _changed_parameters(self) -> list[str]:
         now = self._parameters()
-        new = [name for name, told in self._followed.items() if now.get(name) != told]
+        new = [name for name, last_sent in self._followed.items() if now.get(name) != last_sent]
         self._followed |= {name: now.get(name) for name in new}
         return [self._values(new, None)] if new else []
 

@@ -97,8 +97,8 @@ class Seat:
             lost, self._told = self.lost - self._told, self.lost
             news.append(status(WARNING, f"{lost} messages dropped: this viewer reads too slowly"))
         with contextlib.suppress(ConnectionClosed):
-            for one in news:
-                await self._send(one)
+            for message in news:
+                await self._send(message)
 
 
 class Bridge:

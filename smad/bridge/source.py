@@ -70,8 +70,8 @@ class Source:
         self.rows = rows_of(tuple(config.by_axis()))
         self.parameters = {
             named(axis, name): value
-            for axis, own in config.by_axis().items()
-            for name, value in _of_config(own).items()
+            for axis, axis_config in config.by_axis().items()
+            for name, value in _of_config(axis_config).items()
         }
 
     def sampled(self, axis: str, data: bytes) -> None:
@@ -105,21 +105,21 @@ class Source:
 
 def counters(status: Status) -> dict[str, float]:
     """Return the counters of the links under the names that the run log has for them."""
-    found: dict[str, float] = {}
+    values: dict[str, float] = {}
     for axis, part in status.parts().items():
         link = part.link
-        found |= link_counters(axis, link.frames, link.board_stats, part.counts, part.timing)
-    return found
+        values |= link_counters(axis, link.frames, link.board_stats, part.counts, part.timing)
+    return values
 
 
 def _of_config(config: Config) -> Mapping[str, Value]:
     """Numbers, words and switches of the sections that are shown, by their keys."""
     sections = msgspec.to_builtins({name: getattr(config, name) for name in _SECTIONS})
-    found: dict[str, Value] = {}
+    numbers: dict[str, Value] = {}
     waiting = [(name, value) for name, value in sections.items()]
     for key, value in waiting:
         if isinstance(value, dict):
-            waiting += [(f"{key}.{name}", own) for name, own in value.items()]
+            waiting += [(f"{key}.{name}", entry) for name, entry in value.items()]
         elif isinstance(value, str | bool | int | float):
-            found[key] = value
-    return found
+            numbers[key] = value
+    return numbers

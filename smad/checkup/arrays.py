@@ -68,15 +68,15 @@ def require(
 ) -> None:
     """Raises ValueError for an array of another shape or kind, −1 for any length, or for a number
     that cannot be; KeyError where it lacks."""
-    found = arrays[name]
-    fits = found.ndim == len(shape) and all(
-        want in (-1, n) for n, want in zip(found.shape, shape, strict=True)
+    array = arrays[name]
+    fits = array.ndim == len(shape) and all(
+        want in (-1, n) for n, want in zip(array.shape, shape, strict=True)
     )
-    if not fits or found.dtype.kind not in _KINDS[kind]:
+    if not fits or array.dtype.kind not in _KINDS[kind]:
         raise ValueError(
-            f"{name} holds {found.dtype} of shape {found.shape}, allowed: {kind} of {shape}"
+            f"{name} holds {array.dtype} of shape {array.shape}, allowed: {kind} of {shape}"
         )
-    wrong = found[~(np.isfinite(found) & (found >= least) & (found < below))]
-    wrong = wrong if len(wrong) else found[found <= above]
+    wrong = array[~(np.isfinite(array) & (array >= least) & (array < below))]
+    wrong = wrong if len(wrong) else array[array <= above]
     if len(wrong):
         raise ValueError(f"{name} holds {wrong[0]}, which it cannot be")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from smad.diagnosis.errors import PairingError
 from smad.diagnosis.plant import PlantModel
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.signals import read_recorded, require_columns
+from smad.progress import Say
 from smad.records.tables import KINDS
 from smad.runlog.bounds import Together
 
@@ -22,7 +23,7 @@ _LIKE = 0.05
 
 
 @dataclass(frozen=True)
-class Found:
+class RunFile:
     """A run of a file: its name without folder and suffix.
 
     `board` is the serial number of the board that it was recorded on, empty where the file does not
@@ -36,12 +37,12 @@ class Found:
     cut: str = ""
 
     @classmethod
-    def of(cls, path: Path, run: GapRun) -> Found:
+    def of(cls, path: Path, run: GapRun) -> RunFile:
         """A run that was read already."""
         return cls(path.name.split(".")[0], path, run)
 
 
-def read_folder(folder: Path) -> list[Found]:
+def read_folder(folder: Path) -> list[RunFile]:
     """All runs of a folder and its subfolders, by path; links to folders are followed.
 
     Raises PairingError when there is none.
@@ -61,16 +62,16 @@ def read_folder(folder: Path) -> list[Found]:
     return [_found(p, together) for p in paths]
 
 
-def read_good(folder: Path, say: Callable[[str], None]) -> list[Found]:
+def read_good(folder: Path, say: Say) -> list[RunFile]:
     """All runs of a folder that count as good; those that a stop cut are told of and left out.
 
     Raises PairingError when that leaves none.
     """
-    found = read_folder(folder)
-    for run in found:
+    every_run = read_folder(folder)
+    for run in every_run:
         if run.cut:
             say(left_out(run.path, run.cut))
-    whole = [run for run in found if not run.cut]
+    whole = [run for run in every_run if not run.cut]
     if not whole:
         raise PairingError(
             f"every run in {folder} was cut",
@@ -103,7 +104,7 @@ def read_file(path: Path, together: Together | None = None) -> GapRun:
     return _found(path, together).run
 
 
-def _found(path: Path, together: Together | None) -> Found:
+def _found(path: Path, together: Together | None) -> RunFile:
     run, log = read_recorded(path, together)
     if not len(run.t_s):
         raise PairingError(
@@ -111,8 +112,8 @@ def _found(path: Path, together: Together | None) -> Found:
         )
     require_columns(path, run)
     if log is None:
-        return Found.of(path, run)
-    return replace(Found.of(path, run), board=log.header.board.get("uid", ""), cut=cut_in(log))
+        return RunFile.of(path, run)
+    return replace(RunFile.of(path, run), board=log.header.board.get("uid", ""), cut=cut_in(log))
 
 
 @dataclass(frozen=True)
@@ -128,76 +129,76 @@ class Matched:
     alone: list[str]
 
 
-def match(plant: PlantModel, good: Sequence[Found], now: Sequence[Found]) -> Matched:
+def match(plant: PlantModel, good: Sequence[RunFile], now: Sequence[RunFile]) -> Matched:
     """Pairs files by name where names repeat over folders and inputs agree, else by inputs."""
-    groups: list[list[Found]] = []
-    for found in good:
-        mine = next((g for g in groups if _repeats(plant, found, g[0])), None)
+    groups: list[list[RunFile]] = []
+    for run in good:
+        mine = next((g for g in groups if _repeats(plant, run, g[0])), None)
         if mine is None:
-            groups.append([found])
+            groups.append([run])
         else:
-            mine.append(found)
-    pairs: list[tuple[Found, list[Found]]] = []
+            mine.append(run)
+    pairs: list[tuple[RunFile, list[RunFile]]] = []
     alone: list[str] = []
-    for found in now:
-        fits = [g for g in groups if _repeats(plant, found, g[0])]
-        fits.sort(key=lambda g: found.name not in {f.name for f in g})
+    for run in now:
+        fits = [g for g in groups if _repeats(plant, run, g[0])]
+        fits.sort(key=lambda g: run.name not in {f.name for f in g})
         if fits:
-            pairs.append((found, fits[0]))
+            pairs.append((run, fits[0]))
         else:
-            alone.append(str(found.path))
-    used = [g for g in groups if any(g is own for _, own in pairs)]
+            alone.append(str(run.path))
+    used = [g for g in groups if any(g is group for _, group in pairs)]
     named = {id(g): f"{g[0].name}" if len({h[0].name for h in used}) == len(used)
              else str(g[0].path) for g in used}  # fmt: skip
     lines = [
-        f"{found.path} repeats {len(own)} good run{'s' if len(own) > 1 else ''}: "
-        + ", ".join(str(f.path) for f in own)
-        for found, own in pairs
+        f"{run.path} repeats {len(group)} good run{'s' if len(group) > 1 else ''}: "
+        + ", ".join(str(f.path) for f in group)
+        for run, group in pairs
     ]
     return Matched(
         [[replace(f.run, name=named[id(g)]) for f in g] for g in used],
-        [(found.run, named[id(own)]) for found, own in pairs],
+        [(run.run, named[id(group)]) for run, group in pairs],
         lines,
         alone,
     )
 
 
-def require_other_recordings(good: Sequence[Found], now: Sequence[Found]) -> None:
+def require_other_recordings(good: Sequence[RunFile], now: Sequence[RunFile]) -> None:
     """Raises PairingError when a run of now is one of the good ones, or a good one is there twice.
 
     A copy under another name, or written by another exporter, is the same recording.
     """
-    known: list[Found] = []
+    known: list[RunFile] = []
     for role, runs in (("good", good), ("now", now)):
-        for found in runs:
-            same = next((k for k in known if same_recording(k.run, found.run)), None)
+        for run in runs:
+            same = next((k for k in known if same_recording(k.run, run.run)), None)
             if same is not None:
-                linked = found.path.resolve() == same.path.resolve()
+                linked = run.path.resolve() == same.path.resolve()
                 raise PairingError(
-                    f"{found.path} is the same recording as {same.path}"
+                    f"{run.path} is the same recording as {same.path}"
                     + (": one is a link to the other" if linked else ""),
                     action="give runs of now that are not among the good ones"
                     if role == "now"
                     else "leave one out: a bench repeats itself less well than a copy does",
                 )
-            known += [found] if role == "good" else []
+            known += [run] if role == "good" else []
 
 
-def require_one_bench(found: Sequence[Found]) -> None:
+def require_one_bench(runs: Sequence[RunFile]) -> None:
     """Raises PairingError when runs of several boards are mixed, as far as the files tell."""
-    boards = {f.board: f.path for f in found if f.board}
+    boards = {f.board: f.path for f in runs if f.board}
     if len(boards) > 1:
-        (one, path), (other, second) = list(boards.items())[:2]
+        (board, path), (other, second) = list(boards.items())[:2]
         raise PairingError(
             "runs of two benches are mixed",
-            value=f"{path} of board {one}, {second} of board {other}",
+            value=f"{path} of board {board}, {second} of board {other}",
             limit="one bench",
             action="take those of the other bench out; if only the board was replaced, give CSV "
             "(smad log export), which names none",
         )
 
 
-def _repeats(plant: PlantModel, one: Found, other: Found) -> bool:
+def _repeats(plant: PlantModel, one: RunFile, other: RunFile) -> bool:
     """Whether two runs have the same inputs over what both recorded."""
     a, b = one.run, other.run
     if not len(edges_s(a)) or not len(edges_s(b)):

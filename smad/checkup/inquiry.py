@@ -6,7 +6,7 @@ it has.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,15 +19,15 @@ from smad.checkup.judge import Judged, SavablePlant, judged, save_found
 from smad.checkup.paired.difference import paired
 from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import Programme, ProgrammeRun
-from smad.checkup.series import Play, keep, write_whole
+from smad.checkup.series import Play, keep, newest_open, write_whole
 from smad.diagnosis.answer import gaps_on
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.verdict import SignalGap, Verdict
+from smad.progress import Say
 
 REST_S = 60.0
 """What the rest before a run takes at least, until one has been measured."""
 _HELD_OUT = "for proof"
-Say = Callable[[str], None]
 
 
 class Record(msgspec.Struct, frozen=True):
@@ -68,6 +68,16 @@ def read_report(path: Path) -> Report:
         ) from None
 
 
+def open_folder(folder: Path) -> Path:
+    """Where the investigation of a baseline's folder goes on, or the next one begins."""
+
+    def goes_on(place: Path) -> bool:
+        report = place / "investigation.json"
+        return report.exists() and not read_report(report).why_over
+
+    return newest_open(folder, "investigation", goes_on)
+
+
 @dataclass
 class Inquiry:
     """An investigation in a folder.
@@ -95,8 +105,8 @@ class Inquiry:
                 break
             report = self._played(report, run, "for the check-up", held_out=False)
         while True:
-            found, proposal = self._judged(report, quick, progress)
-            self.say(f"verdict: {found.verdict.headline}")
+            judgement, proposal = self._judged(report, quick, progress)
+            self.say(f"verdict: {judgement.verdict.headline}")
             ended = next((r.ended for r in report.records if r.ended), "")
             if ended or proposal.run is None:
                 self.say(proposal.why)
@@ -105,14 +115,14 @@ class Inquiry:
                 report, self.programme.run(proposal.run), proposal.why, held_out=False
             )
         why = f"a run was ended early: {ended}" if ended else proposal.why
-        report = msgspec.structs.replace(report, verdict=found.verdict)
+        report = msgspec.structs.replace(report, verdict=judgement.verdict)
         if not ended:
-            report = self._proved(report, quick, found)
-        report = self._with_model(report, found)
+            report = self._proved(report, quick, judgement)
+        report = self._with_model(report, judgement)
         if proposal.staying:
-            offers = unpaired_offers(found, self.programme)
-            told = {o.run: round(o.separation, 1) for o in offers}
-            report = msgspec.structs.replace(report, offers=told)
+            offers = unpaired_offers(judgement, self.programme)
+            separations = {o.run: round(o.separation, 1) for o in offers}
+            report = msgspec.structs.replace(report, offers=separations)
         # Last of all: an investigation that lost its bench during the proof is not over.
         report = msgspec.structs.replace(report, why_over=why)
         self._write(report)
@@ -146,11 +156,11 @@ class Inquiry:
         self, report: Report, quick: Sequence[ProgrammeRun], progress: Say
     ) -> tuple[Judged, Proposal]:
         runs = [(read_file(self.folder / r.file), r.run) for r in report.records if not r.held_out]
-        found = judged(self.plant, self.reference, runs, progress=progress)
+        judgement = judged(self.plant, self.reference, runs, progress=progress)
         costs = self._costs_s(report)
         reserved = sum(costs[run.name] for run in quick)
         left = self.seconds - self.spent_s(report) - reserved
-        return found, propose(found, costs, left)
+        return judgement, propose(judgement, costs, left)
 
     def _costs_s(self, report: Report) -> dict[str, float]:
         """What each run takes: its length, and the longest rest so far."""
@@ -159,9 +169,9 @@ class Inquiry:
         rest = max(rests, default=REST_S)
         return {r.name: lengths[r.name] + rest for r in self.reference.runs}
 
-    def _proved(self, report: Report, quick: Sequence[ProgrammeRun], found: Judged) -> Report:
+    def _proved(self, report: Report, quick: Sequence[ProgrammeRun], judgement: Judged) -> Report:
         """The check-up once more, held out: what the model made before leaves of it."""
-        if not found.has_model:
+        if not judgement.has_model:
             return report
         for run in quick[sum(r.held_out for r in report.records) :]:
             report = self._played(report, run, _HELD_OUT, held_out=True)
@@ -169,14 +179,14 @@ class Inquiry:
                 break
         runs = [(read_file(self.folder / r.file), r.run) for r in report.records if r.held_out]
         pairs = paired(with_places(self.plant), self.reference, runs)
-        return msgspec.structs.replace(report, proof=gaps_on(found.answer, pairs.evidence()))
+        return msgspec.structs.replace(report, proof=gaps_on(judgement.answer, pairs.evidence()))
 
-    def _with_model(self, report: Report, found: Judged) -> Report:
-        if not found.has_model:
+    def _with_model(self, report: Report, judgement: Judged) -> Report:
+        if not judgement.has_model:
             return report
         path = self.folder / "model.toml"
         try:
-            save_found(self.plant, found, path)
+            save_found(self.plant, judgement, path)
         except OSError as error:
             raise BaselineError(
                 f"cannot write {path}: {error.strerror}",

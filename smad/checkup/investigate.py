@@ -49,13 +49,13 @@ class Proposal:
     offers: tuple[Offer, ...] = ()
 
 
-def propose(found: Judged, costs_s: Mapping[str, float], left_s: float) -> Proposal:
+def propose(judgement: Judged, costs_s: Mapping[str, float], left_s: float) -> Proposal:
     """The run that best separates what stays, for its time; none when it is settled or of no use.
 
     `costs_s` is what playing each run takes, `left_s` the time that is left. Where no rival is
     told, every run of the baseline is played once before that is the answer.
     """
-    verdict, pairs = found.verdict, found.pairs
+    verdict, pairs = judgement.verdict, judgement.pairs
     if not verdict.causes:
         said = {QUIET: "nothing has changed beyond the repeat floor",
                 PARAMETERS: "other values of the parameters explain it"}.get(
@@ -63,13 +63,13 @@ def propose(found: Judged, costs_s: Mapping[str, float], left_s: float) -> Propo
         if run := _next_new(pairs, costs_s, left_s):
             return Proposal(run, f"for the first time now: so far {said}")
         return Proposal(None, f"settled: {said}")
-    staying = found.answer.alternatives
-    described = Describer(found.pairs.plant)
+    staying = judgement.answer.alternatives
+    described = Describer(judgement.pairs.plant)
     names = tuple(described.rival(r) for r in staying)
     if len(staying) < 2:
         return Proposal(None, f"settled: {verdict.causes[0].words}; no other rival is near")
     either = " or ".join(names)
-    offers = tuple(sorted(_offers(found), key=lambda o: -o.separation))
+    offers = tuple(sorted(_offers(judgement), key=lambda o: -o.separation))
     most = offers[0]
     affordable = [o for o in offers if o.separation >= SEPARATED and costs_s[o.run] <= left_s]
     best = max(affordable, key=lambda o: o.separation / costs_s[o.run], default=None)
@@ -95,9 +95,9 @@ def _next_new(paired: Paired, costs_s: Mapping[str, float], left_s: float) -> st
     return next((name for name in names if costs_s[name] <= left_s), None)
 
 
-def _offers(found: Judged) -> list[Offer]:
+def _offers(judgement: Judged) -> list[Offer]:
     """Runs of the baseline that were not played as often as the others, with their separation."""
-    pairs = found.pairs
+    pairs = judgement.pairs
     times = [sum(p.reference.name == r.name for p in pairs.pairs) for r in pairs.reference.runs]
     out = []
     for run, played in zip(pairs.reference.runs, times, strict=True):
@@ -105,36 +105,36 @@ def _offers(found: Judged) -> list[Offer]:
             rows = rows_of(pairs.plant, pairs.reference, run, run.valid)
             sd = np.sqrt(day_variance(pairs.plant))
             slopes = rows.shrink(rows.independent(sd[:, None, None] * run.slopes))
-            out.append(_offer(found, run.name, run.played, rows, slopes))
+            out.append(_offer(judgement, run.name, run.played, rows, slopes))
     return out
 
 
-def unpaired_offers(found: Judged, programme: Programme) -> list[Offer]:
+def unpaired_offers(judgement: Judged, programme: Programme) -> list[Offer]:
     """Runs of the programme that the baseline lacks, as far as the model can say; best first.
 
     Without a good recording the model's own form error stays in, so this is more than they bring.
     """
-    reference = found.pairs.reference
+    reference = judgement.pairs.reference
     known, floor = {r.name for r in reference.runs}, reference.floor
     sd = (floor.gauge * floor.sd.max(axis=1)) * np.sqrt(2.0)
     out = []
     for run in programme.runs:
         if run.name not in known:
-            played = Played.of(run.as_run(_WATER_DEGC, _WATER_DEGC), found.pairs.plant.inputs)
+            played = Played.of(run.as_run(_WATER_DEGC, _WATER_DEGC), judgement.pairs.plant.inputs)
             there = np.ones((played.bins, len(sd)), dtype=bool)
             none = np.zeros((0, *there.shape))
             rows = RunRows(np.broadcast_to(sd, there.shape), there, none, np.zeros(0), floor.rho)
-            out.append(_offer(found, run.name, played, rows, np.zeros((0, there.size))))
+            out.append(_offer(judgement, run.name, played, rows, np.zeros((0, there.size))))
     return sorted(out, key=lambda o: -o.separation)
 
 
-def _offer(found: Judged, run: str, played: Played, rows: RunRows, slopes: Array) -> Offer:
+def _offer(judgement: Judged, run: str, played: Played, rows: RunRows, slopes: Array) -> Offer:
     """A run with the separation of the rivals that stay, in rows beside `slopes`."""
-    plant, point, tie = found.pairs.plant, found.pairs.reference.point, Shrink(slopes)
+    plant, point, tie = judgement.pairs.plant, judgement.pairs.reference.point, Shrink(slopes)
     (base,) = predictions(plant, point, [played])
     shown = []
-    for rival in found.answer.alternatives:
+    for rival in judgement.answer.alternatives:
         assert rival.fit is not None
         (moved,) = predictions(plant, rival.fit.point, [played])
         shown.append(tie(rows.shrink(rows.independent((moved - base)[None])))[0])
-    return Offer(run, separation(shown) / found.variance)
+    return Offer(run, separation(shown) / judgement.variance)

@@ -14,6 +14,7 @@ import numpy as np
 
 from firmware_protocol.nearest import instead
 from smad.checkup.errors import ProgrammeError
+from smad.config.toml_file import read_toml
 from smad.control.commands import FollowInputs
 from smad.control.pieces import rows_in_pieces
 from smad.control.plan import Do, Plan, UntilDone
@@ -86,8 +87,8 @@ class ProgrammeRun:
         """Ends of the ticks, and the inputs in force over each; shapes (n,) and (n, 4)."""
         n = round(self.duration_s / tick_s)
         starts = np.arange(n) * tick_s
-        at = np.searchsorted(self.t_s, starts + 1e-9, side="right") - 1
-        return np.asarray(starts + tick_s, dtype=np.float64), self.inputs[at]
+        row = np.searchsorted(self.t_s, starts + 1e-9, side="right") - 1
+        return np.asarray(starts + tick_s, dtype=np.float64), self.inputs[row]
 
     def as_run(self, inlet_degC: float, ambient_degC: float) -> GapRun:
         """The run as a replay takes it: inputs, and what water and room show at the start."""
@@ -154,18 +155,9 @@ class Programme:
 
 def read_programme(folder: Path) -> Programme:
     """The programme of a folder. Raises ProgrammeError."""
-    try:
-        entry = msgspec.toml.decode((folder / "programme.toml").read_bytes(), type=ProgrammeFile)
-    except OSError as error:
-        raise ProgrammeError(
-            f"cannot read {folder / 'programme.toml'}: {error.strerror}",
-            action="name the folder of a programme",
-        ) from error
-    except (msgspec.MsgspecError, ValueError) as error:
-        raise ProgrammeError(
-            f"{folder / 'programme.toml'} is not valid: {error}",
-            action="correct it, or design it again with python -m evaluation design",
-        ) from None
+    action = "correct it, or design it again with python -m evaluation design"
+    path = folder / "programme.toml"
+    entry = read_toml(path, ProgrammeFile, "programme", ProgrammeError, action)
     runs = [_read_run(folder, r) for r in entry.runs]
     return Programme(entry.name, entry.title, tuple(runs))
 
@@ -195,6 +187,12 @@ def _read_run(folder: Path, entry: RunEntry) -> ProgrammeRun:
         name=entry.name, title=entry.title, t_s=rows[:, 0], inputs=rows[:, 1:],
         duration_s=entry.duration_s, quick=entry.quick,
     )  # fmt: skip
+
+
+def chosen(folder: Path | None, *, quick: bool = False) -> Programme:
+    """The programme of a folder, or the shipped one; `quick`: its quick part."""
+    programme = shipped() if folder is None else read_programme(folder)
+    return programme.quick() if quick else programme
 
 
 def shipped() -> Programme:

@@ -19,6 +19,7 @@ import msgspec
 from smad.checkup.errors import BaselineError
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.errors import SmadError
+from smad.progress import Say
 from smad.runlog.reader import Run, read_run
 from smad.runlog.schema import CUT
 
@@ -40,7 +41,9 @@ class Recorded:
 Play = Callable[[ProgrammeRun, Path | None], Recorded]
 """Plays a run, or, where there is one, the log of the run that it repeats."""
 
-Say = Callable[[str], None]
+Player = Callable[[int], Play]
+"""What plays the runs of a series, by the number of the series: a simulated bench takes its noise
+from it."""
 
 
 class State(msgspec.Struct, frozen=True):
@@ -104,7 +107,7 @@ def play_series(
             continue
         say(f"{folder.name}: {run.name}, {run.duration_s:.0f} s: {run.title}")
         original = None if originals is None else originals / f"{run.name}.mcap"
-        with _told_what_is_kept(folder, programme, say):
+        with _saying_what_is_kept(folder, programme, say):
             recorded = play(run, original)
         keep(recorded.path, folder / f"{run.name}.mcap")
         if recorded.ended:
@@ -115,14 +118,14 @@ def play_series(
 
 
 @contextlib.contextmanager
-def _told_what_is_kept(folder: Path, programme: Programme, say: Say) -> Iterator[None]:
+def _saying_what_is_kept(folder: Path, programme: Programme, say: Say) -> Iterator[None]:
     """Says what an interruption costs, whatever it is."""
     try:
         yield
     except BaseException:
-        kept = sum((folder / f"{run.name}.mcap").exists() for run in programme.runs)
+        there = sum((folder / f"{run.name}.mcap").exists() for run in programme.runs)
         say(
-            f"{folder.name}: {kept} of {len(programme.runs)} runs are kept; the same command goes "
+            f"{folder.name}: {there} of {len(programme.runs)} runs are kept; the same command goes "
             "on after them"
         )
         raise

@@ -126,11 +126,11 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
             limit=identity(plant),
             action=_ANEW,
         )
-    found = _digest(folder / _ARRAYS)
-    if about.arrays and found and found != about.arrays:
+    digest = _digest(folder / _ARRAYS)
+    if about.arrays and digest and digest != about.arrays:
         raise BaselineError(
             f"{folder / _ARRAYS} is not that of {folder / _ABOUT}: two baselines are mixed",
-            value=found[:12],
+            value=digest[:12],
             limit=about.arrays[:12],
             action=_ANEW,
         )

@@ -94,12 +94,12 @@ class LazyGroup(click.Group):
         """Return the command that is called; one misspelt is answered with the nearest."""
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
             deeper = self._in_groups(ctx, args[0])
-            told = (
+            suggestion = (
                 f"did you mean {' or '.join(deeper)}?"
                 if deeper
                 else instead(args[0], COMMANDS, "smad --help lists them")
             )
-            ctx.fail(f"There is no command {args[0]!r}; {told}")
+            ctx.fail(f"There is no command {args[0]!r}; {suggestion}")
         return super().resolve_command(ctx, args)
 
     def _in_groups(self, ctx: click.Context, word: str) -> list[str]:
@@ -178,8 +178,8 @@ def run_group(group: click.Group, arguments: Sequence[str], program: str) -> int
         if isinstance(error, OSError) and error.errno in _NO_ROOM:
             _discard_output()
             return _complain(f"the answer cannot be printed: {error.strerror}; make room", 1)
-        told = _unusable_path(error)
-        return _complain(told, 1) if told else _complain(_internal(error), _INTERNAL)
+        reason = _unusable_path(error)
+        return _complain(reason, 1) if reason else _complain(_internal(error), _INTERNAL)
     return result if isinstance(result, int) else 0
 
 

@@ -66,5 +66,5 @@ def runs(context: click.Context, parameter: click.Parameter, typed: str) -> list
     """Offer the run logs of the command's folder, newest first, and other files as usual."""
     folder = Path(str(context.params.get("folder") or "runs"))
     logs = sorted((str(path) for path in folder.glob("*.mcap")), reverse=True)
-    found = [CompletionItem(path) for path in logs if path.startswith(typed)]
-    return found or [CompletionItem(typed, type="file")]
+    offered = [CompletionItem(path) for path in logs if path.startswith(typed)]
+    return offered or [CompletionItem(typed, type="file")]

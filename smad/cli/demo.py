@@ -2,25 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from smad.cli.output import Progress
-
-if TYPE_CHECKING:
-    from smad.demo.figures import Rows
-    from smad.runlog.reader import Run
-
-SPEED = 40
-PATIENCE = 60
-"""Board and daemon wait so many times as long for each other as on a bench: on virtual time a busy
-machine makes the demo slower, and nothing else. The processes end with each other all the same."""
-CLIENT_TIMEOUT_S = 120.0
-REAL_TIME_S = 10.0
 
 
 @click.command()
@@ -49,11 +35,12 @@ def demo(folder: Path, seed: int, boards: tuple[str, ...]) -> None:
     """
     from smad.cli.tables import print_table
     from smad.demo import figures
+    from smad.demo.play import play
 
     line = Progress()
     tables, places = {}, []
     for board in boards:
-        run, tables[board] = _run(folder, seed, board, line)
+        run, tables[board] = play(folder, seed, board, line.say)
         line.say("reading the run log and drawing")
         page = run.path.with_suffix(".html")
         figures.write(page, run, tables[board])
@@ -61,40 +48,3 @@ def demo(folder: Path, seed: int, boards: tuple[str, ...]) -> None:
     line.done()
     print_table(figures.beside(tables))
     click.echo("\n".join(places))
-
-
-def _run(folder: Path, seed: int, board: str, line: Progress) -> tuple[Run, Rows]:
-    """Do the demo's job on one board; return its run and its table."""
-    from smad.client import Client
-    from smad.config import Config, RecorderConfig, TelemetryConfig, config_to_toml
-    from smad.demo import figures
-    from smad.demo.job import measured, run_cycle, told_by
-    from smad.processes.daemon import running_daemon
-
-    with tempfile.TemporaryDirectory(prefix="smad-demo-") as place:
-        sockets = Path(place)
-        config = Config(
-            recorder=RecorderConfig(folder=str(folder.resolve()), automatic=False),
-            telemetry=TelemetryConfig(endpoint=""),
-        )
-        (sockets / "demo.toml").write_text(config_to_toml(config))
-        common = ["--sim", "--config", str(sockets / "demo.toml"), "--seed", str(seed)]
-        common += ["--firmware", board, "--parent", str(os.getpid())]
-
-        def starting() -> None:
-            line.say(f"starting the simulated bench ({board}) and the daemon")
-
-        fast = [*common, "--speed", str(SPEED), "--paced-by-host", "--patience", str(PATIENCE)]
-        with (
-            running_daemon(fast, sockets, waiting=starting),
-            Client(folder=sockets, timeout_s=CLIENT_TIMEOUT_S) as client,
-            told_by(client),
-        ):
-            done = run_cycle(client, line.say)
-        with (
-            running_daemon(common, sockets, waiting=starting),
-            Client(folder=sockets, timeout_s=CLIENT_TIMEOUT_S) as client,
-        ):
-            real = measured(client, REAL_TIME_S, line.say)
-    run = figures.load(done.path)
-    return run, figures.table(run, done.status, real)

@@ -64,8 +64,8 @@ def _fault(ctx: click.Context, param: click.Parameter, value: str | None) -> int
     if number is None and value.isdecimal() and int(value) in by_name.values():
         number = int(value)
     if number is None:
-        told = instead(value, by_name, "smad faults list shows them")
-        raise click.BadParameter(f"there is no fault {value!r}; {told}", ctx, param)
+        suggestion = instead(value, by_name, "smad faults list shows them")
+        raise click.BadParameter(f"there is no fault {value!r}; {suggestion}", ctx, param)
     return number
 
 

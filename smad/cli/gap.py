@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.gap_asked import (
+from smad.cli.gap_checkup import checkup, commission, investigate
+from smad.cli.gap_next import next_experiment
+from smad.cli.gap_plan import plan_runs
+from smad.cli.gap_print import (
     asked_words,
     clean_errors,
-    diagnosed,
     params_option,
     plant_of,
     print_answer,
-    read_runs,
     require_answered,
     variant_option,
+    write_verdict,
 )
-from smad.cli.gap_checkup import checkup, commission
-from smad.cli.gap_investigate import investigate
-from smad.cli.gap_next import next_experiment
-from smad.cli.gap_plan import plan_runs
 from smad.cli.gap_runs import (
     ManyRuns,
     good_option,
@@ -34,10 +31,8 @@ from smad.cli.gap_runs import (
     uncut,
 )
 from smad.cli.gap_simulator import diagnosed_elsewhere, require_pairs, simulator_options
+from smad.cli.output import progress
 from smad.files import named_output, require_writable
-
-if TYPE_CHECKING:
-    from smad.diagnosis.answer import Answer
 
 _RUN = click.Path(exists=True, dir_okay=False, path_type=Path)
 _OUT = click.Path(dir_okay=False, path_type=Path)
@@ -113,36 +108,23 @@ def diagnose(
             )  # fmt: skip
             asked = ""
         else:
-            answer = diagnosed(plant_of(params, variant), runs, good, hold_out, trust)
+            from smad.checkup.everyday import diagnose_files
+
+            plant = plant_of(params, variant)
+            with progress() as line:
+                answer = diagnose_files(plant, runs, good, hold_out, trust, progress=line.say)
             # Of a plant that is not ours, no command but this one is known.
             asked = asked_words(runs, hold_out, good)
-    written = _write(answer, asked, json_path, html_path, model_path)
+    written = write_verdict(answer, json_path, html_path, asked)
+    # A refused answer has no model; why it was refused says more than that.
+    if model_path is not None and (answer.verdict.models or answer.verdict.outcome != "refused"):
+        with named_output(model_path) as path:
+            answer.verdict.write_model(path)
+        written.append(model_path)
     print_answer(answer.verdict, asked)
     for path in written:
         click.echo(f"written: {path}", err=True)
     require_answered(answer.verdict)
-
-
-def _write(
-    answer: Answer, asked: str, json_path: Path | None, html_path: Path | None, model: Path | None
-) -> list[Path]:
-    """Write what was asked for, each file whole or not at all; returns those written."""
-    verdict, written = answer.verdict, []
-    if json_path is not None:
-        with named_output(json_path) as path:
-            path.write_bytes(verdict.to_json())
-        written.append(json_path)
-    if html_path is not None:
-        from smad.diagnosis.report.page import page_of
-        from smad.report.page import write_page
-
-        written.append(write_page(page_of(answer, asked), html_path))
-    # A refused answer has no model; why it was refused says more than that.
-    if model is not None and (verdict.models or verdict.outcome != "refused"):
-        with named_output(model) as path:
-            verdict.write_model(path)
-        written.append(model)
-    return written
 
 
 @gap.command()
@@ -158,7 +140,7 @@ def apply(*, verdict: Path, out: Path, first: int | None) -> None:
     from smad.diagnosis.verdict import Verdict
 
     try:
-        told = Verdict.from_json(verdict.read_bytes())
+        read = Verdict.from_json(verdict.read_bytes())
     except msgspec.DecodeError as error:
         raise GapError(
             f"{verdict} is no verdict",
@@ -166,8 +148,8 @@ def apply(*, verdict: Path, out: Path, first: int | None) -> None:
             action="give a file that smad gap diagnose --json wrote",
         ) from error
     with named_output(out) as path:
-        told.write_model(path, first)
-    causes = told.causes if first is None else told.causes[:first]
+        read.write_model(path, first)
+    causes = read.causes if first is None else read.causes[:first]
     click.echo(f"{out}: parameters" + "".join(f", {c.name or c.words}" for c in causes))
 
 
@@ -211,9 +193,10 @@ def verify(
 
     plant = plant_of(params, variant)
     with clean_errors():
+        from smad.diagnosis.spring_pair.signals import read_gap_runs
         from smad.diagnosis.verify import verified
 
-        rows = verified(plant, read_runs(runs, runs), plant.load_model(model_path))
+        rows = verified(plant, read_gap_runs(runs, runs), plant.load_model(model_path))
     if as_json:
         click.echo(msgspec.json.format(msgspec.json.encode(rows), indent=1).decode())
         return

@@ -1,48 +1,36 @@
-"""`smad gap commission` and `smad gap checkup`: the bench as its own control."""
+"""`smad gap commission`, `checkup` and `investigate`: the bench as its own control."""
 
 from __future__ import annotations
 
 import contextlib
-import time
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from smad.cli.baselines import (
-    chosen_programme,
-    new_plant,
-    other_part,
-    player,
-    print_verdict,
-    require_same,
-    say,
-)
-from smad.cli.gap_runs import tell_passed_over
-from smad.cli.output import axis_option, progress
+from smad.cli.gap_print import print_verdict, write_verdict
+from smad.cli.output import Progress, axis_option, progress, ready_client
+from smad.cli.simulated import bench_with, effect_option, require_sim, seed_option, sim_option
 from smad.files import named_output, require_writable
 
 if TYPE_CHECKING:
-    from smad.checkup.files import Found
-    from smad.checkup.judge import Judged
-    from smad.checkup.programme import Programme
-    from smad.checkup.series import Play
-    from smad.checkup.store import Baseline
-    from smad.diagnosis.runs import GapRun
-    from smad.diagnosis.spring_pair import SmaPlant
+    from smad.checkup.inquiry import Report
+    from smad.checkup.series import Player
 
+_F = TypeVar("_F", bound=Callable[..., Any])
 _FOLDER = click.Path(file_okay=False, path_type=Path)
 _OUT = click.Path(dir_okay=False, path_type=Path)
-
-_sim = click.option("--sim", is_flag=True, help="On a simulated bench in virtual time.")
-_effect = click.option("--effect", "effects", multiple=True, metavar="NAME[:P=V,…]",
-                       help="With --sim: an effect that the simulated bench has.")  # fmt: skip
-_seed = click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
-                     help="With --sim: of its noise.")  # fmt: skip
 _programme = click.option("--programme", "programme_folder", type=_FOLDER,
                           help="Another programme than the one in the package.")  # fmt: skip
+_NOW = 1000
+"""What a simulated bench adds to its seed after the commissioning, whose repeats count from 1."""
+
+
+def _bench_options(command: _F) -> _F:
+    for option in (axis_option, _programme, seed_option, sim_option):
+        command = option(command)
+    return command
 
 
 @click.command()
@@ -51,10 +39,7 @@ _programme = click.option("--programme", "programme_folder", type=_FOLDER,
               help="How often the whole programme is played.")  # fmt: skip
 @click.option("--again", is_flag=True, help="Add repeats to a baseline: the floor gets better.")
 @click.option("--quick", is_flag=True, help="Only the part that separates most.")
-@_sim
-@_seed
-@_programme
-@axis_option
+@_bench_options
 def commission(
     *,
     folder: Path,
@@ -72,46 +57,21 @@ def commission(
     run that was finished. A baseline that cannot be read, or is of another version of smad, is
     computed anew from its runs. Arms the bench and heats it.
     """
-    from smad.checkup.commission import commissioned
-    from smad.checkup.errors import BaselineError
-    from smad.checkup.series import finished, folder_for, play_series
-    from smad.checkup.store import Baseline, save
+    from smad.checkup import baseline as baselines
+    from smad.checkup.programme import chosen
+    from smad.diagnosis.spring_pair import SmaPlant
 
-    plant = new_plant()
-    programme = chosen_programme(programme_folder, quick)
+    plant, programme = SmaPlant(), chosen(programme_folder, quick=quick)
     whose = "simulated" if sim else bench
-    known = _known(folder, plant)
-    if known is not None and not again:
-        raise BaselineError(
-            f"{folder} is a baseline already",
-            action="add repeats to it with --again, or give another folder",
-        )
-    if known is not None:
-        require_same(folder, known.bench, whose, known.programme, programme)
-    _require_its_runs(folder, programme)
-    before = 0 if known is None else known.reference.repeats
-    with contextlib.ExitStack() as stack:
-        # On a bench one client plays all repeats: a new one would not know of a stop before it.
-        play: Play | None = None
-        while (have := len(finished(_good(folder), programme))) < before + repeats:
-            place = folder_for(folder, "good", programme, time.time)
-            originals = None if place.name == "good-1" else folder / "good-1"
-            number = int(place.name.removeprefix("good-"))
-            if sim or play is None:
-                stack.close()
-                own = player(sim=sim, seed=seed + number, effects=(), bench=bench)
-                play = stack.enter_context(own)
-            ended = play_series(place, programme, play, originals, say)
-            if ended:
-                raise BaselineError(
-                    f"{place.name} is no repeat of good-1, and is left out: {ended}",
-                    value=f"{have} repeats so far",
-                    action="see what changed on the bench, then give the same command again",
-                )
-    repeated = _read_repeats(finished(_good(folder), programme), programme)
     with progress() as line:
-        reference = commissioned(plant, repeated, progress=line.say)
-    save(Baseline(whose, programme.digest, reference), plant, folder)
+        known = baselines.to_extend(
+            folder, plant, programme, bench=whose, again=again, say=line.note
+        )
+        with _player(line, sim=sim, seed=seed, effects=(), bench=bench) as player:
+            reference = baselines.commission(
+                folder, plant, programme, player, bench=whose, repeats=repeats, known=known,
+                say=line.note, progress=line.say,
+            )  # fmt: skip
     minutes = programme.duration_s / 60.0
     click.echo(
         f"baseline {folder}: {len(programme.runs)} runs of {minutes:.1f} min in all, "
@@ -128,11 +88,8 @@ def commission(
 @click.option("--quick", is_flag=True, help="With --baseline: the part that separates most.")
 @click.option("--out", type=_FOLDER, help="With --baseline: where the runs of now go  [default: "
               "BASELINE/now-1, now-2 …]")  # fmt: skip
-@_sim
-@_effect
-@_seed
-@_programme
-@axis_option
+@effect_option
+@_bench_options
 @click.option("--json", "json_path", type=_OUT, help="Write the verdict here.")
 @click.option("--report", "page_path", type=_OUT, help="Write a page with figures here.")
 @click.option("--model", "model_path", type=_OUT,
@@ -164,165 +121,133 @@ def checkup(
         raise click.UsageError("give --baseline, or --good and --now")
     if good is not None and now is None:
         raise click.UsageError("--good needs --now: the runs to judge")
-    if effects and not sim:
-        raise click.UsageError("--effect is of a simulated bench; add --sim")
+    require_sim(effects, sim=sim)
     for path in (json_path, page_path, model_path):
         if path is not None:
             require_writable(path)
-    if good is not None:
-        found = _of_files(good, now)
-    else:
-        assert folder is not None
-        programme = chosen_programme(programme_folder, quick)
-        found = _of_baseline(
-            folder, programme, now, out, sim=sim, effects=effects, seed=seed, bench=bench
-        )
-    verdict, written = found.verdict, []
-    if json_path is not None:
-        with named_output(json_path) as path:
-            path.write_bytes(verdict.to_json())
-        written.append(json_path)
-    if page_path is not None:
-        from smad.diagnosis.report.page import page_of
-        from smad.report.page import write_page
+    from smad.checkup import check
+    from smad.checkup.judge import save_found
+    from smad.checkup.programme import chosen
+    from smad.checkup.store import load
+    from smad.diagnosis.spring_pair import SmaPlant
 
-        facts = [("baseline", str(folder or good)), ("repeats", str(found.pairs.reference.repeats))]
-        written.append(write_page(page_of(found.answer, facts=facts), page_path))
+    plant = SmaPlant()
+    with progress() as line:
+        if good is not None and now is not None:
+            judgement = check.check_files(plant, good, now, say=line.note, progress=line.say)
+        else:
+            assert folder is not None
+            programme = chosen(programme_folder, quick=quick)
+            baseline, played = load(folder, plant), now is None
+            if now is None:
+                whose = "simulated" if sim else bench
+                with _player(line, sim=sim, seed=seed, effects=effects, bench=bench) as player:
+                    now = check.played_now(
+                        folder, baseline, programme, player(_NOW), out=out, bench=whose,
+                        say=line.note,
+                    )  # fmt: skip
+            judgement = check.check_folder(
+                folder, baseline, plant, now, recorded_for_it=played, say=line.note,
+                progress=line.say,
+            )  # fmt: skip
+    facts = [("baseline", str(folder or good)), ("repeats", str(judgement.pairs.reference.repeats))]
+    written = write_verdict(judgement.answer, json_path, page_path, facts=facts)
     if model_path is not None:
-        from smad.checkup.judge import save_found
-
         with named_output(model_path) as path:
-            save_found(new_plant(), found, path)
+            save_found(plant, judgement, path)
         written.append(model_path)
-    print_verdict(verdict)
+    print_verdict(judgement.verdict)
     for path in written:
         click.echo(f"written: {path}", err=True)
 
 
-def _of_files(good: Path, now: Path | None) -> Judged:
-    from smad.checkup.commission import checked_files
-    from smad.checkup.files import read_folder, read_good
-
-    assert now is not None
-    with progress() as line:
-        line.say("reading")
-        then, asked = read_good(good, say), read_folder(now)
-        for folder, runs in ((good, then), (now, asked)):
-            there = sorted(p for p in folder.rglob("*") if p.is_file())
-            tell_passed_over(folder, there, [run.path for run in runs])
-        for run in (*then, *asked):
-            for note in run.run.notes:
-                say(f"{run.path}: {note}")
-        found, matched = checked_files(new_plant(), then, asked, progress=line.say)
-    for text in matched.lines:
-        click.echo(text, err=True)
-    for name in matched.alone:
-        click.echo(f"{name} has the inputs of no good run, and is left out", err=True)
-    return found
-
-
-def _of_baseline(
-    folder: Path,
-    programme: Programme,
-    now: Path | None,
-    out: Path | None,
+@click.command()
+@click.option("--baseline", "folder", type=_FOLDER, required=True, help="What the bench was like.")
+@click.option("--minutes", type=click.FloatRange(1.0, 600.0), default=20.0, show_default=True,
+              help="Bench time for all runs with their rests.")  # fmt: skip
+@effect_option
+@_bench_options
+def investigate(
     *,
+    folder: Path,
+    minutes: float,
+    programme_folder: Path | None,
     sim: bool,
-    effects: Sequence[str],
+    effects: tuple[str, ...],
     seed: int,
     bench: str,
-) -> Judged:
-    from smad.checkup.errors import BaselineError
-    from smad.checkup.files import read_folder
-    from smad.checkup.judge import judged
-    from smad.checkup.series import folder_for, play_series, read_state
-    from smad.checkup.store import load
+) -> None:
+    """Find what has changed: check up, then play again what separates best, until it is settled.
 
-    plant = new_plant()
+    Stops when one cause is left, the time is spent, or no run would separate what stays. Then the
+    check-up is played once more as proof, and the model with the cause is written. Says at each
+    step what it plays and why. Interrupted, the same command goes on. The bench is disarmed after
+    each run.
+    """
+    from smad.checkup.baseline import FIRST, require_same
+    from smad.checkup.inquiry import Inquiry, open_folder
+    from smad.checkup.programme import chosen
+    from smad.checkup.store import load
+    from smad.diagnosis.spring_pair import SmaPlant
+
+    require_sim(effects, sim=sim)
+    plant, programme = SmaPlant(), chosen(programme_folder)
     baseline = load(folder, plant)
-    known = {r.name for r in baseline.reference.runs}
-    played = now is None
-    if now is None:
-        require_same(folder, baseline.bench, "simulated" if sim else bench, baseline.programme,
-                      programme, part=True)  # fmt: skip
-        # A baseline of the quick part has nothing to compare the other runs with.
-        own = tuple(run for run in programme.runs if run.name in known)
-        programme = replace(programme, runs=own)
-        now = out or folder_for(folder, "now", programme, time.time)
-        with player(sim=sim, seed=seed + 1000, effects=effects, bench=bench) as play:
-            play_series(now, programme, play, folder / "good-1", say)
-    state = read_state(now)
-    if state is not None and state.ended:
-        click.echo(f"not all of it was played: {state.ended}", err=True)
-    found = [f for f in read_folder(now) if f.name in known]
-    for run in found:
-        for note in run.run.notes:
-            say(f"{run.path}: {note}")
-    if not played:
-        _require_other_runs(folder, found)
-    runs = [(f.run, f.name) for f in found]
-    if not runs:
-        raise BaselineError(
-            f"{now} holds no run of the baseline {folder}",
-            limit=", ".join(sorted(known)),
-            action="name the files after the runs of the programme, or use --good",
+    require_same(folder, baseline, "simulated" if sim else bench, programme, part=True)
+    place = open_folder(folder)
+    played = len(list(place.glob("*.mcap")))
+    with (
+        progress() as line,
+        _player(line, sim=sim, seed=seed, effects=effects, bench=bench) as player,
+    ):
+        inquiry = Inquiry(
+            plant=plant,
+            reference=baseline.reference,
+            programme=programme,
+            originals=folder / FIRST,
+            folder=place,
+            play=player(_NOW + played),
+            say=line.note,
+            seconds=60.0 * minutes,
         )
-    with progress() as line:
-        return judged(plant, baseline.reference, runs, progress=line.say)
+        report = inquiry.carry_out(line.say)
+    _print_report(report, place, inquiry.spent_s(report))
 
 
-def _require_other_runs(folder: Path, now: Sequence[Found]) -> None:
-    """Raises PairingError when runs of now are good ones of the baseline, or of another bench."""
-    from smad.checkup.files import (
-        read_folder,
-        require_one_bench,
-        require_other_recordings,
-    )
+@contextlib.contextmanager
+def _player(
+    line: Progress, *, sim: bool, seed: int, effects: tuple[str, ...], bench: str
+) -> Iterator[Player]:
+    """What plays runs: a simulated bench, or that of the running daemon."""
+    from smad.checkup.play import live, simulated
 
-    for place in _good(folder):
-        good = [f for f in read_folder(place) if f.name in {n.name for n in now}]
-        require_one_bench([*good, *now])
-        require_other_recordings(good, now)
-
-
-def _known(folder: Path, plant: SmaPlant) -> Baseline | None:
-    """The baseline of a folder; None where there is none, or none that this version can read."""
-    from smad.checkup.errors import BaselineError
-    from smad.checkup.store import load
-
-    if not (folder / "baseline.json").exists():
-        return None
-    try:
-        return load(folder, plant)
-    except BaselineError as error:
-        say(f"{error.cause}; computed anew from the runs in {folder}")
-        return None
+    if sim:
+        with simulated(bench_with(effects), seed=seed) as player:
+            yield player
+        return
+    with (
+        ready_client(bench, extra="gap") as connected,
+        live(connected, bench=bench, who="smad gap", say=line.note, progress=line.say) as player,
+    ):
+        yield player
 
 
-def _require_its_runs(folder: Path, programme: Programme) -> None:
-    """Raises BaselineError when the good runs that are there are of another programme."""
-    from smad.checkup.errors import BaselineError
-    from smad.checkup.series import read_state
+def _print_report(report: Report, folder: Path, spent_s: float) -> None:
+    from smad.diagnosis.report.words import budget_lines
+    from smad.diagnosis.verdict import CHECK_UP
 
-    for place in _good(folder):
-        state = read_state(place)
-        if state is not None and state.programme != programme.digest:
-            raise BaselineError(
-                f"{place} holds runs of another programme",
-                value=state.programme[:12],
-                limit=programme.digest[:12],
-                action=other_part(state.programme) or "give another folder",
-            )
-
-
-def _good(folder: Path) -> list[Path]:
-    found = (p for p in folder.glob("good-*") if p.name.removeprefix("good-").isdecimal())
-    return sorted(found, key=lambda p: int(p.name.removeprefix("good-")))
-
-
-def _read_repeats(places: Sequence[Path], programme: Programme) -> list[list[GapRun]]:
-    from smad.checkup.files import read_folder, require_one_bench
-
-    found = [{f.name: f for f in read_folder(p)} for p in places]
-    require_one_bench([f for own in found for f in own.values()])
-    return [[replace(own[run.name].run, name=run.name) for own in found] for run in programme.runs]
+    assert report.verdict is not None
+    print_verdict(report.verdict)
+    click.echo(f"{report.why_over}; {len(report.records)} runs in {spent_s / 60.0:.1f} min")
+    for run, separation in report.offers.items():
+        click.echo(
+            f"the baseline lacks {run}: commissioned on the good bench, it might separate them by "
+            f"d² = {separation:.0f}"
+        )
+    if report.proof:
+        click.echo("held out, with the model from the runs before:")
+        for text in budget_lines(report.proof, CHECK_UP):
+            click.echo(text)
+    if report.model:
+        click.echo(f"model: {report.model}")
+    click.echo(f"runs and report: {folder}")

@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli import complete
-from smad.cli.gap_asked import (
+from smad.cli.gap_print import (
     clean_errors,
-    diagnosed,
     params_option,
     plant_of,
     print_answer,
@@ -26,7 +24,9 @@ from smad.cli.gap_runs import (
     some_runs_argument,
     uncut,
 )
-from smad.cli.output import bench_option, progress
+from smad.cli.output import bench_option, leased_driver, progress, ready_client
+from smad.cli.simulated import effect_option
+from smad.files import shown
 
 if TYPE_CHECKING:
     from smad.diagnosis.plant import ModelPoint
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
 _RUN = click.Path(exists=True, dir_okay=False, path_type=Path)
 _OFFERS = 4
-
-_seed = click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
 
 
 @click.command(name="next", cls=ManyRuns)
@@ -48,15 +46,13 @@ _seed = click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, sho
               help="What to play again after a check-up against it, in place of RUNs.")  # fmt: skip
 @click.option("--sim", is_flag=True, help="With --run: in virtual time instead of on the bench.")
 @click.option("--model", "model_path", type=_RUN, help="With --sim: model of the simulated bench.")
-@click.option("--effect", "bench_effects", multiple=True, metavar="NAME[:P=V,…]",
-              shell_complete=complete.effects,
-              help="With --sim: an effect that the simulated bench has.")  # fmt: skip
+@effect_option
 @click.option("--folder", type=click.Path(path_type=Path), default=Path("runs"), show_default=True,
               help="With --sim: where the run log goes.")  # fmt: skip
 @bench_option
 @params_option
 @variant_option
-@_seed
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
 def next_experiment(
     *,
     runs: tuple[Path, ...],
@@ -66,7 +62,7 @@ def next_experiment(
     baseline: Path | None,
     sim: bool,
     model_path: Path | None,
-    bench_effects: tuple[str, ...],
+    effects: tuple[str, ...],
     folder: Path,
     bench: str,
     params: str,
@@ -79,7 +75,7 @@ def next_experiment(
     """
     if chosen is not None and runs:
         raise click.UsageError("--run carries an experiment out; give RUNs without it")
-    if (bench_effects or model_path) and not sim:
+    if (effects or model_path) and not sim:
         raise click.UsageError("--model and --effect are of a simulated bench; add --sim")
     if sim and chosen is None:
         raise click.UsageError("--sim says where --run runs; give --run NAME too")
@@ -92,7 +88,7 @@ def next_experiment(
     with clean_errors():
         if chosen is not None:
             if sim:
-                point = _simulated_point(plant, model_path, bench_effects)
+                point = _simulated_point(plant, model_path, effects)
                 _simulate(plant, chosen, seed, folder, point)
             else:
                 _perform(chosen, seed, bench)
@@ -100,32 +96,43 @@ def next_experiment(
         if not runs:
             _list_catalogue()
             return
+        from smad.checkup import everyday
         from smad.diagnosis.next_run import offers
 
         good = uncut(good)
-        answer = diagnosed(plant, runs, good, hold_out)
+        with progress() as line:
+            answer = everyday.diagnose_files(plant, runs, good, hold_out, progress=line.say)
         print_answer(answer.verdict, "")
         require_answered(answer.verdict)
         with progress() as line:
-            confused, found = offers(answer, line.say)
+            confused, ranked = offers(answer, line.say)
     if not confused:
         click.echo("Nothing is confused that a run of the catalogue could tell apart.")
         return
     click.echo(f"Not told apart: {' or '.join(confused)}. Least d² between two of them:")
-    for offer in found[:_OFFERS]:
+    for offer in ranked[:_OFFERS]:
         x = offer.experiment
         d2 = f"d² {offer.separation:>7.1f}"
         click.echo(f"  {d2}  {x.duration_s:>4.0f} s  {x.title}:  {x.command}")
 
 
-def _propose(baseline: Path) -> None:
-    from smad.cli.gap_investigate import proposal
+def _propose(folder: Path) -> None:
+    """Say what an investigation would play next, after the newest check-up or investigation."""
+    from smad.checkup.check import check_newest, names_in
+    from smad.checkup.investigate import propose
+    from smad.checkup.store import load
+    from smad.diagnosis.spring_pair import SmaPlant
 
-    found = proposal(baseline, None)
-    click.echo(f"{found.run} {found.why}" if found.run else found.why)
-    for offer in found.offers:
+    plant = SmaPlant()
+    baseline = load(folder, plant)
+    with progress() as line:
+        judgement = check_newest(folder, baseline, plant, line.say)
+    click.secho(judgement.verdict.headline, bold=True)
+    proposal = propose(judgement, dict.fromkeys(names_in(baseline), 1.0), left_s=1.0)
+    click.echo(f"{proposal.run} {proposal.why}" if proposal.run else proposal.why)
+    for offer in proposal.offers:
         click.echo(f"  {offer.run:<10} d² = {offer.separation:.1f}")
-    if found.run is not None:
+    if proposal.run is not None:
         click.echo("smad gap investigate plays it, and goes on until it is settled")
 
 
@@ -143,22 +150,13 @@ def _list_catalogue() -> None:
 
 def _perform(name: str, seed: int, bench: str) -> None:
     """Carries an experiment out on the bench."""
-    from smad.cli.benches import LEASE_S
-    from smad.cli.leased import LeasedDriver
-    from smad.cli.output import client, shown
-    from smad.client.signals import ended_by_signals
+    from smad.checkup.play import LEASE_S
     from smad.diagnosis.spring_pair.catalogue import plan_named
-    from smad.experiments.live import LiveDriver
-    from smad.experiments.ready import require_ready
 
     plan = plan_named(name, seed)
-    with ended_by_signals(), client(bench) as connected, progress() as line:
-        connected.as_of(connected.motion().generation)
-        require_ready(connected, extra="gap")
-        driver = LiveDriver(connected, progress=line.say)
-        LeasedDriver(
-            connected, driver, lease_s=LEASE_S, progress=line.say, who="smad gap next"
-        ).run(plan)
+    with ready_client(bench, extra="gap") as connected, progress() as line:
+        driver = leased_driver(connected, "smad gap next", LEASE_S, line.say)
+        driver.run(plan)
     click.echo(f"done: {name}, recorded to {shown(driver.log or plan.name)}")
 
 
@@ -177,21 +175,14 @@ def _simulated_point(
 def _simulate(plant: SmaPlant, name: str, seed: int, folder: Path, point: ModelPoint) -> None:
     """Carries an experiment out on a simulated bench in virtual time; says where its run log is."""
     from sim_device.plant.models import Model
-    from smad.diagnosis.errors import GapError
     from smad.diagnosis.spring_pair.catalogue import plan_named
-    from smad.experiments.driver import log_path
+    from smad.experiments.driver import new_log_path
     from smad.experiments.virtual import VirtualDriver
 
     plan = plan_named(name, seed)
     if seed:
         plan = dataclasses.replace(plan, name=f"{plan.name} {seed}")
-    path = log_path(folder, plan)
-    if path.exists():
-        raise GapError(
-            "a run log of that name is there already",
-            value=str(path),
-            action="give another --folder or --seed, or move it away",
-        )
+    path = new_log_path(folder, plan, "give another --folder or --seed, or move it away")
     with progress() as line:
         model = Model(
             plant.set_of(point.theta), plant.variant, plant.acting(point), laws=point.laws

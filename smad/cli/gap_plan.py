@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.gap_asked import clean_errors, params_option, plant_of, read_runs, variant_option
+from smad.cli.gap_print import clean_errors, params_option, plant_of, variant_option
 from smad.cli.gap_runs import files
 from smad.cli.gap_simulator import require_pairs, simulator_options, warn_of
 
@@ -74,9 +74,10 @@ def _played(
     plant: SmaPlant, inputs: tuple[Path, ...], experiments: tuple[str, ...]
 ) -> list[GapRun]:
     from smad.diagnosis.plant import nominal_point
+    from smad.diagnosis.spring_pair.signals import read_gap_runs
 
     shown = [plant.perform(name, nominal_point(plant), 0) for name in experiments]
-    return [*read_runs(inputs, inputs), *shown]
+    return [*read_gap_runs(inputs, inputs), *shown]
 
 
 def _print(ratings: list[Rating], said: list[str], *, as_json: bool) -> None:

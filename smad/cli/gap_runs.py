@@ -9,12 +9,7 @@ from pathlib import Path
 import click
 
 from smad.cli import complete
-
-SUFFIX = ".mcap"
-"""What a folder is searched for: run logs, and where it has none, tables."""
-_BESIDE = (".header.json", ".html", ".json", ".toml")
-"""What smad itself writes beside runs."""
-_TOLD = 8
+from smad.runlog.paths import SUFFIX, names_of, passed_over
 
 
 class ManyRuns(click.Command):
@@ -53,16 +48,16 @@ def _files(value: str, ctx: click.Context, param: click.Parameter) -> list[Path]
     if path.is_file():
         return [path]
     if path.is_dir():
-        found = _in_folder(path)
+        paths = _in_folder(path)
         lacking = f"folder {value!r} holds no run log (*{SUFFIX}), CSV or Parquet file"
     else:
-        found = sorted(p for p in map(Path, glob.glob(value)) if p.is_file())
+        paths = sorted(p for p in map(Path, glob.glob(value)) if p.is_file())
         lacking = f"no file, folder or match of a pattern is {value!r}"
-    if not found:
+    if not paths:
         raise click.BadParameter(
             f"{lacking}. Give run logs, a folder of them or a quoted pattern", ctx, param
         )
-    return found
+    return paths
 
 
 def _in_folder(folder: Path) -> list[Path]:
@@ -71,25 +66,10 @@ def _in_folder(folder: Path) -> list[Path]:
 
     there = sorted(p for p in folder.iterdir() if p.is_file())
     logs = [p for p in there if p.name.lower().endswith(SUFFIX)]
-    found = logs or [p for p in there if is_table(p)]
-    if found:
-        tell_passed_over(folder, there, found)
-    return found
-
-
-def tell_passed_over(folder: Path, there: Sequence[Path], read: Sequence[Path]) -> None:
-    """Say which files of a folder are not read, but for those that smad itself writes."""
-    passed = [
-        str(p.relative_to(folder))
-        for p in there
-        if p not in read and not p.name.startswith(".") and not p.name.endswith(_BESIDE)
-    ]
-    if passed:
-        more = f" and {len(passed) - _TOLD} more" if len(passed) > _TOLD else ""
-        click.echo(
-            f"{folder}: read {len(read)} runs, passed over {', '.join(passed[:_TOLD])}{more}",
-            err=True,
-        )
+    runs = logs or [p for p in there if is_table(p)]
+    if runs and (text := passed_over(folder, there, runs)):
+        click.echo(text, err=True)
+    return runs
 
 
 runs_argument = click.argument(
@@ -111,23 +91,18 @@ def remaining(groups: Sequence[Sequence[Path]], left_out: Sequence[str]) -> list
     Raises BadParameter where a name is of none of them.
     """
     require_among(left_out, groups, "--leave-out")
-    return [tuple(p for p in group if not words_of(p) & set(left_out)) for group in groups]
+    return [tuple(p for p in group if not names_of(p) & set(left_out)) for group in groups]
 
 
 def require_among(names: Sequence[str], groups: Sequence[Sequence[Path]], option: str) -> None:
     """Raises BadParameter where a name is of none of the runs given."""
-    known = {word for group in groups for path in group for word in words_of(path)}
+    known = {word for group in groups for path in group for word in names_of(path)}
     for name in names:
         if name not in known:
             there = ", ".join(sorted({path.name for group in groups for path in group}))
             raise click.BadParameter(
                 f"{name!r} is none of the runs given. They are: {there}", param_hint=option
             )
-
-
-def words_of(path: Path) -> set[str]:
-    """What a person may call the run of a file: its name, with or without suffix, or its path."""
-    return {str(path), path.name, path.stem}
 
 
 leave_out_option = click.option(

@@ -75,4 +75,4 @@ def diagnosed_elsewhere(
         warn_of(fmu)
         return diagnose_unit(
             fmu, map_path, runs, good=good, hold_out=hold_out, trusted=trusted, progress=line.say
-        )  # fmt: skip
+        )

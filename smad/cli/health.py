@@ -43,6 +43,7 @@ def health(
     """
     from smad.experiments.ready import require_packages
     from smad.files import require_writable
+    from smad.health.collect import collect
     from smad.health.record import FILE, read
     from smad.health.report import headline, health_of, page, table
     from smad.report.page import write_page
@@ -51,18 +52,19 @@ def health(
     if report is not None:
         require_writable(report)
     given = _limits(limits)
-    _collect(folder, verdicts)
-    found = health_of(read(folder / FILE), given)
+    with progress() as line:
+        collect(folder, verdicts, say=line.note, progress=line.say)
+    bench_health = health_of(read(folder / FILE), given)
     if report is not None:
-        write_page(page(found, folder.name), report)
+        write_page(page(bench_health, folder.name), report)
     if as_json:
-        _print_json(found)
+        _print_json(bench_health)
         return
-    click.echo(headline(found))
-    if found.trends:
+    click.echo(headline(bench_health))
+    if bench_health.trends:
         from smad.cli.tables import print_table
 
-        print_table(table(found))
+        print_table(table(bench_health))
     if report is not None:
         click.echo(report)
 
@@ -80,33 +82,7 @@ def _limits(given: tuple[str, ...]) -> Mapping[str, float]:
     return limits
 
 
-def _collect(folder: Path, verdicts: tuple[Path, ...]) -> None:
-    """Append the rows of what the record does not know yet."""
-    from smad.errors import RunLogError
-    from smad.health.cycles import rows_of_cycles
-    from smad.health.errors import HealthError
-    from smad.health.measure import new_rows
-    from smad.health.record import FILE, append, read
-    from smad.health.verdicts import row_of_verdict
-
-    if not folder.is_dir():
-        raise HealthError(f"there is no folder {folder}", action="name that of the run logs")
-    known = {row.source for row in read(folder / FILE)}
-    # Check-ups of the queue write theirs beside the output of their items.
-    written = (*verdicts, *sorted(folder.glob("queue/item-*.json")))
-    rows = [row_of_verdict(path) for path in written if str(path) not in known]
-    rows += rows_of_cycles(folder, known)
-    with progress() as line:
-        for path, row in new_rows(folder, known):
-            line.say(f"reading {path.name}")
-            if isinstance(row, RunLogError):
-                click.echo(f"left out: {row}", err=True)
-            elif row is not None:
-                rows.append(row)
-    append(folder / FILE, rows)
-
-
-def _print_json(found: Health) -> None:
+def _print_json(bench_health: Health) -> None:
     import msgspec
 
     from smad.health.report import headline
@@ -117,12 +93,12 @@ def _print_json(found: Health) -> None:
             "scatter": trend.scatter,
             "change": trend.change,
             "noticed_at_cycle": None if trend.noticed is None else float(trend.x[trend.noticed]),
-            "forecast": found.forecast(name),
+            "forecast": bench_health.forecast(name),
         }
-        for name, trend in found.trends.items()
+        for name, trend in bench_health.trends.items()
     }
     click.echo(
         msgspec.json.encode(
-            {"headline": headline(found), "rows": len(found.rows), "trends": trends}
+            {"headline": headline(bench_health), "rows": len(bench_health.rows), "trends": trends}
         ).decode()
     )

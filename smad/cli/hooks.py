@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,9 +13,7 @@ from smad.cli.output import bench_option
 from smad.errors import CommandError
 
 if TYPE_CHECKING:
-    from smad.hooks.relay import Heartbeat, Relay
-
-_POLL_MS = 100
+    from smad.hooks.relay import Relay
 
 
 @click.group()
@@ -89,7 +86,7 @@ def relay(*, tasmota: str | None, holding: bool, command: tuple[str, ...], bench
     """
     from smad.client import Client
     from smad.client.signals import ended_by_signals
-    from smad.hooks.relay import Heartbeat, HoldingRelay, TasmotaRelay
+    from smad.hooks.relay import HoldingRelay, TasmotaRelay, hold
 
     if (tasmota is None) == (not holding) or holding != bool(command):
         raise click.UsageError("give --tasmota URL, or --while COMMAND…")
@@ -98,49 +95,13 @@ def relay(*, tasmota: str | None, holding: bool, command: tuple[str, ...], bench
         address = client.connection.telemetry
     with ended_by_signals():
         try:
-            reason = _hold(device, Heartbeat(), address)
+            reason = hold(device, address, _say)
         finally:
             device.cut()
     raise CommandError(
         f"the supply of the heaters was cut: {reason}",
         action="look at the bench, then give this command again",
     )
-
-
-def _hold(device: Relay, heartbeat: Heartbeat, address: str) -> str:
-    """Renew the relay while samples come; return why it has to fall."""
-    import zmq
-
-    from smad.client.wire import subscribe, telemetry_of
-    from smad.errors import SmadError
-    from smad.hooks.relay import RENEW_S, SILENT_S
-
-    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-    socket = subscribe(context, address, b"", 1000)
-    began_s, renewed_s = time.monotonic(), 0.0
-    try:
-        while True:
-            if socket.poll(_POLL_MS):
-                with contextlib.suppress(zmq.Again):
-                    while True:
-                        _, data = socket.recv_multipart(zmq.NOBLOCK)
-                        heartbeat.beat(time.monotonic(), telemetry_of(data).mode)
-            now_s = time.monotonic()
-            if not heartbeat.began and now_s - began_s < 5.0 * SILENT_S:
-                continue
-            if reason := heartbeat.reason(now_s):
-                return reason
-            if now_s - renewed_s >= RENEW_S:
-                try:
-                    device.renew()
-                except SmadError as error:
-                    return str(error)
-                if not renewed_s:
-                    _say("the supply is on")
-                renewed_s = now_s
-    finally:
-        socket.close(linger=0)
-        context.destroy(linger=0)
 
 
 def _say(text: str) -> None:

@@ -17,10 +17,9 @@ import click
 
 from smad.cli import complete
 from smad.cli.layouts import layouts
-from smad.cli.output import shown
 from smad.cli.tables import fitted
 from smad.errors import RunLogError
-from smad.files import require_writable
+from smad.files import require_writable, shown
 
 if TYPE_CHECKING:
     from smad.runlog.overview import Overview
@@ -170,13 +169,13 @@ def export(
         runs = {"": side_by_side(runs)}
     files: list[Path] = []
     for axis, run in runs.items():
-        own = target.with_name(f"{target.stem}.{axis}{target.suffix}") if axis else target
+        axis_file = target.with_name(f"{target.stem}.{axis}{target.suffix}") if axis else target
         if suffix == "rosbag2" or target.suffix == SUFFIX:
-            files.append(export_bag(run, own, overwrite=overwrite))
+            files.append(export_bag(run, axis_file, overwrite=overwrite))
         elif suffix == "lerobot" or target.suffix == lerobot.SUFFIX:
-            files.append(lerobot.export_lerobot([run], own, fps=fps, overwrite=overwrite))
+            files.append(lerobot.export_lerobot([run], axis_file, fps=fps, overwrite=overwrite))
         else:
-            files += export_run(run, own, overwrite=overwrite)
+            files += export_run(run, axis_file, overwrite=overwrite)
     rows, notes = max(map(len, runs.values())), next(iter(runs.values())).notes
     if as_json:
         _print_json({"files": [str(file) for file in files], "rows": rows, "notes": notes})

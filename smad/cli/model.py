@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from smad.cli import complete
-from smad.cli.effects import effect_lines
+from smad.cli.simulated import effect_lines
 from smad.errors import SmadError
 
 

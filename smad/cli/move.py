@@ -15,6 +15,7 @@ from msgspec import inspect as types
 from smad.cli.output import NEGATIVE, axis_option, checked, client, wait_for_motion
 from smad.cli.quantity import UNITS, Quantity, typed_units
 from smad.config.bounds import unit_of
+from smad.config.fields import bare, info_of
 from smad.control.commands import PIECES, Piece, Samples, Trajectory
 from smad.control.segment import millimetres
 from smad.errors import SmadError
@@ -52,9 +53,8 @@ def move() -> None:
 
 def command_of(piece: type[Piece]) -> click.Command | None:
     """Return the command that sends such a piece; None if some field is no single value."""
-    info = types.type_info(piece)
-    assert isinstance(info, types.StructType)
-    fields = [(field, *_described(field.type)) for field in info.fields]
+    info = info_of(piece)
+    fields = [(field, *bare(field.type)) for field in info.fields]
     values = [_VALUES.get(type(kind)) for _, kind, _ in fields]
     if None in values:
         return None
@@ -92,7 +92,7 @@ def command_of(piece: type[Piece]) -> click.Command | None:
             raise
         _send(cast("Trajectory", made), queue=queue, wait=wait, bench=bench)
 
-    told = [
+    arguments = [
         f"{parameter.human_readable_name}: {meta.get('description', '')}"
         for parameter, (_, _, meta) in zip(parameters, fields, strict=True)
         if isinstance(parameter, click.Argument)
@@ -101,7 +101,7 @@ def command_of(piece: type[Piece]) -> click.Command | None:
         piece.word or str(piece.__struct_config__.tag).replace("_", "-"),
         params=[*parameters, *([_DEGREES] if lengths else []), *_COMMON],
         callback=send,
-        help="\n\n".join([inspect.getdoc(piece) or "", "\b\n" + "\n".join(told)]),
+        help="\n\n".join([inspect.getdoc(piece) or "", "\b\n" + "\n".join(arguments)]),
         context_settings=NEGATIVE,
     )
     return axis_option(command)
@@ -126,15 +126,6 @@ _VALUES: dict[type[types.Type], click.ParamType[Any]] = {
     types.BoolType: click.BOOL,
     types.StrType: click.STRING,
 }
-
-
-def _described(kind: types.Type) -> tuple[types.Type, dict[str, Any]]:
-    """Return the bare type, and what its annotations say of it."""
-    meta: dict[str, Any] = {}
-    while isinstance(kind, types.Metadata):
-        meta = {**(kind.extra_json_schema or {}), **(kind.extra or {}), **meta}
-        kind = kind.type
-    return kind, meta
 
 
 def _parameter(
@@ -173,9 +164,9 @@ def follow(path: Path, **options: Any) -> None:
 
 def read_samples(path: Path) -> Samples:
     """Return the points of a CSV file, times shifted to begin at 0. Raises CommandError."""
-    found = read_points(path, [(DISPLACEMENT_COLUMN, ANGLE_COLUMN)])
-    places = found.get(DISPLACEMENT_COLUMN) or [millimetres(a) for a in found[ANGLE_COLUMN]]
-    return Samples(t_s=tuple(found[TIME]), displacement_mm=tuple(places))
+    columns = read_points(path, [(DISPLACEMENT_COLUMN, ANGLE_COLUMN)])
+    places = columns.get(DISPLACEMENT_COLUMN) or [millimetres(a) for a in columns[ANGLE_COLUMN]]
+    return Samples(t_s=tuple(columns[TIME]), displacement_mm=tuple(places))
 
 
 follow.params += _COMMON

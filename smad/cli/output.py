@@ -7,7 +7,6 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -17,6 +16,8 @@ if TYPE_CHECKING:
 
     from smad.api import Motion
     from smad.client import Client
+    from smad.experiments.leased import LeasedDriver
+    from smad.progress import Say
 
 FIRST_PROGRESS_S = 2.0
 _LINE_EVERY_S = 5.0
@@ -123,6 +124,30 @@ def client(bench: str, *, lasting: bool = False) -> Client:
     return made
 
 
+@contextlib.contextmanager
+def ready_client(bench: str, *, extra: str = "") -> Iterator[Client]:
+    """A client of a program that arms: signals end it, and a stop before it arms is known.
+
+    Raises what `require_ready` does where something is missing that is needed afterwards.
+    """
+    from smad.client.signals import ended_by_signals
+    from smad.experiments.ready import require_ready
+
+    with ended_by_signals(), client(bench) as connected:
+        connected.as_of(connected.motion().generation)
+        require_ready(connected, extra=extra)
+        yield connected
+
+
+def leased_driver(connected: Client, who: str, lease_s: float, say: Say) -> LeasedDriver:
+    """What carries plans out on the bench of a client, armed for each under a lease of `who`."""
+    from smad.experiments.leased import LeasedDriver
+    from smad.experiments.live import LiveDriver
+
+    live = LiveDriver(connected, progress=say)
+    return LeasedDriver(connected, live, lease_s=lease_s, progress=say, who=who)
+
+
 made_clients: list[Client] = []
 """Clients of this command: who ran it asks them which stops they know of."""
 
@@ -154,6 +179,11 @@ class Progress:
             click.echo(text, err=True)
             self._last = text
             self._last_s = now_s
+
+    def note(self, text: str) -> None:
+        """Print a line that stays."""
+        self.done()
+        click.echo(text, err=True)
 
     def done(self) -> None:
         """Take the line away."""
@@ -196,7 +226,7 @@ def wait_for_motion(bench_client: Client, *, wait: bool, what: str) -> None:
 
 def described(motion: Motion) -> str:
     """Return a motion in a few words."""
-    from smad.cli.axis_lines import aged
+    from smad.view.terminal.axis_lines import aged
 
     parts = [f"{motion.running}, board {motion.mode}"]
     if motion.displacement_mm is not None:
@@ -206,14 +236,6 @@ def described(motion: Motion) -> str:
     if motion.fault is not None:
         parts.append(f"fault {motion.fault.name}")
     return ", ".join(parts)
-
-
-def shown(path: str | Path) -> str:
-    """A path as a person here reads it: from this folder on where it is below it, else whole."""
-    try:
-        return str(Path(path).relative_to(Path.cwd()))
-    except (ValueError, OSError):
-        return str(path)
 
 
 def good(text: str) -> str:

@@ -19,9 +19,9 @@ def params() -> None:
 def list_command(bench: str) -> None:
     """List all of them."""
     with client(bench) as bench_client:
-        found = bench_client.params()
-    width = max(len(p.name) for p in found)
-    for param in found:
+        parameters = bench_client.params()
+    width = max(len(p.name) for p in parameters)
+    for param in parameters:
         click.echo(
             f"{param.name:<{width}}  {_value(param):>20}  "
             f"({param.minimum:.10g} to {param.maximum:.10g})  {param.description}"

@@ -57,5 +57,5 @@ class Quantity(click.ParamType[float]):
 
 def typed_units(ctx: click.Context) -> Mapping[str | None, str]:
     """Return the units that were typed, by the name of the parameter."""
-    found: Mapping[str | None, str] = ctx.meta.get(_WITH_UNIT, {})
-    return found
+    units: Mapping[str | None, str] = ctx.meta.get(_WITH_UNIT, {})
+    return units

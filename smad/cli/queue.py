@@ -262,7 +262,7 @@ def run(*, until_paused: bool, folder: Path | None, bench: str) -> None:
     from smad.client.signals import ended_by_signals
     from smad.queue.bench import BenchWatch
     from smad.queue.lease import RunnerLease
-    from smad.queue.runner import POLL_S, Runner, Surroundings
+    from smad.queue.runner import Runner, RunnerParts
 
     with ended_by_signals(), _opened(folder, bench) as opened:
         lease = RunnerLease(opened.folder)
@@ -272,17 +272,12 @@ def run(*, until_paused: bool, folder: Path | None, bench: str) -> None:
             _started, folder=opened.folder.resolve(), bench=bench, descriptor=lease.descriptor
         )
         runner = Runner(
-            opened.store, Surroundings(watch=watch, start=start, check=problem_of, say=_say)
+            opened.store, RunnerParts(watch=watch, start=start, check=problem_of, say=_say)
         )
         try:
             runner.begin()
             _say(f"runner of {opened.folder}: {state_in_words(opened.snapshot(), runner=True)}")
-            while True:
-                runner.tick()
-                snapshot = opened.snapshot()
-                if until_paused and snapshot.mode == "paused" and snapshot.running is None:
-                    return
-                time.sleep(POLL_S)
+            runner.run(until_paused=until_paused)
         finally:
             runner.close()
             watch.close()
@@ -296,11 +291,11 @@ def run(*, until_paused: bool, folder: Path | None, bench: str) -> None:
 def messages(*, after: int, as_json: bool, folder: Path | None, bench: str) -> None:
     """Show what happened: the end of every item, and why the queue paused."""
     with _opened(folder, bench) as opened:
-        found = opened.messages(after)
+        listed = opened.messages(after)
     if as_json:
-        _print_json(found)
+        _print_json(listed)
         return
-    for message in found:
+    for message in listed:
         click.echo(f"{message.id:>4}  {_clock(message.unix_s)}  {message.text}")
 
 

@@ -7,12 +7,7 @@ to by the kernel, and killed if it does not.
 
 from __future__ import annotations
 
-import ctypes
-import os
-import signal
 import sys
-import threading
-import time
 import traceback
 from collections.abc import Sequence
 
@@ -24,10 +19,9 @@ from smad.client import Client
 from smad.client.errors import NoAnswer, NoDaemon, Refused, Stopped
 from smad.errors import SmadError
 from smad.experiments.errors import StoppedError, TrippedError
+from smad.processes.parent import end_group_with
 from smad.queue.machine import LOST, STOPPED, TRIPPED
 
-_PR_SET_PDEATHSIG = 1
-_ORPHAN_S = 10.0
 _INTERRUPTED, _INTERNAL = 130, 70
 _REASONS = {
     Reason.STOPPED: STOPPED,
@@ -57,7 +51,7 @@ def status_of(error: SmadError) -> int:
 def main(arguments: Sequence[str]) -> int:
     """Run the command; return its exit status."""
     parent, bench, *words = arguments
-    _end_with(int(parent))
+    end_group_with(int(parent))
     try:
         root.main(args=words, prog_name="smad", standalone_mode=False)
     except SmadError as error:
@@ -90,20 +84,6 @@ def _stopped_since(bench: str) -> bool:
     if stopped:
         click.echo("smad: the bench was stopped while this ran", err=True)
     return stopped
-
-
-def _end_with(parent: int) -> None:
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-    if os.getppid() != parent:
-        os._exit(128 + signal.SIGTERM)
-    threading.Thread(target=_kill_orphan, args=(parent,), daemon=True).start()
-
-
-def _kill_orphan(parent: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(0.5)
-    time.sleep(_ORPHAN_S)
-    os.killpg(0, signal.SIGKILL)
 
 
 if __name__ == "__main__":

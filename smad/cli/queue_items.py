@@ -109,9 +109,9 @@ def _checked(kind: str, words: Sequence[str], folder: Path) -> bool:
                 )
         _check_baseline(context, folder)
         if attribute == "moves":
-            from smad.cli.run_moves import read_moves, require_within
+            from smad.experiments.moves import read_moves
 
-            require_within(read_moves(folder / given["path"]), _config(given["bench"]))
+            read_moves(folder / given["path"]).require_within(_config(given["bench"]))
         sim = bool(given.get("sim"))
         _check_disk(folder, sim=sim)
     return sim

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import click
 
-from smad.cli.output import bench_option, client, shown
+from smad.cli.output import bench_option, client
+from smad.files import shown
 
 
 @click.group()

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import axis_option, lease_option, progress
+from smad.cli.output import axis_option, lease_option, progress, ready_client
+from smad.cli.simulated import seed_option, sim_option
 
 if TYPE_CHECKING:
     from smad.experiments.repeating import Repeat
@@ -20,7 +21,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 @click.argument("run", type=_FILE)
 @click.option("--as-is", is_flag=True, help="Begin where the bench is, without cooling first.")
 @click.option("--other-bench", is_flag=True, help="Also a run of another bench or board.")
-@click.option("--sim", is_flag=True, help="In virtual time, on a simulated bench.")
+@sim_option
 @click.option(
     "--save-logs",
     type=click.Path(file_okay=False, path_type=Path),
@@ -28,8 +29,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     show_default=True,
     help="With --sim, the folder of the new run log.",
 )
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
-              help="With --sim: of its noise.")  # fmt: skip
+@seed_option
 @lease_option
 @axis_option
 def repeat(
@@ -51,80 +51,69 @@ def repeat(
     """
     from smad.experiments.repeating import read_repeat
 
-    found = read_repeat(run)
-    if found.armed_s < found.whole_s - 0.1:
+    recorded = read_repeat(run)
+    if recorded.armed_s < recorded.whole_s - 0.1:
         click.echo(
-            f"{run.name}: its board was armed for {found.armed_s:.1f} of {found.whole_s:.1f} s; "
-            "that part is repeated",
+            f"{run.name}: its board was armed for {recorded.armed_s:.1f} of "
+            f"{recorded.whole_s:.1f} s; that part is repeated",
             err=True,
         )
     name = f"repeat-of-{run.stem}"[:64]
     path = (
-        _virtual(found, name, save_logs, seed)
+        _virtual(recorded, name, save_logs, seed)
         if sim
-        else _live(found, name, bench, lease, as_is=as_is, other_bench=other_bench)
+        else _live(recorded, name, bench, lease, as_is=as_is, other_bench=other_bench)
     )
     click.echo(f"{run.name} repeated: {path}")
 
 
-def _virtual(found: Repeat, name: str, folder: Path, seed: int) -> Path:
+def _virtual(recorded: Repeat, name: str, folder: Path, seed: int) -> Path:
     from sim_device.plant.models import built_in
     from smad.config import Config
-    from smad.experiments.driver import log_path
-    from smad.experiments.errors import EndedEarlyError, ExperimentError, TrippedError
+    from smad.experiments.driver import new_log_path
+    from smad.experiments.errors import EndedEarlyError, TrippedError
     from smad.experiments.virtual import VirtualDriver
 
-    found.require_fit(Config())
-    plan = found.plan(name)
-    path = log_path(folder, plan)
-    if path.exists():
-        raise ExperimentError(
-            "a run log of that name is there already",
-            value=str(path),
-            action="give another folder with --save-logs, or move it away",
-        )
+    recorded.require_fit(Config())
+    plan = recorded.plan(name)
+    path = new_log_path(folder, plan, "give another folder with --save-logs, or move it away")
     with progress() as line:
         driver = VirtualDriver(built_in("A"), seed=seed, folder=folder, progress=line.say)
         try:
             driver.run(plan)
         except (EndedEarlyError, TrippedError):
-            click.echo(f"recorded until then: {path}", err=True)
+            line.note(f"recorded until then: {path}")
             raise
     return path
 
 
 def _live(
-    found: Repeat, name: str, bench: str, lease_s: float, *, as_is: bool, other_bench: bool
+    recorded: Repeat, name: str, bench: str, lease_s: float, *, as_is: bool, other_bench: bool
 ) -> Path:
-    from smad.cli.leased import LeasedDriver
-    from smad.cli.output import client
-    from smad.client.signals import ended_by_signals
     from smad.config import parse_config
     from smad.experiments.errors import EndedEarlyError, StoppedError, TrippedError
-    from smad.experiments.ready import require_ready
+    from smad.experiments.leased import LeasedDriver
     from smad.experiments.replayer import Directly, Replayer
 
-    with ended_by_signals(), client(bench) as connected, progress() as line:
-        connected.as_of(connected.motion().generation)
-        require_ready(connected, extra="log")
-        found.require_fit(parse_config(connected.config()))
+    with ready_client(bench, extra="log") as connected, progress() as line:
+        recorded.require_fit(parse_config(connected.config()))
         if not other_bench:
             board = connected.status().board
-            found.require_bench("" if board is None else board.uid, bench)
+            recorded.require_bench("" if board is None else board.uid, bench)
         driver: Directly | Replayer
         if as_is:
             driver = Directly(connected, progress=line.say)
         else:
             driver = Replayer(connected, progress=line.say, sleep=time.sleep)
-            driver.start = found.start
+            driver.start = recorded.start
         leased = LeasedDriver(
             connected, driver, lease_s=lease_s, progress=line.say, who="smad run repeat"
         )
         try:
-            leased.run(found.plan(name))
+            leased.run(recorded.plan(name))
         except (EndedEarlyError, StoppedError, TrippedError):
             if driver.log is not None:
-                click.echo(f"recorded until then: {driver.log}", err=True)
+                line.note(f"recorded until then: {driver.log}")
             raise
         assert driver.log is not None
         return driver.log

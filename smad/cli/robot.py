@@ -11,7 +11,7 @@ from smad.cli.output import NEGATIVE, Finite, bench_option, client, wait_for_mot
 
 if TYPE_CHECKING:
     from smad.client import Client
-    from smad.robot import Angles, Robot
+    from smad.robot import Angles
 
 _wait = click.option(
     "--wait/--no-wait", default=True, help="Wait until it is done, or return at once."
@@ -28,9 +28,10 @@ def robot() -> None:
 @bench_option
 def angles(bench: str) -> None:
     """Show pitch and yaw of each segment."""
+    from smad.robot.moving import robot_of, standing_deg
+
     with client(bench) as connected:
-        made = robot_of(connected)
-        for name, (pitch, yaw) in _standing(connected, made).items():
+        for name, (pitch, yaw) in standing_deg(connected, robot_of(connected)).items():
             click.echo(f"{name}: pitch {pitch:+.2f}°, yaw {yaw:+.2f}°")
 
 
@@ -46,9 +47,10 @@ def step(
 ) -> None:
     """Turn SEGMENT to PITCH_DEG and YAW_DEG."""
     from smad.robot import step as made
+    from smad.robot.moving import robot_of, standing_deg
 
     with client(bench) as connected:
-        now = _standing(connected, robot_of(connected)).get(segment, (0.0, 0.0))
+        now = standing_deg(connected, robot_of(connected)).get(segment, (0.0, 0.0))
         wanted = made((pitch_deg, yaw_deg), duration_s=duration_s, from_deg=now)
         _move(connected, segment, wanted, wait=wait)
 
@@ -83,28 +85,8 @@ def follow(segment: str, path: Path, wait: bool, bench: str) -> None:
         _move(connected, segment, waypoints(path), wait=wait)
 
 
-def robot_of(connected: Client) -> Robot:
-    """Return the robot that the bench is configured as."""
-    from smad.config import parse_config
-    from smad.robot import Robot
-
-    return Robot.of(parse_config(connected.config()))
-
-
-def _standing(connected: Client, made: Robot) -> dict[str, tuple[float, float]]:
-    """Where the joints stand now, by segment."""
-    import numpy as np
-
-    motion = connected.motion()
-    places = motion.axes or {}
-    mm = {a: np.array([places[a].displacement_mm or 0.0]) for a in made.axes}
-    return {name: (float(p[0]), float(y[0])) for name, (p, y) in made.angles_deg(mm).items()}
-
-
 def _move(connected: Client, segment: str, wanted: Angles, *, wait: bool) -> None:
-    made = robot_of(connected)
-    standing = {}
-    for name, (pitch, yaw) in _standing(connected, made).items():
-        standing[made.segments[name].pitch], standing[made.segments[name].yaw] = pitch, yaw
-    connected.move(made.moves({segment: wanted}, standing_deg=standing))
+    from smad.robot.moving import move_segment
+
+    move_segment(connected, segment, wanted)
     wait_for_motion(connected, wait=wait, what=segment)

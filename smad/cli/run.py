@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from smad.cli import complete
-from smad.cli.output import axis_option, lease_option, progress
+from smad.cli.output import axis_option, lease_option, progress, ready_client
 from smad.errors import SmadError
 from smad.files import write_whole
 
@@ -146,7 +146,9 @@ def run(names: tuple[str, ...], **options: Any) -> None:
     given = _model(options["parameters"], options["model"])
     model = given.parameters
     if options["feedforward"]:
-        click.echo(_feedforward_section(model, given.variant), nl=False)
+        from smad.experiments.inverse import feedforward_section
+
+        click.echo(feedforward_section(model, given.variant), nl=False)
         return
     experiments = _experiments(names, options["settings"])
     if options["report"] is None:
@@ -199,15 +201,6 @@ def _model(parameters: str, model_file: Path | None) -> Model:
         raise SmadError(str(error)) from None
 
 
-def _feedforward_section(model: ParameterSet, variant: str) -> str:
-    from smad.config import Config, ControlConfig, config_to_toml
-    from smad.experiments.inverse import feedforward_of
-
-    text = config_to_toml(Config(control=ControlConfig(feedforward=feedforward_of(model, variant))))
-    head = "[control.feedforward]"
-    return head + text.partition(head)[2].partition("\n[")[0] + "\n"
-
-
 def _experiments(names: Sequence[str], settings: Sequence[str]) -> list[Experiment[Any]]:
     from smad.experiments.registry import EXPERIMENTS, make_experiment
 
@@ -239,55 +232,30 @@ def _simulated(
     given: Model,
     options: dict[str, Any],
 ) -> tuple[CampaignResult, Facts]:
-    import os
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
-    import msgspec
-
-    from smad.config import Config, load_config
-    from smad.experiments.campaign import CampaignBench, run_campaign
-    from smad.experiments.inverse import feedforward_of
+    from smad.config import load_config
+    from smad.experiments.campaign import CampaignBench, run_here, usual_config
 
     file = options["config_file"]
-    config = Config() if file is None else load_config(file)
-    if file is None:
-        # The inverse of the very model that is simulated, as a user would configure it.
-        control = msgspec.structs.replace(
-            config.control, feedforward=feedforward_of(given.parameters, given.variant)
-        )
-        config = msgspec.structs.replace(config, control=control)
-    model = given.parameters
     bench = CampaignBench(
         given,
-        config=config,
+        config=usual_config(given) if file is None else load_config(file),
         seed=options["seed"],
         lacking=frozenset(options["lacking"]),
         folder=options["save_logs"],
     )
     facts = [("bench", f"simulated, {given.variant}, seed {options['seed']}")]
-    jobs = options["jobs"] or os.cpu_count() or 1
-    trials = sum(len(experiment.trials()) for experiment in experiments)
     with progress() as line:
-        if min(jobs, trials) == 1:
-            return run_campaign(experiments, bench, model, progress=line.say), facts
-        with ProcessPoolExecutor(min(jobs, trials), mp_context=get_context("spawn")) as pool:
-            return run_campaign(experiments, bench, model, pool, line.say), facts
+        return run_here(experiments, bench, options["jobs"], line.say), facts
 
 
 def _live(
     experiments: Sequence[Experiment[Any]], model: ParameterSet, options: dict[str, Any]
 ) -> tuple[CampaignResult, Facts]:
-    from smad.cli.leased import LeasedDriver
-    from smad.cli.output import client
-    from smad.client.signals import ended_by_signals
     from smad.experiments.campaign import run_on
+    from smad.experiments.leased import LeasedDriver
     from smad.experiments.live import LiveDriver
-    from smad.experiments.ready import require_ready
 
-    with ended_by_signals(), client(options["bench"]) as connected, progress() as line:
-        connected.as_of(connected.motion().generation)
-        require_ready(connected, extra="report")
+    with ready_client(options["bench"], extra="report") as connected, progress() as line:
         driver = LiveDriver(
             connected,
             fixture=options["fixture"],

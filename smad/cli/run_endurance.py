@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import subprocess
-import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -14,16 +10,22 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from smad.cli.output import Finite, axis_option, lease_option, progress
+from smad.cli.output import (
+    Finite,
+    axis_option,
+    lease_option,
+    leased_driver,
+    progress,
+    ready_client,
+)
+from smad.cli.simulated import bench_with, effect_option, require_sim, seed_option, sim_option
 from smad.errors import SmadError
+from smad.progress import Say
 
 if TYPE_CHECKING:
-    from smad.client import Client
     from smad.config import Config
-    from smad.control.plan import Plan
     from smad.experiments.endurance.profile import Profile
     from smad.experiments.endurance.run import BlockDriver, Endurance, Judgement
-    from smad.experiments.recording import Recording
 
 _FOLDER = click.Path(file_okay=False, path_type=Path)
 _percent = Finite(0.0, 100.0, min_open=True)
@@ -54,10 +56,9 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
 @click.option("--folder", type=_FOLDER, default=Path("endurance"), show_default=True,
               help="Where cycles.csv goes.")  # fmt: skip
 @click.option("--go-on", is_flag=True, help="Go on after the cycles that the folder has.")
-@click.option("--sim", is_flag=True, help="On a simulated bench in virtual time.")
-@click.option("--effect", "effects", multiple=True, metavar="NAME[:P=V,…]",
-              help="With --sim: an effect that the simulated bench has.")  # fmt: skip
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
+@sim_option
+@effect_option
+@seed_option
 @lease_option
 @axis_option
 def endurance(**options: Any) -> None:
@@ -108,8 +109,7 @@ def _asked(options: dict[str, Any], first: int) -> Endurance:
         raise click.UsageError("--every N checkup needs --baseline")
     if options["end_place"] is not None and not options["every"]:
         raise click.UsageError("--end-place needs --every N checkup")
-    if options["effects"] and not options["sim"]:
-        raise click.UsageError("--effect is of a simulated bench; add --sim")
+    require_sim(options["effects"], sim=options["sim"])
     return Endurance(
         profile=profile_of(options),
         cycles=options["cycles"],
@@ -142,103 +142,39 @@ def profile_of(options: dict[str, Any]) -> Profile:
     )
 
 
-class _Simulated:
-    """A simulated bench that ages from block to block."""
-
-    def __init__(self, folder: Path, seed: int, effects: tuple[str, ...]) -> None:
-        from sim_device.plant.effects.registry import from_text
-        from sim_device.plant.errors import PlantError
-        from sim_device.plant.models import built_in
-        from smad.experiments.virtual import VirtualDriver
-
-        try:
-            model = built_in("A").with_effects(dict(from_text(text) for text in effects))
-        except PlantError as error:
-            raise click.UsageError(f"--effect: {error}") from None
-        self.folder = folder
-        self.log: Path | None = None
-        self.driver = VirtualDriver(model, seed=seed, folder=folder)
-
-    def run(self, plan: Plan) -> Recording:
-        from smad.experiments.driver import log_path
-
-        self.log = log_path(self.folder, plan)
-        return self.driver.run(plan)
-
-
-class _Live:
-    """The bench of the running daemon, armed under a lease for each block."""
-
-    def __init__(self, connected: Client, lease_s: float, say: Callable[[str], None]) -> None:
-        from smad.cli.leased import LeasedDriver
-        from smad.experiments.live import LiveDriver
-
-        self.client = connected
-        self._driver = LiveDriver(connected, progress=say)
-        self._leased = LeasedDriver(
-            connected, self._driver, lease_s=lease_s, progress=say, who="smad run endurance"
-        )
-
-    @property
-    def log(self) -> Path | None:
-        return self._driver.log
-
-    def run(self, plan: Plan) -> Recording:
-        return self._leased.run(plan)
-
-
 @contextlib.contextmanager
-def _bench(
-    options: dict[str, Any], folder: Path, say: Callable[[str], None]
-) -> Iterator[tuple[BlockDriver, Config]]:
+def _bench(options: dict[str, Any], folder: Path, say: Say) -> Iterator[tuple[BlockDriver, Config]]:
     """The driver, and the configuration of its bench."""
-    from smad.cli.output import client
-    from smad.client.signals import ended_by_signals
     from smad.config import Config, parse_config
-    from smad.experiments.ready import require_ready
+    from smad.experiments.virtual import VirtualDriver
 
     if options["sim"]:
-        yield _Simulated(folder, options["seed"], options["effects"]), Config()
+        model = bench_with(options["effects"])
+        yield VirtualDriver(model, seed=options["seed"], folder=folder), Config()
         return
-    with ended_by_signals(), client(options["bench"]) as connected:
-        connected.as_of(connected.motion().generation)
-        require_ready(connected)
-        yield _Live(connected, options["lease"], say), parse_config(connected.config())
+    with ready_client(options["bench"]) as connected:
+        driver = leased_driver(connected, "smad run endurance", options["lease"], say)
+        yield driver, parse_config(connected.config())
 
 
 def _checker(
     options: dict[str, Any], folder: Path, driver: BlockDriver
 ) -> Callable[[int], Judgement] | None:
-    """Plays `smad gap checkup` as a command of its own, as `smad queue` does."""
+    from smad.experiments.endurance.judgement import judged_by_command
+    from smad.experiments.leased import LeasedDriver
+
     if not options["every"]:
         return None
 
     def check(number: int) -> Judgement:
-        from smad.experiments.endurance.judgement import judgement_of
-
-        with tempfile.TemporaryDirectory(prefix="smad-") as scratch:
-            verdict = Path(scratch) / "verdict.json"
-            words = ["gap", "checkup", f"--baseline={options['baseline']}", "--quick"]
-            words += [f"--json={verdict}", f"--out={folder / f'checkup-{number:07d}'}"]
-            if options["sim"]:
-                words += ["--sim", f"--seed={options['seed'] + number}"]
-                words += [f"--effect={text}" for text in options["effects"]]
-            done = subprocess.run(
-                [sys.executable, "-m", "smad.cli.queue_child", str(os.getpid()), options["bench"],
-                 *words],
-                capture_output=True, text=True, check=False,
-                env={**os.environ, "SMAD_BENCH": options["bench"]},
-            )  # fmt: skip
-            if done.returncode:
-                lines = done.stderr.strip().splitlines() or ["it said nothing"]
-                said = lines[-1].removeprefix("smad: ")
-                raise SmadError(
-                    f"the check-up after {number} cycles failed: {said}",
-                    action="look at the bench; --go-on goes on",
-                )
-            if isinstance(driver, _Live):
-                # The check-up's own disarms were orderly: it says so by its status.
-                driver.client.as_of(driver.client.motion().generation)
-            return judgement_of(verdict.read_bytes())
+        words = [f"--baseline={options['baseline']}", f"--out={folder / f'checkup-{number:07d}'}"]
+        if options["sim"]:
+            words += ["--sim", f"--seed={options['seed'] + number}"]
+            words += [f"--effect={text}" for text in options["effects"]]
+        judgement = judged_by_command(words, options["bench"], number)
+        if isinstance(driver, LeasedDriver):
+            # The check-up's own disarms were orderly: it says so by its status.
+            driver.client.as_of(driver.client.motion().generation)
+        return judgement
 
     return check

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import functools
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,24 +11,16 @@ import click
 import msgspec
 
 from smad.cli import complete
-from smad.cli.effects import effect_lines
 from smad.cli.output import Finite
-from smad.errors import SmadError
+from smad.cli.simulated import effect_lines
+from smad.processes.boards import SimulatorError, build, faults_of, rate_of
 from smad.processes.simulator import READY
 
 if TYPE_CHECKING:
-    from sim_device.bench import SimulatedBench
-    from smad.config import Config
-
-MEGA_RATE_HZ = 100
-"""The most that the firmware of the Mega takes; see docs/firmware.md."""
+    pass
 
 SEED_STEP = 100_003
 """Between the seeds of two axes: their noise must not be the same."""
-
-
-class SimulatorError(SmadError):
-    """The simulated bench cannot be run as asked."""
 
 
 @click.command()
@@ -130,10 +120,10 @@ def sim(
         build(config, rate_hz=100, seed=0).step()
         with contextlib.ExitStack() as built:
             benches = {}
-            for k, (axis, own) in enumerate(config.by_axis().items()):
+            for k, (axis, axis_config) in enumerate(config.by_axis().items()):
                 benches[axis] = build(
-                    own,
-                    rate_hz=_rate(own.link.rate_hz, firmware),
+                    axis_config,
+                    rate_hz=rate_of(axis_config.link.rate_hz, firmware),
                     seed=(seed + k * SEED_STEP) % 2**32,
                     faults=faults_of(faults, axis),
                     model_path=model_path,
@@ -165,73 +155,6 @@ def sim(
     )
 
 
-def faults_of(faults: tuple[str, ...], axis: str) -> tuple[str, ...]:
-    """Return the faults of one axis: those with its name and a colon before theirs."""
-    if not axis:
-        return faults
-    return tuple(text.removeprefix(f"{axis}:") for text in faults if text.startswith(f"{axis}:"))
-
-
-def _rate(rate_hz: int, firmware: str) -> int:
-    if firmware == "avr" and rate_hz > MEGA_RATE_HZ:
-        raise SimulatorError(
-            "the Mega has not the time for so many samples a second",
-            value=rate_hz,
-            limit=MEGA_RATE_HZ,
-            action="take --rate 100, or --firmware host",
-        )
-    return rate_hz
-
-
-def build(
-    config: Config,
-    *,
-    rate_hz: int,
-    seed: int,
-    faults: tuple[str, ...] = (),
-    model_path: Path | None = None,
-    effects: tuple[str, ...] = (),
-    firmware: str = "python",
-    store_path: Path | None = None,
-    axis: str = "",
-) -> SimulatedBench:
-    """Return the bench that the configuration describes, with the plant of a model file if given.
-
-    `effects` are added to those of configuration or model, in place of one of the same name.
-    `firmware`: "python", or a port of the C firmware, with its parameter memory in `store_path`.
-    `axis` is the name that its board stores, if any.
-
-    Raises BenchError and PlantError.
-    """
-    from sim_device.bench import SimulatedBench
-    from sim_device.faults import parse_injection
-    from sim_device.plant.effects.registry import from_text
-    from sim_device.plant.models import built_in, read_model
-
-    plant = config.plant
-    if model_path is None:
-        model = replace(built_in(plant.parameter_file or "A"), variant=plant.variant)
-        model = model.with_effects(plant.effects)
-    else:
-        model = read_model(model_path)
-    model = model.with_effects(dict(from_text(text) for text in effects))
-    make = SimulatedBench if firmware == "python" else _with_firmware(firmware, store_path)
-    return make(
-        **model.physics,
-        fixture=plant.fixture,
-        rate_hz=rate_hz,
-        seed=seed,
-        faults=[parse_injection(text) for text in faults],
-        axis_name=axis,
-    )
-
-
-def _with_firmware(port: str, store_path: Path | None) -> Callable[..., SimulatedBench]:
-    from sim_device.firmware.bench import firmware_bench
-
-    return functools.partial(firmware_bench, port, store_path=store_path)
-
-
 def _announce(names: Mapping[str, str]) -> None:
-    told = ", ".join(f"{axis} {name}".strip() for axis, name in names.items())
-    click.echo(f"{READY}{told}")
+    ports = ", ".join(f"{axis} {name}".strip() for axis, name in names.items())
+    click.echo(f"{READY}{ports}")

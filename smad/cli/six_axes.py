@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import click
 
 from smad.cli.output import Finite, bench_option, client, progress
-from smad.cli.robot import robot_of
 
 if TYPE_CHECKING:
     from smad.client import Client
@@ -35,6 +34,7 @@ def six_axes(
     """
     from smad.experiments.circles import Circles, draw, page_of, table, trackings
     from smad.report.page import markdown_table, write_page
+    from smad.robot.moving import robot_of
     from smad.runlog.reader import read_axes
 
     with _simulated() if sim else client(bench) as connected, progress() as line:

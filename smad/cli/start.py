@@ -167,8 +167,8 @@ def _on_board(
                 "--port is for a bench of one axis", value=port, action="set the ports in [[axes]]"
             )
         config = replaced(config, "link", port=port)
-    for name, own in config.by_axis().items():
-        if options["fd"] is None and not own.link.port:
+    for name, axis_config in config.by_axis().items():
+        if options["fd"] is None and not axis_config.link.port:
             raise ConfigError(
                 f"no port is named{f' for the axis {name}' if name else ''}",
                 limit="--port DEVICE, or link.port in the configuration"
@@ -183,12 +183,12 @@ def _on_board(
 def _require_ports_apart(config: Config) -> None:
     """Raise ConfigError when two axes name one device, whatever they call it."""
     seen: dict[str, str] = {}
-    for name, own in config.by_axis().items():
-        real = os.path.realpath(own.link.port)
+    for name, axis_config in config.by_axis().items():
+        real = os.path.realpath(axis_config.link.port)
         if real in seen:
             raise ConfigError(
                 f"the axes {seen[real]} and {name} are on one port",
-                value=f"{own.link.port} is {real}",
+                value=f"{axis_config.link.port} is {real}",
                 limit="one axis a port, as a board drives one",
                 action="give each axis the port of its own board",
             )
@@ -260,12 +260,12 @@ def _run(
     from smad.daemon.process import Options
     from smad.daemon.trace import Trace
 
-    def opener(own: Config) -> Opener:
-        finder = PortFinder(own.link.port)
+    def opener(axis_config: Config) -> Opener:
+        finder = PortFinder(axis_config.link.port)
 
         def open_port() -> Transport:
             path = finder.find()
-            transport = open_serial(path, own.link.baud)
+            transport = open_serial(path, axis_config.link.baud)
             finder.remember(path)
             return transport
 

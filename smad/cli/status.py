@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import click
 
 from smad.api import Percentiles, Status
-from smad.cli.axis_lines import aged, axis_lines, number
-from smad.cli.output import axis_option, bad, client, good, shown, warned
+from smad.cli.output import axis_option, bad, client, good, warned
+from smad.files import shown
+from smad.view.terminal.axis_lines import aged, axis_lines, number
 
 if TYPE_CHECKING:
     from smad.client import Client
@@ -45,7 +46,7 @@ def status(watch: bool, as_json: bool, bench: str) -> None:
 def _watch(bench_client: Client) -> None:
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise click.UsageError("--watch needs a terminal; --watch --json prints lines.")
-    from smad.cli import watch
+    from smad.view.terminal import watch
 
     bench_client.timeout_s = watch.PATIENCE_S
     watch.run(bench_client)
@@ -78,8 +79,8 @@ def lines(now: Status) -> Iterator[str]:
 def _bench(now: Status) -> Iterator[str]:
     motion = now.motion
     armed = warned("ARMED") if motion.armed else good("not armed")
-    told = f"{len(now.axes)} axes" if now.axes else f"link {now.link.state}"
-    yield _line("bench", f"{now.bench}: {armed}, board {motion.mode}, {told}")
+    link = f"{len(now.axes)} axes" if now.axes else f"link {now.link.state}"
+    yield _line("bench", f"{now.bench}: {armed}, board {motion.mode}, {link}")
     if motion.fault is not None:
         yield _line("fault", bad(f"{motion.fault.in_words()} (stopped by the {motion.fault.by})"))
         yield from (_line("", text) for text in _explained(motion.fault.number))
@@ -108,7 +109,7 @@ def _readings(now: Status) -> Iterator[str]:
     if row is None:
         yield _line("readings", "none yet")
         return
-    old = warned(told) if (told := aged(now.motion)) else ""
+    old = warned(age) if (age := aged(now.motion)) else ""
     yield _line(
         "place",
         f"{number(row.displacement_mm, 3)} mm, {number(row.force_N, 2)} N{old}",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from smad.cli.output import axis_option, client, progress
+from smad.cli.output import axis_option, leased_driver, progress, ready_client
 from smad.errors import CommandError
 from smad.files import write_whole
 
@@ -91,25 +91,13 @@ def _ask() -> None:
 def _session(
     loop: str, spring: str, *, trial: bool, apply: bool, lease_s: float, bench: str
 ) -> Session:
-    from smad.cli.leased import LeasedDriver
-    from smad.client.signals import ended_by_signals
     from smad.config import parse_config
     from smad.control.commands import Tune
-    from smad.experiments.live import LiveDriver
-    from smad.experiments.ready import require_ready
     from smad.experiments.tuning import tune_displacement, tune_temperature
 
-    with ended_by_signals(), client(bench) as connected, progress() as line:
-        connected.as_of(connected.motion().generation)
-        require_ready(connected, extra="sim")
+    with ready_client(bench, extra="sim") as connected, progress() as line:
         config = parse_config(connected.config()).control
-        driver = LeasedDriver(
-            connected,
-            LiveDriver(connected, progress=line.say),
-            lease_s=lease_s,
-            progress=line.say,
-            who="smad tune",
-        )
+        driver = leased_driver(connected, "smad tune", lease_s, line.say)
         try:
             if loop == "temperature":
                 session = tune_temperature(
@@ -195,6 +183,6 @@ def _table(header: list[str], rows: list[list[str]]) -> list[str]:
 def _print_json(session: Session, section: str) -> None:
     import msgspec
 
-    found: dict[str, Any] = msgspec.to_builtins(session)
-    found |= {"toml": section, "worse": session.worse}
-    click.echo(msgspec.json.encode(found).decode())
+    fields: dict[str, Any] = msgspec.to_builtins(session)
+    fields |= {"toml": section, "worse": session.worse}
+    click.echo(msgspec.json.encode(fields).decode())

@@ -119,17 +119,17 @@ def prepare_folder(folder: Path) -> int:
     """
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        found = folder.stat()
+        status = folder.stat()
     except OSError as error:
         raise DaemonError(
             f"cannot use the folder {folder} for sockets: {error.strerror}",
             action="set daemon.ipc_dir, or SMAD_RUNTIME_DIR, to a folder you own",
         ) from error
-    mode = stat.S_IMODE(found.st_mode)
-    if mode & 0o002 or found.st_uid not in (os.getuid(), 0):
+    mode = stat.S_IMODE(status.st_mode)
+    if mode & 0o002 or status.st_uid not in (os.getuid(), 0):
         raise DaemonError(
             f"the folder {folder} is not safe for sockets: others may write there",
-            value=f"mode {mode:o}, owner {found.st_uid}",
+            value=f"mode {mode:o}, owner {status.st_uid}",
             limit="a folder of your own, mode 700 or 770",
             action=f"chmod 700 {folder}, or set daemon.ipc_dir",
         )

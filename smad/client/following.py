@@ -89,9 +89,9 @@ async def _connected(client: AsyncClient, follower: Follower, status_every_s: fl
 
 async def _drain(address: str, axes: tuple[str, ...], follower: Follower) -> None:
     by_topic = {topic_of(axis).encode(): axis for axis in axes}
-    one = TELEMETRY_TOPIC if "" in axes else AXIS_TOPICS
+    first_topic = TELEMETRY_TOPIC if "" in axes else AXIS_TOPICS
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-    socket = subscribe(context, address, one.encode(), _QUEUE)
+    socket = subscribe(context, address, first_topic.encode(), _QUEUE)
     try:
         while True:
             with contextlib.suppress(zmq.Again):

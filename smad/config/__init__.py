@@ -14,7 +14,7 @@ from smad.config.control import (
     TemperatureConfig,
 )
 from smad.config.hooks import HooksConfig
-from smad.config.load import load_config, parse_config
+from smad.config.load import bench_in, load_config, parse_config
 from smad.config.model import (
     Config,
     DaemonConfig,
@@ -46,6 +46,7 @@ __all__ = [
     "TcpConfig",
     "TelemetryConfig",
     "TemperatureConfig",
+    "bench_in",
     "config_to_toml",
     "default_toml",
     "load_config",

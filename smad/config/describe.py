@@ -13,6 +13,7 @@ from typing import Any
 import msgspec
 from msgspec import inspect as types
 
+from smad.config.fields import bare, fields_of
 from smad.config.model import Config
 
 
@@ -58,11 +59,9 @@ def find_section(name: str) -> SectionDescription | None:
 def _walk(
     struct: type[msgspec.Struct], name: str, *, many: bool = False
 ) -> Iterator[SectionDescription]:
-    info = types.type_info(struct)
-    assert isinstance(info, types.StructType)
     keys = []
     below = []
-    for field in info.fields:
+    for field in fields_of(struct):
         kind = field.type
         listed = isinstance(kind, types.VarTupleType)
         inner = kind.item_type if isinstance(kind, types.VarTupleType) else kind
@@ -77,18 +76,11 @@ def _walk(
 
 
 def _key(section: str, field: types.Field) -> Key:
-    kind = field.type
-    description = ""
-    if isinstance(kind, types.Metadata):
-        description = (kind.extra_json_schema or {}).get("description", "")
-        kind = kind.type
-    if isinstance(kind, types.UnionType):
-        kind = next(one for one in kind.types if not isinstance(one, types.NoneType))
-        kind = kind.type if isinstance(kind, types.Metadata) else kind
+    kind, meta = bare(field.type)
     default = field.default
     if default is msgspec.NODEFAULT and field.default_factory is not msgspec.NODEFAULT:
         default = field.default_factory()
-    return Key(section, field.name, default, _allowed(kind), description)
+    return Key(section, field.name, default, _allowed(kind), meta.get("description", ""))
 
 
 def _allowed(kind: types.Type) -> str:
@@ -109,10 +101,8 @@ def _allowed(kind: types.Type) -> str:
             if most is not None:
                 return f"text of {most} characters"
             return "text, not empty" if least else "text"
-        case types.Metadata(type=inner):
-            return _allowed(inner)
         case types.VarTupleType(item_type=item):
-            return f"a list; each {_allowed(item)}"
+            return f"a list; each {_allowed(bare(item)[0])}"
         case types.DictType():
             return "tables of numbers"
     raise TypeError(f"{kind} has no description")

@@ -71,6 +71,14 @@ def parse_config(text: str, source: str = "configuration") -> Config:
         ) from None
 
 
+def bench_in(text: str) -> str:
+    """The name of the bench in a configuration's text; empty where another version wrote it."""
+    try:
+        return parse_config(text).daemon.bench if text else ""
+    except ConfigError:
+        return ""
+
+
 def _refuse(message: str, text: str, source: str) -> NoReturn:
     match = _PATH.match(message)
     cause, path = (match["cause"], match["path"]) if match else (message, "")

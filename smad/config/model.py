@@ -225,9 +225,9 @@ class Config(Section, frozen=True, kw_only=True):
         Raises ConfigError for a coupling that does not fit or has no inverse.
         """
         gains: dict[str, float] = {}
-        for one in self.segments:
-            gains[one.pitch] = one.pitch_sign * one.gain_deg_per_mm
-            gains[one.yaw] = one.yaw_sign * one.gain_deg_per_mm
+        for segment in self.segments:
+            gains[segment.pitch] = segment.pitch_sign * segment.gain_deg_per_mm
+            gains[segment.yaw] = segment.yaw_sign * segment.gain_deg_per_mm
         names = [axis.name for axis in self.axes]
         rows = zip(names, inverse(coupling_of(self.axes)), strict=True)
         return {
@@ -255,13 +255,15 @@ class Config(Section, frozen=True, kw_only=True):
                 limit=len(axes),
                 action="add [[axes]] to it",
             )
-        kept = [structs.replace(axis, coupling=axis.coupling[:count]) for axis in axes[:count]]
-        return structs.replace(self, axes=tuple(kept))
+        first_axes = [
+            structs.replace(axis, coupling=axis.coupling[:count]) for axis in axes[:count]
+        ]
+        return structs.replace(self, axes=tuple(first_axes))
 
     def _of(self, axis: AxisConfig) -> Config:
         changed: dict[str, dict[str, object]] = {}
-        for own, (section, key) in OF_THE_BENCH.items():
-            if (value := getattr(axis, own)) is not None:
+        for name, (section, key) in OF_THE_BENCH.items():
+            if (value := getattr(axis, name)) is not None:
                 changed.setdefault(section, {})[key] = value
         sections = {
             section: structs.replace(getattr(self, section), **values)

@@ -1,4 +1,4 @@
-"""A configuration as TOML text, and as the lists of the guide."""
+"""A configuration as TOML text."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from smad.config.describe import Key, sections
+from smad.config.describe import sections
 from smad.config.model import Config
 
 
@@ -37,31 +37,11 @@ def config_to_toml(config: Config) -> str:
     lines = []
     for section in sections():
         value: Any = attrgetter(section.name)(config)
-        for one in value if section.many else (value,):
+        for part in value if section.many else (value,):
             lines.append(section.heading)
-            told = ((key.name, getattr(one, key.name)) for key in section.keys)
-            lines += [_assignment(name, value) for name, value in told if value is not None]
+            values = ((key.name, getattr(part, key.name)) for key in section.keys)
+            lines += [_assignment(name, value) for name, value in values if value is not None]
     return "\n".join(lines) + "\n"
-
-
-def markdown_lists() -> str:
-    """The reference of the guide: a list for each section."""
-    return "\n".join(
-        f"### `{section.heading}`\n\n{section.purpose}\n\n"
-        + "".join(f"- `{_told(key)}`{_range(key)}: {key.description}\n" for key in section.keys)
-        for section in sections()
-    )
-
-
-def _range(key: Key) -> str:
-    """What is allowed, where the default does not show it."""
-    shown = key.default in (None, msgspec.NODEFAULT) or key.allowed not in ("true or false", "text")
-    return f" ({key.allowed})" if shown else ""
-
-
-def _told(key: Key) -> str:
-    missing = key.default in (None, msgspec.NODEFAULT)
-    return key.name if missing else _assignment(key.name, key.default)
 
 
 def _assignment(name: str, value: Any) -> str:

@@ -167,8 +167,8 @@ class Anticipation:
         band = CALL_BAND_M
         up = up_m > at_m - (band if self._called[0] else 0.0)
         down = down_m < at_m + (band if self._called[1] else 0.0)
-        own, other = (up, down) if self.direction > 0 else (down, up)
+        pulling, other = (up, down) if self.direction > 0 else (down, up)
         other_is_new = not self._called[1 if self.direction > 0 else 0]
-        if other and (other_is_new or not own):
+        if other and (other_is_new or not pulling):
             self.direction = -self.direction
         self._called = [up, down]

@@ -23,11 +23,11 @@ def require_playable(command: FollowInputs, current_limit_A: float) -> None:
     """Raise CommandError unless rows are whole, in order, and below the limit of the currents."""
     rows = len(command.t_s)
     for name in COLUMNS:
-        own = len(getattr(command, name))
-        if own != rows and (own or name in DRIVEN):
+        length = len(getattr(command, name))
+        if length != rows and (length or name in DRIVEN):
             raise CommandError(
                 f"{name} and t_s differ in length",
-                value=f"{own} and {rows}",
+                value=f"{length} and {rows}",
                 action="give one value for each time",
             )
     ends = (*command.t_s[1:], command.end_s)
@@ -41,9 +41,9 @@ def require_playable(command: FollowInputs, current_limit_A: float) -> None:
     for name in ("i_x_A", "i_y_A"):
         highest = max(getattr(command, name))
         if highest > current_limit_A:
-            at = getattr(command, name).index(highest)
+            row = getattr(command, name).index(highest)
             raise CommandError(
-                f"{name} is above the host's limit at {command.t_s[at]:g} s",
+                f"{name} is above the host's limit at {command.t_s[row]:g} s",
                 value=highest,
                 limit=f"up to {current_limit_A:g} A (control.current_limit_A)",
                 action="repeat another run, or raise the limit in the configuration",

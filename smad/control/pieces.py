@@ -44,7 +44,7 @@ def first_pieces(
     begin, later = {}, {}
     for axis, given in group.items():
         whole = given if isinstance(given, Sequence) else (given,)
-        pieces = [p for one in whole for p in in_pieces(one, POINTS_A_PIECE // len(group))]
+        pieces = [p for command in whole for p in in_pieces(command, POINTS_A_PIECE // len(group))]
         # The pieces of one trajectory are too many for one message; those of others are short.
         cut = len(pieces) if len(pieces) == len(whole) else 1
         begin[axis] = tuple(pieces[:cut])

@@ -33,15 +33,15 @@ class Segment:
 
 def segments(t_s: Array, reference_mm: Array, shortest_s: float = 5.0) -> list[Segment]:
     """Return where the reference stood still for at least `shortest_s`, in order."""
-    found = []
+    spans = []
     edges = np.flatnonzero(np.diff(reference_mm) != 0.0) + 1
     bounds = [0, *edges.tolist(), len(t_s)]
     for begin, end in itertools.pairwise(bounds):
         if np.isfinite(reference_mm[begin]) and t_s[end - 1] - t_s[begin] >= shortest_s:
-            found.append(
+            spans.append(
                 Segment(float(t_s[begin]), float(t_s[end - 1]), float(reference_mm[begin]))
             )
-    return found
+    return spans
 
 
 def column(run: Run, name: str) -> Array:
@@ -77,12 +77,12 @@ def table(run: Run, paced: Status, real: Status | str) -> Rows:
     columns = run.columns
     degrees = max(peak(columns["rtd_x_degC"]), peak(columns["rtd_y_degC"]))
     amperes = max(peak(columns["i_meas_x_A"]), peak(columns["i_meas_y_A"]))
-    counts = [one.counts for one in (paced, real) if not isinstance(one, str)]
+    counts = [status.counts for status in (paced, real) if not isinstance(status, str)]
     missed, samples = sum(c.missed for c in counts), sum(c.samples for c in counts)
     if isinstance(real, str):
-        age = own = f"not measured: {real}"
+        age = own_share = f"not measured: {real}"
     else:
-        age, own = _spread(real.timing.setpoint_age), _spread(real.timing.own_share)
+        age, own_share = _spread(real.timing.setpoint_age), _spread(real.timing.own_share)
     return [
         (
             f"tracking R², {AMPLITUDE_MM:g} mm sinusoid of {PERIOD_S:g} s",
@@ -95,7 +95,7 @@ def table(run: Run, paced: Status, real: Status | str) -> Rows:
         ("peak temperature of a spring", f"{degrees:.1f} °C"),
         ("peak current, measured", f"{amperes:.2f} A"),
         ("setpoint age at the board: p50, p99, p99.9", age),
-        ("the daemon's share: p50, p99, p99.9", own),
+        ("the daemon's share: p50, p99, p99.9", own_share),
         ("missed samples", f"{missed} of {samples}"),
     ]
 

@@ -180,7 +180,7 @@ def _table(plant: PlacesPlant, asked: Question, rivals: Sequence[Rival]) -> list
     Those that are equally likely, as far as it is shown, by what they leave.
     """
     described = Describer(plant)
-    kept = [r for k, r in enumerate(rivals) if k < _ROWS or r.kind not in (EFFECT, LAW)]
+    shown = [r for k, r in enumerate(rivals) if k < _ROWS or r.kind not in (EFFECT, LAW)]
     counts = asked.judged.counts.sum(axis=0)
     titles = {e.name: e.title for e in asked.effects}
     return [
@@ -193,7 +193,7 @@ def _table(plant: PlacesPlant, asked: Question, rivals: Sequence[Rival]) -> list
                 for i, c in enumerate(plant.channels) if counts[i] > 0
             },
         )
-        for r in sorted(kept, key=lambda r: (-round(r.probability, 2), asked.gap(r)))
+        for r in sorted(shown, key=lambda r: (-round(r.probability, 2), asked.gap(r)))
     ]  # fmt: skip
 
 
@@ -289,8 +289,8 @@ def place_probabilities(parts: Sequence[tuple[Placed, float]]) -> dict[str, floa
     total = max(sum(p for _, p in parts), 1e-300)
     places: dict[str, float] = {}
     for rival, p in parts:
-        at = _place_of(rival, laws)
-        places[at] = places.get(at, 0.0) + p / total
+        place = _place_of(rival, laws)
+        places[place] = places.get(place, 0.0) + p / total
     return dict(sorted(places.items(), key=lambda item: -item[1]))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import msgspec
@@ -22,6 +22,7 @@ from smad.diagnosis.plant import Effect, PlantModel
 from smad.diagnosis.questions import Inquiry, changed, differs
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import CHANGED, DIFFERS, REFUSED, RunRecord, Verdict
+from smad.progress import Say, silent
 from smad.version import VERSION
 
 
@@ -34,7 +35,7 @@ def diagnose(
     hold_out: Sequence[GapRun] = (),
     candidates: Sequence[str] | None = None,
     constants: Constants | None = None,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Say = silent,
 ) -> Answer:
     """What the model lacks beside the runs: rivals refitted by replay, compared by what they leave.
 
@@ -97,8 +98,8 @@ def library(plant: PlantModel, candidates: Sequence[str] | None) -> list[Effect]
 
 
 def _judged_on(inquiry: Inquiry) -> str:
-    if held := len(inquiry.held_out):
-        return f"{held} run{'s'[: held > 1]} held out"
+    if count := len(inquiry.held_out):
+        return f"{count} run{'s'[: count > 1]} held out"
     if len(inquiry.fit) == 1:
         return "stretches of the one run, each by a model of the others"
     return f"{len(inquiry.fit)} runs, each by a model of the others"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -12,6 +12,7 @@ from smad.diagnosis.answer import Answer
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.plant import Array, Experiment, Experimenter
 from smad.diagnosis.rivals.describe import Describer
+from smad.progress import Say, silent
 
 
 @dataclass(frozen=True)
@@ -22,9 +23,7 @@ class Offer:
     separation: float
 
 
-def offers(
-    answer: Answer, progress: Callable[[str], None] = lambda text: None
-) -> tuple[list[str], list[Offer]]:
+def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offer]]:
     """The rivals that are confused, in words, and experiments, the one that parts them most first.
 
     d² is the squared difference of two rivals' predictions in standard deviations of a row, what

@@ -9,7 +9,7 @@ still gets wrong everywhere is not new.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,8 +27,8 @@ from smad.diagnosis.rivals.rival import Question
 from smad.diagnosis.rivals.score import Temper
 from smad.diagnosis.rivals.search import Searched, searched
 from smad.diagnosis.runs import GapRun
+from smad.progress import Say
 
-Say = Callable[[str], None]
 _MOST_CAUSES = 3
 _MOST_OF_GOOD = 2
 """What the simulator lacks on the good runs is a floor for the rest: two causes take most of it."""
@@ -137,10 +137,10 @@ def changed(inquiry: Inquiry) -> Searched:
 
 
 def _searched(question: Question, *, most: int = _MOST_CAUSES, exchange: bool = True) -> Searched:
-    found = searched(question, most=most, exchange=exchange)
-    if found is None:
+    search = searched(question, most=most, exchange=exchange)
+    if search is None:
         raise cannot_replay(question)
-    return found
+    return search
 
 
 def cannot_replay(question: Question) -> GapError:

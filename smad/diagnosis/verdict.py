@@ -1,4 +1,7 @@
-"""What a diagnosis says, as records that go to JSON as they are."""
+"""What a diagnosis says, as records that go to JSON as they are.
+
+Everything that a report, a command or a file says of a diagnosis must be a field of `Verdict`.
+"""
 
 from __future__ import annotations
 

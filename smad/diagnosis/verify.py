@@ -36,10 +36,10 @@ def verified(plant: PlantModel, runs: Sequence[GapRun], model: ModelPoint) -> li
     placed = with_places(plant)
     evidence = recorded_evidence(
         placed, admission.admitted, floors, period_s, nominal_point(placed)
-    )  # fmt: skip
+    )
     question = question_of(
         free_model(placed, nominal_point(placed)), evidence, (), shipped(), lambda text: None
-    )  # fmt: skip
+    )
     before, after = (question.of_point(x) for x in (nominal_point(placed), model))
     if before is None or after is None:
         raise cannot_replay(question)

@@ -140,10 +140,10 @@ def on_bench(
     Raises ActionRefused, PolicyFailed, and what the client raises.
     """
     if client is None:
-        with Client() as own:
+        with Client() as made_client:
             return on_bench(
                 policy,
-                client=own,
+                client=made_client,
                 action=action,
                 reference=reference,
                 duration_s=duration_s,

@@ -143,9 +143,9 @@ class Episodes:
         shown[:, 6:8] = rows[:, 0:2]
         shown[:, 8:10] = rows[:, 2:4]
         self._seen[which, : shown.shape[1]] = np.rint(shown / signals.STEPS) * signals.STEPS
-        at = self.at[which]
-        self._seen[which, -2] = self._references[which, at]
-        self._seen[which, -1] = self._references[which, at + self._ahead]
+        moment = self.at[which]
+        self._seen[which, -2] = self._references[which, moment]
+        self._seen[which, -1] = self._references[which, moment + self._ahead]
 
     def step(self, actions: Any, held: Flags | None = None) -> Stepped:
         """Apply actions (size, …) for one sample. Plants that are `held` stay as they are: their
@@ -173,9 +173,9 @@ class Episodes:
 
     def _advance_only(self, going: Flags) -> None:
         """Advance the plants that go on; the others are put back as they were."""
-        kept = self.plants.kept(~going)
+        finished_plants = self.plants.kept(~going)
         self.plants.advance(self._dt_s)
-        self.plants.restore(~going, kept)
+        self.plants.restore(~going, finished_plants)
 
     def _faults(self, which: Flags) -> npt.NDArray[np.int64]:
         t_cC = np.rint(self._seen[:, 2:4] * 100.0).astype(np.int64)

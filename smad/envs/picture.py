@@ -24,10 +24,10 @@ def picture(seen: npt.NDArray[np.float32]) -> Picture:
     image[20:-20, :_WALL] = _INK
     image[20:-20, -_WALL:] = _INK
     # X pulls the block to the left where it contracts: displacement is positive then.
-    at = _column(float(seen[_AT["displacement_mm"]]))
-    _spring(image, _WALL, at - 10, float(seen[_AT["rtd_x_degC"]]))
-    _spring(image, at + 10, WIDTH - _WALL, float(seen[_AT["rtd_y_degC"]]))
-    image[56:104, max(at - 10, 0) : at + 10] = _INK
+    column = _column(float(seen[_AT["displacement_mm"]]))
+    _spring(image, _WALL, column - 10, float(seen[_AT["rtd_x_degC"]]))
+    _spring(image, column + 10, WIDTH - _WALL, float(seen[_AT["rtd_y_degC"]]))
+    image[56:104, max(column - 10, 0) : column + 10] = _INK
     wanted = _column(float(seen[_AT["reference_mm"]]))
     image[112:140, max(wanted - 2, 0) : wanted + 2] = _WANTED
     return image

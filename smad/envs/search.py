@@ -50,7 +50,7 @@ def act(weights: Array, seen: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.f
     seen = np.asarray(seen, dtype=np.float64)
     error = seen[..., _NOW] - seen[..., _U]
     rise = seen[..., _AHEAD] - seen[..., _NOW]
-    warm_x, warm_y = ((seen[..., at] - seen[..., _INLET]) / _WARM_K for at in (_X, _Y))
+    warm_x, warm_y = ((seen[..., reading] - seen[..., _INLET]) / _WARM_K for reading in (_X, _Y))
     demand = w[0] * error + w[1] * rise + w[2] * seen[..., _NOW] + w[3] * (warm_y - warm_x)
     duty_x = w[4] - w[5] * demand + w[6] * warm_x
     duty_y = w[4] + w[5] * demand + w[6] * warm_y
@@ -59,11 +59,6 @@ def act(weights: Array, seen: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.f
     out[..., 1] = np.clip(duty_x, 0.0, 1.0)
     out[..., 2] = np.clip(duty_y, 0.0, 1.0)
     return out
-
-
-def policy_of(weights: Array) -> Callable[[npt.NDArray[np.float32]], npt.NDArray[np.float32]]:
-    """The policy of some weights, as `on_bench` takes it."""
-    return lambda seen: act(weights, seen)
 
 
 def returns(env: Vector, weights: Array, seeds: npt.ArrayLike) -> Array:

@@ -25,7 +25,7 @@ DUTY_STEPS = 255
 
 
 @dataclass(frozen=True)
-class Seen:
+class Observed:
     """One number of an observation: name as in a run log, range, and what one step of it is."""
 
     name: str
@@ -34,18 +34,18 @@ class Seen:
     step: float
 
 
-def _rtd(name: str) -> Seen:
-    return Seen(f"rtd_{name}_degC", RTD_RAIL_LOW_cC * 0.01, RTD_RAIL_HIGH_cC * 0.01, 0.01)
+def _rtd(name: str) -> Observed:
+    return Observed(f"rtd_{name}_degC", RTD_RAIL_LOW_cC * 0.01, RTD_RAIL_HIGH_cC * 0.01, 0.01)
 
 
-OBSERVATION: tuple[Seen, ...] = (
-    Seen("displacement_mm", -_TRAVEL_mm, _TRAVEL_mm, 1e-3),
-    Seen("force_N", -_FORCE_N, _FORCE_N, 1e-3),
+OBSERVATION: tuple[Observed, ...] = (
+    Observed("displacement_mm", -_TRAVEL_mm, _TRAVEL_mm, 1e-3),
+    Observed("force_N", -_FORCE_N, _FORCE_N, 1e-3),
     *(_rtd(name) for name in ("x", "y", "inlet", "ambient")),
-    *(Seen(f"i_meas_{s}_A", -I16_MOST * 1e-3, I16_MOST * 1e-3, 1e-3) for s in "xy"),
-    *(Seen(f"v_{s}_V", -I16_MOST * 1e-3, U16_MOST * 1e-3, 1e-3) for s in "xy"),
-    Seen("reference_mm", -_TRAVEL_mm, _TRAVEL_mm, 0.0),
-    Seen("reference_ahead_mm", -_TRAVEL_mm, _TRAVEL_mm, 0.0),
+    *(Observed(f"i_meas_{s}_A", -I16_MOST * 1e-3, I16_MOST * 1e-3, 1e-3) for s in "xy"),
+    *(Observed(f"v_{s}_V", -I16_MOST * 1e-3, U16_MOST * 1e-3, 1e-3) for s in "xy"),
+    Observed("reference_mm", -_TRAVEL_mm, _TRAVEL_mm, 0.0),
+    Observed("reference_ahead_mm", -_TRAVEL_mm, _TRAVEL_mm, 0.0),
 )
 NAMES = tuple(seen.name for seen in OBSERVATION)
 MEASURED = tuple(seen.name for seen in OBSERVATION if seen.step > 0.0)

@@ -65,7 +65,7 @@ class SpringPairVectorEnv(VectorEnv[Any, Any, Any]):
         """Begin all episodes. seed: one each, or that of the first, the others counting up."""
         seeds = self._seeds(seed)
         if not self._generators or seed is not None:
-            self._generators = [seeding.np_random(one)[0] for one in seeds]
+            self._generators = [seeding.np_random(number)[0] for number in seeds]
         for i, rng in enumerate(self._generators):
             self._episodes.begin(i, rng, options)
         self._over[:] = False

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor, as_completed
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from sim_device.plant.errors import PlantError
 from sim_device.plant.models import Model
 from sim_device.plant.parameters import ParameterSet
-from smad.config import Config
+from smad.config import Config, ControlConfig
 from smad.experiments.base import Experiment, Findings
 from smad.experiments.driver import Driver
 from smad.experiments.errors import ExperimentError
 from smad.experiments.estimate import Estimate, with_estimates
+from smad.experiments.inverse import feedforward_of
 from smad.experiments.recording import Recording
 from smad.experiments.virtual import VirtualDriver
-from smad.progress import Say
+from smad.progress import Say, silent
 from smad.report.panels import Panels
 from smad.report.planes import planes_of
 from smad.report.runs import PENS
@@ -70,7 +73,7 @@ def run_campaign(
     bench: CampaignBench,
     model: ParameterSet,
     executor: Executor | None = None,
-    progress: Say = lambda text: None,
+    progress: Say = silent,
 ) -> CampaignResult:
     """Run the experiments on the simulated bench and analyse them against `model`.
 
@@ -87,11 +90,31 @@ def run_campaign(
     return conclude_all(experiments, outcomes, model)
 
 
+def usual_config(model: Model) -> Config:
+    """The usual configuration with the inverse of the very model that is simulated."""
+    return Config(
+        control=ControlConfig(feedforward=feedforward_of(model.parameters, model.variant))
+    )
+
+
+def run_here(
+    experiments: Sequence[Experiment[Any]], bench: CampaignBench, jobs: int | None, progress: Say
+) -> CampaignResult:
+    """As `run_campaign`, with `jobs` processes of this computer; None: one a core."""
+    model = bench.model.parameters
+    trials = sum(len(experiment.trials()) for experiment in experiments)
+    processes = min(jobs or os.cpu_count() or 1, trials)
+    if processes == 1:
+        return run_campaign(experiments, bench, model, progress=progress)
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        return run_campaign(experiments, bench, model, pool, progress)
+
+
 def run_on(
     experiments: Sequence[Experiment[Any]],
     driver: Driver,
     model: ParameterSet,
-    progress: Say = lambda text: None,
+    progress: Say = silent,
 ) -> CampaignResult:
     """The same, one after the other on one driver, such as a real bench."""
     for experiment in experiments:
@@ -141,8 +164,8 @@ def conclude_all(
 def _loops(outcomes: Mapping[str, Any]) -> Panels | None:
     """The recordings among the outcomes, each from its own beginning; None where nothing moves."""
     runs = [
-        (trial.rpartition("/")[2], f"run-{at % PENS + 1}", run.t_s - run.t_s[0], run.columns)
-        for at, (trial, run) in enumerate(outcomes.items())
+        (trial.rpartition("/")[2], f"run-{number % PENS + 1}", run.t_s - run.t_s[0], run.columns)
+        for number, (trial, run) in enumerate(outcomes.items())
         if isinstance(run, Recording)
     ]
     planes = planes_of(runs)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from smad.errors import RunLogError
+from smad.progress import Say
 from smad.report.page import Page, Section, Table, Text
 from smad.report.panels import Panel, Panels, Trace
 from smad.report.planes import Curve, Plane, Quantity
@@ -73,9 +74,7 @@ class Tracking:
         return float(np.max(self.error_deg))
 
 
-def draw(
-    bench: Client, robot: Robot, circles: Circles, progress: Callable[[str], None]
-) -> tuple[Path, Percentiles]:
+def draw(bench: Client, robot: Robot, circles: Circles, progress: Say) -> tuple[Path, Percentiles]:
     """Carry it out on a bench that is not armed; return the run log and the skew of the begins.
 
     Arms, and disarms at the end. Raises what the client raises.
@@ -125,9 +124,9 @@ def trackings(runs: Mapping[str, Run], robot: Robot) -> Iterator[Tracking]:
         inside = (came_s >= begin.host_time_s) & (came_s < end.host_time_s)
         drawn = {TOGETHER: tuple(robot.segments), _WARM: ()}.get(phase, (phase,))
         for segment in drawn:
-            one = robot.segments[segment]
+            joints = robot.segments[segment]
             wanted, actual = wanted_deg[segment], actual_deg[segment]
-            followed = np.isfinite(wanted_mm[one.pitch] + wanted_mm[one.yaw])
+            followed = np.isfinite(wanted_mm[joints.pitch] + wanted_mm[joints.yaw])
             known = inside & followed & np.isfinite(actual[0] + actual[1])
             if known.any():
                 yield Tracking(
@@ -139,7 +138,7 @@ def trackings(runs: Mapping[str, Run], robot: Robot) -> Iterator[Tracking]:
                 )
 
 
-def table(found: list[Tracking]) -> Table:
+def table(circles: list[Tracking]) -> Table:
     """Return the errors as a table: a row for each circle."""
     return Table(
         ("segment", "drawn", "error RMS °", "largest °", "samples"),
@@ -151,7 +150,7 @@ def table(found: list[Tracking]) -> Table:
                 f"{t.most_deg:.2f}",
                 str(len(t.t_s)),
             )
-            for t in found
+            for t in circles
         ],
         "Distance of the tip from its circle, in the plane of pitch and yaw",
         frozenset({2, 3, 4}),
@@ -160,17 +159,17 @@ def table(found: list[Tracking]) -> Table:
 
 def page_of(log: Path, robot: Robot, skew: Percentiles | None = None) -> Page:
     """Return the page of a log. Raises RunLogError as `trackings` does."""
-    found = list(trackings(read_axes(log), robot))
+    circles = list(trackings(read_axes(log), robot))
     begins = (
         "The log has how far apart the boards began each circle (events)."
         if skew is None
         else f"The boards began {skew.count} circles, each within {skew.max_us / 1000:.2f} ms on "
         "the computer's clock."
     )
-    sections = [Section("Tracking", [table(found), Text(begins)])]
-    for one in found:
-        name = f"{one.segment}, {'together' if one.phase == TOGETHER else 'alone'}"
-        sections.append(Section(name, [Panels(_panels(one), planes=[_plane(one)])]))
+    sections = [Section("Tracking", [table(circles), Text(begins)])]
+    for tracking in circles:
+        name = f"{tracking.segment}, {'together' if tracking.phase == TOGETHER else 'alone'}"
+        sections.append(Section(name, [Panels(_panels(tracking), planes=[_plane(tracking)])]))
     return Page(
         "Six axes: circles of the segments",
         sections,
@@ -179,21 +178,28 @@ def page_of(log: Path, robot: Robot, skew: Percentiles | None = None) -> Page:
     )
 
 
-def _plane(one: Tracking) -> Plane:
+def _plane(tracking: Tracking) -> Plane:
     """The way of the tip, as one looks at it from the front."""
-    (p, y), (a, b) = one.wanted_deg, one.actual_deg
+    (p, y), (a, b) = tracking.wanted_deg, tracking.actual_deg
     across, up = (Quantity(name, "°", 1, 0.1) for name in ("yaw", "pitch"))
-    wanted = Curve(label="reference", x=y, y=p, pen="reference", t=one.t_s, dash=(6, 4))
-    actual = Curve(label="measured", x=b, y=a, pen="main", t=one.t_s)
+    wanted = Curve(label="reference", x=y, y=p, pen="reference", t=tracking.t_s, dash=(6, 4))
+    actual = Curve(label="measured", x=b, y=a, pen="main", t=tracking.t_s)
     return Plane("Tip", across, up, [wanted, actual])
 
 
-def _panels(one: Tracking) -> list[Panel]:
+def _panels(tracking: Tracking) -> list[Panel]:
     panels = []
     for k, joint in enumerate(("Pitch", "Yaw")):
-        wanted = Trace("reference", one.t_s, one.wanted_deg[k], "reference", dash=(6, 4))
+        wanted = Trace("reference", tracking.t_s, tracking.wanted_deg[k], "reference", dash=(6, 4))
         panels.append(
-            Panel(joint, "°", 1, [wanted, Trace("measured", one.t_s, one.actual_deg[k], "main")])
+            Panel(
+                joint,
+                "°",
+                1,
+                [wanted, Trace("measured", tracking.t_s, tracking.actual_deg[k], "main")],
+            )
         )
-    panels.append(Panel("Error", "°", 2, [Trace("distance", one.t_s, one.error_deg, "main")]))
+    panels.append(
+        Panel("Error", "°", 2, [Trace("distance", tracking.t_s, tracking.error_deg, "main")])
+    )
     return panels

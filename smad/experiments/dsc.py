@@ -243,15 +243,15 @@ def estimates_of(data: DscData, above_K: float, seed: int) -> list[Estimate]:
     smooth = _in_time(data.heat_flow_W, 5)
     noise = data.heat_flow_W - smooth
     rng = np.random.default_rng(seed)
-    found = []
+    estimates = []
     for _ in range(REPEATS):
         starts = rng.integers(0, noise.size - 50, size=noise.size // 50 + 1)
         drawn = np.concatenate([noise[s : s + 50] for s in starts])[: noise.size]
         window_K = WINDOW_K * rng.uniform(0.6, 1.6)
         start_K = above_K + rng.uniform(-10.0, 10.0)
-        found.append(_numbers(data.with_flow(smooth + drawn), start_K, window_K))
+        estimates.append(_numbers(data.with_flow(smooth + drawn), start_K, window_K))
     value = np.array(_numbers(data, above_K, WINDOW_K))
-    spread = np.percentile(np.array(found), [2.5, 97.5], axis=0)
+    spread = np.percentile(np.array(estimates), [2.5, 97.5], axis=0)
     low, high = np.minimum(spread[0], value), np.maximum(spread[1], value)
     return [
         Estimate(name, float(v), float(lo), float(hi), "dsc", tolerance)

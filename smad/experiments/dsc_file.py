@@ -114,20 +114,6 @@ def _numbers(row: list[str], width: int, path: Path, line: int) -> list[float]:
     return values
 
 
-def dsc_text(data: DscData) -> str:
-    """The data as a file that `read_dsc` reads."""
-    lines = [
-        f"# mass_mg = {data.mass_kg * 1e6:g}",
-        f"# rate_K_per_min = {data.rate_K_per_s * 60.0:g}",
-        ",".join((*COLUMNS, *(["baseline_mW"] if data.baseline_W is not None else []))),
-    ]
-    columns = [data.t_s, data.temperature_K - ZERO_C, data.heat_flow_W * 1e3]
-    if data.baseline_W is not None:
-        columns.append(data.baseline_W * 1e3)
-    lines += [",".join(f"{value:.5f}" for value in row) for row in np.array(columns).T]
-    return "\n".join(lines) + "\n"
-
-
 def synthetic_dsc(
     parameters: ParameterSet,
     *,

@@ -95,14 +95,14 @@ def with_estimates(
     by_name: Mapping[str, Estimate] = {estimate.name: estimate for estimate in estimates}
 
     def entry(old: Entry) -> Entry:
-        found = by_name.get(old.name)
-        if found is None:
+        estimate = by_name.get(old.name)
+        if estimate is None:
             return old
         return dataclasses.replace(
             old,
             status="derived",
-            source=f"{found.source}; 95 % interval "
-            f"{old.shown(found.low)} to {old.shown(found.high)}",
+            source=f"{estimate.source}; 95 % interval "
+            f"{old.shown(estimate.low)} to {old.shown(estimate.high)}",
         )
 
     return ParameterSet(title, tuple(entry(old) for old in checked.entries))

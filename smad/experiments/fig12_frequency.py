@@ -111,11 +111,11 @@ class Fig12Frequency(SineExperiment[FrequencyOptions]):
         )
 
     def conclude(self, outcomes: Mapping[str, Any], model: ParameterSet) -> Findings:
-        found: dict[str, list[Largest]] = {
+        largest_of: dict[str, list[Largest]] = {
             control: [outcomes[f"{self.name}/{control}/{a}"] for a in AMPLITUDES_MM]
             for control in self.controls()
         }
-        water = [largest.frequency_Hz for largest in found["water"]]
+        water = [largest.frequency_Hz for largest in largest_of["water"]]
         first = self.options.count_first
         comparisons = [
             Comparison(
@@ -126,25 +126,25 @@ class Fig12Frequency(SineExperiment[FrequencyOptions]):
                 "stroke",
             )
         ]
-        if "air" in found:
+        if "air" in largest_of:
             comparisons.append(
                 Comparison(
                     "Fig. 12: the same in air",
                     "not given",
-                    _shown([largest.frequency_Hz for largest in found["air"]]),
+                    _shown([largest.frequency_Hz for largest in largest_of["air"]]),
                     f"over {self.options.air_cycles} cycles, since air fails late",
                 )
             )
         comparisons += [
-            _beyond(control, found[control], water)
+            _beyond(control, largest_of[control], water)
             for control in ("feedforward", "drain", "both")
-            if control in found
+            if control in largest_of
         ]
         return Findings(
             comparisons,
             (
-                _figure(found, _CAPTION.format("with" if first else "after")),
-                _table(found),
+                _figure(largest_of, _CAPTION.format("with" if first else "after")),
+                _table(largest_of),
                 Text(
                     "Contradiction in the paper: 12 mm is beyond the full stroke of ±10 mm that it "
                     "states. A sinusoid of 12 mm whose peaks are cut at 10 mm still scores R² = "
@@ -217,25 +217,25 @@ def _shown(frequencies: list[float]) -> str:
     return " ".join(f"{frequency:.3f}" for frequency in frequencies) + " Hz"
 
 
-def _beyond(control: str, found: list[Largest], water: list[float]) -> Comparison:
+def _beyond(control: str, air: list[Largest], water: list[float]) -> Comparison:
     gains = [
         largest.frequency_Hz / plain if plain else math.inf
-        for largest, plain in zip(found, water, strict=True)
+        for largest, plain in zip(air, water, strict=True)
     ]
-    hottest = max((largest.score.peak_degC for largest in found if largest.score), default=math.nan)
-    most_A = max((largest.score.peak_A for largest in found if largest.score), default=math.nan)
+    hottest = max((largest.score.peak_degC for largest in air if largest.score), default=math.nan)
+    most_A = max((largest.score.peak_A for largest in air if largest.score), default=math.nan)
     return Comparison(
         f"Beyond: the same, {CONTROLS[control].name}",
         "future work" if control != "feedforward" else "–",
-        _shown([largest.frequency_Hz for largest in found]),
+        _shown([largest.frequency_Hz for largest in air]),
         f"{' '.join(f'{gain:.2f}' for gain in gains)} times plain PI; "
         f"at most {hottest:.1f} °C, {most_A:.2f} A",
     )
 
 
-def _table(found: Mapping[str, list[Largest]]) -> Table:
+def _table(largest_of: Mapping[str, list[Largest]]) -> Table:
     rows = []
-    for control, results in found.items():
+    for control, results in largest_of.items():
         for amplitude, largest in zip(AMPLITUDES_MM, results, strict=True):
             score = largest.score
             rows.append(
@@ -253,10 +253,10 @@ def _table(found: Mapping[str, list[Largest]]) -> Table:
     return Table(header, rows, numeric=frozenset(range(1, 7)))
 
 
-def _figure(found: Mapping[str, list[Largest]], caption: str) -> Picture:
-    pens = {control: f"run-{at}" for at, control in enumerate(CONTROLS, 1)}
+def _figure(largest_of: Mapping[str, list[Largest]], caption: str) -> Picture:
+    pens = {control: f"run-{number}" for number, control in enumerate(CONTROLS, 1)}
     figure, (axes,) = new_figure(height_in=3.4)
-    for control, results in found.items():
+    for control, results in largest_of.items():
         axes.plot(
             AMPLITUDES_MM,
             [largest.frequency_Hz for largest in results],

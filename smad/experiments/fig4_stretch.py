@@ -156,8 +156,8 @@ def martensite(curve: Curve, model: ParameterSet) -> list[Estimate]:
 
     def fit(chosen: NDArray[np.intp]) -> Sequence[float]:
         order = np.sort(chosen)
-        found, _ = curve_fit(_martensite_force, delta[order], force[order], p0=start, maxfev=4000)
-        k_m, f_s, f_f, delta_l = found
+        fitted, _ = curve_fit(_martensite_force, delta[order], force[order], p0=start, maxfev=4000)
+        k_m, f_s, f_f, delta_l = fitted
         return k_m * c1 / c2, f_s * c1, f_f * c1, delta_l
 
     value, low, high = bootstrap(fit, delta.size, seed=4, repeats=100)

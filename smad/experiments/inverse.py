@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sim_device.plant.parameters import ParameterSet
-from smad.config import FeedforwardConfig
+from smad.config import Config, ControlConfig, FeedforwardConfig, config_to_toml
 
 ZERO_C = 273.15
 WIRE_K = 313.0
@@ -47,6 +47,14 @@ def feedforward_of(parameters: ParameterSet, variant: str = "extended") -> Feedf
         drain_time_s=_rounded(parameters["drain_time"]),
         drain_ratio=_rounded(parameters["drain_film"]),
     )
+
+
+def feedforward_section(parameters: ParameterSet, variant: str) -> str:
+    """The same as TOML."""
+    control = ControlConfig(feedforward=feedforward_of(parameters, variant))
+    head = "[control.feedforward]"
+    text = config_to_toml(Config(control=control))
+    return head + text.partition(head)[2].partition("\n[")[0] + "\n"
 
 
 def _rounded(value: float) -> float:

@@ -53,9 +53,9 @@ def require_packages(extra: str) -> None:
     """Raise MissingPartError when a package of the extra is not installed."""
     for package in BROUGHT_BY[extra]:
         if importlib.util.find_spec(package) is None:
-            told = missing(ModuleNotFoundError(name=package), extra=extra)
-            assert told is not None
-            raise told
+            error = missing(ModuleNotFoundError(name=package), extra=extra)
+            assert error is not None
+            raise error
 
 
 def require_logs(folder: Path, room_bytes: float) -> None:

@@ -52,7 +52,7 @@ class Recording:
             )
         return Recording(
             {name: np.asarray(column)[inside] for name, column in self.columns.items()},
-            {name: at for name, at in self.marks.items() if begin_s <= at <= end_s},
+            {name: mark_s for name, mark_s in self.marks.items() if begin_s <= mark_s <= end_s},
         )
 
     def _mark(self, name: str) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.enums import BoardState
-from smad.config import Config
+from smad.config import Config, bench_in
 from smad.control.commands import FollowInputs
 from smad.control.inputs import LONGEST_QUEUE_ROWS, require_playable
 from smad.control.pieces import READINGS, rows_in_pieces
@@ -113,12 +113,12 @@ class Repeat:
 
     def require_bench(self, uid: str, bench: str) -> None:
         """Raise RepeatError when the run is of another board or another bench."""
-        for mine, own in ((self.uid, uid), (self.bench, bench)):
-            if mine != own:
+        for mine, wanted in ((self.uid, uid), (self.bench, bench)):
+            if mine != wanted:
                 raise RepeatError(
                     f"{self.name} was recorded on another bench",
                     value=mine or "a log that names none",
-                    limit=own,
+                    limit=wanted,
                     action="to play its inputs here all the same, add --other-bench",
                 )
 
@@ -170,7 +170,7 @@ def repeat_of(run: Run, source: str) -> Repeat:
         ),
         rate_hz=float(1.0 / np.median(steps)),
         uid=header.board.get("uid", ""),
-        bench=_bench(header.configuration),
+        bench=bench_in(header.configuration),
         start=start_of_columns(columns, rows.start),
         armed_s=float(zero[-1]),
         whole_s=run.duration_s,
@@ -207,16 +207,3 @@ def _inputs(column: Any, rows: slice, t_s: Column, name: str, channel: str) -> t
             action="repeat a run of which all inputs were recorded",
         )
     return tuple(round(float(v), _DECIMALS) for v in values)
-
-
-def _bench(configuration: str) -> str:
-    from smad.config import parse_config
-    from smad.errors import ConfigError
-
-    if not configuration:
-        return ""
-    try:
-        return parse_config(configuration).daemon.bench
-    except ConfigError:
-        # Written by another version: the board's number tells enough.
-        return ""

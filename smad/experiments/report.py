@@ -21,8 +21,8 @@ def comparison_table(result: CampaignResult) -> Table:
         ("fact", "paper", "here", "note"),
         [
             (row.fact, row.paper, row.here, _note(row))
-            for one in result.results
-            for row in one.findings.comparisons
+            for done in result.results
+            for row in done.findings.comparisons
         ],
     )
 
@@ -64,9 +64,9 @@ def campaign_records(result: CampaignResult, given: ParameterSet | None) -> dict
     """Both tables for a program: rows of texts, and estimates as numbers in SI."""
     return {
         "comparisons": [
-            {"experiment": one.experiment.name, **asdict(row)}
-            for one in result.results
-            for row in one.findings.comparisons
+            {"experiment": done.experiment.name, **asdict(row)}
+            for done in result.results
+            for row in done.findings.comparisons
         ],
         "estimates": [
             {
@@ -98,11 +98,11 @@ def campaign_page(
     ]
     sections += [
         Section(
-            one.experiment.title,
-            (*one.findings.blocks, *([one.loops] if one.loops else [])),
-            one.experiment.name,
+            done.experiment.title,
+            (*done.findings.blocks, *([done.loops] if done.loops else [])),
+            done.experiment.name,
         )
-        for one in result.results
+        for done in result.results
     ]
     sections.append(
         Section(

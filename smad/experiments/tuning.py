@@ -41,12 +41,16 @@ class Session:
             return ""
         now, new = self.trials
         if isinstance(now, Trial) and isinstance(new, Trial):
-            told = f"R² of the sinusoid is {new.r2:.4f} with the new gains, {now.r2:.4f} with yours"
-            return told if new.r2 < now.r2 else ""
+            comparison = (
+                f"R² of the sinusoid is {new.r2:.4f} with the new gains, {now.r2:.4f} with yours"
+            )
+            return comparison if new.r2 < now.r2 else ""
         assert isinstance(now, WarmTrial)
         assert isinstance(new, WarmTrial)
-        told = f"within 0.5 K after {new.settling_s:.1f} s, with yours after {now.settling_s:.1f} s"
-        return told if new.settling_s > now.settling_s else ""
+        comparison = (
+            f"within 0.5 K after {new.settling_s:.1f} s, with yours after {now.settling_s:.1f} s"
+        )
+        return comparison if new.settling_s > now.settling_s else ""
 
 
 def tune_displacement(driver: Driver, config: ControlConfig, *, trial: bool = True) -> Session:

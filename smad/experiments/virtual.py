@@ -35,10 +35,11 @@ class VirtualDriver:
     `seed` and the name of the plan decide the noise, so that runs differ and repeat. `lacking`
     takes parts away, as on a bench without them (ExperimentError for one that is not in `PARTS`).
     With `folder` each run is also written there as a run log. `cycles` are those that each spring
-    has behind it at the next run, and has after it.
+    has behind it at the next run, and has after it; `log` is where the last one was written.
     """
 
     cycles = (0.0, 0.0)
+    log: Path | None = None
 
     def __init__(
         self,
@@ -139,6 +140,7 @@ class VirtualDriver:
         assert self._folder is not None
         path = log_path(self._folder, plan)
         path.unlink(missing_ok=True)
+        self.log = path
         header = RunHeader(
             source="sim",
             name=log_name(plan),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,11 +18,13 @@ from smad.fmi.errors import FmiError
 from smad.fmi.map_file import ChannelRow, InputRow, Map, read_map
 from smad.fmi.plant import FmuPlant
 from smad.fmi.unit_file import open_unit
+from smad.progress import Say, silent
 from smad.records.channels import held
 from smad.records.column_names import unit_in
 from smad.records.tables import is_table, open_table
 from smad.records.units import UNITS, convert, spelt, units_for
 from smad.runlog.bounds import require_bounded
+from smad.runlog.paths import names_of
 from smad.runlog.reader import read_run, recorded
 from smad.simulators.rating import Rating, rate
 from smad.simulators.windows import choose_window
@@ -40,7 +42,7 @@ def diagnose_unit(
     good: Sequence[Path] = (),
     hold_out: Sequence[Path] = (),
     trusted: Sequence[str] = (),
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Say = silent,
 ) -> Answer:
     """Where a unit and the runs disagree; as `smad.diagnosis.diagnose`.
 
@@ -52,8 +54,7 @@ def diagnose_unit(
         progress("reading")
 
         def read(path: Path) -> GapRun:
-            known = {str(path), path.name, path.stem} & set(trusted)
-            return replace(read_mapped(path, mapped), trusted=bool(known))
+            return replace(read_mapped(path, mapped), trusted=bool(names_of(path) & set(trusted)))
 
         asked, known, held_out = ([read(p) for p in paths] for paths in (runs, good, hold_out))
         plant.window_s, why = 0.0, ""
@@ -178,17 +179,17 @@ def _columns(path: Path, mapped: Map) -> tuple[dict[str, Column], tuple[str, ...
         require_bounded(path)
         table = open_table(path, mapped.csv)
         has, notes = table.names, table.notes
-        found = dict(table.columns([n for n in dict.fromkeys(wanted) if n in has]))
+        columns = dict(table.columns([n for n in dict.fromkeys(wanted) if n in has]))
     else:
         run = read_run(path)
         notes = tuple(run.notes)
         logged = {n: c for n, c in run.columns.items() if recorded(c).any()}
         has = list(logged)
-        found = {n: np.where(recorded(c), c, np.nan) for n, c in logged.items() if n in wanted}
-    if mapped.time not in found:
+        columns = {n: np.where(recorded(c), c, np.nan) for n, c in logged.items() if n in wanted}
+    if mapped.time not in columns:
         raise FmiError(
             f"{path} has no time column {mapped.time!r}",
             limit=", ".join(has),
             action="name it in the map: time = …",
         )
-    return {n: np.asarray(column, dtype=np.float64) for n, column in found.items()}, notes
+    return {n: np.asarray(column, dtype=np.float64) for n, column in columns.items()}, notes

@@ -60,11 +60,11 @@ def _units(root: Element, variables: Sequence[Variable]) -> None:
 
 def _attributes(v: Variable) -> dict[str, str]:
     numbers = {"min": v.low, "max": v.high, "start": v.start}
-    told = {key: f"{number:.17g}" for key, number in numbers.items() if number is not None}
+    written = {key: f"{number:.17g}" for key, number in numbers.items() if number is not None}
     return (
         ({"unit": v.unit} if v.unit else {})
         | ({"relativeQuantity": "true"} if v.relative else {})
-        | told
+        | written
     )
 
 

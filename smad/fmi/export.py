@@ -24,7 +24,6 @@ from smad.fmi.kernel_c import kernel_source
 from smad.fmi.variables import variables
 
 MODEL = "model.toml"
-VERSIONS = (3, 2)
 _WRITTEN = Path(__file__).with_name("unit")
 # No operation is fused, so that a unit computes what the simulator does.
 _FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-shared", "-fPIC")

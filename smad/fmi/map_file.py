@@ -9,14 +9,13 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from smad.config.bounds import field_and_words, without_mark
+from smad.config.toml_file import read_toml
 from smad.fmi.errors import FmiError
 from smad.fmi.unit_file import UnitFile
 from smad.records.csv_table import CsvFormat
 
 _Number = Annotated[float, msgspec.Meta(ge=-1e15, le=1e15)]
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=1e15)]
-MOST_BYTES = 1_000_000
 
 
 class _Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -109,33 +108,19 @@ class Map(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 
 def read_map(path: Path) -> Map:
     """Read a map file. Raises FmiError for a file that cannot be read, and by the key's name."""
-    try:
-        with path.open("rb") as file:
-            text = file.read(MOST_BYTES + 1)
-    except OSError as error:
-        raise FmiError(f"cannot read {path}: {error.strerror}", action="check the path") from error
-    if len(text) > MOST_BYTES:
-        raise FmiError(f"{path} is longer than a map file can be", limit=f"{MOST_BYTES} bytes")
-    try:
-        found = msgspec.toml.decode(without_mark(text), type=Map)
-    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
-        where, why = field_and_words(str(error))
-        place = f", {where}" if where else ""
-        raise FmiError(
-            f"map file {path}{place}: {why}", action="docs/guide/fmi.md shows a map file"
-        ) from None
-    _check(path, found)
-    return found
+    mapped = read_toml(path, Map, "map file", FmiError, "docs/guide/fmi.md shows a map file")
+    _check(path, mapped)
+    return mapped
 
 
-def _check(path: Path, found: Map) -> None:
+def _check(path: Path, mapped: Map) -> None:
     for table in ("inputs", "channels", "parameters"):
-        if not getattr(found, table):
+        if not getattr(mapped, table):
             raise FmiError(f"map file {path} has no {table}", action=f"add [{table}.NAME]")
-    twins = sorted(set(found.inputs) & set(found.channels))
+    twins = sorted(set(mapped.inputs) & set(mapped.channels))
     if twins:
         raise FmiError(f"map file {path} has {twins[0]} as input and as channel", action="name one")
-    for table, rows in _tables(found).items():
+    for table, rows in _tables(mapped).items():
         for name, row in rows.items():
             if not row.low < row.high:
                 raise FmiError(
@@ -144,12 +129,12 @@ def _check(path: Path, found: Map) -> None:
                     limit="low < high",
                     action="correct it",
                 )
-    for name, term in found.terms.items():
-        if term.of and term.of not in {**found.inputs, **found.channels}:
+    for name, term in mapped.terms.items():
+        if term.of and term.of not in {**mapped.inputs, **mapped.channels}:
             raise FmiError(
                 f"map file {path}, terms.{name}.of is neither an input nor a channel of the map",
                 value=term.of,
-                limit=", ".join([*found.inputs, *found.channels]),
+                limit=", ".join([*mapped.inputs, *mapped.channels]),
                 action="correct it",
             )
         if term.power != 1.0 and term.shape != "power":
@@ -163,28 +148,28 @@ def _check(path: Path, found: Map) -> None:
                 action="correct it",
             )
 
-    for variable, start in found.start.items():
-        if isinstance(start, str) and start.removesuffix("_rate") not in found.channels:
+    for variable, start in mapped.start.items():
+        if isinstance(start, str) and start.removesuffix("_rate") not in mapped.channels:
             raise FmiError(
                 f"map file {path}, start.{variable} is no channel of the map",
                 value=start,
-                limit=", ".join([*found.channels, *(f"{c}_rate" for c in found.channels)]),
+                limit=", ".join([*mapped.channels, *(f"{c}_rate" for c in mapped.channels)]),
                 action="correct it, or give a number",
             )
-    if found.window_s and not any(isinstance(v, str) for v in found.start.values()):
+    if mapped.window_s and not any(isinstance(v, str) for v in mapped.start.values()):
         raise FmiError(
             f"map file {path} has windows that begin nowhere",
-            value=f"window_s = {found.window_s:g}",
+            value=f"window_s = {mapped.window_s:g}",
             action="give [start] the channels that the unit begins from",
         )
 
 
-def _tables(found: Map) -> dict[str, Mapping[str, Any]]:
+def _tables(mapped: Map) -> dict[str, Mapping[str, Any]]:
     return {
-        "inputs": found.inputs,
-        "channels": found.channels,
-        "parameters": found.parameters,
-        "terms": found.terms,
+        "inputs": mapped.inputs,
+        "channels": mapped.channels,
+        "parameters": mapped.parameters,
+        "terms": mapped.terms,
     }
 
 
@@ -196,16 +181,16 @@ _ROLES: Mapping[str, tuple[str, ...]] = {
 }
 
 
-def require_fit(found: Map, unit: UnitFile) -> None:
+def require_fit(mapped: Map, unit: UnitFile) -> None:
     """Check each variable of a map against a unit: there, a real one, of the role and the unit.
 
     Raises FmiError.
     """
-    for table, rows in _tables(found).items():
+    for table, rows in _tables(mapped).items():
         for name, row in rows.items():
             _require(unit, f"{table}.{name}", row.variable, _ROLES[table])
             _require_unit(unit, f"{table}.{name}", row)
-    for variable in found.start:
+    for variable in mapped.start:
         _require(unit, f"start.{variable}", variable, ("parameter", "input", "local", "output"))
 
 

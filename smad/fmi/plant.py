@@ -111,11 +111,11 @@ class FmuPlant:
         if not self._starts_anew:
             again = self._in_windows(values, run, rows, fed, windows)
             if not np.array_equal(course, again, equal_nan=True):
-                at = np.argwhere(course != again)[0]
+                place = np.argwhere(course != again)[0]
                 raise FmiError(
                     f"unit {self.name} does not start anew: the second replay of run {run.name} is "
-                    f"another one, in {list(self._map.channels)[at[0]]} from "
-                    f"{run.t_s[at[1]]:.6g} s on",
+                    f"another one, in {list(self._map.channels)[place[0]]} from "
+                    f"{run.t_s[place[1]]:.6g} s on",
                     value=f"a difference of up to {np.nanmax(np.abs(course - again)):.3g}",
                     limit="the same to the last bit",
                     action="make the unit set all of its state when it is initialised",
@@ -218,12 +218,12 @@ class FmuPlant:
 
 def effects_of(mapped: Map) -> list[Effect]:
     """Gain, zero and lag of each reading and drive, then the terms of the map."""
-    found: list[Effect] = []
+    effects: list[Effect] = []
     everything = tuple(mapped.channels)
     for name, channel in mapped.channels.items():
-        found += _errors("reading", name, channel, lag_s=mapped.lag_s, signals=(name,))
+        effects += _errors("reading", name, channel, lag_s=mapped.lag_s, signals=(name,))
     for name, driven in mapped.inputs.items():
-        found += _errors("drive", name, driven, lag_s=mapped.lag_s, signals=everything)
+        effects += _errors("drive", name, driven, lag_s=mapped.lag_s, signals=everything)
     for name, term in mapped.terms.items():
         size = EffectParameter(
             name="size", unit=term.unit, typical=term.typical, low=term.low, high=term.high
@@ -231,13 +231,13 @@ def effects_of(mapped: Map) -> list[Effect]:
         f = {"power": "", "sign": "tanh", "deadband": "deadband"}[term.shape]
         raised = f"^{term.power:g}" if term.shape == "power" else ""
         what = f"{f}(({term.of} − {term.zero:g})/{term.span:g}){raised}" if term.of else "1"
-        found.append(
+        effects.append(
             Effect(
                 name=name, title=term.title, parameters=(size,), signals=everything,
                 equation=f"{term.variable} += size · {what}",
             )
         )  # fmt: skip
-    return found
+    return effects
 
 
 def _errors(

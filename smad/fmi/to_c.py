@@ -232,9 +232,7 @@ class _Body:
                 given = [self._expression(bound)[0] for bound in bounds]
             case _:
                 raise self._fail(node)
-        start, stop, step = {
-            1: ("0", *given, "1"), 2: (*given, "1"), 3: tuple(given)
-        }[len(given)]  # fmt: skip
+        start, stop, step = {1: ("0", *given, "1"), 2: (*given, "1"), 3: tuple(given)}[len(given)]
         self._declare(name, LONG)
         count, end = self._temporary(), self._temporary()
         test = ">" if step.lstrip("(").startswith("-") else "<"
@@ -264,14 +262,14 @@ class _Body:
         if isinstance(value, ast.Tuple):
             for each in value.elts:
                 text, kind = self._expression(each)
-                held = self._temporary()
-                lines.append(f"{indent}    {kind.declared}{held} = {text};")
-                parts.append((held, kind))
+                temporary = self._temporary()
+                lines.append(f"{indent}    {kind.declared}{temporary} = {text};")
+                parts.append((temporary, kind))
         else:
             text, kind = self._expression(value)
-            held = self._temporary()
-            lines.append(f"{indent}    {kind.declared}{held} = {text};")
-            parts = [(f"{held}._{n}", part) for n, part in enumerate(kind.parts)]
+            temporary = self._temporary()
+            lines.append(f"{indent}    {kind.declared}{temporary} = {text};")
+            parts = [(f"{temporary}._{n}", part) for n, part in enumerate(kind.parts)]
         if len(parts) != len(targets):
             raise self._fail(value)
         for target, (text, kind) in zip(targets, parts, strict=True):

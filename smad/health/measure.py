@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from smad.config import parse_config
-from smad.errors import ConfigError, RunLogError
+from smad.config import bench_in
+from smad.errors import RunLogError
 from smad.health.record import Row, Value
 from smad.queue.meter import Meter
 from smad.runlog.reader import Run, read_run
@@ -43,7 +43,7 @@ def row_of(path: Path) -> Row | None:
         kind="run",
         source=path.name,
         group=_DIGITS.sub("", run.header.name) or "run",
-        bench=_bench(run.header.configuration),
+        bench=bench_in(run.header.configuration),
         cycles=cycles_of(run.columns),
         values=values,
     )
@@ -106,16 +106,6 @@ def _cooling(columns: Mapping[str, Array], spring: str) -> Iterator[tuple[str, V
         return
     rate = np.log(excess_K[places] / excess_K[places + width]) / (t_s[places + width] - t_s[places])
     yield f"cooling_{spring}_per_s", Value(float(np.median(rate)))
-
-
-def _bench(configuration: str) -> str:
-    if not configuration:
-        return ""
-    try:
-        return parse_config(configuration).daemon.bench
-    except ConfigError:
-        # Written by another version.
-        return ""
 
 
 def new_rows(folder: Path, known: set[str]) -> Iterator[tuple[Path, Row | RunLogError | None]]:

@@ -37,8 +37,8 @@ class Health:
     @property
     def changed(self) -> list[Trend]:
         """Trends with a change, the earliest noticed first."""
-        found = [trend for trend in self.trends.values() if trend.noticed is not None]
-        return sorted(found, key=lambda trend: float(trend.x[trend.noticed or 0]))
+        noticed = [trend for trend in self.trends.values() if trend.noticed is not None]
+        return sorted(noticed, key=lambda trend: float(trend.x[trend.noticed or 0]))
 
 
 def health_of(rows: Sequence[Row], limits: Mapping[str, float]) -> Health:

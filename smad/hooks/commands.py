@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 import msgspec
 
 from smad.hooks.events import Event
+from smad.progress import Say
 
 MOST_WAITING = 20
 """Events that wait for one hook; of more the oldest is dropped, and told of."""
@@ -44,7 +45,7 @@ class HookCommands:
         commands: Mapping[str, Sequence[str]],
         *,
         timeout_s: float,
-        say: Callable[[str], None],
+        say: Say,
         clock_s: Callable[[], float],
     ) -> None:
         self._commands = {name: tuple(words) for name, words in commands.items() if words}

@@ -55,12 +55,12 @@ class Detector:
 
     def events(self, look: Look) -> list[Event]:
         """Return what happened since the look before, in the order in which it matters."""
-        found = [*self._of_link(look)]
+        happened = [*self._of_link(look)]
         if look.status is not None:
-            found += [*self._of_bench(look, look.status)]
+            happened += [*self._of_bench(look, look.status)]
             self._before = look.status
-        found += [*self._of_queue(look), *self._of_disk(look)]
-        return found
+        happened += [*self._of_queue(look), *self._of_disk(look)]
+        return happened
 
     def _event(self, look: Look, event: Name, text: str, **data: Any) -> Event:
         return Event(event=event, bench=self._bench, unix_s=look.unix_s, text=text, data=data)

@@ -6,16 +6,22 @@ off by itself. It closes the relay once, when a person starts it, and never agai
 
 from __future__ import annotations
 
-import ctypes
+import contextlib
 import signal
 import subprocess
+import time
 import urllib.parse
 import urllib.request
 from collections.abc import Sequence
 from typing import Protocol
 
+import zmq
+
 from firmware_protocol.enums import BoardState
+from smad.client.wire import subscribe, telemetry_of
 from smad.errors import SmadError
+from smad.processes.parent import signal_at_parents_end
+from smad.progress import Say
 
 SILENT_S = 1.0
 """The supply is cut when no sample came for so long."""
@@ -24,7 +30,7 @@ PULSE_DECISECONDS = 15
 """A Tasmota plug switches itself off so many tenths of a second after the last renewal."""
 _HTTP_S = 0.4
 _END_S = 1.0
-_PR_SET_PDEATHSIG = 1
+_POLL_MS = 100
 _CUT_IN = (BoardState.FAULT, BoardState.ESTOP)
 
 
@@ -141,4 +147,35 @@ class HoldingRelay:
 
 
 def _end_with_parent() -> None:
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    signal_at_parents_end(signal.SIGKILL)
+
+
+def hold(relay: Relay, address: str, say: Say) -> str:
+    """Renew a relay while samples come from the daemon's stream; return why it has to fall."""
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    socket = subscribe(context, address, b"", 1000)
+    heartbeat = Heartbeat()
+    began_s, renewed_s = time.monotonic(), 0.0
+    try:
+        while True:
+            if socket.poll(_POLL_MS):
+                with contextlib.suppress(zmq.Again):
+                    while True:
+                        _, data = socket.recv_multipart(zmq.NOBLOCK)
+                        heartbeat.beat(time.monotonic(), telemetry_of(data).mode)
+            now_s = time.monotonic()
+            if not heartbeat.began and now_s - began_s < 5.0 * SILENT_S:
+                continue
+            if reason := heartbeat.reason(now_s):
+                return reason
+            if now_s - renewed_s >= RENEW_S:
+                try:
+                    relay.renew()
+                except SmadError as error:
+                    return str(error)
+                if not renewed_s:
+                    say("the supply is on")
+                renewed_s = now_s
+    finally:
+        socket.close(linger=0)
+        context.destroy(linger=0)

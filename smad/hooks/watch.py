@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import shutil
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 from smad.client import Client
@@ -13,6 +12,7 @@ from smad.config import HooksConfig, parse_config
 from smad.errors import SmadError
 from smad.hooks.commands import HookCommands
 from smad.hooks.events import Detector, Look
+from smad.progress import Say
 from smad.queue.lease import RunnerLease
 from smad.queue.states import Snapshot
 from smad.queue.store import FILE, Message, Store
@@ -87,15 +87,13 @@ class Watcher:
         return self._store
 
     def _new_messages(self, store: Store) -> tuple[Message, ...]:
-        found = store.messages(after=self._last_message)
-        if found:
-            self._last_message = found[-1].id
-        return found
+        messages = store.messages(after=self._last_message)
+        if messages:
+            self._last_message = messages[-1].id
+        return messages
 
 
-def watch(
-    watcher: Watcher, detector: Detector, commands: HookCommands, say: Callable[[str], None]
-) -> None:
+def watch(watcher: Watcher, detector: Detector, commands: HookCommands, say: Say) -> None:
     """Watch for ever."""
     while True:
         for event in detector.events(watcher.look()):
@@ -105,7 +103,7 @@ def watch(
         time.sleep(POLL_S)
 
 
-def commands_of(config: HooksConfig, say: Callable[[str], None]) -> HookCommands:
+def commands_of(config: HooksConfig, say: Say) -> HookCommands:
     """Return the commands of a configuration."""
     return HookCommands(
         {name: getattr(config, name) for name in HOOKS},

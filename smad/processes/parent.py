@@ -5,8 +5,16 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+import threading
+import time
 
 _PR_SET_PDEATHSIG = 1
+_ORPHAN_S = 10.0
+
+
+def signal_at_parents_end(number: signal.Signals) -> None:
+    """Let the kernel send us a signal when the thread that started us ends."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number)
 
 
 def end_with(parent: int) -> None:
@@ -14,6 +22,21 @@ def end_with(parent: int) -> None:
 
     Raises SystemExit when it has ended already.
     """
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    signal_at_parents_end(signal.SIGTERM)
     if os.getppid() != parent:
         raise SystemExit(1)
+
+
+def end_group_with(parent: int) -> None:
+    """As `end_with`; our process group is killed when it has not ended ten seconds later."""
+    signal_at_parents_end(signal.SIGTERM)
+    if os.getppid() != parent:
+        os._exit(128 + signal.SIGTERM)
+    threading.Thread(target=_kill_orphan, args=(parent,), daemon=True).start()
+
+
+def _kill_orphan(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    time.sleep(_ORPHAN_S)
+    os.killpg(0, signal.SIGKILL)

@@ -8,10 +8,11 @@ import select
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from smad.errors import DaemonError
+from smad.progress import Say
 
 READY = "ready: "
 """What the first line of `smad sim` begins with; the port's name follows."""
@@ -23,9 +24,7 @@ _END_DEADLINE_S = 10.0
 
 
 @contextlib.contextmanager
-def simulated_bench(
-    arguments: Sequence[str], symlink: Path, *, waiting: Callable[[str], None]
-) -> Iterator[str]:
+def simulated_bench(arguments: Sequence[str], symlink: Path, *, waiting: Say) -> Iterator[str]:
     """Run `smad sim` beside us for as long as the block lasts; yields the name of its port.
 
     `waiting` is told now and then that it is still starting. Raises DaemonError when it does not
@@ -56,7 +55,7 @@ def simulated_bench(
             child.communicate()
 
 
-def _wait_until_ready(child: subprocess.Popen[str], waiting: Callable[[str], None]) -> None:
+def _wait_until_ready(child: subprocess.Popen[str], waiting: Say) -> None:
     assert child.stdout is not None
     deadline = time.monotonic() + START_DEADLINE_S
     while time.monotonic() < deadline:

@@ -10,10 +10,8 @@ import secrets
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import Any
 
 import msgspec
 
@@ -62,12 +60,7 @@ class Queue:
     def __enter__(self) -> Queue:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -172,9 +165,3 @@ class Queue:
                 return client.motion().generation
         except SmadError:
             return None
-
-
-def record_of(item: Item) -> Mapping[str, Any]:
-    """Return an item as JSON has it."""
-    record: Mapping[str, Any] = msgspec.to_builtins(item)
-    return record

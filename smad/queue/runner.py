@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Protocol
 
 from smad.errors import RunLogError, SmadError
+from smad.progress import Say, silent
 from smad.queue import machine
 from smad.queue.bench import View
 from smad.queue.errors import QueueError, StoreError
@@ -47,13 +48,13 @@ class Watch(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Surroundings:
+class RunnerParts:
     """What the runner acts with. `check` returns why an item cannot start now, or nothing."""
 
     watch: Watch
     start: Callable[[Item], Process]
     check: Callable[[Item], str]
-    say: Callable[[str], None] = lambda text: None
+    say: Say = silent
     wall_s: Callable[[], float] = time.time
     clock_s: Callable[[], float] = time.monotonic
 
@@ -61,7 +62,7 @@ class Surroundings:
 class Runner:
     """Carries the items of a store out, one at a time. `tick` does what there is to do now."""
 
-    def __init__(self, store: Store, surroundings: Surroundings) -> None:
+    def __init__(self, store: Store, surroundings: RunnerParts) -> None:
         self._store = store
         self._by = surroundings
         self._process: Process | None = None
@@ -89,6 +90,15 @@ class Runner:
         self._act(change)
         if interrupted is not None:
             self._save_logs(interrupted)
+
+    def run(self, *, until_paused: bool) -> None:
+        """Carry the queue out, for ever or until it pauses with nothing running."""
+        while True:
+            self.tick()
+            snapshot = self._store.snapshot()
+            if until_paused and snapshot.mode == "paused" and snapshot.running is None:
+                return
+            time.sleep(POLL_S)
 
     def tick(self) -> None:
         """Look, decide, write, act. A store that cannot be written holds everything up."""

@@ -134,8 +134,8 @@ class Store:
     def proposal(self) -> Proposal | None:
         """Return the first step of an arming, if one waits for its second."""
         with self._explained():
-            found: Proposal | None = self._get("proposal", Proposal)
-            return found
+            stored: Proposal | None = self._get("proposal", Proposal)
+            return stored
 
     def add_log(self, item: int, path: str) -> None:
         """Note that an item wrote this run log."""

@@ -133,12 +133,12 @@ def open_bag(path: Path) -> BagTable:
             first = next(iter(reader.messages([connection])), None)
             if first is None:
                 continue
-            found = _flat(reader.deserialize(first[2], connection.msgtype))
-            if not found:
+            fields = _flat(reader.deserialize(first[2], connection.msgtype))
+            if not fields:
                 continue
             topic = connection.topic
             counts[topic] = counts.get(topic, 0) + connection.msgcount
-            for field in found:
+            for field in fields:
                 places.setdefault(_named(topic, field), (topic, field))
     rows = max(counts.values(), default=0)
     if not rows:
@@ -160,21 +160,21 @@ def _named(topic: str, field: str) -> str:
 def _flat(message: Any, before: str = "") -> dict[str, float]:
     """Every number of a message by its field, nested ones with dots."""
     joints = list(getattr(message, "name", None) or ()) if not before else []
-    found: dict[str, float] = {}
+    fields: dict[str, float] = {}
     for name in getattr(message, "__dataclass_fields__", ()):
         if name in _LEFT_OUT:
             continue
         value, label = getattr(message, name), f"{before}{name}"
         if isinstance(value, bool | int | float | np.number):
-            found[label] = float(value)
+            fields[label] = float(value)
         elif hasattr(value, "__dataclass_fields__"):
-            found |= _flat(value, f"{label}.")
+            fields |= _flat(value, f"{label}.")
         elif isinstance(value, np.ndarray | list) and len(value) <= _MOST_ELEMENTS:
             labels = joints if len(joints) == len(value) else [str(n) for n in range(len(value))]
             for at, element in zip(labels, value, strict=True):
                 if isinstance(element, bool | int | float | np.number):
-                    found[f"{label}[{at}]"] = float(element)
-    return found
+                    fields[f"{label}[{at}]"] = float(element)
+    return fields
 
 
 class _reader:

@@ -93,7 +93,7 @@ def read_head(path: Path, file: TextIO, delimiter: str = "") -> Head:
 
 def _lines_before_numbers(path: Path, file: TextIO) -> tuple[str, list[_Line], list[_Line]]:
     """The delimiter that the file tells, its comments, and its lines up to the first numbers."""
-    told, comments, lines = "", list[_Line](), list[_Line]()
+    delimiter, comments, lines = "", list[_Line](), list[_Line]()
     number, left = 0, MOST_HEAD_CHARACTERS
     while number < _MOST_LINES and (text := file.readline(left + 1)):
         number += 1
@@ -109,14 +109,14 @@ def _lines_before_numbers(path: Path, file: TextIO) -> tuple[str, list[_Line], l
             break
         line = _Line(number, text)
         if number == 1 and (separator := _SEPARATOR.match(text)):
-            told = separator["delimiter"]
+            delimiter = separator["delimiter"]
         elif _COMMENT.match(text):
             comments.append(_Line(number, _COMMENT.sub("", text, count=1)))
         elif text.strip():
             lines.append(line)
             if line.holds_numbers:
                 break
-    return told, comments, lines
+    return delimiter, comments, lines
 
 
 def _named_by_comment(

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from smad.config.bounds import without_mark
+from smad.config.toml_file import read_toml
 from smad.errors import LogImportError
 from smad.records.channels import channels_of
 from smad.records.column_names import Assignment, ColumnRule
@@ -59,17 +59,8 @@ class _Beside(msgspec.Struct):
 
 def read_mapping(path: str | Path) -> MappingFile:
     """The mapping file at `path`. Raises LogImportError when it cannot be read or understood."""
-    try:
-        return msgspec.toml.decode(without_mark(Path(path).read_bytes()), type=MappingFile)
-    except OSError as error:
-        raise LogImportError(
-            f"cannot read mapping {path}: {error.strerror}", action="check the path"
-        ) from error
-    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
-        raise LogImportError(
-            f"mapping {path} is not valid: {error}",
-            action="smad docs guide/run-logs shows a mapping file",
-        ) from None
+    action = "smad docs guide/run-logs shows a mapping file"
+    return read_toml(Path(path), MappingFile, "mapping", LogImportError, action)
 
 
 def import_table(
@@ -85,9 +76,9 @@ def import_table(
     """
     source = Path(source)
     mapping = mapping or MappingFile()
-    found = channels_of(open_table(source, mapping.csv), mapping.columns)
-    assignment = found.assignment
-    columns, notes = _plausible(source, found.columns)
+    named = channels_of(open_table(source, mapping.csv), mapping.columns)
+    assignment = named.assignment
+    columns, notes = _plausible(source, named.columns)
     beside = _read_beside(source)
     header = _header(source, beside.header, assignment, columns)
     records = _records(columns, beside)
@@ -99,7 +90,7 @@ def import_table(
         channel_of={name: rule.channel for name, rule in assignment.rules.items()},
         ignored=assignment.ignored,
         missing=[name for name in CHANNELS if name not in columns],
-        notes=[*found.notes, *words(holes_in(columns["t_s"].tolist())), *notes],
+        notes=[*named.notes, *words(holes_in(columns["t_s"].tolist())), *notes],
     )
 
 
@@ -117,11 +108,11 @@ def _plausible(
             low, high = _PLAUSIBLE[unit]
             applied = name.startswith(_APPLIED)
             declared = Declared(name=name, unit=unit, low=low, high=high, applied=applied)
-            found = checked(column, declared, columns["t_s"])
-            if found.refusal:
-                raise LogImportError(f"{source}: {found.refusal}")
-            out[name] = found.values
-            notes += [f"{note}; left empty" for note in found.notes]
+            checked_column = checked(column, declared, columns["t_s"])
+            if checked_column.refusal:
+                raise LogImportError(f"{source}: {checked_column.refusal}")
+            out[name] = checked_column.values
+            notes += [f"{note}; left empty" for note in checked_column.notes]
         filled = float(np.mean(np.isfinite(out[name])))
         if 0.0 < filled < _SPARSE:
             notes.append(

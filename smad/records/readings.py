@@ -84,8 +84,10 @@ def checked(values: Array, declared: Declared, t_s: Array, steady: Mask | None =
     notes, bad = [], np.zeros(len(values), dtype=bool)
     codes = _codes(values, known, declared)
     for code in np.unique(values[codes]):
-        at = codes & (values == code)
-        notes.append(f"{declared.name} holds {code:g} in {_samples(at, t_s)}: a code, no reading")
+        coded = codes & (values == code)
+        notes.append(
+            f"{declared.name} holds {code:g} in {_samples(coded, t_s)}: a code, no reading"
+        )
     bad |= codes
     rest = known & ~bad & declared.beyond(values)
     if rest.any():
@@ -113,16 +115,16 @@ def _codes(values: Array, known: Mask, declared: Declared) -> Mask:
     """Samples that are codes: beyond the range, or within it but far from their neighbours."""
     beyond = known & declared.beyond(values)
     codes = np.isin(values, CODES) & known
-    found = (codes | (np.abs(values) >= _HUGE)) & beyond
+    coded = (codes | (np.abs(values) >= _HUGE)) & beyond
     if declared.applied:
-        return np.asarray(found)
-    others = beyond & ~found
+        return np.asarray(coded)
+    others = beyond & ~coded
     if others.any() and np.ptp(values[others]) == 0.0 and np.mean(beyond) < 0.5:
-        found |= others
+        coded |= others
     power_on = known & (values == 85.0) & ~beyond & (spelt(declared.unit) == "degC")
-    if power_on.any() and not power_on[known & ~found].all():
-        found |= power_on & _far(values, known & ~found & ~power_on, declared)
-    return np.asarray(found)
+    if power_on.any() and not power_on[known & ~coded].all():
+        coded |= power_on & _far(values, known & ~coded & ~power_on, declared)
+    return np.asarray(coded)
 
 
 def _far(values: Array, good: Mask, declared: Declared) -> Mask:
@@ -173,21 +175,21 @@ def likely_unit(values: Array, declared: Declared) -> str:
     """
     low, high = float(values.min()), float(values.max())
     unit = spelt(declared.unit) or "1"
-    found: dict[str, float] = {}
+    spreads: dict[str, float] = {}
     for other in units_for(unit):
         there = convert(np.array([low, high]), other, unit)
         small = np.max(np.abs(there)) <= BEYOND * declared.span
         if other != unit and not small and not declared.beyond(there).any():
-            found[_in_unit(other, declared)] = float(np.max(np.abs(there)))
+            spreads[_in_unit(other, declared)] = float(np.max(np.abs(there)))
     bits = next((b for b in _BITS if high < 2**b), 0)
     if bits and low >= 0.0 == declared.low and np.all(values == np.rint(values)):
         scale = declared.high / (2**bits - 1)
         give = f"`scale = {scale:.6g}`" if declared.applied else f"what makes them {declared.unit}"
-        found[f"counts of {bits} bits? give {give}"] = high * scale
+        spreads[f"counts of {bits} bits? give {give}"] = high * scale
     if low < 0.0 and not declared.beyond(-values).any():
-        found["is its sign reversed? give `scale = -1`"] = -low
-    if found:
-        return max(found, key=lambda words: found[words])
+        spreads["is its sign reversed? give `scale = -1`"] = -low
+    if spreads:
+        return max(spreads, key=lambda words: spreads[words])
     if low < 0.0 <= declared.low:
         return "does it go both ways? declare its range so, or correct its sign"
     return ""

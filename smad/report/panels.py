@@ -6,7 +6,6 @@ the page, which needs no network.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -53,12 +52,6 @@ class Panel:
     digits: int
     traces: Sequence[Trace]
     on_demand: bool = False
-
-
-def digits_for(y: Array) -> int:
-    """Digits after the point that tell a thousandth of the range of `y` apart."""
-    span = float(np.nanmax(y) - np.nanmin(y)) if np.isfinite(y).any() else 0.0
-    return max(0, 3 - math.floor(math.log10(span))) if span > 0.0 else 3
 
 
 def followed(t_s: Array, columns: Mapping[str, Array], title: str = "Displacement") -> Panel:

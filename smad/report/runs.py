@@ -31,7 +31,7 @@ _DIGEST = 12
 
 
 @dataclass(frozen=True)
-class Shown:
+class RunPart:
     """A run on the axis of a page: the part of it that is shown.
 
     `x` in s from the run's first sample, shape (n,), increasing; `y` the columns, each of that
@@ -65,7 +65,7 @@ def elapsed_s(t_s: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(steps)])[: t_s.size]
 
 
-def shown(runs: Sequence[Run], from_s: float = -math.inf, to_s: float = math.inf) -> list[Shown]:
+def shown(runs: Sequence[Run], from_s: float = -math.inf, to_s: float = math.inf) -> list[RunPart]:
     """The runs by the names of their files, in the order in which they are drawn.
 
     Runs of a bench come after those of a simulation: what was measured lies on top. `from_s` and
@@ -74,16 +74,17 @@ def shown(runs: Sequence[Run], from_s: float = -math.inf, to_s: float = math.inf
     """
     stems = [run.path.stem for run in runs]
     names = [
-        stem if stems.count(stem) == 1 else f"{stem} ({at})" for at, stem in enumerate(stems, 1)
+        stem if stems.count(stem) == 1 else f"{stem} ({number})"
+        for number, stem in enumerate(stems, 1)
     ]
-    found = [_part(run, name, from_s, to_s) for run, name in zip(runs, names, strict=True)]
-    found.sort(key=lambda one: one.run.header.source != "sim")
-    if len(found) == 1:
-        return found
-    return [replace(one, sign=_sign(at)) for at, one in enumerate(found)]
+    parts = [_part(run, name, from_s, to_s) for run, name in zip(runs, names, strict=True)]
+    parts.sort(key=lambda drawn: drawn.run.header.source != "sim")
+    if len(parts) == 1:
+        return parts
+    return [replace(drawn, sign=_sign(number)) for number, drawn in enumerate(parts)]
 
 
-def _part(run: Run, label: str, from_s: float, to_s: float) -> Shown:
+def _part(run: Run, label: str, from_s: float, to_s: float) -> RunPart:
     t_s = run.columns["t_s"].astype(np.float64)
     x = elapsed_s(t_s)
     inside = (x >= from_s) & (x <= to_s)
@@ -95,68 +96,74 @@ def _part(run: Run, label: str, from_s: float, to_s: float) -> Shown:
             action="choose another part, or another log",
         )
     columns = {name: column[inside] for name, column in run.columns.items()}
-    return Shown(run, label, x[inside], columns, float(t_s[0]))
+    return RunPart(run, label, x[inside], columns, float(t_s[0]))
 
 
-def panels_of(runs: Sequence[Shown], caption: str = "") -> Panels:
+def panels_of(runs: Sequence[RunPart], caption: str = "") -> Panels:
     """One panel for each strip of which something was recorded, the runs overlaid.
 
     Beside them what moves against what, such as displacement against temperature.
     """
     panels = [panel for panel in (_panel(strip, runs) for strip in STRIPS) if panel.traces]
     marks = _marks(runs[0]) if len(runs) == 1 else ()
-    planes = planes_of([(one.name, _pen(at), one.x, one.timed) for at, one in enumerate(runs)])
+    planes = planes_of(
+        [(drawn.name, _pen(number), drawn.x, drawn.timed) for number, drawn in enumerate(runs)]
+    )
     return Panels(panels, caption=caption, marks=marks, planes=planes)
 
 
-def _panel(strip: Strip, runs: Sequence[Shown]) -> Panel:
+def _panel(strip: Strip, runs: Sequence[RunPart]) -> Panel:
     # References first, of all runs: what was measured is drawn over what was wanted.
     curves = sorted(strip.curves, key=lambda curve: curve.pen != "reference")
     traces = [
-        _trace(strip, curve, one, _pen(at))
+        _trace(strip, curve, drawn, _pen(number))
         for curve in curves
-        for at, one in enumerate(runs)
-        if recorded(one.y[curve.column]).any()
+        for number, drawn in enumerate(runs)
+        if recorded(drawn.y[curve.column]).any()
     ]
     return Panel(strip.title, strip.unit, strip.digits, traces, on_demand=strip.on_demand)
 
 
-def _trace(strip: Strip, curve: Curve, one: Shown, run_pen: str) -> Trace:
-    y = one.y[curve.column].astype(np.float64) * strip.scale
+def _trace(strip: Strip, curve: Curve, drawn: RunPart, run_pen: str) -> Trace:
+    y = drawn.y[curve.column].astype(np.float64) * strip.scale
     dash = _DASHES.get(curve.pen, ())
-    if one.sign:
-        return Trace(f"{one.sign} {curve.label}", one.x, y, run_pen, one.name, dash)
-    return Trace(curve.label, one.x, y, curve.pen, dash=() if curve.pen == "y" else dash)
+    if drawn.sign:
+        return Trace(f"{drawn.sign} {curve.label}", drawn.x, y, run_pen, drawn.name, dash)
+    return Trace(curve.label, drawn.x, y, curve.pen, dash=() if curve.pen == "y" else dash)
 
 
-def _pen(at: int) -> str:
+def _pen(number: int) -> str:
     """The colour of a run, where several are shown."""
-    return f"run-{at % PENS + 1}"
+    return f"run-{number % PENS + 1}"
 
 
-def _sign(at: int) -> str:
+def _sign(number: int) -> str:
     """A letter that stands for a run where its name is too long."""
-    return chr(ord("A") + at) if at < LETTERS else str(at + 1)
+    return chr(ord("A") + number) if number < LETTERS else str(number + 1)
 
 
-def _marks(one: Shown) -> list[Mark]:
+def _marks(drawn: RunPart) -> list[Mark]:
     return [
-        Mark(event.t_s - one.start_s, event.text)
-        for event in one.run.events
+        Mark(event.t_s - drawn.start_s, event.text)
+        for event in drawn.run.events
         if event.kind in _MARKED and event.t_s is not None
     ]
 
 
-def page_of(runs: Sequence[Shown]) -> Page:
+def page_of(runs: Sequence[RunPart]) -> Page:
     """A page of runs, overlaid from their first samples on."""
     several = len(runs) > 1
     caption = "Time from the first sample of each run." if several else ""
     sections = [
         Section("Panels", [panels_of(runs, caption)]),
         Section("Runs", [_facts(runs), *_notes(runs)]),
-        *(Section(_events_title(one, several), [_events(one)]) for one in runs if one.run.events),
+        *(
+            Section(_events_title(drawn, several), [_events(drawn)])
+            for drawn in runs
+            if drawn.run.events
+        ),
     ]
-    names = ", ".join(one.label for one in runs)
+    names = ", ".join(drawn.label for drawn in runs)
     if several:
         return Page(f"Runs {names}", sections)
     return Page(f"Run {names}", sections, facts=provenance(runs[0].run))
@@ -184,44 +191,44 @@ def digest(path: Path) -> str:
         return ""
 
 
-def _events_title(one: Shown, several: bool) -> str:
-    return f"Events of {one.label}" if several else "Events"
+def _events_title(drawn: RunPart, several: bool) -> str:
+    return f"Events of {drawn.label}" if several else "Events"
 
 
-def _facts(runs: Iterable[Shown]) -> Table:
+def _facts(runs: Iterable[RunPart]) -> Table:
     return Table(
         ("run", "source", "started (UTC)", "duration (s)", "rows", "gains", "smad", "SHA-256"),
         [
             (
-                one.name,
-                one.run.header.source,
-                _date(one.run.header.started_unix_s),
-                f"{one.run.duration_s:.2f}",
-                str(len(one.run)),
-                ", ".join(f"{name} = {value:g}" for name, value in one.run.header.gains.items()),
-                one.run.header.versions.get("smad", ""),
-                digest(one.run.path),
+                drawn.name,
+                drawn.run.header.source,
+                _date(drawn.run.header.started_unix_s),
+                f"{drawn.run.duration_s:.2f}",
+                str(len(drawn.run)),
+                ", ".join(f"{name} = {value:g}" for name, value in drawn.run.header.gains.items()),
+                drawn.run.header.versions.get("smad", ""),
+                digest(drawn.run.path),
             )
-            for one in runs
+            for drawn in runs
         ],
         numeric=frozenset({3, 4}),
     )
 
 
-def _notes(runs: Iterable[Shown]) -> list[Text]:
+def _notes(runs: Iterable[RunPart]) -> list[Text]:
     return [
-        Text(f"{one.label}: {note}", "note")
-        for one in runs
-        for note in (*one.run.header.notes, *one.run.notes)
+        Text(f"{drawn.label}: {note}", "note")
+        for drawn in runs
+        for note in (*drawn.run.header.notes, *drawn.run.notes)
     ]
 
 
-def _events(one: Shown) -> Table:
-    events = one.run.events[-_MOST_EVENTS:]
-    left_out = len(one.run.events) - len(events)
+def _events(drawn: RunPart) -> Table:
+    events = drawn.run.events[-_MOST_EVENTS:]
+    left_out = len(drawn.run.events) - len(events)
     return Table(
         ("time (s)", "kind", "what"),
-        [(_when(event, one.start_s), event.kind, event.text) for event in events],
+        [(_when(event, drawn.start_s), event.kind, event.text) for event in events],
         f"The last {len(events)}; {left_out} earlier ones are in the log" if left_out else "",
         numeric=frozenset({0}),
     )

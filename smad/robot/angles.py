@@ -72,8 +72,8 @@ def waypoints(path: str | Path) -> Angles:
 
     Times are shifted to begin at 0. Raises CommandError, naming line and column.
     """
-    found = read_points(Path(path), [(name,) for name in COLUMNS])
-    return Angles(*(np.array(found[name]) for name in (TIME, *COLUMNS)))
+    columns = read_points(Path(path), [(name,) for name in COLUMNS])
+    return Angles(*(np.array(columns[name]) for name in (TIME, *COLUMNS)))
 
 
 def _times(duration_s: float) -> Array:

@@ -41,8 +41,8 @@ class Robot:
         for a segment without its axes, an axis used twice, and a coupling that has no inverse.
         """
         names = tuple(axis.name for axis in config.axes)
-        segments = {one.name: one for one in config.segments or _usual(names)}
-        used = [getattr(one, joint) for one in segments.values() for joint in JOINTS]
+        segments = {segment.name: segment for segment in config.segments or _usual(names)}
+        used = [getattr(segment, joint) for segment in segments.values() for joint in JOINTS]
         for axis in used:
             if axis not in names or used.count(axis) > 1:
                 raise ConfigError(
@@ -64,9 +64,9 @@ class Robot:
     def gains_mm_per_deg(self) -> Array:
         """Signed travel for a degree of each axis, shape (n,); nan for one of no segment."""
         gains = np.full(len(self.axes), np.nan)
-        for one in self.segments.values():
-            for joint, sign in zip(JOINTS, (one.pitch_sign, one.yaw_sign), strict=True):
-                gains[self.axes.index(getattr(one, joint))] = sign / one.gain_deg_per_mm
+        for segment in self.segments.values():
+            for joint, sign in zip(JOINTS, (segment.pitch_sign, segment.yaw_sign), strict=True):
+                gains[self.axes.index(getattr(segment, joint))] = sign / segment.gain_deg_per_mm
         return gains
 
     def angles_deg(self, displacement_mm: Mapping[str, Array]) -> dict[str, tuple[Array, Array]]:
@@ -74,8 +74,8 @@ class Robot:
         stacked = np.array([np.asarray(displacement_mm[axis], float) for axis in self.axes])
         angles = np.linalg.solve(self.coupling, stacked) / self.gains_mm_per_deg()[:, None]
         return {
-            name: (angles[self.axes.index(one.pitch)], angles[self.axes.index(one.yaw)])
-            for name, one in self.segments.items()
+            name: (angles[self.axes.index(segment.pitch)], angles[self.axes.index(segment.yaw)])
+            for name, segment in self.segments.items()
         }
 
     def moves(

@@ -81,8 +81,8 @@ def side_by_side(runs: Mapping[str, Run]) -> Run:
         last = np.searchsorted(run.unix_s, base.unix_s, side="right") - 1
         for channel, column in run.columns.items():
             missing = np.nan if column.dtype.kind == "f" else MISSING_INTEGER
-            found = column[last] if len(column) else np.full(len(last), missing, column.dtype)
-            columns[f"{name}.{channel}"] = np.where(last < 0, missing, found)
+            latest = column[last] if len(column) else np.full(len(last), missing, column.dtype)
+            columns[f"{name}.{channel}"] = np.where(last < 0, missing, latest)
     return replace(base, axis="", columns=columns)
 
 
@@ -110,7 +110,7 @@ def header_document(run: Run) -> bytes:
 def legends(run: Run) -> dict[str, Mapping[int, str]]:
     """Return what the numbers of each channel stand for that has words, where it was recorded."""
     channels = {name: channel_of(name).name for name in _used(run)}
-    return {name: LEGENDS[one] for name, one in channels.items() if one in LEGENDS}
+    return {name: LEGENDS[channel] for name, channel in channels.items() if channel in LEGENDS}
 
 
 def _used(run: Run) -> dict[str, Column]:

@@ -93,10 +93,10 @@ class RunHeader(Struct, kw_only=True, frozen=True):
 
 def installed_versions() -> dict[str, str]:
     """Versions of Python, the kernel and the packages that a run depends on."""
-    found = {"python": platform.python_version(), "kernel": platform.release()}
+    versions = {"python": platform.python_version(), "kernel": platform.release()}
     for package in _PACKAGES:
         try:
-            found[package] = metadata.version(package)
+            versions[package] = metadata.version(package)
         except metadata.PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+            versions[package] = "not installed"
+    return versions

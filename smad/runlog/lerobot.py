@@ -9,9 +9,6 @@ Layout: huggingface/lerobot, `src/lerobot/datasets/utils.py` and `dataset_metada
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -21,6 +18,7 @@ from numpy.typing import NDArray
 
 from smad.errors import RunLogError
 from smad.extras import part
+from smad.runlog.folders import whole_folder
 from smad.runlog.reader import Run, recorded
 from smad.runlog.schema import CHANNELS
 
@@ -55,37 +53,15 @@ def export_lerobot(
     """
     if not runs or not all(len(run) for run in runs):
         raise RunLogError("a run holds no rows", action="leave it out")
-    _require_free(target, overwrite)
     rate = fps or _rate(runs[0])
     if not 1 <= rate <= _MOST_FPS:
         raise RunLogError(
             "frames per second out of range", value=rate, limit=f"1 to {_MOST_FPS}",
             action="name another rate with --fps",
         )  # fmt: skip
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=target.parent, prefix=".lerobot-") as name:
-            made = Path(name) / "dataset"
-            _write(runs, made, rate)
-            if target.exists():
-                shutil.rmtree(target)
-            os.replace(made, target)
-    except OSError as error:
-        raise RunLogError(
-            f"cannot write {target}: {error.strerror or error}", action="check folder and space"
-        ) from error
+    with whole_folder(target, "meta/info.json", "dataset", overwrite=overwrite) as made:
+        _write(runs, made, rate)
     return target
-
-
-def _require_free(target: Path, overwrite: bool) -> None:
-    if not target.exists():
-        return
-    if not overwrite:
-        raise RunLogError(f"{target} is there already", action="use --overwrite or another name")
-    if not (target / "meta" / "info.json").is_file():
-        raise RunLogError(
-            f"{target} is no dataset, and is not replaced by one", action="name another folder"
-        )
 
 
 def _rate(run: Run) -> int:
@@ -202,12 +178,12 @@ def _task_table(tasks: Sequence[str]) -> Any:
 
 def statistics(made: Frames) -> dict[str, dict[str, list[float]]]:
     """Least, most, mean, deviation, count and quantiles of each feature, NaN left out."""
-    told = {}
+    summary = {}
     for key, values in made.items():
         rows = values.reshape(len(values), -1).astype(np.float64)
         known = [column[np.isfinite(column)] for column in rows.T]
         known = [column if len(column) else np.zeros(1) for column in known]
-        told[key] = {
+        summary[key] = {
             "min": [float(c.min()) for c in known],
             "max": [float(c.max()) for c in known],
             "mean": [float(c.mean()) for c in known],
@@ -215,7 +191,7 @@ def statistics(made: Frames) -> dict[str, dict[str, list[float]]]:
             "count": [float(len(rows))],
             **{n: [float(np.quantile(c, q)) for c in known] for n, q in _QUANTILES.items()},
         }
-    return told
+    return summary
 
 
 def _flat(stats: Mapping[str, Mapping[str, list[float]]]) -> dict[str, list[float]]:

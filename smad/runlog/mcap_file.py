@@ -262,9 +262,13 @@ def _schemas() -> bytes:
 
 
 def _channels(axes: Sequence[str] = ()) -> bytes:
-    own = [_channel(number, TOPICS[record], record) for record, number in CHANNEL_IDS.items()]
+    row_channels = [
+        _channel(number, TOPICS[record], record) for record, number in CHANNEL_IDS.items()
+    ]
     numbered = enumerate(axes, start=FIRST_AXIS_ID)
-    return b"".join(own + [_channel(number, row_topic(name), Row) for number, name in numbered])
+    return b"".join(
+        row_channels + [_channel(number, row_topic(name), Row) for number, name in numbered]
+    )
 
 
 def _channel(number: int, topic: str, record: type[Struct]) -> bytes:

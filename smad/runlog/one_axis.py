@@ -58,7 +58,7 @@ def extract(path: str | Path, axis: str, target: str | Path | None = None) -> Pa
 
 
 def _header_of(header: RunHeader, axis: str) -> RunHeader:
-    own = f"{axis}."
+    prefix = f"{axis}."
     configuration = header.configuration
     if configuration:
         config = parse_config(configuration).by_axis()[axis]
@@ -67,7 +67,7 @@ def _header_of(header: RunHeader, axis: str) -> RunHeader:
         header,
         axes=(),
         configuration=configuration,
-        gains={n.removeprefix(own): v for n, v in header.gains.items() if n.startswith(own)},
-        board={n.removeprefix(own): v for n, v in header.board.items() if n.startswith(own)},
+        gains={n.removeprefix(prefix): v for n, v in header.gains.items() if n.startswith(prefix)},
+        board={n.removeprefix(prefix): v for n, v in header.board.items() if n.startswith(prefix)},
         extra={**header.extra, "axis": axis},
     )

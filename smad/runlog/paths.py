@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
 from smad.errors import RunLogError
 
 SUFFIX = ".mcap"
+_BESIDE = (".header.json", ".html", ".json", ".toml")
+"""What smad itself writes beside runs."""
+_NAMED = 8
 _LONGEST_NAME = 60
 
 
@@ -51,6 +55,34 @@ def newest_run(folder: str | Path) -> Path | None:
     """The run log in `folder` whose name says it is the latest, or None."""
     runs = sorted(Path(folder).glob(f"*{SUFFIX}"), key=lambda path: path.name)
     return runs[-1] if runs else None
+
+
+def names_of(path: Path) -> set[str]:
+    """What a person may call the run of a file: its name, with or without suffix, or its path."""
+    return {str(path), path.name, path.stem}
+
+
+def distinct_name(path: Path, among: Sequence[Path]) -> str:
+    """A name with as much of the folder as tells two files of one name apart; empty: no need."""
+    alike = [p for p in among if p != path and p.name == path.name]
+    parts = path.absolute().parts
+    for k in range(2, len(parts) + 1):
+        if not any(p.absolute().parts[-k:] == parts[-k:] for p in alike):
+            return "/".join((*parts[-k:-1], path.stem)) if alike else ""
+    return ""
+
+
+def passed_over(folder: Path, there: Sequence[Path], read: Sequence[Path]) -> str:
+    """Which files of a folder are not read, in words; empty where none but smad's own are."""
+    passed = [
+        str(p.relative_to(folder))
+        for p in there
+        if p not in read and not p.name.startswith(".") and not p.name.endswith(_BESIDE)
+    ]
+    if not passed:
+        return ""
+    more = f" and {len(passed) - _NAMED} more" if len(passed) > _NAMED else ""
+    return f"{folder}: read {len(read)} runs, passed over {', '.join(passed[:_NAMED])}{more}"
 
 
 def _file_name(name: str) -> str:

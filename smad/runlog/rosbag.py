@@ -8,9 +8,6 @@ as ROS has them.
 
 from __future__ import annotations
 
-import os
-import shutil
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +18,7 @@ from numpy.typing import NDArray
 
 from smad.errors import RunLogError
 from smad.extras import part
+from smad.runlog.folders import whole_folder
 from smad.runlog.reader import Run, recorded
 from smad.runlog.schema import CHANNELS, Event
 
@@ -55,32 +53,9 @@ def export_bag(run: Run, target: Path, *, overwrite: bool = False) -> Path:
     """
     if not len(run):
         raise RunLogError(f"{run.path} holds no rows", action="there is nothing to export")
-    _require_free(target, overwrite)
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        # The file in the folder has the folder's name, so that one must be right from the start.
-        with tempfile.TemporaryDirectory(dir=target.parent, prefix=".rosbag2-") as name:
-            made = Path(name) / target.name
-            _write(run, made)
-            if target.exists():
-                shutil.rmtree(target)
-            os.replace(made, target)
-    except OSError as error:
-        raise RunLogError(
-            f"cannot write {target}: {error.strerror or error}", action="check folder and space"
-        ) from error
+    with whole_folder(target, METADATA, "bag", overwrite=overwrite) as made:
+        _write(run, made)
     return target
-
-
-def _require_free(target: Path, overwrite: bool) -> None:
-    if not target.exists():
-        return
-    if not overwrite:
-        raise RunLogError(f"{target} is there already", action="use --overwrite or another name")
-    if not (target / METADATA).is_file():
-        raise RunLogError(
-            f"{target} is no bag, and is not replaced by one", action="name another folder"
-        )
 
 
 def times_ns(run: Run) -> Times:

@@ -79,14 +79,14 @@ def scan(file: BinaryIO, size: int, damage: Damage) -> Iterator[Item]:
     """
     if file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
         raise NotMcapError
-    at = len(MCAP0_MAGIC)
+    offset = len(MCAP0_MAGIC)
     index_tells_loss = False
-    while at < size:
+    while offset < size:
         head = file.read(RECORD_HEAD.size)
         if len(head) < RECORD_HEAD.size:
             break
         opcode, length = RECORD_HEAD.unpack(head)
-        if opcode == 0 or length > size - at - RECORD_HEAD.size:
+        if opcode == 0 or length > size - offset - RECORD_HEAD.size:
             break
         body = file.read(length)
         if opcode == Opcode.DATA_END:
@@ -100,7 +100,9 @@ def scan(file: BinaryIO, size: int, damage: Damage) -> Iterator[Item]:
             try:
                 yield from records_in(chunk_data(body))
             except DamagedError as error:
-                damage.notes.append(f"the chunk at byte {at} is damaged ({error}) and was skipped")
+                damage.notes.append(
+                    f"the chunk at byte {offset} is damaged ({error}) and was skipped"
+                )
                 index_tells_loss = True
         elif opcode == Opcode.MESSAGE_INDEX:
             if index_tells_loss:
@@ -109,13 +111,13 @@ def scan(file: BinaryIO, size: int, damage: Damage) -> Iterator[Item]:
             try:
                 yield from records_in(head + body)
             except DamagedError as error:
-                damage.notes.append(f"the record at byte {at} is damaged ({error})")
-        at += RECORD_HEAD.size + length
-    damage.unread_bytes = size - at
+                damage.notes.append(f"the record at byte {offset} is damaged ({error})")
+        offset += RECORD_HEAD.size + length
+    damage.unread_bytes = size - offset
     if damage.being_written:
         damage.notes.append("still being written; what is shown here is what it holds so far")
     else:
-        damage.notes.append(f"recording did not end in order: the file breaks off at byte {at}")
+        damage.notes.append(f"recording did not end in order: the file breaks off at byte {offset}")
 
 
 class DamagedError(Exception):
@@ -126,14 +128,14 @@ def chunk_data(body: bytes) -> bytes:
     """The plain content of a chunk record. Raises DamagedError."""
     try:
         _, _, plain_size, crc, name_length = _CHUNK_HEAD.unpack_from(body)
-        at = _CHUNK_HEAD.size + name_length
-        compression = body[_CHUNK_HEAD.size : at].decode("ascii")
-        (data_length,) = struct.unpack_from("<Q", body, at)
+        offset = _CHUNK_HEAD.size + name_length
+        compression = body[_CHUNK_HEAD.size : offset].decode("ascii")
+        (data_length,) = struct.unpack_from("<Q", body, offset)
     except (struct.error, UnicodeDecodeError):
         raise DamagedError("its head cannot be read") from None
     if plain_size > _LARGEST_CHUNK_BYTES:
         raise DamagedError(f"it claims {plain_size} bytes, over {_LARGEST_CHUNK_BYTES}")
-    data = _decompress(compression, body[at + 8 : at + 8 + data_length], plain_size)
+    data = _decompress(compression, body[offset + 8 : offset + 8 + data_length], plain_size)
     if crc and zlib.crc32(data) != crc:
         raise DamagedError("its checksum does not match")
     return data
@@ -166,19 +168,21 @@ def _decompress(compression: str, data: bytes, plain_size: int) -> bytes:
 
 def records_in(data: bytes) -> Iterator[Item]:
     """The messages, channels and metadata among records. Raises DamagedError."""
-    at = 0
+    offset = 0
     end = len(data)
-    while at < end:
+    while offset < end:
         try:
-            opcode, length = RECORD_HEAD.unpack_from(data, at)
-            at += RECORD_HEAD.size
+            opcode, length = RECORD_HEAD.unpack_from(data, offset)
+            offset += RECORD_HEAD.size
             if opcode == Opcode.MESSAGE:
-                channel_id, _, time_ns, _ = _MESSAGE_HEAD.unpack_from(data, at)
-                yield Message(channel_id, time_ns, data[at + _MESSAGE_HEAD.size : at + length])
+                channel_id, _, time_ns, _ = _MESSAGE_HEAD.unpack_from(data, offset)
+                yield Message(
+                    channel_id, time_ns, data[offset + _MESSAGE_HEAD.size : offset + length]
+                )
             elif opcode in _PARSERS:
-                item = _PARSERS[opcode](ReadDataStream(BytesIO(data[at : at + length])))
+                item = _PARSERS[opcode](ReadDataStream(BytesIO(data[offset : offset + length])))
                 if not isinstance(item, records.Schema):
                     yield item
         except PARSE_ERRORS:
             raise DamagedError("it does not follow the format") from None
-        at += length
+        offset += length

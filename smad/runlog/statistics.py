@@ -50,31 +50,31 @@ def read_ending(path: Path, metadata_name: str) -> Ending | None:
         return _in_summary(file, summary_start, at_footer, metadata_name) if summary_start else None
 
 
-def _in_summary(file: BinaryIO, at: int, end: int, name: str) -> Ending | None:
+def _in_summary(file: BinaryIO, offset: int, end: int, name: str) -> Ending | None:
     statistics: records.Statistics | None = None
     metadata: dict[str, str] = {}
     for _ in range(_MOST_RECORDS):
-        if at > end - RECORD_HEAD.size:
+        if offset > end - RECORD_HEAD.size:
             break
-        opcode, length = _head_at(file, at)
+        opcode, length = _head_at(file, offset)
         if opcode == Opcode.STATISTICS:
             statistics = _parsed(file, length, records.Statistics.read)
         elif opcode == Opcode.METADATA_INDEX:
             index = _parsed(file, length, records.MetadataIndex.read)
-            if index is not None and index.name == name and index.offset < at:
+            if index is not None and index.name == name and index.offset < offset:
                 metadata = _metadata_at(file, index.offset)
-        at += RECORD_HEAD.size + length
+        offset += RECORD_HEAD.size + length
     return None if statistics is None else Ending(statistics, metadata)
 
 
-def _metadata_at(file: BinaryIO, at: int) -> dict[str, str]:
-    opcode, length = _head_at(file, at)
-    found = _parsed(file, length, records.Metadata.read) if opcode == Opcode.METADATA else None
-    return {} if found is None else found.metadata
+def _metadata_at(file: BinaryIO, offset: int) -> dict[str, str]:
+    opcode, length = _head_at(file, offset)
+    metadata = _parsed(file, length, records.Metadata.read) if opcode == Opcode.METADATA else None
+    return {} if metadata is None else metadata.metadata
 
 
-def _head_at(file: BinaryIO, at: int) -> tuple[int, int]:
-    file.seek(at)
+def _head_at(file: BinaryIO, offset: int) -> tuple[int, int]:
+    file.seek(offset)
     head: tuple[int, int] = RECORD_HEAD.unpack(file.read(RECORD_HEAD.size))
     return head
 

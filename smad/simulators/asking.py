@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,6 +10,7 @@ import msgspec
 
 from smad.diagnosis import Answer
 from smad.diagnosis import diagnose as ask
+from smad.progress import Say, silent
 from smad.simulators.bind import Bound, bind
 from smad.simulators.declare import Simulator
 from smad.simulators.windows import choose_window
@@ -27,7 +28,7 @@ def diagnose(
     trusted: Sequence[str] = (),
     window_s: float | None = None,
     candidates: Sequence[str] | None = None,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Say = silent,
 ) -> Answer:
     """Where a simulator and runs disagree, which law is missing there, what it is called.
 
@@ -38,13 +39,18 @@ def diagnose(
     """
     bound = bind(simulator, runs, good, hold_out, trusted=trusted)
     plain = bound.plant.plain
-    fit, known, held = bound.groups
+    fit, known, held_out = bound.groups
     expected_s = seconds_expected(bound)
     if expected_s > _SLOW_S:
         progress(f"a replay takes {bound.seconds:.2g} s: about {expected_s / 60:.0f} min in all")
     plain.window_s, why = choose_window(plain, fit, window_s)
     answer = ask(
-        fit, plant=bound.plant, good=known, hold_out=held, candidates=candidates, progress=progress
+        fit,
+        plant=bound.plant,
+        good=known,
+        hold_out=held_out,
+        candidates=candidates,
+        progress=progress,
     )
     failures = plain.failures
     notes = [*answer.verdict.notes, *bound.said, *([why] if why else [])]

@@ -64,12 +64,11 @@ def bind(declared: Simulator, *groups: Any, trusted: Sequence[str] = ()) -> Boun
     wanted = [*read, *(n for n in declared.observed if n not in read)]
     runs = [
         tuple(
-            run_of(t, wanted, outputs, tuple(declared.forces),
-                   trusted=bool(t.words & set(trusted)))
+            run_of(t, wanted, outputs, tuple(declared.forces), trusted=bool(t.words & set(trusted)))
             for t in group
         )
         for group in tables
-    ]  # fmt: skip
+    ]
     said = _said(declared, every, read, outputs, exact)
     plant = SimulatedPlant(
         declared=declared,
@@ -78,9 +77,7 @@ def bind(declared: Simulator, *groups: Any, trusted: Sequence[str] = ()) -> Boun
         lag_s=_LAG_OF_CORRELATION * _correlation_s(outputs, every),
     )
     kind = SavedPlaces if declared.save is not None else SimulatorPlaces
-    return Bound(
-        plant=kind(plant), groups=tuple(runs), said=tuple(said), seconds=seconds
-    )  # fmt: skip
+    return Bound(plant=kind(plant), groups=tuple(runs), said=tuple(said), seconds=seconds)
 
 
 def _constant(inputs: Sequence[str], tables: Sequence[Table], declared: Simulator) -> list[str]:
@@ -95,20 +92,18 @@ def _constant(inputs: Sequence[str], tables: Sequence[Table], declared: Simulato
 
 def _ends(name: str, tables: Sequence[Table]) -> tuple[float, float]:
     values = [t.columns[name] for t in tables if name in t.columns]
-    return (
-        float(min(np.nanmin(v) for v in values)), float(max(np.nanmax(v) for v in values))
-    )  # fmt: skip
+    return (float(min(np.nanmin(v) for v in values)), float(max(np.nanmax(v) for v in values)))
 
 
 def _signals(declared: Simulator, inputs: Sequence[str], tables: Sequence[Table]) -> list[Signal]:
-    found = []
+    signals = []
     for name in inputs:
         low, high = declared.ranges.get(name) or span_of(
             [t.columns[name] for t in tables if name in t.columns]
         )
-        found.append(Signal(name, declared.unit(name), low, high))
+        signals.append(Signal(name, declared.unit(name), low, high))
     forces = [Signal(n, declared.unit(n), a, b) for n, (a, b) in declared.forces.items()]
-    return [*found, *forces]
+    return [*signals, *forces]
 
 
 def _channel(declared: Simulator, name: str, runs: Sequence[GapRun]) -> Channel:

@@ -17,7 +17,7 @@ from smad.simulators.plant import called
 from smad.simulators.starts import Starts
 
 
-class Asked(Mapping[str, Array]):
+class WatchedColumns(Mapping[str, Array]):
     """The columns of a run, noting which of them the function reads."""
 
     def __init__(self, columns: Mapping[str, Array]) -> None:
@@ -49,7 +49,7 @@ def roles(declared: Simulator, table: Table) -> tuple[list[str], list[str], floa
     columns = {n: bridged(c, np.ones(len(c), dtype=bool)) for n, c in table.columns.items()
                if np.isfinite(c).any()}  # fmt: skip
     columns |= {n: np.zeros(len(table.t_s)) for n in declared.forces}
-    asked = Asked(columns)
+    asked = WatchedColumns(columns)
     starting = _starts(table).at(0)
     values = declared.values({}, {})
     began = time.process_time()
@@ -84,7 +84,7 @@ def roles(declared: Simulator, table: Table) -> tuple[list[str], list[str], floa
 def _first(
     declared: Simulator,
     table: Table,
-    asked: Asked,
+    asked: WatchedColumns,
     values: Mapping[str, float],
     starting: Mapping[str, float],
 ) -> dict[str, Array]:
@@ -114,7 +114,7 @@ def _first(
 def _require_same(
     declared: Simulator,
     table: Table,
-    asked: Asked,
+    asked: WatchedColumns,
     starting: Mapping[str, float],
     first: Mapping[str, Array],
 ) -> None:

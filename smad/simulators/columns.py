@@ -52,24 +52,24 @@ def tables_of(runs: Any, time: str = "") -> list[Table]:
     """
     if isinstance(runs, (str, Path, GapRun, Table)) or hasattr(runs, "keys"):
         runs = [runs]
-    return [table for n, one in enumerate(runs, 1) for table in _tables(one, f"run {n}", time)]
+    return [table for n, run in enumerate(runs, 1) for table in _tables(run, f"run {n}", time)]
 
 
-def _tables(one: Any, name: str, time: str) -> Iterable[Table]:
-    if isinstance(one, Table):
-        return [one]
-    if isinstance(one, GapRun):
-        return [Table(one.name, one.t_s, {**one.inputs, **one.outputs}, one)]
-    if isinstance(one, (str, Path)):
-        paths = sorted(glob.glob(str(one))) if not Path(one).exists() else [str(one)]
+def _tables(run: Any, name: str, time: str) -> Iterable[Table]:
+    if isinstance(run, Table):
+        return [run]
+    if isinstance(run, GapRun):
+        return [Table(run.name, run.t_s, {**run.inputs, **run.outputs}, run)]
+    if isinstance(run, (str, Path)):
+        paths = sorted(glob.glob(str(run))) if not Path(run).exists() else [str(run)]
         if not paths:
-            raise SimulatorError(f"no file is {str(one)!r}", action="correct the path or pattern")
+            raise SimulatorError(f"no file is {str(run)!r}", action="correct the path or pattern")
         return [_of_file(Path(p), time) for p in paths]
-    if hasattr(one, "keys"):
-        return [_timed(name, {str(k): np.asarray(one[k]) for k in one}, name, time)]
+    if hasattr(run, "keys"):
+        return [_timed(name, {str(k): np.asarray(run[k]) for k in run}, name, time)]
     raise SimulatorError(
         "a run is neither a file nor a table of columns",
-        value=type(one).__name__,
+        value=type(run).__name__,
         action="give paths, mappings of columns, data frames or GapRuns",
     )
 
@@ -138,7 +138,7 @@ def run_of(
     shown = {n: table.columns[n] for n in outputs if n in table.columns}
     return GapRun(
         table.name, table.t_s, {**given, **flat}, shown, notes=table.notes, trusted=trusted
-    )  # fmt: skip
+    )
 
 
 def require_time(table: Table) -> None:

@@ -31,13 +31,13 @@ class SimulatorPlaces(BarePlaces):
         """Readings, inputs and forces, with the observed columns among their states."""
         of = self.plain.declared
         felt = {f"input_{name}" for name in of.felt_at}
-        found = []
+        offered = []
         for place in super().places:
             if place.name not in felt:
                 label = of.labels.get(place.name.removeprefix("input_"), place.label)
                 states = tuple(s for s in place.states if s not in of.forces)
-                found.append(replace(place, label=label, states=(*states, *of.observed)))
-        return tuple(found)
+                offered.append(replace(place, label=label, states=(*states, *of.observed)))
+        return tuple(offered)
 
     def state_words(self, place: str, state: str) -> tuple[str, str]:
         """See `Forceable`."""

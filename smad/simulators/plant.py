@@ -62,8 +62,10 @@ class SimulatedPlant:
         self.parameters: Sequence[Parameter] = self.declared.parameters
         self.traits = Traits(shortest_s=self.declared.shortest_s)
         self._signals = tuple(c.name for c in self.channels)
-        own = [replace(e, signals=e.signals or self._signals) for e in self.declared.effects]
-        self.effects: Sequence[Effect] = [*own, *self._transducers()]
+        declared_effects = [
+            replace(e, signals=e.signals or self._signals) for e in self.declared.effects
+        ]
+        self.effects: Sequence[Effect] = [*declared_effects, *self._transducers()]
         self._largest = {s.name: max(abs(s.low), abs(s.high)) for s in self.inputs}
         self._known: OrderedDict[object, Mapping[str, Array]] = OrderedDict()
         self._windows: dict[tuple[int, float], tuple[GapRun, list[Window]]] = {}
@@ -71,24 +73,24 @@ class SimulatedPlant:
     def _transducers(self) -> list[Effect]:
         if not self.declared.transducers:
             return []
-        found: list[Effect] = []
+        effects: list[Effect] = []
         of = self.declared
         for c in self.channels:
             shared: dict[str, Any] = {"name": c.name, "unit": c.unit, "lag_s": self.lag_s}
             low, high = of.ranges.get(c.name, (c.low, c.high))
-            found += effects_of(Transduced(
+            effects += effects_of(Transduced(
                 **shared, low=low, high=high, drive=False, signals=(c.name,),
                 places=(f"reading_{c.name}",),
             ))  # fmt: skip
         for s in (s for s in self.inputs if s.name not in of.forces):
-            found += effects_of(
+            effects += effects_of(
                 Transduced(
                     name=s.name, unit=s.unit, lag_s=self.lag_s, low=s.low, high=s.high, drive=True,
                     signals=self._signals, places=(of.acts_at(s.name),),
                 ),
                 saturation=True,
             )  # fmt: skip
-        return found
+        return effects
 
     def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
         """See `PlantModel`. The run as it was recorded is replayed; `fast` changes nothing."""
@@ -159,9 +161,9 @@ class SimulatedPlant:
     def _failed(self, why: str, values: Mapping[str, float]) -> None:
         self.failures.failed += 1
         if not self.failures.why:
-            self.failures.why = (
-                f"{why} at " + ", ".join(f"{n} = {v:.4g}" for n, v in values.items() if v)
-            )  # fmt: skip
+            self.failures.why = f"{why} at " + ", ".join(
+                f"{n} = {v:.4g}" for n, v in values.items() if v
+            )
 
     def windows(self, whole: GapRun) -> list[Window]:
         """First and last sample of each window of a run, and where it begins."""
@@ -246,11 +248,11 @@ def called(
     t = _shielded(t_s - t_s[0])
     given = _Shielded(inputs)
     with np.errstate(all="ignore"):
-        found = declared.function(t, given, MappingProxyType(dict(values)), start)
-    if not isinstance(found, Mapping):
-        raise ValueError(f"it returns {type(found).__name__}, not outputs by name")
+        outputs = declared.function(t, given, MappingProxyType(dict(values)), start)
+    if not isinstance(outputs, Mapping):
+        raise ValueError(f"it returns {type(outputs).__name__}, not outputs by name")
     out = {}
-    for name, column in found.items():
+    for name, column in outputs.items():
         y = np.asarray(column, dtype=np.float64)
         if y.shape != t.shape:
             raise ValueError(f"{name} has shape {y.shape}; the run has {t.shape}")

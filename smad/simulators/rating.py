@@ -87,9 +87,9 @@ def rate(plant: PlantModel, runs: Sequence[GapRun], *, within_s: float = 5.0) ->
     def beside(rows: Array) -> Array:
         return np.asarray(rows - slopes.T @ np.linalg.solve(gram, slopes @ rows / _CORRELATED))
 
-    found = [*_effects(sheet, ends), *_places(sheet, ends)]
-    causes = [x for x in found if isinstance(x, _Cause)]
-    missed = [x for x in found if isinstance(x, Rating)]
+    ratings = [*_effects(sheet, ends), *_places(sheet, ends)]
+    causes = [x for x in ratings if isinstance(x, _Cause)]
+    missed = [x for x in ratings if isinstance(x, Rating)]
     left = [beside(c.rows) for c in causes]
     rated = [_rated(c, sheet.size(left[k]), _alike(k, causes, left)) for k, c in enumerate(causes)]
     return [*_parameters(known, slopes, gram, reached), *rated, *missed]
@@ -106,16 +106,16 @@ def _rated(c: _Cause, left: float, alike: tuple[str, ...]) -> Rating:
 
 def _alike(k: int, causes: Sequence[_Cause], left: Sequence[Array]) -> tuple[str, ...]:
     """Causes at other places whose rows are nearly those of a cause, up to their size."""
-    own, square = causes[k], float(left[k] @ left[k])
-    found = []
+    cause, square = causes[k], float(left[k] @ left[k])
+    alike = []
     for other, rows in zip(causes, left, strict=True):
         # An effect that may be anywhere is nowhere else.
-        known = bool(own.places and other.places)
-        if known and other.kind == own.kind and not own.places & other.places:
+        known = bool(cause.places and other.places)
+        if known and other.kind == cause.kind and not cause.places & other.places:
             both = square * float(rows @ rows)
             if both > 0.0 and float(left[k] @ rows) ** 2 > _ALIKE * both:
-                found.append(other.name)
-    return tuple(found)
+                alike.append(other.name)
+    return tuple(alike)
 
 
 def _parameters(
@@ -152,14 +152,14 @@ class _Sheet:
         shown = [plant.simulate(point, r) for r in runs]
         as_read = [replace(r, outputs=y) for r, y in zip(runs, shown, strict=True)]
         period_s = row_length_s(as_read, plant)
-        own = tuple(r if r.outputs else a for r, a in zip(runs, as_read, strict=True))
+        measured = tuple(r if r.outputs else a for r, a in zip(runs, as_read, strict=True))
         per_row = max(period_s / max(np.median([r.dt_s for r in runs]), 1e-9), 1.0)
         floors = []
         for c in plant.channels:
             noise = max(c.noise / np.sqrt(per_row), c.quantum / np.sqrt(12.0))
             span = np.median([np.ptp(np.quantile(y[c.name], (0.01, 0.99))) for y in shown])
             floors.append(np.hypot(noise, _RESOLUTION * span) or 1.0)
-        quick = tuple(thinned(r, period_s / _PIECES, plant.inputs) for r in own)
+        quick = tuple(thinned(r, period_s / _PIECES, plant.inputs) for r in measured)
         made = cls(plant, quick, tuple(Grid.of(r, period_s) for r in quick), np.array(floors),
                    np.zeros(0))  # fmt: skip
         return replace(made, base=made._rows([plant.simulate(point, r, fast=True) for r in quick]))
@@ -185,11 +185,9 @@ class _Sheet:
         point = nominal_point(self.plant)
         try:
             shown = [
-                self.plant.forced(
-                    point, r, {(place, side): np.full(len(r.t_s), size)}, fast=True
-                )
+                self.plant.forced(point, r, {(place, side): np.full(len(r.t_s), size)}, fast=True)
                 for r in self.runs
-            ]  # fmt: skip
+            ]
         except PlantError:
             return None
         return self._less(shown)
@@ -221,8 +219,8 @@ def _effects(sheet: _Sheet, ends: float) -> Iterator[_Cause | Rating]:
             name = effect.name if q.name in ("size", "g", "b") else f"{effect.name}.{q.name}"
             values = {p.name: 0.0 if p.strength else p.typical for p in effect.parameters}
             point = nominal_point(sheet.plant)
-            at = replace(point, effects={effect.name: {**values, q.name: q.typical}})
-            rows = None if time.process_time() > ends else sheet.at(at)
+            with_effect = replace(point, effects={effect.name: {**values, q.name: q.typical}})
+            rows = None if time.process_time() > ends else sheet.at(with_effect)
             if rows is None:
                 yield _missed("effect", name, effect.title, q.unit)
                 continue
@@ -238,9 +236,9 @@ def _places(sheet: _Sheet, ends: float) -> Iterator[_Cause | Rating]:
         for side in place.sides:
             name = place.name if len(place.sides) < 2 else f"{place.name} {side.upper()}"
             words = place.label if len(place.sides) < 2 else f"{place.label}, {side.upper()}"
-            rows = None if time.process_time() > ends else sheet.forced(
-                place.name, side, place.scale
-            )  # fmt: skip
+            rows = (
+                None if time.process_time() > ends else sheet.forced(place.name, side, place.scale)
+            )
             if rows is None:
                 yield _missed("place", name, words, place.unit)
                 continue

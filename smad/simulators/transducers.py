@@ -5,7 +5,6 @@ Each effect has one strength. At 0 the signal passes unchanged, to the last bit.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,16 +84,6 @@ def transduced(
         keep = float(np.exp(-float(np.median(np.diff(t_s))) / tau_s))
         column = lfilter([1.0 - keep], [1.0, -keep], column, zi=keep * column[:1])[0]
     return np.asarray(column)
-
-
-def names_of(effects: Sequence[Effect]) -> list[str]:
-    """Names of effects, in their order."""
-    return [e.name for e in effects]
-
-
-def without(effects: EffectValues, names: Mapping[str, object]) -> dict[str, Mapping[str, float]]:
-    """The effects that are not among `names`."""
-    return {n: v for n, v in effects.items() if n not in names}
 
 
 def _value(name: str, unit: str, typical: float, low: float, high: float) -> EffectParameter:

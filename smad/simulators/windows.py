@@ -87,9 +87,7 @@ def choose_window(
 def _usable(plant: Windowed, run: GapRun) -> GapRun:
     """A run as it will be admitted: up to its first hole, without NaN."""
     used = filled(up_to_first_hole(run, row_length_s([run], plant), lambda *_, **__: None))
-    return replace(
-        used, outputs={n: y for n, y in used.outputs.items() if np.isfinite(y).all()}
-    )  # fmt: skip
+    return replace(used, outputs={n: y for n, y in used.outputs.items() if np.isfinite(y).all()})
 
 
 def _given(plant: Windowed, runs: Sequence[GapRun], window_s: float) -> tuple[float, str]:
@@ -137,8 +135,8 @@ def lost_by(plant: Windowed, point: ModelPoint, runs: Sequence[GapRun], window_s
         late = _late(plant, run, window_s)
         for name, y in run.outputs.items():
             e = np.where(run.good, y - shown[name], 0.0)
-            own = len(y) * float(np.nanvar(y))
-            parts = np.array([e @ e, own, e[late] @ e[late], own * float(np.mean(late))])
+            variance = len(y) * float(np.nanvar(y))
+            parts = np.array([e @ e, variance, e[late] @ e[late], variance * float(np.mean(late))])
             square[name] = square.get(name, np.zeros(4)) + parts
     ratios = [
         np.sqrt(max(a / max(b, 1e-300), c / max(d, 1e-300))) for a, b, c, d in square.values()

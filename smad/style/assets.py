@@ -17,7 +17,7 @@ _KINDS = {".js": "text/javascript", ".css": "text/css", ".txt": "text/plain"}
 
 def files() -> Mapping[str, tuple[str, bytes]]:
     """Return each file by its path, with its content type: `style.css`, `plots.js`, vendored."""
-    found = {
+    by_name = {
         path.relative_to(_STATIC).as_posix(): (
             f"{_KINDS[path.suffix]}; charset=utf-8",
             path.read_bytes(),
@@ -25,8 +25,8 @@ def files() -> Mapping[str, tuple[str, bytes]]:
         for path in sorted(_STATIC.rglob("*"))
         if path.suffix in _KINDS
     }
-    found["style.css"] = ("text/css; charset=utf-8", css().encode())
-    return found
+    by_name["style.css"] = ("text/css; charset=utf-8", css().encode())
+    return by_name
 
 
 def style(*, plots: bool) -> str:

@@ -213,4 +213,6 @@ def values(sample: Telemetry) -> tuple[float | None, ...]:
 
 def limits(config: Config) -> Mapping[str, float]:
     """Return the host's limit of each channel that has one; the daemon ends a motion there."""
-    return {one.name: attrgetter(one.limit)(config) for one in CHANNELS if one.limit}
+    return {
+        channel.name: attrgetter(channel.limit)(config) for channel in CHANNELS if channel.limit
+    }

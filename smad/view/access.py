@@ -131,8 +131,8 @@ def _same(given: str, secret: str) -> bool:
 
 
 def _token_of(target: str) -> str | None:
-    found = parse_qs(urlsplit(target).query, keep_blank_values=True).get("token")
-    return None if found is None else found[0]
+    tokens = parse_qs(urlsplit(target).query, keep_blank_values=True).get("token")
+    return None if tokens is None else tokens[0]
 
 
 def _key_of(offered: str) -> str:
@@ -142,7 +142,7 @@ def _key_of(offered: str) -> str:
 
 def _cookie_of(header: str, name: str) -> str:
     try:
-        found = SimpleCookie(header).get(name)
+        cookie = SimpleCookie(header).get(name)
     except CookieError:
         return ""
-    return "" if found is None else found.value
+    return "" if cookie is None else cookie.value

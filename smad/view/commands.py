@@ -35,7 +35,7 @@ class Ask(Struct, tag_field="do", frozen=True, kw_only=True, forbid_unknown_fiel
     axis: str = ""
 
 
-class Drawn(Ask, tag="drawn", frozen=True, kw_only=True):
+class FrameDrawn(Ask, tag="drawn", frozen=True, kw_only=True):
     """A frame is on the screen: the next may come."""
 
 
@@ -188,7 +188,7 @@ Question = (
     Runs | Results | Experiments | Preview | PreviewExperiment | Begin | EndJob | ShowQueue
     | ChangeQueue
 )  # fmt: skip
-Watching = Drawn | Alive | Show | LookAt | LookBack | Stop | ShowQueue
+Watching = FrameDrawn | Alive | Show | LookAt | LookBack | Stop | ShowQueue
 Message = Watching | Command | Question
 MARKING = (Note, Gains)
 QUESTIONS = get_args(Question)

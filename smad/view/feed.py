@@ -124,11 +124,11 @@ class Cursor:
         if self._epoch != self._feed.epoch:
             self._epoch = self._feed.epoch
             self.look_at(self.view)
-        found = self._feed.tiers[self.view.window].since(self._next, self.view.channels)
-        if found is None:
+        frames = self._feed.tiers[self.view.window].since(self._next, self.view.channels)
+        if frames is None:
             return None
         whole = self._next is None
-        frame, self._next = found
+        frame, self._next = frames
         return frame, self._moments(), whole
 
     def _moments(self) -> Moments | None:

@@ -14,6 +14,7 @@ from msgspec import Struct
 from msgspec import inspect as types
 
 from smad.config import Config
+from smad.config.fields import bare, info_of
 from smad.control.commands import Samples, Trajectory, Tune
 from smad.control.inforce import tune_of
 
@@ -94,8 +95,7 @@ def form_of(struct: type[Struct], *, skip: bool = False) -> Form:
 
     Another field raises TypeError; with `skip` it is left at its default.
     """
-    info = types.type_info(struct)
-    assert isinstance(info, types.StructType)
+    info = info_of(struct)
     tag = str(info.tag)
     fields = []
     for field in info.fields:
@@ -124,19 +124,17 @@ def _slider(field: Field, in_force: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _field(field: types.Field) -> Field:
-    kind, about = field.type, ""
-    while isinstance(kind, types.Metadata):
-        about = about or (kind.extra_json_schema or {}).get("description", "")
-        kind = kind.type
-    if isinstance(kind, types.UnionType):
-        # "or nothing": left out when it was not touched.
-        kind = next(one for one in kind.types if not isinstance(one, types.NoneType))
-        while isinstance(kind, types.Metadata):
-            kind = kind.type
+    # "or nothing": left out when it was not touched.
+    kind, meta = bare(field.type)
     initial = None if field.default is msgspec.NODEFAULT else field.default
     label, unit = _named(field.name)
     made = Field(
-        name=field.name, label=label, unit=unit, kind="number", about=about, initial=initial
+        name=field.name,
+        label=label,
+        unit=unit,
+        kind="number",
+        about=meta.get("description", ""),
+        initial=initial,
     )
     match kind:
         case (

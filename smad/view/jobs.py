@@ -133,7 +133,7 @@ def _word(value: bool | int | float | str) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-class Told(Struct, frozen=True, kw_only=True):
+class JobState(Struct, frozen=True, kw_only=True):
     """A job as the pages show it. `report` is an address, once there is one."""
 
     title: str
@@ -265,12 +265,12 @@ class Jobs:
             self._signal(signal.SIGKILL)
             await asyncio.wait([self._following], timeout=PATIENCE_S)
 
-    def snapshot(self) -> Told | None:
+    def snapshot(self) -> JobState | None:
         """Return the job that runs, or ran last."""
         if self._order is None:
             return None
         until_s = time.monotonic() if self.running else self._ended_s
-        return Told(
+        return JobState(
             title=self._order.title,
             lines=tuple(self._lines),
             running=self.running,

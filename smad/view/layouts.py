@@ -34,12 +34,12 @@ def foxglove(axes: Sequence[str]) -> bytes:
     tabs = []
     for axis in axes:
         topic, end = row_topic(axis), f"-{axis}" if axis else ""
-        own = {f"Plot!{strip.name}{end}": _plot(strip, topic) for strip in STRIPS}
-        own[f"StateTransitions!mode{end}"] = {
+        strip_panels = {f"Plot!{strip.name}{end}": _plot(strip, topic) for strip in STRIPS}
+        strip_panels[f"StateTransitions!mode{end}"] = {
             "paths": [_path(f"{topic}.mode", "mode", in_print("good"))]
         }
-        panels |= own
-        tabs.append((axis, list(own)))
+        panels |= strip_panels
+        tabs.append((axis, list(strip_panels)))
     events = {
         "RawMessages!events": {"topicPath": EVENT_TOPIC, "expansion": "all"},
         # What the bridge sends in their place.

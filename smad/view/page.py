@@ -124,7 +124,7 @@ class Page:
     async def _take(self, ask: commands.Message) -> None:
         if self._right != "command" and not isinstance(ask, commands.WATCHING):
             await self._reply(ask.id, False, _WATCH_ONLY)
-        elif isinstance(ask, commands.Drawn):
+        elif isinstance(ask, commands.FrameDrawn):
             self._frames = max(0, self._frames - 1)
         elif isinstance(ask, commands.Alive):
             self._unconfirmed_s = None
@@ -223,13 +223,13 @@ class Page:
     async def _inquire(self) -> None:
         while True:
             ask = await self._questions.get()
-            found = None
+            result = None
             try:
-                text, found = await self._queries.answer(ask)
+                text, result = await self._queries.answer(ask)
                 done = True
             except SmadError as error:
                 done, text = False, str(error)
-            await self._reply(ask.id, done, text, found)
+            await self._reply(ask.id, done, text, result)
 
     async def _look_back(self) -> None:
         while True:
@@ -240,8 +240,8 @@ class Page:
             if ask.to_s <= ask.from_s:
                 await self._reply(ask.id, False, "a span ends after it begins")
                 continue
-            found = await self._queries.past(self._axis, ask.from_s, ask.to_s, self._cursor.view)
-            await self._reply(ask.id, True, "", found)
+            past = await self._queries.past(self._axis, ask.from_s, ask.to_s, self._cursor.view)
+            await self._reply(ask.id, True, "", past)
 
     async def _renew(self) -> None:
         control = self._control
@@ -329,8 +329,8 @@ class Page:
             "mode": self._axis.mode_name,
         }
 
-    async def _reply(self, number: int, done: bool, text: str, found: Any = None) -> None:
-        reply = {"type": "reply", "id": number, "done": done, "text": text, "found": found}
+    async def _reply(self, number: int, done: bool, text: str, result: Any = None) -> None:
+        reply = {"type": "reply", "id": number, "done": done, "text": text, "found": result}
         await self._send(reply)
 
     async def _send(self, message: dict[str, Any]) -> None:
@@ -394,7 +394,7 @@ def static_files() -> dict[str, tuple[str, bytes]]:
         ".txt": "text/plain",
     }
     folder = Path(__file__).parent / "static"
-    found = {
+    by_name = {
         f"/{path.relative_to(folder).as_posix()}": (
             f"{kinds[path.suffix]}; charset=utf-8",
             path.read_bytes(),
@@ -402,5 +402,5 @@ def static_files() -> dict[str, tuple[str, bytes]]:
         for path in sorted(folder.rglob("*"))
         if path.suffix in kinds
     }
-    found["/"] = found.pop("/index.html")
-    return found | {f"/style/{path}": file for path, file in assets.files().items()}
+    by_name["/"] = by_name.pop("/index.html")
+    return by_name | {f"/style/{path}": file for path, file in assets.files().items()}

@@ -10,7 +10,7 @@ from smad.control.commands import DriveCurrent, Follow, FollowInputs, HoldTemper
 from smad.control.plan import Do, Pause, Plan, UntilDone
 from smad.control.trajectories import ReferenceQueue
 from smad.errors import CommandError
-from smad.view.requests import Drawn
+from smad.view.requests import Preview
 
 POINTS = 1500
 """Of a drawing. A motion of more turns than these show fills the band between its extremes."""
@@ -20,7 +20,7 @@ _OTHER_MODES = (DriveCurrent, FollowInputs, HoldTemperature)
 
 def drawn(
     piece: Trajectory, from_mm: float, limits: LimitsConfig, handover_rate_mm_per_s: float
-) -> Drawn:
+) -> Preview:
     """Return a piece of motion, for a reference that stands at `from_mm` before it."""
     queue = ReferenceQueue(limits, handover_rate_mm_per_s)
     queue.restart(from_mm * MM)
@@ -28,12 +28,12 @@ def drawn(
     try:
         queue.follow(Follow(trajectories=(piece,)))
     except CommandError as refused:
-        return Drawn(title=title, t_s=[], mm=[], words=str(refused), refused=True)
+        return Preview(title=title, t_s=[], mm=[], words=str(refused), refused=True)
     t_s, mm = _followed(queue, 0.0)
-    return Drawn(title=title, t_s=t_s, mm=[*mm], words=_words(t_s[-1], mm, limits))
+    return Preview(title=title, t_s=t_s, mm=[*mm], words=_words(t_s[-1], mm, limits))
 
 
-def planned(plan: Plan, limits: LimitsConfig, handover_rate_mm_per_s: float) -> Drawn:
+def planned(plan: Plan, limits: LimitsConfig, handover_rate_mm_per_s: float) -> Preview:
     """Return a run of an experiment: its reference, and how long it is at most."""
     queue = ReferenceQueue(limits, handover_rate_mm_per_s)
     at_s, at_most = 0.0, False
@@ -45,7 +45,7 @@ def planned(plan: Plan, limits: LimitsConfig, handover_rate_mm_per_s: float) -> 
             try:
                 queue.follow(action.command)
             except CommandError as refused:
-                return Drawn(title=plan.name, t_s=[], mm=[], words=str(refused), refused=True)
+                return Preview(title=plan.name, t_s=[], mm=[], words=str(refused), refused=True)
             times, values = _followed(queue, at_s)
             t_s, mm = [*t_s, *times], [*mm, *values]
             last_mm = values[-1]
@@ -66,7 +66,7 @@ def planned(plan: Plan, limits: LimitsConfig, handover_rate_mm_per_s: float) -> 
     values = [value for value in mm if value is not None]
     words = _words(at_s, values, limits)
     mounted = f"springs {plan.fixture}, in {plan.cooling}; "
-    return Drawn(
+    return Preview(
         title=plan.name, t_s=t_s, mm=mm, words=mounted + ("at most " if at_most else "") + words
     )
 
@@ -74,7 +74,7 @@ def planned(plan: Plan, limits: LimitsConfig, handover_rate_mm_per_s: float) -> 
 def _patience_s(plan: Plan, number: int) -> float:
     """How long the plan waits for what action `number` begins."""
     later = plan.actions[number + 1 :]
-    return next((one.timeout_s for one in later if isinstance(one, UntilDone)), 0.0)
+    return next((action.timeout_s for action in later if isinstance(action, UntilDone)), 0.0)
 
 
 def _followed(queue: ReferenceQueue, begin_s: float) -> tuple[list[float], list[float]]:

@@ -17,7 +17,7 @@ from smad.view.feed import Feed, View
 from smad.view.forms import Form
 from smad.view.jobs import ON_THE_BENCH, JobError, Jobs, run_path
 from smad.view.reader_client import ReaderClient
-from smad.view.requests import Drawn, Mark, Read
+from smad.view.requests import Mark, Preview, Read
 from smad.view.source import Axis, Source
 from smad.view.tier import Curve, Frame, Moments
 
@@ -125,7 +125,7 @@ class Queries:
             limits=config.limits,
             handover_rate_mm_per_s=config.control.handover_rate_mm_per_s,
         )
-        return "", await self._reader.ask(request, list[Drawn])
+        return "", await self._reader.ask(request, list[Preview])
 
     async def _begin(self, ask: commands.Begin) -> tuple[str, Any]:
         axis = self._source.axis(ask.axis)

@@ -77,7 +77,7 @@ class Line(Struct, frozen=True, kw_only=True):
     """Among those that wait, from 1; 0: it does not wait."""
 
 
-class Shown(Struct, frozen=True, kw_only=True):
+class QueueState(Struct, frozen=True, kw_only=True):
     """The queue as a page shows it."""
 
     mode: str
@@ -87,13 +87,15 @@ class Shown(Struct, frozen=True, kw_only=True):
     lines: tuple[Line, ...]
 
 
-def shown(folder: Path, bench: str) -> Shown:
+def shown(folder: Path, bench: str) -> QueueState:
     """Return the queue of a folder; one that has no file yet is empty. Raises StoreError."""
     if not (folder / FILE).exists():
-        return Shown(mode="paused", reason="it is empty", runner=False, end_unix_s=None, lines=())
+        return QueueState(
+            mode="paused", reason="it is empty", runner=False, end_unix_s=None, lines=()
+        )
     with Queue(folder, bench=bench) as queue:
         snapshot, runner = queue.snapshot(), queue.has_runner
-    return Shown(
+    return QueueState(
         mode=snapshot.mode,
         reason=snapshot.reason,
         runner=runner,

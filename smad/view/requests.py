@@ -91,7 +91,7 @@ class Row(Struct, frozen=True):
     problem: str
 
 
-class Drawn(Struct, frozen=True, kw_only=True):
+class Preview(Struct, frozen=True, kw_only=True):
     """The reference over time as a command or a run will ask for it, and what to say of it.
 
     `t_s` and `mm` of one length, `mm` None where nothing is followed; `refused` says that the

@@ -14,7 +14,7 @@ from smad.config import Config
 from smad.style import strips
 from smad.view.feed import Feed
 from smad.view.requests import Mark
-from smad.view.state import MODES, NO_WORD, Shown, Tile, shown
+from smad.view.state import MODES, NO_WORD, BenchState, Tile, shown
 
 STATUS_EVERY_S = 0.5
 SILENT_AFTER_S = 1.5
@@ -31,7 +31,7 @@ class Axis:
         self.name = name
         self.config = Config()
         self.feed = Feed(len(strips.CHANNELS), strips.MOTION)
-        self.shown: Shown | None = None
+        self.shown: BenchState | None = None
         self.now: tuple[float | None, ...] = ()
         self.mode: int | None = None
         self.reference_mm = 0.0
@@ -136,10 +136,10 @@ class Source:
     def configured(self, config: Config) -> None:
         """Take over a configuration; axes that stay keep their past."""
         self.config = config
-        own = config.by_axis()
-        self.axes = {name: self.axes.get(name) or Axis(name, self.clock_s) for name in own}
+        axis_configs = config.by_axis()
+        self.axes = {name: self.axes.get(name) or Axis(name, self.clock_s) for name in axis_configs}
         for name, axis in self.axes.items():
-            axis.config = own[name]
+            axis.config = axis_configs[name]
             axis.heard()
 
     def sampled(self, axis: str, data: bytes) -> None:
@@ -150,12 +150,14 @@ class Source:
         """Take over what the daemon says of itself."""
         recorder = status.recorder
         for name, axis in self.axes.items():
-            own = status.of(name)
-            axis.shown = shown(own, params.get(name, {}), self._off_current_mA)
+            axis_status = status.of(name)
+            axis.shown = shown(axis_status, params.get(name, {}), self._off_current_mA)
             if axis.shown.mode == NO_WORD:
                 # The daemon missed the board sooner than we miss its samples.
                 axis.mode = None
-            axis.reference_mm = own.motion.reference_mm or own.motion.displacement_mm or 0.0
+            axis.reference_mm = (
+                axis_status.motion.reference_mm or axis_status.motion.displacement_mm or 0.0
+            )
             if recorder.path != self.log_path:
                 axis.log_first_s = None
         self.log_path, self.folder = recorder.path, recorder.folder

@@ -87,7 +87,7 @@ class Tile(Struct, frozen=True, kw_only=True):
     rtd_y_degC: float | None
 
 
-class Shown(Struct, frozen=True, kw_only=True):
+class BenchState(Struct, frozen=True, kw_only=True):
     """The status as the page shows it."""
 
     bench: str
@@ -114,10 +114,10 @@ class Shown(Struct, frozen=True, kw_only=True):
     gains: Mapping[str, float | bool | str]
 
 
-def shown(status: api.Status, params: Mapping[str, float], off_current_mA: float) -> Shown:
+def shown(status: api.Status, params: Mapping[str, float], off_current_mA: float) -> BenchState:
     """Return what the page shows of `status`. `params` are the board's parameters by name."""
     motion, recorder, age = status.motion, status.recorder, status.timing.setpoint_age
-    return Shown(
+    return BenchState(
         bench=status.bench,
         mode=motion.mode,
         armed=motion.armed,
@@ -181,11 +181,11 @@ def conditions(
     yield from _readings(row if connected else None, parts, params, off_current_mA)
 
 
-def axis_condition(name: str, now: Shown) -> Condition:
+def axis_condition(name: str, now: BenchState) -> Condition:
     """Return the conditions of an axis as one; its detail has those that do not hold."""
-    lacking = [one for one in now.conditions if not one.holds]
-    holds = None if all(one.holds is None for one in lacking) else False
-    words = "; ".join(f"{one.text}: {one.detail or 'no'}" for one in lacking)
+    lacking = [condition for condition in now.conditions if not condition.holds]
+    holds = None if all(condition.holds is None for condition in lacking) else False
+    words = "; ".join(f"{condition.text}: {condition.detail or 'no'}" for condition in lacking)
     return Condition(name, holds if lacking else True, words and f"lacking: {words}", axis=name)
 
 

@@ -126,10 +126,12 @@ class Tier:
 
     def _at(self, number: int | None) -> int:
         """The count of the first bucket from a number on."""
-        kept = range(self._count - len(self), self._count)
+        numbers = range(self._count - len(self), self._count)
         if number is None:
-            return kept.start
-        return kept.start + bisect_left(kept, number, key=lambda k: self._number[k % self._kept])
+            return numbers.start
+        return numbers.start + bisect_left(
+            numbers, number, key=lambda k: self._number[k % self._kept]
+        )
 
     def _span(self, from_s: float, to_s: float, most: int) -> tuple[int, int, int]:
         """First and last count of what lies between, with neighbours, and how many to fold."""
@@ -164,11 +166,11 @@ class Tier:
         self, begin: int, end: int, fold: int, channel: int, breaks: frozenset[int]
     ) -> Curve:
         curve: Curve = []
-        wide, kept = self._channels, self._kept
+        wide, most = self._channels, self._kept
         for k in range(begin, end, fold):
             if k in breaks:
                 curve.append(None)
-            places = [(j % kept) * wide + channel for j in range(k, min(k + fold, end))]
+            places = [(j % most) * wide + channel for j in range(k, min(k + fold, end))]
             lows = [v for p in places if (v := self._low[p]) == v]
             low = min(lows, default=math.nan)
             high = max((v for p in places if (v := self._high[p]) == v), default=math.nan)

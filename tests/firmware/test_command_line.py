@@ -6,7 +6,8 @@ import pytest
 from click.testing import CliRunner
 
 from sim_device.firmware import build
-from smad.cli.sim import SimulatorError, sim
+from smad.cli.sim import sim
+from smad.processes.boards import SimulatorError
 from tests.firmware.conftest import needs
 
 

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from firmware_protocol import messages as wire
-from firmware_protocol.enums import BoardState, Fault, ResetCause
+from firmware_protocol.enums import BoardState, ResetCause
 from firmware_protocol.events import HostState
 from sim_device.bench import SimulatedBench
 from sim_device.errors import RefusedError
@@ -125,7 +125,7 @@ def test_typed_commands_do_what_the_wire_ones_do() -> None:
     bench.stop()
     assert bench.step_typed(None).mode is BoardState.ESTOP
     with pytest.raises(RefusedError, match="the board is in ESTOP"):
-        bench.clear_fault(Fault.ESTOP_PRESSED)
+        bench.arm()
 
 
 def test_a_stale_typed_setpoint_is_refused() -> None:

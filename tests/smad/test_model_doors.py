@@ -13,12 +13,12 @@ from sim_device.plant.covariance import Covariance
 from sim_device.plant.laws import Law, Term
 from sim_device.plant.models import Model, read_model, save_model, write_model
 from smad.cli import execute, run
-from smad.cli.sim import build
 from smad.config import Config
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.envs.models import Source
 from smad.experiments.virtual import VirtualDriver
 from smad.fmi.export import MODEL, export_unit
+from smad.processes.boards import build
 
 LAW = Law("film", "both", (Term(name="constant", coefficient=-0.2),))
 STEPS = 200

@@ -99,8 +99,8 @@ def _pair(plant: PlantModel, reference: Reference, run: GapRun, then: RunReferen
     difference = now.values - then.mean
     played, base = then.played, then.base
     again = _again(then, run if other else None, around, start)
-    found = predictions(plant, reference.point, [again])[0]
-    moved = np.where(np.isfinite(found) & now.covered[:, None], found - base, 0.0)
+    predicted = predictions(plant, reference.point, [again])[0]
+    moved = np.where(np.isfinite(predicted) & now.covered[:, None], predicted - base, 0.0)
     if other:
         played = again
     difference = difference - moved
@@ -132,5 +132,5 @@ def _again(
     source = then.played.whole if run is None else run
     shown = {c: np.full(len(source.t_s), around.get(c, value)) for c, value in then.around.items()}
     again = GapRun(source.name, source.t_s, source.inputs, shown)
-    at = then.played.start_s if run is None else start_s
-    return replace(Played.of(again, then.played.inputs, at), bins=then.played.bins)
+    begin_s = then.played.start_s if run is None else start_s
+    return replace(Played.of(again, then.played.inputs, begin_s), bins=then.played.bins)

@@ -60,8 +60,8 @@ class Floor:
     def of(self, regime: Array, day: Array) -> Array:
         """Standard deviation of each bin; shape (bins, channels)."""
         channels = np.arange(regime.shape[1])
-        own = self.sd[channels[None, :], regime]
-        return np.asarray(self.gauge * with_day_form(own, day, self.day_sd))
+        channel_sd = self.sd[channels[None, :], regime]
+        return np.asarray(self.gauge * with_day_form(channel_sd, day, self.day_sd))
 
 
 def repeat_floor(
@@ -109,8 +109,8 @@ def _gauge(repeats: Sequence[Deviation], sd: Array, rho: Array, day_sd: Array) -
     """Root mean square of the repeats' own white rows, (channels,), within `_GAUGES`."""
     total, count = np.full(len(rho), _GAUGE_ROWS), np.full(len(rho), _GAUGE_ROWS)
     for d in repeats:
-        own = with_day_form(d.of_regime(sd), d.day, day_sd)
-        rows = RunRows(own, d.valid, d.day, day_sd, rho)
+        whitened = with_day_form(d.of_regime(sd), d.day, day_sd)
+        rows = RunRows(whitened, d.valid, d.day, day_sd, rho)
         white = rows.shrink(rows.independent(d.values[None]))[0].reshape(d.values.shape)
         total = total + (white**2 * d.valid).sum(axis=0)
         count += d.valid.sum(axis=0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,7 @@ from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses, responses
 from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, nominal_point, traits_of
 from smad.diagnosis.runs import GapRun
+from smad.progress import Say, silent
 
 _CLOCK_SD_S = 0.004
 
@@ -91,10 +92,12 @@ def regime_numbers(plant: PlantModel, run: GapRun, bins: int, start_s: float) ->
         number = np.zeros(bins, dtype=np.intp)
         masks = list(plant.regimes(run, side).values())
         count = max(count, len(masks) + 1)
-        at = np.clip(bin_numbers(run, start_s), 0, bins - 1)
-        size = np.maximum(np.bincount(at, minlength=bins), 1)
+        bin_of_row = np.clip(bin_numbers(run, start_s), 0, bins - 1)
+        size = np.maximum(np.bincount(bin_of_row, minlength=bins), 1)
         for k in range(len(masks), 0, -1):
-            inside = np.bincount(at, masks[k - 1].astype(float), minlength=bins) >= 0.5 * size
+            inside = (
+                np.bincount(bin_of_row, masks[k - 1].astype(float), minlength=bins) >= 0.5 * size
+            )
             number[inside] = k
         cache[side] = number
     return np.column_stack([cache[c.side] for c in plant.channels]), count
@@ -103,7 +106,7 @@ def regime_numbers(plant: PlantModel, run: GapRun, bins: int, start_s: float) ->
 def reference_from(
     plant: PlacesPlant,
     groups: Sequence[Sequence[GapRun]],
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Say = silent,
 ) -> Reference:
     """The reference that good runs make: `groups` are the repeats of each run of the programme.
 
@@ -128,14 +131,14 @@ def reference_from(
         moved = np.array([carried(plant, J[k], around, r.middle) for around in r.around])
         values = r.values - moved
         mean, count = r.mean(values)
-        regime, own = regime_numbers(plant, group[0], r.played.bins, r.played.start_s)
-        regimes = max(regimes, own)
+        regime, names = regime_numbers(plant, group[0], r.played.bins, r.played.start_s)
+        regimes = max(regimes, names)
         off = (values - mean) * np.sqrt(count / np.maximum(count - 1, 1))
         day = day_directions(plant, J[k], base[k])
         if len(group) > 1:
             deviations += [
-                Deviation(one, valid, regime, day)
-                for one, valid in zip(off, r.valid & (count > 1), strict=True)
+                Deviation(residual, valid, regime, day)
+                for residual, valid in zip(off, r.valid & (count > 1), strict=True)
             ]
         runs.append(
             RunReference(

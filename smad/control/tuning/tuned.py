@@ -214,12 +214,12 @@ def trial_of(columns: Columns, marks: Marks) -> Trial:
     for first, sign in ((sine_s, 1.0), (sine_s + 8.0, -1.0)):
         step = (t > first + 0.05) & (t <= first + 7.9)
         overshoot.append(float(np.nanmax(sign * actual[step])) - TRIAL_MM)
-        held = (t > first + 5.0) & (t <= first + 7.9)
+        at_rest = (t > first + 5.0) & (t <= first + 7.9)
         quality = hold_quality(
-            t[held],
-            (reference - actual)[held],
-            (part["i_applied_x_A"][held], part["i_applied_y_A"][held]),
-            (part["duty_x"][held], part["duty_y"][held]),
+            t[at_rest],
+            (reference - actual)[at_rest],
+            (part["i_applied_x_A"][at_rest], part["i_applied_y_A"][at_rest]),
+            (part["duty_x"][at_rest], part["duty_y"][at_rest]),
         )
         errors.append(1e3 * quality.error_rms)
         ripples.append(1e3 * quality.ripple_A)

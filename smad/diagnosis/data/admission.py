@@ -95,12 +95,12 @@ def admit_groups(
 def _only(group: RunSet, channels: set[str]) -> RunSet:
     admitted, findings = [], list(group.findings)
     for run in group.admitted:
-        kept = {k: v for k, v in run.outputs.items() if k in channels}
+        outputs = {k: v for k, v in run.outputs.items() if k in channels}
         for name in (n for n in run.outputs if n not in channels):
             text = f"runs of another group all lack {name}: its residual is switched off"
             findings.append(Finding(run.name, "channel not shared", text, refuses=False))
-        if kept:
-            admitted.append(replace(run, outputs=kept))
+        if outputs:
+            admitted.append(replace(run, outputs=outputs))
         else:
             text = "nothing it measured is in the runs to fit, the held out and the good ones alike"
             findings.append(Finding(run.name, "no channel", text, refuses=True))
@@ -110,10 +110,10 @@ def _only(group: RunSet, channels: set[str]) -> RunSet:
 def _admit_one(
     run: GapRun, plant: PlantModel, period_s: float, require: Callable[[GapRun], None]
 ) -> tuple[GapRun, list[Finding]]:
-    found: list[Finding] = []
+    findings: list[Finding] = []
 
     def say(kind: str, text: str, *, refuses: bool = False) -> None:
-        found.append(Finding(run.name, kind, text, refuses))
+        findings.append(Finding(run.name, kind, text, refuses))
 
     if run.cut_short:
         say("truncated", f"the log is cut short; {run.duration_s:.1f} s were read up to the cut")
@@ -125,22 +125,22 @@ def _admit_one(
     if len(run.t_s) and not (np.diff(run.t_s) > 0).all():
         say("time runs back", "the time axis is not increasing", refuses=True)
     given, run = run, readable(run, plant.inputs, plant.channels, say)
-    if any(f.refuses for f in found):
-        return run, found
+    if any(f.refuses for f in findings):
+        return run, findings
     run = filled(up_to_first_hole(run, period_s, say))
     _require_length(run, given, plant, period_s, say)
-    if any(f.refuses for f in found):
-        return run, found
+    if any(f.refuses for f in findings):
+        return run, findings
     require(run)
     predicted = replayed(plant, run)
     run = used(run, predicted, plant, say=say)
-    if any(f.refuses for f in found):
-        return run, found
+    if any(f.refuses for f in findings):
+        return run, findings
     # A replay may begin from what was measured.
     if run.outputs.keys() != given.outputs.keys():
         predicted = replayed(plant, run)
     compare(run, predicted, plant, period_s, say=say)
-    return run, found
+    return run, findings
 
 
 def _require_length(

@@ -127,11 +127,11 @@ def up_to_first_hole(run: GapRun, row_s: float, say: Say) -> GapRun:
     return run.part(0, int(np.searchsorted(t_s, first, side="right")))
 
 
-def _tell(found: Checked, say: Say) -> None:
-    for note in found.notes:
+def _tell(column: Checked, say: Say) -> None:
+    for note in column.notes:
         say("no reading", f"{note}; these do not count")
-    if found.refusal:
-        say("out of range", found.refusal, refuses=True)
+    if column.refusal:
+        say("out of range", column.refusal, refuses=True)
 
 
 def _steady(run: GapRun, inputs: Sequence[Signal]) -> Mask:

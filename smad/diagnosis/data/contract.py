@@ -44,15 +44,15 @@ def require_contract(plant: PlantModel, run: GapRun) -> None:
 
 def replayed(plant: PlantModel, run: GapRun) -> dict[str, Array]:
     """What the nominal model predicts of a run, checked. Raises PlantMismatch."""
-    found = _called(plant, "simulate", run)
-    if not isinstance(found, Mapping):
-        raise _broken(plant, "simulate", run, "gives no mapping", type(found).__name__)
+    outputs = _called(plant, "simulate", run)
+    if not isinstance(outputs, Mapping):
+        raise _broken(plant, "simulate", run, "gives no mapping", type(outputs).__name__)
     for c in plant.channels:
-        if c.name not in found:
-            raise _broken(plant, "simulate", run, f"lacks channel {c.name}", _names(found))
-        if wrong := _other_than(found[c.name], len(run.t_s), "fiu"):
+        if c.name not in outputs:
+            raise _broken(plant, "simulate", run, f"lacks channel {c.name}", _names(outputs))
+        if wrong := _other_than(outputs[c.name], len(run.t_s), "fiu"):
             raise _broken(plant, "simulate", run, f"gives no column for {c.name}", wrong)
-    return dict(found)
+    return dict(outputs)
 
 
 def _called(plant: PlantModel, member: str, run: GapRun, *arguments: Any) -> Any:
@@ -82,5 +82,7 @@ def _broken(plant: PlantModel, member: str, run: GapRun, what: str, value: str) 
     )
 
 
-def _names(found: Any) -> str:
-    return ", ".join(map(str, found)) or "nothing" if isinstance(found, Mapping) else repr(found)
+def _names(outputs: Any) -> str:
+    return (
+        ", ".join(map(str, outputs)) or "nothing" if isinstance(outputs, Mapping) else repr(outputs)
+    )

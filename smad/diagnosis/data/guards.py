@@ -55,11 +55,11 @@ def without_repeats(
 
 
 def _repeated(run: GapRun, role: str, earlier_role: str, earlier: GapRun) -> Finding:
-    own, other = "", ""
+    role_words, other = "", ""
     if role != earlier_role:
-        own, other = f"given as {role}, ", f", given as {earlier_role}"
+        role_words, other = f"given as {role}, ", f", given as {earlier_role}"
     why = _WHY_NOT[earlier_role, role]
-    text = f"{own}holds the same samples as {earlier.name}{other}; left out, since {why}"
+    text = f"{role_words}holds the same samples as {earlier.name}{other}; left out, since {why}"
     return Finding(run.name, "given twice", text, refuses=True)
 
 
@@ -126,11 +126,11 @@ def goes_further(groups: Mapping[str, Sequence[GapRun]], plant: PlantModel) -> l
 
 def _ranges(runs: Sequence[GapRun], plant: PlantModel) -> dict[str, tuple[float, float]]:
     """Lowest and highest value of each channel that the nominal model predicts of some runs."""
-    found: dict[str, tuple[float, float]] = {}
+    ranges: dict[str, tuple[float, float]] = {}
     for run in runs:
         for channel, values in nominal_replay(run, plant).items():
             y = values[np.isfinite(values)]
             if channel in run.outputs and len(y):
-                low, high = found.get(channel, (np.inf, -np.inf))
-                found[channel] = min(low, float(y.min())), max(high, float(y.max()))
-    return found
+                low, high = ranges.get(channel, (np.inf, -np.inf))
+                ranges[channel] = min(low, float(y.min())), max(high, float(y.max()))
+    return ranges

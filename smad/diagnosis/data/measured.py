@@ -23,11 +23,11 @@ class Measured:
     def of(cls, plant: PlantModel, runs: Sequence[GapRun], period_s: float) -> Measured:
         """The runs, each on a grid of `period_s` that begins with it."""
         played = tuple(Played.of(r, plant.inputs, float(r.t_s[0] - r.dt_s), period_s) for r in runs)
-        found = [
+        measured = [
             binned(r, p.bins, plant, p.start_s, period_s) for r, p in zip(runs, played, strict=True)
         ]
         return cls(
             played=played,
-            values=tuple(b.values for b in found),
-            valid=tuple(b.valid for b in found),
+            values=tuple(b.values for b in measured),
+            valid=tuple(b.valid for b in measured),
         )

@@ -34,14 +34,16 @@ def _rest_residuals(
     runs: Sequence[GapRun], grids: Sequence[Grid], plant: PlantModel, channel: Channel
 ) -> list[Array]:
     """Rows of each stretch of rest of one channel less a parabola, in its unit, (rows,) each."""
-    found = []
+    residuals = []
     for run, grid in zip(runs, grids, strict=True):
         if channel.name not in run.outputs:
             continue
         rest = grid.majority(plant.regimes(run, channel.side)["rest"]) & grid.valid
         y = grid.mean(run.outputs[channel.name])
-        found += [_detrended(y[s]) for s in _stretches(rest) if s.stop - s.start >= _MIN_REST_RUN]
-    return found
+        residuals += [
+            _detrended(y[s]) for s in _stretches(rest) if s.stop - s.start >= _MIN_REST_RUN
+        ]
+    return residuals
 
 
 def _scale(values: Array) -> float:
@@ -50,8 +52,8 @@ def _scale(values: Array) -> float:
     Outliers are told by the median, whose own estimate would be a third off for a hundred rows.
     """
     middle = float(np.median(np.abs(values))) / 0.6745
-    kept = values[np.abs(values) <= _OUTLIER * middle]
-    return float(np.sqrt(np.mean(kept**2)))
+    inliers = values[np.abs(values) <= _OUTLIER * middle]
+    return float(np.sqrt(np.mean(inliers**2)))
 
 
 def _difference_sigma(runs: Sequence[GapRun], grids: Sequence[Grid], name: str) -> float:

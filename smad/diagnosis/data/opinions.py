@@ -193,7 +193,7 @@ def compare(
 def _swapped_twins(
     plant: PlantModel, measured: dict[str, Array], predicted: dict[str, Array]
 ) -> list[tuple[str, str]]:
-    found = []
+    findings = []
     for channel in plant.channels:
         a, b = channel.name, channel.twin
         if not b or a > b or a not in measured or b not in measured:
@@ -204,8 +204,8 @@ def _swapped_twins(
         straight = _misfit(measured[a], predicted[a]) + _misfit(measured[b], predicted[b])
         crossed = _misfit(measured[a], predicted[b]) + _misfit(measured[b], predicted[a])
         if crossed < 0.2 * straight and straight > 0.05:
-            found.append((a, b))
-    return found
+            findings.append((a, b))
+    return findings
 
 
 def _unrelated(
@@ -232,9 +232,9 @@ def _unrelated(
     def follows(shift: int) -> float:
         return float(np.mean([_best_lag(y, np.roll(m, shift)) for _, y, m in moving]))
 
-    own = follows(0)
+    unshifted = follows(0)
     others = sorted(follows(int(s)) for s in rng.integers(n // 10, n - n // 10, size=19))
-    related = own >= _FOLLOWS or (own >= _HARDLY and own > others[-2])
+    related = unshifted >= _FOLLOWS or (unshifted >= _HARDLY and unshifted > others[-2])
     alone = {name: _best_lag(y, m) for name, y, m in moving}
     following = [name for name, r in alone.items() if r >= _FOLLOWS]
     if related and not following:

@@ -66,12 +66,12 @@ class Played:
         `exact`: the samples are those of the run as it was recorded.
         """
         run = self.whole if exact else self.run
-        at = bin_numbers(run, self.start_s, self.period_s)
-        inside = (at >= 0) & (at < self.bins)
-        size = np.ones(len(at)) if exact else run.pieces
-        at, size = at[inside], size[inside]
-        count = np.maximum(np.bincount(at, size, minlength=self.bins), 1.0)
-        sums = [np.bincount(at, s[inside] * size, minlength=self.bins) for s in series]
+        bin_of_row = bin_numbers(run, self.start_s, self.period_s)
+        inside = (bin_of_row >= 0) & (bin_of_row < self.bins)
+        size = np.ones(len(bin_of_row)) if exact else run.pieces
+        bin_of_row, size = bin_of_row[inside], size[inside]
+        count = np.maximum(np.bincount(bin_of_row, size, minlength=self.bins), 1.0)
+        sums = [np.bincount(bin_of_row, s[inside] * size, minlength=self.bins) for s in series]
         return np.array(sums) / count
 
 
@@ -86,8 +86,8 @@ def predictions(
     out = []
     for played in runs:
         run = played.whole if exact else played.run
-        found = plant.simulate(point, run, fast=not exact)
-        series = np.stack([found[c.name] for c in plant.channels])
+        outputs = plant.simulate(point, run, fast=not exact)
+        series = np.stack([outputs[c.name] for c in plant.channels])
         out.append(np.ascontiguousarray(played.means(series, exact=exact).T))
     return out
 
@@ -105,14 +105,14 @@ def slopes(plant: PlantModel, point: ModelPoint, runs: Sequence[Played]) -> list
     base = predictions(plant, point, runs)
     out = [np.zeros((len(plant.parameters), *b.shape)) for b in base]
     for i, q in enumerate(plant.parameters):
-        at = point.theta.get(q.name, q.nominal)
+        value = point.theta.get(q.name, q.nominal)
         step = _THETA_STEP * q.prior_sd
-        if at + step > q.high:
+        if value + step > q.high:
             step = -step
-        moved = replace(point, theta={**point.theta, q.name: at + step})
-        found = predictions(plant, moved, runs)
-        if finite(found):
-            for j, (new, old) in enumerate(zip(found, base, strict=True)):
+        moved = replace(point, theta={**point.theta, q.name: value + step})
+        moved_outputs = predictions(plant, moved, runs)
+        if finite(moved_outputs):
+            for j, (new, old) in enumerate(zip(moved_outputs, base, strict=True)):
                 out[j][i] = (new - old) * (q.prior_sd / step)
     return out
 

@@ -44,8 +44,8 @@ def edges_s(run: GapRun) -> Array:
     for column in run.inputs.values():
         span = float(column.max()) if len(column) else 0.0
         if span > 0.0:
-            at = np.flatnonzero(np.abs(np.diff(column)) > _EDGE * span) + 1
-            out += run.t_s[at].tolist()
+            edge_rows = np.flatnonzero(np.abs(np.diff(column)) > _EDGE * span) + 1
+            out += run.t_s[edge_rows].tolist()
     return np.unique(np.array(out))
 
 
@@ -90,15 +90,15 @@ def binned(
     run: GapRun, bins: int, plant: PlantModel, start_s: float, period_s: float = PERIOD_S
 ) -> Binned:
     """The run in `bins` bins of the grid that begins at `start_s` of its own clock."""
-    at = bin_numbers(run, start_s, period_s)
-    inside = (at >= 0) & (at < bins)
-    at = at[inside]
+    bin_of_row = bin_numbers(run, start_s, period_s)
+    inside = (bin_of_row >= 0) & (bin_of_row < bins)
+    bin_of_row = bin_of_row[inside]
     whole = _whole_bin(run.dt_s, period_s)
 
     def mean(column: Array, good: Mask) -> tuple[Array, Mask]:
         keep = good[inside] & np.isfinite(column[inside])
-        count = np.bincount(at[keep], minlength=bins)
-        total = np.bincount(at[keep], column[inside][keep], minlength=bins)
+        count = np.bincount(bin_of_row[keep], minlength=bins)
+        total = np.bincount(bin_of_row[keep], column[inside][keep], minlength=bins)
         return total / np.maximum(count, 1), count >= whole
 
     everything = np.ones(len(run.t_s), dtype=bool)
@@ -113,7 +113,7 @@ def binned(
         if signal.name in run.inputs:
             means, _ = mean(np.asarray(run.inputs[signal.name], float), everything)
             applied[:, i] = means / (signal.high - signal.low)
-    covered = np.bincount(at, minlength=bins) >= whole
+    covered = np.bincount(bin_of_row, minlength=bins) >= whole
     return Binned(run.name, values, valid, applied, covered)
 
 
@@ -130,8 +130,8 @@ def without_other_end(now: Binned, reference: Binned) -> Binned:
     alike = np.flatnonzero(now.covered & reference.covered & ~other)
     if not len(alike) or alike[-1] == covered[-1]:
         return now
-    kept = np.arange(len(now.covered)) <= alike[-1]
-    return replace(now, valid=now.valid & kept[:, None], covered=now.covered & kept)
+    before_end = np.arange(len(now.covered)) <= alike[-1]
+    return replace(now, valid=now.valid & before_end[:, None], covered=now.covered & before_end)
 
 
 def same_inputs(now: Binned, reference: Binned) -> bool:

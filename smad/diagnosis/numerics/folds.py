@@ -51,8 +51,8 @@ class FoldRows:
     @property
     def square(self) -> float:
         """Sum of squares of the rows in a fold."""
-        kept = self.rows[self.fold >= 0]
-        return float(kept @ kept)
+        counted = self.rows[self.fold >= 0]
+        return float(counted @ counted)
 
     def products(self, columns: Index | slice = slice(None)) -> FoldProducts:
         """The products of some responses, in the order given, or of all."""
@@ -60,7 +60,7 @@ class FoldRows:
         k = len(A)
         gram, against = np.zeros((self.folds, k, k)), np.zeros((self.folds, k))
         for f in range(self.folds):
-            own = self.fold == f
-            part, r = A[:, own], self.rows[own]
+            in_fold = self.fold == f
+            part, r = A[:, in_fold], self.rows[in_fold]
             gram[f], against[f] = part @ part.T, part @ r
         return FoldProducts(gram, against)

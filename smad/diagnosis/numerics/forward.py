@@ -70,8 +70,8 @@ def forward(
         for k in range(depth + 1):
             columns = _columns(groups, chosen[:k], start)
             x = _solve(G, b, columns)
-            own = products.gram[f][np.ix_(columns, columns)]
-            taken[k, f] = 2.0 * x @ products.against[f][columns] - x @ own @ x
+            inner_gram = products.gram[f][np.ix_(columns, columns)]
+            taken[k, f] = 2.0 * x @ products.against[f][columns] - x @ inner_gram @ x
     sums = taken.sum(axis=1)
     few = int(np.argmax(sums >= sums.max() - _LITTLE * abs(float(sums.max()))))
     told = _select(gram, against, (groups, worth), few, start)
@@ -110,9 +110,9 @@ def _select(
     chosen: list[int] = []
     for _ in range(depth):
         inner = left[groups[:, :, None], groups[:, None, :]]
-        own = np.diagonal(inner, axis1=1, axis2=2)
+        diagonal = np.diagonal(inner, axis1=1, axis2=2)
         asked = np.isin(np.arange(len(groups)), chosen, invert=True)
-        new = asked & (own > _SPENT * size[groups]).all(axis=1)
+        new = asked & (diagonal > _SPENT * size[groups]).all(axis=1)
         if not bool(new.any()):
             break
         ridge = np.eye(groups.shape[1]) * (_RIDGE * size[groups])[:, None, :]

@@ -79,12 +79,12 @@ class RunRows:
         What it makes of a warmer room is wrong in size and form as its slopes of days are.
         `moved` is (bins, channels).
         """
-        one = np.ones(1)
+        weight = np.ones(1)
         return replace(
             self,
-            sd=with_day_form(self.sd, moved[None], one),
+            sd=with_day_form(self.sd, moved[None], weight),
             day=np.concatenate([self.day, moved[None]]),
-            day_sd=np.append(self.day_sd, _DAY_FORM * one),
+            day_sd=np.append(self.day_sd, _DAY_FORM * weight),
         )
 
     @cached_property

@@ -7,7 +7,7 @@ channel, and one replay tells how; every other place costs a replay a term.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
@@ -22,6 +22,7 @@ from smad.diagnosis.numerics.folds import Array, Index
 from smad.diagnosis.places.bare import BarePlaces
 from smad.diagnosis.places.place import BOTH, Forcing, Place, PlacesPlant, single_sides
 from smad.diagnosis.plant import ModelPoint
+from smad.progress import Say, silent
 
 Singles = NDArray[np.float32]
 
@@ -64,16 +65,18 @@ class Responses:
     def candidates(self) -> list[Candidate]:
         """Each place on each of its sides, and on both where it has two."""
         by_place: dict[str, list[tuple[Law, range]]] = {}
-        for law, own in zip(self.laws, self.columns, strict=True):
-            by_place.setdefault(law.place, []).append((law, own))
-        single = [_candidate(law.side, [(law, own)]) for x in by_place.values() for law, own in x]
+        for law, columns in zip(self.laws, self.columns, strict=True):
+            by_place.setdefault(law.place, []).append((law, columns))
+        single = [
+            _candidate(law.side, [(law, columns)]) for x in by_place.values() for law, columns in x
+        ]
         return single + [_candidate(BOTH, x) for x in by_place.values() if len(x) > 1]
 
     def home(self, column: int) -> tuple[Law, Term]:
         """The law and the term that a response is of."""
-        for law, own in zip(self.laws, self.columns, strict=True):
-            if column in own:
-                return law, law.terms[column - own.start]
+        for law, columns in zip(self.laws, self.columns, strict=True):
+            if column in columns:
+                return law, law.terms[column - columns.start]
         raise ValueError(f"no response {column}; there are {self.columns[-1].stop}")
 
     def coefficients(self, columns: Index) -> tuple[tuple[str, ...], Array]:
@@ -91,10 +94,10 @@ class Responses:
         total: dict[int, float] = {}
         for column, value in zip(columns, values, strict=True):
             total[int(column)] = total.get(int(column), 0.0) + float(value)
-        for law, own in zip(self.laws, self.columns, strict=True):
-            mine = [c for c in total if c in own]
+        for law, own_columns in zip(self.laws, self.columns, strict=True):
+            mine = [c for c in total if c in own_columns]
             if mine:
-                terms = tuple(law.terms[c - own.start] for c in mine)
+                terms = tuple(law.terms[c - own_columns.start] for c in mine)
                 scale = self.scales[law.place]
                 chosen = Law(law.place, law.side, terms)
                 out.append(chosen.with_coefficients([scale * total[c] for c in mine]))
@@ -140,8 +143,8 @@ def _support(
     """Lowest and highest value of each state of a place over some trajectories."""
     out: dict[str, tuple[float, float]] = {}
     for trajectory in states:
-        for own in single_sides(place, side):
-            for name, values in plant.seen(place.name, own, trajectory).items():
+        for one_side in single_sides(place, side):
+            for name, values in plant.seen(place.name, one_side, trajectory).items():
                 low, high = out.get(name, (np.inf, -np.inf))
                 out[name] = min(low, float(values.min())), max(high, float(values.max()))
     return out
@@ -167,7 +170,7 @@ def responses(
     *,
     known: Sequence[Singles] | None = None,
     space: tuple[Law, ...] | None = None,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Say = silent,
 ) -> Responses:
     """Responses of all places at `point`. Terms that the model cannot replay have response 0.
 
@@ -178,12 +181,12 @@ def responses(
     count = sum(len(law.terms) for law in laws)
     if known is not None and any(len(k) != count for k in known):
         raise ValueError(f"responses of {len(known[0])} terms; the laws have {count}")
-    found = list(known or ())
-    for played in runs[len(found) :]:
+    arrays = list(known or ())
+    for played in runs[len(arrays) :]:
         progress(f"responses of the places: {played.whole.name}")
-        found.append(_Replayed(plant, point, played).responses(laws, count))
+        arrays.append(_Replayed(plant, point, played).responses(laws, count))
     scales = {place.name: place.scale for place in plant.places}
-    return Responses(laws=laws, scales=scales, runs=tuple(found))
+    return Responses(laws=laws, scales=scales, runs=tuple(arrays))
 
 
 @dataclass(frozen=True)
@@ -200,7 +203,7 @@ class _Replayed:
         states, base = self.plant.trajectory(self.point, run, fast=True), self.readings({})
         out = np.zeros((count, *base.shape), dtype=np.float32)
         places = {place.name: place for place in self.plant.places}
-        at = 0
+        first = 0
         for law in laws:
             place = places[law.place]
             X = law_values(self.plant, law, states, run.t_s)
@@ -208,8 +211,8 @@ class _Replayed:
             at_once = place.reading or isinstance(self.plant, BarePlaces)
             forcing = place.scale * (X if at_once else _later(X))
             of = self._of_reading if place.reading else self._of_place
-            out[at : at + len(law.terms)] = of((law.place, law.side), forcing, base)
-            at += len(law.terms)
+            out[first : first + len(law.terms)] = of((law.place, law.side), forcing, base)
+            first += len(law.terms)
         return out
 
     def readings(self, forcing: Forcing) -> Array:

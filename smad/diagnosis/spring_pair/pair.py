@@ -155,17 +155,17 @@ class SmaPlant:
     @cached_property
     def places(self) -> Sequence[Place]:
         options = {"variant": self.variant, "fixture": "antagonistic", "cooling": "water"}
-        found = []
+        offered = []
         for entry in PLACES:
             with contextlib.suppress(InputError):
                 check_place_needs(entry.name, options)
-                found.append(
+                offered.append(
                     Place(
                         name=entry.name, label=entry.label, unit=entry.unit, scale=entry.scale,
                         sides=entry.sides, states=entry.states, reading=entry.reading,
                     )
                 )  # fmt: skip
-        return tuple(found)
+        return tuple(offered)
 
     def trajectory(
         self, point: ModelPoint, run: GapRun, *, fast: bool = False
@@ -246,12 +246,12 @@ class SmaPlant:
         """
         from sim_device.plant.models import save_model
 
-        base, own = load_parameters("A"), self.set_of(point.theta)
+        base, changed = load_parameters("A"), self.set_of(point.theta)
         save_model(
             path,
             base="A",
             variant=self.variant,
-            overrides={n: own[n] for n in own.names if own[n] != base[n]},
+            overrides={n: changed[n] for n in changed.names if changed[n] != base[n]},
             effects=self.acting(point),
             mounting={
                 key: point.theta[name]
@@ -297,13 +297,13 @@ class SmaPlant:
                 limit=self.variant,
                 action="give the same variant as the model was made with",
             )
-        own = self.parameter_set
-        for name in (n for n in own.names if n not in REFITTED):
-            if not np.isclose(model.parameters[name], own[name], rtol=1e-9, atol=0.0):
+        base_set = self.parameter_set
+        for name in (n for n in base_set.names if n not in REFITTED):
+            if not np.isclose(model.parameters[name], base_set[name], rtol=1e-9, atol=0.0):
                 raise PlantMismatch(
                     f"{path.name} was made with another parameter file: {name} differs",
                     value=f"{model.parameters[name]:g}",
-                    limit=f"{own[name]:g}",
+                    limit=f"{base_set[name]:g}",
                     action="give with --params the file that the model was made with",
                 )
         theta = {n: model.parameters[n] for n in REFITTED}

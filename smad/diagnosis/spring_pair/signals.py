@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +20,7 @@ from smad.records.readings import BEYOND
 from smad.runlog import schema
 from smad.runlog.bounds import Together
 from smad.runlog.holes import holes_in, words
+from smad.runlog.paths import distinct_name, names_of
 
 if TYPE_CHECKING:
     from smad.runlog.reader import Run
@@ -192,15 +193,17 @@ def _table_run(path: Path, together: Together | None) -> GapRun:
     refuses it, and wants to see them.
     """
     name = path.name.split(".")[0]
-    found = read_channels(path, together)
-    columns = found.columns
+    table = read_channels(path, together)
+    columns = table.columns
     flagged = columns.pop("valid", None)
     if flagged is None:
-        return run_from_columns(name, columns, notes=found.notes)
+        return run_from_columns(name, columns, notes=table.notes)
     use = np.nan_to_num(flagged) > 0.5
     measured = {c.name for c in CHANNELS} if use.any() else set()
-    kept = {k: np.where(use, v, np.nan) if k in measured else v for k, v in columns.items()}
-    return replace(run_from_columns(name, kept, notes=found.notes), valid=use)
+    valid_columns = {
+        k: np.where(use, v, np.nan) if k in measured else v for k, v in columns.items()
+    }
+    return replace(run_from_columns(name, valid_columns, notes=table.notes), valid=use)
 
 
 def _recorded(columns: Mapping[str, NDArray[Any]], name: str) -> Array | None:
@@ -220,6 +223,25 @@ def read_gap_run(path: Path, together: Together | None = None) -> GapRun:
     one too many of those held `together`.
     """
     return _read(path, together)[0]
+
+
+def read_gap_runs(
+    paths: Sequence[Path], among: Sequence[Path], trusted: Sequence[str] = ()
+) -> list[GapRun]:
+    """The runs of files, with names that tell those of all files `among` which they are apart.
+
+    `trusted` are names or paths of runs that are. Raises as `read_gap_run` does.
+    """
+    together = Together()
+    return [
+        replace(
+            run,
+            name=distinct_name(path, among) or run.name,
+            trusted=bool(names_of(path) & set(trusted)),
+        )
+        for path in paths
+        for run in (read_gap_run(path, together),)
+    ]
 
 
 def read_recorded(path: Path, together: Together | None = None) -> tuple[GapRun, Run | None]:
@@ -249,8 +271,8 @@ def usable(run: GapRun) -> GapRun | None:
     def say(kind: str, text: str, *, refuses: bool = False) -> None:
         refused.extend([text] if refuses else [])
 
-    found = filled(readable(run, INPUTS, CHANNELS, say))
-    return None if refused else found
+    readable_run = filled(readable(run, INPUTS, CHANNELS, say))
+    return None if refused else readable_run
 
 
 def _read(path: Path, together: Together | None) -> tuple[GapRun, Run | None]:

@@ -1,10 +1,18 @@
-"""What a check-up's JSON says, as far as an endurance run has to know it."""
+"""A check-up after so many cycles, as a command of its own, and what its JSON says."""
 
 from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
 
 import msgspec
 from msgspec import Struct
 
+from smad.errors import SmadError
 from smad.experiments.endurance.run import Judgement
 
 
@@ -37,3 +45,25 @@ def judgement_of(data: bytes) -> Judgement:
         for cause in verdict.causes
     ]
     return Judgement(verdict.headline, min(1.0, max(sure, default=0.0)))
+
+
+def judged_by_command(words: Sequence[str], bench: str, number: int) -> Judgement:
+    """Play `smad gap checkup --quick` with these words as a queue does, after `number` cycles.
+
+    Raises SmadError when it fails.
+    """
+    with tempfile.TemporaryDirectory(prefix="smad-") as scratch:
+        verdict = Path(scratch) / "verdict.json"
+        done = subprocess.run(
+            [sys.executable, "-m", "smad.cli.queue_child", str(os.getpid()), bench,
+             "gap", "checkup", "--quick", f"--json={verdict}", *words],
+            capture_output=True, text=True, check=False,
+            env={**os.environ, "SMAD_BENCH": bench},
+        )  # fmt: skip
+        if done.returncode:
+            lines = done.stderr.strip().splitlines() or ["it said nothing"]
+            raise SmadError(
+                f"the check-up after {number} cycles failed: {lines[-1].removeprefix('smad: ')}",
+                action="look at the bench; --go-on goes on",
+            )
+        return judgement_of(verdict.read_bytes())

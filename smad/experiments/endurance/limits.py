@@ -40,8 +40,8 @@ class Watch:
         if len(self._first) < SETTLING + WINDOW:
             self._first.append(cycle)
             if len(self._first) == SETTLING + WINDOW:
-                kept = self._first[SETTLING:]
-                self._reference = {name: _middle(kept, name) for name in _WATCHED}
+                settled_cycles = self._first[SETTLING:]
+                self._reference = {name: _middle(settled_cycles, name) for name in _WATCHED}
             return ""
         return self._reached(cycle.number)
 

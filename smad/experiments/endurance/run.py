@@ -19,6 +19,7 @@ from smad.experiments.endurance.statistics import NAMES, Cycle, bounds, cycles_o
 from smad.experiments.endurance.thin import thin
 from smad.experiments.errors import ExperimentError
 from smad.experiments.recording import Recording
+from smad.progress import Say, silent
 
 CYCLES_FILE = "cycles.csv"
 NO_LIMITS = EndLimits()
@@ -88,7 +89,7 @@ def endure(
     room: Room,
     *,
     check: Callable[[int], Judgement] | None = None,
-    say: Callable[[str], None] = lambda text: None,
+    say: Say = silent,
 ) -> Ended:
     """Carry the run out; `cycles.csv` in `folder` has each cycle's statistics as soon as known.
 
@@ -140,12 +141,16 @@ def _carried_out(asked: Endurance, driver: BlockDriver, folder: Path, block: _Bl
     _append(folder / CYCLES_FILE, cycles)
     if asked.full_every > 1 and driver.log is not None:
         stretches = bounds(recording[asked.profile.reference], asked.profile)
-        kept = [
+        whole_cycles = [
             stretch
             for cycle, stretch in zip(cycles, stretches, strict=False)
             if (cycle.number - asked.first) % asked.full_every == 0
         ]
-        thin(driver.log, kept, f"every {asked.full_every}th cycle; statistics in {CYCLES_FILE}")
+        thin(
+            driver.log,
+            whole_cycles,
+            f"every {asked.full_every}th cycle; statistics in {CYCLES_FILE}",
+        )
     return cycles
 
 

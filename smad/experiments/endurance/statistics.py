@@ -50,8 +50,8 @@ def bounds(reference: Array, profile: Profile) -> list[tuple[int, int]]:
 
 def cycles_of(columns: Mapping[str, Array], profile: Profile, first: int) -> Iterator[Cycle]:
     """Yield the statistics of each whole cycle of a block whose first one has number `first`."""
-    found = bounds(np.asarray(columns[profile.reference], float), profile)
-    for number, (begin, end) in enumerate(found, first):
+    edges = bounds(np.asarray(columns[profile.reference], float), profile)
+    for number, (begin, end) in enumerate(edges, first):
         yield _cycle(number, {name: np.asarray(c, float)[begin:end] for name, c in columns.items()})
 
 

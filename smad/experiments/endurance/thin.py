@@ -33,10 +33,10 @@ def thin(path: Path, stretches: Sequence[tuple[int, int]], note: str) -> Thinned
     run = read_run(path)
     draft = path.with_name(f"{path.stem}.thin{path.suffix}")
     draft.unlink(missing_ok=True)
-    kept = np.zeros(len(run), bool)
+    chosen = np.zeros(len(run), bool)
     for begin, end in stretches:
-        kept[begin:end] = True
-    rows = [_row(run, int(place)) for place in np.flatnonzero(kept)]
+        chosen[begin:end] = True
+    rows = [_row(run, int(place)) for place in np.flatnonzero(chosen)]
     records: list[Record] = sorted([*rows, *run.events], key=lambda record: record.t_s or 0.0)
     records.append(Event(t_s=run.columns["t_s"][-1], kind="note", text=note))
     header = msgspec.structs.replace(run.header, notes=[*run.header.notes, note])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 
 from smad.diagnosis import Answer
 from smad.diagnosis.plant import Parameter
+from smad.progress import Say, silent
 from smad.simulators.asking import diagnose
 from smad.simulators.columns import Table, span_of, tables_of
 from smad.simulators.declare import Simulator
@@ -42,16 +43,16 @@ def diagnose_mjcf(
     hold_out: Any = (),
     trusted: Sequence[str] = (),
     window_s: float | None = None,
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Say = silent,
 ) -> Answer:
     """Where a MuJoCo model and runs disagree; as `smad.simulators.diagnose`.
 
     Raises SimulatorError for a model or a map that cannot be used, MissingPartError without mujoco.
     """
     declared, groups = declare_mjcf(model, map_path, runs, good, hold_out)
-    fit, known, held = groups
+    fit, known, held_out = groups
     return diagnose(
-        fit, declared, good=known, hold_out=held, trusted=trusted, window_s=window_s,
+        fit, declared, good=known, hold_out=held_out, trusted=trusted, window_s=window_s,
         progress=progress,
     )  # fmt: skip
 
@@ -86,7 +87,7 @@ def _declared(
     forces: dict[str, tuple[float, float]] = {}
     felt: dict[str, str] = {}
     labels: dict[str, str] = {}
-    found = []
+    effects = []
     for joint, number in replay.joints.items():
         driving = _driving(replay, number)
         driven = sum(max(map(abs, spans[n])) * share for n, share in driving.items())
@@ -95,12 +96,12 @@ def _declared(
         forces[force] = (-scale.torque, scale.torque)
         labels[force] = f"{'torque' if turns else 'force'} at joint {joint}"
         felt |= dict.fromkeys(driving, force)
-        found += joint_effects(m, joint, scale, f"input_{force}", turns=turns)
+        effects += joint_effects(m, joint, scale, f"input_{force}", turns=turns)
     for body in moving_bodies(m) if mapped.payload_at is None else mapped.payload_at:
         above = joints_above(m, number_of(m, "body", body, "payload_at"))
         places = [f"input_{j}_torque" for j, n in replay.joints.items() if n in above]
-        found.append(payload(m, body, places))
-    replay.effects = found
+        effects.append(payload(m, body, places))
+    replay.effects = effects
     replay.plays = [
         (n, play(n, replay.unit(n, r) or "rad", -1.0, 1.0))
         for n, r in mapped.channels.items() if r.joint
@@ -112,7 +113,7 @@ def _declared(
     return Simulator(
         function=replay, name=mapped.name or name,
         parameters=tuple(_parameter(replay, n, r) for n, r in mapped.parameters.items()),
-        effects=(*(e.effect for e in found), *(e for _, e in replay.plays)),
+        effects=(*(e.effect for e in effects), *(e for _, e in replay.plays)),
         exact=tuple(n for n, r in mapped.inputs.items() if r.exact), observed=mapped.observed,
         forces=forces, felt_at=felt, labels=labels, units=units, transducers=True,
         noise={n: r.noise for n, r in mapped.channels.items() if r.noise is not None},
@@ -122,15 +123,15 @@ def _declared(
 
 def _driving(replay: MujocoModel, joint: int) -> dict[str, float]:
     """Inputs that are a torque at a joint, as a motor's is, with what one unit gives."""
-    m, found = replay.model, {}
+    m, gains = replay.model, {}
     for x in replay.driven:
         if x.column >= m.nu:
             if x.column - m.nu == m.jnt_dofadr[joint]:
-                found[x.name] = abs(x.scale)
+                gains[x.name] = abs(x.scale)
         elif m.actuator_trnid[x.column, 0] == joint and replay.is_motor(x.column):
             gain = m.actuator_gainprm[x.column, 0] * m.actuator_gear[x.column, 0]
-            found[x.name] = abs(float(gain) * x.scale)
-    return found
+            gains[x.name] = abs(float(gain) * x.scale)
+    return gains
 
 
 def _parameter(replay: MujocoModel, name: str, row: ParameterRow) -> Parameter:

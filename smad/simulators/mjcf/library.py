@@ -47,12 +47,12 @@ def scale_of(m: Any, joint: int, driven: float) -> Scale:
     """
     mujoco = part("mujoco")
     d = mujoco.MjData(m)
-    dof, at = int(m.jnt_dofadr[joint]), int(m.jnt_qposadr[joint])
+    dof, address = int(m.jnt_dofadr[joint]), int(m.jnt_qposadr[joint])
     rng = np.random.default_rng(0)
     weight = 0.0
     for _ in range(_POSES):
         d.qpos[:] = m.qpos0
-        d.qpos[at] = rng.uniform(*_turns(m, joint))
+        d.qpos[address] = rng.uniform(*_turns(m, joint))
         mujoco.mj_forward(m, d)
         weight = max(weight, abs(float(d.qfrc_bias[dof])))
     mass = np.zeros((m.nv, m.nv))
@@ -86,12 +86,12 @@ def joint_effects(
                       signals=(), equation=f"{key} += size", places=(place,))  # fmt: skip
         return ModelEffect(effect=made, write=write)
 
-    found = [
+    effects = [
         added("frictionloss", _size(unit, some), "dry friction"),
         added("damping", _size(f"{unit} s/{angle}", some / scale.rate), "viscous friction"),
         added("armature", _size("kg m²" if turns else "kg", 0.1 * scale.inertia), "armature"),
     ]
-    return [*found, _spring(joint, number, some, place, (unit, angle))]
+    return [*effects, _spring(joint, number, some, place, (unit, angle))]
 
 
 _NAMES = {
@@ -111,11 +111,11 @@ def _spring(
 
     def write(model: Any, values: Mapping[str, float]) -> None:
         more = values["size"]
-        was, at = stiffness.read(model, number), rest.read(model, number)
+        was, rest_angle = stiffness.read(model, number), rest.read(model, number)
         # Two springs side by side are one, whose rest lies between theirs.
         stiffness.write(model, number, was + more)
         if was + more != 0.0:
-            rest.write(model, number, (was * at + more * values[shape]) / (was + more))
+            rest.write(model, number, (was * rest_angle + more * values[shape]) / (was + more))
 
     made = Effect(
         name=f"{joint}_spring", title=f"spring at joint {joint}",
@@ -134,15 +134,15 @@ def payload(m: Any, body: str, places: Sequence[str]) -> ModelEffect:
     """A point mass at a body: at its first site, else at its centre of mass."""
     number = number_of(m, "body", body, "payload_at")
     sites = np.flatnonzero(m.site_bodyid == number)
-    own = float(m.body_mass[number])
-    at = np.array(m.site_pos[sites[0]] if sites.size else m.body_ipos[number])
+    body_kg = float(m.body_mass[number])
+    centre = np.array(m.site_pos[sites[0]] if sites.size else m.body_ipos[number])
 
     def write(model: Any, values: Mapping[str, float]) -> None:
-        add_point_mass(model, number, values["size"], at)
+        add_point_mass(model, number, values["size"], centre)
 
     made = Effect(
         name=f"{body}_payload", title=f"payload at {body}",
-        parameters=(_size("kg", 0.1 * own),), signals=(), equation="a point mass",
+        parameters=(_size("kg", 0.1 * body_kg),), signals=(), equation="a point mass",
         places=tuple(places),
     )  # fmt: skip
     return ModelEffect(effect=made, write=write)
@@ -150,22 +150,22 @@ def payload(m: Any, body: str, places: Sequence[str]) -> ModelEffect:
 
 def moving_bodies(m: Any) -> list[str]:
     """Named bodies with a mass that hang on a joint."""
-    found = []
+    bodies = []
     for name in names_of(m, "body"):
         number = number_of(m, "body", name, "")
         if number and m.body_mass[number] > 0.0 and joints_above(m, number):
-            found.append(name)
-    return found
+            bodies.append(name)
+    return bodies
 
 
 def joints_above(m: Any, body: int) -> list[int]:
     """Numbers of the joints between a body and the world, its own first."""
-    found: list[int] = []
+    joints: list[int] = []
     while body:
         first, count = int(m.body_jntadr[body]), int(m.body_jntnum[body])
-        found += range(first, first + count)
+        joints += range(first, first + count)
         body = int(m.body_parentid[body])
-    return found
+    return joints
 
 
 def play(name: str, unit: str, low: float, high: float) -> Effect:
@@ -180,6 +180,4 @@ def play(name: str, unit: str, low: float, high: float) -> Effect:
 
 
 def _size(unit: str, typical: float) -> EffectParameter:
-    return EffectParameter(
-        name="size", unit=unit, typical=typical, low=0.0, high=_MOST * typical
-    )  # fmt: skip
+    return EffectParameter(name="size", unit=unit, typical=typical, low=0.0, high=_MOST * typical)

@@ -7,14 +7,13 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from smad.config.bounds import field_and_words, without_mark
+from smad.config.toml_file import read_toml
 from smad.simulators.declare import SHORTEST_S
 from smad.simulators.errors import SimulatorError
 
 _Number = Annotated[float, msgspec.Meta(ge=-1e15, le=1e15)]
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=1e15)]
 Held = Literal["until", "from"]
-MOST_BYTES = 1_000_000
 PAGE = "your-simulator"
 
 
@@ -79,36 +78,21 @@ class MjcfMap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 def read_map(path: Path) -> MjcfMap:
     """Read a map file. Raises SimulatorError for one that cannot be read, by the key's name."""
-    try:
-        with path.open("rb") as file:
-            text = file.read(MOST_BYTES + 1)
-    except OSError as error:
-        raise SimulatorError(
-            f"cannot read {path}: {error.strerror}", action="check the path"
-        ) from error
-    if len(text) > MOST_BYTES:
-        raise SimulatorError(f"{path} is longer than a map can be", limit=f"{MOST_BYTES} bytes")
-    try:
-        found = msgspec.toml.decode(without_mark(text), type=MjcfMap)
-    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
-        where, why = field_and_words(str(error))
-        raise SimulatorError(
-            f"map file {path}{f', {where}' if where else ''}: {why}",
-            action=f"smad docs {PAGE} shows a map file",
-        ) from None
+    action = f"smad docs {PAGE} shows a map file"
+    mapped = read_toml(path, MjcfMap, "map file", SimulatorError, action)
     for table in ("channels", "parameters"):
-        if not getattr(found, table):
+        if not getattr(mapped, table):
             raise SimulatorError(f"map file {path} has no {table}", action=f"add [{table}.NAME]")
-    for name, given in found.inputs.items():
+    for name, given in mapped.inputs.items():
         if bool(given.actuator) == bool(given.joint):
             raise SimulatorError(
                 f"map file {path}, inputs.{name} is neither of an actuator nor of a joint",
                 action="give one of actuator, joint",
             )
-    for name, row in found.channels.items():
+    for name, row in mapped.channels.items():
         if sum(map(bool, (row.joint, row.velocity_of, row.sensor))) != 1:
             raise SimulatorError(
                 f"map file {path}, channels.{name} is not of one part of the model",
                 action="give one of joint, velocity_of, sensor",
             )
-    return found
+    return mapped

@@ -53,7 +53,7 @@ class Driven:
 
 
 @dataclass(frozen=True)
-class Shown:
+class Output:
     """An output: of positions, velocities or sensors the number, as scale · value + offset."""
 
     name: str
@@ -91,8 +91,8 @@ class MujocoModel:
                 f"parameters.{name}.field is none that can be refitted",
                 value=row.field, limit=", ".join(FIELDS), action="correct the map",
             )  # fmt: skip
-        found = FIELDS[row.field]
-        return found, number_of(self.model, found.kind, row.of, f"parameters.{name}")
+        field = FIELDS[row.field]
+        return field, number_of(self.model, field.kind, row.of, f"parameters.{name}")
 
     def _joints(self) -> dict[str, int]:
         """Joints that turn or slide, by name."""
@@ -105,15 +105,18 @@ class MujocoModel:
     def _input(self, name: str, row: InputRow) -> Driven:
         m, key = self.model, f"inputs.{name}"
         if row.actuator:
-            at, scale = number_of(m, "actuator", row.actuator, key), 1.0
+            column, scale = number_of(m, "actuator", row.actuator, key), 1.0
         else:
             joint = number_of(m, "joint", row.joint, key)
             wanted = "N m" if is_hinge(m, joint, key) else "N"
-            at, scale = m.nu + int(m.jnt_dofadr[joint]), in_si(self.unit(name, row), wanted, key)
+            column, scale = (
+                m.nu + int(m.jnt_dofadr[joint]),
+                in_si(self.unit(name, row), wanted, key),
+            )
         late = (row.held or self.mapped.held) == "from"
-        return Driven(name, at, scale * row.scale, row.offset, late)
+        return Driven(name, column, scale * row.scale, row.offset, late)
 
-    def _channel(self, name: str, row: ChannelRow) -> Shown:
+    def _channel(self, name: str, row: ChannelRow) -> Output:
         m, key = self.model, f"channels.{name}"
         if row.sensor:
             sensor = number_of(m, "sensor", row.sensor, key)
@@ -123,14 +126,14 @@ class MujocoModel:
                     value=row.index, limit=f"0 to {m.sensor_dim[sensor] - 1}",
                     action="correct index",
                 )  # fmt: skip
-            at = int(m.sensor_adr[sensor]) + row.index
-            return Shown(name, "sensor", at, row.scale, row.offset)
+            column = int(m.sensor_adr[sensor]) + row.index
+            return Output(name, "sensor", column, row.scale, row.offset)
         joint = number_of(m, "joint", row.joint or row.velocity_of, key)
         turns, per_s = is_hinge(m, joint, key), "/s" if row.velocity_of else ""
         unit = in_si(self.unit(name, row), f"{'rad' if turns else 'm'}{per_s}", key)
         source = "velocity" if row.velocity_of else "position"
-        at = int((m.jnt_dofadr if row.velocity_of else m.jnt_qposadr)[joint])
-        return Shown(name, source, at, row.scale / unit, row.offset)
+        column = int((m.jnt_dofadr if row.velocity_of else m.jnt_qposadr)[joint])
+        return Output(name, source, column, row.scale / unit, row.offset)
 
     @property
     def hinge(self) -> int:
@@ -170,10 +173,10 @@ class MujocoModel:
             if values[name] != what.read(m, number):
                 what.write(m, number, values[name])
         for e in self.effects:
-            own = e.effect
-            if values[own.name] != 0.0:
-                shapes = {q.name: values[q.name] for q in own.parameters if not q.strength}
-                e.write(m, {"size": values[own.name], **shapes})
+            effect = e.effect
+            if values[effect.name] != 0.0:
+                shapes = {q.name: values[q.name] for q in effect.parameters if not q.strength}
+                e.write(m, {"size": values[effect.name], **shapes})
 
     def __call__(
         self,

@@ -21,8 +21,8 @@ _LISTS = {"body": "nbody", "joint": "njnt", "actuator": "nu", "sensor": "nsensor
 def number_of(model: Any, kind: str, name: str, key: str) -> int:
     """The number of a part. Raises SimulatorError for a name that the model does not have."""
     mujoco = part("mujoco")
-    found = mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), name)
-    if found < 0:
+    number = mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), name)
+    if number < 0:
         known = names_of(model, kind)
         near = difflib.get_close_matches(name, known, n=3) or known
         raise SimulatorError(
@@ -30,15 +30,15 @@ def number_of(model: Any, kind: str, name: str, key: str) -> int:
             limit=", ".join(near) or f"it has no named {kind}",
             action="correct the map, or name the part in the model",
         )
-    return int(found)
+    return int(number)
 
 
 def names_of(model: Any, kind: str) -> list[str]:
     """Names of all parts of a kind that have one, in the model's order."""
     mujoco = part("mujoco")
     of = getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}")
-    found = (mujoco.mj_id2name(model, of, k) for k in range(getattr(model, _LISTS[kind])))
-    return [name for name in found if name]
+    names = (mujoco.mj_id2name(model, of, k) for k in range(getattr(model, _LISTS[kind])))
+    return [name for name in names if name]
 
 
 def is_hinge(model: Any, joint: int, key: str) -> bool:
@@ -118,11 +118,11 @@ def add_point_mass(m: Any, body: int, mass: float, at: Any) -> None:
     rotation = np.zeros(9)
     mujoco.mju_quat2Mat(rotation, m.body_iquat[body])
     R = rotation.reshape(3, 3)
-    own, centre = float(m.body_mass[body]), np.array(m.body_ipos[body])
-    total = own + mass
-    new = (own * centre + mass * np.asarray(at)) / total
+    body_kg, centre = float(m.body_mass[body]), np.array(m.body_ipos[body])
+    total = body_kg + mass
+    new = (body_kg * centre + mass * np.asarray(at)) / total
     inertia = R @ np.diag(m.body_inertia[body]) @ R.T
-    for part_mass, point in ((own, centre), (mass, np.asarray(at))):
+    for part_mass, point in ((body_kg, centre), (mass, np.asarray(at))):
         d = point - new
         inertia += part_mass * (d @ d * np.eye(3) - np.outer(d, d))
     values, axes = np.linalg.eigh(inertia)

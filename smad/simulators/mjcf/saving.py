@@ -39,9 +39,8 @@ def written(replay: MujocoModel, point: ModelPoint) -> tuple[str, dict[str, Mapp
     of_model = {e.effect.name: e for e in replay.effects}
     rest: dict[str, Mapping[str, float]] = {}
     gears = {
-        f"{x.name}_gain": x.column for x in replay.driven
-        if x.column < fresh.nu and x.offset == 0.0
-    }  # fmt: skip
+        f"{x.name}_gain": x.column for x in replay.driven if x.column < fresh.nu and x.offset == 0.0
+    }
     for e in replay.effects:
         given = point.effects.get(e.effect.name, {})
         values[e.effect.name] = given.get("size", 0.0)

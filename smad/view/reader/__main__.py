@@ -41,8 +41,8 @@ def past(ask: requests.Past) -> requests.Read:
         while len(_logs) >= MOST_LOGS:
             del _logs[next(iter(_logs))]
         _logs[place] = Log(Path(ask.path), ask.axis)
-    found: requests.Read = _logs[place].read(ask.from_s, ask.to_s, ask.channels, ask.xy)
-    return found
+    read: requests.Read = _logs[place].read(ask.from_s, ask.to_s, ask.channels, ask.xy)
+    return read
 
 
 def runs(ask: requests.Runs) -> list[requests.Row]:
@@ -133,7 +133,7 @@ class _Plans:
         raise _Planned
 
 
-def plan(ask: requests.Plan) -> list[requests.Drawn]:
+def plan(ask: requests.Plan) -> list[requests.Preview]:
     """Draw the first run of each trial of an experiment; later ones may hang on its outcome."""
     from smad.experiments.registry import make_experiment
 
@@ -143,7 +143,10 @@ def plan(ask: requests.Plan) -> list[requests.Drawn]:
             experiment.conduct(trial, driver)
         except _Planned:
             continue
-    return [preview.planned(one, ask.limits, ask.handover_rate_mm_per_s) for one in driver.found]
+    return [
+        preview.planned(found_plan, ask.limits, ask.handover_rate_mm_per_s)
+        for found_plan in driver.found
+    ]
 
 
 HANDLERS: Mapping[type[requests.ReaderRequest], Callable[[Any], Any]] = {

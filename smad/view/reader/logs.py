@@ -51,7 +51,7 @@ class Envelopes:
     def part(self, begin: int, end: int) -> Envelopes:
         """Return stretches `begin` to `end`."""
         every = (self.t, self.low, self.high, self.first, self.last)
-        return Envelopes(*(one[begin:end] for one in every))
+        return Envelopes(*(envelope[begin:end] for envelope in every))
 
     def folded(self, width_s: float) -> Envelopes:
         """Return them put together into stretches of a width."""
@@ -71,7 +71,9 @@ class Envelopes:
 def joined(some: Sequence[Envelopes]) -> Envelopes:
     """Return stretches one after the other."""
     names = ("t", "low", "high", "first", "last")
-    return Envelopes(*(np.concatenate([getattr(one, name) for one in some]) for name in names))
+    return Envelopes(
+        *(np.concatenate([getattr(envelopes, name) for envelopes in some]) for name in names)
+    )
 
 
 def of_rows(t: Array, y: Array) -> Envelopes:
@@ -130,16 +132,16 @@ class Follower:
         """Return rows between two times, or half-seconds where that suffices. Raises OSError."""
         if to_s - from_s > KEPT_S * MOST_BUCKETS:
             self._keep()
-            found = joined(self._kept) if self._kept else of_rows(np.empty(0), _no_rows())
+            envelopes = joined(self._kept) if self._kept else of_rows(np.empty(0), _no_rows())
         else:
             # Chunks are in the order of their times, but for what a step of a clock does.
             begin = int(np.searchsorted(self._end_s, from_s, "left"))
             end = int(np.searchsorted(self._begin_s, to_s, "right"))
-            found = of_rows(*self._rows(max(0, begin - 1), min(len(self._places), end + 1)))
-        inside = np.flatnonzero((found.t >= from_s) & (found.t <= to_s))
+            envelopes = of_rows(*self._rows(max(0, begin - 1), min(len(self._places), end + 1)))
+        inside = np.flatnonzero((envelopes.t >= from_s) & (envelopes.t <= to_s))
         if not inside.size:
-            return found.part(0, 0)
-        return found.part(max(0, int(inside[0]) - 1), int(inside[-1]) + 2)
+            return envelopes.part(0, 0)
+        return envelopes.part(max(0, int(inside[0]) - 1), int(inside[-1]) + 2)
 
     def _keep(self) -> None:
         while self._kept_chunks < len(self._places):
@@ -157,8 +159,8 @@ class Follower:
         self._read_to = begin
         with self._path.open("rb") as file:
             for chunk in range(begin, end):
-                at, length = self._places[chunk]
-                file.seek(at)
+                place, length = self._places[chunk]
+                file.seek(place)
                 for message in _messages(file.read(length)):
                     if message.channel_id == self._rows_id:
                         times.append(message.time_ns * _NS)
@@ -200,8 +202,8 @@ class Log:
         for part in self._parts:
             part.refresh()
         inside = [p for p in self._parts if p.first_s <= to_s and p.last_s >= from_s]
-        found = [part.between(from_s, to_s) for part in inside]
-        every = joined(found) if found else of_rows(np.empty(0), _no_rows())
+        parts = [part.between(from_s, to_s) for part in inside]
+        every = joined(parts) if parts else of_rows(np.empty(0), _no_rows())
         marks = [m for p in self._parts for m in p.marks if from_s <= m.x <= to_s]
         return Read(
             frame=frame_of(every, (to_s - from_s) / MOST_BUCKETS, channels),
@@ -220,12 +222,12 @@ class Log:
             self._parts.append(Follower(path, self._axis))
 
 
-def frame_of(found: Envelopes, width_s: float, channels: Sequence[str]) -> Frame:
+def frame_of(envelopes: Envelopes, width_s: float, channels: Sequence[str]) -> Frame:
     """Return the curves of some channels: every row, or the extremes of stretches of a width."""
-    if found.t.size > 2 * MOST_BUCKETS:
-        found = found.folded(width_s)
-    single = found.low is found.high
-    t = found.t if single else np.repeat(found.t, 2)
+    if envelopes.t.size > 2 * MOST_BUCKETS:
+        envelopes = envelopes.folded(width_s)
+    single = envelopes.low is envelopes.high
+    t = envelopes.t if single else np.repeat(envelopes.t, 2)
     if not single and t.size:
         t[1::2] += width_s / 2
     breaks = np.flatnonzero(np.diff(t) > max(GAP_S, 3 * width_s)) + 1
@@ -233,19 +235,19 @@ def frame_of(found: Envelopes, width_s: float, channels: Sequence[str]) -> Frame
     y: list[Curve] = []
     for name in channels:
         k = PLACES[name]
-        curve = found.low[:, k]
+        curve = envelopes.low[:, k]
         if not single:
-            rising = ~(found.last[:, k] < found.first[:, k])
-            low, high = found.low[:, k], found.high[:, k]
+            rising = ~(envelopes.last[:, k] < envelopes.first[:, k])
+            low, high = envelopes.low[:, k], envelopes.high[:, k]
             curve = np.stack([np.where(rising, low, high), np.where(rising, high, low)], 1).ravel()
         y.append(_listed(np.insert(curve, breaks, np.nan)))
     return Frame(float(times[0]) if times.size else 0.0, np.round(times, 5).tolist(), y)
 
 
-def moments_of(found: Envelopes, xy: Sequence[str]) -> Moments:
+def moments_of(envelopes: Envelopes, xy: Sequence[str]) -> Moments:
     """Return at most 3000 moments; cycles count from the first of them."""
-    every = max(1, -(-found.t.size // MOST_MOMENTS))
-    t, last = found.t[::every], found.last[::every]
+    every = max(1, -(-envelopes.t.size // MOST_MOMENTS))
+    t, last = envelopes.t[::every], envelopes.last[::every]
     cycles = Cycles()
     numbers = [cycles.add(value) for value in last[:, MOTION].tolist()]
     y = [_listed(last[:, PLACES[name]]) for name in xy]
@@ -263,6 +265,6 @@ def _no_rows() -> Array:
 def _messages(chunk: bytes) -> list[Message]:
     """The messages of a chunk; none of one that is damaged."""
     try:
-        return [one for one in records_in(chunk_data(chunk)) if isinstance(one, Message)]
+        return [record for record in records_in(chunk_data(chunk)) if isinstance(record, Message)]
     except DamagedError:
         return []

@@ -8,21 +8,12 @@ import pytest
 from sim_device.bench import SimulatedBench
 from sim_device.plant import Drive, Plant, Replay, load_parameters, simulate
 from sim_device.plant.errors import InputError, ModelError
-from sim_device.plant.laws import (
-    MOST_TERMS,
-    Factor,
-    Law,
-    Term,
-    as_forcing,
-    check_laws,
-    design_matrix,
-    law_space,
-    support_of,
-)
+from sim_device.plant.laws import MOST_TERMS, Factor, Law, Term, check_laws
 from sim_device.plant.models import read_model, save_model
 from sim_device.plant.places import PLACES, keys_of, place
 from sim_device.plant.replay import OUTPUTS, trajectory
 from tests.sim_device.plant.cases import alternating
+from tests.sim_device.plant.law_terms import as_forcing, design_matrix, law_space, support_of
 
 P = load_parameters("A")
 RUN = alternating(seconds=32.0)

@@ -7,10 +7,10 @@ from sim_device.plant import Replay, kernel, load_parameters, simulate
 from sim_device.plant.effects import EFFECTS
 from sim_device.plant.errors import InputError
 from sim_device.plant.kernel import forcing as slots
-from sim_device.plant.laws import as_forcing
 from sim_device.plant.places import PLACES, SLOTS, STATE_NAMES, keys_of, place
 from sim_device.plant.replay import OUTPUTS, TRAJECTORY, trajectory
 from tests.sim_device.plant.cases import alternating
+from tests.sim_device.plant.law_terms import as_forcing
 
 P = load_parameters("A")
 RUN = alternating(seconds=32.0)

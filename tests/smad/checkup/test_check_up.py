@@ -14,9 +14,11 @@ import pytest
 
 from evaluation.programme.segments import run_of
 from evaluation.programme.writing import write_programme
-from smad.checkup.commission import checked_files, commissioned, repeated
+from smad.checkup.check import checked_files
+from smad.checkup.commission import commissioned
 from smad.checkup.errors import BaselineError, ProgrammeError
-from smad.checkup.files import Found, read_file, read_folder, require_other_recordings
+from smad.checkup.everyday import repeated
+from smad.checkup.files import RunFile, read_file, read_folder, require_other_recordings
 from smad.checkup.judge import judged
 from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import (
@@ -242,8 +244,8 @@ def test_a_sensor_that_is_missing_now_is_told(reference: Reference) -> None:
 
 
 def test_runs_of_two_boards_and_a_recording_given_twice_are_refused(tmp_path: Path) -> None:
-    def found(name: str, seed: int, board: str = "") -> Found:
-        return Found(name, tmp_path / name, played(seed), board)
+    def found(name: str, seed: int, board: str = "") -> RunFile:
+        return RunFile(name, tmp_path / name, played(seed), board)
 
     one, other = found("one", 1, "board-1"), found("other", 2, "board-2")
     with pytest.raises(PairingError, match=r"two benches are mixed.*one of board board-1"):
@@ -292,7 +294,7 @@ def test_files_of_another_laboratory_are_paired_by_their_inputs(tmp_path: Path) 
 def test_good_runs_of_two_days_have_one_name_and_a_copy_among_them_is_told_with_its_folder(
     tmp_path: Path,
 ) -> None:
-    good, now = tmp_path / "good", [Found("now", tmp_path / "now", played(3))]
+    good, now = tmp_path / "good", [RunFile("now", tmp_path / "now", played(3))]
     for day in (1, 2):
         _write(good / f"day-{day}" / "run-1.csv", played(day))
     require_other_recordings(read_folder(good), now)
@@ -359,9 +361,9 @@ def test_what_was_recorded_after_an_early_end_does_not_count(reference: Referenc
     assert verdict.outcome == "quiet"
 
 
-def as_found(names: str, *runs: GapRun) -> list[Found]:
+def as_found(names: str, *runs: GapRun) -> list[RunFile]:
     """Runs as if they had been read from files of these names."""
-    return [Found.of(Path(f"{n}.mcap"), r) for n, r in zip(names.split(), runs, strict=True)]
+    return [RunFile.of(Path(f"{n}.mcap"), r) for n, r in zip(names.split(), runs, strict=True)]
 
 
 def test_everyday_runs_that_repeat_good_ones_are_compared_with_them() -> None:

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from smad.checkup.files import _files_below, read_folder
-from smad.cli.gap_asked import unlike
 from smad.diagnosis.errors import PairingError
+from smad.runlog.paths import distinct_name
 
 
 def test_a_link_to_a_folder_is_followed_and_one_to_a_folder_above_ends(tmp_path: Path) -> None:
@@ -30,6 +30,6 @@ def test_a_folder_without_a_run_says_so_also_by_way_of_a_link(tmp_path: Path) ->
 
 def test_runs_of_one_name_are_told_apart_by_their_folders() -> None:
     paths = [Path("a/mon/run-1.csv"), Path("a/tue/run-1.csv"), Path("a/tue/run-2.csv")]
-    assert [unlike(p, paths) for p in paths] == ["mon/run-1", "tue/run-1", ""]
+    assert [distinct_name(p, paths) for p in paths] == ["mon/run-1", "tue/run-1", ""]
     deep = [Path("x/day/run.csv"), Path("y/day/run.csv")]
-    assert [unlike(p, deep) for p in deep] == ["x/day/run", "y/day/run"]
+    assert [distinct_name(p, deep) for p in deep] == ["x/day/run", "y/day/run"]

@@ -8,9 +8,9 @@ import pytest
 
 from smad import api
 from smad.cli import execute
-from smad.cli.axis_lines import axis_lines
 from smad.client import Client
 from smad.control.commands import Samples, Step
+from smad.view.terminal.axis_lines import axis_lines
 from tests.smad.fakedaemon import MOTION, FakeDaemon, fake_daemon
 
 STEP = Step(displacement_mm=1.0, duration_s=1.0)

@@ -11,11 +11,13 @@ from pathlib import Path
 import pytest
 
 import smad.cli.gap_checkup as commands
+from smad.checkup import programme
 from smad.checkup.programme import Programme, ProgrammeRun
-from smad.checkup.series import Play, Recorded, finished
+from smad.checkup.series import Player, Recorded, finished
 from smad.checkup.store import SCHEMA, read_about
 from smad.cli import execute
 from smad.cli.gap_runs import uncut
+from smad.diagnosis import spring_pair
 from smad.diagnosis.runs import GapRun
 from smad.runlog.header import RunHeader
 from smad.runlog.schema import CUT, Event, Row
@@ -48,7 +50,7 @@ class Bench:
         self.fails_at = 0
 
     @contextlib.contextmanager
-    def player(self, **options: object) -> Iterator[Play]:
+    def player(self, line: object, **options: object) -> Iterator[Player]:
         self.clients += 1
 
         def play(run: ProgrammeRun, original: Path | None) -> Recorded:
@@ -59,15 +61,15 @@ class Bench:
             write_log(path, played(90 + self.runs, what=run), "board-1")
             return Recorded(path)
 
-        yield play
+        yield lambda series: play
 
 
 @pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Bench:
     own = Bench(tmp_path)
-    monkeypatch.setattr(commands, "player", own.player)
-    monkeypatch.setattr(commands, "new_plant", lambda: PLANT)
-    monkeypatch.setattr(commands, "chosen_programme", lambda folder, quick: PROGRAMME)
+    monkeypatch.setattr(commands, "_player", own.player)
+    monkeypatch.setattr(spring_pair, "SmaPlant", lambda: PLANT)
+    monkeypatch.setattr(programme, "chosen", lambda folder, quick: PROGRAMME)
     return own
 
 
@@ -132,7 +134,7 @@ def test_good_runs_of_another_programme_are_not_mixed_with_it(
     folder = tmp_path / "baseline"
     bench.fails_at = 2
     assert commission(folder) != 0
-    monkeypatch.setattr(commands, "chosen_programme", lambda folder, quick: OTHER)
+    monkeypatch.setattr(programme, "chosen", lambda folder, quick: OTHER)
     assert commission(folder) != 0
     assert "good-1 holds runs of another programme; got " in capsys.readouterr().err
 

@@ -14,16 +14,17 @@ import pytest
 
 import smad.cli
 from smad import api
-from smad.cli import benches, execute
-from smad.cli.output import shown
+from smad.cli import execute
+from smad.cli.output import ready_client
 from smad.client.endpoints import FOLDER_VARIABLE
 from smad.config import Config, config_to_toml
 from smad.errors import SmadError
 from smad.experiments.ready import require_ready
+from smad.files import shown
 from tests.smad.cli.test_commands import STATUS
 from tests.smad.fakedaemon import MOTION, FakeDaemon, fake_daemon
 
-DRIVERS = {"LiveDriver", "LeasedDriver", "Replayer", "Directly"}
+DRIVERS = {"LiveDriver", "LeasedDriver", "Replayer", "Directly", "leased_driver", "live"}
 """What carries a plan out on a daemon."""
 HEATING = {
     "tune": ["tune", "--yes"],
@@ -104,7 +105,7 @@ def test_a_disk_without_room_is_told_with_what_is_needed(
     usage = shutil.disk_usage(tmp_path)._replace(free=1_000_000)
     monkeypatch.setattr(shutil, "disk_usage", lambda place: usage)
     with pytest.raises(SmadError, match=r"too little room .* got 1 MB free; allowed: 72 MB"):
-        benches.live("bench", who="a test").__enter__()
+        ready_client("bench", extra="gap").__enter__()
     assert "arm" not in asked(daemon)
 
 
@@ -114,16 +115,18 @@ def test_a_bench_that_is_ready_is_not_refused(tmp_path: Path) -> None:
 
 def test_every_module_of_the_command_line_that_drives_a_daemon_asks_first() -> None:
     (folder,) = smad.cli.__path__
-    modules = sorted(Path(folder).glob("*.py"))
+    modules = [m for m in sorted(Path(folder).glob("*.py")) if m.name != "output.py"]
     driving = [m for m in modules if called(m) & DRIVERS]
     assert {m.name for m in driving} >= {
         "tune.py",
         "run.py",
         "repeat.py",
         "gap_next.py",
-        "benches.py",
+        "gap_checkup.py",
+        "run_moves.py",
+        "run_endurance.py",
     }
-    assert [m.name for m in driving if "require_ready" not in called(m)] == []
+    assert [m.name for m in driving if "ready_client" not in called(m)] == []
 
 
 def called(module: Path) -> set[str]:

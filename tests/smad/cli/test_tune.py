@@ -50,10 +50,10 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Noting:
     noting = Noting()
 
     @contextlib.contextmanager
-    def connected(name: str) -> Iterator[Noting]:
+    def connected(name: str, *, extra: str) -> Iterator[Noting]:
         yield noting
 
-    monkeypatch.setattr("smad.cli.tune.client", connected)
+    monkeypatch.setattr("smad.cli.tune.ready_client", connected)
     return noting
 
 

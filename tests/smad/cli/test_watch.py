@@ -11,10 +11,10 @@ from click.testing import CliRunner
 
 from smad import api
 from smad.cli.status import status
-from smad.cli.watch import watch
-from smad.cli.watch_screen import KEYS, History, Line, screen, sparkline
 from smad.client import NoAnswer
 from smad.runlog.schema import Row
+from smad.view.terminal.screen import KEYS, History, Line, screen, sparkline
+from smad.view.terminal.watch import watch
 from tests.smad.cli.test_commands import MOTION, STATUS
 
 FAULT = api.Fault(number=6, name="OVER_TEMPERATURE", channel="SPRING_X")

@@ -60,7 +60,7 @@ def test_next_prints_what_is_confused_and_each_experiment_that_parts_it_the_best
         ]
 
     left = Answer(verdict=Verdict(question="differs", outcome="causes", headline="it lacks"))
-    monkeypatch.setattr("smad.cli.gap_next.diagnosed", lambda *asked: left)
+    monkeypatch.setattr("smad.checkup.everyday.diagnose_files", lambda *asked, **options: left)
     monkeypatch.setattr("smad.diagnosis.next_run.offers", offered)
     path = tmp_path / "a.mcap"
     path.touch()
@@ -74,7 +74,7 @@ def test_next_says_so_where_nothing_is_confused(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     left = Answer(verdict=Verdict(question="differs", outcome="quiet", headline="no gap"))
-    monkeypatch.setattr("smad.cli.gap_next.diagnosed", lambda *asked: left)
+    monkeypatch.setattr("smad.checkup.everyday.diagnose_files", lambda *asked, **options: left)
     path = tmp_path / "a.mcap"
     path.touch()
     assert call("next", str(path)).output.splitlines()[-1].startswith("Nothing is confused")

@@ -8,13 +8,27 @@ import numpy as np
 import pytest
 
 from smad.experiments.dsc import both_peaks, estimates_of, instrument_lag
-from smad.experiments.dsc_file import dsc_text, read_dsc, synthetic_dsc
+from smad.experiments.dsc_file import COLUMNS, ZERO_C, DscData, read_dsc, synthetic_dsc
 from smad.experiments.errors import DataFileError
 from smad.experiments.registry import make_experiment
 
 from .helpers import NOMINAL, NoDriver, given
 
 ABOVE_K = 333.0
+
+
+def dsc_text(data: DscData) -> str:
+    """The data as a file that `read_dsc` reads."""
+    lines = [
+        f"# mass_mg = {data.mass_kg * 1e6:g}",
+        f"# rate_K_per_min = {data.rate_K_per_s * 60.0:g}",
+        ",".join((*COLUMNS, *(["baseline_mW"] if data.baseline_W is not None else []))),
+    ]
+    columns = [data.t_s, data.temperature_K - ZERO_C, data.heat_flow_W * 1e3]
+    if data.baseline_W is not None:
+        columns.append(data.baseline_W * 1e3)
+    lines += [",".join(f"{value:.5f}" for value in row) for row in np.array(columns).T]
+    return "\n".join(lines) + "\n"
 
 
 @pytest.mark.parametrize("seed", [0, 1])

@@ -19,9 +19,9 @@ import smad.client
 import smad.client.async_commands
 import smad.client.commands
 from sim_device.faults import FAULT_KINDS
-from smad.cli.leased import LeasedDriver
 from smad.client.endpoints import Connection
 from smad.client.wire import Conversation
+from smad.experiments.leased import LeasedDriver
 from smad.experiments.live import LiveDriver
 from tests.smad.daemon.rig import Rig
 

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 from click.testing import CliRunner
 
-import smad.checkup.judge
+import smad.checkup.check
 import smad.checkup.store
 import smad.client
 from sim_device.plant.models import built_in
@@ -132,7 +132,7 @@ def _against_a_baseline(*words: str) -> Callable[[Path], str]:
             patch.setattr(smad.checkup.store, "load", lambda folder, plant: baseline)
             patch.setattr(Repeat, "require_bench", lambda self, uid, bench: None)
             # A run that tripped is judged as far as it goes; there is nothing to judge it by here.
-            patch.setattr(smad.checkup.judge, "judged", _judged)
+            patch.setattr(smad.checkup.check, "judged", _judged)
             patch.setattr(Inquiry, "_judged", _judged)
             return _cli(*words)(folder)
 

@@ -92,11 +92,11 @@ def test_what_is_wrong_is_refused_in_one_line_and_nothing_is_queued(
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        (MOVES.format(mm=3000.0), "is no file of moves"),
+        (MOVES.format(mm=3000.0), "file of moves"),
         (MOVES.format(mm=19.0), "limits.displacement_max_mm"),
-        ("[[pieces]]\nkind = 'fly'\n", "is no file of moves"),
-        ("pieces = []", "is no file of moves"),
-        ("no toml", "is no file of moves"),
+        ("[[pieces]]\nkind = 'fly'\n", "file of moves"),
+        ("pieces = []", "file of moves"),
+        ("no toml", "file of moves"),
     ],
 )
 def test_a_file_of_moves_is_checked_against_the_limits(folder: Path, text: str, told: str) -> None:

@@ -11,7 +11,7 @@ from smad.queue import machine
 from smad.queue.bench import View
 from smad.queue.errors import StoreError
 from smad.queue.machine import Bench, Change
-from smad.queue.runner import KILL_AFTER_S, SAVE_WITHIN_S, Runner, Surroundings
+from smad.queue.runner import KILL_AFTER_S, SAVE_WITHIN_S, Runner, RunnerParts
 from smad.queue.states import Arming, Budget, Item, Snapshot, State, Usage
 from smad.queue.store import FILE, Store
 from smad.runlog.header import RunHeader
@@ -64,7 +64,7 @@ class Night:
     def new_runner(self) -> Runner:
         return Runner(
             self.store,
-            Surroundings(
+            RunnerParts(
                 watch=self,
                 start=self._start,
                 check=lambda item: self.refusing.get(item.id, ""),

@@ -17,7 +17,7 @@ from bench.browser import browser, colours, what_is_missing
 from smad.cli.log import log
 from smad.errors import RunLogError
 from smad.report.page import Page, Section, render
-from smad.report.panels import Decimation, Panel, Panels, Trace, digits_for
+from smad.report.panels import Decimation, Panel, Panels, Trace
 from smad.report.runs import elapsed_s, page_of, panels_of, shown
 from smad.runlog.reader import read_run
 from smad.runlog.writer import write_run
@@ -73,11 +73,6 @@ def test_a_name_cannot_leave_the_data() -> None:
     text = render(Page("t", [Section("s", [panels])]))
     assert NASTY not in text
     assert re.findall(r"""(?:src|href)=["'](?!#)""", text) == []
-
-
-@pytest.mark.parametrize(("span", "digits"), [(0.0, 3), (10.0, 2), (0.02, 5), (4e4, 0)])
-def test_digits_tell_a_thousandth_of_the_range_apart(span: float, digits: int) -> None:
-    assert digits_for(np.array([1.0, 1.0 + span, np.nan])) == digits
 
 
 def test_time_runs_on_where_the_board_restarted() -> None:

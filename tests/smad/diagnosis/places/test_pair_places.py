@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from sim_device.plant.laws import Law, Term, as_forcing, design_matrix, law_space, support_of
+from sim_device.plant.laws import Law, Term
 from smad.diagnosis.places.place import Forceable
 from smad.diagnosis.plant import ModelPoint, nominal_point
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded
+from tests.sim_device.plant.law_terms import as_forcing, design_matrix, law_space, support_of
 
 PLANT = SmaPlant()
 POINT = nominal_point(PLANT)

@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from smad.cli.watch_screen import History, Line, Style, screen
 from smad.errors import SmadError
+from smad.view.terminal.screen import History, Line, Style, screen
 
 if TYPE_CHECKING:
     import curses

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from smad.cli.leased import LeasedDriver
 from smad.client import BoardRefused
+from smad.experiments.leased import LeasedDriver
 
 PLAN: Any = SimpleNamespace(name="a plan")
 

@@ -6,12 +6,14 @@ import contextlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
 
+from sim_device.plant.models import built_in
 from smad import api
-from smad.cli.benches import _LivePlayer, simulated
+from smad.checkup.play import LivePlayer, simulated
 from smad.experiments.driver import log_path
 from smad.experiments.errors import TrippedError
 from smad.runlog.reader import read_run
@@ -46,32 +48,37 @@ class Tripping(FakeClient):
 @pytest.fixture
 def client(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Tripping:
     own = Tripping(tmp_path)
-    monkeypatch.setattr("smad.cli.benches.time.sleep", own.let_pass)
+    monkeypatch.setattr("smad.checkup.play.time.sleep", own.let_pass)
     return own
+
+
+def player(client: Any) -> LivePlayer:
+    return LivePlayer(client, bench="bench", who="test", say=print, progress=print)
 
 
 def test_a_repeat_that_trips_is_kept_as_far_as_it_goes(client: Tripping, tmp_path: Path) -> None:
     plan = RUN.plan()
     driver(folder=tmp_path).run(plan)
-    recorded = _LivePlayer(client, "bench", "test")(RUN, log_path(tmp_path, plan))  # type: ignore[arg-type]
+    recorded = player(client)(RUN, log_path(tmp_path, plan))
     assert recorded.ended == "run short: the board left ARMED (FAULT, no_cooling)"
     assert 0.3 < read_run(recorded.path).duration_s < 5.0
 
 
 def test_a_first_recording_that_trips_is_no_good_run(client: Tripping) -> None:
     with pytest.raises(TrippedError, match=r"left ARMED; got FAULT, no_cooling"):
-        _LivePlayer(client, "bench", "test")(RUN, None)  # type: ignore[arg-type]
+        player(client)(RUN, None)
 
 
 def test_a_simulated_repeat_that_trips_is_kept_as_far_as_it_goes(tmp_path: Path) -> None:
-    weak = ("driver_gain:gain=-0.25",)
-    with simulated(seed=1, effects=()) as play:
+    nominal = built_in("A")
+    weak = nominal.with_effects({"driver_gain": {"gain": -0.25}})
+    with simulated(nominal, seed=1) as series:
         good = tmp_path / "good.mcap"
-        good.write_bytes(play(RUN, None).path.read_bytes())
-    with simulated(seed=2, effects=weak) as play:
-        recorded = play(RUN, good)
+        good.write_bytes(series(0)(RUN, None).path.read_bytes())
+    with simulated(weak, seed=2) as series:
+        recorded = series(0)(RUN, good)
         assert "the board left ARMED" in recorded.ended
         assert "CURRENT_LOW" in recorded.ended
         assert 0.3 < read_run(recorded.path).duration_s < RUN.duration_s
-    with simulated(seed=2, effects=weak) as play, pytest.raises(TrippedError, match="CURRENT_LOW"):
-        play(RUN, None)
+    with simulated(weak, seed=2) as series, pytest.raises(TrippedError, match="CURRENT_LOW"):
+        series(0)(RUN, None)

@@ -1,14 +1,16 @@
-"""A driver whose bench is never armed without somebody who can be missed."""
+"""A driver whose bench is armed only under a lease, for the length of each plan."""
 
 from __future__ import annotations
 
 import itertools
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from smad.client import BoardRefused
-from smad.experiments.driver import Driver, Mounting
+from smad.experiments.driver import Mounting
+from smad.experiments.live import LiveDriver
 from smad.experiments.recording import Recording
 from smad.progress import Say
 
@@ -31,7 +33,7 @@ class LeasedDriver:
     def __init__(
         self,
         client: Client,
-        driver: Driver,
+        driver: LiveDriver,
         *,
         lease_s: float,
         progress: Say,
@@ -39,7 +41,7 @@ class LeasedDriver:
         sleep: Callable[[float], None] = time.sleep,
         clock_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._client = client
+        self.client = client
         self._driver = driver
         self._lease_s = lease_s
         self._progress = progress
@@ -47,6 +49,11 @@ class LeasedDriver:
         self._sleep = sleep
         self._clock_s = clock_s
         self._disarmed = False
+
+    @property
+    def log(self) -> Path | None:
+        """Where the last run was recorded, also one that ended early."""
+        return self._driver.log
 
     def parts(self) -> frozenset[str]:
         """Which parts the bench has."""
@@ -58,21 +65,21 @@ class LeasedDriver:
 
     def run(self, plan: Plan) -> Recording:
         """Carry out a plan. Raises NotInControl while somebody else has control."""
-        with self._client.in_control(self._who, self._lease_s):
+        with self.client.in_control(self._who, self._lease_s):
             try:
                 self._arm(plan)
                 return self._driver.run(plan)
             finally:
-                self._client.disarm()
+                self.client.disarm()
                 self._disarmed = True
 
     def _arm(self, plan: Plan) -> None:
-        if self._client.motion().armed:
+        if self.client.motion().armed:
             return
         deadline_s = self._clock_s() + _COOLING_S
         for attempt in itertools.count(1):
             try:
-                self._client.arm()
+                self.client.arm()
             except BoardRefused:
                 # The token of an arming lasts for two seconds of board time: a busy computer, or a
                 # bench that runs faster than the wall clock, may let them pass.

@@ -11,10 +11,10 @@ from typing import Literal, NamedTuple
 from firmware_protocol import enums
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
 from smad.api import Entry, Percentiles, Status
-from smad.cli.axis_lines import aged, axis_lines
-from smad.cli.output import shown
+from smad.files import shown
 from smad.runlog.schema import Row
 from smad.style.strips import STRIPS, Curve, Strip
+from smad.view.terminal.axis_lines import aged, axis_lines
 
 LEAST_COLUMNS, LEAST_ROWS = 60, 20
 MOST_HISTORY = 240
@@ -44,8 +44,8 @@ class History:
         """Take in the readings of one refresh; None: there were none."""
         for strip, curve in CURVES:
             value = None if row is None else getattr(row, curve.column)
-            kept = self._values.setdefault(curve.column, deque(maxlen=MOST_HISTORY))
-            kept.append(None if value is None else value * strip.scale)
+            values = self._values.setdefault(curve.column, deque(maxlen=MOST_HISTORY))
+            values.append(None if value is None else value * strip.scale)
 
     def last(self, column: str, count: int) -> list[float | None]:
         """Return the newest `count` values of a column, oldest first."""
@@ -98,8 +98,8 @@ def _away(why: str) -> Iterator[Line]:
 def _pinned(now: Status, columns: int) -> Iterator[Line]:
     motion = now.motion
     state = f"{now.bench}: {'ARMED' if motion.armed else 'not armed'}, board {motion.mode}"
-    told = f"{len(now.axes)} axes" if now.axes else f"link {now.link.state}"
-    yield Line(f"{state}, {told}", "armed" if motion.armed else "good")
+    link = f"{len(now.axes)} axes" if now.axes else f"link {now.link.state}"
+    yield Line(f"{state}, {link}", "armed" if motion.armed else "good")
     if motion.fault is None:
         yield Line("no fault")
     else:

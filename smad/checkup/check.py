@@ -1,0 +1,168 @@
+"""A check-up: the runs of now against a baseline, or against files of a good day.
+
+The way is the same each time: read what was good, play or read the runs of now, judge.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from smad.checkup.baseline import FIRST, good_series, require_same
+from smad.checkup.commission import commissioned
+from smad.checkup.errors import BaselineError
+from smad.checkup.files import (
+    Matched,
+    RunFile,
+    match,
+    read_folder,
+    read_good,
+    require_one_bench,
+    require_other_recordings,
+)
+from smad.checkup.judge import Judged, judged
+from smad.checkup.programme import Programme
+from smad.checkup.series import Play, folder_for, play_series, read_state
+from smad.checkup.store import Baseline
+from smad.diagnosis.errors import PairingError
+from smad.diagnosis.plant import PlantModel
+from smad.progress import Say, silent
+from smad.runlog.paths import passed_over
+
+
+def played_now(
+    folder: Path,
+    baseline: Baseline,
+    programme: Programme,
+    play: Play,
+    *,
+    out: Path | None,
+    bench: str,
+    say: Say,
+) -> Path:
+    """Play the runs of the programme that the baseline has, and return the folder they are in.
+
+    That is `out`, or the next of FOLDER/now-1, now-2 …. Raises BaselineError for a baseline of
+    another bench or programme, and what `play` raises.
+    """
+    require_same(folder, baseline, bench, programme, part=True)
+    # A baseline of the quick part has nothing to compare the other runs with.
+    known = names_in(baseline)
+    programme = replace(programme, runs=tuple(r for r in programme.runs if r.name in known))
+    place = out or folder_for(folder, "now", programme, time.time)
+    play_series(place, programme, play, folder / FIRST, say)
+    return place
+
+
+def names_in(baseline: Baseline) -> set[str]:
+    """The names of the runs that a baseline has."""
+    return {run.name for run in baseline.reference.runs}
+
+
+def check_folder(
+    folder: Path,
+    baseline: Baseline,
+    plant: PlantModel,
+    now: Path,
+    *,
+    say: Say,
+    progress: Say,
+    recorded_for_it: bool = False,
+) -> Judged:
+    """The verdict over the runs in `now` that the baseline has.
+
+    Unless they were `recorded_for_it`, the good runs must not be among them. Raises BaselineError
+    where `now` has no run of the baseline, PairingError for runs that cannot be compared.
+    """
+    state = read_state(now)
+    if state is not None and state.ended:
+        say(f"not all of it was played: {state.ended}")
+    known = names_in(baseline)
+    runs = [f for f in read_folder(now) if f.name in known]
+    _say_notes(runs, say)
+    if not recorded_for_it:
+        for place in good_series(folder):
+            good = [f for f in read_folder(place) if f.name in {n.name for n in runs}]
+            require_one_bench([*good, *runs])
+            require_other_recordings(good, runs)
+    if not runs:
+        raise BaselineError(
+            f"{now} holds no run of the baseline {folder}",
+            limit=", ".join(sorted(known)),
+            action="name the files after the runs of the programme, or use --good",
+        )
+    return judged(plant, baseline.reference, [(f.run, f.name) for f in runs], progress=progress)
+
+
+def check_newest(folder: Path, baseline: Baseline, plant: PlantModel, progress: Say) -> Judged:
+    """The verdict over the newest check-up or investigation in the folder of a baseline.
+
+    Raises BaselineError when it has none.
+    """
+    answers = (*folder.glob("now-*"), *folder.glob("investigation-*"))
+    places = [place for place in answers if any(place.glob("*.mcap"))]
+    if not places:
+        raise BaselineError(
+            f"{folder} holds no check-up yet", action="make one with smad gap checkup --baseline"
+        )
+    newest = max(places, key=lambda place: place.stat().st_mtime)
+    known = names_in(baseline)
+    # An investigation numbers its runs: 01-run-1, 02-run-2, 03-run-1.
+    named = [
+        (f.run, f.name if f.name in known else f.name.lstrip("0123456789-"))
+        for f in read_folder(newest)
+    ]
+    runs = [(run, name) for run, name in named if name in known]
+    return judged(plant, baseline.reference, runs, progress=progress)
+
+
+def check_files(plant: PlantModel, good: Path, now: Path, *, say: Say, progress: Say) -> Judged:
+    """The verdict over the files of a good day and of now in two folders.
+
+    `say` tells what is left out of them, and what was paired with what.
+    """
+    progress("reading")
+    then, runs = read_good(good, say), read_folder(now)
+    for folder, read in ((good, then), (now, runs)):
+        there = sorted(p for p in folder.rglob("*") if p.is_file())
+        if text := passed_over(folder, there, [run.path for run in read]):
+            say(text)
+    _say_notes([*then, *runs], say)
+    judgement, matched = checked_files(plant, then, runs, progress)
+    for text in matched.lines:
+        say(text)
+    for name in matched.alone:
+        say(f"{name} has the inputs of no good run, and is left out")
+    return judgement
+
+
+def checked_files(
+    plant: PlantModel,
+    good: Sequence[RunFile],
+    now: Sequence[RunFile],
+    progress: Say = silent,
+) -> tuple[Judged, Matched]:
+    """The verdict over files of a good day and of now, and what was paired with what.
+
+    Raises PairingError when nothing is paired, when a run of now is one of the good ones, when a
+    good one is given twice, and when runs of two benches are mixed.
+    """
+    require_one_bench([*good, *now])
+    require_other_recordings(good, now)
+    matched = match(plant, good, now)
+    if not matched.now:
+        raise PairingError(
+            "no run of now has the inputs of a good one",
+            value=f"{len(good)} good, {len(now)} now",
+            action="play the same programme on both days; smad docs guide/check-up says how",
+        )
+    reference = commissioned(plant, matched.groups, progress=progress)
+    return judged(plant, reference, matched.now, progress=progress), matched
+
+
+def _say_notes(runs: Sequence[RunFile], say: Say) -> None:
+    for run in runs:
+        for note in run.run.notes:
+            say(f"{run.path}: {note}")

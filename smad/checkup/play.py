@@ -1,0 +1,139 @@
+"""What plays the runs of a programme: a simulated bench, or the one that the daemon runs."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sim_device.plant.models import Model
+from smad.checkup.programme import ProgrammeRun
+from smad.checkup.series import Play, Player, Recorded
+from smad.config import parse_config
+from smad.control.plan import Plan
+from smad.errors import SmadError
+from smad.experiments.driver import log_path
+from smad.experiments.errors import EndedEarlyError, TrippedError
+from smad.experiments.leased import LeasedDriver
+from smad.experiments.repeating import Repeat, read_repeat
+from smad.experiments.replayer import Replayer
+from smad.experiments.virtual import VirtualDriver
+from smad.progress import Say
+
+if TYPE_CHECKING:
+    from smad.client import Client
+
+LEASE_S = 2.0
+_SEED_STEP = 100_003
+
+
+def _planned(run: ProgrammeRun, original: Path | None) -> tuple[Plan, Repeat | None]:
+    if original is None:
+        return run.plan(), None
+    repeat = read_repeat(original)
+    return repeat.plan(run.name), repeat
+
+
+@contextlib.contextmanager
+def simulated(model: Model, *, seed: int) -> Iterator[Player]:
+    """A fresh simulated bench for each run, in virtual time."""
+    with tempfile.TemporaryDirectory(prefix="smad-") as scratch:
+        folder = Path(scratch)
+
+        def player(series: int) -> Play:
+            seeds = itertools.count(seed + series, _SEED_STEP)
+
+            def play(run: ProgrammeRun, original: Path | None) -> Recorded:
+                plan, _ = _planned(run, original)
+                driver = VirtualDriver(model, seed=next(seeds) & 0xFFFF_FFFF, folder=folder)
+                ended = ""
+                try:
+                    driver.run(plan)
+                except EndedEarlyError as error:
+                    ended = error.cause
+                except TrippedError as error:
+                    ended = _trip(error, original)
+                return Recorded(log_path(folder, plan), ended, run.duration_s)
+
+            return play
+
+        yield player
+
+
+@contextlib.contextmanager
+def live(client: Client, *, bench: str, who: str, say: Say, progress: Say) -> Iterator[Player]:
+    """The bench of the running daemon, disarmed after each run and at the end.
+
+    `client` is ready to arm. Each run begins from the same rest: cold, after a stroke of each
+    spring. A bench that does not come back to where the recorded run began is played all the same,
+    and `say` tells of it.
+    """
+    player = LivePlayer(client, bench=bench, who=who, say=say, progress=progress)
+    try:
+        # One client plays all series: another would not know of a stop before it.
+        yield lambda series: player
+    finally:
+        player.disarm()
+
+
+class LivePlayer:
+    """Plays runs on the bench of `client`, each under a lease of `who`."""
+
+    def __init__(self, client: Client, *, bench: str, who: str, say: Say, progress: Say) -> None:
+        self._client = client
+        self._bench = bench
+        self._who = who
+        self._say = say
+        self._progress = progress
+        self._config = parse_config(client.config())
+        board = client.status().board
+        self._uid = "" if board is None else board.uid
+        self._armed = False
+
+    def __call__(self, run: ProgrammeRun, original: Path | None) -> Recorded:
+        """Play a run, or the one that it repeats, and return where it was recorded."""
+        plan, repeat = _planned(run, original)
+        if repeat is not None:
+            repeat.require_fit(self._config)
+            repeat.require_bench(self._uid, self._bench)
+        driver = Replayer(
+            self._client, progress=self._progress, sleep=time.sleep, strokes=True,
+            elsewhere=self._say,
+        )  # fmt: skip
+        driver.start = None if repeat is None else repeat.start
+        leased = LeasedDriver(
+            self._client, driver, lease_s=LEASE_S, progress=self._progress, who=self._who
+        )
+        self._armed = True
+        ended, began_s = "", self._client.motion().board_time_s
+        try:
+            leased.run(plan)
+        except EndedEarlyError as error:
+            ended = error.cause
+        except TrippedError as error:
+            if driver.log is None:
+                raise
+            ended = _trip(error, original)
+        assert driver.log is not None
+        return Recorded(driver.log, ended, self._client.motion().board_time_s - began_s)
+
+    def disarm(self) -> None:
+        """Leave the bench disarmed, if it was ever armed; a daemon that is gone has done so."""
+        if self._armed:
+            with contextlib.suppress(SmadError):
+                self._client.disarm()
+
+
+def _trip(error: TrippedError, original: Path | None) -> str:
+    """Why a run that repeats another was ended by a fault; it counts as far as it goes.
+
+    A bench with a trouble may trip where it did not when it was good. Raises the error where
+    nothing is repeated: that is no good run.
+    """
+    if original is None:
+        raise error
+    return f"{error.cause} ({error.value})"

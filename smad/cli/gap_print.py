@@ -1,0 +1,117 @@
+"""What the commands of `smad gap` share: the plant, the verdict in files and on the screen."""
+
+from __future__ import annotations
+
+import contextlib
+import shlex
+import shutil
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from smad.errors import REFUSED_STATUS
+from smad.files import named_output
+
+if TYPE_CHECKING:
+    from smad.diagnosis.answer import Answer
+    from smad.diagnosis.spring_pair import SmaPlant
+    from smad.diagnosis.verdict import Verdict
+
+
+params_option = click.option(
+    "--params", default="A", show_default=True, help="Parameter file, or A, B, conserving."
+)
+variant_option = click.option(
+    "--variant",
+    type=click.Choice(["extended", "printed"]),
+    default="extended",
+    show_default=True,
+    help="The thermal model; printed is the paper's, whose water stays cold.",
+)
+
+
+def plant_of(params: str, variant: str) -> SmaPlant:
+    """Return the spring pair with a parameter set. Raises GapError."""
+    from sim_device.plant import load_parameters
+    from smad.diagnosis.spring_pair import SmaPlant
+
+    with clean_errors():
+        return SmaPlant(load_parameters(params), variant)
+
+
+@contextlib.contextmanager
+def clean_errors() -> Iterator[None]:
+    """Errors of the plant become one line, as all others."""
+    from sim_device.plant.errors import PlantError
+    from smad.diagnosis.errors import GapError
+
+    try:
+        yield
+    except PlantError as error:
+        raise GapError(str(error)) from error
+
+
+def asked_words(runs: Sequence[Path], hold_out: Sequence[Path], good: Sequence[Path]) -> str:
+    """The arguments as a shell takes them, to ask once more."""
+    words = [str(path) for path in runs]
+    for option, paths in (("--hold-out", hold_out), ("--good", good)):
+        words += [option, *map(str, paths)] if paths else []
+    return shlex.join(words)
+
+
+def write_verdict(
+    answer: Answer,
+    json_path: Path | None,
+    page_path: Path | None,
+    asked: str = "",
+    facts: Sequence[tuple[str, str]] = (),
+) -> list[Path]:
+    """Write the verdict and its page where asked for, each file whole; returns those written."""
+    written = []
+    if json_path is not None:
+        with named_output(json_path) as path:
+            path.write_bytes(answer.verdict.to_json())
+        written.append(json_path)
+    if page_path is not None:
+        from smad.diagnosis.report.page import page_of
+        from smad.report.page import write_page
+
+        written.append(write_page(page_of(answer, asked, facts=facts), page_path))
+    return written
+
+
+def print_verdict(verdict: Verdict) -> None:
+    """Print the verdict, its headline first, as wide as the terminal."""
+    from smad.diagnosis.report.words import lines
+
+    headline, *rest = lines(verdict)
+    width = min(100, shutil.get_terminal_size((100, 24)).columns)
+    click.secho(headline, bold=True)
+    for text in rest:
+        click.echo(text if text.startswith("  ") else click.wrap_text(text, width=width))
+
+
+def print_answer(verdict: Verdict, asked: str) -> None:
+    """Print the verdict, what was noted of its runs, and what to do next."""
+    from smad.diagnosis.report.words import advice
+
+    print_verdict(verdict)
+    # What was left out of runs that are used, or is doubtful in them.
+    runs: dict[str, list[str]] = {}
+    for f in verdict.findings:
+        if not f.refuses and f.run != "all runs":
+            runs.setdefault(f.text, []).append(f.run)
+    for text, names in runs.items():
+        click.echo(f"{', '.join(names)}: {text}")
+    for command, why in advice(verdict, asked) if asked else ():
+        click.echo(f"{why}: {command}" if command else why)
+
+
+def require_answered(verdict: Verdict) -> None:
+    """End the command with a status of its own where the verdict is that nothing is answered."""
+    from smad.diagnosis.verdict import REFUSED
+
+    if verdict.outcome == REFUSED:
+        click.get_current_context().exit(REFUSED_STATUS)

@@ -1,0 +1,54 @@
+"""The demo's job on a simulated bench, with its daemon beside us."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+from smad.client import Client
+from smad.config import Config, RecorderConfig, TelemetryConfig, config_to_toml
+from smad.demo import figures
+from smad.demo.figures import Rows
+from smad.demo.job import measured, run_cycle, told_by
+from smad.processes.daemon import running_daemon
+from smad.progress import Say
+from smad.runlog.reader import Run
+
+SPEED = 40
+PATIENCE = 60
+"""Board and daemon wait so many times as long for each other as on a bench: on virtual time a busy
+machine makes the demo slower, and nothing else. The processes end with each other all the same."""
+CLIENT_TIMEOUT_S = 120.0
+REAL_TIME_S = 10.0
+
+
+def play(folder: Path, seed: int, board: str, say: Say) -> tuple[Run, Rows]:
+    """Do the demo's job on one board; return its run and its table."""
+    with tempfile.TemporaryDirectory(prefix="smad-demo-") as place:
+        sockets = Path(place)
+        config = Config(
+            recorder=RecorderConfig(folder=str(folder.resolve()), automatic=False),
+            telemetry=TelemetryConfig(endpoint=""),
+        )
+        (sockets / "demo.toml").write_text(config_to_toml(config))
+        common = ["--sim", "--config", str(sockets / "demo.toml"), "--seed", str(seed)]
+        common += ["--firmware", board, "--parent", str(os.getpid())]
+
+        def starting() -> None:
+            say(f"starting the simulated bench ({board}) and the daemon")
+
+        fast = [*common, "--speed", str(SPEED), "--paced-by-host", "--patience", str(PATIENCE)]
+        with (
+            running_daemon(fast, sockets, waiting=starting),
+            Client(folder=sockets, timeout_s=CLIENT_TIMEOUT_S) as client,
+            told_by(client),
+        ):
+            done = run_cycle(client, say)
+        with (
+            running_daemon(common, sockets, waiting=starting),
+            Client(folder=sockets, timeout_s=CLIENT_TIMEOUT_S) as client,
+        ):
+            real = measured(client, REAL_TIME_S, say)
+    run = figures.load(done.path)
+    return run, figures.table(run, done.status, real)

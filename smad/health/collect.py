@@ -1,0 +1,35 @@
+"""New run logs, check-ups and endurance cycles of a folder, taken into the record of its bench."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from smad.errors import RunLogError
+from smad.health.cycles import rows_of_cycles
+from smad.health.errors import HealthError
+from smad.health.measure import new_rows
+from smad.health.record import FILE, append, read
+from smad.health.verdicts import row_of_verdict
+from smad.progress import Say
+
+
+def collect(folder: Path, verdicts: Sequence[Path], *, say: Say, progress: Say) -> None:
+    """Append the rows of what the record does not know yet; `say` tells which logs are left out.
+
+    Raises HealthError for a folder that is not there and a verdict that cannot be read.
+    """
+    if not folder.is_dir():
+        raise HealthError(f"there is no folder {folder}", action="name that of the run logs")
+    known = {row.source for row in read(folder / FILE)}
+    # Check-ups of the queue write theirs beside the output of their items.
+    written = (*verdicts, *sorted(folder.glob("queue/item-*.json")))
+    rows = [row_of_verdict(path) for path in written if str(path) not in known]
+    rows += rows_of_cycles(folder, known)
+    for path, row in new_rows(folder, known):
+        progress(f"reading {path.name}")
+        if isinstance(row, RunLogError):
+            say(f"left out: {row}")
+        elif row is not None:
+            rows.append(row)
+    append(folder / FILE, rows)

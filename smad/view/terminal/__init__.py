@@ -1,0 +1,1 @@
+"""The live bench on a terminal: `screen` makes the lines, `watch` shows them and takes the keys."""
