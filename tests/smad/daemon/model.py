@@ -11,11 +11,11 @@ breadth-first search visits every state that any order of steps leads to.
 Five things make it small and leave nothing out. Stops of two clients that are open at once are one,
 which may be replied to by what was seen since the first. A reply to a stop or a refusal is sent any
 time after each of its axes was known to be off at some moment since, as the daemon waits for one
-after the other; or any time, when it says that a board has not confirmed. An answer is heard at once or lost: a late one is
-one that was lost, and given again to the repeated request. A command that is late is one that is
-asked for later, unless a stop came: then its generation must not be in force, which is looked at
-when the stop begins, as none that is not ever will be. A board gives its token at once or never: a
-token alone arms nothing.
+after the other; or any time, when it says that a board has not confirmed. An answer is heard at
+once or lost: a late one is one that was lost, and given again to the repeated request. A command
+that is late is one that is asked for later, unless a stop came: then its generation must not be in
+force, which is looked at when the stop begins, as none that is not ever will be. A board gives its
+token at once or never: a token alone arms nothing.
 
 Two things make it quick. The axes are alike, so a state and the same with the axes exchanged are
 one, and what happens on an axis is worked out for the first only. A step looks at the machine and
