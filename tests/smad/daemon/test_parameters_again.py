@@ -24,7 +24,7 @@ async def test_a_board_whose_parameters_were_not_read_after_a_reconnection_can_b
         await rig.run_for(6.0)
         assert rig.daemon.axes["yaw-1"].connected
         assert "yaw-1: the board's parameters were not read, and will be read again" in rig.said
-        with pytest.raises(Refused, match="yaw-1: .*parameters are still being read"):
+        with pytest.raises(Refused, match=r"yaw-1: .*parameters are still being read"):
             await rig.ask("arm")
         tap.to_host = nothing
         await rig.run_for(3.0)
