@@ -184,8 +184,8 @@ def measure(
 def _run_daemon(
     programs: Programs, case: Case, seconds: float
 ) -> tuple[list[Path], dict[str, float]]:
-    with programs.device(case) as (port, fd):
-        daemon = programs.daemon(case, port, fd)
+    with programs.device(case) as (port, fds):
+        daemon = programs.daemon(case, port, fds)
         try:
             daemon.wait_until_ready()
             with Client(folder=programs.folder, timeout_s=60.0) as client:
@@ -210,14 +210,14 @@ def _run_c(programs: Programs, case: Case, seconds: float) -> Files:
     assert programs.echo is not None
     priority = "80" if case.realtime else "0"
     with (
-        programs.device(case) as (port, fd),
+        programs.device(case) as (port, fds),
         programs.load(case, f"ipc://{programs.folder}/answer", ""),
     ):
-        name = port if fd is None else f"fd:{fd}"
+        name = f"fd:{fds[0]}" if fds else port
         run = subprocess.Popen(
             [str(programs.echo), name, str(seconds + 2 * SETTLE_S), priority, str(programs.trace)],
             stdout=subprocess.DEVNULL,
-            pass_fds=() if fd is None else (fd,),
+            pass_fds=fds,
         )
         time.sleep(SETTLE_S)
         files = programs.sentinels(seconds)
@@ -245,8 +245,8 @@ def _figures(before: Status, after: Status, seconds: float) -> dict[str, float]:
 def command_rows(programs: Programs, calls: int) -> list[Row]:
     """Round trip of a command, and `smad status` from start to prompt."""
     case = Case("daemon", 100, False)
-    with programs.device(case) as (port, fd):
-        daemon = programs.daemon(case, port, fd)
+    with programs.device(case) as (port, fds):
+        daemon = programs.daemon(case, port, fds)
         try:
             daemon.wait_until_ready()
             with Client(folder=programs.folder) as client:
@@ -281,8 +281,8 @@ def _status_command(folder: Path) -> None:
 def memory_rows(programs: Programs, minutes: float) -> list[Row]:
     """Resident memory of the daemon over so much board time at 500 Hz, faster than real time."""
     case = Case("daemon", 500, False, realtime=False)
-    with programs.device(case, "--speed", "6", "--paced-by-host") as (port, fd):
-        daemon = programs.daemon(case, port, fd)
+    with programs.device(case, "--speed", "6", "--paced-by-host") as (port, fds):
+        daemon = programs.daemon(case, port, fds)
         try:
             daemon.wait_until_ready()
             with Client(folder=programs.folder, timeout_s=60.0) as client:

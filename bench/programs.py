@@ -9,14 +9,14 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import firmware_protocol
 from campaign.rig import BAUD, rig_config, start_daemon
-from smad.config import LinkConfig, RealtimeConfig
+from smad.config import Config, LinkConfig, RealtimeConfig
 from smad.processes.daemon import DaemonProcess
 from smad.processes.simulator import READY
 
@@ -67,20 +67,23 @@ class Programs:
         return program
 
     @contextlib.contextmanager
-    def device(self, case: Case, *extra: str) -> Iterator[tuple[str, int | None]]:
-        """A simulated device; yields its port, or the other end of its socket."""
-        ours, theirs = socket.socketpair()
+    def device(
+        self, case: Case, *extra: str, axes: int = 1
+    ) -> Iterator[tuple[str, tuple[int, ...]]]:
+        """A simulated device; yields its port, or the other ends of the sockets of its axes."""
+        pairs = [socket.socketpair() for _ in range(axes)]
         tty = self.folder / "device.tty"
-        wanted = ["--transport", f"fd:{theirs.fileno()}"]
+        numbers = tuple(theirs.fileno() for _, theirs in pairs)
+        wanted = ["--transport", f"fd:{_listed(numbers)}"]
         if case.transport == "pty":
             wanted = ["--symlink", str(tty)]
         command = [sys.executable, "-m", "smad", "sim", "--rate", str(case.rate_hz), *wanted]
         device = subprocess.Popen(
-            [*command, *extra],
+            [*command, *extra, *(("--axes", str(axes)) if axes > 1 else ())],
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             text=True,
-            pass_fds=(theirs.fileno(),),
+            pass_fds=numbers,
         )
         try:
             assert device.stdout is not None
@@ -88,13 +91,16 @@ class Programs:
                 raise RuntimeError("the simulated device did not start; run smad sim to see why")
             if "--speed" not in extra:
                 hurry(device.pid, DEVICE_PRIORITY)
-            ours.setblocking(False)
-            yield str(tty), ours.fileno() if case.transport != "pty" else None
+            for ours, _ in pairs:
+                ours.setblocking(False)
+            ends = tuple(ours.fileno() for ours, _ in pairs)
+            yield str(tty), ends if case.transport != "pty" else ()
         finally:
             device.terminate()
             device.communicate()
-            ours.close()
-            theirs.close()
+            for pair in pairs:
+                for end in pair:
+                    end.close()
 
     def sentinels(self, seconds: float) -> list[Path]:
         """Run the sentinel on every core for so long; return the files they wrote."""
@@ -116,7 +122,7 @@ class Programs:
             process.wait()
         return files
 
-    def daemon(self, case: Case, port: str, fd: int | None) -> DaemonProcess:
+    def daemon(self, case: Case, port: str, fds: tuple[int, ...]) -> DaemonProcess:
         """A daemon on the port; not yet ready."""
         config = rig_config(
             self.folder,
@@ -126,8 +132,14 @@ class Programs:
         )
         arguments = ["--trace", str(self.trace)]
         arguments += [] if case.realtime else ["--no-realtime"]
-        arguments += [] if fd is None else ["--fd", str(fd)]
-        return start_daemon(self.folder, config, arguments, pass_fds=() if fd is None else (fd,))
+        return self.started(config, arguments, fds)
+
+    def started(
+        self, config: Config, arguments: Sequence[str], fds: tuple[int, ...]
+    ) -> DaemonProcess:
+        """A daemon, on sockets where there are any."""
+        sockets = ["--fd", _listed(fds)] if fds else []
+        return start_daemon(self.folder, config, [*arguments, *sockets], pass_fds=fds)
 
     @contextlib.contextmanager
     def load(self, case: Case, command: str, telemetry: str) -> Iterator[None]:
@@ -150,6 +162,10 @@ class Programs:
             for process in running:
                 process.kill()
                 process.wait()
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    return ",".join(map(str, numbers))
 
 
 def hurry(process: int, priority: int) -> None:

@@ -84,8 +84,8 @@ def flooded(name: str, address: str) -> Iterator[None]:
 def bench_in(folder: Path, transport: str) -> Iterator[None]:
     """A daemon at 100 Hz and a simulated board that no other process keeps waiting."""
     programs, case = Programs(folder), Case("daemon", 100, loaded=False, transport=transport)
-    with programs.device(case) as (port, fd):
-        daemon = programs.daemon(case, port, fd)
+    with programs.device(case) as (port, fds):
+        daemon = programs.daemon(case, port, fds)
         try:
             daemon.wait_until_ready()
             yield

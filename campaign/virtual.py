@@ -108,6 +108,7 @@ class Rig:
         self, config: Config, bench: SimulatedBench | Mapping[str, Line], nonce: int = 7
     ) -> None:
         self.lines = {"": Line(bench)} if isinstance(bench, SimulatedBench) else bench
+        self._phases = [(line.phase_us, line.bench) for line in self.lines.values()]
         self.lost_us = 0
         """By how much the board's clock is behind: add to it to let the board stand still."""
         self.wall_off_s = 0.0
@@ -157,7 +158,13 @@ class Rig:
 
     def now_us(self) -> int:
         """The host's clock."""
-        return max(line.phase_us + line.bench.now_us for line in self.lines.values()) + self.lost_us
+        # Asked for at every turn of the loop.
+        latest_us = 0
+        for phase_us, bench in self._phases:
+            at_us = phase_us + bench.now_us
+            if at_us > latest_us:  # noqa: PLR1730
+                latest_us = at_us
+        return latest_us + self.lost_us
 
     def _wall_s(self) -> float:
         return _EPOCH_S + self.now_us() * 1e-6 + self.wall_off_s

@@ -274,7 +274,7 @@ def serve(
     """Run benches behind ports until SIGINT, SIGTERM or for `max_seconds`; return the counts.
 
     `benches` are by axis; a single one has the empty name, several have the `symlink` with a dot
-    and their name behind it. transport: "pty", or "fd:N" for an inherited socket of a single one.
+    and their name behind it. transport: "pty", or "fd:N,N" for inherited sockets, one of each.
     `on_ready` gets the names of the ports once a client can open them. `handle_signals` needs the
     main thread. Raises PortError.
     """
@@ -283,11 +283,13 @@ def serve(
     def open_port(axis: str) -> Port:
         if transport == "pty":
             return PtyPort(symlink_of(symlink, axis), counts)
-        kind, _, number = transport.partition(":")
-        if kind == "fd" and number.isdigit() and not axis:
+        kind, _, listed = transport.partition(":")
+        numbers = listed.split(",")
+        if kind == "fd" and len(numbers) == len(benches) and all(map(str.isdigit, numbers)):
+            number = dict(zip(benches, numbers, strict=True))[axis]
             return socket_from_descriptor(int(number), counts)
         raise PortError(
-            f"transport {transport!r} is refused: give pty or, for one axis, fd:N with a number"
+            f"transport {transport!r} is refused: give pty, or fd:N with a number for each axis"
         )
 
     with ExitStack() as opened:

@@ -124,6 +124,8 @@ class Soak:
         began_s = time.monotonic()
         self._order(api.StartRecording(name="soak"))
         self._wait(lambda status: status["board"] is not None)
+        # The first writing of what is kept in memory starts its thread; those after it add nothing.
+        self._order(api.RecordLast(seconds=1.0))
         for turn in self._turns():
             if turn % _TELEMETRY_EVERY_TURNS == 0:
                 self._read_slowly()

@@ -66,7 +66,7 @@ SEED_STEP = 100_003
     help="With --firmware: file of the parameter memory, to survive this process.",
 )
 @click.option("--for", "seconds", type=Finite(min=0), metavar="S", help="End after so long.")
-@click.option("--transport", default="pty", show_default=True, help="pty, or fd:N (a socket).")
+@click.option("--transport", default="pty", show_default=True, help="pty, or fd:N,… (sockets).")
 @click.option("--patience", type=click.IntRange(1, 1000), default=1, hidden=True,
               help="With --paced-by-host: wait so many times as long for a setpoint.")  # fmt: skip
 @click.option("--parent", type=int, hidden=True, help="End when this process does.")

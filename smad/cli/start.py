@@ -45,7 +45,7 @@ SIMULATED_BAUDS = {"python": 921_600, "host": 921_600, "avr": 500_000}
     default="python",
     help="With --sim: the board, see smad sim --help.",
 )
-@click.option("--fd", type=int, hidden=True, help="An inherited socket instead of a port.")
+@click.option("--fd", hidden=True, help="Inherited sockets instead of ports: N,… by axis.")
 @click.option("--patience", type=click.IntRange(1, 1000), default=1, hidden=True,
               help="With --paced-by-host: both ends wait so many times as long for each other.",
 )  # fmt: skip
@@ -67,7 +67,7 @@ def start(
     paced_by_host: bool,
     faults: tuple[str, ...],
     firmware: str,
-    fd: int | None,
+    fd: str | None,
     patience: int,
     trace_path: Path | None,
     parent: int | None,
@@ -251,7 +251,7 @@ def _run(
     reread: Callable[[], Config] | None,
     *,
     trace_path: Path | None = None,
-    fd: int | None = None,
+    fd: str | None = None,
     patience: int = 1,
     without_missing: bool = False,
 ) -> int:
@@ -271,16 +271,20 @@ def _run(
 
         return open_port
 
-    def open_socket() -> Transport:
+    def socket_opener(number: int) -> Opener:
         import socket
 
-        return SocketTransport(socket.socket(fileno=fd))
+        return lambda: SocketTransport(socket.socket(fileno=number))
 
+    axes = config.by_axis()
     ended = run(
         config,
-        {name: opener(own) for name, own in config.by_axis().items()}
+        {name: opener(own) for name, own in axes.items()}
         if fd is None
-        else {"": open_socket},
+        else {
+            name: socket_opener(int(number))
+            for name, number in zip(axes, fd.split(","), strict=True)
+        },
         Options(
             parameter_text=parameter_text,
             reread=reread,

@@ -84,7 +84,7 @@ class Outlets:
 class ControlTask:
     """Turns bytes into steps. Pure but for the clocks and the outlets that it is given.
 
-    `stepping` off: the session goes on, but nothing is computed or driven any more.
+    `stepping` off: session and samples go on, but nothing is computed or driven any more.
     """
 
     def __init__(
@@ -158,8 +158,13 @@ class ControlTask:
             else:
                 samples.append(event)
         try:
-            if samples and self.stepping:
-                self._step(samples, began_ns)
+            if self.stepping:
+                if samples:
+                    self._step(samples, began_ns)
+            else:
+                # Whoever waits for the board to be off has to see that it is.
+                for received in samples:
+                    self._pass_over(received)
         finally:
             # Also when the step dies: somebody may be waiting for the reply that came with it.
             self._pass_on(others)
@@ -214,6 +219,10 @@ class ControlTask:
             self.on_next = None
             tell(state)
         self._finish(sample, state, setpoint)
+
+    def _pass_over(self, received: StateReceived) -> None:
+        t_us = self._time.since_first(received.board_us)
+        self._finish(self._sample(received.state, t_us), received.state, None)
 
     def _send(self, setpoint: Setpoint) -> None:
         sent = self.session.stats.setpoints_sent

@@ -45,6 +45,9 @@ HOUSEKEEPING_S = 0.02
 STALL_S = 0.1
 """As long as the board waits for a setpoint before it takes the current away."""
 
+LAST_REPLIES_S = 1.0
+"""How long an ending daemon waits for boards to show what it stopped, if anybody is to be told."""
+
 _SECOND_US = 1_000_000
 _AT_ONCE = 8
 _SPARE_SHARE = 0.3
@@ -214,6 +217,7 @@ class Daemon:
             name: quiet[name] or await _disarmed(axis, armed=axis in hot)
             for name, axis in self.axes.items()
         }
+        await self.answers.until_replied(LAST_REPLIES_S)
         if len(set(told.values())) == 1:
             return next(iter(told.values()))
         return "; ".join(f"{name}: {came_of_it}" for name, came_of_it in told.items())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from smad.api import Reason
@@ -29,6 +30,16 @@ class Refusal(CommandError):
 
 def _rebuild(reason: Reason, cause: str, value: Any, limit: Any, action: str) -> Refusal:
     return Refusal(reason, cause, value=value, limit=limit, action=action)
+
+
+def raise_together(refusals: Sequence[Refusal]) -> None:
+    """Raise the first refusal, if there is one, with the causes of all; what to do is the first's.
+
+    For what is done to axes one by one: the reply names each that it was refused for.
+    """
+    if refusals:
+        refusals[0].cause = "; ".join(refusal.cause for refusal in refusals)
+        raise refusals[0]
 
 
 class TaskDied(DaemonError):

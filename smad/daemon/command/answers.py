@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import inspect
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
@@ -32,6 +33,7 @@ class _Later:
     call: Call
     reply: Send
     answer: Coroutine[Any, Any, Struct]
+    replied: asyncio.Future[None]
 
 
 class Answers:
@@ -93,9 +95,15 @@ class Answers:
             self._counts.done += 1
             reply(result_reply(call.id, answer))
         else:
-            later = _Later(client, call, reply, answer)
+            replied = asyncio.get_running_loop().create_future()
+            later = _Later(client, call, reply, answer, replied)
             self._later.add(later)
             self._spawn(call.method.name, self._answer_later(later))
+
+    async def until_replied(self, longest_s: float) -> None:
+        """Return once nobody waits for a reply, or after so long."""
+        if self._later:
+            await asyncio.wait([later.replied for later in self._later], timeout=longest_s)
 
     def give_up(self) -> None:
         """Tell everybody who still waits for a reply that the daemon ends."""
@@ -116,6 +124,7 @@ class Answers:
             reply(result_reply(call.id, result))
         finally:
             self._later.discard(later)
+            later.replied.set_result(None)
 
     def _require_room(self, client: bytes, call: Call) -> None:
         if call.method.access == "stop":

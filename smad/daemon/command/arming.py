@@ -20,7 +20,7 @@ from smad.daemon.axis import Axis
 from smad.daemon.command.bench import Bench
 from smad.daemon.command.conditions import first_samples, parameters_read, require_armable
 from smad.daemon.command.lease import Caller
-from smad.daemon.errors import Refusal
+from smad.daemon.errors import Refusal, raise_together
 from smad.daemon.stops import LONGEST_STOP_US, BoardStop
 
 
@@ -136,10 +136,7 @@ class ArmCommand:
                 require_armable(axis, self._bench.axes)
             except Refusal as refusal:
                 refusals.append(refusal)
-        if refusals:
-            # What each axis lacks, in one reply; what to do is that of the first.
-            refusals[0].cause = "; ".join(refusal.cause for refusal in refusals)
-            raise refusals[0]
+        raise_together(refusals)
 
     async def _all_of(
         self,

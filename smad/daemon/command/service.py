@@ -39,7 +39,7 @@ from smad.daemon.command.conditions import (
 )
 from smad.daemon.command.lease import Caller
 from smad.daemon.command.status import StatusReport
-from smad.daemon.errors import Refusal
+from smad.daemon.errors import Refusal, raise_together
 from smad.errors import RunLogError
 
 _NO_PORT = HostState.DISCONNECTED
@@ -199,8 +199,7 @@ class Service:
                         await stopped(axis)
                 except Refusal as refusal:
                     refusals.append(refusal)
-            if refusals:
-                raise refusals[0]
+            raise_together(refusals)
             require()
             return self._status.motion(list(self._bench.axes.values()))
 
@@ -211,12 +210,20 @@ class Service:
                 require_connected(axis)
 
     async def clear(self, params: api.Clear, caller: Caller) -> api.Motion:
-        """Acknowledge the latched fault, and a stop of the host, of each axis that has one."""
+        """Acknowledge the latched fault, and a stop of the host, of each axis that has one.
+
+        One that is refused keeps no other from being cleared; the refusal names all of those.
+        """
         axes = self._bench.named(caller.axes)
         faulted = [a for a in axes if a.watch.fault is not None or a.host_stop.fault is not None]
+        refusals: list[Refusal] = []
         for axis in faulted or axes[:1]:
-            with axis.told():
-                await self._clear(axis, params.fault)
+            try:
+                with axis.told():
+                    await self._clear(axis, params.fault)
+            except Refusal as refusal:
+                refusals.append(refusal)
+        raise_together(refusals)
         return self._status.motion(axes)
 
     async def _clear(self, axis: Axis, number: int | None) -> None:

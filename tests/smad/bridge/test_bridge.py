@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import base64
 import contextlib
 import json
+import socket
 import struct
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,7 +18,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from bench.browser import running_daemon, served
-from smad.bridge.foxglove import LINK, LOG, SUBPROTOCOLS, rows_of
+from smad.bridge.foxglove import LINK, LOG, MOST_SUBSCRIPTIONS, SUBPROTOCOLS, rows_of
 from smad.bridge.server import MOST_VIEWERS
 from smad.cli import execute
 from smad.client import Client
@@ -133,6 +136,48 @@ def test_a_viewer_of_another_protocol_and_one_too_many_are_refused(address: str)
             message_of(stack.enter_context(join(address)), "serverInfo")
         with pytest.raises(InvalidStatus, match="503"):
             join(address)
+
+
+def unread(address: str) -> socket.socket:
+    """A viewer that subscribes to the samples, again and again, and then reads nothing more."""
+    host, _, port = address.removeprefix("ws://").partition(":")
+    end = socket.socket()
+    # Little waits on its side, so that the bridge notices.
+    end.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    end.connect((host, int(port)))
+    end.settimeout(PATIENCE_S)
+    key = base64.b64encode(bytes(16)).decode()
+    end.sendall(
+        f"GET / HTTP/1.1\r\nHost: {host}:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        f"Sec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n"
+        f"Sec-WebSocket-Protocol: {SUBPROTOCOLS[0]}\r\n\r\n".encode()
+    )
+    assert end.recv(12) == b"HTTP/1.1 101"
+    pairs = [{"id": number, "channelId": ROWS.id} for number in range(MOST_SUBSCRIPTIONS)]
+    text = json.dumps({"op": "subscribe", "subscriptions": pairs}).encode()
+    # Masked by zeros: as it is.
+    end.sendall(b"\x81" + struct.pack(">BH", 0x80 | 126, len(text)) + bytes(4) + text)
+    return end
+
+
+def test_viewers_that_never_read_lose_their_seats_to_others(folder: Path) -> None:
+    with bridge_of(folder) as address, contextlib.ExitStack() as stack:
+        for _ in range(MOST_VIEWERS):
+            stack.enter_context(unread(address))
+        with pytest.raises(InvalidStatus, match="503"):
+            join(address)
+        deadline = time.monotonic() + PATIENCE_S
+        while True:
+            assert time.monotonic() < deadline
+            try:
+                viewer = join(address)
+            except InvalidStatus:
+                time.sleep(0.1)
+            else:
+                break
+        with viewer:
+            ask(viewer, op="subscribe", subscriptions=[{"id": 4, "channelId": ROWS.id}])
+            assert data_of(viewer, 4)
 
 
 def test_a_viewer_is_told_that_the_daemon_is_away(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ from campaign.virtual import Refused, VirtualLoop, result_of
 from firmware_protocol import messages as wire
 from firmware_protocol.enums import BoardState
 from sim_device.faults import injection
-from smad.config import AxisConfig
+from smad.config import AxisConfig, RecorderConfig, TelemetryConfig
 from tests.smad.daemon.axes import lines
 from tests.smad.daemon.rig import Rig, config_in
 from tests.smad.daemon.tap import Tap, nothing, tapped
@@ -40,6 +40,12 @@ MOST_US = 25_000
 WATCHDOG_US = 750_000
 """After so long the boards of a daemon that was killed have stopped by themselves."""
 LEASE_US = 500_000
+"""The shortest."""
+SILENT = 0.15
+"""Share of the trials with a lease in which it lapses."""
+LEAK_LATER_US = 80_000
+LEAK_US = 70_000
+"""A little longer than it takes to trip."""
 NOTICED_US = 45_000
 """In which a lapse is noticed and the boards have answered."""
 LONGEST_SAMPLES = 2_000
@@ -129,7 +135,14 @@ class Chunk:
         axes = tuple(AxisConfig(name=n, fault_holds="own" if self.own else "all") for n in NAMES)
         self.boots += 1
         nonce = self.rng.getrandbits(32)
-        self.rig = Rig(config_in(self.folder, axes=axes), self.boards, nonce)
+        # What is told to others takes time, and arms nothing.
+        config = config_in(
+            self.folder,
+            axes=axes,
+            recorder=RecorderConfig(automatic=False, black_box_s=0),
+            telemetry=TelemetryConfig(enabled=False),
+        )
+        self.rig = Rig(config, self.boards, nonce)
         self.rig.daemon.start(without_missing=True)
 
     async def _trial(self) -> None:
@@ -143,7 +156,7 @@ class Chunk:
         for line in self.boards.values():
             line.tap = Tap()
         self._spoil()
-        samples = rng.randrange(25, 90) if self.broken else rng.randrange(8, 28)
+        samples = rng.randrange(20, 64) if self.broken else rng.randrange(8, 28)
         moments = sorted(rng.randrange(samples) for _ in range(rng.randrange(2, 6)))
         self.counts["trials"] += 1
         for sample in range(samples):
@@ -288,11 +301,11 @@ class Chunk:
     def _break(self, name: str) -> None:
         self.broken = True
         bench = self.boards[name].bench
-        at_s = bench.now_us * 1e-6 + self.rng.randrange(80) * 1e-3
+        at_s = bench.now_us * 1e-6 + self.rng.randrange(LEAK_LATER_US) * 1e-6
         self.counts["faults"] += 1
         self.log.append(f"{self.rig.now_us()}: {name} gets a leak at {at_s:.3f} s of its board")
-        bench.faults.add(injection("leak", at_s, lasts=0.1))
-        self.dry_us = max(self.dry_us, self.rig.now_us() + 300_000)
+        bench.faults.add(injection("leak", at_s, lasts=LEAK_US * 1e-6))
+        self.dry_us = max(self.dry_us, self.rig.now_us() + LEAK_LATER_US + LEAK_US)
 
     def _pull_the_plug(self, name: str) -> None:
         self.broken = True
@@ -336,6 +349,8 @@ class Chunk:
             line.bench.board.state is BoardState.FAULT for line in self.boards.values()
         )
         await self._until(lambda: all(reply.done() for reply in self.waiting))
+        if self.rng.random() < SILENT:
+            await self._until(lambda: not self.lease)
         for line in self.boards.values():
             line.tap.to_board = line.tap.to_host = nothing
             line.plug_in()
@@ -351,7 +366,12 @@ class Chunk:
             self.oracle.check(name, line.tap.heating_us)
         if nuisance:
             raise Violation("a board is in FAULT, and nothing was broken")
+        if self.lease:
+            self._ask("control.release", "ada")
         await self._until(self._ready)
+        for line in self.boards.values():
+            # Nothing is any more, and what is whole needs less time.
+            line.bench.hardware.broken = False
         # What was asked of an earlier trial says nothing of the next.
         self.later.clear()
         self.lease = {}

@@ -336,6 +336,28 @@ async def test_an_axis_that_vanishes_and_comes_back_is_not_armed_by_itself(tmp_p
         assert hot(rig) == list(NAMES)
 
 
+async def test_a_fault_that_cannot_be_cleared_yet_keeps_no_other_axis_from_being_cleared(
+    tmp_path: Path,
+) -> None:
+    # The leak of the first two goes on, that of the last is dry by then.
+    boards = lines(
+        faults={
+            name: [injection("leak", 2.0, lasts=lasts_s)]
+            for name, lasts_s in zip(NAMES, (6.0, 6.0, 0.1), strict=True)
+        }
+    )
+    async with axes_in(tmp_path, boards) as rig:
+        await rig.run_for(3.0)
+        with pytest.raises(Refused, match=r"pitch-1: .*; yaw-1: "):
+            await rig.ask("clear")
+        await rig.run(6)
+        states = [line.bench.board.state for line in rig.lines.values()]
+        assert states == [BoardState.FAULT, BoardState.FAULT, BoardState.SAFE]
+        await rig.run_for(6.0)
+        await rig.ask("clear")
+        await rig.run_until(all_safe(rig))
+
+
 async def test_a_missing_board_is_left_out_only_where_that_is_asked_for(tmp_path: Path) -> None:
     from smad.errors import PortError
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,10 @@ from campaign.virtual import Refused
 from firmware_protocol.enums import BoardState
 from sim_device.faults import injection
 from smad.daemon.telemetry import blackbox
-from smad.daemon.telemetry.blackbox import FOLDER
+from smad.daemon.telemetry.blackbox import ENTRY_BYTES, FOLDER, BlackBox
+from smad.runlog.header import RunHeader
 from smad.runlog.reader import read_axes, read_run
+from smad.runlog.schema import Row
 from tests.smad.daemon.axes import NAMES, axes_in, lines
 from tests.smad.daemon.rig import Rig, rig_in
 from tests.smad.daemon.test_axes import armed, silent_for
@@ -74,11 +77,41 @@ async def test_what_is_kept_is_bounded_in_time_and_bytes(
         box = rig.daemon.black_box
         box.keep_s = 1.0
         await rig.run_for(3.0)
-        assert 90 <= len(box._kept) <= 130
+        assert 90 <= sum(len(block.entries) for block in box._blocks) <= 130
         monkeypatch.setattr(blackbox, "MOST_BYTES", 20_000)
         await rig.run_for(0.5)
         assert box._bytes <= 20_000
-        assert box._bytes == sum(len(entry.data) for entry in box._kept)
+        data = [entry for block in box._blocks for entry in block.entries]
+        assert box._bytes == sum(len(one) + ENTRY_BYTES for one in data)
+
+
+def _no_header(_: str) -> RunHeader:
+    raise AssertionError("nothing is written")
+
+
+def test_a_minute_of_six_axes_at_500_hz_fits(tmp_path: Path) -> None:
+    now_s = 1_700_000_000.0
+    box = BlackBox(60.0, tmp_path, _no_header, lambda: now_s, print)
+    # Every number there is, none of them short.
+    row = Row(**dict.fromkeys(Row.__struct_fields__, 1.0 / 3.0))
+    for _ in range(62 * 500):
+        now_s += 0.002
+        for axis in range(6):
+            box.row(row, f"axis-{axis}", now_s)
+    assert box._blocks[-1].last_s - box._blocks[0].began_s >= 60.0
+    assert box._bytes <= blackbox.MOST_BYTES
+    box.close()
+
+
+async def test_repeated_writings_hold_no_more_threads_or_blocks(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.run_for(1.0)
+        await rig.ask("record.last", seconds=1.0)
+        threads = threading.active_count()
+        for _ in range(5):
+            await rig.ask("record.last", seconds=1.0)
+        assert threading.active_count() == threads
+        assert len(rig.daemon.black_box._blocks) <= 1 + rig.now_us() / 1e6 / (60.0 / 128)
 
 
 async def test_a_disk_that_takes_nothing_is_told_and_the_bench_goes_on(tmp_path: Path) -> None:

@@ -41,7 +41,8 @@ def test_the_missing_radiation_of_a_heater_is_found_in_what_heats_it(
     runs = [str(run_file(tmp_path / f"{s}.csv", s, radiated=8.0)) for s in range(4)]
     ask = ["gap", "diagnose", *runs, "--fmu", str(unit), "--map", str(tmp_path / "map.toml")]
     assert execute(ask) == 0
-    said = capfd.readouterr().out
+    said, warned = capfd.readouterr()
+    assert f"smad: runs the code of {unit} as you; use units of those you trust\n" in warned
     assert said.startswith("the simulator lacks something at the ")
     assert re.search(r"^  name   radiation", said, re.MULTILINE)
     before, after = re.findall(r"from ([\d.]+) to ([\d.]+) floors", said)[0]

@@ -9,7 +9,7 @@ import pytest
 import smad.view
 from smad.diagnosis.plant import Traits
 from smad.errors import REFUSED_STATUS
-from smad.view.jobs import Diagnose, Jobs, Order
+from smad.view.jobs import Diagnose, JobRequest, Jobs, Order, PageOfRun, RunExperiment
 
 
 @pytest.mark.parametrize(
@@ -41,6 +41,29 @@ def test_the_report_of_a_refused_diagnosis_is_served_all_the_same(
     said, report = asyncio.run(told())
     assert said == failed
     assert bool(report) == served
+
+
+@pytest.mark.parametrize(
+    "job",
+    [
+        PageOfRun(runs=["a\0.mcap"]),
+        Diagnose(run="a\0.mcap"),
+        RunExperiment(experiment="fig10-thermal", settings={"amplitude_mm": "\0"}),
+    ],
+)
+def test_a_job_with_a_nul_in_its_words_is_shown_as_one_that_cannot_be_begun(
+    job: JobRequest, tmp_path: Path
+) -> None:
+    async def told() -> str:
+        jobs = Jobs()
+        await jobs.begin(job, tmp_path, "bench")  # type: ignore[arg-type]
+        while jobs.running:
+            await asyncio.sleep(0)
+        snapshot = jobs.snapshot()
+        assert snapshot is not None
+        return snapshot.failed
+
+    assert asyncio.run(told()) == "it cannot be begun: embedded null byte"
 
 
 def test_the_page_offers_a_diagnosis_of_runs_that_are_long_enough_for_one() -> None:
