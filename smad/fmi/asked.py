@@ -46,33 +46,34 @@ def diagnose_unit(
 ) -> Answer:
     """Where a unit and the runs disagree; as `smad.diagnosis.diagnose`.
 
-    `trusted` are paths, or names of files, of runs that the model's opinion does not refuse. Raises
-    FmiError for a unit or a map that cannot be used, RunLogError for a run that cannot.
+    `trusted` are paths, or names of files, of runs that the model's opinion does not refuse. The
+    unit runs for as long as the answer is kept, since its page replays. Raises FmiError for a unit
+    or a map that cannot be used, RunLogError for a run that cannot.
     """
     mapped = read_map(map_path)
-    with contextlib.closing(FmuPlant(open_unit(fmu), mapped)) as plant:
-        progress("reading")
+    plant = FmuPlant(open_unit(fmu), mapped)
+    progress("reading")
 
-        def read(path: Path) -> GapRun:
-            return replace(read_mapped(path, mapped), trusted=bool(names_of(path) & set(trusted)))
+    def read(path: Path) -> GapRun:
+        return replace(read_mapped(path, mapped), trusted=bool(names_of(path) & set(trusted)))
 
-        asked, known, held_out = ([read(p) for p in paths] for paths in (runs, good, hold_out))
-        plant.window_s, why = 0.0, ""
-        try:
-            if any(isinstance(v, str) for v in mapped.start.values()):
-                plant.window_s, why = choose_window(plant, asked, mapped.window_s)
-            answer = diagnose(asked, plant=plant, good=known, hold_out=held_out, progress=progress)
-        except (GapError, np.linalg.LinAlgError) as error:
-            if not plant.stopped or isinstance(error, PlantMismatch):
-                raise
-            raise FmiError(
-                f"unit {plant.name} stops or gives no number inside a run",
-                value=plant.stopped,
-                action="mend the unit there, narrow the range of the parameters in the map, or "
-                "leave the run out",
-            ) from error
-        notes = [*answer.verdict.notes, *([why] if why else [])]
-        return replace(answer, verdict=msgspec.structs.replace(answer.verdict, notes=notes))
+    asked, known, held_out = ([read(p) for p in paths] for paths in (runs, good, hold_out))
+    plant.window_s, why = 0.0, ""
+    try:
+        if any(isinstance(v, str) for v in mapped.start.values()):
+            plant.window_s, why = choose_window(plant, asked, mapped.window_s)
+        answer = diagnose(asked, plant=plant, good=known, hold_out=held_out, progress=progress)
+    except (GapError, np.linalg.LinAlgError) as error:
+        if not plant.stopped or isinstance(error, PlantMismatch):
+            raise
+        raise FmiError(
+            f"unit {plant.name} stops or gives no number inside a run",
+            value=plant.stopped,
+            action="mend the unit there, narrow the range of the parameters in the map, or "
+            "leave the run out",
+        ) from error
+    notes = [*answer.verdict.notes, *([why] if why else [])]
+    return replace(answer, verdict=msgspec.structs.replace(answer.verdict, notes=notes))
 
 
 def plan_unit(

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import shutil
 import tempfile
+import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,6 +40,8 @@ class Runner:
     """Replays through one unit; not safe to call from two threads at once.
 
     inputs, outputs: names of variables, in the order of the rows of what `replay` takes and gives.
+    The unit ends, and its parts leave the disk, with `close` or with the last reference: the page
+    of an answer replays after the diagnosis.
     """
 
     def __init__(self, unit: UnitFile, inputs: Sequence[str], outputs: Sequence[str]) -> None:
@@ -45,16 +49,18 @@ class Runner:
         self._fmi2 = part("fmpy.fmi2")
         # Raised for FMI 2 too; its home is the module of FMI 1.
         self._failed = part("fmpy.fmi1").FMICallException
-        self._folder = tempfile.TemporaryDirectory(prefix="smad-unit-")
-        unit.unpack(Path(self._folder.name))
+        self._folder = Path(tempfile.mkdtemp(prefix="smad-unit-"))
+        self._started: list[Any] = []
+        """The instance that runs, or none."""
+        self._end = weakref.finalize(self, _end, self._started, self._folder)
+        unit.unpack(self._folder)
         self._said: list[str] = []
-        self._callbacks = self._listening()
+        self._callbacks = _listening(self._said)
         references = {name: v.valueReference for name, v in unit.variables.items()}
         self._references = references
         self._n_in, self._n_out = len(inputs), len(outputs)
         self._in = (ctypes.c_uint * len(inputs))(*[references[n] for n in inputs])
         self._out = (ctypes.c_uint * len(outputs))(*[references[n] for n in outputs])
-        self._slave: Any = None
 
     def replay(
         self, values: Mapping[str, float], t_s: Array, rows: Array, fed: Sequence[Fed] = ()
@@ -83,7 +89,7 @@ class Runner:
                 out[:, k] = got_view
         except self._failed:
             # Another one is made for the next run: the standard allows no call but for freeing.
-            self._slave = None
+            self._started.clear()
         return out
 
     @property
@@ -94,21 +100,21 @@ class Runner:
     def _begun(self, values: Mapping[str, float], first: Array) -> Any:
         """The unit at its start. One that cannot be put back there is loaded anew."""
         try:
-            if self._slave is not None:
+            if self._started:
                 try:
-                    self._slave.reset()
+                    self._started[0].reset()
                 except self._failed:
-                    self._slave = None
-            if self._slave is None:
-                self._slave = self._loaded()
-            slave = self._slave
+                    self._started.clear()
+            if not self._started:
+                self._started.append(self._loaded())
+            slave = self._started[0]
             slave.setupExperiment(startTime=0.0)
             slave.setReal([self._references[n] for n in values], list(values.values()))
             slave.enterInitializationMode()
             slave.setReal(list(self._in), first.tolist())
             slave.exitInitializationMode()
         except Exception as error:  # whatever somebody else's library does at its start
-            self._slave = None
+            self._started.clear()
             said = self.said or str(error)
             raise FmiError(
                 f"{self._unit.path.name} cannot be started: {said}",
@@ -119,36 +125,42 @@ class Runner:
     def _loaded(self) -> Any:
         slave = self._fmi2.FMU2Slave(
             guid=self._unit.described.guid,
-            unzipDirectory=self._folder.name,
+            unzipDirectory=str(self._folder),
             modelIdentifier=self._unit.identifier,
             instanceName="smad",
         )
         slave.instantiate(callbacks=self._callbacks)
         return slave
 
-    def _listening(self) -> Any:
-        """What a unit logs is kept for an error, not printed over a command's answer."""
-        fmi2, fmpy = self._fmi2, part("fmpy")
-        self._logger = fmi2.fmi2CallbackLoggerTYPE(self._hear)
-        callbacks = fmi2.fmi2CallbackFunctions()
-        callbacks.logger = self._logger
-        callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
-        callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
-        return callbacks
-
-    def _hear(self, *words: Any) -> None:
-        _, _, status, _, message = words[:5]
-        if status not in _OK_OR_WARNING and message:
-            self._said[:] = [" ".join(message.decode(errors="replace").split())]
-
     def close(self) -> None:
         """End the unit, and remove its parts from the disk."""
-        if self._slave is not None:
-            with contextlib.suppress(Exception):
-                self._slave.terminate()
-                self._slave.freeInstance()
-            self._slave = None
-        self._folder.cleanup()
+        self._end()
+
+
+def _listening(said: list[str]) -> Any:
+    """What a unit logs is kept in `said` for an error, not printed over a command's answer."""
+    fmi2, fmpy = part("fmpy.fmi2"), part("fmpy")
+
+    def hear(*words: Any) -> None:
+        _, _, status, _, message = words[:5]
+        if status not in _OK_OR_WARNING and message:
+            said[:] = [" ".join(message.decode(errors="replace").split())]
+
+    callbacks = fmi2.fmi2CallbackFunctions()
+    callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(hear)
+    callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
+    callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
+    return callbacks
+
+
+def _end(started: list[Any], folder: Path) -> None:
+    """End an instance and remove its folder; holds no `Runner`, which would then never go."""
+    for slave in started:
+        with contextlib.suppress(Exception):
+            slave.terminate()
+            slave.freeInstance()
+    started.clear()
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def shaped(x: Any, shape: str, power: float = 1.0) -> Any:

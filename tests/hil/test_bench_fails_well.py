@@ -18,6 +18,7 @@ from tests.hil.conftest import EVERY_DEVICE, PATIENCE_S, Hil, arm, wait_for
 
 STEP = Step(displacement_mm=5.0, duration_s=3000.0)
 NOT_HEATING = ("SAFE", "COOL", "FAULT")
+BUSY = "kept the daemon from running"
 
 
 def heats(status: Status) -> bool:
@@ -100,7 +101,9 @@ def refused(hil: Hil, port: object, *arguments: str, bench: str = "bench") -> st
     assert daemon.process.wait(PATIENCE_S) != 0
     text = daemon.log.read_text()
     assert "Traceback" not in text
-    return daemon.last_line
+    # On a busy machine the daemon that runs may say so in the same file afterwards.
+    *_, line = (said for said in text.splitlines() if BUSY not in said)
+    return line
 
 
 def test_a_second_daemon_for_the_same_bench_is_refused(hil: Hil) -> None:
@@ -184,12 +187,19 @@ def test_the_log_of_a_killed_daemon_keeps_its_flushed_rows(hil: Hil) -> None:
     daemon = hil.ready_daemon(hil.device("--speed", "5").port)
     client = hil.client()
     path = Path(client.start_recording("killed").path)
-    wait_for(client, lambda s: path.stat().st_size > 20_000)
+    flushed = 0
+
+    def enough(_: Status) -> bool:
+        nonlocal flushed
+        flushed = len(read_run(path)) if path.stat().st_size > 20_000 else 0
+        return flushed > 100
+
+    wait_for(client, enough)
     os.kill(daemon.process.pid, signal.SIGKILL)
     daemon.process.wait()
     run = read_run(path)
     assert run.cut_short
-    assert len(run) > 100
+    assert len(run) >= flushed
 
 
 @EVERY_DEVICE
@@ -208,7 +218,7 @@ def test_a_stopped_daemon_says_that_it_was_kept_from_running_and_the_board_has_s
     assert not status.motion.armed
     # The board's word can arrive before the watch has looked at its own clock.
     deadline = time.monotonic() + PATIENCE_S
-    while "kept the daemon from running" not in daemon.log.read_text():
+    while BUSY not in daemon.log.read_text():
         assert time.monotonic() < deadline, daemon.log.read_text()
         time.sleep(0.02)
 

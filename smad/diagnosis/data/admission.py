@@ -22,6 +22,9 @@ from smad.diagnosis.plant import PlantModel, traits_of
 from smad.diagnosis.runs import GapRun, distinctly_named
 from smad.diagnosis.verdict import Finding
 
+ROUNDED = 0.01
+"""Of a sample: by how much lengths that are equal may differ through rounding."""
+
 
 @dataclass(frozen=True)
 class RunSet:
@@ -148,7 +151,8 @@ def _require_length(
 ) -> None:
     """Refuses a run that is too short, sampled too slowly, or has too few whole rows."""
     least_s = max(LEAST_PERIODS * period_s, traits_of(plant).shortest_s)
-    if run.duration_s + run.dt_s < least_s:
+    # Rows are whole samples: what a rounded time stamp lacks is not a missing one.
+    if run.duration_s + run.dt_s < least_s - ROUNDED * run.dt_s:
         cut = "" if run.duration_s == given.duration_s else ", up to where it can be used"
         text = f"{run.duration_s:.1f} s long{cut}; at least {least_s:g} s are needed"
         say("too short", text, refuses=True)

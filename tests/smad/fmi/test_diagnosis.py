@@ -1,7 +1,9 @@
 """A unit of FMI as a plant of the diagnosis, and what is said of units and maps that do not fit."""
 
+import gc
 import re
 import shutil
+import tempfile
 import zipfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -40,15 +42,30 @@ def test_the_missing_radiation_of_a_heater_is_found_in_what_heats_it(
     (tmp_path / "map.toml").write_text(MAP)
     runs = [str(run_file(tmp_path / f"{s}.csv", s, radiated=8.0)) for s in range(4)]
     ask = ["gap", "diagnose", *runs, "--fmu", str(unit), "--map", str(tmp_path / "map.toml")]
-    assert execute(ask) == 0
+    assert execute([*ask, "--html", str(tmp_path / "gap.html")]) == 0
     said, warned = capfd.readouterr()
-    assert f"smad: runs the code of {unit} as you; use units of those you trust\n" in warned
+    assert f"smad: runs the code of {unit} as you; use units of those you trust
+" in warned
     assert said.startswith("the simulator lacks something at the ")
     assert re.search(r"^  name   radiation", said, re.MULTILINE)
     before, after = re.findall(r"from ([\d.]+) to ([\d.]+) floors", said)[0]
     assert float(before) > 50.0
     assert float(after) < 1.5
     assert "smad gap verify" not in said
+    assert "power_W" in (tmp_path / "gap.html").read_text()
+
+
+def test_a_unit_that_nobody_uses_any_more_leaves_the_disk(
+    unit: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    plant = plant_of(unit, tmp_path)
+    run = read_mapped(run_file(tmp_path / "a.csv", 1), read_map(tmp_path / "map.toml"))
+    plant.simulate(ModelPoint({}), run)
+    assert len(list(tmp_path.glob("smad-unit-*"))) == 1
+    del plant
+    gc.collect()
+    assert list(tmp_path.glob("smad-unit-*")) == []
 
 
 def test_a_replay_is_the_run_of_a_bench_without_noise(unit: Path, tmp_path: Path) -> None:
