@@ -44,8 +44,7 @@ def test_the_missing_radiation_of_a_heater_is_found_in_what_heats_it(
     ask = ["gap", "diagnose", *runs, "--fmu", str(unit), "--map", str(tmp_path / "map.toml")]
     assert execute([*ask, "--html", str(tmp_path / "gap.html")]) == 0
     said, warned = capfd.readouterr()
-    assert f"smad: runs the code of {unit} as you; use units of those you trust
-" in warned
+    assert f"smad: runs the code of {unit} as you; use units of those you trust\n" in warned
     assert said.startswith("the simulator lacks something at the ")
     assert re.search(r"^  name   radiation", said, re.MULTILINE)
     before, after = re.findall(r"from ([\d.]+) to ([\d.]+) floors", said)[0]
