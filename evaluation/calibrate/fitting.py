@@ -2,12 +2,12 @@
 
 What is minimised is the sum over kinds of cases of
 
-    −(mean of log p(right rival)) / (share of errors that the goals allow of this kind),
+    −(mean of log p(right)/(p(right) + p(likeliest wrong))) / (share of errors that goals allow),
 
-so that a quiet case called changed costs as much more as its goal is stricter. Benches of the
-product's own simulator and of the independent plant count as much as each other, however many there
-are of either. The level of the
-sets that are told is the least at which they hold the truth as often as they should.
+since the likeliest rival is the answer: a quiet case called changed costs as much more as its goal
+is stricter. Benches of the product's own simulator and of the independent plant count as much as
+each other, however many there are of either. The level of the sets that are told is the least at
+which they hold the truth as often as they should on both.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 from scipy import optimize
 
-from evaluation.calibrate.rivals import LISTED, MOVED, NONE, UNLISTED, Asked
+from evaluation.calibrate.rivals import LISTED, MOVED, NONE, UNLISTED, Asked, Said
 from evaluation.errors import BankError
 from smad.diagnosis.constants import Constants
 
@@ -58,13 +58,20 @@ def cost(cases: Sequence[Asked], c: Constants) -> float:
     total = 0.0
     for truth, allowed in ALLOWED.items():
         means = [
-            np.mean([np.log(x.probability(c)[x.right].sum() + _LEAST) for x in some])
+            np.mean([_log_lead(x, c) for x in some])
             for exact in (True, False)
             if (some := [x for x in cases if (x.truth, x.exact) == (truth, exact)])
         ]
         if means:
             total -= float(np.mean(means)) / allowed
     return total / sum(1.0 / a for a in ALLOWED.values())
+
+
+def _log_lead(case: Asked, c: Constants) -> float:
+    """Log of the probability of the right rivals, the likeliest wrong one alone beside them."""
+    p = case.probability(c)
+    right = p[case.right].sum() + _LEAST
+    return float(np.log(right / (right + p[~case.right].max(initial=0.0))))
 
 
 def _likeliest(cases: Sequence[Asked], before: Constants) -> Constants:
@@ -90,10 +97,16 @@ def _likeliest(cases: Sequence[Asked], before: Constants) -> Constants:
 def _told_level(cases: Sequence[Asked], c: Constants) -> float:
     """The least level at which the told places hold the truth in `HELD` of what is noticed."""
     said = [s for x in cases if x.truth in (LISTED, UNLISTED) for s in (x.said(c),) if s.noticed]
+    kinds = [some for e in (True, False) if (some := [s for s in said if s.asked.exact == e])]
     for level in LEVELS:
-        if said and np.mean([bool(s.told_places(level) & s.asked.places) for s in said]) >= HELD:
+        if kinds and min(_holding(some, level) for some in kinds) >= HELD:
             return level
     return LEVELS[-1]
+
+
+def _holding(said: Sequence[Said], level: float) -> float:
+    """How often the places that are told hold the truth."""
+    return float(np.mean([bool(s.told_places(level) & s.asked.places) for s in said]))
 
 
 def _rounded(value: float) -> float:

@@ -29,8 +29,8 @@ from smad.diagnosis.verdict import RivalScore
 Array = NDArray[np.float64]
 NONE, MOVED, LISTED, UNLISTED = "none", "parameters", "listed", "unlisted"
 """What may be true of a case: nothing, other parameters, an effect of the library, another one."""
-NEAR = 1.3
-"""Floors. What parameters leave of an effect that they imitate: nothing tells it from them."""
+_LEAD = 1.0
+"""Scores (log squares, over all runs and channels) that a right rival must lead by to be told."""
 _PARTS = 5
 
 
@@ -71,8 +71,10 @@ class Asked:
     @cached_property
     def hidden(self) -> bool:
         """Whether an effect is at work that the simulator imitates without one."""
-        gaps = [r.gap for r in self.rivals if r.kind in (NOTHING, PARAMETERS)]
-        return self.truth in (LISTED, UNLISTED) and min(gaps) < NEAR
+        scores = np.array([sum(r.scores) for r in self.rivals])
+        same = np.array([r.kind in (NOTHING, PARAMETERS) for r in self.rivals])
+        best = scores[self.right].max(initial=-np.inf)
+        return self.truth in (LISTED, UNLISTED) and bool(best < scores[same].max() + _LEAD)
 
     def probability(self, c: Constants) -> Array:
         """The probability of each rival, (rivals,)."""

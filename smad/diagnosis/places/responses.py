@@ -184,7 +184,7 @@ def responses(
     arrays = list(known or ())
     for played in runs[len(arrays) :]:
         progress(f"responses of the places: {played.whole.name}")
-        arrays.append(_Replayed(plant, point, played).responses(laws, count))
+        arrays.append(_Replayed(plant, point, played.coarse).responses(laws, count))
     scales = {place.name: place.scale for place in plant.places}
     return Responses(laws=laws, scales=scales, runs=tuple(arrays))
 

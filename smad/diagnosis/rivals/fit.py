@@ -30,7 +30,7 @@ _ROUNDS = 8
 _ENOUGH = 0.2
 _WORTH = 0.05
 """Of F, that a step must promise to be tried."""
-_POLISHES, _POLISH_ROUNDS, _POLISH_ENOUGH = 6, 4, 4.0
+_POLISHES, _POLISH_ROUNDS, _POLISH_ENOUGH = 12, 4, 2.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -234,22 +234,18 @@ def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
 def polished(evidence: Evidence, fitted: Fit, tau: Array, *, moved: bool = True) -> Fit:
     """The fit carried on by exact replays of where it stands, until that lessens F no further.
 
-    With `moved` the parameters may be far from where their slopes were made: it begins and ends
-    with fresh ones.
+    With `moved` the parameters may be far from where their slopes were made, which are made anew.
     """
-    fresh = moved
     for _ in range(_POLISHES):
         here = rebased(evidence, fitted)
         made = here and fit(
-            evidence, fitted.model, fitted.x, here, tau=tau, rounds=_POLISH_ROUNDS, fresh=fresh
+            evidence, fitted.model, fitted.x, here, tau=tau, rounds=_POLISH_ROUNDS, fresh=moved
         )
         if not made:
             return fitted
         gained, fitted = fitted.objective - made.objective, made
-        ended = abs(gained) < _POLISH_ENOUGH
-        if ended and fresh == moved:
+        if abs(gained) < _POLISH_ENOUGH:
             break
-        fresh = ended and moved
     return fitted
 
 
