@@ -104,6 +104,8 @@ class BenchState(Struct, frozen=True, kw_only=True):
     log: str
     rows: int
     recorder_error: str
+    last_minute: str
+    """What was written of it last, within the folder of run logs."""
     link: str
     rate_hz: int
     setpoint_age_p99_ms: float | None
@@ -132,6 +134,7 @@ def shown(status: api.Status, params: Mapping[str, float], off_current_mA: float
         log=PurePath(recorder.path).name,
         rows=recorder.rows,
         recorder_error=recorder.error,
+        last_minute="/".join(PurePath(recorder.last).parts[-2:]),
         link=LINK_MEANS.get(status.link.state, status.link.state),
         rate_hz=status.link.rate_hz,
         setpoint_age_p99_ms=round(age.p99_us / 1e3, 2) if age.count else None,

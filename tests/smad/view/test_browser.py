@@ -202,6 +202,11 @@ def test_what_a_stranger_writes_is_shown_as_text(page: Any, bench: Bench) -> Non
     assert page.execute_script("return typeof hacked") == "undefined"
 
 
+def test_the_page_says_where_the_last_minute_was_written(page: Any, bench: Bench) -> None:
+    path = Path(bench.client.record_last(1.0).last)
+    until(page, lambda d: text_of(d, "last-minute") == f"black-box/{path.name}")
+
+
 def test_a_note_goes_into_the_run_log(page: Any, bench: Bench) -> None:
     with bench.client.record("noted") as log:
         until(page, lambda d: ".mcap" in text_of(d, "recording"))
