@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-LONGEST = "tests/evaluation/"
+LONGEST = ("tests/docs/test_commands.py", "tests/evaluation/")
 """One worker would else be left with them at the end."""
 
 

@@ -10,10 +10,11 @@ from evaluation.bank import any_inputs, files
 from evaluation.bank.any_inputs import AnyInputs, make
 from evaluation.bank.cases import draw, scaled
 from evaluation.bank.excitation import HOT_degC
+from evaluation.bank.recorder import record
 from evaluation.command import main
 from evaluation.errors import BankError
 from evaluation.plant.effects import BY_NAME, EFFECTS, names
-from evaluation.plant.parameters import NAMES
+from evaluation.plant.parameters import NAMES, Bench
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -29,6 +30,7 @@ def short() -> object:
 def order(tmp_path_factory: pytest.TempPathFactory, short: object) -> AnyInputs:
     """A bank that was interrupted before its first case, and finished."""
     folder = tmp_path_factory.mktemp("banks") / "small"
+    record(Bench(), (), "steps", 5, seconds=13.0)  # compiled here, and not in each process
     asked = AnyInputs(folder=folder, seed=11, changed=5, differs=2)
     assert make(replace(asked, minutes=0.0)) == ""
     assert make(asked)

@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from sim_device.plant.kernel.compiled import PACKAGE
 
 ROOT = Path(__file__).resolve().parents[2]
 COPIED = (
-    "bench", "campaign", "docs", "evaluation", "examples", "firmware", "firmware_protocol",
+    "bench", "campaign", "docs", "evaluation", "examples", "firmware", "firmware_protocol", "paper",
     "sim_device", "smad", "tests", "tools",
 )  # fmt: skip
 FILES = (
@@ -89,6 +90,14 @@ class Recipe:
             if done.returncode:
                 return f"{' '.join(check)}:\n{done.stdout}{done.stderr}"
         return ""
+
+
+def together(recipes: Sequence[Recipe]) -> Recipe:
+    """Return the recipes as one: every edit, one `make generate`, every test."""
+    edits = [step for recipe in recipes for step in recipe.steps if isinstance(step, Insert)]
+    tests = dict.fromkeys(test for recipe in recipes for test in recipe.tests)
+    (shows,) = (recipe.shows for recipe in recipes if recipe.shows)
+    return Recipe("all", (*edits, Generate()), tuple(tests), shows)
 
 
 def copy_of_the_tree(folder: Path, *, whole: bool) -> Path:

@@ -1,6 +1,7 @@
 """The recipes of docs/architecture.md are complete, and no step of them can be left out.
 
-The steps left out one by one are tried by `make recipes`: each takes a Python of its own or three.
+The recipes one by one, whole and with each step left out, are tried by `make recipes`: each takes a
+Python of its own or three.
 """
 
 from pathlib import Path
@@ -8,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.recipes.recipes import RECIPES
-from tests.recipes.steps import ROOT, Insert, Recipe, Step, copy_of_the_tree
+from tests.recipes.steps import ROOT, Insert, Recipe, Step, copy_of_the_tree, together
 
 pytestmark = pytest.mark.timeout(1200)
 
@@ -19,6 +20,12 @@ WITHOUT = [
 ]
 
 
+def test_what_the_recipes_say_together_is_enough(tmp_path: Path) -> None:
+    recipe = together(RECIPES)
+    assert recipe.complaints(copy_of_the_tree(tmp_path, whole=True), None) == ""
+
+
+@pytest.mark.campaign
 @pytest.mark.parametrize("recipe", RECIPES, ids=lambda recipe: recipe.name)
 def test_what_a_recipe_says_is_enough(recipe: Recipe, tmp_path: Path) -> None:
     assert recipe.complaints(copy_of_the_tree(tmp_path, whole=True), None) == ""

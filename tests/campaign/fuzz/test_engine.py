@@ -22,7 +22,7 @@ needs_atheris = pytest.mark.skipif(
 )
 
 STRIDE = 8
-MORE_RUNS = 150
+MORE_RUNS = 60
 """Beyond those that load the corpus."""
 
 
