@@ -31,6 +31,7 @@ def chromium(bench: Bench) -> Iterator[Any]:
 @pytest.fixture
 def page(bench: Bench, chromium: Any) -> Iterator[Any]:
     """The page by its commanding link, live; the bench is disarmed afterwards."""
+    bench.client.as_of(None)  # What a test before began and saw stopped is over.
     resize(chromium, 1200, 1000)
     chromium.get(bench.page.command)
     until(chromium, is_live)

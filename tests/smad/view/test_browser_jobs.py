@@ -74,6 +74,8 @@ def test_a_run_is_listed_with_its_results_and_its_page_opens(page: Any, run: str
     press(page, run, "Results")
     until(page, lambda d: "RMS error" in text_of(d, "runs-list"))
     press(page, run, "Page")
+    # Until then the job of a test before is shown.
+    until(page, lambda d: text_of(d, "job-title").startswith(run.removesuffix(".mcap")))
     WebDriverWait(page, LONG_S).until(ended)
     assert state_of_job(page) == "done", text_of(page, "job-lines")
     text = report_of(page)
