@@ -110,10 +110,9 @@ _TRUST = {
     "noticed near 3 floors": (_MORE, "an effect of about three floors noticed"),
     "place right first, listed": (_MORE, "effects in the library: the right place ranked first"),
     "place right first, unlisted": (_MORE, "effects outside it: the right place ranked first"),
-    "right name first, of noticed listed": (_MORE, "effects in the library: the right name first"),
-    "right name told, of noticed listed": (_MORE, "effects in the library: the right name given"),
-    "right name, of names told": (_MORE, "names given that were right"),
-    "unlisted told by name": (_LESS, "effects outside the library given a name"),
+    "right name, of noticed listed": (_MORE, "effects in the library: the right name given"),
+    "right name, of names given": (_MORE, "names given that were right"),
+    "unlisted given a name": (_LESS, "effects outside the library given a name"),
 }
 """Rows of the score table that the README shows: which way is better, and plain words."""
 
