@@ -33,7 +33,7 @@ _WHAT = {NONE: "a bench without a change", MOVED: "changed parameters",
 _RANGES = {"evidence": (0.2, 30.0), "nothing": (-6.0, 12.0), "parameters": (-6.0, 12.0),
            "effect": (-6.0, 12.0)}  # fmt: skip
 _PENALTY = 0.02
-"""Per square of a log prior: where cases do not say, it stays small."""
+"""Per square of what a log prior moves by: where cases do not say, it stays."""
 _LEAST = 1e-12
 
 
@@ -86,7 +86,8 @@ def _likeliest(cases: Sequence[Asked], before: Constants) -> Constants:
 
     def of(w: np.ndarray) -> float:
         outside = float(np.abs(w - np.clip(w, low, high)).sum())
-        return cost(cases, constants(w)) + _PENALTY * float(w[1:] @ w[1:]) + outside
+        moved = w[1:] - start[1:]
+        return cost(cases, constants(w)) + _PENALTY * float(moved @ moved) + outside
 
     start = np.array([np.log(before.evidence), *(getattr(before, n) for n in names[1:])])
     found = optimize.minimize(of, start, method="Nelder-Mead",

@@ -74,5 +74,5 @@ def seconds_expected(bound: Bound) -> float:
     return (terms + signatures + fits) * runs * bound.seconds
 
 
-_TERMS_OF_STATE, _LEVELS, _FITS = 5, 6, 25
+_TERMS_OF_STATE, _LEVELS, _FITS = 5, 6, 8
 """Terms that a state gives a place; signatures of a strength; replays that fits take for each."""

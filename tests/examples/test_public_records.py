@@ -178,7 +178,7 @@ def test_a_cubic_spring_comes_out_as_a_force_that_grows_with_the_cube_of_displac
     tmp_path: Path,
 ) -> None:
     """Without an entry for it: of its curve a line is other values of the parameters."""
-    (told,) = silverbox_told(tmp_path, "cubic_spring", 4.0).causes
+    told, *_ = silverbox_told(tmp_path, "cubic_spring", 4.0).causes
     assert told.place == "input_input_V"
     assert {t.state for t in told.read} == {"output_V"}
     y = np.linspace(-0.2, 0.2, 81)

@@ -22,6 +22,8 @@ from smad.diagnosis.numerics.folds import Array
 _RESAMPLED = 400
 _SEED = 20261125
 
+_EFFECTS, _LAWS = 40, 20
+"""Of the spring pair: a smaller library, or a plant of fewer places, holds the cause less often."""
 NOTHING, PARAMETERS, EFFECT, LAW = "nothing", "parameters", "effect", "law"
 
 
@@ -38,6 +40,10 @@ class Temper:
     parameters: float
     effect: float
     law: float
+
+    def each_effect(self, effects: int) -> float:
+        """Log prior of one of so many effects."""
+        return self.effect - float(np.log(max(effects, _EFFECTS)))
 
 
 def log_scores(squares: Array, counts: Array) -> Array:
@@ -61,15 +67,16 @@ def probabilities(
     """Probability of each rival, (rivals,), from `scores` (rivals, runs).
 
     `effects` and `laws` are how many of each kind might have been asked: a prior is shared by all
-    of them, asked or not. `log_prior` (rivals,) is that of where each one's parameters are: what
-    imitates an effect by moving them far is less likely than the effect.
+    of them, asked or not, and by as many as the spring pair has. `log_prior` (rivals,) is that of
+    where each one's parameters are: what imitates an effect by moving them far is less likely than
+    the effect.
     """
     prior = log_prior + np.array([
         {
             NOTHING: temper.nothing,
             PARAMETERS: temper.parameters,
-            EFFECT: temper.effect - np.log(max(effects, 1)),
-            LAW: temper.law - np.log(max(laws, 1)),
+            EFFECT: temper.each_effect(effects),
+            LAW: temper.law - np.log(max(laws, _LAWS)),
         }[kind]
         for kind in kinds
     ])  # fmt: skip

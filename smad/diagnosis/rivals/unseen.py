@@ -27,7 +27,7 @@ def unseen_strengths(search: Searched) -> list[str]:
     present = {part.name for part in here.model.parts}
     v = e.variances(e.left(here.exact))
     runs = len(question.judged.trials)
-    needed = question.temper.nothing - question.temper.effect + np.log(len(question.effects) or 1)
+    needed = question.temper.nothing - question.temper.each_effect(len(question.effects))
     asked = [(c, q) for c in search.changes if c.effect.name not in present and (q := c.typical)]
     rows: list[tuple[float, str]] = []
     squares = added_squares(e, here, [c for c, _ in asked], question.tau)

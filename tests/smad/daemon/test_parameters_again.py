@@ -25,7 +25,7 @@ async def test_a_board_whose_parameters_were_not_read_after_a_reconnection_can_b
         assert rig.daemon.axes["yaw-1"].connected
         assert "yaw-1: the board's parameters were not read, and will be read again" in rig.said
         with pytest.raises(Refused, match=r"yaw-1: .*parameters are still being read"):
-            await rig.ask("arm")
+            await rig.ask_still("arm")
         tap.to_host = nothing
         await rig.run_for(3.0)
         assert rig.daemon.axes["yaw-1"].watch.parameters.agree
