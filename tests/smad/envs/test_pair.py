@@ -21,7 +21,7 @@ from sim_device.plant.models import save_model
 from smad.control.segment import DEGREES_PER_MM
 from smad.envs.board import Boards
 from smad.envs.errors import ActionRefused, EnvError
-from smad.envs.signals import MOST_A, NAMES
+from smad.envs.signals import ACTIONS, MOST_A, NAMES, action_range, driven
 
 AT = {name: i for i, name in enumerate(NAMES)}
 
@@ -282,3 +282,13 @@ def test_the_picture_shows_where_the_block_is_and_which_spring_is_warm() -> None
     left, right = rest[:, 20:220].astype(int), rest[:, 260:460].astype(int)
     assert (left[..., 0] - left[..., 2]).max() > 50
     assert (right[..., 2] - right[..., 0]).max() > 50
+
+
+@pytest.mark.parametrize("kind", ACTIONS)
+def test_an_action_that_rounding_puts_beyond_its_space_is_taken_at_the_edge(kind: str) -> None:
+    low, high = action_range(kind)
+    for edge, beyond in ((low, -1e-12), (high, 1e-12)):
+        exact = edge[None].astype(np.float64)
+        np.testing.assert_array_equal(driven(kind, exact + beyond, 1), driven(kind, exact, 1))
+        with pytest.raises(ActionRefused, match="lies outside its space"):
+            driven(kind, exact + 1e10 * beyond, 1)
