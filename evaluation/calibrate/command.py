@@ -118,7 +118,7 @@ def _scores(cases: Held) -> Table:
         *(share(f"place right first, {words}", some, lambda x: x[0].place[1])
           for words, some in (("listed", listed), ("unlisted", other))),
         *(share(f"told places hold the truth, {words}", some,
-                lambda x: bool(x[0].told_places(x[1].told_level) & x[0].asked.places))
+                lambda x: x[0].told_places_hold(x[1].told_level))
           for words, some in (("listed", listed), ("unlisted", other))),
         share("right name first, listed", listed, lambda x: x[0].name[1]),
         share("right name told, listed", listed, lambda x: x[0].name[1] and x[0].name[0] >= 0.5),

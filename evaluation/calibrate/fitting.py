@@ -107,7 +107,7 @@ def _told_level(cases: Sequence[Asked], c: Constants) -> float:
 
 def _holding(said: Sequence[Said], level: float) -> float:
     """How often the places that are told hold the truth."""
-    return float(np.mean([bool(s.told_places(level) & s.asked.places) for s in said]))
+    return float(np.mean([s.told_places_hold(level) for s in said]))
 
 
 def _rounded(value: float) -> float:

@@ -139,6 +139,10 @@ class Said:
         """The fewest places that together have the probability `level`."""
         return set(credible_set(self.places, level))
 
+    def told_places_hold(self, level: float) -> bool:
+        """Whether one of these is right."""
+        return bool(self.told_places(level) & self.asked.places)
+
 
 def folds_of(cases: Sequence[Asked]) -> list[list[Asked]]:
     """The cases in a few parts that are left out in turn; what shares a bench is in one."""

@@ -7,7 +7,7 @@ correlation of what is left come from the repeats of the good bench.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
@@ -26,6 +26,7 @@ from smad.diagnosis.questions import cannot_replay, day_variance, free_model, qu
 from smad.diagnosis.rivals.search import searched
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import CHECK_UP, QUIET, Verdict
+from smad.progress import Say, silent
 from smad.version import VERSION
 
 _MOST_CAUSES = 3
@@ -83,7 +84,7 @@ def judged(
     *,
     constants: Constants | None = None,
     exclude: Sequence[str] = (),
-    progress: Callable[[str], None] = lambda text: None,
+    progress: Say = silent,
 ) -> Judged:
     """The verdict over runs of now, each with the name of the good run that it repeats.
 

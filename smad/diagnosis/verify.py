@@ -16,6 +16,7 @@ from smad.diagnosis.questions import cannot_replay, free_model, question_of
 from smad.diagnosis.rivals.evidence import recorded_evidence
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import SignalGap
+from smad.progress import silent
 
 
 def verified(plant: PlantModel, runs: Sequence[GapRun], model: ModelPoint) -> list[SignalGap]:
@@ -38,7 +39,7 @@ def verified(plant: PlantModel, runs: Sequence[GapRun], model: ModelPoint) -> li
         placed, admission.admitted, floors, period_s, nominal_point(placed)
     )
     question = question_of(
-        free_model(placed, nominal_point(placed)), evidence, (), shipped(), lambda text: None
+        free_model(placed, nominal_point(placed)), evidence, (), shipped(), silent
     )
     before, after = (question.of_point(x) for x in (nominal_point(placed), model))
     if before is None or after is None:

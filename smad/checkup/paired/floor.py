@@ -109,8 +109,8 @@ def _gauge(repeats: Sequence[Deviation], sd: Array, rho: Array, day_sd: Array) -
     """Root mean square of the repeats' own white rows, (channels,), within `_GAUGES`."""
     total, count = np.full(len(rho), _GAUGE_ROWS), np.full(len(rho), _GAUGE_ROWS)
     for d in repeats:
-        whitened = with_day_form(d.of_regime(sd), d.day, day_sd)
-        rows = RunRows(whitened, d.valid, d.day, day_sd, rho)
+        sd_with_day = with_day_form(d.of_regime(sd), d.day, day_sd)
+        rows = RunRows(sd_with_day, d.valid, d.day, day_sd, rho)
         white = rows.shrink(rows.independent(d.values[None]))[0].reshape(d.values.shape)
         total = total + (white**2 * d.valid).sum(axis=0)
         count += d.valid.sum(axis=0)

@@ -231,15 +231,16 @@ def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
     )  # fmt: skip
 
 
-def polished(evidence: Evidence, fitted: Fit, tau: Array, *, moved: bool = True) -> Fit:
+def polished(evidence: Evidence, fitted: Fit, tau: Array, *, fresh: bool = True) -> Fit:
     """The fit carried on by exact replays of where it stands, until that lessens F no further.
 
-    With `moved` the parameters may be far from where their slopes were made, which are made anew.
+    With `fresh` slopes of the parameters are made anew at each, since they may be far from where
+    those were made.
     """
     for _ in range(_POLISHES):
         here = rebased(evidence, fitted)
         made = here and fit(
-            evidence, fitted.model, fitted.x, here, tau=tau, rounds=_POLISH_ROUNDS, fresh=moved
+            evidence, fitted.model, fitted.x, here, tau=tau, rounds=_POLISH_ROUNDS, fresh=fresh
         )
         if not made:
             return fitted

@@ -6,7 +6,6 @@ is selected is then fitted and judged by replay like any other rival.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +18,7 @@ from smad.diagnosis.rivals.evidence import Evidence
 from smad.diagnosis.rivals.fit import Reference
 from smad.diagnosis.rivals.parts import LawPart
 from smad.diagnosis.rivals.screening import opened
+from smad.progress import Say, silent
 
 MOST_TERMS = 3
 """Terms of a law at most, so that it can be read."""
@@ -49,7 +49,7 @@ class LawSpace:
         reference: Reference,
         tau: Array,
         known: Responses | None = None,
-        progress: Callable[[str], None] = lambda text: None,
+        progress: Say = silent,
     ) -> LawSpace:
         """Rows and responses at a reference; `known` responses are taken as they are."""
         plant: PlacesPlant = reference.model.plant  # type: ignore[assignment]

@@ -6,7 +6,7 @@ fold in turn, replayed as they were recorded.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,8 +26,8 @@ from smad.diagnosis.rivals.score import (
     log_scores,
     probabilities,
 )
+from smad.progress import Say
 
-Say = Callable[[str], None]
 _KEPT = 1e8
 """Precision of parameters that stay where they are."""
 NEAR = 1.3
@@ -100,7 +100,7 @@ class Question:
             return None
         return self.rival(kind, name, polished(self.evidence, made, self.tau))
 
-    def steadied(
+    def parameters_kept_if_likelier(
         self, rival: Rival | None, kind: str, name: str, free: Fit, nominal: Reference
     ) -> Rival | None:
         """The rival, or the same with the parameters where they were, whichever is likelier.
@@ -170,7 +170,7 @@ class Question:
                 (found,) = predictions(fitted.model.plant, point, [evidence.played[k]], exact=True)
                 if not np.isfinite(found).all():
                     return None
-                fold = evidence.fold[evidence.run_of_row == k].reshape(found.shape)
+                fold = evidence.fold[evidence.spans[k]].reshape(found.shape)
                 # A row that does not count has no fold; any prediction may stand there.
                 out[k] = np.where((fold == f) | (fold < 0), found, out[k])
         return out

@@ -45,6 +45,10 @@ class Temper:
         """Log prior of one of so many effects."""
         return self.effect - float(np.log(max(effects, _EFFECTS)))
 
+    def each_law(self, laws: int) -> float:
+        """Log prior of the law of one of so many places."""
+        return self.law - float(np.log(max(laws, _LAWS)))
+
 
 def log_scores(squares: Array, counts: Array) -> Array:
     """−log(v + 1) of each run, summed over channels that it has, (runs,).
@@ -76,7 +80,7 @@ def probabilities(
             NOTHING: temper.nothing,
             PARAMETERS: temper.parameters,
             EFFECT: temper.each_effect(effects),
-            LAW: temper.law - np.log(max(laws, _LAWS)),
+            LAW: temper.each_law(laws),
         }[kind]
         for kind in kinds
     ])  # fmt: skip

@@ -121,7 +121,9 @@ class _Search:
         if question.tied is not None:
             current = question.fitted(NOTHING, NOTHING, nominal)
             if current is not None and current.fit is not None:
-                current = question.steadied(current, NOTHING, NOTHING, current.fit, nominal)
+                current = question.parameters_kept_if_likelier(
+                    current, NOTHING, NOTHING, current.fit, nominal
+                )
         if configured is None or parameters is None or current is None:
             return None
         question.say("screening the effects")
@@ -273,13 +275,14 @@ class _Fits:
                 near.append(name)
                 # Parameters that are tied stay where their slopes hold.
                 fits[name] = polished(question.evidence, fits[name], question.tau,
-                                      moved=question.tied is None)  # fmt: skip
+                                      fresh=question.tied is None)  # fmt: skip
                 self.least = min(self.least, fits[name].objective)
         kinds = {name: kind for name, (kind, _) in self._found.items()}
         scored = {name: question.rival(kinds[name], name, f) for name, f in fits.items()}
         for name in near:
-            scored[name] = question.steadied(scored[name], kinds[name], name, fits[name],
-                                             self._nominal)  # fmt: skip
+            scored[name] = question.parameters_kept_if_likelier(
+                scored[name], kinds[name], name, fits[name], self._nominal
+            )
         return [r for r in scored.values() if r is not None]
 
 
