@@ -30,6 +30,7 @@ from smad import api
 from smad.client.endpoints import read_connection
 from smad.client.wire import subscribe
 from smad.config import LinkConfig, RecorderConfig, TelemetryConfig
+from smad.daemon.telemetry.blackbox import FOLDER
 from smad.errors import DaemonError, RunLogError
 from smad.progress import Say
 from smad.runlog.reader import read_run
@@ -233,10 +234,15 @@ class Soak:
             self.found.telemetry_read += 1
 
     def _look(self) -> None:
-        # What is held while the port is away is no measure of growth.
-        self._wait(lambda status: status["link"]["state"] not in _AWAY)
+        # What is held while the port is away, or the black box is written, is no measure of growth.
+        self._wait(lambda status: status["link"]["state"] not in _AWAY and not self._writes())
         self.found.usage.append(usage_of(self._rig.daemon.process.pid, self.found.board_s))
         self._say(f"{self._stage.name}: {self.found.board_s:.0f} s")
+
+    def _writes(self) -> bool:
+        """Whether the black box's file is open; one that is left open ends the soak's patience."""
+        open_files = Path(f"/proc/{self._rig.daemon.process.pid}/fd")
+        return any(file.resolve().parent.name == FOLDER for file in open_files.iterdir())
 
     def _finish(self) -> None:
         found = self.found
