@@ -7,7 +7,7 @@ differs from another by itself (a day, a room that wanders) are fitted to each r
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -52,6 +52,11 @@ class Evidence:
     def played(self) -> list[Played]:
         """What is replayed."""
         return [t.played for t in self.trials]
+
+    @cached_property
+    def coarse(self) -> list[Played]:
+        """The same in fewer pieces, for slopes."""
+        return [played.coarse for played in self.played]
 
     @cached_property
     def channels(self) -> int:
@@ -132,13 +137,19 @@ class Evidence:
                 out[mine] -= u @ D
         return out
 
-    def shrunk(self, values: Array, weight: Array) -> Array:
-        """Rows (m, n) times the root of their weights, shrunk along each run's directions."""
-        out = values * np.sqrt(weight)
-        for mine, D in zip(self.spans, self.wandering, strict=True):
-            if len(D):
-                out[:, mine] = Shrink(D * np.sqrt(weight[mine]))(out[:, mine])
-        return out
+    def weighted(self, weight: Array) -> Callable[[Array], Array]:
+        """What takes rows (m, n) times the root of their weights, each run's directions open."""
+        root = np.sqrt(weight)
+        pairs = zip(self.spans, self.wandering, strict=True)
+        shrinks = [(mine, Shrink(D * root[mine])) for mine, D in pairs if len(D)]
+
+        def of(values: Array) -> Array:
+            out = values * root
+            for mine, shrink in shrinks:
+                out[:, mine] = shrink(out[:, mine])
+            return out
+
+        return of
 
     def squares(self, r: Array) -> Array:
         """Sum of squares of rows by trial and channel, (trials, channels)."""

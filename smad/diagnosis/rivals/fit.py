@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -27,8 +28,8 @@ _DAMPING = (0.0, 0.003, 0.03, 0.3, 3.0, 30.0)
 _LONGER = (1.0, 2.0, 4.0, 8.0)
 _RIDGE, _TINY = 1e-9, 1e-12
 _ROUNDS = 8
-_ENOUGH = 0.2
-_WORTH = 0.05
+_ENOUGH = 1.0
+_WORTH = 0.3
 """Of F, that a step must promise to be tried."""
 _POLISHES, _POLISH_ROUNDS, _POLISH_ENOUGH = 12, 4, 2.0
 
@@ -37,7 +38,8 @@ _POLISHES, _POLISH_ROUNDS, _POLISH_ENOUGH = 12, 4, 2.0
 class Reference:
     """A point with its predictions: as recorded, and of averaged inputs, (bins, channels) a run.
 
-    `slopes` (p, n) are rows of what a prior standard deviation of each parameter changes there.
+    `slopes` are rows of what a unit of each coordinate changes there, of the first ones: (p, n) of
+    the parameters, or (k, n) with those of the parts.
     """
 
     model: Model
@@ -46,12 +48,17 @@ class Reference:
     averaged: tuple[Array, ...]
     slopes: Array
 
+    @cached_property
+    def shift(self) -> tuple[Array, ...]:
+        """What exact predictions differ by from those of averaged inputs."""
+        return tuple(e - a for e, a in zip(self.exact, self.averaged, strict=True))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
     """A fitted model: coordinates x (k,), rows `left` (n,), `slopes` (k, n) = −d left/dx.
 
-    `objective` is F. `without` are coordinates without each fold.
+    `objective` is F. `shift` is what exact predictions differ by from those of averaged inputs.
     """
 
     model: Model
@@ -59,7 +66,7 @@ class Fit:
     left: Array
     slopes: Array
     objective: float
-    without: tuple[Array, ...] = ()
+    shift: tuple[Array, ...]
 
     @property
     def point(self) -> ModelPoint:
@@ -80,32 +87,32 @@ def reference_at(evidence: Evidence, model: Model, x: Array) -> Reference | None
     averaged = replayed(evidence, model.point(x), model, exact=False)
     if exact is None or averaged is None:
         return None
-    made = Reference(
-        model=model, x=x, exact=tuple(exact), averaged=tuple(averaged), slopes=np.zeros((0, 0))
-    )
-    return replace(made, slopes=slopes_at(evidence, made, range(model.parameters)))
+    return Reference(
+        model=model, x=x, exact=tuple(exact), averaged=tuple(averaged),
+        slopes=slopes_at(evidence, model, x, range(model.parameters)),
+    )  # fmt: skip
 
 
-def shifted(reference: Reference, averaged: Sequence[Array]) -> list[Array]:
-    """Predictions as recorded, from those of averaged inputs by their difference."""
-    triples = zip(reference.exact, reference.averaged, averaged, strict=True)
-    return [e + (a - r) for e, r, a in triples]
+def slopes_at(evidence: Evidence, model: Model, x: Array, which: Sequence[int]) -> Array:
+    """Rows of what the coordinates `which` change at `x`, for a unit of each; (len(which), n).
 
-
-def slopes_at(evidence: Evidence, reference: Reference, which: Sequence[int]) -> Array:
-    """Rows of what the coordinates `which` change, for a unit of each; (len(which), n)."""
-    model, x = reference.model, reference.x
+    Of coarse replays: a slope that is 2 % off costs a fit no round. A coordinate whose step the
+    model cannot run has none.
+    """
+    out = np.zeros((len(which), len(evidence.run_of_row)))
+    base = predictions(model.plant, model.point(x), evidence.coarse) if len(which) else []
+    if not finite(base):
+        return out
     steps = model.steps(x)
     _, high = model.bounds
-    out = np.zeros((len(which), len(evidence.run_of_row)))
     for row, i in enumerate(which):
         signs = (1.0, -1.0) if x[i] + steps[i] <= high[i] else (-1.0, 1.0)
         for sign in signs:
             moved = x.copy()
             moved[i] += sign * steps[i]
-            found = replayed(evidence, model.point(moved), model, exact=False)
-            if found is not None:
-                change = [(f - b)[None] for f, b in zip(found, reference.averaged, strict=True)]
+            found = predictions(model.plant, model.point(moved), evidence.coarse)
+            if finite(found):
+                change = [(f - b)[None] for f, b in zip(found, base, strict=True)]
                 out[row] = evidence.rows(change)[0] / (sign * steps[i])
                 break
     return out
@@ -149,7 +156,9 @@ class _Descent:
         averaged = replayed(self.evidence, self.model.point(x), self.model, exact=False)
         if averaged is None:
             return None
-        left = self.evidence.left(shifted(self.reference, averaged))
+        left = self.evidence.left(
+            [a + s for a, s in zip(averaged, self.reference.shift, strict=True)]
+        )
         return self.valued(_Stand(x=x, left=left, averaged=averaged))
 
     def valued(self, stand: _Stand) -> _Stand:
@@ -161,19 +170,24 @@ class _Descent:
     def lessened(self, stand: _Stand, slopes: Array) -> _Stand:
         """One Gauss–Newton step, damped until it lessens F, lengthened while it does; or none."""
         e, (mean, precision), (low, high) = self.evidence, self.model.prior, self.model.bounds
-        J, r = e.shrunk(slopes, self.weight), e.shrunk(stand.left[None], self.weight)[0]
+        weighted = e.weighted(self.weight)(np.concatenate([slopes, stand.left[None]]))
+        J, r = weighted[:-1], weighted[-1]
         A, g = J @ J.T + precision, J @ r - precision @ (stand.x - mean)
         for damping in _DAMPING:
             step = bounded_step(A, g, low - stand.x, high - stand.x, damping)
-            if 2.0 * g @ step - step @ A @ step < _WORTH:
+            promised = 2.0 * g @ step - step @ A @ step
+            if promised < _WORTH:
                 break
             best = stand
-            # The weights of the log-likelihood lag behind the fit: steps are rather too short.
+            # The weights of the log-likelihood lag behind the fit: what gives more than it promised
+            # was too short.
             for times in _LONGER:
                 moved = self.at(np.clip(stand.x + times * step, low, high))
                 if moved is None or not moved.value < best.value:
                     break
                 best = moved
+                if stand.value - best.value < promised:
+                    break
             if best is not stand:
                 return best
         return stand
@@ -187,13 +201,12 @@ def fit(
     *,
     tau: Array,
     rounds: int = _ROUNDS,
-    fresh: bool = False,
 ) -> Fit | None:
     """Fit a model from `start`; None where it cannot run there.
 
     Predictions are those of averaged inputs shifted by what exact replays of the `reference` differ
-    by. Slopes of the parameters are the reference's, or with `fresh` made anew where it begins.
-    Each step corrects them by what it showed (Broyden); those of the parts are made anew at each.
+    by. Slopes are the reference's, and where it has none made where the fit begins; each step
+    corrects them by what it showed (Broyden).
     """
     low, high = model.bounds
     even = _Descent(evidence=evidence, model=model, reference=reference, tau=tau,
@@ -201,14 +214,11 @@ def fit(
     stand = even.at(np.clip(start, low, high))
     if stand is None:
         return None
-    slopes = np.zeros((len(start), len(stand.left)))
-    slopes[: model.parameters] = reference.slopes
-    for k in range(rounds):
+    unknown = range(len(reference.slopes), len(start))
+    slopes = np.concatenate([reference.slopes, slopes_at(evidence, model, stand.x, unknown)])
+    for _ in range(rounds):
         descent = replace(even, weight=weights(evidence, stand.left, tau))
         begun = descent.valued(stand)
-        here = replace(reference, model=model, x=begun.x, averaged=tuple(begun.averaged))
-        which = range(0 if fresh and k == 0 else model.parameters, len(start))
-        slopes[which.start :] = slopes_at(evidence, here, which)
         stand = descent.lessened(begun, slopes)
         step = stand.x - begun.x
         if step.any():
@@ -216,7 +226,8 @@ def fit(
             slopes += np.outer(step / (step @ step), unforeseen)
         if begun.value - stand.value < _ENOUGH:
             break
-    return Fit(model=model, x=stand.x, left=stand.left, slopes=slopes, objective=stand.value)
+    return Fit(model=model, x=stand.x, left=stand.left, slopes=slopes, objective=stand.value,
+               shift=reference.shift)  # fmt: skip
 
 
 def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
@@ -227,21 +238,20 @@ def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
         return None
     return Reference(
         model=fitted.model, x=fitted.x, exact=tuple(exact), averaged=tuple(averaged),
-        slopes=fitted.slopes[: fitted.model.parameters],
+        slopes=fitted.slopes,
     )  # fmt: skip
 
 
 def polished(evidence: Evidence, fitted: Fit, tau: Array, *, fresh: bool = True) -> Fit:
     """The fit carried on by exact replays of where it stands, until that lessens F no further.
 
-    With `fresh` slopes of the parameters are made anew at each, since they may be far from where
-    those were made.
+    Slopes of the parts are made anew at each, and with `fresh` those of the parameters, since they
+    may be far from where those were made.
     """
+    known = 0 if fresh else fitted.model.parameters
     for _ in range(_POLISHES):
-        here = rebased(evidence, fitted)
-        made = here and fit(
-            evidence, fitted.model, fitted.x, here, tau=tau, rounds=_POLISH_ROUNDS, fresh=fresh
-        )
+        here = rebased(evidence, replace(fitted, slopes=fitted.slopes[:known]))
+        made = here and fit(evidence, fitted.model, fitted.x, here, tau=tau, rounds=_POLISH_ROUNDS)
         if not made:
             return fitted
         gained, fitted = fitted.objective - made.objective, made
@@ -256,8 +266,8 @@ def leave_out(evidence: Evidence, fitted: Fit, tau: Array) -> tuple[Array, ...]:
     low, high = model.bounds
     mean, precision = model.prior
     weight = weights(evidence, fitted.left, tau)
-    J = evidence.shrunk(fitted.slopes, weight)
-    r = evidence.shrunk(fitted.left[None], weight)[0]
+    weighted = evidence.weighted(weight)(np.concatenate([fitted.slopes, fitted.left[None]]))
+    J, r = weighted[:-1], weighted[-1]
     products, along = J @ J.T + precision, J @ r - precision @ (x - mean)
     out = []
     for f in range(int(evidence.fold.max(initial=-1)) + 1):
@@ -273,7 +283,7 @@ def covariance(evidence: Evidence, fitted: Fit, tau: Array) -> Array:
     Rows count as in the fit, or as less where what it leaves is correlated for longer than `tau`.
     """
     tau = np.maximum(tau, evidence.correlation_rows(fitted.left))
-    J = evidence.shrunk(fitted.slopes, weights(evidence, fitted.left, tau))
+    J = evidence.weighted(weights(evidence, fitted.left, tau))(fitted.slopes)
     _, precision = fitted.model.prior
     return np.asarray(np.linalg.inv(J @ J.T + precision + _RIDGE * np.eye(len(precision))))
 

@@ -15,7 +15,7 @@ from smad.diagnosis.numerics.forward import Forward, fitted, forward
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Candidate, Responses, candidate_laws, responses
 from smad.diagnosis.rivals.evidence import Evidence
-from smad.diagnosis.rivals.fit import Reference
+from smad.diagnosis.rivals.fit import Reference, weights
 from smad.diagnosis.rivals.parts import LawPart
 from smad.diagnosis.rivals.screening import opened
 from smad.progress import Say, silent
@@ -59,12 +59,13 @@ class LawSpace:
             space=candidate_laws(plant, point, evidence.played),
         )  # fmt: skip
         left = evidence.left(reference.exact)
-        weight, z, shrink = opened(evidence, reference, left, tau)
+        beside = opened(evidence, reference, weights(evidence, left, tau))
+        z = beside(left[None])[0]
         A = np.zeros((len(made.runs[0]), len(z)), dtype=np.float32)
         # A law at a time: all in double precision would be a gigabyte.
         for own in made.columns:
             raw = [r[own.start : own.stop].astype(np.float64) for r in made.runs]
-            A[own.start : own.stop] = shrink(evidence.shrunk(evidence.rows(raw), weight))
+            A[own.start : own.stop] = beside(evidence.rows(raw))
         return cls(responses=made, rows=FoldRows(z, A, evidence.fold))
 
     def selected(self) -> list[SelectedLaw]:

@@ -95,7 +95,8 @@ class Question:
 
     def fitted(self, kind: str, name: str, reference: Reference) -> Rival | None:
         """The model of a reference fitted from there on to its end, as a rival."""
-        made = fit(self.evidence, reference.model, reference.x, reference, tau=self.tau, fresh=True)
+        anew = replace(reference, slopes=reference.slopes[:0])
+        made = fit(self.evidence, reference.model, reference.x, anew, tau=self.tau)
         if made is None:
             return None
         return self.rival(kind, name, polished(self.evidence, made, self.tau))
@@ -157,8 +158,8 @@ class Question:
     def predicted(self, fitted: Fit) -> list[Array] | None:
         """What a fit predicts of the judged runs, (bins, channels) each, without a part in them.
 
-        Without runs held out each fold is predicted by coordinates fitted to the others. None where
-        the model cannot run.
+        Without runs held out each fold is predicted by coordinates fitted to the others, shifted as
+        in the fit. None where the model cannot run.
         """
         if self.held_out is not None:
             return replayed(self.held_out, fitted.point, fitted.model, exact=True)
@@ -167,9 +168,10 @@ class Question:
         for f, x in enumerate(leave_out(evidence, fitted, self.tau)):
             point = fitted.model.point(x)
             for k in np.unique(evidence.run_of_row[evidence.fold == f]):
-                (found,) = predictions(fitted.model.plant, point, [evidence.played[k]], exact=True)
+                (found,) = predictions(fitted.model.plant, point, [evidence.played[k]])
                 if not np.isfinite(found).all():
                     return None
+                found = found + fitted.shift[k]
                 fold = evidence.fold[evidence.spans[k]].reshape(found.shape)
                 # A row that does not count has no fold; any prediction may stand there.
                 out[k] = np.where((fold == f) | (fold < 0), found, out[k])

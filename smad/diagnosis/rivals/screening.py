@@ -8,7 +8,7 @@ each are fitted.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -59,38 +59,41 @@ def changes_at(
     evidence: Evidence, reference: Reference, effects: Sequence[Effect]
 ) -> tuple[Change, ...]:
     """What each effect changes there, at each of the values that it is asked at."""
-    point = reference.model.point(reference.x)
+    plant, point = reference.model.plant, reference.model.point(reference.x)
+    base = predictions(plant, point, evidence.coarse)
     out: list[Change] = []
     for effect in effects:
         for values in _asked(effect):
             at = replace(point, effects={**point.effects, effect.name: values})
-            found = predictions(reference.model.plant, at, evidence.played)
+            found = predictions(plant, at, evidence.coarse)
             if finite(found):
-                change = [(f - b)[None] for f, b in zip(found, reference.averaged, strict=True)]
+                change = [(f - b)[None] for f, b in zip(found, base, strict=True)]
                 rows = evidence.rows(change)[0].astype(np.float32)
                 out.append(Change(effect=effect, values=values, rows=rows))
     return tuple(out)
 
 
-def opened(evidence: Evidence, reference: Reference, left: Array, tau: Array
-           ) -> tuple[Array, Array, Shrink]:  # fmt: skip
-    """Weights (n,), and weighted rows (n,) beside open parameters, with what opens others alike."""
-    weight = weights(evidence, left, tau)
-    model = reference.model
-    root = np.linalg.cholesky(np.linalg.inv(model.parameter_precision))
-    directions = evidence.shrunk(root.T @ reference.slopes, weight)
-    shrink = Shrink(directions)
-    return weight, shrink(evidence.shrunk(left[None], weight))[0], shrink
+def opened(evidence: Evidence, reference: Reference, weight: Array) -> Callable[[Array], Array]:
+    """What takes rows (m, n) times the root of their weights, and opens beside them whatever the
+    reference has slopes of, within its prior."""
+    known = len(reference.slopes)
+    _, precision = reference.model.prior
+    root = np.linalg.cholesky(np.linalg.inv(precision[:known, :known]))
+    weighted = evidence.weighted(weight)
+    shrink = Shrink(weighted(root.T @ reference.slopes))
+    return lambda values: shrink(weighted(values))
 
 
 def screened(
     evidence: Evidence, reference: Reference, changes: Sequence[Change], tau: Array
 ) -> list[Screened]:
     """Effects by what they take of what the reference leaves, the best first."""
-    weight, z, shrink = opened(evidence, reference, evidence.left(reference.exact), tau)
+    left = evidence.left(reference.exact)
+    beside = opened(evidence, reference, weights(evidence, left, tau))
+    z = beside(left[None])[0]
     best: dict[str, Screened] = {}
     for change in changes:
-        s = shrink(evidence.shrunk(change.rows[None].astype(np.float64), weight))[0]
+        s = beside(change.rows[None].astype(np.float64))[0]
         square, along = float(s @ s), float(s @ z)
         if square <= 0.0 or along <= 0.0:
             continue
@@ -111,10 +114,10 @@ def added_squares(
     evidence: Evidence, reference: Reference, changes: Sequence[Change], tau: Array
 ) -> list[Array]:
     """What changes add to the mean square of each channel, (channels,), beside open parameters."""
-    weight, _, shrink = opened(evidence, reference, evidence.left(reference.exact), tau)
+    weight = weights(evidence, evidence.left(reference.exact), tau)
+    beside = opened(evidence, reference, weight)
     root = np.sqrt(np.where(weight > 0.0, weight, 1.0))
-    rows = (shrink(evidence.shrunk(c.rows[None].astype(np.float64), weight))[0] for c in changes)
-    return [evidence.variances(r / root) for r in rows]
+    return [evidence.variances(beside(c.rows[None].astype(np.float64))[0] / root) for c in changes]
 
 
 def _asked(effect: Effect) -> list[dict[str, float]]:

@@ -197,13 +197,13 @@ class _Search:
     def _without(self, fitted: Fit, i: int) -> Reference | None:
         """The model without one of its parts, fitted anew."""
         e, model = self.question.evidence, fitted.model
-        kept = [k for k in range(len(model.parts)) if k != i]
-        x = np.concatenate([
-            fitted.x[: model.parameters], *(fitted.x[model.slices[k]] for k in kept)
-        ])  # fmt: skip
-        smaller = model.with_parts([model.parts[k] for k in kept])
-        here = rebased(e, replace(fitted, model=smaller, x=x))
-        made = here and fit(e, smaller, x, here, tau=self.question.tau)
+        stays = np.ones(len(fitted.x), dtype=bool)
+        stays[model.slices[i]] = False
+        smaller = model.with_parts([p for p in model.parts if p is not model.parts[i]])
+        here = rebased(
+            e, replace(fitted, model=smaller, x=fitted.x[stays], slopes=fitted.slopes[stays])
+        )
+        made = here and fit(e, smaller, here.x, here, tau=self.question.tau)
         return rebased(e, made) if made else None
 
     def _screened(self, reference: Reference) -> list[Screened]:
