@@ -31,6 +31,8 @@ _ROUNDS = 8
 _ENOUGH = 1.0
 _WORTH = 0.3
 """Of F, that a step must promise to be tried."""
+_HIDDEN = 0.5
+"""Of what a part changes, that averaged inputs may hide: a slope half wrong still leads on."""
 _POLISHES, _POLISH_ROUNDS, _POLISH_ENOUGH = 12, 4, 2.0
 
 
@@ -76,8 +78,11 @@ class Fit:
 
 def replayed(evidence: Evidence, point: ModelPoint, model: Model, *, exact: bool
              ) -> list[Array] | None:  # fmt: skip
-    """Predictions of all trials by a point; None where the model cannot run."""
-    found = predictions(model.plant, point, evidence.played, exact=exact)
+    """Predictions of all trials by a point; None where the model cannot run.
+
+    They are exact where the model has a quick part, too.
+    """
+    found = predictions(model.plant, point, evidence.played, exact=exact or model.quick)
     return found if finite(found) else None
 
 
@@ -96,26 +101,50 @@ def reference_at(evidence: Evidence, model: Model, x: Array) -> Reference | None
 def slopes_at(evidence: Evidence, model: Model, x: Array, which: Sequence[int]) -> Array:
     """Rows of what the coordinates `which` change at `x`, for a unit of each; (len(which), n).
 
-    Of coarse replays: a slope that is 2 % off costs a fit no round. A coordinate whose step the
-    model cannot run has none.
+    Of coarse replays, since a slope that is 2 % off costs a fit no round; those of the parts of a
+    model with a quick one are of exact replays. A coordinate whose step the model cannot run has
+    none.
     """
-    out = np.zeros((len(which), len(evidence.run_of_row)))
-    base = predictions(model.plant, model.point(x), evidence.coarse) if len(which) else []
-    if not finite(base):
-        return out
     steps = model.steps(x)
     _, high = model.bounds
+    out = np.zeros((len(which), len(evidence.run_of_row)))
+    bases: dict[bool, list[Array]] = {}
+
+    def shown(at: Array, exact: bool) -> list[Array]:
+        runs = evidence.played if exact else evidence.coarse
+        return predictions(model.plant, model.point(at), runs, exact=exact)
+
     for row, i in enumerate(which):
-        signs = (1.0, -1.0) if x[i] + steps[i] <= high[i] else (-1.0, 1.0)
-        for sign in signs:
+        exact = model.quick and i >= model.parameters
+        if exact not in bases:
+            bases[exact] = shown(x, exact)
+        for sign in (1.0, -1.0) if x[i] + steps[i] <= high[i] else (-1.0, 1.0):
             moved = x.copy()
             moved[i] += sign * steps[i]
-            found = predictions(model.plant, model.point(moved), evidence.coarse)
-            if finite(found):
-                change = [(f - b)[None] for f, b in zip(found, base, strict=True)]
+            found = shown(moved, exact)
+            if finite(found) and finite(bases[exact]):
+                change = [(f - b)[None] for f, b in zip(found, bases[exact], strict=True)]
                 out[row] = evidence.rows(change)[0] / (sign * steps[i])
                 break
     return out
+
+
+def averages_hide(evidence: Evidence, reference: Reference, model: Model, x: Array) -> bool:
+    """Whether averaged inputs hide what the last part of a model changes at `x`.
+
+    Asked of the run that the reference leaves most of.
+    """
+    e = evidence.part([int(evidence.squares(evidence.left(reference.exact)).sum(axis=1).argmax())])
+    without = reference.model.point(reference.x)
+    changes = []
+    for exact in (True, False):
+        found = predictions(model.plant, model.point(x), e.played, exact=exact)
+        base = predictions(model.plant, without, e.played, exact=exact)
+        if not (finite(found) and finite(base)):
+            return False
+        changes.append(e.rows([(f - b)[None] for f, b in zip(found, base, strict=True)])[0])
+    exact, averaged = changes
+    return bool(np.sum((averaged - exact) ** 2) > _HIDDEN**2 * np.sum(exact**2))
 
 
 def weights(evidence: Evidence, left: Array, tau: Array) -> Array:
@@ -147,7 +176,7 @@ class _Descent:
 
     evidence: Evidence
     model: Model
-    reference: Reference
+    shift: tuple[Array, ...]
     tau: Array
     weight: Array
 
@@ -156,9 +185,7 @@ class _Descent:
         averaged = replayed(self.evidence, self.model.point(x), self.model, exact=False)
         if averaged is None:
             return None
-        left = self.evidence.left(
-            [a + s for a, s in zip(averaged, self.reference.shift, strict=True)]
-        )
+        left = self.evidence.left([a + s for a, s in zip(averaged, self.shift, strict=True)])
         return self.valued(_Stand(x=x, left=left, averaged=averaged))
 
     def valued(self, stand: _Stand) -> _Stand:
@@ -209,8 +236,10 @@ def fit(
     corrects them by what it showed (Broyden).
     """
     low, high = model.bounds
-    even = _Descent(evidence=evidence, model=model, reference=reference, tau=tau,
-                    weight=evidence.valid)  # fmt: skip
+    shift = reference.shift
+    if model.quick:
+        shift = tuple(np.zeros_like(s) for s in shift)
+    even = _Descent(evidence=evidence, model=model, shift=shift, tau=tau, weight=evidence.valid)
     stand = even.at(np.clip(start, low, high))
     if stand is None:
         return None
@@ -227,13 +256,15 @@ def fit(
         if begun.value - stand.value < _ENOUGH:
             break
     return Fit(model=model, x=stand.x, left=stand.left, slopes=slopes, objective=stand.value,
-               shift=reference.shift)  # fmt: skip
+               shift=shift)  # fmt: skip
 
 
 def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
     """The fitted model as a reference of its own, with the slopes that the fit has."""
     exact = replayed(evidence, fitted.point, fitted.model, exact=True)
-    averaged = replayed(evidence, fitted.point, fitted.model, exact=False)
+    averaged = (
+        exact if fitted.model.quick else replayed(evidence, fitted.point, fitted.model, exact=False)
+    )
     if exact is None or averaged is None:
         return None
     return Reference(

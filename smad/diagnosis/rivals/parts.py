@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -29,6 +29,11 @@ class Part(Protocol):
 
     @property
     def name(self) -> str: ...
+    @property
+    def quick(self) -> bool:
+        """Whether averaged inputs hide what it changes."""
+        ...
+
     @property
     def size(self) -> int: ...
     @property
@@ -55,9 +60,13 @@ class Part(Protocol):
 
 @dataclass(frozen=True)
 class EffectPart:
-    """An effect of the library; a coordinate is one of its parameters over its scale."""
+    """An effect of the library; a coordinate is one of its parameters over its scale.
+
+    `quick`: averaged inputs hide what it changes, so that it is fitted by exact replays.
+    """
 
     effect: Effect
+    quick: bool = False
 
     @property
     def name(self) -> str:
@@ -113,6 +122,7 @@ class LawPart:
     candidate: Candidate
     columns: Index
     responses: Responses
+    quick: ClassVar[bool] = False
 
     @property
     def name(self) -> str:
@@ -159,6 +169,11 @@ class Model:
     def parameters(self) -> int:
         """How many parameters there are."""
         return len(self.plant.parameters)
+
+    @property
+    def quick(self) -> bool:
+        """Whether averaged inputs hide what one of its parts changes."""
+        return any(part.quick for part in self.parts)
 
     @cached_property
     def slices(self) -> tuple[slice, ...]:

@@ -168,7 +168,9 @@ class Question:
         for f, x in enumerate(leave_out(evidence, fitted, self.tau)):
             point = fitted.model.point(x)
             for k in np.unique(evidence.run_of_row[evidence.fold == f]):
-                (found,) = predictions(fitted.model.plant, point, [evidence.played[k]])
+                (found,) = predictions(
+                    fitted.model.plant, point, [evidence.played[k]], exact=fitted.model.quick
+                )
                 if not np.isfinite(found).all():
                     return None
                 found = found + fitted.shift[k]

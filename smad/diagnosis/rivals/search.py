@@ -15,9 +15,17 @@ import numpy as np
 
 from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.responses import Responses
-from smad.diagnosis.rivals.fit import Fit, Reference, fit, polished, rebased, reference_at
+from smad.diagnosis.rivals.fit import (
+    Fit,
+    Reference,
+    averages_hide,
+    fit,
+    polished,
+    rebased,
+    reference_at,
+)
 from smad.diagnosis.rivals.laws import LawSpace
-from smad.diagnosis.rivals.parts import Part
+from smad.diagnosis.rivals.parts import EffectPart, Part
 from smad.diagnosis.rivals.rival import Question, Rival
 from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS
 from smad.diagnosis.rivals.screening import Change, Screened, changes_at, screened
@@ -258,6 +266,10 @@ class _Fits:
         question.say(f"fitting {part.name}")
         model = reference.model.with_parts([*reference.model.parts, part])
         start = np.r_[reference.x, coordinates]
+        if isinstance(part, EffectPart) and averages_hide(
+            question.evidence, reference, model, start
+        ):
+            model = reference.model.with_parts([*reference.model.parts, replace(part, quick=True)])
         made = fit(question.evidence, model, start, reference, tau=question.tau,
                    rounds=_FIRST_ROUNDS)  # fmt: skip
         known = self._found.get(part.name)
