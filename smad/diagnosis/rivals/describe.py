@@ -49,8 +49,14 @@ class Describer:
         return label if len(place.sides) < 2 or side == BOTH else f"{label}, {side.upper()}"
 
     def values(self, part: EffectPart, x: Array, sd: Array) -> list[EffectValue]:
-        """An effect's parameters at coordinates `x` (k,) with deviations `sd` (k,)."""
-        rows = zip(part.effect.parameters, x, sd, strict=True)
+        """An effect's parameters at coordinates `x` (k,) with deviations `sd` (k,).
+
+        Strengths come first, the one that acts most of all.
+        """
+        rows = sorted(
+            zip(part.effect.parameters, x, sd, strict=True),
+            key=lambda row: -abs(row[1]) if row[0].strength else np.inf,
+        )
         return [
             EffectValue(name=q.name, value=float(v) * q.scale, sd=float(s) * q.scale, unit=q.unit)
             for q, v, s in rows

@@ -58,7 +58,8 @@ class Reference:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """A fitted model: coordinates x (k,), rows `left` (n,), `slopes` (k, n) = −d left/dx.
+    """A fitted model: coordinates x (k,), rows `left` (n,), `slopes` (k, n) = −d left/dx in single
+    precision, since an answer keeps dozens.
 
     `objective` is F. `shift` is what exact predictions differ by from those of averaged inputs.
     """
@@ -255,8 +256,8 @@ def fit(
             slopes += np.outer(step / (step @ step), unforeseen)
         if begun.value - stand.value < _ENOUGH:
             break
-    return Fit(model=model, x=stand.x, left=stand.left, slopes=slopes, objective=stand.value,
-               shift=shift)  # fmt: skip
+    return Fit(model=model, x=stand.x, left=stand.left, slopes=slopes.astype(np.float32),
+               objective=stand.value, shift=shift)  # fmt: skip
 
 
 def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:

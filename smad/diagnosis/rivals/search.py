@@ -73,10 +73,9 @@ def searched(question: Question, *, most: int, exchange: bool = True) -> Searche
     `exchange`: after each step every part before is asked again. None where the model cannot replay
     the runs.
     """
-    search = _Search.begun(question)
+    search = _Search.begun(question, exchange)
     if search is None:
         return None
-    search.exchange = exchange
     configured, parameters = search.configured, search.parameters
     steps: list[Step] = []
     done = False
@@ -111,10 +110,10 @@ class _Search:
     current: Rival
     moved: bool
     responses: Responses | None
-    exchange: bool = True
+    exchange: bool
 
     @classmethod
-    def begun(cls, question: Question) -> _Search | None:
+    def begun(cls, question: Question, exchange: bool) -> _Search | None:
         """The simulator as configured and with fitted parameters; None where it cannot run."""
         e, free = question.evidence, question.model
         tied = free if question.tied is None else free.with_precision(question.tied)
@@ -138,7 +137,7 @@ class _Search:
         return cls(question=question, nominal=nominal, configured=configured,
                    changes=changes_at(e, nominal, [x for x in question.effects if x.parameters]),
                    parameters=parameters, current=current, moved=question.tied is None,
-                   responses=question.responses)  # fmt: skip
+                   responses=question.responses, exchange=exchange)  # fmt: skip
 
     @property
     def parts(self) -> tuple[Part, ...]:
