@@ -65,6 +65,11 @@ def _both_names(p: Pair) -> bool:
     return {canonical(c.told_name) for c in p.said.causes} >= p.true_names
 
 
+def _place_beside(p: Pair) -> bool:
+    """A later cause is at a place where nothing acts."""
+    return any(not c.told_places & p.true_places for c in p.said.causes[1:])
+
+
 def _added_among(p: Pair, first: int) -> bool:
     return any(c.place in p.true_places for c in p.said.causes[:first])
 
@@ -154,6 +159,7 @@ def rows(pairs: Sequence[Pair]) -> list[Row]:
         share("held-out gap above that of parameters alone", pairs, _worse),
         share("pairs: both places among the first three", several, _both_places),
         share("pairs: both names told", several, _both_names),
+        share("one effect: another place told beside it", noticed, _place_beside),
         share("left out: its place still told", left_out,
               lambda p: any(set(s.places) & p.true_places for s in p.said.left_out.values())),
         share("left out: told by name all the same", left_out,
