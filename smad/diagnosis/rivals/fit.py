@@ -28,8 +28,8 @@ _DAMPING = (0.0, 0.003, 0.03, 0.3, 3.0, 30.0)
 _LONGER = (1.0, 2.0, 4.0, 8.0)
 _RIDGE, _TINY = 1e-9, 1e-12
 _ROUNDS = 8
-_ENOUGH = 1.0
-_WORTH = 0.3
+_ENOUGH = 0.2
+_WORTH = 0.05
 """Of F, that a step must promise to be tried."""
 _HIDDEN = 0.5
 """Of what a part changes, that averaged inputs may hide: a slope half wrong still leads on."""
