@@ -74,7 +74,8 @@ def undecided(found: Judged, *laws: Law) -> Judged:
     for k, law in enumerate(laws):
         model = free_model(found.pairs.plant, replace(point, laws=(law,)))
         none = np.zeros((0, 0))
-        made = Fit(model=model, x=np.zeros(model.parameters), left=none, slopes=none, objective=0.0)
+        made = Fit(model=model, x=np.zeros(model.parameters), left=none, slopes=none, objective=0.0,
+                   shift=())  # fmt: skip
         rivals.append(Rival(kind="effect", name=f"{law.place} {k}", fit=made, squares=none,
                             scores=none))  # fmt: skip
     verdict = msgspec.structs.replace(found.verdict, outcome="causes", causes=[cause])
