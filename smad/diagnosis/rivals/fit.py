@@ -233,8 +233,9 @@ def fit(
     """Fit a model from `start`; None where it cannot run there.
 
     Predictions are those of averaged inputs shifted by what exact replays of the `reference` differ
-    by. Slopes are the reference's, and where it has none made where the fit begins; each step
-    corrects them by what it showed (Broyden).
+    by. Slopes are the reference's, and where it has none made where the fit begins. Each step
+    corrects them by what it showed (Broyden); where it can go no further those of the parts are
+    made anew.
     """
     low, high = model.bounds
     shift = reference.shift
@@ -244,17 +245,23 @@ def fit(
     stand = even.at(np.clip(start, low, high))
     if stand is None:
         return None
+    parts = range(model.parameters, len(start))
     unknown = range(len(reference.slopes), len(start))
     slopes = np.concatenate([reference.slopes, slopes_at(evidence, model, stand.x, unknown)])
+    corrected = False
     for _ in range(rounds):
         descent = replace(even, weight=weights(evidence, stand.left, tau))
         begun = descent.valued(stand)
         stand = descent.lessened(begun, slopes)
-        step = stand.x - begun.x
-        if step.any():
+        if begun.value - stand.value >= _ENOUGH:
+            step = stand.x - begun.x
             unforeseen = begun.left - stand.left - step @ slopes
             slopes += np.outer(step / (step @ step), unforeseen)
-        if begun.value - stand.value < _ENOUGH:
+            corrected = True
+        elif corrected and len(parts):
+            slopes[parts.start :] = slopes_at(evidence, model, stand.x, parts)
+            corrected = False
+        else:
             break
     return Fit(model=model, x=stand.x, left=stand.left, slopes=slopes.astype(np.float32),
                objective=stand.value, shift=shift)  # fmt: skip
