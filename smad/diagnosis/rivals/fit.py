@@ -258,7 +258,7 @@ def fit(
             unforeseen = begun.left - stand.left - step @ slopes
             slopes += np.outer(step / (step @ step), unforeseen)
             corrected = True
-        elif corrected and len(parts):
+        elif corrected and parts:
             slopes[parts.start :] = slopes_at(evidence, model, stand.x, parts)
             corrected = False
         else:
