@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from smad.cli.output import progress
+from smad.cli.output import note, progress
 
 if TYPE_CHECKING:
     from smad.diagnosis.answer import Answer
@@ -46,7 +46,7 @@ def require_pairs(fmu: Path | None, mjcf: Path | None, map_path: Path | None) ->
 
 def warn_of(fmu: Path) -> None:
     """Say on stderr that a unit is a program."""
-    click.echo(f"smad: runs the code of {fmu} as you; use units of those you trust", err=True)
+    note(f"smad: runs the code of {fmu} as you; use units of those you trust")
 
 
 def diagnosed_elsewhere(

@@ -193,8 +193,9 @@ def split(path: Path | None, folder: str) -> None:
     from smad.runlog.reader import read_axes
 
     source = _resolve(path, folder)
-    for axis, run in read_axes(source).items():
-        click.echo(f"{len(run)} rows to {extract(source, axis)}")
+    written = {extract(source, axis): len(run) for axis, run in read_axes(source).items()}
+    for file, rows in written.items():
+        click.echo(f"{rows} rows to {file}")
 
 
 @log.command()

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from smad.diagnosis.data.columns import filled, readable
+from smad.diagnosis.data.columns import filled, readable, up_to_first_hole
+from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.errors import GapError
 from smad.diagnosis.plant import Array, Channel, Mask, Signal, Traits
 from smad.diagnosis.runs import GapRun
@@ -19,7 +20,6 @@ from smad.records.channels import read_channels
 from smad.records.readings import BEYOND
 from smad.runlog import schema
 from smad.runlog.bounds import Together
-from smad.runlog.holes import holes_in, words
 from smad.runlog.paths import distinct_name, names_of
 
 if TYPE_CHECKING:
@@ -245,10 +245,10 @@ def read_gap_runs(
 
 
 def read_recorded(path: Path, together: Together | None = None) -> tuple[GapRun, Run | None]:
-    """A run log or a table whose columns can be used, and the log that it is of.
+    """A run log or a table up to its first hole, with columns that can be used, and its log.
 
-    What is no reading does not count, and is noted. Raises as `read_gap_run` does, and GapError for
-    an input or a channel that cannot be what it is declared to be.
+    What is no reading does not count; that and a hole are noted. Raises as `read_gap_run` does, and
+    GapError for an input or a channel that cannot be what it is declared to be.
     """
     run, log = _read(path, together)
     notes: list[str] = []
@@ -258,20 +258,19 @@ def read_recorded(path: Path, together: Together | None = None) -> tuple[GapRun,
             raise GapError(f"{path}: {text}")
         notes.append(text)
 
-    run = filled(readable(run, INPUTS, CHANNELS, say))
-    # A hole is bridged by its partner, which has the same inputs: rows in it do not count.
-    notes += words(holes_in(run.t_s.tolist()))
+    run = filled(up_to_first_hole(readable(run, INPUTS, CHANNELS, say), PERIOD_S, say))
     return replace(run, notes=(*run.notes, *notes)), log
 
 
 def usable(run: GapRun) -> GapRun | None:
-    """The run with what is no reading taken out; None where its columns cannot be used."""
+    """The run up to its first hole, without what is no reading; None if its columns are of no use.
+    """
     refused: list[str] = []
 
     def say(kind: str, text: str, *, refuses: bool = False) -> None:
         refused.extend([text] if refuses else [])
 
-    readable_run = filled(readable(run, INPUTS, CHANNELS, say))
+    readable_run = filled(up_to_first_hole(readable(run, INPUTS, CHANNELS, say), PERIOD_S, say))
     return None if refused else readable_run
 
 
