@@ -24,7 +24,7 @@ def simulator_options(command: _F) -> _F:
                      help="With --mjcf: replay windows of this length; 0: whole runs "
                           "(default: chosen, and said)."),
         click.option("--map", "map_path", type=_FILE,
-                     help="With --fmu or --mjcf: what its variables or parts are (TOML)."),
+                     help="What columns, and variables or parts of a simulator, are (TOML)."),
         click.option("--mjcf", type=_FILE, help="The model is this one of MuJoCo; needs --map."),
         click.option("--fmu", type=_FILE,
                      help="The model is this unit of FMI 2.0; needs --map. Runs its code."),
@@ -40,8 +40,6 @@ def require_pairs(fmu: Path | None, mjcf: Path | None, map_path: Path | None) ->
     if map_path is None and (fmu or mjcf):
         name = "--fmu" if fmu else "--mjcf"
         raise click.UsageError(f"{name} and --map belong together; give both")
-    if map_path is not None and not (fmu or mjcf):
-        raise click.UsageError("--map is of --fmu or --mjcf; give one of them")
 
 
 def warn_of(fmu: Path) -> None:

@@ -278,7 +278,8 @@ def plot(
 @_json
 def import_command(source: Path, output: Path | None, mapping: Path | None, as_json: bool) -> None:
     """Make a run log from a CSV or Parquet file with units in its column names, or a ROS bag."""
-    from smad.records.importer import import_table, read_mapping
+    from smad.records.channels import read_mapping
+    from smad.records.importer import import_table
 
     if output is not None:
         require_writable(output)
