@@ -56,7 +56,8 @@ def plan(
     plain, runs = bound.plant.plain, tuple(filled(r) for r in bound.groups[0])
     plain.window_s, why = choose_window(plain, _other(plain, runs), window_s)
     left_s = within_s - (time.process_time() - began_s)
-    return rate(bound.plant, runs, within_s=max(left_s, LEAST_S)), [why] if why else []
+    left_s = max(left_s, min(LEAST_S, within_s))
+    return rate(bound.plant, runs, within_s=left_s), [why] if why else []
 
 
 def _complete(declared: Simulator, table: Table) -> Table:
