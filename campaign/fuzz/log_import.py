@@ -7,7 +7,8 @@ import numpy as np
 from campaign.fuzz.files import file_with, no_file
 from campaign.fuzz.program import require
 from smad.errors import LogImportError
-from smad.records.importer import import_table, read_mapping
+from smad.records.channels import read_mapping
+from smad.records.importer import import_table
 from smad.runlog.reader import read_run
 
 SEPARATOR = b"\f"

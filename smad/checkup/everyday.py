@@ -19,6 +19,7 @@ from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.signals import read_gap_runs, usable
 from smad.diagnosis.verdict import Repeated
 from smad.progress import Say, silent
+from smad.records.channels import MappingFile
 
 _LEAST_REPEATS = 2
 
@@ -30,16 +31,18 @@ def diagnose_files(
     hold_out: Sequence[Path],
     trusted: Sequence[str] = (),
     *,
+    mapping: MappingFile | None = None,
     progress: Say,
 ) -> Answer:
     """Where the plant and the runs of files disagree; see `smad.diagnosis.diagnose`.
 
-    `trusted` are names or paths of runs that the nominal model's opinion does not refuse.
+    `trusted` are names or paths of runs that the nominal model's opinion does not refuse;
+    `mapping` says how tables are written.
     """
     progress("reading")
     every = (*runs, *good, *hold_out)
     fitted, known, judged_on = (
-        read_gap_runs(paths, every, trusted) for paths in (runs, good, hold_out)
+        read_gap_runs(paths, every, trusted, mapping) for paths in (runs, good, hold_out)
     )
     answer = diagnose(fitted, plant=plant, good=known, hold_out=judged_on, progress=progress)
     now = _usable((*runs, *hold_out), [*fitted, *judged_on])

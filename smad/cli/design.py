@@ -73,10 +73,6 @@ def design(
         made = design_cycle(base, geometry, current_A=current_A, cooling=cooling)
     except PlantError as error:
         raise SmadError(str(error)) from error
-    if as_json:
-        click.echo(msgspec.json.format(msgspec.json.encode(made), indent=2))
-    else:
-        print_table(Table(("quantity", "value"), made.rows()))
     if page is not None:
         sizes = [(name, f"{v:g}") for name, v in asdict(geometry).items() if v is not None]
         sizes += [("current_A", f"{current_A:g}"), ("cooling", cooling), ("alloy", base.title)]
@@ -102,5 +98,9 @@ def design(
             ),
             page,
         )
-        if not as_json:
-            click.echo(str(page))
+    if as_json:
+        click.echo(msgspec.json.format(msgspec.json.encode(made), indent=2))
+        return
+    print_table(Table(("quantity", "value"), made.rows()))
+    if page is not None:
+        click.echo(str(page))

@@ -85,7 +85,8 @@ def diagnose(
     With --good the question is what has changed since those runs; without, every difference between
     model and bench counts. Without --hold-out each run is judged by a model of the others.
 
-    A RUN is a run log, a folder of them, or a quoted pattern. Give RUNs before --hold-out and
+    A RUN is a run log, a table, a folder of them, or a quoted pattern; --map alone is a mapping
+    file of smad log import. Give RUNs before --hold-out and
     --good, which take all that follows. Ends with status 3 where the runs cannot support the
     question. Files are written before anything is printed.
     """
@@ -101,7 +102,7 @@ def diagnose(
     if fmu is not None and model_path is not None:
         raise click.UsageError("no model of a unit can be written; leave --apply out with --fmu")
     with clean_errors():
-        if map_path is not None:
+        if map_path is not None and (fmu or mjcf):
             answer = diagnosed_elsewhere(
                 runs, good, hold_out, trust,
                 fmu=fmu, mjcf=mjcf, map_path=map_path, window_s=window_s,
@@ -109,12 +110,16 @@ def diagnose(
             asked = ""
         else:
             from smad.checkup.everyday import diagnose_files
+            from smad.records.channels import read_mapping
 
+            mapping = None if map_path is None else read_mapping(map_path)
             plant = plant_of(params, variant)
             with progress() as line:
-                answer = diagnose_files(plant, runs, good, hold_out, trust, progress=line.say)
+                answer = diagnose_files(
+                    plant, runs, good, hold_out, trust, mapping=mapping, progress=line.say
+                )
             # Of a plant that is not ours, no command but this one is known.
-            asked = asked_words(runs, hold_out, good)
+            asked = asked_words(runs, hold_out, good, map_path)
     written = write_verdict(answer, json_path, html_path, asked)
     # A refused answer has no model; why it was refused says more than that.
     if model_path is not None and (answer.verdict.models or answer.verdict.outcome != "refused"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 @click.option("--experiment", "experiments", multiple=True, metavar="NAME",
               help="Of the spring pair: a run of `smad gap next`'s list.")  # fmt: skip
 @click.option("--within", "within_s", type=click.FloatRange(0.1, 3600.0), default=5.0,
-              show_default=True, metavar="S", help="Time for the replays.")  # fmt: skip
+              show_default=True, metavar="S", help="Processor time, all included.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 @simulator_options
 @params_option
@@ -49,6 +50,8 @@ def plan_runs(
     require_pairs(fmu, mjcf, map_path)
     if not inputs and not experiments:
         raise click.UsageError("nothing would be played; give --inputs FILE or --experiment NAME")
+    if map_path is not None and not (fmu or mjcf):
+        raise click.UsageError("--map is of --fmu or --mjcf; give one of them")
     if experiments and map_path is not None:
         raise click.UsageError("--experiment is of the spring pair; give --inputs with --map")
     said: list[str] = []
@@ -56,18 +59,28 @@ def plan_runs(
         if mjcf is not None and map_path is not None:
             from smad.simulators.mjcf.asked import plan_mjcf
 
-            ratings, said = plan_mjcf(mjcf, map_path, inputs, window_s=window_s, within_s=within_s)
+            ratings, said = plan_mjcf(
+                mjcf, map_path, inputs, window_s=window_s, within_s=_left_s(within_s)
+            )
         elif fmu is not None and map_path is not None:
             from smad.fmi.asked import plan_unit
 
             warn_of(fmu)
-            ratings = plan_unit(fmu, map_path, inputs, within_s=within_s)
+            ratings = plan_unit(fmu, map_path, inputs, within_s=_left_s(within_s))
         else:
             from smad.simulators.rating import rate
 
             plant = plant_of(params, variant)
-            ratings = rate(plant, _played(plant, inputs, experiments), within_s=within_s)
+            played = _played(plant, inputs, experiments)
+            ratings = rate(plant, played, within_s=_left_s(within_s))
     _print(ratings, said, as_json=as_json)
+
+
+def _left_s(within_s: float) -> float:
+    """What of a time is left for replays; a little always is."""
+    from smad.simulators.rating import LEAST_S
+
+    return max(within_s - time.process_time(), LEAST_S)
 
 
 def _played(

@@ -53,11 +53,17 @@ def clean_errors() -> Iterator[None]:
         raise GapError(str(error)) from error
 
 
-def asked_words(runs: Sequence[Path], hold_out: Sequence[Path], good: Sequence[Path]) -> str:
+def asked_words(
+    runs: Sequence[Path],
+    hold_out: Sequence[Path],
+    good: Sequence[Path],
+    mapping: Path | None = None,
+) -> str:
     """The arguments as a shell takes them, to ask once more."""
     words = [str(path) for path in runs]
     for option, paths in (("--hold-out", hold_out), ("--good", good)):
         words += [option, *map(str, paths)] if paths else []
+    words += [] if mapping is None else ["--map", str(mapping)]
     return shlex.join(words)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from smad.cli import complete
+from smad.cli.output import note
 from smad.runlog.paths import SUFFIX, names_of, passed_over
 
 
@@ -68,7 +69,7 @@ def _in_folder(folder: Path) -> list[Path]:
     logs = [p for p in there if p.name.lower().endswith(SUFFIX)]
     runs = logs or [p for p in there if is_table(p)]
     if runs and (text := passed_over(folder, there, runs)):
-        click.echo(text, err=True)
+        note(text)
     return runs
 
 
@@ -140,7 +141,7 @@ def uncut(good: Sequence[Path]) -> tuple[Path, ...]:
             # What is wrong with it is told when its rows are read.
             cut = ""
         if cut:
-            click.echo(left_out(path, cut), err=True)
+            note(left_out(path, cut))
         else:
             whole.append(path)
     if good and not whole:

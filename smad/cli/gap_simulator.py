@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from smad.cli.output import progress
+from smad.cli.output import note, progress
 
 if TYPE_CHECKING:
     from smad.diagnosis.answer import Answer
@@ -24,7 +24,7 @@ def simulator_options(command: _F) -> _F:
                      help="With --mjcf: replay windows of this length; 0: whole runs "
                           "(default: chosen, and said)."),
         click.option("--map", "map_path", type=_FILE,
-                     help="With --fmu or --mjcf: what its variables or parts are (TOML)."),
+                     help="What columns, and variables or parts of a simulator, are (TOML)."),
         click.option("--mjcf", type=_FILE, help="The model is this one of MuJoCo; needs --map."),
         click.option("--fmu", type=_FILE,
                      help="The model is this unit of FMI 2.0; needs --map. Runs its code."),
@@ -40,13 +40,11 @@ def require_pairs(fmu: Path | None, mjcf: Path | None, map_path: Path | None) ->
     if map_path is None and (fmu or mjcf):
         name = "--fmu" if fmu else "--mjcf"
         raise click.UsageError(f"{name} and --map belong together; give both")
-    if map_path is not None and not (fmu or mjcf):
-        raise click.UsageError("--map is of --fmu or --mjcf; give one of them")
 
 
 def warn_of(fmu: Path) -> None:
     """Say on stderr that a unit is a program."""
-    click.echo(f"smad: runs the code of {fmu} as you; use units of those you trust", err=True)
+    note(f"smad: runs the code of {fmu} as you; use units of those you trust")
 
 
 def diagnosed_elsewhere(

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from smad.errors import RunLogError
+from smad.files import write_whole
 
 _HOW = """\
 Foxglove, Lichtblick: Layouts > Import from file, then open a run log.
@@ -25,9 +26,9 @@ def layouts(folder: Path, axes: tuple[str, ...]) -> None:
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name, content in contents(axes).items():
-            (folder / name).write_bytes(content)
-            click.echo(folder / name)
+        written = contents(axes)
+        for name, content in written.items():
+            write_whole(folder / name, content)
     except OSError as error:
         raise RunLogError(
             f"cannot write the layouts: {error.strerror}",
@@ -35,4 +36,6 @@ def layouts(folder: Path, axes: tuple[str, ...]) -> None:
             limit="a folder that can be written",
             action="name another FOLDER",
         ) from error
+    for name in written:
+        click.echo(folder / name)
     click.echo(_HOW)

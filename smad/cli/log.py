@@ -193,8 +193,9 @@ def split(path: Path | None, folder: str) -> None:
     from smad.runlog.reader import read_axes
 
     source = _resolve(path, folder)
-    for axis, run in read_axes(source).items():
-        click.echo(f"{len(run)} rows to {extract(source, axis)}")
+    written = {extract(source, axis): len(run) for axis, run in read_axes(source).items()}
+    for file, rows in written.items():
+        click.echo(f"{rows} rows to {file}")
 
 
 @log.command()
@@ -277,7 +278,8 @@ def plot(
 @_json
 def import_command(source: Path, output: Path | None, mapping: Path | None, as_json: bool) -> None:
     """Make a run log from a CSV or Parquet file with units in its column names, or a ROS bag."""
-    from smad.records.importer import import_table, read_mapping
+    from smad.records.channels import read_mapping
+    from smad.records.importer import import_table
 
     if output is not None:
         require_writable(output)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -152,6 +153,17 @@ made_clients: list[Client] = []
 """Clients of this command: who ran it asks them which stops they know of."""
 
 
+def note(text: str, *, nl: bool = True) -> None:
+    """Print a line on standard error, whether or not anybody reads it any more.
+
+    A reader that has gone (`2>&1 | head`) or a full disk ends nothing that is being done.
+    """
+    try:
+        click.echo(text, nl=nl, err=True)
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
+
+
 class Progress:
     """One line that says what is going on, from two seconds on.
 
@@ -173,22 +185,22 @@ class Progress:
         if now_s - self._began_s < FIRST_PROGRESS_S:
             return
         if self._terminal:
-            click.echo(f"\r\x1b[K{text}", nl=False, err=True)
+            note(f"\r\x1b[K{text}", nl=False)
             self._shown = True
         elif text != self._last and (not self._last or now_s - self._last_s >= _LINE_EVERY_S):
-            click.echo(text, err=True)
+            note(text)
             self._last = text
             self._last_s = now_s
 
     def note(self, text: str) -> None:
         """Print a line that stays."""
         self.done()
-        click.echo(text, err=True)
+        note(text)
 
     def done(self) -> None:
         """Take the line away."""
         if self._terminal and self._shown:
-            click.echo("\r\x1b[K", nl=False, err=True)
+            note("\r\x1b[K", nl=False)
 
 
 @contextlib.contextmanager

@@ -287,8 +287,6 @@ def _finish(
     from smad.report.page import write_page
 
     given = model if options["sim"] and not options["logs"] else None
-    if not options["as_json"]:
-        _print_tables(result, model, given)
     page = write_page(campaign_page(result, model, given=given, facts=facts), options["report"])
     files = {"page": str(page)}
     if options["save_parameters"] is not None:
@@ -296,9 +294,10 @@ def _finish(
         files["parameters"] = str(options["save_parameters"])
     if options["as_json"]:
         _print_json({**campaign_records(result, given), **files})
-    else:
-        for name, path in files.items():
-            click.echo(f"{name}  {path}")
+        return
+    _print_tables(result, model, given)
+    for name, path in files.items():
+        click.echo(f"{name}  {path}")
 
 
 def _print_tables(result: CampaignResult, model: ParameterSet, given: ParameterSet | None) -> None:

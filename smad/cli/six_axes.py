@@ -40,12 +40,13 @@ def six_axes(
     with _simulated() if sim else client(bench) as connected, progress() as line:
         made = robot_of(connected)
         log, skew = draw(connected, made, Circles(radius_deg, period_s), line.say)
+    written = write_page(page_of(log, made, skew), report or log.with_suffix(".html"))
     click.echo(markdown_table(table(list(trackings(read_axes(log), made)))))
     click.echo(
         f"begun together {skew.count} times: p50 {skew.p50_us / 1000:.2f} ms, "
         f"most {skew.max_us / 1000:.2f} ms apart"
     )
-    click.echo(write_page(page_of(log, made, skew), report or log.with_suffix(".html")))
+    click.echo(written)
 
 
 @contextlib.contextmanager

@@ -11,8 +11,7 @@ import msgspec
 from firmware_protocol.nearest import instead
 from smad.diagnosis.answer import Answer, answer_of
 from smad.diagnosis.constants import Constants, shipped
-from smad.diagnosis.data.admission import RunSet, admit_groups
-from smad.diagnosis.data.grid import row_length_s
+from smad.diagnosis.data.admission import RunSet, admit_groups, row_of_admitted_s
 from smad.diagnosis.data.guards import FIT, GOOD, HOLD_OUT, goes_further, too_few
 from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.errors import PlantMismatch
@@ -48,7 +47,7 @@ def diagnose(
     began = time.perf_counter()
     effects = library(plant, candidates)
     progress("admission")
-    period_s = row_length_s([*runs, *hold_out, *good], plant)
+    period_s = row_of_admitted_s([*runs, *hold_out, *good], plant)
     groups = admit_groups({FIT: runs, HOLD_OUT: hold_out, GOOD: good}, plant, period_s)
     roles = {role: a.admitted for role, a in groups.items()}
     findings = [f for a in groups.values() for f in a.findings]

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 from smad.diagnosis.answer import signal_gaps
 from smad.diagnosis.constants import shipped
-from smad.diagnosis.data.admission import admit
-from smad.diagnosis.data.grid import row_length_s
+from smad.diagnosis.data.admission import admit, row_of_admitted_s
 from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.errors import RunRefused
 from smad.diagnosis.places.bare import with_places
@@ -25,7 +24,7 @@ def verified(plant: PlantModel, runs: Sequence[GapRun], model: ModelPoint) -> li
     The last is over all channels, in floors. Rows and floors are those that a diagnosis of these
     runs has. Raises RunRefused when no run is admitted.
     """
-    period_s = row_length_s(runs, plant)
+    period_s = row_of_admitted_s(runs, plant)
     admission = admit(runs, plant, period_s)
     if not admission.admitted:
         raise RunRefused(

@@ -68,10 +68,12 @@ class TermRow(_Row, frozen=True, kw_only=True):
 
     `of`: an input or channel of the map, as the unit has it; empty for a constant. `shape` is f:
     the `power`, which keeps the sign; the *sign*, tanh(x), as dry friction goes with a velocity; or
-    the *deadband*, 0 within ±1 and x ∓ 1 beyond.
+    the *deadband*, 0 within ±1 and x ∓ 1 beyond. `place`: where in the unit that is, in words;
+    empty: the input of the map that drives the variable, or the variable.
     """
 
     title: str
+    place: str = ""
     typical: _Number
     of: str = ""
     zero: _Number = 0.0

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.signal import lfilter
 
+from smad.diagnosis.places.bare import INPUT, READING
 from smad.diagnosis.plant import (
     Array,
     Channel,
@@ -224,6 +225,7 @@ def effects_of(mapped: Map) -> list[Effect]:
         effects += _errors("reading", name, channel, lag_s=mapped.lag_s, signals=(name,))
     for name, driven in mapped.inputs.items():
         effects += _errors("drive", name, driven, lag_s=mapped.lag_s, signals=everything)
+    drives = {row.variable: f"{INPUT}{name}" for name, row in mapped.inputs.items()}
     for name, term in mapped.terms.items():
         size = EffectParameter(
             name="size", unit=term.unit, typical=term.typical, low=term.low, high=term.high
@@ -235,6 +237,7 @@ def effects_of(mapped: Map) -> list[Effect]:
             Effect(
                 name=name, title=term.title, parameters=(size,), signals=everything,
                 equation=f"{term.variable} += size · {what}",
+                places=(term.place or drives.get(term.variable, f"unit's {term.variable}"),),
             )
         )  # fmt: skip
     return effects
@@ -250,6 +253,7 @@ def _errors(
         ("zero", "zero error", _value("b", row.unit, zero, -most_zero, most_zero), "y + b"),
         ("lag", "lag", _value("tau_s", "s", lag_s, 0.0, _LONGEST_LAG * lag_s), "tau·s' = y − s"),
     )
+    place = f"{READING if kind == 'reading' else INPUT}{name}"
     return [
         Effect(
             name=f"{name}_{end}",
@@ -257,6 +261,7 @@ def _errors(
             parameters=(value,),
             signals=signals,
             equation=law,
+            places=(place,),
         )
         for end, title, value, law in parts
     ]

@@ -6,15 +6,31 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from smad.config.toml_file import read_toml
 from smad.errors import LogImportError
 from smad.records.column_names import Assignment, ColumnRule, assign
+from smad.records.csv_table import CsvFormat
 from smad.records.tables import ForeignTable, open_table
 from smad.records.units import convert
 from smad.runlog.bounds import Together
 from smad.runlog.schema import CHANNELS
+
+
+class MappingFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A mapping file (TOML): `[csv]`, and `[columns."name in the file"]` with a rule each."""
+
+    csv: CsvFormat = CsvFormat()
+    columns: dict[str, ColumnRule] = {}
+
+
+def read_mapping(path: str | Path) -> MappingFile:
+    """The mapping file at `path`. Raises LogImportError when it cannot be read or understood."""
+    action = "smad docs guide/run-logs shows a mapping file"
+    return read_toml(Path(path), MappingFile, "mapping", LogImportError, action)
 
 
 @dataclass(frozen=True)
@@ -26,16 +42,19 @@ class Channels:
     notes: tuple[str, ...]
 
 
-def read_channels(path: Path, together: Together | None = None) -> Channels:
+def read_channels(
+    path: Path, together: Together | None = None, mapping: MappingFile | None = None
+) -> Channels:
     """Channels of the table of one run, which may hold no more than a run can.
 
-    `together` counts the runs that are held at once. Raises LogImportError for a file that cannot
-    be used, RunLogError for one too many.
+    `mapping` says how it is written. `together` counts the runs that are held at once. Raises
+    LogImportError for a file that cannot be used, RunLogError for one too many.
     """
-    table = open_table(path)
+    mapping = mapping or MappingFile()
+    table = open_table(path, mapping.csv)
     if together is not None:
         together.take(path, rows=table.most_rows, columns=min(len(table.names), len(CHANNELS)))
-    return channels_of(table)
+    return channels_of(table, mapping.columns)
 
 
 def channels_of(table: ForeignTable, rules: Mapping[str, ColumnRule] | None = None) -> Channels:

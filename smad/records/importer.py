@@ -11,11 +11,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from smad.config.toml_file import read_toml
 from smad.errors import LogImportError
-from smad.records.channels import channels_of
-from smad.records.column_names import Assignment, ColumnRule
-from smad.records.csv_table import CsvFormat
+from smad.records.channels import MappingFile, channels_of
+from smad.records.column_names import Assignment
 from smad.records.readings import Declared, checked
 from smad.records.tables import open_table
 from smad.runlog.export import header_path
@@ -29,13 +27,6 @@ _PLAUSIBLE = {"A": (-50.0, 50.0), "V": (-100.0, 100.0), "degC": (-60.0, 400.0), 
 """What a bench of this kind can show, by unit; narrower ranges are the diagnosis's."""
 _APPLIED = ("i_cmd", "i_applied", "duty")
 _SPARSE = 0.8
-
-
-class MappingFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A mapping file (TOML): `[csv]`, and `[columns."name in the file"]` with a rule each."""
-
-    csv: CsvFormat = CsvFormat()
-    columns: dict[str, ColumnRule] = {}
 
 
 @dataclass(frozen=True)
@@ -55,12 +46,6 @@ class _Beside(msgspec.Struct):
     header: RunHeader = RunHeader()
     events: list[Event] = []
     link: list[LinkSample] = []
-
-
-def read_mapping(path: str | Path) -> MappingFile:
-    """The mapping file at `path`. Raises LogImportError when it cannot be read or understood."""
-    action = "smad docs guide/run-logs shows a mapping file"
-    return read_toml(Path(path), MappingFile, "mapping", LogImportError, action)
 
 
 def import_table(

@@ -1,8 +1,9 @@
 """What in a column is no reading, and what cannot be in the unit that was declared.
 
-Three kinds of samples are taken out: codes that a sensor or a logger writes in place of a reading,
-single samples beyond the declared range, and jumps that come back within two samples. A column that
-is beyond its range otherwise is refused, with the unit that it is likely to be in.
+Four kinds of samples are taken out: codes that a sensor or a logger writes in place of a reading,
+single samples beyond the declared range, jumps that come back within two samples, and stretches in
+which a noisy reading stays the same. A column that is beyond its range otherwise is refused, with
+the unit that it is likely to be in.
 """
 
 from __future__ import annotations
@@ -31,6 +32,10 @@ _JUMP, _JUMP_TIMES = 0.05, 20.0
 _FEW, _SHORT = 0.01, 3
 """Samples beyond a range that are so few, and so short, are no other unit."""
 _BITS = (8, 10, 12, 14, 16)
+STUCK_SAMPLES, STUCK_CHANCE = 10, 1e-9
+"""A reading that stays the same for so many samples, and would by chance so seldom, is stuck."""
+_LEVELS = 5
+"""Values that a reading takes beside a stretch, at least: one with fewer may have no noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,6 +112,15 @@ def checked(values: Array, declared: Declared, t_s: Array, steady: Mask | None =
                 f"first to {values[jumps][0]:g}"
             )
             bad |= jumps
+    if not declared.applied:
+        stuck = _stuck(values, known & ~bad)
+        if stuck.any():
+            stays = np.flatnonzero(stuck)
+            notes.append(
+                f"{declared.name} stays at {values[stays[0]]:g} for {len(stays)} samples (from "
+                f"{t_s[stays[0]]:.6g} to {t_s[stays[-1]]:.6g} s) and is noisy beside them: stuck"
+            )
+            bad |= stuck
     share = float(np.sum(bad) / np.sum(known))
     return Checked(np.where(bad, np.nan, values), tuple(notes), "", share)
 
@@ -147,6 +161,46 @@ def _jumps(values: Array, good: Mask, declared: Declared) -> Mask:
         y = values[index]
         out[index] = np.abs(y - median_filter(y, 5, mode="nearest")) > _least_jump(y, declared)
     return out
+
+
+def _stuck(values: Array, good: Mask) -> Mask:
+    """The longest stretch in which a reading stays the same while it is noisy on both sides of it.
+
+    A reading at its lowest or highest may be clipped, one at 0 off, and one without noise at rest:
+    these are not stuck.
+    """
+    out = np.zeros(len(values), dtype=bool)
+    index = np.flatnonzero(good)
+    y = values[index]
+    start, stop = longest_same(y)
+    n = stop - start
+    if n < STUCK_SAMPLES or y[start] in (0.0, y.min(), y.max()):
+        return out
+    sides = [side for side in (y[max(0, start - 2 * n) : start], y[stop : stop + 2 * n])
+             if len(side) >= STUCK_SAMPLES]  # fmt: skip
+    if not sides or not all(_noisy(side) for side in sides):
+        return out
+    same = max((np.sum(np.diff(side) == 0.0) + 1.0) / (len(side) + 1.0) for side in sides)
+    if same ** (n - 1) < STUCK_CHANCE:
+        out[index[start:stop]] = True
+    return out
+
+
+def longest_same(y: Array) -> tuple[int, int]:
+    """First sample, and the one after the last, of the longest stretch of equal values."""
+    same = np.diff(y, prepend=np.nan) == 0.0
+    edges = np.flatnonzero(np.diff(np.r_[False, same, False].astype(int)))
+    if not len(edges):
+        return 0, min(1, len(y))
+    longest = int(np.argmax(edges[1::2] - edges[::2]))
+    return int(edges[2 * longest]) - 1, int(edges[2 * longest + 1])
+
+
+def _noisy(side: Array) -> bool:
+    """Whether values go up and down as noise does, over more than a few levels."""
+    turns = np.diff(np.sign(np.diff(side)[np.diff(side) != 0.0]))
+    often = len(turns) > 0 and float(np.mean(turns != 0)) > 1.0 / 3.0
+    return often and len(np.unique(side)) >= _LEVELS
 
 
 def _longest(mask: Mask) -> int:

@@ -12,13 +12,16 @@ import numpy as np
 
 from smad.diagnosis.plant import Array
 from smad.diagnosis.runs import GapRun
+from smad.records.column_names import unit_in
+from smad.records.csv_table import CsvFormat
 from smad.records.tables import is_table, open_table
+from smad.records.units import convert, units_for
 from smad.runlog.bounds import require_bounded
 from smad.runlog.reader import read_run, recorded
 from smad.simulators.errors import SimulatorError
 
 TIMES = ("t_s", "time_s", "time", "t", "timestamp_s")
-"""Names of a column that is the time in s."""
+"""Names of a column that is the time in s; the first two may end with another unit."""
 _SAME = 1e-6
 _WHOLE = 0.02
 """Steps between values this near to a whole number of the least one are of a rounded column."""
@@ -44,18 +47,21 @@ class Table:
         return {self.name, self.path, Path(self.path).name} - {""}
 
 
-def tables_of(runs: Any, time: str = "") -> list[Table]:
+def tables_of(runs: Any, time: str = "", form: CsvFormat | None = None) -> list[Table]:
     """The records in files, patterns, mappings or frames of columns, and runs that are made.
 
-    `time` is the column that is the time in s, where it has none of the usual names.
+    `time` is the column of the time, where it has none of the usual names: in the unit that its
+    name ends with, else in s. `form` says how a CSV file is written.
     Raises SimulatorError for what is none of these, or has no time.
     """
     if isinstance(runs, (str, Path, GapRun, Table)) or hasattr(runs, "keys"):
         runs = [runs]
-    return [table for n, run in enumerate(runs, 1) for table in _tables(run, f"run {n}", time)]
+    return [
+        table for n, run in enumerate(runs, 1) for table in _tables(run, f"run {n}", time, form)
+    ]
 
 
-def _tables(run: Any, name: str, time: str) -> Iterable[Table]:
+def _tables(run: Any, name: str, time: str, form: CsvFormat | None) -> Iterable[Table]:
     if isinstance(run, Table):
         return [run]
     if isinstance(run, GapRun):
@@ -64,7 +70,7 @@ def _tables(run: Any, name: str, time: str) -> Iterable[Table]:
         paths = sorted(glob.glob(str(run))) if not Path(run).exists() else [str(run)]
         if not paths:
             raise SimulatorError(f"no file is {str(run)!r}", action="correct the path or pattern")
-        return [_of_file(Path(p), time) for p in paths]
+        return [_of_file(Path(p), time, form) for p in paths]
     if hasattr(run, "keys"):
         return [_timed(name, {str(k): np.asarray(run[k]) for k in run}, name, time)]
     raise SimulatorError(
@@ -74,11 +80,11 @@ def _tables(run: Any, name: str, time: str) -> Iterable[Table]:
     )
 
 
-def _of_file(path: Path, time: str) -> Table:
+def _of_file(path: Path, time: str, form: CsvFormat | None) -> Table:
     notes: Sequence[str]
     if is_table(path):
         require_bounded(path)
-        table = open_table(path)
+        table = open_table(path, form)
         columns, notes = dict(table.columns(table.names)), table.notes
     else:
         run = read_run(path)
@@ -90,13 +96,14 @@ def _of_file(path: Path, time: str) -> Table:
 
 
 def _timed(name: str, columns: Mapping[str, Any], where: str, called: str) -> Table:
-    usual = (called,) if called else TIMES
+    others = [f"{name}_{unit}" for name in ("t", "time") for unit in units_for("s")]
+    usual = (called,) if called else (*TIMES, *others)
     time = next((t for t in usual if t in columns), None)
     if time is None:
         raise SimulatorError(
-            f"{where} has no column of the time in s",
+            f"{where} has no column of the time",
             value=", ".join(columns),
-            limit=", ".join(usual),
+            limit=", ".join((called,) if called else (*TIMES, "time_ms …")),
             action="name it so",
         )
     numbers: dict[str, Array] = {}
@@ -105,7 +112,8 @@ def _timed(name: str, columns: Mapping[str, Any], where: str, called: str) -> Ta
             numbers[n] = np.asarray(c, dtype=np.float64)
         except (TypeError, ValueError):
             continue
-    t_s = numbers.pop(time)
+    unit = unit_in(time)
+    t_s = convert(numbers.pop(time), unit if unit in units_for("s") else "s", "s")
     return Table(name, t_s, numbers)
 
 

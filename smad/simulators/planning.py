@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -15,7 +16,7 @@ from smad.simulators.bind import bind
 from smad.simulators.columns import Table, tables_of
 from smad.simulators.declare import Simulator
 from smad.simulators.plant import SimulatedPlant, called
-from smad.simulators.rating import Rating, rate
+from smad.simulators.rating import LEAST_S, Rating, rate
 from smad.simulators.windows import choose_window
 
 _OTHERWISE = 0.5
@@ -46,13 +47,17 @@ def plan(
 
     `inputs` are as the runs of `diagnose`, with or without what is measured. A run without begins
     at rest at 0. Readings have the noise that the simulator declares, else a thousandth of what
-    they go through. Raises SimulatorError.
+    they go through. What is not reached `within_s` of processor time, binding and windows included,
+    is unknown. Raises SimulatorError.
     """
+    began_s = time.process_time()
     tables = [_complete(simulator, t) for t in tables_of(inputs)]
     bound = bind(simulator, tables)
     plain, runs = bound.plant.plain, tuple(filled(r) for r in bound.groups[0])
     plain.window_s, why = choose_window(plain, _other(plain, runs), window_s)
-    return rate(bound.plant, runs, within_s=within_s), [why] if why else []
+    left_s = within_s - (time.process_time() - began_s)
+    left_s = max(left_s, min(LEAST_S, within_s))
+    return rate(bound.plant, runs, within_s=left_s), [why] if why else []
 
 
 def _complete(declared: Simulator, table: Table) -> Table:

@@ -38,6 +38,8 @@ _THETA_STEP = 0.1
 _SURE, _LITTLE = 0.3, 0.8
 """Of the prior's deviation, what runs must leave of it for a parameter to be identifiable, weak."""
 _PIECES = 5
+LEAST_S = 0.5
+"""For replays, however long it took to come to them."""
 
 
 @dataclass(frozen=True, kw_only=True)

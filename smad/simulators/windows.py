@@ -12,6 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
+from smad.diagnosis.data.admission import row_of_admitted_s
 from smad.diagnosis.data.columns import filled, up_to_first_hole
 from smad.diagnosis.data.grid import row_length_s
 from smad.diagnosis.plant import (
@@ -86,7 +87,7 @@ def choose_window(
 
 def _usable(plant: Windowed, run: GapRun) -> GapRun:
     """A run as it will be admitted: up to its first hole, without NaN."""
-    used = filled(up_to_first_hole(run, row_length_s([run], plant), lambda *_, **__: None))
+    used = filled(up_to_first_hole(run, row_of_admitted_s([run], plant), lambda *_, **__: None))
     return replace(used, outputs={n: y for n, y in used.outputs.items() if np.isfinite(y).all()})
 
 

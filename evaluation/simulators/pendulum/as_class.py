@@ -2,11 +2,12 @@ import math
 
 import numpy as np
 
-from smad.diagnosis.plant import Channel, Effect, EffectParameter, Parameter, Signal
+from smad.diagnosis.plant import Channel, Effect, EffectParameter, Parameter, Signal, Traits
 
 
 class Pendulum:
     name, version = "pendulum", "1"
+    traits = Traits(shortest_s=1.0)
     inputs = (Signal("torque_N_m", "N m", -1.5, 1.5),)
     channels = (
         Channel(name="angle_rad", unit="rad", quantum=1e-4, low=-7.0, high=7.0, noise=1e-3),

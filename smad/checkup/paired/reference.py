@@ -30,7 +30,7 @@ _CLOCK_SD_S = 0.004
 class RunReference:
     """One run of a baseline: the mean of its repeats, carried to their mean surroundings.
 
-    `inputs` is its first repeat, `around` what the environment's channels showed at the
+    `inputs` is that of its longest repeat, `around` what the environment's channels showed at the
     start, `count` how many repeats each bin rests on.
     """
 
@@ -131,7 +131,7 @@ def reference_from(
         moved = np.array([carried(plant, J[k], around, r.middle) for around in r.around])
         values = r.values - moved
         mean, count = r.mean(values)
-        regime, names = regime_numbers(plant, group[0], r.played.bins, r.played.start_s)
+        regime, names = regime_numbers(plant, _longest(group), r.played.bins, r.played.start_s)
         regimes = max(regimes, names)
         off = (values - mean) * np.sqrt(count / np.maximum(count - 1, 1))
         day = day_directions(plant, J[k], base[k])
@@ -174,8 +174,14 @@ class _Repeats:
         return (values * self.valid).sum(axis=0) / np.maximum(count, 1), count
 
 
+def _longest(group: Sequence[GapRun]) -> GapRun:
+    """The first repeat that is as long as the longest, to a row: others may end at a hole."""
+    longest_s = max(run.duration_s for run in group)
+    return next(run for run in group if run.duration_s > longest_s - PERIOD_S)
+
+
 def _on_one_grid(plant: PlantModel, group: Sequence[GapRun]) -> _Repeats:
-    first = group[0]
+    first = _longest(group)
     start_s = float(first.t_s[0] - first.dt_s)
     around = [r.at_start(traits_of(plant).environment.values()) for r in group]
     shared = set.intersection(*(set(a) for a in around))
@@ -184,9 +190,10 @@ def _on_one_grid(plant: PlantModel, group: Sequence[GapRun]) -> _Repeats:
     whole = GapRun(first.name, first.t_s, first.inputs, shown)
     played = Played.of(whole, plant.inputs, start_s)
     repeats = [binned(r, played.bins, plant, start_s + offset_s(r, first)) for r in group]
-    for other in repeats[1:]:
-        require_like_inputs(other, repeats[0])
+    reference = binned(first, played.bins, plant, start_s)
+    for other in repeats:
+        require_like_inputs(other, reference)
     return _Repeats(
-        played=played, first=repeats[0], values=np.array([b.values for b in repeats]),
+        played=played, first=reference, values=np.array([b.values for b in repeats]),
         valid=np.array([b.valid for b in repeats]), around=around, middle=middle,
     )  # fmt: skip

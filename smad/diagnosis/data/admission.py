@@ -15,7 +15,7 @@ import numpy as np
 
 from smad.diagnosis.data.columns import Say, filled, readable, up_to_first_hole
 from smad.diagnosis.data.contract import replayed, require_contract
-from smad.diagnosis.data.grid import LEAST_PERIODS
+from smad.diagnosis.data.grid import LEAST_PERIODS, row_length_s
 from smad.diagnosis.data.guards import without_repeats
 from smad.diagnosis.data.opinions import compare, used
 from smad.diagnosis.plant import PlantModel, traits_of
@@ -71,6 +71,31 @@ def _asked_once(plant: PlantModel) -> Callable[[GapRun], None]:
             asked.append(run.name)
 
     return require
+
+
+def row_of_admitted_s(runs: Sequence[GapRun], plant: PlantModel) -> float:
+    """Length of a row that suits the runs as they will be admitted, up to their first hole.
+
+    Shorter runs ask for shorter rows, and a shorter row is exceeded by more holes: both are looked
+    at in turn until the row becomes no shorter. Runs that are too short to be admitted have no say
+    beside others.
+    """
+    read = [readable(run, plant.inputs, plant.channels, _quiet) for run in runs]
+    least_s = traits_of(plant).shortest_s
+
+    def cut(row_s: float) -> list[GapRun]:
+        short = [up_to_first_hole(run, row_s, _quiet) for run in read]
+        return [run for run in short if run.duration_s + run.dt_s >= least_s] or short
+
+    row_s = row_length_s(read, plant)
+    while (next_s := row_length_s(cut(row_s), plant)) < row_s:
+        row_s = next_s
+    lengths = [[run.duration_s for run in cut(s)] for s in (row_s, next_s)]
+    return next_s if lengths[0] == lengths[1] else row_s
+
+
+def _quiet(kind: str, text: str, *, refuses: bool = False) -> None:
+    """Say nothing: what is found is said when the runs are admitted."""
 
 
 def admit_groups(

@@ -39,7 +39,7 @@ def require_contract(plant: PlantModel, run: GapRun) -> None:
             raise _broken(plant, "regimes", run, "has no mask named rest", _names(masks))
         for name, mask in masks.items():
             if wrong := _other_than(mask, len(run.t_s), "b"):
-                raise _broken(plant, "regimes", run, f"gives no mask for {name}", wrong)
+                raise _broken(plant, "regimes", run, f"gives mask {name} in another form", wrong)
 
 
 def replayed(plant: PlantModel, run: GapRun) -> dict[str, Array]:
@@ -51,7 +51,7 @@ def replayed(plant: PlantModel, run: GapRun) -> dict[str, Array]:
         if c.name not in outputs:
             raise _broken(plant, "simulate", run, f"lacks channel {c.name}", _names(outputs))
         if wrong := _other_than(outputs[c.name], len(run.t_s), "fiu"):
-            raise _broken(plant, "simulate", run, f"gives no column for {c.name}", wrong)
+            raise _broken(plant, "simulate", run, f"gives {c.name} in another form", wrong)
     return dict(outputs)
 
 

@@ -16,6 +16,7 @@ from smad.diagnosis.data.columns import Say
 from smad.diagnosis.data.grid import Grid
 from smad.diagnosis.plant import Array, Channel, Mask, PlantModel
 from smad.diagnosis.runs import GapRun
+from smad.records.readings import STUCK_CHANCE, STUCK_SAMPLES, longest_same
 
 _SATURATED_SHARE = 0.2
 """Of the samples, that may be at a channel's limit."""
@@ -23,8 +24,6 @@ _CONSTANT_QUANTA = 1.5
 """A channel that moves by fewer is dead."""
 _HARDLY, _FOLLOWS = 0.3, 0.5
 """Correlations of changes from row to row: hardly related, and clearly."""
-_STUCK_SAMPLES, _STUCK_CHANCE = 10, 1e-9
-"""A reading that stays the same for so many samples, and would by chance so seldom, is stuck."""
 
 
 def used(run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, *, say: Say) -> GapRun:
@@ -96,17 +95,10 @@ def _without_stuck(
         if channel.name not in run.outputs or run.trusted:
             continue
         y, course = run.outputs[channel.name], predicted[channel.name]
-        same = np.diff(y, prepend=np.nan) == 0.0
-        edges = np.flatnonzero(np.diff(np.r_[False, same, False].astype(int)))
-        starts, stops = edges[::2], edges[1::2]
-        if not len(starts):
-            continue
-        longest = int(np.argmax(stops - starts))
-        start, stop = int(starts[longest]), int(stops[longest])
-        others = (
-            float(np.mean(np.delete(same, slice(start, stop)))) if stop - start < len(y) else 1.0
-        )
-        if stop - start < _STUCK_SAMPLES or others ** (stop - start) > _STUCK_CHANCE:
+        start, stop = longest_same(y)
+        same = np.delete(np.diff(y, prepend=np.nan) == 0.0, slice(start, stop))
+        others = float(np.mean(same)) if len(same) else 1.0
+        if stop - start < STUCK_SAMPLES or others ** (stop - start - 1) > STUCK_CHANCE:
             continue
         if np.ptp(course[start:stop]) > _least_move(channel):
             say("stuck channel", f"{channel.name} stays at {y[start]:g} {channel.unit} from "

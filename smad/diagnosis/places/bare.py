@@ -18,7 +18,7 @@ from smad.diagnosis.places.place import BOTH, Forceable, Forcing, Place, PlacesP
 from smad.diagnosis.plant import Array, ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
 
-_READING, _INPUT = "reading_", "input_"
+READING, INPUT = "reading_", "input_"
 _PASSES = 4
 """Replays in which laws of inputs and the states that they go with are made to agree."""
 
@@ -50,14 +50,14 @@ class BarePlaces:
         shared: dict[str, Any] = {"sides": (BOTH,), "states": tuple(states)}
         readings = [
             Place(
-                name=f"{_READING}{c.name}", label=f"reading of {c.name}", unit=c.unit,
+                name=f"{READING}{c.name}", label=f"reading of {c.name}", unit=c.unit,
                 scale=max(c.quantum, c.noise, 1e-3 * (c.high - c.low)), reading=True, **shared,
             )
             for c in self.plain.channels
         ]  # fmt: skip
         inputs = [
             Place(
-                name=f"{_INPUT}{s.name}", label=f"what {s.name} does", unit=s.unit,
+                name=f"{INPUT}{s.name}", label=f"what {s.name} does", unit=s.unit,
                 scale=0.03 * (s.high - s.low), **shared,
             )
             for s in self.plain.inputs
@@ -84,12 +84,12 @@ class BarePlaces:
         self, point: ModelPoint, run: GapRun, forcing: Forcing, *, fast: bool = False
     ) -> dict[str, Array]:
         """See `Forceable`."""
-        pushed = {n.removeprefix(_INPUT): f for (n, _), f in forcing.items()
-                  if n.startswith(_INPUT)}  # fmt: skip
+        pushed = {n.removeprefix(INPUT): f for (n, _), f in forcing.items()
+                  if n.startswith(INPUT)}  # fmt: skip
         out = self.simulate(point, _pushed(run, pushed), fast=fast)
         for (name, _), series in forcing.items():
-            if name.startswith(_READING):
-                channel = name.removeprefix(_READING)
+            if name.startswith(READING):
+                channel = name.removeprefix(READING)
                 out[channel] = out[channel] + series
         return out
 
@@ -99,15 +99,15 @@ class BarePlaces:
         out = dict(self.plain.simulate(bare, run, fast=fast))
         if not point.laws:
             return out
-        inputs = [law for law in point.laws if law.place.startswith(_INPUT)]
+        inputs = [law for law in point.laws if law.place.startswith(INPUT)]
         for _ in range(_PASSES if inputs else 0):
             states = self._states(run, out)
-            more = {x.place.removeprefix(_INPUT): _value(x, states, run) for x in inputs}
+            more = {x.place.removeprefix(INPUT): _value(x, states, run) for x in inputs}
             out = dict(self.plain.simulate(bare, _pushed(run, more), fast=fast))
         states = self._states(run, out)
         for law in point.laws:
-            if law.place.startswith(_READING):
-                channel = law.place.removeprefix(_READING)
+            if law.place.startswith(READING):
+                channel = law.place.removeprefix(READING)
                 out[channel] = out[channel] + _value(law, states, run)
         return out
 

@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from smad.diagnosis.data.columns import filled, readable
+from smad.diagnosis.data.columns import filled, readable, up_to_first_hole
+from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.errors import GapError
 from smad.diagnosis.plant import Array, Channel, Mask, Signal, Traits
 from smad.diagnosis.runs import GapRun
-from smad.records.channels import read_channels
+from smad.records.channels import MappingFile, read_channels
 from smad.records.readings import BEYOND
 from smad.runlog import schema
 from smad.runlog.bounds import Together
-from smad.runlog.holes import holes_in, words
 from smad.runlog.paths import distinct_name, names_of
 
 if TYPE_CHECKING:
@@ -185,7 +185,7 @@ def run_from_columns(
     return GapRun(name, t_s, inputs, outputs, None, cut_short, notes)
 
 
-def _table_run(path: Path, together: Together | None) -> GapRun:
+def _table_run(path: Path, together: Together | None, mapping: MappingFile | None) -> GapRun:
     """A table made elsewhere (`smad.records.channels`) as a run of the diagnosis.
 
     Rows with a `valid` of 0 are not valid, and what was read in them is no more to be fed to a
@@ -193,7 +193,7 @@ def _table_run(path: Path, together: Together | None) -> GapRun:
     refuses it, and wants to see them.
     """
     name = path.name.split(".")[0]
-    table = read_channels(path, together)
+    table = read_channels(path, together, mapping)
     columns = table.columns
     flagged = columns.pop("valid", None)
     if flagged is None:
@@ -216,21 +216,27 @@ def _recorded(columns: Mapping[str, NDArray[Any]], name: str) -> Array | None:
     return column if np.isfinite(column).any() else None
 
 
-def read_gap_run(path: Path, together: Together | None = None) -> GapRun:
+def read_gap_run(
+    path: Path, together: Together | None = None, mapping: MappingFile | None = None
+) -> GapRun:
     """A run log or a table as it was recorded; the admission of a diagnosis looks at its values.
 
-    Raises RunLogError (of a table LogImportError) when it cannot be read at all, and where it is
-    one too many of those held `together`.
+    `mapping` says how a table is written. Raises RunLogError (of a table LogImportError) when it
+    cannot be read at all, and where it is one too many of those held `together`.
     """
-    return _read(path, together)[0]
+    return _read(path, together, mapping)[0]
 
 
 def read_gap_runs(
-    paths: Sequence[Path], among: Sequence[Path], trusted: Sequence[str] = ()
+    paths: Sequence[Path],
+    among: Sequence[Path],
+    trusted: Sequence[str] = (),
+    mapping: MappingFile | None = None,
 ) -> list[GapRun]:
     """The runs of files, with names that tell those of all files `among` which they are apart.
 
-    `trusted` are names or paths of runs that are. Raises as `read_gap_run` does.
+    `trusted` are names or paths of runs that are, `mapping` says how tables are written. Raises as
+    `read_gap_run` does.
     """
     together = Together()
     return [
@@ -240,15 +246,15 @@ def read_gap_runs(
             trusted=bool(names_of(path) & set(trusted)),
         )
         for path in paths
-        for run in (read_gap_run(path, together),)
+        for run in (read_gap_run(path, together, mapping),)
     ]
 
 
 def read_recorded(path: Path, together: Together | None = None) -> tuple[GapRun, Run | None]:
-    """A run log or a table whose columns can be used, and the log that it is of.
+    """A run log or a table up to its first hole, with columns that can be used, and its log.
 
-    What is no reading does not count, and is noted. Raises as `read_gap_run` does, and GapError for
-    an input or a channel that cannot be what it is declared to be.
+    What is no reading does not count; that and a hole are noted. Raises as `read_gap_run` does, and
+    GapError for an input or a channel that cannot be what it is declared to be.
     """
     run, log = _read(path, together)
     notes: list[str] = []
@@ -258,26 +264,26 @@ def read_recorded(path: Path, together: Together | None = None) -> tuple[GapRun,
             raise GapError(f"{path}: {text}")
         notes.append(text)
 
-    run = filled(readable(run, INPUTS, CHANNELS, say))
-    # A hole is bridged by its partner, which has the same inputs: rows in it do not count.
-    notes += words(holes_in(run.t_s.tolist()))
+    run = filled(up_to_first_hole(readable(run, INPUTS, CHANNELS, say), PERIOD_S, say))
     return replace(run, notes=(*run.notes, *notes)), log
 
 
 def usable(run: GapRun) -> GapRun | None:
-    """The run with what is no reading taken out; None where its columns cannot be used."""
+    """The run up to its first hole without what is no reading; None where columns are refused."""
     refused: list[str] = []
 
     def say(kind: str, text: str, *, refuses: bool = False) -> None:
         refused.extend([text] if refuses else [])
 
-    readable_run = filled(readable(run, INPUTS, CHANNELS, say))
+    readable_run = filled(up_to_first_hole(readable(run, INPUTS, CHANNELS, say), PERIOD_S, say))
     return None if refused else readable_run
 
 
-def _read(path: Path, together: Together | None) -> tuple[GapRun, Run | None]:
+def _read(
+    path: Path, together: Together | None, mapping: MappingFile | None = None
+) -> tuple[GapRun, Run | None]:
     if path.suffix.lower() != ".mcap":
-        return _table_run(path, together), None
+        return _table_run(path, together, mapping), None
     from smad.runlog.reader import read_run
 
     log = read_run(path)

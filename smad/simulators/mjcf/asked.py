@@ -73,7 +73,9 @@ def plan_mjcf(
 def declare_mjcf(model: Path, map_path: Path, *groups: Any) -> tuple[Simulator, list[list[Table]]]:
     """The model as a simulator, with the runs of each group by the columns that the map names."""
     mapped, spec = read_map(map_path), load(model)
-    tables = [[_mapped(t, mapped) for t in tables_of(group, mapped.time)] for group in groups]
+    tables = [
+        [_mapped(t, mapped) for t in tables_of(group, mapped.time, mapped.csv)] for group in groups
+    ]
     replay = MujocoModel(spec, mapped)
     every = [t for group in tables for t in group]
     spans = {n: span_of([t.columns[n] for t in every if n in t.columns]) for n in mapped.inputs}

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from smad.config.toml_file import read_toml
+from smad.records.csv_table import CsvFormat
 from smad.simulators.declare import SHORTEST_S
 from smad.simulators.errors import SimulatorError
 
@@ -62,7 +63,8 @@ class ParameterRow(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 class MjcfMap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A map file. `payload_at` are the bodies that may carry one (default: all that move).
 
-    `shortest_s`: how long a run must be.
+    `shortest_s`: how long a run must be. `csv`: how a CSV file is written. `time`: its column, in
+    the unit that its name ends with, else in s.
     """
 
     channels: dict[str, ChannelRow]
@@ -70,6 +72,7 @@ class MjcfMap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     inputs: dict[str, InputRow] = {}
     held: Held = "until"
     time: str = ""
+    csv: CsvFormat = CsvFormat()
     name: str = ""
     payload_at: tuple[str, ...] | None = None
     observed: tuple[str, ...] = ()

@@ -33,10 +33,20 @@ const link = new Link({
 
 const tiles = new Tiles($("tiles"), (axis) => link.send({ do: "look_at", axis }));
 
+// When what stands here was of now: beside each reading stands its age from then on.
+let newestMs = performance.now();
+setInterval(showAge, 1000);
+
+function showAge() {
+  const oldS = (performance.now() - newestMs) / 1000;
+  document.body.style.setProperty("--age", `" (${oldS.toFixed(0)} s old)"`);
+}
+
 // "live", or why what stands here is not to be trusted. STOP works as long as the daemon answers.
 function become(state, what = "", why = "", oldS = 0) {
   document.body.dataset.link = state;
-  document.body.style.setProperty("--age", oldS > 0 ? `" (${oldS.toFixed(0)} s old)"` : '" (old)"');
+  if (state === "live" || oldS > 0) newestMs = performance.now() - 1000 * oldS;
+  showAge();
   setText($("lost-what"), what);
   setText($("lost-why"), why);
   $("stop").disabled = state === "lost" || state === "away";
@@ -73,7 +83,7 @@ function take(message) {
   plots.data.limits = message.limits;
   plots.session(message.first_s);
   if (message.away) {
-    become("away", "The daemon does not answer", `${message.away}. What stands here is old. STOP does not reach the bench from here: use its switch.`);
+    become("away", "The daemon does not answer", `${message.away}. What stands here is old. STOP does not reach the bench from here: use its switch.`, message.silent_s);
   } else if (message.silent_s > 0) {
     become("silent", "No samples come", `Link: ${status.link}. STOP is sent all the same; what stands here is ${message.silent_s.toFixed(0)} s old.`, message.silent_s);
   } else {

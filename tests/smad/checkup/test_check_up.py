@@ -291,6 +291,29 @@ def test_files_of_another_laboratory_are_paired_by_their_inputs(tmp_path: Path) 
     assert "repeats 2 good runs" in matched.lines[0]
 
 
+def test_a_hole_ends_a_run_of_now_and_a_good_one_and_is_told(tmp_path: Path) -> None:
+    """What was applied in a hole is not known; the other repeats of a good run go on after it."""
+    for day in (1, 2, 3):
+        _write(tmp_path / "good" / f"day-{day}" / "a.csv", played(day))
+    _write(tmp_path / "now" / "a.csv", played(10))
+    for file in ("good/day-1/a.csv", "now/a.csv"):
+        rows = (tmp_path / file).read_text().splitlines()
+        n = len(rows)
+        (tmp_path / file).write_text("\n".join(rows[: n // 2] + rows[n // 2 + 150 :]) + "\n")
+    good, now = read_folder(tmp_path / "good"), read_folder(tmp_path / "now")
+    for run in (good[0], now[0]):
+        assert run.run.duration_s == pytest.approx(SHORT.duration_s / 2, abs=0.1)
+        assert "is not recorded: the run is used up to" in " ".join(run.run.notes)
+    judgement, _ = checked_files(PLANT, good, now)
+    assert judgement.verdict.outcome == "quiet"
+    (pair,) = judgement.pairs.pairs
+    assert pair.share == pytest.approx(0.5, abs=0.03)
+    assert any("counts as far as it goes" in note for note in judgement.verdict.notes)
+    (reference,) = judgement.pairs.reference.runs
+    assert reference.count[-5:].max() == 2
+    assert reference.count[: len(reference.count) // 3].max() == 3
+
+
 def test_good_runs_of_two_days_have_one_name_and_a_copy_among_them_is_told_with_its_folder(
     tmp_path: Path,
 ) -> None:

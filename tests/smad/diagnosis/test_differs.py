@@ -120,7 +120,7 @@ def test_the_verdict_does_not_hang_on_the_length_of_a_row(
     gain: Verdict, period_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     module = importlib.import_module("smad.diagnosis.diagnose")
-    monkeypatch.setattr(module, "row_length_s", lambda runs, plant: period_s)
+    monkeypatch.setattr(module, "row_of_admitted_s", lambda runs, plant: period_s)
     found = ask(bank(OTHER, GAIN))
     assert [c.name for c in found.causes] == [c.name for c in gain.causes]
     assert value(found, "driver_gain", "g") == pytest.approx(0.05, abs=0.001)

@@ -17,6 +17,7 @@ from pythonfmu.builder import FmuBuilder
 
 from smad.cli import execute
 from tests.smad.fmi.heater import MAP, run_file
+from tests.smad.records.kinds import as_csv, pair
 
 UNIT = Path(__file__).parent.parent / "fmi" / "heater_unit.py"
 BROKEN_UNITS = {
@@ -73,7 +74,12 @@ CASES = (
     Case(13, "a decimal comma, told by [csv] in the map", asked("comma", mapped="comma"), 0,
          (SEES,)),
     Case(13, "the same, not told", asked("comma"), 1,
-         ("line 2: column 't_s' is not a number; got 0,0", "--map of smad gap diagnose --fmu")),
+         ("line 2: column 't_s' is not a number; got 0,0", "--map of smad gap diagnose)")),
+    Case(13, "the same of the spring pair, told by --map alone (1.1 s long)",
+         "gap diagnose {folder}/pair.csv --map {folder}/german.toml", 3,
+         ("at least 8 s are needed",)),
+    Case(13, "the same, not told", "gap diagnose {folder}/pair.csv", 1,
+         ("is not a number; got 0,01", "under [csv]", "--map of smad gap diagnose)")),
     Case(14, "an input logged on change", asked("change"), 3,
          ("power_W holds a number in", "of 600 samples only", "`hold = true`")),
     Case(14, "the same, with `hold = true`", asked("change", mapped="hold"), 0, (SEES,)),
@@ -182,6 +188,9 @@ def prepare(folder: Path) -> None:
     changed(folder, "ms", scaled(0, 1e3, "time_ms"))
     changed(folder, "noms", scaled(0, 1e3, "time"))
     changed(folder, "comma", lambda rows: [[c.replace(".", ",") for c in r] for r in rows], ";")
+    short = {name: column[:110] for name, column in pair().columns.items()}
+    text = as_csv(short, folder / "pair.csv").read_text().replace(",", ";").replace(".", ",")
+    (folder / "pair.csv").write_text(text)
     changed(folder, "change", on_change)
     changed(folder, "const", constant)
     capitals = folder / "capitals"

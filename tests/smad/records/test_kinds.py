@@ -15,7 +15,7 @@ EVERY = (*VALUES, "log import")
 # pass the record on to a diagnosis, which looks at it.
 RIGHT: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
     "nothing": (EVERY, ("used", "read", "imported"), ()),
-    "a hole of 1 s": (DIAGNOSED, ("used",), ("is not recorded: the run is used up to",)),
+    "a hole of 1 s": (VALUES, ("used", "read"), ("is not recorded: the run is used up to",)),
     "counts of 8 bits": (EVERY, ("refused",), ("declared 0 to", "counts of 8 bits? give `scale")),
     "thousandths": (EVERY, ("refused",), ("declared", "in m")),
     "a reversed sign": (VALUES, ("refused",), ("holds -", "is its sign reversed?", "`scale = -1`")),
@@ -26,7 +26,7 @@ RIGHT: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
     "a jump of one sample": (VALUES, ("used", "read"), ("jumps and comes back at once in one",)),
     "NaN in ten samples": (VALUES, ("used", "read"), ("hold no number in 10 of",)),
     "an open sensor": (VALUES, ("used", "read", "refused"), ("-127", "is its sensor open?")),
-    "a stuck channel": (DIAGNOSED, ("used",), ("stays at", "where the inputs should move it")),
+    "a stuck channel": (EVERY, ("used", "read", "imported"), ("stays at",)),
     "an input on change": (VALUES, ("refused",), ("holds a number in", "`hold = true`")),
     "a slower channel": (VALUES, ("used", "read", "refused"), ("samples only", "`hold = true`")),
     "1.1 s long": (DIAGNOSED, ("refused",), ("s long; at least 8 s are needed",)),

@@ -84,3 +84,30 @@ def test_an_input_beyond_its_range_is_refused_with_values_range_and_likely_unit(
 def test_an_input_that_goes_both_ways_is_not_clipped_but_refused() -> None:
     refusal = checked(np.sin(T) * 5.0, applied("A", 0.0, 4.0), T).refusal
     assert "does it go both ways? declare its range so" in refusal
+
+
+def test_a_reading_that_stays_the_same_between_noise_is_stuck_and_told() -> None:
+    y = 45.0 + 5.0 * np.sin(T / 10.0) + 0.1 * np.random.default_rng(0).standard_normal(len(T))
+    y[120:180] = y[119]
+    found = checked(y, WARM, T)
+    assert np.flatnonzero(np.isnan(found.values)).tolist() == list(range(119, 180))
+    assert found.notes == (
+        f"T stays at {y[119]:g} for 61 samples (from 11.9 to 17.9 s) and is noisy beside them: "
+        "stuck",
+    )
+
+
+@pytest.mark.parametrize("kind", ["clipped", "off", "no noise", "hunting", "slower", "at rest"])
+def test_a_reading_that_may_well_stay_the_same_is_not_stuck(kind: str) -> None:
+    y, n = course(), len(T)
+    noise = np.random.default_rng(1).standard_normal(n)
+    y = {
+        "clipped": np.clip(y, 30.0, 60.0),
+        "off": np.where((T > 10.0) & (T < 20.0), 0.0, 2.0 * noise),
+        "no noise": np.where(T < 20.0, 20.0, 20.0 + 5.0 * (T - 20.0)),
+        # A loop that hunts by one count of an encoder, until friction holds it.
+        "hunting": np.where((T > 10.0) & (T < 20.0), 3.0, 3.0 + np.rint(0.5 * noise)),
+        "slower": np.repeat(y[::20], 20),
+        "at rest": np.round(22.0 + 0.3 * np.maximum(T - 20.0, 0.0) + 0.02 * noise, 1),
+    }[kind]
+    assert checked(y, WARM, T).notes == ()

@@ -1,11 +1,13 @@
 """Answers that were computed are on the disk before anything is printed, whoever reads it."""
 
+import ast
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+import smad.cli
 from smad.cli import execute
 from smad.diagnosis.verdict import REFUSED, Verdict
 from smad.errors import CommandError
@@ -51,6 +53,8 @@ def test_a_refused_diagnosis_has_a_status_of_its_own_and_writes_its_files(
         ("| true", ""),
         ("| head -1; exit ${PIPESTATUS[0]}", ""),
         (">&-", ""),
+        ("2>&1 | true", ""),
+        ("2> /dev/full", ""),
     ],
 )
 def test_output_that_nobody_takes_loses_no_file_and_is_no_internal_error(
@@ -83,3 +87,38 @@ def test_a_file_keeps_its_content_until_the_new_one_is_whole(tmp_path: Path) -> 
     assert target.read_text() == "new"
     with pytest.raises(CommandError, match="cannot write"), named_output(target) as path:
         raise OSError(28, "No space left on device")
+
+
+_WRITES = {"write_page", "write_whole", "write_figure", "write_verdict", "named_output",
+           "export_run", "extract"}  # fmt: skip
+_PRINTS = {"echo", "secho", "print_table", "_print_table", "_print_tables", "_print_json",
+           "print_verdict", "print_answer"}  # fmt: skip
+
+
+def written_late(block: list[ast.stmt], *, printed: bool = False) -> list[int]:
+    """Lines of a block of code that write a file after something was printed."""
+    late: list[int] = []
+    for statement in block:
+        inner = [b for name in ("body", "orelse", "finalbody")
+                 if (b := getattr(statement, name, []))]  # fmt: skip
+        for branch in inner:
+            late += written_late(branch, printed=printed)
+        calls = [c for c in ast.walk(statement) if isinstance(c, ast.Call)]
+        names = {getattr(c.func, "attr", getattr(c.func, "id", "")) for c in calls
+                 if not any(k.arg == "err" for k in c.keywords)}  # fmt: skip
+        if printed and not inner and names & _WRITES:
+            late.append(statement.lineno)
+        leaves = any(isinstance(b[-1], ast.Return | ast.Raise) for b in inner)
+        printed |= bool(names & _PRINTS) and not leaves
+    return late
+
+
+def test_every_command_writes_its_files_before_it_prints() -> None:
+    files = sorted(Path(smad.cli.__file__).parent.glob("*.py"))
+    functions = [
+        (file.name, f) for file in files for f in ast.walk(ast.parse(file.read_text()))
+        if isinstance(f, ast.FunctionDef)
+    ]  # fmt: skip
+    assert {name: late for name, f in functions if (late := written_late(f.body))} == {}
+    late = ast.parse("def f():\n    click.echo(1)\n    write_page(page, path)\n").body
+    assert written_late(late[0].body) == [3]  # type: ignore[attr-defined]

@@ -9,7 +9,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from smad.cli import execute
 from smad.errors import LogImportError
-from smad.records.importer import import_table, read_mapping
+from smad.records.channels import read_mapping
+from smad.records.importer import import_table
 from smad.runlog.reader import read_run
 from smad.runlog.rosbag import export_bag
 

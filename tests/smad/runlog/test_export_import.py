@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from smad.errors import LogImportError, RunLogError
+from smad.records.channels import read_mapping
 from smad.records.column_names import ALIASES
-from smad.records.importer import import_table, read_mapping
+from smad.records.importer import import_table
 from smad.records.units import UNITS, convert, units_for
 from smad.runlog.export import export_run
 from smad.runlog.legends import LEGENDS

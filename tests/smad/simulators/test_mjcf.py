@@ -44,6 +44,18 @@ def test_friction_that_a_model_lacks_is_placed_named_and_sized(tmp_path: Path) -
     assert verdict.models
 
 
+def test_a_table_is_read_as_its_map_says_that_it_is_written(tmp_path: Path) -> None:
+    run = arm_run(0, seconds=2.0)
+    head = "time_ms;torque_N_m;angle_rad"
+    cells = np.column_stack([1e3 * run["t_s"], run["torque_N_m"], run["angle_rad"]]).tolist()
+    rows = [";".join(f"{v:.6f}" for v in row).replace(".", ",") for row in cells]
+    (tmp_path / "run.csv").write_text("\n".join([head, *rows]))
+    mapped = f'time = "time_ms"\n{MAP}\n[csv]\ndelimiter = ";"\ndecimal = ","\n'
+    _, ((table,),) = declare_mjcf(*files(tmp_path, mapped=mapped), [tmp_path / "run.csv"])
+    np.testing.assert_allclose(table.t_s, run["t_s"], atol=1e-9)
+    np.testing.assert_allclose(table.columns["angle_rad"], run["angle_rad"], atol=1e-6)
+
+
 def test_a_replay_is_that_of_mj_step(tmp_path: Path) -> None:
     run = arm_run(0, noise=0.0)
     declared, _ = declare_mjcf(*files(tmp_path), [run])

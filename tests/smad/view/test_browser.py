@@ -31,6 +31,9 @@ GREYED = """return document.getElementById("stop").disabled
 && document.getElementById("commands").disabled
 && getComputedStyle(document.getElementById("lost")).display !== 'none'"""
 
+AGES = """return [...document.querySelectorAll(".strip h2 .value")].map(
+(reading) => getComputedStyle(reading, "::after").content)"""
+
 
 def pictures(driver: Any) -> dict[str, str]:
     found: dict[str, str] = driver.execute_script(
@@ -317,6 +320,9 @@ def test_a_page_whose_daemon_is_silent_says_so_greys_its_buttons_and_comes_back(
     try:
         until(page, lambda d: "daemon does not answer" in text_of(d, "lost-what"))
         assert page.execute_script(GREYED)
+        ages = page.execute_script(AGES)
+        assert len(ages) >= len(LAYOUT)
+        assert all(re.fullmatch(r'" \([1-9]\d* s old\)"', age) for age in ages)
     finally:
         bench.daemon.process.send_signal(signal.SIGCONT)
     until(page, is_live)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from smad.diagnosis.data.admission import admit, row_of_admitted_s
 from smad.diagnosis.data.grid import MOST_ROWS, PERIOD_S, Grid, correlation_time_s, row_length_s
 from smad.diagnosis.runs import Array, GapRun
 from tests.smad.diagnosis.heater_plant import HeaterPlant, recorded
@@ -69,6 +70,33 @@ def test_a_row_is_no_shorter_than_a_sample() -> None:
     found = row_length_s([few], HeaterPlant())
     assert found == pytest.approx(20 * run.dt_s, rel=1e-5)
     assert len(Grid.of(few, found).valid) == len(few.t_s)
+
+
+def without(run: GapRun, begin_s: float, end_s: float) -> GapRun:
+    """The run without its samples of a time."""
+    kept = (run.t_s < begin_s) | (run.t_s > end_s)
+    return replace(
+        run,
+        t_s=run.t_s[kept],
+        inputs={k: v[kept] for k, v in run.inputs.items()},
+        outputs={k: v[kept] for k, v in run.outputs.items()},
+    )
+
+
+@pytest.mark.parametrize("hole_s", [1.0, 3.0, 12.0])
+def test_rows_are_those_of_a_run_up_to_its_hole(hole_s: float) -> None:
+    plant, whole = HeaterPlant(), recorded("sines", 1, duration_s=60.0)
+    torn, cut = without(whole, 37.95, 37.95 + hole_s), without(whole, 37.95, 99.0)
+    row_s = row_of_admitted_s([torn], plant)
+    assert row_s == row_length_s([cut], plant)
+    (kept,) = admit([torn], plant, row_s).admitted
+    assert kept.duration_s == pytest.approx(cut.duration_s)
+
+
+def test_a_run_of_a_hole_near_its_start_makes_no_row_shorter() -> None:
+    runs = [recorded("sines", seed, duration_s=60.0) for seed in (1, 2)]
+    torn = [runs[0], without(runs[1], 1.0, 5.0)]
+    assert row_of_admitted_s(torn, HeaterPlant()) == row_of_admitted_s(runs[:1], HeaterPlant())
 
 
 def test_noise_and_channels_that_stand_still_say_nothing_of_a_time_scale() -> None:
