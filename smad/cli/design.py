@@ -42,10 +42,10 @@ def design(
     as_json: bool,
     **given: float | None,
 ) -> None:
-    """Say what stroke, force, period and power a pair of springs gives.
+    """Compute stroke, force, period and power of a pair of springs.
 
     GEOMETRY is a file (base, wire_mm, coil_mm, turns, pitch_mm, tube_mm, prestrain); options go
-    before it. Without either it is the spring of the parameter set. The simulated pair makes a full
+    before it. By default it is the spring of the parameter set. The simulated pair makes a full
     stroke to and fro; docs/guide/design.md says what is scaled and what is not.
     """
     from dataclasses import asdict, replace

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 @click.command(name="plan")
 @click.option("--inputs", "inputs", multiple=True, callback=files, metavar="FILE…",
-              help="Tables or run logs whose inputs are to be played.")  # fmt: skip
+              help="Tables or run logs with the inputs to play.")  # fmt: skip
 @click.option("--experiment", "experiments", multiple=True, metavar="NAME",
-              help="Of the spring pair: a run of `smad gap next`'s list.")  # fmt: skip
+              help="A run of the spring pair, from `smad gap next`.")  # fmt: skip
 @click.option("--within", "within_s", type=click.FloatRange(0.1, 3600.0), default=5.0,
               show_default=True, metavar="S", help="Time for the replays.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
@@ -41,7 +41,7 @@ def plan_runs(
     params: str,
     variant: str,
 ) -> None:
-    """Rate parameters, effects and places by what these inputs could show; nothing is measured.
+    """Rate which parameters, effects and places these inputs could show, before measuring.
 
     identifiable: noticed below its typical size, like no other; weak: noticed only above, or like
     another; not: within its range other values of the parameters imitate it, or nothing shows.

@@ -107,11 +107,11 @@ def require_among(names: Sequence[str], groups: Sequence[Sequence[Path]], option
 
 leave_out_option = click.option(
     "--leave-out", multiple=True, metavar="RUN",
-    help="A run among those given that is left out, by the name that the answer gives it.",
+    help="Leave out this run, by its name in the answer.",
 )  # fmt: skip
 trust_option = click.option(
     "--trust", multiple=True, metavar="RUN",
-    help="A run that is used whatever the nominal model thinks of its channels.",
+    help="Use this run although its channels contradict the nominal model.",
 )  # fmt: skip
 hold_out_option = click.option(
     "--hold-out", multiple=True, callback=files, metavar="RUN…",

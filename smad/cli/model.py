@@ -28,7 +28,7 @@ def model() -> None:
     type=click.Choice(["antagonistic", "stretch", "blocked"]),
     default="antagonistic",
     show_default=True,
-    help="What holds the springs; the stage moves in the last two.",
+    help="How the springs are held; the last two have a stage.",
 )
 @click.option("--fmi", "unit", required=True, type=click.Path(dir_okay=False, path_type=Path),
               help="FMI co-simulation unit to write.")  # fmt: skip

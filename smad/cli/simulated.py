@@ -19,7 +19,7 @@ effect_option = click.option(
 )  # fmt: skip
 seed_option = click.option(
     "--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
-    help="With --sim: of its noise.",
+    help="With --sim: seed of all noise.",
 )  # fmt: skip
 
 

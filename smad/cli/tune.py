@@ -43,9 +43,9 @@ def tune(
 ) -> None:
     """Find gains of the displacement LOOP, or of the temperature loop, on the running bench.
 
-    Arms, waits until the springs are cold, moves by some ±4 mm, and disarms; two to four minutes.
-    Nothing is changed without --apply or --save, and nothing when the trial goes worse than with
-    the gains you have.
+    Asks, arms, waits until the springs are cold, moves by about ±4 mm, and disarms; takes two to
+    four minutes. Nothing changes without --apply or --save, or if the trial is worse than with the
+    present gains.
     """
     from smad.experiments.ready import require_ready
 
