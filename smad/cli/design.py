@@ -19,8 +19,14 @@ _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
 @click.option("--pitch", "pitch_mm", type=float, help="Between turns, mm; counts in air.")
 @click.option("--tube", "tube_mm", type=float, help="Inner diameter of the tube, mm.")
 @click.option("--prestrain", type=float, help="Shear strain of the mounted springs.")
-@click.option("--current", "current_A", type=click.FloatRange(0.01, 50.0), default=4.0,
-              show_default=True, help="Of the spring that is heated, A.")  # fmt: skip
+@click.option(
+    "--current",
+    "current_A",
+    type=click.FloatRange(0.01, 50.0),
+    default=4.0,
+    show_default=True,
+    help="Of the spring that is heated, A.",
+)
 @click.option(
     "--cooling",
     type=click.Choice(["water", "air"]),
@@ -29,8 +35,9 @@ _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
     help="Water in a tube around the wire, or still air.",
 )
 @click.option("--params", default="A", show_default=True, help="The alloy: a parameter set.")
-@click.option("--html", "page", type=click.Path(dir_okay=False, path_type=Path),
-              help="Page to write.")  # fmt: skip
+@click.option(
+    "--html", "page", type=click.Path(dir_okay=False, path_type=Path), help="Page to write."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 def design(
     *,

@@ -60,8 +60,7 @@ gap.add_command(plan_runs)
 @variant_option
 @click.option("--json", "json_path", type=_OUT, help="Write the whole verdict here.")
 @click.option("--html", "html_path", type=_OUT, help="Write the report page here.")
-@click.option("--apply", "model_path", type=_OUT,
-              help="Write the better model here.")  # fmt: skip
+@click.option("--apply", "model_path", type=_OUT, help="Write the better model here.")
 @simulator_options
 def diagnose(
     *,
@@ -103,9 +102,15 @@ def diagnose(
     with clean_errors():
         if map_path is not None:
             answer = diagnosed_elsewhere(
-                runs, good, hold_out, trust,
-                fmu=fmu, mjcf=mjcf, map_path=map_path, window_s=window_s,
-            )  # fmt: skip
+                runs,
+                good,
+                hold_out,
+                trust,
+                fmu=fmu,
+                mjcf=mjcf,
+                map_path=map_path,
+                window_s=window_s,
+            )
             asked = ""
         else:
             from smad.checkup.everyday import diagnose_files
@@ -130,8 +135,9 @@ def diagnose(
 @gap.command()
 @click.argument("verdict", type=_RUN)
 @click.option("--out", type=_OUT, required=True, help="The model file to write.")
-@click.option("--first", type=click.IntRange(0),
-              help="Only this many causes; 0: the parameters alone.")  # fmt: skip
+@click.option(
+    "--first", type=click.IntRange(0), help="Only this many causes; 0: the parameters alone."
+)
 def apply(*, verdict: Path, out: Path, first: int | None) -> None:
     """Write the model of a VERDICT (written by --json), with all its causes or the first ones."""
     import msgspec

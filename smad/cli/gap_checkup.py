@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 _F = TypeVar("_F", bound=Callable[..., Any])
 _FOLDER = click.Path(file_okay=False, path_type=Path)
 _OUT = click.Path(dir_okay=False, path_type=Path)
-_programme = click.option("--programme", "programme_folder", type=_FOLDER,
-                          help="A programme in place of the package's.")  # fmt: skip
+_programme = click.option(
+    "--programme", "programme_folder", type=_FOLDER, help="A programme in place of the package's."
+)
 _NOW = 1000
 """What a simulated bench adds to its seed after the commissioning, whose repeats count from 1."""
 
@@ -35,8 +36,13 @@ def _bench_options(command: _F) -> _F:
 
 @click.command()
 @click.option("--baseline", "folder", type=_FOLDER, required=True, help="Where the baseline goes.")
-@click.option("--repeats", type=click.IntRange(1, 8), default=2, show_default=True,
-              help="How often the whole programme is played.")  # fmt: skip
+@click.option(
+    "--repeats",
+    type=click.IntRange(1, 8),
+    default=2,
+    show_default=True,
+    help="How often the whole programme is played.",
+)
 @click.option("--again", is_flag=True, help="Add repeats to a baseline: the floor gets better.")
 @click.option("--quick", is_flag=True, help="Only the part that separates most.")
 @_bench_options
@@ -69,9 +75,16 @@ def commission(
         )
         with _player(line, sim=sim, seed=seed, effects=(), bench=bench) as player:
             reference = baselines.commission(
-                folder, plant, programme, player, bench=whose, repeats=repeats, known=known,
-                say=line.note, progress=line.say,
-            )  # fmt: skip
+                folder,
+                plant,
+                programme,
+                player,
+                bench=whose,
+                repeats=repeats,
+                known=known,
+                say=line.note,
+                progress=line.say,
+            )
     minutes = programme.duration_s / 60.0
     click.echo(
         f"baseline {folder}: {len(programme.runs)} runs of {minutes:.1f} min in all, "
@@ -86,14 +99,21 @@ def commission(
 @click.option("--good", type=_FOLDER, help="Run files of a good day, best several repeats.")
 @click.option("--now", type=_FOLDER, help="New run files with the same inputs as the good ones.")
 @click.option("--quick", is_flag=True, help="With --baseline: the part that separates most.")
-@click.option("--out", type=_FOLDER, help="With --baseline: where the runs of now go  [default: "
-              "BASELINE/now-1, now-2 …]")  # fmt: skip
+@click.option(
+    "--out",
+    type=_FOLDER,
+    help="With --baseline: where the runs of now go  [default: BASELINE/now-1, now-2 …]",
+)
 @effect_option
 @_bench_options
 @click.option("--json", "json_path", type=_OUT, help="Write the verdict here.")
 @click.option("--report", "page_path", type=_OUT, help="Write a page with figures here.")
-@click.option("--model", "model_path", type=_OUT,
-              help="Write the model with what was found here: effects and laws.")  # fmt: skip
+@click.option(
+    "--model",
+    "model_path",
+    type=_OUT,
+    help="Write the model with what was found here: effects and laws.",
+)
 def checkup(
     *,
     folder: Path | None,
@@ -143,13 +163,23 @@ def checkup(
                 whose = "simulated" if sim else bench
                 with _player(line, sim=sim, seed=seed, effects=effects, bench=bench) as player:
                     now = check.played_now(
-                        folder, baseline, programme, player(_NOW), out=out, bench=whose,
+                        folder,
+                        baseline,
+                        programme,
+                        player(_NOW),
+                        out=out,
+                        bench=whose,
                         say=line.note,
-                    )  # fmt: skip
+                    )
             judgement = check.check_folder(
-                folder, baseline, plant, now, recorded_for_it=played, say=line.note,
+                folder,
+                baseline,
+                plant,
+                now,
+                recorded_for_it=played,
+                say=line.note,
                 progress=line.say,
-            )  # fmt: skip
+            )
     facts = [("baseline", str(folder or good)), ("repeats", str(judgement.pairs.reference.repeats))]
     written = write_verdict(judgement.answer, json_path, page_path, facts=facts)
     if model_path is not None:
@@ -165,8 +195,13 @@ def checkup(
 @click.option(
     "--baseline", "folder", type=_FOLDER, required=True, help="The baseline of a commission."
 )
-@click.option("--minutes", type=click.FloatRange(1.0, 600.0), default=20.0, show_default=True,
-              help="Bench time for all runs with their rests.")  # fmt: skip
+@click.option(
+    "--minutes",
+    type=click.FloatRange(1.0, 600.0),
+    default=20.0,
+    show_default=True,
+    help="Bench time for all runs with their rests.",
+)
 @effect_option
 @_bench_options
 def investigate(

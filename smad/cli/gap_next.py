@@ -40,15 +40,27 @@ _OFFERS = 4
 @some_runs_argument
 @hold_out_option
 @good_option
-@click.option("--run", "chosen", metavar="NAME",
-              help="Carry out this experiment now: arms the bench and heats it.")  # fmt: skip
-@click.option("--baseline", type=click.Path(file_okay=False, path_type=Path),
-              help="Recommend a run to repeat after a check-up, in place of RUNs.")  # fmt: skip
+@click.option(
+    "--run",
+    "chosen",
+    metavar="NAME",
+    help="Carry out this experiment now: arms the bench and heats it.",
+)
+@click.option(
+    "--baseline",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Recommend a run to repeat after a check-up, in place of RUNs.",
+)
 @click.option("--sim", is_flag=True, help="With --run: in virtual time instead of on the bench.")
 @click.option("--model", "model_path", type=_RUN, help="With --sim: model of the simulated bench.")
 @effect_option
-@click.option("--folder", type=click.Path(path_type=Path), default=Path("runs"), show_default=True,
-              help="With --sim: where the run log goes.")  # fmt: skip
+@click.option(
+    "--folder",
+    type=click.Path(path_type=Path),
+    default=Path("runs"),
+    show_default=True,
+    help="With --sim: where the run log goes.",
+)
 @bench_option
 @params_option
 @variant_option

@@ -18,12 +18,30 @@ if TYPE_CHECKING:
 
 
 @click.command(name="plan")
-@click.option("--inputs", "inputs", multiple=True, callback=files, metavar="FILE…",
-              help="Tables or run logs with the inputs to play.")  # fmt: skip
-@click.option("--experiment", "experiments", multiple=True, metavar="NAME",
-              help="A run of the spring pair, from `smad gap next`.")  # fmt: skip
-@click.option("--within", "within_s", type=click.FloatRange(0.1, 3600.0), default=5.0,
-              show_default=True, metavar="S", help="Time for the replays.")  # fmt: skip
+@click.option(
+    "--inputs",
+    "inputs",
+    multiple=True,
+    callback=files,
+    metavar="FILE…",
+    help="Tables or run logs with the inputs to play.",
+)
+@click.option(
+    "--experiment",
+    "experiments",
+    multiple=True,
+    metavar="NAME",
+    help="A run of the spring pair, from `smad gap next`.",
+)
+@click.option(
+    "--within",
+    "within_s",
+    type=click.FloatRange(0.1, 3600.0),
+    default=5.0,
+    show_default=True,
+    metavar="S",
+    help="Time for the replays.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 @simulator_options
 @params_option

@@ -17,15 +17,32 @@ _FOLDER = click.Path(file_okay=False, path_type=Path)
 
 
 @click.command()
-@click.option("--folder", type=_FOLDER, default=Path("runs"), show_default=True,
-              help="Run logs of the bench; the record health.jsonl is kept there.")  # fmt: skip
-@click.option("--verdict", "verdicts", multiple=True,
-              type=click.Path(dir_okay=False, path_type=Path),
-              help="Add a check-up: the JSON that it wrote; may be repeated.")  # fmt: skip
-@click.option("--limit", "limits", multiple=True, metavar="NAME=VALUE",
-              help="Predict the cycles to a limit, such as stroke_mm=8; may be repeated.")  # fmt: skip
-@click.option("--report", type=click.Path(dir_okay=False, path_type=Path),
-              help="Write one page with all trends here.")  # fmt: skip
+@click.option(
+    "--folder",
+    type=_FOLDER,
+    default=Path("runs"),
+    show_default=True,
+    help="Run logs of the bench; the record health.jsonl is kept there.",
+)
+@click.option(
+    "--verdict",
+    "verdicts",
+    multiple=True,
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Add a check-up: the JSON that it wrote; may be repeated.",
+)
+@click.option(
+    "--limit",
+    "limits",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Predict the cycles to a limit, such as stroke_mm=8; may be repeated.",
+)
+@click.option(
+    "--report",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write one page with all trends here.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def health(
     *,

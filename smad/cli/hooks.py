@@ -74,8 +74,12 @@ def test(*, name: str, bench: str) -> None:
 
 @hooks.command(context_settings={"ignore_unknown_options": True})
 @click.option("--tasmota", metavar="URL", help="A plug with Tasmota's firmware: http://plug.lab")
-@click.option("--while", "holding", is_flag=True,
-              help="COMMAND keeps the relay on while it runs, such as gpioset.")  # fmt: skip
+@click.option(
+    "--while",
+    "holding",
+    is_flag=True,
+    help="COMMAND keeps the relay on while it runs, such as gpioset.",
+)
 @click.argument("command", nargs=-1, type=click.UNPROCESSED)
 @bench_option
 def relay(*, tasmota: str | None, holding: bool, command: tuple[str, ...], bench: str) -> None:

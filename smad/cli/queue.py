@@ -59,9 +59,14 @@ def queue() -> None:
 @_json_option
 @_queue_option
 def add(
-    *, kind: str, words: tuple[str, ...], repeat: int, as_json: bool, folder: Path | None,
+    *,
+    kind: str,
+    words: tuple[str, ...],
+    repeat: int,
+    as_json: bool,
+    folder: Path | None,
     bench: str,
-) -> None:  # fmt: skip
+) -> None:
     """Add a command: what would follow `smad run`, `tune`, `gap checkup` or `run moves`.
 
     Options of `add` come before the kind or after its words as --repeat. The command is checked
@@ -127,10 +132,15 @@ def _print_items(snapshot: Snapshot, *, everything: bool) -> None:
     if not everything:
         shown = shown[max(0, len(ended) - 5) :]
     rows = [
-        (str(item.id), item.title, item.state, _clock(item.started_unix_s or item.added_unix_s),
-         item.reason)
+        (
+            str(item.id),
+            item.title,
+            item.state,
+            _clock(item.started_unix_s or item.added_unix_s),
+            item.reason,
+        )
         for item in shown
-    ]  # fmt: skip
+    ]
     if rows:
         print_table(Table(("item", "command", "state", "since", "why"), rows))
 
@@ -201,8 +211,12 @@ def pause(*, now: bool, folder: Path | None, bench: str) -> None:
 @queue.command()
 @click.option("--until", metavar="HH:MM", help="End time, such as 07:30 or 2026-11-26T07:30.")
 @click.option("--hours", type=click.FloatRange(0, 744, min_open=True), help="Longest time.")
-@click.option("--energy-kJ", "energy_kJ", type=click.FloatRange(0, min_open=True),
-              help="Largest heating energy.")  # fmt: skip
+@click.option(
+    "--energy-kJ",
+    "energy_kJ",
+    type=click.FloatRange(0, min_open=True),
+    help="Largest heating energy.",
+)
 @click.option("--cycles", type=click.FloatRange(0, min_open=True), help="Largest number of cycles.")
 @click.option("--confirm", "code", metavar="CODE", help="Second step, with the code of the first.")
 @_queue_option

@@ -73,8 +73,13 @@ SEED_STEP = 100_003
 )
 @click.option("--for", "seconds", type=Finite(min=0), metavar="S", help="End after this time.")
 @click.option("--transport", default="pty", show_default=True, help="pty, or fd:N,… (sockets).")
-@click.option("--patience", type=click.IntRange(1, 1000), default=1, hidden=True,
-              help="With --paced-by-host: wait so many times as long for a setpoint.")  # fmt: skip
+@click.option(
+    "--patience",
+    type=click.IntRange(1, 1000),
+    default=1,
+    hidden=True,
+    help="With --paced-by-host: wait so many times as long for a setpoint.",
+)
 @click.option("--parent", type=int, hidden=True, help="End when this process does.")
 def sim(
     *,

@@ -50,9 +50,13 @@ SIMULATED_BAUDS = {"python": 921_600, "host": 921_600, "avr": 500_000}
     help="With --sim: the board, see smad sim --help.",
 )
 @click.option("--fd", hidden=True, help="Inherited sockets instead of ports: N,… by axis.")
-@click.option("--patience", type=click.IntRange(1, 1000), default=1, hidden=True,
-              help="With --paced-by-host: both ends wait so many times as long for each other.",
-)  # fmt: skip
+@click.option(
+    "--patience",
+    type=click.IntRange(1, 1000),
+    default=1,
+    hidden=True,
+    help="With --paced-by-host: both ends wait so many times as long for each other.",
+)
 @click.option("--trace", "trace_path", type=click.Path(path_type=Path), hidden=True)
 @click.option("--parent", type=int, hidden=True, help="End when this process does.")
 @click.option("--no-realtime", is_flag=True, help="Do not ask for real-time measures.")

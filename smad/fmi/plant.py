@@ -233,10 +233,13 @@ def effects_of(mapped: Map) -> list[Effect]:
         what = f"{f}(({term.of} − {term.zero:g})/{term.span:g}){raised}" if term.of else "1"
         effects.append(
             Effect(
-                name=name, title=term.title, parameters=(size,), signals=everything,
+                name=name,
+                title=term.title,
+                parameters=(size,),
+                signals=everything,
                 equation=f"{term.variable} += size · {what}",
             )
-        )  # fmt: skip
+        )
     return effects
 
 
