@@ -30,7 +30,7 @@ class View(Struct, frozen=True, kw_only=True):
     """What a look showed. `generation` is None while no daemon answers."""
 
     generation: int | None = None
-    bench: Bench = Readiness(False, "no daemon answers")
+    bench: Readiness = Readiness(False, "no daemon answers")
     recording: str = ""
     """The run log that is being written, or was written last."""
     being_recorded: bool = False
