@@ -49,7 +49,7 @@ _ACCESS = {
 
 
 def methods() -> str:
-    """Every method with the names of its parameters, and its reply."""
+    """The first sentence of every method, the names of its parameters, and its reply."""
     return "".join(line for method in api.METHODS for line in _method(method))
 
 
@@ -74,12 +74,8 @@ def channels() -> str:
 
 
 def configuration() -> str:
-    """Every section of the configuration with its purpose and its keys."""
-    return "\n".join(
-        f"### `{section.heading}`\n\n{section.purpose}\n\n"
-        f"{', '.join(f'`{key.name}`' for key in section.keys)}\n"
-        for section in sections()
-    )
+    """Every section of the configuration with its purpose."""
+    return "\n".join(f"### `{section.heading}`\n\n{section.purpose}\n" for section in sections())
 
 
 def reasons() -> str:
@@ -173,7 +169,8 @@ def _method(method: api.Method) -> Iterator[str]:
     reply = method.reply.__name__
     takes = ", ".join(f"`{field.name}`" for field in info_of(method.params).fields)
     takes = f" Takes {takes}." if takes else ""
-    yield f"- **`{method.name}`** ({access}[{reply}](#replies)): {_prose(method.params)}{takes}\n"
+    meaning = f"{_prose(method.params).partition('. ')[0].removesuffix('.')}."
+    yield f"- **`{method.name}`** ({access}[{reply}](#replies)): {meaning}{takes}\n"
 
 
 def _piece(struct: type[Struct]) -> Iterator[str]:

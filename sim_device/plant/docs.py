@@ -41,16 +41,11 @@ def differences_table() -> str:
 
 
 def effects_list() -> str:
-    """Every entry of the effect registry by subsystem, with its places."""
+    """Every entry of the effect registry by subsystem."""
     lines: list[str] = []
     for subsystem, group in groupby(EFFECTS, key=lambda entry: entry.subsystem):
-        entries = list(group)
-        shared = tuple(need for need in entries[0].needs if all(need in e.needs for e in entries))
-        lines += ["", f"{subsystem.capitalize()}{_needs(shared)}:", ""]
-        for entry in entries:
-            places = ", ".join(f"`{name}`" for name in entry.places)
-            needs = _needs([need for need in entry.needs if need not in shared])
-            lines.append(f"- **`{entry.name}`** ({places}{needs}): {entry.title}")
+        lines += ["", f"{subsystem.capitalize()}:", ""]
+        lines += [f"- **`{entry.name}`**: {entry.title}" for entry in group]
     return "\n".join(lines[1:])
 
 

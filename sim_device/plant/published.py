@@ -132,7 +132,7 @@ def _shear_slope() -> float:
     return 0.5e-6 * (base["slope_austenite"] + base["slope_martensite"])
 
 
-_HEAT = "the alloy's heat: 466 J/(kg K) of a DSC curve here, 1011 fitted there; measure one's own"
+_HEAT = "the alloy's heat"
 _NO_FLOW = "forced convection in air"
 NUMBERS: tuple[Published, ...] = (
     Published(what="resistance of the spring", source="K", value=0.35, unit="Ω",

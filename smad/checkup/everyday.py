@@ -84,6 +84,8 @@ def repeated(
             lines=matched.lines, repeats=_LEAST_REPEATS, headline=f"not possible: {error}"
         )
     return Repeated(
-        lines=matched.lines, repeats=reference.repeats, outcome=verdict.outcome,
+        lines=matched.lines,
+        repeats=reference.repeats,
+        outcome=verdict.outcome,
         headline=verdict.headline,
-    )  # fmt: skip
+    )

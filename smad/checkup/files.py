@@ -148,8 +148,10 @@ def match(plant: PlantModel, good: Sequence[RunFile], now: Sequence[RunFile]) ->
         else:
             alone.append(str(run.path))
     used = [g for g in groups if any(g is group for _, group in pairs)]
-    named = {id(g): f"{g[0].name}" if len({h[0].name for h in used}) == len(used)
-             else str(g[0].path) for g in used}  # fmt: skip
+    named = {
+        id(g): f"{g[0].name}" if len({h[0].name for h in used}) == len(used) else str(g[0].path)
+        for g in used
+    }
     lines = [
         f"{run.path} repeats {len(group)} good run{'s' if len(group) > 1 else ''}: "
         + ", ".join(str(f.path) for f in group)

@@ -146,8 +146,9 @@ class Inquiry:
         recorded = self.play(run, self.originals / f"{run.name}.mcap")
         file = f"{number:02d}-{run.name}{recorded.path.suffix}"
         keep(recorded.path, self.folder / file)
-        record = Record(file, run.name, why, held_out, recorded.took_s or run.duration_s,
-                        recorded.ended)  # fmt: skip
+        record = Record(
+            file, run.name, why, held_out, recorded.took_s or run.duration_s, recorded.ended
+        )
         report = msgspec.structs.replace(report, records=[*report.records, record])
         self._write(report)
         return report

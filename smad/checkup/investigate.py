@@ -57,9 +57,10 @@ def propose(judgement: Judged, costs_s: Mapping[str, float], left_s: float) -> P
     """
     verdict, pairs = judgement.verdict, judgement.pairs
     if not verdict.causes:
-        said = {QUIET: "nothing has changed beyond the repeat floor",
-                PARAMETERS: "other values of the parameters explain it"}.get(
-                    verdict.outcome, "no rival is told")  # fmt: skip
+        said = {
+            QUIET: "nothing has changed beyond the repeat floor",
+            PARAMETERS: "other values of the parameters explain it",
+        }.get(verdict.outcome, "no rival is told")
         if run := _next_new(pairs, costs_s, left_s):
             return Proposal(run, f"for the first time now: so far {said}")
         return Proposal(None, f"settled: {said}")

@@ -101,9 +101,12 @@ class LivePlayer:
             repeat.require_fit(self._config)
             repeat.require_bench(self._uid, self._bench)
         driver = Replayer(
-            self._client, progress=self._progress, sleep=time.sleep, strokes=True,
+            self._client,
+            progress=self._progress,
+            sleep=time.sleep,
+            strokes=True,
             elsewhere=self._say,
-        )  # fmt: skip
+        )
         driver.start = None if repeat is None else repeat.start
         leased = LeasedDriver(
             self._client, driver, lease_s=LEASE_S, progress=self._progress, who=self._who

@@ -205,6 +205,9 @@ def _run(k: int, x: _RunFile, arrays: Mapping[str, np.ndarray], plant: PlantMode
     inputs = {name.removeprefix(prefix): v for name, v in arrays.items() if name.startswith(prefix)}
     whole = GapRun(x.name, t_s, inputs, {c: np.full(len(t_s), v) for c, v in x.around.items()})
     return RunReference(
-        name=x.name, played=Played.of(whole, plant.inputs, x.start_s), around=x.around,
-        inputs=binned(whole, x.bins, plant, x.start_s), **{f: arrays[f"{k}.{f}"] for f in _RUN},
-    )  # fmt: skip
+        name=x.name,
+        played=Played.of(whole, plant.inputs, x.start_s),
+        around=x.around,
+        inputs=binned(whole, x.bins, plant, x.start_s),
+        **{f: arrays[f"{k}.{f}"] for f in _RUN},
+    )

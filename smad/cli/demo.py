@@ -17,7 +17,13 @@ from smad.cli.output import Progress
     show_default=True,
     help="Where the run log and the page go.",
 )
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**32 - 1),
+    default=0,
+    show_default=True,
+    help="Seed of all noise.",
+)
 @click.option(
     "--firmware",
     "boards",
@@ -31,7 +37,7 @@ def demo(folder: Path, seed: int, boards: tuple[str, ...]) -> None:
     """Run steps and a sinusoid on a simulated bench; show numbers.
 
     The same seed gives the same bench. The table's last digits still differ from run to run: the
-    noise that a motion meets depends on when the bench was armed.
+    noise depends on when the bench was armed.
     """
     from smad.cli.tables import print_table
     from smad.demo import figures

@@ -19,8 +19,14 @@ _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
 @click.option("--pitch", "pitch_mm", type=float, help="Between turns, mm; counts in air.")
 @click.option("--tube", "tube_mm", type=float, help="Inner diameter of the tube, mm.")
 @click.option("--prestrain", type=float, help="Shear strain of the mounted springs.")
-@click.option("--current", "current_A", type=click.FloatRange(0.01, 50.0), default=4.0,
-              show_default=True, help="Of the spring that is heated, A.")  # fmt: skip
+@click.option(
+    "--current",
+    "current_A",
+    type=click.FloatRange(0.01, 50.0),
+    default=4.0,
+    show_default=True,
+    help="Of the spring that is heated, A.",
+)
 @click.option(
     "--cooling",
     type=click.Choice(["water", "air"]),
@@ -29,8 +35,9 @@ _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
     help="Water in a tube around the wire, or still air.",
 )
 @click.option("--params", default="A", show_default=True, help="The alloy: a parameter set.")
-@click.option("--html", "page", type=click.Path(dir_okay=False, path_type=Path),
-              help="Page to write.")  # fmt: skip
+@click.option(
+    "--html", "page", type=click.Path(dir_okay=False, path_type=Path), help="Page to write."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 def design(
     *,
@@ -42,10 +49,10 @@ def design(
     as_json: bool,
     **given: float | None,
 ) -> None:
-    """Say what stroke, force, period and power a pair of springs gives.
+    """Compute stroke, force, period and power of a pair of springs.
 
     GEOMETRY is a file (base, wire_mm, coil_mm, turns, pitch_mm, tube_mm, prestrain); options go
-    before it. Without either it is the spring of the parameter set. The simulated pair makes a full
+    before it. By default it is the spring of the parameter set. The simulated pair makes a full
     stroke to and fro; docs/guide/design.md says what is scaled and what is not.
     """
     from dataclasses import asdict, replace

@@ -86,7 +86,7 @@ def _duty(ctx: click.Context, param: click.Parameter, value: str) -> float:
 @click.argument("fault", callback=_fault, required=False, shell_complete=complete.faults)
 @axis_option
 def clear(bench: str, fault: int | None) -> None:
-    """Acknowledge the latched fault; FAULT, by name or number, refuses to clear another.
+    """Acknowledge the latched fault; FAULT (a name or number) clears only that one.
 
     Works once its cause is gone and the springs are cold.
     """
@@ -101,8 +101,8 @@ def clear(bench: str, fault: int | None) -> None:
 @click.option(
     "--rate", type=Quantity("K/s"), metavar="K/S", help="Ramp to it instead of going at once."
 )
-@click.option("--for", "duration_s", type=Quantity("s"), metavar="S", help="Hold for so long.")
-@click.option("--water/--no-water", default=True, help="Let the pump cool while too warm.")
+@click.option("--for", "duration_s", type=Quantity("s"), metavar="S", help="Hold for this time.")
+@click.option("--water/--no-water", default=True, help="Cool with the pump while too warm.")
 @_wait
 @axis_option
 def heat(
@@ -147,9 +147,9 @@ def heat(
 @click.command(context_settings=NEGATIVE)
 @click.argument("spring", type=_SPRING, metavar="SPRING")
 @click.argument("current_a", type=Quantity("A"), metavar="A")
-@click.option("--for", "duration_s", type=Quantity("s"), metavar="S", help="End after so long.")
+@click.option("--for", "duration_s", type=Quantity("s"), metavar="S", help="End after this time.")
 @click.option(
-    "--until", "until_degc", type=Quantity("°C"), metavar="DEGC", help="End when it is so warm."
+    "--until", "until_degc", type=Quantity("°C"), metavar="DEGC", help="End at this temperature."
 )
 @_wait
 @axis_option
@@ -187,7 +187,7 @@ def current(
 @click.command(context_settings=NEGATIVE)
 @click.argument("spring", type=_SPRING, metavar="SPRING")
 @click.argument("duty", callback=_duty)
-@click.option("--for", "duration_s", type=Quantity("s"), metavar="S", help="End after so long.")
+@click.option("--for", "duration_s", type=Quantity("s"), metavar="S", help="End after this time.")
 @_wait
 @axis_option
 def pump(spring: str, duty: float, duration_s: float | None, wait: bool, bench: str) -> None:

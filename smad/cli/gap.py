@@ -60,8 +60,7 @@ gap.add_command(plan_runs)
 @variant_option
 @click.option("--json", "json_path", type=_OUT, help="Write the whole verdict here.")
 @click.option("--html", "html_path", type=_OUT, help="Write the report page here.")
-@click.option("--apply", "model_path", type=_OUT,
-              help="Write the model with everything that is told here.")  # fmt: skip
+@click.option("--apply", "model_path", type=_OUT, help="Write the better model here.")
 @simulator_options
 def diagnose(
     *,
@@ -80,15 +79,15 @@ def diagnose(
     map_path: Path | None,
     window_s: float | None,
 ) -> None:
-    """Say where model and RUNs disagree, which law is missing there, and how much of the gap goes.
+    """Say where model and RUNs disagree, which effect or law is missing, and how much of the gap
+    it explains.
 
-    With --good the question is what has changed since those runs; without, every difference between
-    model and bench counts. Without --hold-out each run is judged by a model of the others.
+    With --good the question is what has changed since those runs, else what differs between model
+    and bench. Without --hold-out each run is judged by a model of the others.
 
     A RUN is a run log, a table, a folder of them, or a quoted pattern; --map alone is a mapping
-    file of smad log import. Give RUNs before --hold-out and
-    --good, which take all that follows. Ends with status 3 where the runs cannot support the
-    question. Files are written before anything is printed.
+    file of smad log import. Give RUNs before --hold-out and --good, which take all that follows.
+    The status is 3 if the runs cannot support the question.
     """
     require_among(trust, (runs, hold_out, good), "--trust")
     for path in (json_path, html_path, model_path):
@@ -104,9 +103,15 @@ def diagnose(
     with clean_errors():
         if map_path is not None and (fmu or mjcf):
             answer = diagnosed_elsewhere(
-                runs, good, hold_out, trust,
-                fmu=fmu, mjcf=mjcf, map_path=map_path, window_s=window_s,
-            )  # fmt: skip
+                runs,
+                good,
+                hold_out,
+                trust,
+                fmu=fmu,
+                mjcf=mjcf,
+                map_path=map_path,
+                window_s=window_s,
+            )
             asked = ""
         else:
             from smad.checkup.everyday import diagnose_files
@@ -135,10 +140,11 @@ def diagnose(
 @gap.command()
 @click.argument("verdict", type=_RUN)
 @click.option("--out", type=_OUT, required=True, help="The model file to write.")
-@click.option("--first", type=click.IntRange(0),
-              help="Only the first causes of the list; 0: the parameters alone.")  # fmt: skip
+@click.option(
+    "--first", type=click.IntRange(0), help="Only this many causes; 0: the parameters alone."
+)
 def apply(*, verdict: Path, out: Path, first: int | None) -> None:
-    """Write the model of a VERDICT (what --json wrote), with all its causes or the first ones."""
+    """Write the model of a VERDICT (written by --json), with all its causes or the first ones."""
     import msgspec
 
     from smad.diagnosis.errors import GapError
@@ -180,7 +186,7 @@ def effects(*, variant: str, as_json: bool) -> None:
             high = f"{q.high:g}" + (f" {q.unit}" if q.unit != "1" else "")
             click.echo(f"    {q.name}: {q.low:g} to {high}, typically {q.typical:g}{kind}")
         click.echo(f"    confused with: {', '.join(e.confused_with) or 'nothing known'}")
-        click.echo(f"    told apart by: {e.separates}")
+        click.echo(f"    separated by: {e.separates}")
         click.echo(f"    source: {e.reference}")
 
 
@@ -193,7 +199,7 @@ def effects(*, variant: str, as_json: bool) -> None:
 def verify(
     *, runs: tuple[Path, ...], model_path: Path, params: str, variant: str, as_json: bool
 ) -> None:
-    """Show the gap of RUNs, which the model has not seen, before and after it."""
+    """Show the gap of new RUNs with and without the model."""
     import msgspec
 
     plant = plant_of(params, variant)

@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 _F = TypeVar("_F", bound=Callable[..., Any])
 _FOLDER = click.Path(file_okay=False, path_type=Path)
 _OUT = click.Path(dir_okay=False, path_type=Path)
-_programme = click.option("--programme", "programme_folder", type=_FOLDER,
-                          help="Another programme than the one in the package.")  # fmt: skip
+_programme = click.option(
+    "--programme", "programme_folder", type=_FOLDER, help="A programme in place of the package's."
+)
 _NOW = 1000
 """What a simulated bench adds to its seed after the commissioning, whose repeats count from 1."""
 
@@ -35,8 +36,13 @@ def _bench_options(command: _F) -> _F:
 
 @click.command()
 @click.option("--baseline", "folder", type=_FOLDER, required=True, help="Where the baseline goes.")
-@click.option("--repeats", type=click.IntRange(1, 8), default=2, show_default=True,
-              help="How often the whole programme is played.")  # fmt: skip
+@click.option(
+    "--repeats",
+    type=click.IntRange(1, 8),
+    default=2,
+    show_default=True,
+    help="How often the whole programme is played.",
+)
 @click.option("--again", is_flag=True, help="Add repeats to a baseline: the floor gets better.")
 @click.option("--quick", is_flag=True, help="Only the part that separates most.")
 @_bench_options
@@ -51,11 +57,11 @@ def commission(
     programme_folder: Path | None,
     bench: str,
 ) -> None:
-    """Record what a good bench makes of the programme, and compute a baseline from it.
+    """Record the programme on a good bench, and compute a baseline from it.
 
-    Runs are kept in FOLDER/good-1, good-2 …; interrupted, the same command goes on after the last
-    run that was finished. A baseline that cannot be read, or is of another version of smad, is
-    computed anew from its runs. Arms the bench and heats it.
+    Arms the bench and heats it. Runs are kept in FOLDER/good-1, good-2 …; an interrupted command
+    continues after the last finished run. A baseline that cannot be read, or is of another version
+    of smad, is computed anew from its runs.
     """
     from smad.checkup import baseline as baselines
     from smad.checkup.programme import chosen
@@ -69,9 +75,16 @@ def commission(
         )
         with _player(line, sim=sim, seed=seed, effects=(), bench=bench) as player:
             reference = baselines.commission(
-                folder, plant, programme, player, bench=whose, repeats=repeats, known=known,
-                say=line.note, progress=line.say,
-            )  # fmt: skip
+                folder,
+                plant,
+                programme,
+                player,
+                bench=whose,
+                repeats=repeats,
+                known=known,
+                say=line.note,
+                progress=line.say,
+            )
     minutes = programme.duration_s / 60.0
     click.echo(
         f"baseline {folder}: {len(programme.runs)} runs of {minutes:.1f} min in all, "
@@ -83,17 +96,24 @@ def commission(
 
 @click.command()
 @click.option("--baseline", "folder", type=_FOLDER, help="Play its programme again, and judge.")
-@click.option("--good", type=_FOLDER, help="Run files of a good day, several repeats at best.")
-@click.option("--now", type=_FOLDER, help="Run files of now: the same inputs as the good ones.")
+@click.option("--good", type=_FOLDER, help="Run files of a good day, best several repeats.")
+@click.option("--now", type=_FOLDER, help="New run files with the same inputs as the good ones.")
 @click.option("--quick", is_flag=True, help="With --baseline: the part that separates most.")
-@click.option("--out", type=_FOLDER, help="With --baseline: where the runs of now go  [default: "
-              "BASELINE/now-1, now-2 …]")  # fmt: skip
+@click.option(
+    "--out",
+    type=_FOLDER,
+    help="With --baseline: where the runs of now go  [default: BASELINE/now-1, now-2 …]",
+)
 @effect_option
 @_bench_options
 @click.option("--json", "json_path", type=_OUT, help="Write the verdict here.")
 @click.option("--report", "page_path", type=_OUT, help="Write a page with figures here.")
-@click.option("--model", "model_path", type=_OUT,
-              help="Write the model with what was found here: effects and laws.")  # fmt: skip
+@click.option(
+    "--model",
+    "model_path",
+    type=_OUT,
+    help="Write the model with what was found here: effects and laws.",
+)
 def checkup(
     *,
     folder: Path | None,
@@ -110,12 +130,12 @@ def checkup(
     page_path: Path | None,
     model_path: Path | None,
 ) -> None:
-    """Say what has changed since the bench was good, from equal inputs then and now.
+    """Find what has changed since the bench was good, by repeating its inputs.
 
     With --baseline the programme is played (or read, with --now) and compared with the baseline.
     With --good and --now run files are compared: run logs, CSV or Parquet with units in their
-    columns' names. Runs are paired by their inputs, and by name where several fit. A good run that
-    a stop cut is told of and left out.
+    columns' names. Runs are paired by their inputs, and by name where several fit. Good runs that
+    a stop cut are listed and left out.
     """
     if (folder is None) == (good is None):
         raise click.UsageError("give --baseline, or --good and --now")
@@ -143,13 +163,23 @@ def checkup(
                 whose = "simulated" if sim else bench
                 with _player(line, sim=sim, seed=seed, effects=effects, bench=bench) as player:
                     now = check.played_now(
-                        folder, baseline, programme, player(_NOW), out=out, bench=whose,
+                        folder,
+                        baseline,
+                        programme,
+                        player(_NOW),
+                        out=out,
+                        bench=whose,
                         say=line.note,
-                    )  # fmt: skip
+                    )
             judgement = check.check_folder(
-                folder, baseline, plant, now, recorded_for_it=played, say=line.note,
+                folder,
+                baseline,
+                plant,
+                now,
+                recorded_for_it=played,
+                say=line.note,
                 progress=line.say,
-            )  # fmt: skip
+            )
     facts = [("baseline", str(folder or good)), ("repeats", str(judgement.pairs.reference.repeats))]
     written = write_verdict(judgement.answer, json_path, page_path, facts=facts)
     if model_path is not None:
@@ -162,9 +192,16 @@ def checkup(
 
 
 @click.command()
-@click.option("--baseline", "folder", type=_FOLDER, required=True, help="What the bench was like.")
-@click.option("--minutes", type=click.FloatRange(1.0, 600.0), default=20.0, show_default=True,
-              help="Bench time for all runs with their rests.")  # fmt: skip
+@click.option(
+    "--baseline", "folder", type=_FOLDER, required=True, help="The baseline of a commission."
+)
+@click.option(
+    "--minutes",
+    type=click.FloatRange(1.0, 600.0),
+    default=20.0,
+    show_default=True,
+    help="Bench time for all runs with their rests.",
+)
 @effect_option
 @_bench_options
 def investigate(
@@ -177,12 +214,12 @@ def investigate(
     seed: int,
     bench: str,
 ) -> None:
-    """Find what has changed: check up, then play again what separates best, until it is settled.
+    """Find what has changed: check up, then repeat the run that separates the rivals best.
 
-    Stops when one cause is left, the time is spent, or no run would separate what stays. Then the
-    check-up is played once more as proof, and the model with the cause is written. Says at each
-    step what it plays and why. Interrupted, the same command goes on. The bench is disarmed after
-    each run.
+    Stops when one cause is left, the time is spent, or no run would separate the rest. Then it
+    repeats the check-up as proof, and writes the model with the cause. It says at each step what
+    it plays and why. An interrupted command continues when it is repeated. The bench is disarmed
+    after each run.
     """
     from smad.checkup.baseline import FIRST, require_same
     from smad.checkup.inquiry import Inquiry, open_folder

@@ -40,19 +40,37 @@ _OFFERS = 4
 @some_runs_argument
 @hold_out_option
 @good_option
-@click.option("--run", "chosen", metavar="NAME",
-              help="Carry out this experiment now: arms the bench and heats it.")  # fmt: skip
-@click.option("--baseline", type=click.Path(file_okay=False, path_type=Path),
-              help="What to play again after a check-up against it, in place of RUNs.")  # fmt: skip
+@click.option(
+    "--run",
+    "chosen",
+    metavar="NAME",
+    help="Carry out this experiment now: arms the bench and heats it.",
+)
+@click.option(
+    "--baseline",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Recommend a run to repeat after a check-up, in place of RUNs.",
+)
 @click.option("--sim", is_flag=True, help="With --run: in virtual time instead of on the bench.")
 @click.option("--model", "model_path", type=_RUN, help="With --sim: model of the simulated bench.")
 @effect_option
-@click.option("--folder", type=click.Path(path_type=Path), default=Path("runs"), show_default=True,
-              help="With --sim: where the run log goes.")  # fmt: skip
+@click.option(
+    "--folder",
+    type=click.Path(path_type=Path),
+    default=Path("runs"),
+    show_default=True,
+    help="With --sim: where the run log goes.",
+)
 @bench_option
 @params_option
 @variant_option
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**32 - 1),
+    default=0,
+    show_default=True,
+    help="With --sim: seed of all noise.",
+)
 def next_experiment(
     *,
     runs: tuple[Path, ...],
@@ -69,7 +87,7 @@ def next_experiment(
     variant: str,
     seed: int,
 ) -> None:
-    """Recommend the experiment that would best separate what RUNs leave confused; or run one.
+    """Recommend the experiment that would best separate the causes that RUNs leave, or run one.
 
     Without RUNs the catalogue is listed. --run takes a name from it, and writes a run log.
     """
@@ -109,7 +127,7 @@ def next_experiment(
     if not confused:
         click.echo("Nothing is confused that a run of the catalogue could tell apart.")
         return
-    click.echo(f"Not told apart: {' or '.join(confused)}. Least d² between two of them:")
+    click.echo(f"Not separated:  {' or '.join(confused)}. Least d² between two of them:")
     for offer in ranked[:_OFFERS]:
         x = offer.experiment
         d2 = f"d² {offer.separation:>7.1f}"

@@ -19,12 +19,30 @@ if TYPE_CHECKING:
 
 
 @click.command(name="plan")
-@click.option("--inputs", "inputs", multiple=True, callback=files, metavar="FILE…",
-              help="Tables or run logs whose inputs are to be played.")  # fmt: skip
-@click.option("--experiment", "experiments", multiple=True, metavar="NAME",
-              help="Of the spring pair: a run of `smad gap next`'s list.")  # fmt: skip
-@click.option("--within", "within_s", type=click.FloatRange(0.1, 3600.0), default=5.0,
-              show_default=True, metavar="S", help="Processor time, all included.")  # fmt: skip
+@click.option(
+    "--inputs",
+    "inputs",
+    multiple=True,
+    callback=files,
+    metavar="FILE…",
+    help="Tables or run logs with the inputs to play.",
+)
+@click.option(
+    "--experiment",
+    "experiments",
+    multiple=True,
+    metavar="NAME",
+    help="A run of the spring pair, from `smad gap next`.",
+)
+@click.option(
+    "--within",
+    "within_s",
+    type=click.FloatRange(0.1, 3600.0),
+    default=5.0,
+    show_default=True,
+    metavar="S",
+    help="Processor time, all included.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 @simulator_options
 @params_option
@@ -42,7 +60,7 @@ def plan_runs(
     params: str,
     variant: str,
 ) -> None:
-    """Rate parameters, effects and places by what these inputs could show; nothing is measured.
+    """Rate which parameters, effects and places these inputs could show, before measuring.
 
     identifiable: noticed below its typical size, like no other; weak: noticed only above, or like
     another; not: within its range other values of the parameters imitate it, or nothing shows.

@@ -107,21 +107,31 @@ def require_among(names: Sequence[str], groups: Sequence[Sequence[Path]], option
 
 
 leave_out_option = click.option(
-    "--leave-out", multiple=True, metavar="RUN",
-    help="A run among those given that is left out, by the name that the answer gives it.",
-)  # fmt: skip
+    "--leave-out",
+    multiple=True,
+    metavar="RUN",
+    help="Leave out this run, by its name in the answer.",
+)
 trust_option = click.option(
-    "--trust", multiple=True, metavar="RUN",
-    help="A run that is used whatever the nominal model thinks of its channels.",
-)  # fmt: skip
+    "--trust",
+    multiple=True,
+    metavar="RUN",
+    help="Use this run although its channels contradict the nominal model.",
+)
 hold_out_option = click.option(
-    "--hold-out", multiple=True, callback=files, metavar="RUN…",
+    "--hold-out",
+    multiple=True,
+    callback=files,
+    metavar="RUN…",
     help="Runs to judge on, never fitted to: files, patterns or folders, up to the next option.",
-)  # fmt: skip
+)
 good_option = click.option(
-    "--good", multiple=True, callback=files, metavar="RUN…",
+    "--good",
+    multiple=True,
+    callback=files,
+    metavar="RUN…",
     help="Runs known to be good: files, patterns or folders, up to the next option.",
-)  # fmt: skip
+)
 
 
 def uncut(good: Sequence[Path]) -> tuple[Path, ...]:

@@ -64,9 +64,15 @@ def diagnosed_elsewhere(
             from smad.simulators.mjcf.asked import diagnose_mjcf
 
             return diagnose_mjcf(
-                mjcf, map_path, runs, good=good, hold_out=hold_out, trusted=trusted,
-                window_s=window_s, progress=line.say,
-            )  # fmt: skip
+                mjcf,
+                map_path,
+                runs,
+                good=good,
+                hold_out=hold_out,
+                trusted=trusted,
+                window_s=window_s,
+                progress=line.say,
+            )
         from smad.fmi.asked import diagnose_unit
 
         assert fmu is not None

@@ -17,15 +17,32 @@ _FOLDER = click.Path(file_okay=False, path_type=Path)
 
 
 @click.command()
-@click.option("--folder", type=_FOLDER, default=Path("runs"), show_default=True,
-              help="Run logs of the bench; the record health.jsonl is kept there.")  # fmt: skip
-@click.option("--verdict", "verdicts", multiple=True,
-              type=click.Path(dir_okay=False, path_type=Path),
-              help="Add a check-up: the JSON that it wrote; may be given often.")  # fmt: skip
-@click.option("--limit", "limits", multiple=True, metavar="NAME=VALUE",
-              help="Predict the cycles to it, as stroke_mm=8; may be given often.")  # fmt: skip
-@click.option("--report", type=click.Path(dir_okay=False, path_type=Path),
-              help="Write one page with all trends here.")  # fmt: skip
+@click.option(
+    "--folder",
+    type=_FOLDER,
+    default=Path("runs"),
+    show_default=True,
+    help="Run logs of the bench; the record health.jsonl is kept there.",
+)
+@click.option(
+    "--verdict",
+    "verdicts",
+    multiple=True,
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Add a check-up: the JSON that it wrote; may be repeated.",
+)
+@click.option(
+    "--limit",
+    "limits",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Predict the cycles to a limit, such as stroke_mm=8; may be repeated.",
+)
+@click.option(
+    "--report",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write one page with all trends here.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def health(
     *,
@@ -35,11 +52,12 @@ def health(
     report: Path | None,
     as_json: bool,
 ) -> None:
-    """Take the new runs of FOLDER into the record, and say what has changed on the bench.
+    """Add the new runs of FOLDER to the record, and show what has changed on the bench.
 
     Each run log gives one row: stroke, rest, force, resistances, cooling, gains; each check-up's
     verdict parameters with their intervals, floors and places. Runs of one name are compared. A
-    change is told when the cumulative sum of its deviations leaves what ten rows allow.
+    change is reported when the cumulative sum of deviations leaves the range of the first ten
+    rows.
     """
     from smad.experiments.ready import require_packages
     from smad.files import require_writable

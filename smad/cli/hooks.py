@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 @click.group()
 def hooks() -> None:
-    """Commands that are told of faults, stops, lost links, the queue and a full disk.
+    """Commands to run on faults, stops, lost links, a full disk and events of the queue.
 
-    They stand in the section [hooks] of the daemon's configuration (smad docs guide/queue).
+    The section [hooks] of the daemon's configuration names them (smad docs guide/queue).
     """
 
 
@@ -33,7 +33,7 @@ def hooks() -> None:
     help="Folder of the queue  [default: that of the daemon's run logs]",
 )
 def run(*, bench: str, folder: Path | None) -> None:
-    """Watch bench and queue until ctrl-C, and begin the hooks."""
+    """Watch bench and queue until ctrl-C, and run the hooks."""
     from smad.client.signals import ended_by_signals
     from smad.hooks.events import Detector
     from smad.hooks.watch import Watcher, commands_of, watch
@@ -54,7 +54,7 @@ def run(*, bench: str, folder: Path | None) -> None:
 @click.argument("name", metavar="HOOK")
 @bench_option
 def test(*, name: str, bench: str) -> None:
-    """Begin one HOOK with a made-up event, and wait for its end."""
+    """Run one HOOK with a made-up event, and wait for its end."""
     from smad.hooks.events import Event
     from smad.hooks.watch import HOOKS, POLL_S, Watcher, commands_of
 
@@ -74,15 +74,19 @@ def test(*, name: str, bench: str) -> None:
 
 @hooks.command(context_settings={"ignore_unknown_options": True})
 @click.option("--tasmota", metavar="URL", help="A plug with Tasmota's firmware: http://plug.lab")
-@click.option("--while", "holding", is_flag=True,
-              help="COMMAND keeps the relay on while it runs, such as gpioset.")  # fmt: skip
+@click.option(
+    "--while",
+    "holding",
+    is_flag=True,
+    help="COMMAND keeps the relay on while it runs, such as gpioset.",
+)
 @click.argument("command", nargs=-1, type=click.UNPROCESSED)
 @bench_option
 def relay(*, tasmota: str | None, holding: bool, command: tuple[str, ...], bench: str) -> None:
-    """Close the relay of the heaters' supply; let it fall when the daemon's heartbeat ends.
+    """Keep the relay of the heaters' supply closed while the daemon's samples come.
 
-    It falls, too, when the board is in FAULT or ESTOP, and when this command ends. It is closed
-    again only by a person who gives this command again.
+    It opens when they end, when the board is in FAULT or ESTOP, and when this command ends. Only a
+    person closes it again, with this command.
     """
     from smad.client import Client
     from smad.client.signals import ended_by_signals

@@ -15,11 +15,18 @@ _ERRORS = ("crc_errors", "cobs_errors", "length_errors", "payload_errors")
 
 @click.group()
 def link() -> None:
-    """Look at the serial link."""
+    """Test the serial link."""
 
 
 @link.command()
-@click.option("--for", "duration_s", type=Finite(0.01, 3600), default=5.0, show_default=True)
+@click.option(
+    "--for",
+    "duration_s",
+    type=Finite(0.01, 3600),
+    default=5.0,
+    show_default=True,
+    help="Seconds to count.",
+)
 @axis_option
 def test(duration_s: float, bench: str) -> None:
     """Count samples, errors and delays for some seconds; exit status 1 if a sample was lost."""

@@ -51,8 +51,7 @@ _folder = click.option(
     "--folder",
     envvar="SMAD_RUNS",
     callback=_folder_of_bench,
-    help="Where run logs are, for a PATH left out. Left out itself: the folder of the bench whose "
-    "daemon runs, else runs.",
+    help="Folder of the run logs [default: that of the running daemon, else runs]",
 )
 _json = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 _axis = click.option("--axis", default="", help="Which axis, of a log of several.")
@@ -77,7 +76,7 @@ log.add_command(layouts)
 @_folder
 @_json
 def list_command(place: str | None, folder: str, as_json: bool) -> None:
-    """List the run logs of FOLDER; left out, those of --folder."""
+    """List the run logs of FOLDER, or of --folder."""
     from smad.runlog.overview import list_runs
 
     folder = place or folder
@@ -150,7 +149,7 @@ def export(
 ) -> None:
     """Write a run log as CSV, Parquet or MATLAB file, beside it unless --output says where.
 
-    Each of several axes has a file of its own, with its name in it, unless they are --wide.
+    Several axes are written into a file each, or with --wide into one table.
     rosbag2 is a ROS 2 bag: a folder with an MCAP file of standard messages. lerobot is a dataset of
     LeRobot v3.0: a folder with Parquet files, of one episode.
     """
@@ -208,8 +207,8 @@ def split(path: Path | None, folder: str) -> None:
 )
 @_folder
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Page to write.")
-@click.option("--from", "from_s", type=float, default=-math.inf, help="Begin at so many seconds.")
-@click.option("--to", "to_s", type=float, default=math.inf, help="End at so many seconds.")
+@click.option("--from", "from_s", type=float, default=-math.inf, help="First second to draw.")
+@click.option("--to", "to_s", type=float, default=math.inf, help="Last second to draw.")
 @click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")
 @click.option(
     "--figure",
@@ -303,7 +302,7 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Run log to write.")
 @_json
 def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) -> None:
-    """Rewrite a cut or damaged log as a whole one, and report what was lost."""
+    """Write an intact copy of a cut or damaged log, and report what was lost."""
     from smad.runlog.holes import words
     from smad.runlog.recover import recover as recover_log
 

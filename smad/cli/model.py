@@ -18,22 +18,42 @@ def model() -> None:
 
 @model.command()
 @click.argument("source", metavar="[MODEL]", required=False, type=click.Path(path_type=Path))
-@click.option("--params", default="A", show_default=True,
-              help="Without MODEL: parameter file, or A, B, conserving.")  # fmt: skip
-@click.option("--effect", "effects", multiple=True, metavar="NAME[:P=V,…]",
-              shell_complete=complete.effects,
-              help="Add an effect, or replace the model's of that name.")  # fmt: skip
+@click.option(
+    "--params",
+    default="A",
+    show_default=True,
+    help="Without MODEL: parameter file, or A, B, conserving.",
+)
+@click.option(
+    "--effect",
+    "effects",
+    multiple=True,
+    metavar="NAME[:P=V,…]",
+    shell_complete=complete.effects,
+    help="Add an effect, or replace the model's of that name.",
+)
 @click.option(
     "--fixture",
     type=click.Choice(["antagonistic", "stretch", "blocked"]),
     default="antagonistic",
     show_default=True,
-    help="What holds the springs; the stage moves in the last two.",
+    help="How the springs are held; the last two have a stage.",
 )
-@click.option("--fmi", "unit", required=True, type=click.Path(dir_okay=False, path_type=Path),
-              help="FMI co-simulation unit to write.")  # fmt: skip
-@click.option("--fmi-version", "version", type=click.Choice(["3", "2"]), default="3",
-              show_default=True, help="2 for programs that do not import FMI 3.0.")  # fmt: skip
+@click.option(
+    "--fmi",
+    "unit",
+    required=True,
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="FMI co-simulation unit to write.",
+)
+@click.option(
+    "--fmi-version",
+    "version",
+    type=click.Choice(["3", "2"]),
+    default="3",
+    show_default=True,
+    help="2 for programs that do not import FMI 3.0.",
+)
 @click.option("--overwrite", is_flag=True, help="Replace a file that is there.")
 def export(
     *,

@@ -31,7 +31,9 @@ def _unit_mm(context: click.Context, parameter: click.Parameter, degrees: bool) 
 
 
 _COMMON = (
-    click.Option(["--queue"], is_flag=True, help="Append to what runs instead of replacing it."),
+    click.Option(
+        ["--queue"], is_flag=True, help="Append to the present motion instead of replacing it."
+    ),
     click.Option(
         ["--wait/--no-wait"], default=True, help="Wait until it is done, or return at once."
     ),

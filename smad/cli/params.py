@@ -11,13 +11,13 @@ from smad.cli.output import axis_option, client
 
 @click.group()
 def params() -> None:
-    """Look at and change the parameters stored on the board."""
+    """Show and change the parameters stored on the board."""
 
 
 @params.command("list")
 @axis_option
 def list_command(bench: str) -> None:
-    """List all of them."""
+    """List all parameters of the board."""
     with client(bench) as bench_client:
         parameters = bench_client.params()
     width = max(len(p.name) for p in parameters)
@@ -32,7 +32,7 @@ def list_command(bench: str) -> None:
 @click.argument("name", shell_complete=complete.parameters)
 @axis_option
 def get(name: str, bench: str) -> None:
-    """Show one."""
+    """Show one parameter of the board."""
     with client(bench) as bench_client:
         click.echo(_value(bench_client.get_param(name)))
 
@@ -42,7 +42,7 @@ def get(name: str, bench: str) -> None:
 @click.argument("value", type=float)
 @axis_option
 def set_command(name: str, value: float, bench: str) -> None:
-    """Change one, while not armed. `smad params save` keeps it over a power cycle."""
+    """Change one parameter while not armed. `smad params save` keeps it over a power cycle."""
     with client(bench) as bench_client:
         param = bench_client.set_param(name, value)
     click.echo(f"{name} = {_value(param)}; not yet kept over a power cycle (smad params save)")
@@ -51,7 +51,7 @@ def set_command(name: str, value: float, bench: str) -> None:
 @params.command("name")
 @axis_option
 def name_command(bench: str) -> None:
-    """Store on the board of --axis that it is the board of this axis, while not armed."""
+    """Store the name of --axis on its board, while not armed."""
     from firmware_protocol.parameters import axis_name_crc
 
     with client(bench) as bench_client:
@@ -65,7 +65,7 @@ def name_command(bench: str) -> None:
 @params.command()
 @axis_option
 def save(bench: str) -> None:
-    """Keep all of them over a power cycle, while not armed."""
+    """Keep all parameters over a power cycle, while not armed."""
     with client(bench) as bench_client:
         count = len(bench_client.save_params())
     click.echo(f"saved {count} parameters on the board")

@@ -47,21 +47,26 @@ def _opened(folder: Path | None, bench: str) -> Queue:
 def queue() -> None:
     """A queue of commands that survives terminals, kills and power losses.
 
-    `smad queue run` carries it out once a person has armed it with `smad queue resume`. What was
-    interrupted is never run again by itself.
+    `smad queue run` runs it once a person has armed it with `smad queue resume`. An interrupted
+    item never runs again by itself.
     """
 
 
 @queue.command(context_settings=_ANYTHING)
 @click.argument("kind", metavar="run|tune|checkup|move")
 @click.argument("words", nargs=-1, type=click.UNPROCESSED)
-@click.option("--repeat", type=click.IntRange(1, 1000), default=1, help="Add it so many times.")
+@click.option("--repeat", type=click.IntRange(1, 1000), default=1, help="How many copies to add.")
 @_json_option
 @_queue_option
 def add(
-    *, kind: str, words: tuple[str, ...], repeat: int, as_json: bool, folder: Path | None,
+    *,
+    kind: str,
+    words: tuple[str, ...],
+    repeat: int,
+    as_json: bool,
+    folder: Path | None,
     bench: str,
-) -> None:  # fmt: skip
+) -> None:
     """Add a command: what would follow `smad run`, `tune`, `gap checkup` or `run moves`.
 
     Options of `add` come before the kind or after its words as --repeat. The command is checked
@@ -101,11 +106,11 @@ def _with_repeat(words: tuple[str, ...], repeat: int) -> tuple[tuple[str, ...], 
 
 
 @queue.command("list")
-@click.option("--all", "everything", is_flag=True, help="Also what has ended.")
+@click.option("--all", "everything", is_flag=True, help="Also ended items.")
 @_json_option
 @_queue_option
 def list_items(*, everything: bool, as_json: bool, folder: Path | None, bench: str) -> None:
-    """Show the items, and what the queue does."""
+    """Show the items and the state of the queue."""
     with _opened(folder, bench) as opened:
         snapshot, runner = opened.snapshot(), opened.has_runner
         logs = {item.id: opened.store.logs(item.id) for item in snapshot.items}
@@ -127,10 +132,15 @@ def _print_items(snapshot: Snapshot, *, everything: bool) -> None:
     if not everything:
         shown = shown[max(0, len(ended) - 5) :]
     rows = [
-        (str(item.id), item.title, item.state, _clock(item.started_unix_s or item.added_unix_s),
-         item.reason)
+        (
+            str(item.id),
+            item.title,
+            item.state,
+            _clock(item.started_unix_s or item.added_unix_s),
+            item.reason,
+        )
         for item in shown
-    ]  # fmt: skip
+    ]
     if rows:
         print_table(Table(("item", "command", "state", "since", "why"), rows))
 
@@ -161,7 +171,7 @@ def limits_in_words(arming: Arming) -> str:
 @click.argument("place", type=click.IntRange(1))
 @_queue_option
 def move(*, number: int, place: int, folder: Path | None, bench: str) -> None:
-    """Make a queued ITEM the PLACE-th of those that wait."""
+    """Move a queued ITEM to PLACE among those that wait."""
     with _opened(folder, bench) as opened:
         opened.move(number, place)
     click.echo(f"item {number} is number {place} of those that wait")
@@ -188,10 +198,10 @@ def again(*, number: int, folder: Path | None, bench: str) -> None:
 
 
 @queue.command()
-@click.option("--now", is_flag=True, help="End what runs, in order: it disarms and keeps its log.")
+@click.option("--now", is_flag=True, help="End the running item: it disarms and keeps its log.")
 @_queue_option
 def pause(*, now: bool, folder: Path | None, bench: str) -> None:
-    """Let no further item begin; its arming ends."""
+    """Begin no further item, and end the arming."""
     with _opened(folder, bench) as opened:
         running = opened.pause(now=now).after.running
     ends = "is being ended" if now else "goes on to its end"
@@ -200,10 +210,14 @@ def pause(*, now: bool, folder: Path | None, bench: str) -> None:
 
 @queue.command()
 @click.option("--until", metavar="HH:MM", help="End time, such as 07:30 or 2026-11-26T07:30.")
-@click.option("--hours", type=click.FloatRange(0, 744, min_open=True), help="At most so many.")
-@click.option("--energy-kJ", "energy_kJ", type=click.FloatRange(0, min_open=True),
-              help="At most so much heating energy.")  # fmt: skip
-@click.option("--cycles", type=click.FloatRange(0, min_open=True), help="At most so many cycles.")
+@click.option("--hours", type=click.FloatRange(0, 744, min_open=True), help="Longest time.")
+@click.option(
+    "--energy-kJ",
+    "energy_kJ",
+    type=click.FloatRange(0, min_open=True),
+    help="Largest heating energy.",
+)
+@click.option("--cycles", type=click.FloatRange(0, min_open=True), help="Largest number of cycles.")
 @click.option("--confirm", "code", metavar="CODE", help="Second step, with the code of the first.")
 @_queue_option
 def resume(
@@ -218,8 +232,8 @@ def resume(
 ) -> None:
     """Arm the queue in two steps: what would run until when, then --confirm CODE.
 
-    Give an end: --until, --hours, or both. Whatever is reached first pauses the queue and ends what
-    runs.
+    Give an end: --until, --hours, or both. The first one reached pauses the queue and ends the
+    running item.
     """
     from smad.queue.arming import CONFIRM_WITHIN_S, end_time
     from smad.queue.states import Budget
@@ -253,10 +267,10 @@ def resume(
 @click.option("--until-paused", is_flag=True, help="End when the queue pauses, for scripts.")
 @_queue_option
 def run(*, until_paused: bool, folder: Path | None, bench: str) -> None:
-    """Carry the queue out, as its one runner, until ctrl-C.
+    """Run the items of the queue until ctrl-C; one runner to a queue.
 
-    After a kill or a restart, what ran is interrupted, its run log is recovered, and the queue is
-    paused until a person resumes it.
+    After a kill or a restart the item that ran is interrupted, its run log is recovered, and the
+    queue is paused until a person resumes it.
     """
     from smad.cli.queue_items import problem_of
     from smad.client.signals import ended_by_signals

@@ -40,10 +40,10 @@ def stop(bench: str) -> None:
 
 
 @record.command()
-@click.option("--seconds", type=float, default=60.0, show_default=True, help="So far back.")
+@click.option("--seconds", type=float, default=60.0, show_default=True, help="How far back.")
 @bench_option
 def last(seconds: float, bench: str) -> None:
-    """Write what happened in the last seconds, recorded or not; after a fault it is done by itself.
+    """Write the last seconds into a log, recorded or not; after a fault this happens by itself.
 
     The daemon keeps the last minute of every channel and event in memory (recorder.black_box_s).
     """

@@ -39,7 +39,14 @@ def angles(bench: str) -> None:
 @_segment
 @click.argument("pitch_deg", type=Finite())
 @click.argument("yaw_deg", type=Finite())
-@click.option("--for", "duration_s", type=Finite(0.1, 3600), default=10.0, show_default=True)
+@click.option(
+    "--for",
+    "duration_s",
+    type=Finite(0.1, 3600),
+    default=10.0,
+    show_default=True,
+    help="Seconds to stay there.",
+)
 @_wait
 @bench_option
 def step(
@@ -58,8 +65,21 @@ def step(
 @robot.command(context_settings=NEGATIVE)
 @_segment
 @click.argument("radius_deg", type=Finite(0.0, 180.0))
-@click.option("--period", "period_s", type=Finite(0.5, 3600), default=20.0, show_default=True)
-@click.option("--cycles", type=click.IntRange(1, 1000), default=1, show_default=True)
+@click.option(
+    "--period",
+    "period_s",
+    type=Finite(0.5, 3600),
+    default=20.0,
+    show_default=True,
+    help="Seconds for one circle.",
+)
+@click.option(
+    "--cycles",
+    type=click.IntRange(1, 1000),
+    default=1,
+    show_default=True,
+    help="Number of circles.",
+)
 @_wait
 @bench_option
 def circle(

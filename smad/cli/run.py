@@ -70,7 +70,7 @@ class _Run(click.Command):
     "settings",
     multiple=True,
     metavar="[EXPERIMENT.]KEY=VALUE",
-    help="Change a setting of an experiment; may be given often.",
+    help="Change a setting of an experiment; may be repeated.",
 )
 @click.option(
     "--config",
@@ -78,7 +78,13 @@ class _Run(click.Command):
     type=click.Path(dir_okay=False, path_type=Path),
     help="Configuration of the control in virtual time, as for `smad start`.",
 )
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**32 - 1),
+    default=0,
+    show_default=True,
+    help="With --sim: seed of all noise.",
+)
 @click.option(
     "--jobs", type=click.IntRange(1, 256), help="Processes for --sim; by default one a core."
 )
@@ -87,7 +93,7 @@ class _Run(click.Command):
     "logs",
     multiple=True,
     type=click.Path(dir_okay=False, path_type=Path),
-    help="Analyse these run logs instead of running anything; may be given often.",
+    help="Analyse these run logs instead of running anything; may be repeated.",
 )
 @click.option(
     "--fixture",
@@ -96,18 +102,17 @@ class _Run(click.Command):
     show_default=True,
     help="How the springs of the real bench are mounted.",
 )
-@click.option("--air", is_flag=True, help="The real bench has no cooling module mounted.")
+@click.option("--air", is_flag=True, help="The real bench has no tubes mounted.")
 @click.option(
     "--lacking",
     multiple=True,
     metavar="PART",
-    help="Take a sensor (a channel such as force_N) from the simulated bench; may be given often.",
+    help="Remove a sensor (a channel such as force_N) of the simulated bench; may be repeated.",
 )
 @click.option(
     "--report",
     type=click.Path(dir_okay=False, path_type=Path),
-    help="Where the page goes; by default experiments.html, or experiments-2.html and so on where "
-    "there is one already.",
+    help="Page to write [default: experiments.html; experiments-2.html and so on if it exists]",
 )
 @click.option(
     "--save-parameters",
@@ -122,7 +127,7 @@ class _Run(click.Command):
 @click.option(
     "--feedforward",
     is_flag=True,
-    help="Only print the section [control.feedforward] for --parameters, and end.",
+    help="Only print the section [control.feedforward] for --parameters.",
 )
 @lease_option
 @axis_option
@@ -132,10 +137,9 @@ def run(names: tuple[str, ...], **options: Any) -> None:
     NAME is an experiment, `all` is all of them. Without --sim they run on the daemon that is
     running, which arms the bench.
 
-    `smad run repeat RUN` plays the inputs of a recorded run again (smad run repeat --help).
-    `smad run six-axes` draws circles with the segments of a robot (smad run six-axes --help).
-    `smad run moves FILE` plays trajectories of a file (smad run moves --help).
-    `smad run endurance` cycles until a limit ends it (smad run endurance --help).
+    More, each with its --help: `smad run repeat RUN` plays the inputs of a recorded run again,
+    `smad run six-axes` draws circles with the segments of a robot, `smad run moves FILE` plays the
+    trajectories of a file, `smad run endurance` cycles until a limit ends it.
     """
     from smad.experiments.ready import require_ready
     from smad.runlog.paths import free_path

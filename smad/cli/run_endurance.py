@@ -34,27 +34,67 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
 
 @click.command()
 @click.option("--cycles", type=click.IntRange(1, 10_000_000), required=True)
-@click.option("--displacement", nargs=2, type=Finite(-20.0, 20.0), metavar="LOW HIGH",
-              help="Cycle between these, mm  [default: -5 5]")  # fmt: skip
-@click.option("--temperature", nargs=2, type=Finite(0.0, 95.0), metavar="LOW HIGH",
-              help="Cycle one spring between these instead, °C.")  # fmt: skip
-@click.option("--spring", type=click.Choice(["x", "y"]), default="x", show_default=True,
-              help="With --temperature: which.")  # fmt: skip
-@click.option("--rate", type=Finite(0.01, 50.0), default=2.0, show_default=True, metavar="MM/S",
-              help="Of the ramps; K/s with --temperature.")  # fmt: skip
+@click.option(
+    "--displacement",
+    nargs=2,
+    type=Finite(-20.0, 20.0),
+    metavar="LOW HIGH",
+    help="Cycle between these, mm  [default: -5 5]",
+)
+@click.option(
+    "--temperature",
+    nargs=2,
+    type=Finite(0.0, 95.0),
+    metavar="LOW HIGH",
+    help="Cycle one spring between these instead, °C.",
+)
+@click.option(
+    "--spring",
+    type=click.Choice(["x", "y"]),
+    default="x",
+    show_default=True,
+    help="With --temperature: which.",
+)
+@click.option(
+    "--rate",
+    type=Finite(0.01, 50.0),
+    default=2.0,
+    show_default=True,
+    metavar="MM/S",
+    help="Of the ramps; K/s with --temperature.",
+)
 @click.option("--dwell", type=Finite(0.0, 600.0), default=1.0, show_default=True, metavar="S")
-@click.option("--every", nargs=2, type=(click.IntRange(1), click.Choice(["checkup"])),
-              metavar="N checkup", help="Play the quick check-up every N cycles.")  # fmt: skip
+@click.option(
+    "--every",
+    nargs=2,
+    type=(click.IntRange(1), click.Choice(["checkup"])),
+    metavar="N checkup",
+    help="Play the quick check-up every N cycles.",
+)
 @click.option("--baseline", type=_FOLDER, help="Of the check-ups.")
 @click.option("--end-stroke-lost", type=_percent, metavar="%", help="End when so much is lost.")
 @click.option("--end-resistance-up", type=_percent, metavar="%", help="End when so much is added.")
 @click.option("--end-shift", type=_kelvin, metavar="K", help="End when the transformation shifted.")
-@click.option("--end-place", type=Finite(0.0, 1.0, min_open=True), metavar="P",
-              help="End when a check-up says so likely that a place changed.")  # fmt: skip
-@click.option("--full-every", type=click.IntRange(1, 1_000_000), default=1, show_default=True,
-              help="Keep every n-th cycle in full, of the rest only its statistics.")  # fmt: skip
-@click.option("--folder", type=_FOLDER, default=Path("endurance"), show_default=True,
-              help="Where cycles.csv goes.")  # fmt: skip
+@click.option(
+    "--end-place",
+    type=Finite(0.0, 1.0, min_open=True),
+    metavar="P",
+    help="End when a check-up says so likely that a place changed.",
+)
+@click.option(
+    "--full-every",
+    type=click.IntRange(1, 1_000_000),
+    default=1,
+    show_default=True,
+    help="Keep every n-th cycle in full, of the rest only its statistics.",
+)
+@click.option(
+    "--folder",
+    type=_FOLDER,
+    default=Path("endurance"),
+    show_default=True,
+    help="Where cycles.csv goes.",
+)
 @click.option("--go-on", is_flag=True, help="Go on after the cycles that the folder has.")
 @sim_option
 @effect_option

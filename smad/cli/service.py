@@ -15,7 +15,7 @@ Next: put the vendor and product of your adapter into the udev rule, then
 
 @click.group()
 def service() -> None:
-    """Install the unit for systemd and the rule for udev."""
+    """Install the systemd unit and the udev rule."""
 
 
 @service.command()
@@ -26,7 +26,7 @@ def service() -> None:
     show_default=True,
     help="Root of the system, for an image that is being made.",
 )
-@click.option("--overwrite", is_flag=True, help="Replace files that somebody changed.")
+@click.option("--overwrite", is_flag=True, help="Replace edited files.")
 def install(root: Path, overwrite: bool) -> None:
     """Write both files where the system looks for them; needs root.
 

@@ -24,7 +24,13 @@ SEED_STEP = 100_003
 
 
 @click.command()
-@click.option("--config", "path", type=click.Path(path_type=Path), envvar="SMAD_CONFIG")
+@click.option(
+    "--config",
+    "path",
+    type=click.Path(path_type=Path),
+    envvar="SMAD_CONFIG",
+    help="Configuration file (smad config show).",
+)
 @click.option("--speed", type=float, help="Board time over wall time; 10 is ten times faster.")
 @click.option("--rate", type=click.Choice(["100", "250", "500"]), help="Samples per second.")
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Seed of all noise.")
@@ -43,14 +49,14 @@ SEED_STEP = 100_003
     shell_complete=complete.effects,
     help="An effect of smad gap effects that the bench has; typical strength without values.",
 )
-@click.option("--axes", type=click.IntRange(1, 6), help="So many boards, a port for each.")
+@click.option("--axes", type=click.IntRange(1, 6), help="Number of boards, a port for each.")
 @click.option("--paced-by-host", is_flag=True, help="Wait, within bounds, for each setpoint.")
 @click.option(
     "--fault",
     "faults",
     multiple=True,
     metavar="NAME@S[:KEY=VALUE,…]",
-    help="Something to break; --fault list names what there is.",
+    help="A fault to inject; --fault list lists them.",
 )
 @click.option(
     "--firmware",
@@ -65,10 +71,15 @@ SEED_STEP = 100_003
     type=click.Path(path_type=Path, dir_okay=False),
     help="With --firmware: file of the parameter memory, to survive this process.",
 )
-@click.option("--for", "seconds", type=Finite(min=0), metavar="S", help="End after so long.")
+@click.option("--for", "seconds", type=Finite(min=0), metavar="S", help="End after this time.")
 @click.option("--transport", default="pty", show_default=True, help="pty, or fd:N,… (sockets).")
-@click.option("--patience", type=click.IntRange(1, 1000), default=1, hidden=True,
-              help="With --paced-by-host: wait so many times as long for a setpoint.")  # fmt: skip
+@click.option(
+    "--patience",
+    type=click.IntRange(1, 1000),
+    default=1,
+    hidden=True,
+    help="With --paced-by-host: wait so many times as long for a setpoint.",
+)
 @click.option("--parent", type=int, hidden=True, help="End when this process does.")
 def sim(
     *,
@@ -89,7 +100,7 @@ def sim(
     patience: int,
     parent: int | None,
 ) -> None:
-    """Run the simulated bench alone; prints the name of its port.
+    """Run the simulated bench without a daemon; prints the name of its port.
 
     Of several axes each has a port, and --fault has AXIS: before its name. Ctrl-C ends it.
     """

@@ -14,13 +14,20 @@ if TYPE_CHECKING:
 
 sim_option = click.option("--sim", is_flag=True, help="On a simulated bench in virtual time.")
 effect_option = click.option(
-    "--effect", "effects", multiple=True, metavar="NAME[:P=V,…]", shell_complete=complete.effects,
+    "--effect",
+    "effects",
+    multiple=True,
+    metavar="NAME[:P=V,…]",
+    shell_complete=complete.effects,
     help="With --sim: an effect that the simulated bench has.",
-)  # fmt: skip
+)
 seed_option = click.option(
-    "--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True,
-    help="With --sim: of its noise.",
-)  # fmt: skip
+    "--seed",
+    type=click.IntRange(0, 2**32 - 1),
+    default=0,
+    show_default=True,
+    help="With --sim: seed of all noise.",
+)
 
 
 def require_sim(effects: Iterable[str], *, sim: bool) -> None:

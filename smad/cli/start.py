@@ -23,21 +23,25 @@ SIMULATED_BAUDS = {"python": 921_600, "host": 921_600, "avr": 500_000}
 @click.command()
 @click.option("--port", help="Serial device of the board, best /dev/serial/by-id/….")
 @click.option("--sim", "simulated", is_flag=True, help="Start a simulated bench and use it.")
-@click.option("--config", "path", type=click.Path(path_type=Path), envvar="SMAD_CONFIG")
+@click.option(
+    "--config",
+    "path",
+    type=click.Path(path_type=Path),
+    envvar="SMAD_CONFIG",
+    help="Configuration file (smad config show).",
+)
 @click.option("--bench", help="Name of the bench, where there are several.")
 @click.option("--rate", type=click.Choice(["100", "250", "500"]), help="Samples per second.")
 @click.option("--baud", type=int, help="Bits per second of the serial line.")
-@click.option("--axes", type=click.IntRange(1, 6), help="With --sim: so many boards.")
-@click.option(
-    "--without-missing", is_flag=True, help="Start although a board of several is missing."
-)
+@click.option("--axes", type=click.IntRange(1, 6), help="With --sim: number of boards.")
+@click.option("--without-missing", is_flag=True, help="Start even if some boards are missing.")
 @click.option("--speed", type=float, help="With --sim: board time over wall time.")
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="With --sim: seed of all noise.")
 @click.option(
     "--paced-by-host", is_flag=True, help="With --sim: the board waits for each setpoint."
 )
 @click.option(
-    "--fault", "faults", multiple=True, help="With --sim: something to break; see smad sim --help."
+    "--fault", "faults", multiple=True, help="With --sim: a fault to inject; see smad sim --help."
 )
 @click.option(
     "--firmware",
@@ -46,12 +50,16 @@ SIMULATED_BAUDS = {"python": 921_600, "host": 921_600, "avr": 500_000}
     help="With --sim: the board, see smad sim --help.",
 )
 @click.option("--fd", hidden=True, help="Inherited sockets instead of ports: N,… by axis.")
-@click.option("--patience", type=click.IntRange(1, 1000), default=1, hidden=True,
-              help="With --paced-by-host: both ends wait so many times as long for each other.",
-)  # fmt: skip
+@click.option(
+    "--patience",
+    type=click.IntRange(1, 1000),
+    default=1,
+    hidden=True,
+    help="With --paced-by-host: both ends wait so many times as long for each other.",
+)
 @click.option("--trace", "trace_path", type=click.Path(path_type=Path), hidden=True)
 @click.option("--parent", type=int, hidden=True, help="End when this process does.")
-@click.option("--no-realtime", is_flag=True, help="Ask for no real-time measures.")
+@click.option("--no-realtime", is_flag=True, help="Do not ask for real-time measures.")
 def start(
     *,
     port: str | None,

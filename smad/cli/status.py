@@ -23,7 +23,9 @@ _LABEL = 11
 
 
 @click.command()
-@click.option("--watch", is_flag=True, help="A screen, drawn twice a second; space stops.")
+@click.option(
+    "--watch", is_flag=True, help="A screen, drawn twice a second; the space bar stops the bench."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON; with --watch, a line each time.")
 @axis_option
 def status(watch: bool, as_json: bool, bench: str) -> None:

@@ -18,15 +18,30 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("loop", type=click.Choice(["displacement", "temperature"]), default="displacement")
-@click.option("--spring", type=click.Choice(["x", "y"]), default="x", show_default=True,
-              help="Which spring to heat, for the temperature loop.")  # fmt: skip
+@click.option(
+    "--spring",
+    type=click.Choice(["x", "y"]),
+    default="x",
+    show_default=True,
+    help="Which spring to heat, for the temperature loop.",
+)
 @click.option("--trial/--no-trial", default=True, help="Try the old and the new gains.")
 @click.option("--apply", is_flag=True, help="Put the new gains in force on the running daemon.")
-@click.option("--save", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE",
-              help="Write the section of the configuration to a new file.")  # fmt: skip
+@click.option(
+    "--save",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Write the section of the configuration to a new file.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-@click.option("--lease", type=click.FloatRange(1.0, 600.0), default=2.0, show_default=True,
-              metavar="S", help="Disarm after this time without a message from here.")  # fmt: skip
+@click.option(
+    "--lease",
+    type=click.FloatRange(1.0, 600.0),
+    default=2.0,
+    show_default=True,
+    metavar="S",
+    help="Disarm after this time without a message from here.",
+)
 @click.option("--yes", is_flag=True, help="Do not ask before the bench is armed and heated.")
 @axis_option
 def tune(
@@ -43,9 +58,9 @@ def tune(
 ) -> None:
     """Find gains of the displacement LOOP, or of the temperature loop, on the running bench.
 
-    Arms, waits until the springs are cold, moves by some ±4 mm, and disarms; two to four minutes.
-    Nothing is changed without --apply or --save, and nothing when the trial goes worse than with
-    the gains you have.
+    Asks, arms, waits until the springs are cold, moves by about ±4 mm, and disarms; takes two to
+    four minutes. Nothing changes without --apply or --save, or if the trial is worse than with the
+    present gains.
     """
     from smad.experiments.ready import require_ready
 
@@ -140,12 +155,19 @@ def lines(session: Session) -> list[str]:
     )
     header = ["gains", f"kp A/{unit}", f"ki A/({unit} s)", "gain margin", "delay margin", "phase"]
     rows = [
-        [name, f"{gains.kp:g}", f"{gains.ki:g}", f"{margin.gain:.1f} times",
-         f"{1e3 * margin.delay_s:.0f} ms", f"{margin.phase_deg:.0f}°"]
+        [
+            name,
+            f"{gains.kp:g}",
+            f"{gains.ki:g}",
+            f"{margin.gain:.1f} times",
+            f"{1e3 * margin.delay_s:.0f} ms",
+            f"{margin.phase_deg:.0f}°",
+        ]
         for name, gains, margin in (
-            ("now", tuned.before, tuned.margins_before), ("new", tuned.after, tuned.margins_after)
+            ("now", tuned.before, tuned.margins_before),
+            ("new", tuned.after, tuned.margins_after),
         )
-    ]  # fmt: skip
+    ]
     said += ["", *_table(header, rows), "margins are those at full current"]
     if session.trials is not None:
         said += ["", *_table(*_trial_table(session))]
@@ -160,16 +182,29 @@ def _trial_table(session: Session) -> tuple[list[str], list[list[str]]]:
     if isinstance(session.trials[0], Trial):
         header = ["trial of ±2 mm", "R²", "overshoot µm", "hold µm RMS", "ripple mA", "pump starts"]
         return header, [
-            [name, f"{t.r2:.4f}", f"{1e3 * t.overshoot_mm:.0f}", f"{t.error_rms_um:.1f}",
-             f"{t.ripple_mA:.0f}", f"{t.pump_starts}"]
-            for name, t in named if isinstance(t, Trial)
-        ]  # fmt: skip
+            [
+                name,
+                f"{t.r2:.4f}",
+                f"{1e3 * t.overshoot_mm:.0f}",
+                f"{t.error_rms_um:.1f}",
+                f"{t.ripple_mA:.0f}",
+                f"{t.pump_starts}",
+            ]
+            for name, t in named
+            if isinstance(t, Trial)
+        ]
     header = ["trial of 8 K", "within 0.5 K s", "overshoot K", "hold mK RMS", "ripple mA"]
     return header, [
-        [name, f"{t.settling_s:.1f}", f"{t.overshoot_K:.2f}", f"{1e3 * t.error_rms_K:.0f}",
-         f"{t.ripple_mA:.0f}"]
-        for name, t in named if isinstance(t, WarmTrial)
-    ]  # fmt: skip
+        [
+            name,
+            f"{t.settling_s:.1f}",
+            f"{t.overshoot_K:.2f}",
+            f"{1e3 * t.error_rms_K:.0f}",
+            f"{t.ripple_mA:.0f}",
+        ]
+        for name, t in named
+        if isinstance(t, WarmTrial)
+    ]
 
 
 def _table(header: list[str], rows: list[list[str]]) -> list[str]:

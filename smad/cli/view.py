@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     help="TCP port on this machine; 0 takes any.",
 )
 @click.option("--no-browser", is_flag=True, help="Only print the links.")
-@click.option("--watch-only", is_flag=True, help="No link commands the bench.")
+@click.option("--watch-only", is_flag=True, help="Give no link that commands the bench.")
 @bench_option
 def view(port: int, no_browser: bool, watch_only: bool, bench: str) -> None:
     """Serve the live page of the bench until ctrl-C, and open it in a browser.

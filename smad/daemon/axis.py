@@ -74,7 +74,7 @@ class Axis:
         self._turns = bench.turns[name]
         self._standing_mm = bench.standing_mm
         self._stamps = Stamps()
-        self._told_departure: Departure | None = None
+        self._reported_departure: Departure | None = None
         self.session = HostSession(
             nonce=process.nonce, patience=process.options.patience, axis=config.link.axis
         )
@@ -128,7 +128,7 @@ class Axis:
         return row
 
     @contextmanager
-    def told(self) -> Iterator[None]:
+    def naming_axis(self) -> Iterator[None]:
         """Name this axis, once, in what is refused inside the block."""
         try:
             yield
@@ -157,7 +157,7 @@ class Axis:
             self.watch.on_state(item.state)
             self.stop.on_sample(item.state)
         self._tell_of_host_stop()
-        self._tell_of_departure()
+        self._report_departure()
 
     def _on_bytes(self, data: bytes) -> None:
         self._guarded("control", self.control.receive, data)
@@ -217,8 +217,8 @@ class Axis:
             self.means.say("fault", f"the host stopped: {in_full(fault)}", data)
             self.stop.fails(f"a limit of the host: {fault.name}")
 
-    def _tell_of_departure(self) -> None:
+    def _report_departure(self) -> None:
         departure = self.controller.departure
-        if departure is not None and departure is not self._told_departure:
+        if departure is not None and departure is not self._reported_departure:
             self.means.say("warning", f"repeated inputs were ended: {departure.in_words()}", {})
-        self._told_departure = departure
+        self._reported_departure = departure

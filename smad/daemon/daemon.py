@@ -89,8 +89,8 @@ class Daemon:
             means, self.stops, config.turns(), {}, self._guarded, self._on_finished
         )
         self.axes = {
-            name: Axis(name, own, openers[name], process, surroundings)
-            for name, own in by_axis.items()
+            name: Axis(name, axis_config, openers[name], process, surroundings)
+            for name, axis_config in by_axis.items()
         }
         self.groups = Groups(self.axes, self.say)
         self._at_once = max(1, _AT_ONCE // len(self.axes))
@@ -213,14 +213,14 @@ class Daemon:
         hot = [axis for axis in self.axes.values() if axis.hot]
         if not all(quiet.values()):
             self.stops.begin("the daemon is ending", by="the end of the daemon")
-        told = {
+        outcomes = {
             name: quiet[name] or await _disarmed(axis, armed=axis in hot)
             for name, axis in self.axes.items()
         }
         await self.answers.until_replied(LAST_REPLIES_S)
-        if len(set(told.values())) == 1:
-            return next(iter(told.values()))
-        return "; ".join(f"{name}: {came_of_it}" for name, came_of_it in told.items())
+        if len(set(outcomes.values())) == 1:
+            return next(iter(outcomes.values()))
+        return "; ".join(f"{name}: {came_of_it}" for name, came_of_it in outcomes.items())
 
     async def close(self) -> None:
         """Give everything back. The board must have been disarmed."""

@@ -53,7 +53,7 @@ class HostStop:
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
         self._cleared: Trip | None = None
-        self._told: Trip | None = None
+        self._reported: Trip | None = None
 
     @property
     def fault(self) -> api.Fault | None:
@@ -64,9 +64,9 @@ class HostStop:
     def news(self) -> api.Fault | None:
         """Return the stop the first time that it is asked for, None afterwards."""
         trip = self._controller.trip
-        if trip is None or trip is self._told:
+        if trip is None or trip is self._reported:
             return None
-        self._told = trip
+        self._reported = trip
         return fault_of_trip(trip)
 
     def clear(self) -> None:

@@ -74,8 +74,8 @@ def run(config: Config, openers: Mapping[str, Opener], options: Options) -> Ende
 
     Raises SmadError when it cannot start.
     """
-    for own in config.by_axis().values() if options.check_baud else ():
-        check_rate(own.link.rate_hz, own.link.baud)
+    for axis_config in config.by_axis().values() if options.check_baud else ():
+        check_rate(axis_config.link.rate_hz, axis_config.link.baud)
     return asyncio.run(_Life(config, openers, options).live())
 
 

@@ -35,7 +35,7 @@ class Place:
         self._endpoints = endpoints
         self._connection = connection
         self._lock = lock
-        self._listeners = {Path(one.path): one for one in listeners if one.path}
+        self._listeners = {Path(listener.path): listener for listener in listeners if listener.path}
         self._reserve = reserve
         self._trouble = ""
         self._known = self._identities()
@@ -75,7 +75,7 @@ class Place:
 
 def _identity(path: Path) -> _Identity:
     try:
-        found = os.lstat(path)
+        status = os.lstat(path)
     except OSError:
         return None
-    return found.st_dev, found.st_ino
+    return status.st_dev, status.st_ino

@@ -60,16 +60,16 @@ class Groups:
 
     def look(self) -> None:
         """Begin what waits and can; none overtakes an earlier one that has an axis in common."""
-        held: set[str] = set()
+        blocked_axes: set[str] = set()
         for group in tuple(self._waiting):
             ended = all(self._axes[name].controller.done for name in group)
-            if ended and held.isdisjoint(group):
+            if ended and blocked_axes.isdisjoint(group):
                 self._waiting.remove(group)
                 try:
                     self.begin(group)
                 except CommandError as error:
                     self._say("warning", f"a queued motion was left out: {error}", {})
-            held.update(group)
+            blocked_axes.update(group)
 
     def forget(self, names: Collection[str]) -> None:
         """Give up the groups that wait for one of these axes: it was stopped, or does another."""
@@ -78,7 +78,7 @@ class Groups:
 
     def _check(self, group: Group) -> None:
         for name, follow in group.items():
-            with self._axes[name].told():
+            with self._axes[name].naming_axis():
                 self._axes[name].controller.check(follow)
 
     def _tell_skew(self, at_us: Mapping[str, float]) -> None:

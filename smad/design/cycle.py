@@ -122,14 +122,20 @@ def _half(plant: Plant, heated: int, current_A: float, seen: _Seen) -> None:
     """One spring heats through and cools again; what it does goes into `seen`."""
     drive_A = (current_A, 0.0) if heated == 0 else (0.0, current_A)
     heating = _Phase(
-        Drive(drive_A), heated, lambda xi: xi <= HOT_FRACTION,
-        "does not heat through", "take more current, or thinner wire",
-    )  # fmt: skip
+        Drive(drive_A),
+        heated,
+        lambda xi: xi <= HOT_FRACTION,
+        "does not heat through",
+        "take more current, or thinner wire",
+    )
     duty = (1.0, 0.0) if heated == 0 else (0.0, 1.0)
     cooling = _Phase(
-        Drive((0.0, 0.0), duty), heated, lambda xi: xi >= COLD_FRACTION,
-        "does not cool", "cool it with water, or take thinner wire",
-    )  # fmt: skip
+        Drive((0.0, 0.0), duty),
+        heated,
+        lambda xi: xi >= COLD_FRACTION,
+        "does not cool",
+        "cool it with water, or take thinner wire",
+    )
     hot_s = _run(plant, heating, seen)
     seen.heating_s += hot_s
     seen.time_s += hot_s + _run(plant, cooling, seen)

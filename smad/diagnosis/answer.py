@@ -259,14 +259,16 @@ def _cause(
         credible_names=credible_set(names, constants.told_level),
         credible_places=credible_set(places, constants.told_level),
         values=described.values(part, coordinates, deviations)
-        if isinstance(part, EffectPart) else [],
+        if isinstance(part, EffectPart)
+        else [],
         terms=described.terms(part, coordinates, deviations) if isinstance(part, LawPart) else [],
         largest=described.largest(part, coordinates, asked, stage.fit)
-        if isinstance(part, LawPart) else 0.0,
+        if isinstance(part, LawPart)
+        else 0.0,
         unit=about.unit if about is not None else "",
         gap=asked.gap(stage),
         rivals=_table(plant, asked, step.rivals),
-    )  # fmt: skip
+    )
 
 
 class Placed(Protocol):

@@ -96,8 +96,9 @@ def question_of(
 def free_model(plant: PlacesPlant, start: ModelPoint) -> Model:
     """A model whose parameters have the plant's priors around a point."""
     n = len(plant.parameters)
-    return Model(plant=plant, start=start, parameter_mean=np.zeros(n),
-                 parameter_precision=np.eye(n))  # fmt: skip
+    return Model(
+        plant=plant, start=start, parameter_mean=np.zeros(n), parameter_precision=np.eye(n)
+    )
 
 
 def day_variance(plant: PlacesPlant) -> Array:

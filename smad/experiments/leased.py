@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from smad.client import BoardRefused
+from smad.client.arming import arm_when_allowed
 from smad.experiments.driver import Mounting
 from smad.experiments.live import LiveDriver
 from smad.experiments.recording import Recording
@@ -19,7 +18,8 @@ if TYPE_CHECKING:
     from smad.control.plan import Plan
 
 _COOLING_S = 600.0
-_POLL_S = 0.1
+_TOKEN_S = 0.2
+"""Enough for a second try."""
 
 
 class LeasedDriver:
@@ -76,19 +76,17 @@ class LeasedDriver:
     def _arm(self, plan: Plan) -> None:
         if self.client.motion().armed:
             return
-        deadline_s = self._clock_s() + _COOLING_S
-        for attempt in itertools.count(1):
-            try:
-                self.client.arm()
-            except BoardRefused:
-                # The token of an arming lasts for two seconds of board time: a busy computer, or a
-                # bench that runs faster than the wall clock, may let them pass.
-                if attempt == 1:
-                    continue
-                # After our own disarm the springs are still cooling; else it is worth telling.
-                if not self._disarmed or self._clock_s() > deadline_s:
-                    raise
-                self._progress(f"{plan.name}: waiting until the springs are cold enough to arm")
-                self._sleep(_POLL_S)
-            else:
-                return
+        # After our own disarm the springs are still cooling; before the first run only an arming
+        # token may have expired, on a busy computer.
+        timeout_s = _COOLING_S if self._disarmed else _TOKEN_S
+        arm_when_allowed(
+            self.client,
+            timeout_s,
+            lambda: self._say_waiting(plan),
+            sleep=self._sleep,
+            clock_s=self._clock_s,
+        )
+
+    def _say_waiting(self, plan: Plan) -> None:
+        if self._disarmed:
+            self._progress(f"{plan.name}: waiting until the springs are cold enough to arm")

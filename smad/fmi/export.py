@@ -27,8 +27,10 @@ MODEL = "model.toml"
 _WRITTEN = Path(__file__).with_name("unit")
 # No operation is fused, so that a unit computes what the simulator does.
 _FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-shared", "-fPIC")
-_FOLDERS = {2: {"Linux-x86_64": "linux64"}, 3: {"Linux-x86_64": "x86_64-linux",
-                                               "Linux-aarch64": "aarch64-linux"}}  # fmt: skip
+_FOLDERS = {
+    2: {"Linux-x86_64": "linux64"},
+    3: {"Linux-x86_64": "x86_64-linux", "Linux-aarch64": "aarch64-linux"},
+}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -235,11 +235,14 @@ def effects_of(mapped: Map) -> list[Effect]:
         what = f"{f}(({term.of} − {term.zero:g})/{term.span:g}){raised}" if term.of else "1"
         effects.append(
             Effect(
-                name=name, title=term.title, parameters=(size,), signals=everything,
+                name=name,
+                title=term.title,
+                parameters=(size,),
+                signals=everything,
                 equation=f"{term.variable} += size · {what}",
                 places=(term.place or drives.get(term.variable, f"unit's {term.variable}"),),
             )
-        )  # fmt: skip
+        )
     return effects
 
 

@@ -15,7 +15,7 @@ from smad.api import AXIS_TOPICS, TELEMETRY_TOPIC
 from smad.client import Client
 from smad.client.wire import subscribe, telemetry_of
 from smad.errors import SmadError
-from smad.queue.machine import Bench
+from smad.queue.machine import Readiness
 from smad.queue.meter import Meter
 from smad.queue.states import Usage
 
@@ -30,7 +30,7 @@ class View(Struct, frozen=True, kw_only=True):
     """What a look showed. `generation` is None while no daemon answers."""
 
     generation: int | None = None
-    bench: Bench = Bench(False, "no daemon answers")
+    bench: Readiness = Readiness(False, "no daemon answers")
     recording: str = ""
     """The run log that is being written, or was written last."""
     being_recorded: bool = False
@@ -117,7 +117,7 @@ def _view_of(status: api.Status) -> View:
     busy = bool(modes & set(_BUSY)) or bool(status.control.holder)
     return View(
         generation=motion.generation,
-        bench=Bench(not trouble and not busy, trouble),
+        bench=Readiness(not trouble and not busy, trouble),
         recording=status.recorder.path,
         being_recorded=status.recorder.recording,
         folder=status.recorder.folder,

@@ -44,7 +44,7 @@ class Tell(Struct, frozen=True):
 Action = StartItem | EndItem | Tell
 
 
-class Bench(Struct, frozen=True):
+class Readiness(Struct, frozen=True):
     """Whether an item may begin on the bench now; `trouble` says why not without a person.
 
     Neither ready nor in trouble: it cools, or somebody uses it, and the queue waits.
@@ -164,7 +164,7 @@ def candidate(snapshot: Snapshot) -> Item | None:
 def step(
     snapshot: Snapshot,
     now_unix_s: float,
-    bench: Bench,
+    bench: Readiness,
     *,
     refused: Mapping[int, str] | None = None,
 ) -> Change:

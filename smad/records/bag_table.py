@@ -63,9 +63,10 @@ class BagTable:
         topics = {self.places[name][0] for name in wanted if name != TIME}
         if not topics:
             raise LogImportError(
-                f"{self.path}: no column of it is a channel", value=", ".join(self.places),
+                f"{self.path}: no column of it is a channel",
+                value=", ".join(self.places),
                 action="assign its columns in a mapping file",
-            )  # fmt: skip
+            )
         series = self._series([name for name in wanted if name != TIME], topics)
         base = max(topics, key=lambda topic: self.counts[topic])
         stamps = next(s for name, (s, _) in series.items() if self.places[name][0] == base)

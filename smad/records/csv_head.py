@@ -49,8 +49,10 @@ class _Line:
     def cells(self, delimiter: str) -> list[str]:
         text = self.text.strip("\r\n")
         text = text.strip() if delimiter == " " else text
-        return [c.strip() for c in next(csv.reader([text], delimiter=delimiter,
-                                                   skipinitialspace=True), [])]  # fmt: skip
+        return [
+            c.strip()
+            for c in next(csv.reader([text], delimiter=delimiter, skipinitialspace=True), [])
+        ]
 
     @property
     def holds_numbers(self) -> bool:
@@ -83,11 +85,14 @@ def read_head(path: Path, file: TextIO, delimiter: str = "") -> Head:
     between = before[at + 1 :]
     if len(between) == 1 and _are_units(units := _cells(path, between[0], delimiter), names):
         last = between[0]
-        names = [f"{n} [{u}]" if u and not n.endswith("]") else n
-                 for n, u in zip(names, (u.strip("[]()") for u in units), strict=True)]  # fmt: skip
+        names = [
+            f"{n} [{u}]" if u and not n.endswith("]") else n
+            for n, u in zip(names, (u.strip("[]()") for u in units), strict=True)
+        ]
     _require_distinct(path, names, before[at].number)
-    passed = tuple(f"line {x.number} is no line of names: {x.text.strip()[:60]}"
-                   for x in before[:at])  # fmt: skip
+    passed = tuple(
+        f"line {x.number} is no line of names: {x.text.strip()[:60]}" for x in before[:at]
+    )
     return Head(names, before[at].number, last.number, delimiter, passed)
 
 
@@ -137,8 +142,9 @@ def _named_by_comment(
 
 def _likely(path: Path, names: _Line, numbers: _Line) -> str:
     """The delimiter by which a line of names has as many cells as one of numbers."""
-    alike = [d for d in DELIMITERS
-             if 1 < len(_cells(path, names, d)) == len(_cells(path, numbers, d))]  # fmt: skip
+    alike = [
+        d for d in DELIMITERS if 1 < len(_cells(path, names, d)) == len(_cells(path, numbers, d))
+    ]
     known = alike or [d for d in DELIMITERS if d != " "]
     return max(known, key=lambda d: (d != " ", names.text.count(d)))
 

@@ -56,9 +56,11 @@ def export_lerobot(
     rate = fps or _rate(runs[0])
     if not 1 <= rate <= _MOST_FPS:
         raise RunLogError(
-            "frames per second out of range", value=rate, limit=f"1 to {_MOST_FPS}",
+            "frames per second out of range",
+            value=rate,
+            limit=f"1 to {_MOST_FPS}",
             action="name another rate with --fps",
-        )  # fmt: skip
+        )
     with whole_folder(target, "meta/info.json", "dataset", overwrite=overwrite) as made:
         _write(runs, made, rate)
     return target

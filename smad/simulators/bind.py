@@ -111,18 +111,23 @@ def _channel(declared: Simulator, name: str, runs: Sequence[GapRun]) -> Channel:
     low, high = span_of(columns)
     noise = declared.noise.get(name) or noise_of(columns)
     return Channel(
-        name=name, unit=declared.unit(name), quantum=quantum_of(columns),
+        name=name,
+        unit=declared.unit(name),
+        quantum=quantum_of(columns),
         # A reading at the end of what was seen is not at the end of what it can show.
-        low=low - (high - low), high=high + (high - low),
+        low=low - (high - low),
+        high=high + (high - low),
         noise=noise or _UNMEASURED * (high - low),
-    )  # fmt: skip
+    )
 
 
 def _correlation_s(outputs: Sequence[str], tables: Sequence[Table]) -> float:
     times = [
         correlation_time_s(t.t_s, np.nan_to_num(t.columns[n]))
-        for t in tables for n in outputs if n in t.columns
-    ]  # fmt: skip
+        for t in tables
+        for n in outputs
+        if n in t.columns
+    ]
     return float(np.median(times))
 
 

@@ -46,8 +46,11 @@ def roles(declared: Simulator, table: Table) -> tuple[list[str], list[str], floa
     returns another length, is not the same twice.
     """
     # What lacks is bridged, as in an admitted run.
-    columns = {n: bridged(c, np.ones(len(c), dtype=bool)) for n, c in table.columns.items()
-               if np.isfinite(c).any()}  # fmt: skip
+    columns = {
+        n: bridged(c, np.ones(len(c), dtype=bool))
+        for n, c in table.columns.items()
+        if np.isfinite(c).any()
+    }
     columns |= {n: np.zeros(len(table.t_s)) for n in declared.forces}
     asked = WatchedColumns(columns)
     starting = _starts(table).at(0)

@@ -89,8 +89,9 @@ def _of_file(path: Path, time: str, form: CsvFormat | None) -> Table:
     else:
         run = read_run(path)
         notes = run.notes
-        columns = {n: np.where(recorded(c), c, np.nan) for n, c in run.columns.items()
-                   if recorded(c).any()}  # fmt: skip
+        columns = {
+            n: np.where(recorded(c), c, np.nan) for n, c in run.columns.items() if recorded(c).any()
+        }
     found = _timed(path.stem, columns, str(path), time)
     return replace(found, path=str(path), notes=tuple(notes))
 
@@ -156,10 +157,11 @@ def require_time(table: Table) -> None:
     if len(table.t_s) < 8 or back.size:
         row = int(back[0]) + 1 if back.size else 0
         raise SimulatorError(
-            f"{table.name}: its time does not increase at row {row + 1}" if back.size
+            f"{table.name}: its time does not increase at row {row + 1}"
+            if back.size
             else f"{table.name} has only {len(table.t_s)} samples",
             action="sort the rows, remove repeated ones, or leave the run out",
-        )  # fmt: skip
+        )
 
 
 def span_of(columns: Sequence[Array]) -> tuple[float, float]:

@@ -79,8 +79,9 @@ class Simulator:
         """The unit of a column: as declared, else as its name has it."""
         return self.units.get(name, unit_of(name))
 
-    def values(self, theta: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
-               ) -> dict[str, float]:  # fmt: skip
+    def values(
+        self, theta: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
+    ) -> dict[str, float]:
         """Parameters and effects by name as the function takes them, absent effects 0."""
         out = {p.name: float(theta.get(p.name, p.nominal)) for p in self.parameters}
         for e in self.effects:

@@ -127,9 +127,11 @@ class SimulatedPlant:
     ) -> Mapping[str, Array]:
         values = self.declared.values(point.theta, point.effects)
         key = (
-            id(whole), self.window_s, tuple(values.values()),
+            id(whole),
+            self.window_s,
+            tuple(values.values()),
             *(hash(given[n].tobytes()) for n in sorted(given)),
-        )  # fmt: skip
+        )
         if key not in self._known:
             self._known[key] = self._replayed(values, whole, given)
             while len(self._known) > _KEPT:

@@ -162,8 +162,9 @@ class _Sheet:
             span = np.median([np.ptp(np.quantile(y[c.name], (0.01, 0.99))) for y in shown])
             floors.append(np.hypot(noise, _RESOLUTION * span) or 1.0)
         quick = tuple(thinned(r, period_s / _PIECES, plant.inputs) for r in measured)
-        made = cls(plant, quick, tuple(Grid.of(r, period_s) for r in quick), np.array(floors),
-                   np.zeros(0))  # fmt: skip
+        made = cls(
+            plant, quick, tuple(Grid.of(r, period_s) for r in quick), np.array(floors), np.zeros(0)
+        )
         return replace(made, base=made._rows([plant.simulate(point, r, fast=True) for r in quick]))
 
     def _rows(self, shown: Sequence[Mapping[str, Array]]) -> Array:
@@ -257,8 +258,11 @@ def lines(ratings: Sequence[Rating]) -> list[str]:
     """Ratings in words, by kind: what shows best first."""
     order = {IDENTIFIABLE: 0, WEAK: 1, UNKNOWN: 2, NOT: 3}
     out = []
-    for kind, head in (("parameter", "parameters"), ("effect", "effects"),
-                       ("place", "places, a law that is always there")):  # fmt: skip
+    for kind, head in (
+        ("parameter", "parameters"),
+        ("effect", "effects"),
+        ("place", "places, a law that is always there"),
+    ):
         rows = sorted((r for r in ratings if r.kind == kind), key=lambda r: order[r.rating])
         if rows:
             out.append(head)

@@ -71,9 +71,10 @@ def choose_window(
     if lost_by(plant, point, some, 0.0) <= _FITTED:
         return 0.0, ""
     good = [
-        w for w in lengths
+        w
+        for w in lengths
         if lost_by(plant, start, some, w) <= _FOLLOWS and lost_by(plant, point, some, w) <= _FITTED
-    ]  # fmt: skip
+    ]
     chosen = max(good, default=lengths[-1])
     after = lost_by(plant, start, some, chosen)
     if before < _GROWS * after:

@@ -56,10 +56,12 @@ class Paired:
         the bench has changed by."""
         played = [p.played for p in self.pairs]
         base = predictions(self.plant, self.reference.point, played, exact=True)
-        return Evidence(trials=tuple(
-            Trial(played=p.played, target=b + p.difference, rows=p.rows)
-            for p, b in zip(self.pairs, base, strict=True)
-        ))  # fmt: skip
+        return Evidence(
+            trials=tuple(
+                Trial(played=p.played, target=b + p.difference, rows=p.rows)
+                for p, b in zip(self.pairs, base, strict=True)
+            )
+        )
 
     @property
     def responses(self) -> Responses | None:

@@ -147,11 +147,14 @@ def reference_from(
             )
         )  # fmt: skip
     return Reference(
-        runs=tuple(runs), point=point, repeats=min(len(g) for g in groups),
-        floor=repeat_floor(deviations, sum(len(g) - 1 for g in groups), regimes, least,
-                           usual_day(plant)),
+        runs=tuple(runs),
+        point=point,
+        repeats=min(len(g) for g in groups),
+        floor=repeat_floor(
+            deviations, sum(len(g) - 1 for g in groups), regimes, least, usual_day(plant)
+        ),
         responses=responses(plant, point, played, progress=progress),
-    )  # fmt: skip
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -88,7 +88,7 @@ class ArmCommand:
             _took,
         )
         for axis in asked.axes:
-            with axis.told():
+            with axis.naming_axis():
                 await axis.stop.until_armed(asked.generation)
         self._require_wanted(asked)
 
@@ -153,13 +153,13 @@ class ArmCommand:
         futures: dict[asyncio.Future[Message], Axis] = {}
         for axis in asked.axes:
             if axis.name in to_send:
-                with axis.told():
+                with axis.naming_axis():
                     futures[axis.requests.start(request(axis))] = axis
         waiting: Iterable[asyncio.Future[Message]] = futures
         while waiting:
             done, waiting = await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
             for future in done:
-                with futures[future].told():
+                with futures[future].naming_axis():
                     answered(futures[future], future.result())
 
     def _take_back(self, asked: Asked, error: BaseException) -> Sequence[Axis]:
@@ -191,7 +191,7 @@ async def _until_off(axes: Sequence[Axis], error: Exception) -> None:
     """Return once these axes are off; where one is not in time, let the error say so."""
     for axis in axes:
         try:
-            with axis.told():
+            with axis.naming_axis():
                 await axis.stop.until_off(LONGEST_STOP_US)
         except Refusal as open_one:
             if isinstance(error, Refusal):

@@ -95,20 +95,20 @@ def _read(path: Path, *, follow: bool) -> bytes:
     # A pipe would be waited for.
     flags = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | (0 if follow else os.O_NOFOLLOW)
     with open(os.open(path, flags), "rb") as file:
-        found = os.fstat(file.fileno())
-        if not stat.S_ISREG(found.st_mode):
+        status = os.fstat(file.fileno())
+        if not stat.S_ISREG(status.st_mode):
             raise OSError(0, "it is not a file")
-        if stat.S_IMODE(found.st_mode) & 0o077:
+        if stat.S_IMODE(status.st_mode) & 0o077:
             raise ConfigError(
                 "others can read the server's secret key",
-                value=f"{path}, mode {stat.S_IMODE(found.st_mode):o}",
+                value=f"{path}, mode {stat.S_IMODE(status.st_mode):o}",
                 limit="mode 600",
                 action=f"chmod 600 {path}, or delete it to have a new one made",
             )
-        if found.st_uid not in (os.geteuid(), 0):
+        if status.st_uid not in (os.geteuid(), 0):
             raise ConfigError(
                 "the server's key file belongs to somebody else",
-                value=f"{path}, owner {found.st_uid}",
+                value=f"{path}, owner {status.st_uid}",
                 limit=f"owner {os.geteuid()}",
                 action="delete it to have a new one made",
             )

@@ -58,7 +58,7 @@ class Bench:
                 )
         return [self.axes[name] for name in dict.fromkeys(names) or self.axes]
 
-    def one(self, names: tuple[str, ...]) -> Axis:
+    def only_axis(self, names: tuple[str, ...]) -> Axis:
         """Return the one axis that a command is for. Raises Refusal where that is not one."""
         axes = self.named(names)
         if len(axes) != 1:

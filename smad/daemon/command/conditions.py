@@ -13,7 +13,7 @@ from smad.api import Reason
 from smad.daemon.arming import Phase
 from smad.daemon.axis import Axis
 from smad.daemon.errors import Refusal
-from smad.daemon.link.tighter import require_own, require_tighter
+from smad.daemon.link.tighter import require_name_of_axis, require_tighter
 from smad.daemon.link.watch import disagreement
 from smad.daemon.stops import BoardStop
 
@@ -22,18 +22,20 @@ _POLL_S = 0.02
 P = ParamSpec("P")
 
 
-def _told(require: Callable[Concatenate[Axis, P], None]) -> Callable[Concatenate[Axis, P], None]:
+def _names_axis(
+    require: Callable[Concatenate[Axis, P], None],
+) -> Callable[Concatenate[Axis, P], None]:
     """Let what is refused name the axis."""
 
     @functools.wraps(require)
-    def told(axis: Axis, /, *rest: P.args, **more: P.kwargs) -> None:
-        with axis.told():
+    def require_naming_axis(axis: Axis, /, *rest: P.args, **more: P.kwargs) -> None:
+        with axis.naming_axis():
             require(axis, *rest, **more)
 
-    return told
+    return require_naming_axis
 
 
-@_told
+@_names_axis
 def require_connected(axis: Axis) -> None:
     """Raise Refusal unless there is a board, and one that takes requests."""
     if not axis.connected:
@@ -50,7 +52,7 @@ def require_connected(axis: Axis) -> None:
         )
 
 
-@_told
+@_names_axis
 def require_disarmed(axis: Axis) -> None:
     """Raise Refusal while the board is armed, or may be."""
     if axis.hot:
@@ -73,7 +75,7 @@ async def parameters_read(axis: Axis) -> None:
         await asyncio.sleep(_POLL_S)
 
 
-@_told
+@_names_axis
 def require_armable(axis: Axis, names: Collection[str]) -> None:
     """Raise Refusal unless the board can be asked to arm. `names` are those of all axes."""
     require_connected(axis)
@@ -92,11 +94,11 @@ def require_armable(axis: Axis, names: Collection[str]) -> None:
             "the board's parameters are not those that were read from it",
             action="unplug it and plug it in again, so that they are read anew",
         )
-    require_own(axis.name, names, axis.watch.parameters)
+    require_name_of_axis(axis.name, names, axis.watch.parameters)
     require_tighter(axis.config, axis.watch.parameters)
 
 
-@_told
+@_names_axis
 def require_not_faulted(axis: Axis) -> None:
     """Raise Refusal while a fault of board or host is latched."""
     by_host = axis.host_stop.fault
@@ -121,7 +123,7 @@ def require_not_faulted(axis: Axis) -> None:
     )
 
 
-@_told
+@_names_axis
 def require_stage(axis: Axis) -> None:
     """Raise Refusal unless the board moves a stretching stage."""
     # Displacement is the stage's doing once one is used, and not limited any more.
@@ -135,7 +137,7 @@ def require_stage(axis: Axis) -> None:
         )
 
 
-@_told
+@_names_axis
 def require_armed(axis: Axis) -> None:
     """Raise Refusal unless the board is armed, by us."""
     require_connected(axis)

@@ -62,7 +62,7 @@ class Lease:
         self._holder = None
         return holder
 
-    def held_with(self, secret: str, now_us: int) -> bool:
+    def is_held_with(self, secret: str, now_us: int) -> bool:
         """Return whether `secret` is that of the lease in force."""
         holder = self.holder(now_us)
         return holder is not None and holder.secret == secret
@@ -77,7 +77,7 @@ class Lease:
         self, secret: str, name: str, duration_us: int, now_us: int, client: bytes = b""
     ) -> Holder:
         """Give control, under a new secret, or renew it. Raises Refusal while another has it."""
-        if not self.held_with(secret, now_us):
+        if not self.is_held_with(secret, now_us):
             self.check("", now_us)
             secret = self._new_secret()
         self._holder = Holder(secret, name, duration_us, now_us + duration_us, client)
@@ -105,7 +105,7 @@ class Lease:
 
     def release(self, secret: str, now_us: int) -> bool:
         """Give control back; return whether `secret` was the holder's."""
-        if not self.held_with(secret, now_us):
+        if not self.is_held_with(secret, now_us):
             return False
         self._holder = None
         return True

@@ -25,16 +25,18 @@ def reread_keys(
     if reread is None:
         return "SIGHUP: started without a configuration file, so there is nothing to read anew"
     try:
-        found = reread()
+        new_config = reread()
     except ConfigError as error:
         return f"SIGHUP: the list of keys stays as it was: {error}"
-    others = "" if _same_but_keys(running, found) else "; what else has changed waits for a restart"
+    others = (
+        "" if _same_but_keys(running, new_config) else "; what else has changed waits for a restart"
+    )
     if doorkeeper is None:
         return f"SIGHUP: commands over TCP are off, so there is no list of keys{others}"
-    if not found.daemon.tcp.enabled:
+    if not new_config.daemon.tcp.enabled:
         return f"SIGHUP: the list of keys stays as it was: TCP is off in the file{others}"
-    new, gone = doorkeeper.allow(found.daemon.tcp.allowed_keys)
-    count = len(found.daemon.tcp.allowed_keys)
+    new, gone = doorkeeper.allow(new_config.daemon.tcp.allowed_keys)
+    count = len(new_config.daemon.tcp.allowed_keys)
     return f"SIGHUP: read the list of keys anew, {count} in all, {new} new, {gone} gone{others}"
 
 
@@ -47,8 +49,8 @@ def has_terminal() -> bool:
     return True
 
 
-def _same_but_keys(one: Config, other: Config) -> bool:
-    return _without_keys(one) == _without_keys(other)
+def _same_but_keys(before: Config, after: Config) -> bool:
+    return _without_keys(before) == _without_keys(after)
 
 
 def _without_keys(config: Config) -> dict[str, Any]:

@@ -146,10 +146,10 @@ class RemoteDoor:
     @contextlib.contextmanager
     def reserve(self) -> Iterator[None]:
         """Open the reserve of descriptors; who waits at the two ports cannot get them."""
-        with contextlib.ExitStack() as held:
+        with contextlib.ExitStack() as stack:
             for gate, _ in self._gates:
-                held.enter_context(gate.held())
-            held.enter_context(self._reserve())
+                stack.enter_context(gate.hidden_from_zeromq())
+            stack.enter_context(self._reserve())
             yield
 
     def close(self) -> None:

@@ -256,7 +256,7 @@ class CommandServer:
         now_ns = time.perf_counter_ns()
         if self._others and now_ns - self._looked_ns > _LOOK_NS:
             self._looked_ns = now_ns
-            known = self._others + sum(len(one) for one in self.listeners)
+            known = self._others + sum(len(listener) for listener in self.listeners)
             remote.look(open_descriptors() - known)
 
     def _turn(self) -> None:

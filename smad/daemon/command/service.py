@@ -113,7 +113,7 @@ class Service:
 
     def config(self, params: api.GetConfig, caller: Caller) -> api.ConfigText:
         """The configuration in force: of the axis that is named, else of the bench."""
-        config = self._bench.one(caller.axes).config if caller.axes else self._bench.config
+        config = self._bench.only_axis(caller.axes).config if caller.axes else self._bench.config
         return api.ConfigText(toml=config_to_toml(config))
 
     def timing_reset(self, params: api.ResetTiming, caller: Caller) -> api.Timing:
@@ -174,7 +174,7 @@ class Service:
 
         def require_sent() -> None:
             for axis in away:
-                with axis.told():
+                with axis.naming_axis():
                     raise not_connected("ESTOP cannot be sent", "cut the power")
             self._require_boards()
 
@@ -195,7 +195,7 @@ class Service:
             for axis in self._bench.axes.values():
                 # One that does not answer keeps nobody from hearing of the others.
                 try:
-                    with axis.told():
+                    with axis.naming_axis():
                         await stopped(axis)
                 except Refusal as refusal:
                     refusals.append(refusal)
@@ -219,7 +219,7 @@ class Service:
         refusals: list[Refusal] = []
         for axis in faulted or axes[:1]:
             try:
-                with axis.told():
+                with axis.naming_axis():
                     await self._clear(axis, params.fault)
             except Refusal as refusal:
                 refusals.append(refusal)
@@ -261,11 +261,11 @@ class Service:
         caller: Caller,
     ) -> api.Motion:
         """Hand a motion to the controller of an axis; it begins with the next sample."""
-        axis = self._bench.one(caller.axes)
+        axis = self._bench.only_axis(caller.axes)
         require_armed(axis)
         if isinstance(params, MoveStage):
             require_stage(axis)
-        with axis.told():
+        with axis.naming_axis():
             axis.controller.command(params)
         if not (isinstance(params, Follow | FollowInputs) and params.queue):
             self._bench.groups.forget([axis.name])
@@ -293,18 +293,18 @@ class Service:
 
     def tune(self, params: Tune, caller: Caller) -> api.Motion:
         """Change gains and options of an axis."""
-        axis = self._bench.one(caller.axes)
-        with axis.told():
+        axis = self._bench.only_axis(caller.axes)
+        with axis.naming_axis():
             axis.controller.command(params)
         return self._status.motion([axis])
 
     def params_list(self, params: api.ListParams, caller: Caller) -> api.ParamList:
         """The parameters as read when the board connected."""
-        return self._bench.one(caller.axes).watch.parameters.all()
+        return self._bench.only_axis(caller.axes).watch.parameters.all()
 
     def params_get(self, params: api.GetParam, caller: Caller) -> api.Param:
         """One parameter."""
-        return self._bench.one(caller.axes).watch.parameters.one(params.name)
+        return self._bench.only_axis(caller.axes).watch.parameters.value_of(params.name)
 
     async def params_set(self, params: api.SetParam, caller: Caller) -> api.Param:
         """Change one parameter on the board."""
@@ -322,7 +322,7 @@ class Service:
 
     def _changeable(self, caller: Caller) -> Axis:
         """Return the axis whose board is to be changed. Raises Refusal unless it can be."""
-        axis = self._bench.one(caller.axes)
+        axis = self._bench.only_axis(caller.axes)
         require_connected(axis)
         require_disarmed(axis)
         return axis
@@ -380,7 +380,7 @@ class Service:
     def control_take(self, params: api.TakeControl, caller: Caller) -> api.Control:
         """Take or renew exclusive control. It changes hands only while the bench is not armed."""
         now_us = self._clock_us()
-        if not self._lease.held_with(caller.lease, now_us):
+        if not self._lease.is_held_with(caller.lease, now_us):
             self._lease.check("", now_us)
             self._require_not_armed_by_another(caller)
         duration_us = int(params.lease_s * 1e6)

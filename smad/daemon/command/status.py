@@ -157,11 +157,11 @@ class StatusReport:
 
     def link_counters(self) -> dict[str, float]:
         """Return what the run log keeps about the links once a second."""
-        found: dict[str, float] = {}
+        counters: dict[str, float] = {}
         for name, axis in self._bench.axes.items():
             counts, timing = self._counts(axis), self._timing[name]
-            found |= api.link_counters(name, _frames(axis), axis.watch.stats, counts, timing)
-        return found
+            counters |= api.link_counters(name, _frames(axis), axis.watch.stats, counts, timing)
+        return counters
 
     def _link_status(self, axis: Axis) -> api.LinkStatus:
         link, config = axis.link, axis.config.link

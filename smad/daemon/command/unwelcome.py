@@ -25,13 +25,13 @@ class Unwelcome:
         self._server = server
         self._commands = commands
         self._say = say
-        self._told = dict.fromkeys(_TEXTS, 0)
+        self._reported = dict.fromkeys(_TEXTS, 0)
 
     def tell(self) -> None:
         """Say what was turned away since the last call, if anything was."""
         for name, total in self._totals().items():
-            count = total - self._told[name]
-            self._told[name] = total
+            count = total - self._reported[name]
+            self._reported[name] = total
             if count:
                 self._say("warning", _TEXTS[name].format(count), {name: count})
 

@@ -82,7 +82,7 @@ class Parameters:
         except Refusal as refusal:
             raise _with_range(refusal, parameter) from refusal
         self._note(reply)
-        return self.one(name)
+        return self.value_of(name)
 
     def value(self, parameter: Parameter) -> int:
         """Return a value as read from the board, or its default while it was not."""
@@ -93,7 +93,7 @@ class Parameters:
         """Return the board's limits in force, as far as they were read."""
         return replace(compiled_limits(), **{p.name: self.value(p) for p in LIMIT_PARAMETERS})
 
-    def one(self, name: str) -> api.Param:
+    def value_of(self, name: str) -> api.Param:
         """Return one parameter. Raises Refusal when it does not exist or was not read yet."""
         parameter = _named(name)
         key = (0 if parameter.shared else self._axis, parameter.number)
@@ -116,7 +116,7 @@ class Parameters:
 
     def all(self) -> api.ParamList:
         """Return all parameters of our axis. Raises Refusal when they were not read yet."""
-        return api.ParamList(params=tuple(self.one(p.name) for p in PARAMETERS))
+        return api.ParamList(params=tuple(self.value_of(p.name) for p in PARAMETERS))
 
     async def _read_one(self, axis: int, parameter: Parameter, ask: Ask) -> None:
         self._note(await ask(ParamGet(axis, parameter.number)))
@@ -154,13 +154,13 @@ def _with_range(refusal: Refusal, parameter: Parameter) -> Refusal:
 def fault_of(report: FaultReport) -> api.Fault:
     """Return a fault report as a client is told it."""
     # The wire always carries both numbers; a button that was pressed has neither.
-    told = report.measured != 0 or report.limit != 0
+    has_values = report.measured != 0 or report.limit != 0
     return api.Fault(
         number=int(report.fault),
         name=report.fault.name,
         channel=report.channel.name,
-        measured=float(report.measured) if told else None,
-        limit=float(report.limit) if told else None,
+        measured=float(report.measured) if has_values else None,
+        limit=float(report.limit) if has_values else None,
         unit=FAULT_TEXTS[report.fault].unit,
     )
 

@@ -139,12 +139,12 @@ def open_serial(path: str, baud: int) -> SerialTransport:
 
 def _device_number(path: str) -> int:
     try:
-        found = os.stat(path)
+        status = os.stat(path)
     except OSError as error:
         raise _refused(path, 0, error) from error
-    if found.st_rdev == 0:
+    if status.st_rdev == 0:
         raise _no_serial_port(path)
-    return found.st_rdev
+    return status.st_rdev
 
 
 def _no_serial_port(path: str) -> PortError:

@@ -166,15 +166,15 @@ def refusal(error: Error, request: Message | None = None) -> Refusal:
         error.code, (f"the board refused with code {int(error.code)}", _UPDATE)
     )
     # A token means nothing to a person.
-    told = error.code is not ErrorCode.TOKEN_WRONG and (error.value != 0 or error.limit != 0)
+    has_values = error.code is not ErrorCode.TOKEN_WRONG and (error.value != 0 or error.limit != 0)
     if error.code is ErrorCode.WRONG_STATE and error.value == BoardState.ESTOP:
         action = "power-cycle the board: nothing else ends ESTOP"
     worded = _state_name if error.code is ErrorCode.WRONG_STATE else int
     return Refusal(
         Reason.BOARD_REFUSED,
         cause,
-        value=worded(error.value) if told else None,
-        limit=worded(error.limit) if told else None,
+        value=worded(error.value) if has_values else None,
+        limit=worded(error.limit) if has_values else None,
         action=action,
     )
 

@@ -12,7 +12,7 @@ from smad.daemon.errors import Refusal
 from smad.daemon.link.board import Parameters
 
 
-def require_own(name: str, names: Collection[str], parameters: Parameters) -> None:
+def require_name_of_axis(name: str, names: Collection[str], parameters: Parameters) -> None:
     """Raise Refusal unless the board stores the name of this axis: cables may be swapped.
 
     `names` are those of all axes; of a bench of one axis, which has no name, nothing is asked.
@@ -48,12 +48,12 @@ def require_tighter(config: Config, parameters: Parameters) -> None:
                 limit=f"{parameter.allowed} {parameter.unit}",
                 action=f"set it first (smad params set {parameter.name} VALUE)",
             )
-    for found in looser_than(config, parameters.limits()):
+    for loose in looser_than(config, parameters.limits()):
         raise Refusal(
             Reason.INVALID,
-            f"{found.key} is looser than the board's {found.board}",
-            value=found.value,
-            limit=f"at most {found.limit:g}",
+            f"{loose.key} is looser than the board's {loose.board}",
+            value=loose.value,
+            limit=f"at most {loose.limit:g}",
             action="tighten it in the configuration and start the daemon again, or loosen the "
-            f"board's (smad params set {found.board} VALUE)",
+            f"board's (smad params set {loose.board} VALUE)",
         )

@@ -67,7 +67,7 @@ class Gate:
             time.sleep(0.001)
 
     @contextlib.contextmanager
-    def held(self) -> Iterator[None]:
+    def hidden_from_zeromq(self) -> Iterator[None]:
         """While the block lasts, ZeroMQ's thread finds nobody who waits at the port.
 
         Otherwise it takes every descriptor that comes free, however briefly, for a crowd.

@@ -206,12 +206,12 @@ def _named(body: bytes) -> tuple[bytes, bytes]:
 
 
 def _properties(data: bytes) -> dict[bytes, bytes]:
-    found: dict[bytes, bytes] = {}
+    properties: dict[bytes, bytes] = {}
     while data:
         name, rest = _named(data)
         size = int.from_bytes(rest[:4], "big")
         if len(rest) < 4 + size:
             raise Broken("a property that is cut short")
-        found[name.lower()] = rest[4 : 4 + size]
+        properties[name.lower()] = rest[4 : 4 + size]
         data = rest[4 + size :]
-    return found
+    return properties

@@ -137,13 +137,15 @@ class BlackBox:
     async def write(self, seconds: float) -> int:
         """Write the last seconds into a log; return how many samples. Raises RunLogError."""
         now_s, before_s = self._wall_clock(), self._written_s
-        kept = [block.entries for block in self._blocks if block.last_s >= now_s - seconds]
-        if kept:
-            kept[-1] = kept[-1].copy()
+        blocks = [block.entries for block in self._blocks if block.last_s >= now_s - seconds]
+        if blocks:
+            blocks[-1] = blocks[-1].copy()
         loop = asyncio.get_running_loop()
         self._written_s = now_s
         try:
-            path, rows = await loop.run_in_executor(self._worker, self._write, kept, seconds, now_s)
+            path, rows = await loop.run_in_executor(
+                self._worker, self._write, blocks, seconds, now_s
+            )
         except RunLogError:
             self._written_s = before_s
             raise
@@ -189,12 +191,12 @@ class BlackBox:
         return newest
 
     def _write(
-        self, kept: Sequence[Sequence[bytes]], seconds: float, now_s: float
+        self, blocks: Sequence[Sequence[bytes]], seconds: float, now_s: float
     ) -> tuple[Path, int]:
         """Write what of these is of the last seconds; return where, and how many samples."""
         make_folder(self._folder)
         path = new_run_path(self._folder, "last", datetime.fromtimestamp(now_s))
-        entries = (_decode(data) for block in kept for data in block)
+        entries = (_decode(data) for block in blocks for data in block)
         recent = (entry for entry in entries if entry.wall_s >= now_s - seconds)
         first = next(recent, None)
         header = self._header("last")

@@ -45,7 +45,7 @@ def run_header(
         seed=config.plant.seed if simulated else None,
         configuration=config_to_toml(config),
         parameter_file=parameter_text or "",
-        gains=_by_axis({axis: _gains(own) for axis, own in configs.items()}),
+        gains=_by_axis({axis: _gains(axis_config) for axis, axis_config in configs.items()}),
         versions={**_VERSIONS, "smad": VERSION},
         board=_by_axis({axis: _board(ident) for axis, ident in idents.items() if ident}),
         message_schema=_SCHEMA,

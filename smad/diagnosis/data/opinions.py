@@ -101,9 +101,12 @@ def _without_stuck(
         if stop - start < STUCK_SAMPLES or others ** (stop - start - 1) > STUCK_CHANCE:
             continue
         if np.ptp(course[start:stop]) > _least_move(channel):
-            say("stuck channel", f"{channel.name} stays at {y[start]:g} {channel.unit} from "
+            say(
+                "stuck channel",
+                f"{channel.name} stays at {y[start]:g} {channel.unit} from "
                 f"{run.t_s[start]:.6g} to {run.t_s[stop - 1]:.6g} s, where the inputs should move "
-                "it: these samples do not count")  # fmt: skip
+                "it: these samples do not count",
+            )
             valid = valid & ~_slice_mask(len(y), start, stop)
     return run if valid is run.good else replace(run, valid=valid)
 

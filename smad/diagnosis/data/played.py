@@ -56,9 +56,12 @@ class Played:
         """
         bins = int(np.floor((run.t_s[-1] - start_s) / period_s + 1e-6))
         return cls(
-            run=thinned(run, period_s / pieces, inputs), inputs=tuple(inputs), bins=max(bins, 1),
-            start_s=start_s, period_s=period_s,
-        )  # fmt: skip
+            run=thinned(run, period_s / pieces, inputs),
+            inputs=tuple(inputs),
+            bins=max(bins, 1),
+            start_s=start_s,
+            period_s=period_s,
+        )
 
     def means(self, series: Array, *, exact: bool = False) -> Array:
         """Means of series over its samples (m, n) in each bin, (m, bins).

@@ -57,11 +57,14 @@ class BarePlaces:
         ]  # fmt: skip
         inputs = [
             Place(
-                name=f"{INPUT}{s.name}", label=f"what {s.name} does", unit=s.unit,
-                scale=0.03 * (s.high - s.low), **shared,
+                name=f"{INPUT}{s.name}",
+                label=f"what {s.name} does",
+                unit=s.unit,
+                scale=0.03 * (s.high - s.low),
+                **shared,
             )
             for s in self.plain.inputs
-        ]  # fmt: skip
+        ]
         return (*readings, *inputs)
 
     def state_words(self, place: str, state: str) -> tuple[str, str]:
@@ -84,8 +87,7 @@ class BarePlaces:
         self, point: ModelPoint, run: GapRun, forcing: Forcing, *, fast: bool = False
     ) -> dict[str, Array]:
         """See `Forceable`."""
-        pushed = {n.removeprefix(INPUT): f for (n, _), f in forcing.items()
-                  if n.startswith(INPUT)}  # fmt: skip
+        pushed = {n.removeprefix(INPUT): f for (n, _), f in forcing.items() if n.startswith(INPUT)}
         out = self.simulate(point, _pushed(run, pushed), fast=fast)
         for (name, _), series in forcing.items():
             if name.startswith(READING):

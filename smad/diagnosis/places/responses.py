@@ -130,9 +130,12 @@ def candidate_laws(
         for side in place.sides:
             support = _support(plant, place, side, states)
             terms = terms_over(
-                place.states, support, bends=bare, products=False,
+                place.states,
+                support,
+                bends=bare,
+                products=False,
                 signed=("velocity",) if signed is None else signed,
-            )  # fmt: skip
+            )
             laws.append(Law(place.name, side, terms))
     return tuple(laws)
 

@@ -111,9 +111,10 @@ def largest_gap(course: Course) -> Picture:
     what = "The change of the" if course.paired else "The"
     without = "" if course.after is None else " What is told was fitted without it."
     return picture(
-        figure, "The largest gap",
+        figure,
+        "The largest gap",
         f"{what} signal with the largest gap, in {course.run}.{without}",
-    )  # fmt: skip
+    )
 
 
 def more_signals(course: Course) -> Picture | None:
@@ -174,8 +175,9 @@ def _law(
         middle = np.where(count > 0, 0.5 * (edges[1:] + edges[:-1]), np.nan)
         side = "" if law.side == BOTH else f", spring {law.side.upper()}"
         top.plot(middle, mean, color=in_print(colour), label=f"law{side}")
-        top.fill_between(middle, mean - sd, mean + sd, color=in_print(colour), alpha=0.2,
-                         linewidth=0.0)  # fmt: skip
+        top.fill_between(
+            middle, mean - sd, mean + sd, color=in_print(colour), alpha=0.2, linewidth=0.0
+        )
         low.bar(middle, count / max(int(count.max()), 1), width=np.diff(edges), alpha=0.4,
                 color=in_print(colour))  # fmt: skip
     top.axhline(0.0, color=in_print("text"), linewidth=0.6)
@@ -185,10 +187,11 @@ def _law(
         low, labelled(*plant.state_words(cause.place, state)), "", "how often the runs were there"
     )
     return picture(
-        figure, f"Law at the {cause.words}",
+        figure,
+        f"Law at the {cause.words}",
         f"{cause.words}: the law over {cause.terms[0].words}. Line and band: its mean and standard "
         "deviation over the runs, where its other states vary. Below: where the runs were.",
-    )  # fmt: skip
+    )
 
 
 def _points(

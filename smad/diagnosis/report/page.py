@@ -52,9 +52,12 @@ def page_of(answer: Answer, asked: str = "", facts: Sequence[tuple[str, str]] = 
         ("What to do next", _next(v, asked)),
     ]
     sections += [Section(title, blocks, folded=True) for title, blocks in folded if blocks]
-    known = [("question", _QUESTIONS.get(v.question, _CHANGED)),
-             ("plant", f"{v.plant} {v.plant_version}"),
-             ("time", f"{v.seconds:.0f} s" if v.seconds else ""), *facts]  # fmt: skip
+    known = [
+        ("question", _QUESTIONS.get(v.question, _CHANGED)),
+        ("plant", f"{v.plant} {v.plant_version}"),
+        ("time", f"{v.seconds:.0f} s" if v.seconds else ""),
+        *facts,
+    ]
     title, _, gap = (v.headline[:1].upper() + v.headline[1:]).partition("; ")
     lead = gap and f"{gap[0].upper()}{gap[1:]}."
     return Page(title, sections, lead, [(n, x) for n, x in known if x])
@@ -63,8 +66,9 @@ def page_of(answer: Answer, asked: str = "", facts: Sequence[tuple[str, str]] = 
 def _answer(v: Verdict) -> list[Block]:
     out: list[Block] = [
         Text(f"{f.run}: {f.text}", "warning")
-        for f in v.findings if f.refuses or f.run == "all runs"
-    ]  # fmt: skip
+        for f in v.findings
+        if f.refuses or f.run == "all runs"
+    ]
     floor = "what two good days differ in" if v.question == CHECK_UP else "the noise of a reading"
     judged = f"{''.join(judged_lines(v))}. A floor is {floor}."
     for cause in v.causes:
@@ -81,11 +85,13 @@ def rivals(rows: Sequence[RivalGap], judged: str) -> Table:
     """The table of rivals: values, what each leaves of the judged runs, and its probability."""
     return Table(
         ("floors left", "probability", "rival", "values"),
-        [(f"{r.gap:.3g}", f"{r.probability:.2f}", _what(r), ", ".join(v.text for v in r.values))
-         for r in first_rivals(rows)],
+        [
+            (f"{r.gap:.3g}", f"{r.probability:.2f}", _what(r), ", ".join(v.text for v in r.values))
+            for r in first_rivals(rows)
+        ],
         f"Each rival is fitted together with the parameters, and {judged}",
         frozenset((0, 1)),
-    )  # fmt: skip
+    )
 
 
 def _what(rival: RivalGap) -> str:
@@ -111,10 +117,12 @@ def budget(v: Verdict) -> Table:
     """Where the gap goes, signal by signal."""
     of, *stages = budget_stages(v.question, [c.name or "a law" for c in v.causes])
     rows = [
-        (labelled(s.label, s.unit),
-         *(f"{x:.3g}" for x in (s.raw, s.parameters, *s.causes, s.floor)))
+        (
+            labelled(s.label, s.unit),
+            *(f"{x:.3g}" for x in (s.raw, s.parameters, *s.causes, s.floor)),
+        )
         for s in (*v.budget, *([v.whole] if v.whole else []))
-    ]  # fmt: skip
+    ]
     header = (f"RMS of {of}", *stages, "floor")
     return Table(header, rows, numeric=frozenset(range(1, len(header))))
 

@@ -120,9 +120,10 @@ def _entry(title: str, rows: Sequence[str]) -> list[str]:
 def parameter_lines(parameters: Sequence[ParameterMoved]) -> list[str]:
     """The parameters that moved most beside their standard deviation."""
     moved = [q for q in parameters if abs(q.after - q.before) > q.sd][:_MOVED]
-    return _entry("moved", [
-        f"{q.name} from {q.before:.4g} to {with_unit(q.after, q.sd, q.unit)}" for q in moved
-    ])  # fmt: skip
+    return _entry(
+        "moved",
+        [f"{q.name} from {q.before:.4g} to {with_unit(q.after, q.sd, q.unit)}" for q in moved],
+    )
 
 
 def budget_stages(question: str, causes: Sequence[str]) -> list[str]:

@@ -115,8 +115,9 @@ def _mixed(rng: np.random.Generator) -> Sequence[Part]:
     ]  # fmt: skip
 
 
-def _fixed(name: str, title: str, duration_s: float, *parts: Part, start_s: float = REST_S
-           ) -> Timeline:  # fmt: skip
+def _fixed(
+    name: str, title: str, duration_s: float, *parts: Part, start_s: float = REST_S
+) -> Timeline:
     """A timeline in which nothing is random."""
     return Timeline(name, title, duration_s, lambda rng: parts, start_s)
 

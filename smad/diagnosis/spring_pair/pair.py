@@ -227,8 +227,11 @@ class SmaPlant:
         otherwise be stopped there in every direction.
         """
         names = (
-            "modulus_martensite", "max_deflection", "initial_deflection", "initial_force",
-        )  # fmt: skip
+            "modulus_martensite",
+            "max_deflection",
+            "initial_deflection",
+            "initial_force",
+        )
         modulus, reach, slack, force = (values.get(n, self.parameter_set[n]) for n in names)
         c1, c2 = spring_factors(self.parameter_set)
         stiffness = c2 * modulus / c1

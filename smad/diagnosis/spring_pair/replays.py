@@ -85,9 +85,12 @@ class GivenPoint:
         self.variant, self.nominal = plant.variant, plant.parameter_set
         self.parameters = plant.set_of(point.theta)
         self.setup = Setup.make(
-            self.parameters, variant=self.variant, effects=plant.acting(point), laws=point.laws,
+            self.parameters,
+            variant=self.variant,
+            effects=plant.acting(point),
+            laws=point.laws,
             **_OPTIONS,
-        )  # fmt: skip
+        )
         self.zero_mm = point.theta.get("displacement_zero", 0.0)
         # Heat and voltage go with the resistance of each spring.
         self.root = {"x": 1.0, "y": (1.0 + point.theta.get("side_resistance", 0.0)) ** 0.5}

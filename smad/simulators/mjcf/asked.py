@@ -106,12 +106,15 @@ def _declared(
     replay.effects = effects
     replay.plays = [
         (n, play(n, replay.unit(n, r) or "rad", -1.0, 1.0))
-        for n, r in mapped.channels.items() if r.joint
-    ]  # fmt: skip
+        for n, r in mapped.channels.items()
+        if r.joint
+    ]
     units = {n: replay.unit(n, r) for n, r in mapped.inputs.items()}
     units |= {n: replay.unit(n, r) for n, r in mapped.channels.items()}
-    units |= {n: "N m" if m.jnt_type[replay.joints[n.removesuffix("_torque")]] == replay.hinge
-              else "N" for n in forces}  # fmt: skip
+    units |= {
+        n: "N m" if m.jnt_type[replay.joints[n.removesuffix("_torque")]] == replay.hinge else "N"
+        for n in forces
+    }
     return Simulator(
         function=replay, name=mapped.name or name,
         parameters=tuple(_parameter(replay, n, r) for n, r in mapped.parameters.items()),
@@ -158,9 +161,10 @@ def _mapped(table: Table, mapped: MjcfMap) -> Table:
     """The columns that the map names, by its own names."""
     rows: Sequence[tuple[str, Any]] = (*mapped.inputs.items(), *mapped.channels.items())
     columns = {
-        name: table.columns[row.column or name] for name, row in rows
+        name: table.columns[row.column or name]
+        for name, row in rows
         if (row.column or name) in table.columns
-    }  # fmt: skip
+    }
     lacking = [n for n in mapped.inputs if n not in columns]
     if lacking:
         raise SimulatorError(

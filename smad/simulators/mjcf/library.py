@@ -118,15 +118,18 @@ def _spring(
             rest.write(model, number, (was * rest_angle + more * values[shape]) / (was + more))
 
     made = Effect(
-        name=f"{joint}_spring", title=f"spring at joint {joint}",
+        name=f"{joint}_spring",
+        title=f"spring at joint {joint}",
         parameters=(
             _size(f"{unit}/{angle}", some),
             EffectParameter(
                 name=shape, unit=angle, typical=0.0, low=-0.5, high=0.5, strength=False
             ),
         ),
-        signals=(), equation="torque −= size · (position − rest)", places=(place,),
-    )  # fmt: skip
+        signals=(),
+        equation="torque −= size · (position − rest)",
+        places=(place,),
+    )
     return ModelEffect(effect=made, write=write)
 
 
@@ -141,10 +144,13 @@ def payload(m: Any, body: str, places: Sequence[str]) -> ModelEffect:
         add_point_mass(model, number, values["size"], centre)
 
     made = Effect(
-        name=f"{body}_payload", title=f"payload at {body}",
-        parameters=(_size("kg", 0.1 * body_kg),), signals=(), equation="a point mass",
+        name=f"{body}_payload",
+        title=f"payload at {body}",
+        parameters=(_size("kg", 0.1 * body_kg),),
+        signals=(),
+        equation="a point mass",
         places=tuple(places),
-    )  # fmt: skip
+    )
     return ModelEffect(effect=made, write=write)
 
 
@@ -173,10 +179,13 @@ def play(name: str, unit: str, low: float, high: float) -> Effect:
     some, most = (share * (1.0 if unit == "rad" else high - low) for share in _PLAY)
     size = EffectParameter(name="size", unit=unit, typical=some, low=0.0, high=most)
     return Effect(
-        name=f"{name}_backlash", title=f"backlash between the joint and {name}",
-        parameters=(size,), signals=(name,), equation="|shown − position| ≤ size",
+        name=f"{name}_backlash",
+        title=f"backlash between the joint and {name}",
+        parameters=(size,),
+        signals=(name,),
+        equation="|shown − position| ≤ size",
         places=(f"reading_{name}",),
-    )  # fmt: skip
+    )
 
 
 def _size(unit: str, typical: float) -> EffectParameter:

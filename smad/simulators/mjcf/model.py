@@ -89,8 +89,10 @@ class MujocoModel:
         if row.field not in FIELDS:
             raise SimulatorError(
                 f"parameters.{name}.field is none that can be refitted",
-                value=row.field, limit=", ".join(FIELDS), action="correct the map",
-            )  # fmt: skip
+                value=row.field,
+                limit=", ".join(FIELDS),
+                action="correct the map",
+            )
         field = FIELDS[row.field]
         return field, number_of(self.model, field.kind, row.of, f"parameters.{name}")
 
@@ -98,8 +100,9 @@ class MujocoModel:
         """Joints that turn or slide, by name."""
         m, kinds = self.model, self._mujoco.mjtJoint
         plain = (int(kinds.mjJNT_HINGE), int(kinds.mjJNT_SLIDE))
-        names = {j: self._mujoco.mj_id2name(m, self._mujoco.mjtObj.mjOBJ_JOINT, j)
-                 for j in range(m.njnt)}  # fmt: skip
+        names = {
+            j: self._mujoco.mj_id2name(m, self._mujoco.mjtObj.mjOBJ_JOINT, j) for j in range(m.njnt)
+        }
         return {n: j for j, n in names.items() if n and int(m.jnt_type[j]) in plain}
 
     def _input(self, name: str, row: InputRow) -> Driven:
@@ -123,9 +126,10 @@ class MujocoModel:
             if row.index >= m.sensor_dim[sensor]:
                 raise SimulatorError(
                     f"{key}: sensor {row.sensor} has no such value",
-                    value=row.index, limit=f"0 to {m.sensor_dim[sensor] - 1}",
+                    value=row.index,
+                    limit=f"0 to {m.sensor_dim[sensor] - 1}",
                     action="correct index",
-                )  # fmt: skip
+                )
             column = int(m.sensor_adr[sensor]) + row.index
             return Output(name, "sensor", column, row.scale, row.offset)
         joint = number_of(m, "joint", row.joint or row.velocity_of, key)

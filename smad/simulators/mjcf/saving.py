@@ -21,9 +21,11 @@ def saver(replay: MujocoModel) -> Callable[..., None]:
         point: ModelPoint, path: Path, note: str, uncertainty: Uncertainty | None = None
     ) -> None:
         xml, rest = written(replay, point)
-        text = _comment(xml, note) if not rest and not point.laws else _file(
-            xml, note, rest, point, uncertainty
-        )  # fmt: skip
+        text = (
+            _comment(xml, note)
+            if not rest and not point.laws
+            else _file(xml, note, rest, point, uncertainty)
+        )
         path.write_text(text, "utf-8")
 
     return save
@@ -44,8 +46,9 @@ def written(replay: MujocoModel, point: ModelPoint) -> tuple[str, dict[str, Mapp
     for e in replay.effects:
         given = point.effects.get(e.effect.name, {})
         values[e.effect.name] = given.get("size", 0.0)
-        values |= {q.name: given.get(q.name, q.typical)
-                   for q in e.effect.parameters if not q.strength}  # fmt: skip
+        values |= {
+            q.name: given.get(q.name, q.typical) for q in e.effect.parameters if not q.strength
+        }
     replay.write(fresh, values)
     for name, given in point.effects.items():
         if name in gears:
@@ -75,9 +78,12 @@ def _file(
     for law in point.laws:
         for term in law.terms:
             lines += [
-                "", "[[laws]]", f"place = {quoted(law.place)}", f"term = {quoted(term.name)}",
+                "",
+                "[[laws]]",
+                f"place = {quoted(law.place)}",
+                f"term = {quoted(term.name)}",
                 f"coefficient = {float(term.coefficient)!r}",
-            ]  # fmt: skip
+            ]
             for factor in term.factors:
                 lines += [
                     "[[laws.factors]]", f"state = {quoted(factor.state)}",

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from smad.client import BoardRefused
+from smad.api import Reason
+from smad.client import BoardRefused, Refused
 from smad.experiments.leased import LeasedDriver
 
 PLAN: Any = SimpleNamespace(name="a plan")
@@ -21,6 +22,10 @@ class Noting:
         self.refusals = refusals
         self.armed = False
         self.breaks = False
+        self.time_s = 0.0
+
+    def sleep(self, seconds: float) -> None:
+        self.time_s += seconds
 
     @contextlib.contextmanager
     def in_control(self, name: str, lease_s: float) -> Iterator[None]:
@@ -52,9 +57,13 @@ class Noting:
 
 def leased(bench: Any) -> LeasedDriver:
     return LeasedDriver(
-        bench, bench, lease_s=3.0, progress=bench.done.append, sleep=lambda s: None,
-        clock_s=lambda: 0.0,
-    )  # fmt: skip
+        bench,
+        bench,
+        lease_s=3.0,
+        progress=bench.done.append,
+        sleep=bench.sleep,
+        clock_s=lambda: bench.time_s,
+    )
 
 
 def test_each_run_is_under_control_and_ends_disarmed() -> None:
@@ -76,11 +85,12 @@ def test_a_run_that_breaks_is_disarmed_too() -> None:
 
 
 def test_between_two_runs_it_waits_for_the_springs_and_before_the_first_it_does_not() -> None:
-    bench = Noting(refusals=2)
+    bench = Noting(refusals=100)
     driver = leased(bench)
     with pytest.raises(BoardRefused):
         driver.run(PLAN)
-    bench.refusals = 4
+    assert bench.time_s < 1.0
+    bench.refusals = 3
     assert driver.run(PLAN) == "a recording"
     assert sum("waiting until the springs are cold" in line for line in bench.done) == 3
 
@@ -89,3 +99,17 @@ def test_an_arming_whose_token_came_too_late_is_asked_for_once_more() -> None:
     bench = Noting(refusals=1)
     assert leased(bench).run(PLAN) == "a recording"
     assert not any("waiting" in line for line in bench.done)
+
+
+def test_an_arming_that_a_person_must_decide_is_not_asked_for_again() -> None:
+    bench = Noting()
+    asked: list[int] = []
+
+    def stopped() -> None:
+        asked.append(1)
+        raise Refused("a stop came in the meantime", reason=Reason.STOPPED)
+
+    bench.arm = stopped  # type: ignore[method-assign]
+    with pytest.raises(Refused):
+        leased(bench).run(PLAN)
+    assert len(asked) == 1

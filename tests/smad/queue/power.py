@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from smad.queue import machine
-from smad.queue.machine import Bench
+from smad.queue.machine import Readiness
 from smad.queue.states import Arming, Item, State
 from smad.queue.store import FILE, Store
 
@@ -60,11 +60,11 @@ def write(folder: Path, synchronous: str) -> None:
             (item,) = store.add([item])
             arming = Arming(items=(item.id,), end_unix_s=1e12, longest_s=1e12)
             store.change(lambda s, arming=arming: machine.resumed(s, arming))  # type: ignore[misc]
-            store.change(lambda s: machine.step(s, 0.0, Bench(True)))
+            store.change(lambda s: machine.step(s, 0.0, Readiness(True)))
             print(f"{item.id} running", flush=True)
             store.change(lambda s, number=item.id: machine.ended(s, number, 0, 1.0))  # type: ignore[misc]
             print(f"{item.id} ended", flush=True)
-            store.change(lambda s: machine.step(s, 0.0, Bench(True)))
+            store.change(lambda s: machine.step(s, 0.0, Readiness(True)))
 
 
 @contextlib.contextmanager

@@ -7,11 +7,11 @@ import msgspec
 import pytest
 
 from smad.queue import QueueError, machine
-from smad.queue.machine import Bench, EndItem, StartItem, Tell
+from smad.queue.machine import EndItem, Readiness, StartItem, Tell
 from smad.queue.states import FOLLOWING, Arming, Budget, Item, Snapshot, State, Usage, moved
 
 ROOT = Path(__file__).resolve().parents[3]
-READY = Bench(True)
+READY = Readiness(True)
 NOW_S = 1_000.0
 
 
@@ -81,13 +81,13 @@ def test_nothing_begins_while_paused_or_while_an_item_runs() -> None:
 
 
 def test_an_item_waits_while_the_bench_cools_but_a_simulated_one_does_not() -> None:
-    assert machine.step(armed(item(1)), NOW_S, Bench(False)).items == ()
+    assert machine.step(armed(item(1)), NOW_S, Readiness(False)).items == ()
     simulated = msgspec.structs.replace(item(1), on_bench=False)
-    assert machine.step(armed(simulated), NOW_S, Bench(False)).after.running is not None
+    assert machine.step(armed(simulated), NOW_S, Readiness(False)).after.running is not None
 
 
 def test_a_bench_in_trouble_pauses_the_queue_before_an_item_begins() -> None:
-    after = machine.step(armed(item(1)), NOW_S, Bench(False, "the bench has a fault")).after
+    after = machine.step(armed(item(1)), NOW_S, Readiness(False, "the bench has a fault")).after
     assert (after.mode, after.reason) == ("paused", "the bench has a fault")
     assert after.queued[0].id == 1
 

@@ -10,7 +10,7 @@ from smad.errors import DaemonError
 from smad.queue import machine
 from smad.queue.bench import View
 from smad.queue.errors import StoreError
-from smad.queue.machine import Bench, Change
+from smad.queue.machine import Change, Readiness
 from smad.queue.runner import KILL_AFTER_S, SAVE_WITHIN_S, Runner, RunnerParts
 from smad.queue.states import Arming, Budget, Item, Snapshot, State, Usage
 from smad.queue.store import FILE, Store
@@ -52,7 +52,7 @@ class Night:
         self.store = Store(folder / FILE)
         self.now_s = BEGAN_S
         self.leap_s = 0.0
-        self.view = View(generation=5, bench=Bench(True), folder=str(folder))
+        self.view = View(generation=5, bench=Readiness(True), folder=str(folder))
         self.spent = Usage()
         self.processes: list[MadeProcess] = []
         self.refusing: dict[int, str] = {}
@@ -155,10 +155,10 @@ def test_a_stop_between_two_items_pauses_the_queue(night: Night) -> None:
     night.arm()
     night.tick()
     night.processes[0].status = 0
-    night.view = msgspec.structs.replace(night.view, bench=Bench(False))
+    night.view = msgspec.structs.replace(night.view, bench=Readiness(False))
     night.tick()
     night.stop()
-    night.view = msgspec.structs.replace(night.view, bench=Bench(True))
+    night.view = msgspec.structs.replace(night.view, bench=Readiness(True))
     night.tick(5)
     assert night.states() == [State.DONE, State.QUEUED]
     assert "somebody stopped the bench" in night.queue.reason
@@ -213,7 +213,7 @@ def test_a_runner_after_a_kill_runs_nothing_again(night: Night) -> None:
 def test_a_kill_between_writing_and_beginning_interrupts_the_item(night: Night) -> None:
     night.add()
     night.arm()
-    night.store.change(lambda s: machine.step(s, night.now_s, Bench(True)))
+    night.store.change(lambda s: machine.step(s, night.now_s, Readiness(True)))
     night.runner = night.new_runner()
     night.runner.begin()
     night.tick(5)

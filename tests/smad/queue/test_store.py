@@ -10,7 +10,7 @@ import pytest
 from campaign.faults.smalldisk import small_disk
 from smad.queue import machine
 from smad.queue.errors import StoreError
-from smad.queue.machine import Bench
+from smad.queue.machine import Readiness
 from smad.queue.states import Arming, Budget, Item, Snapshot, State
 from smad.queue.store import FILE, VERSION, Proposal, Store
 
@@ -31,7 +31,7 @@ def armed(store: Store) -> None:
 def test_what_was_changed_is_read_back_by_another_process(path: Path) -> None:
     with Store(path) as store:
         armed(store)
-        store.change(lambda s: machine.step(s, 1.0, Bench(True)))
+        store.change(lambda s: machine.step(s, 1.0, Readiness(True)))
         before = store.snapshot()
     with Store(path) as again:
         assert again.snapshot() == before
@@ -66,7 +66,7 @@ def test_of_two_that_start_an_item_at_once_only_one_does(path: Path) -> None:
 
     def start() -> None:
         with Store(path) as own:
-            change = own.change(lambda s: machine.step(s, 1.0, Bench(True)))
+            change = own.change(lambda s: machine.step(s, 1.0, Readiness(True)))
             started.append(len(change.items))
 
     threads = [threading.Thread(target=start) for _ in range(8)]
@@ -115,10 +115,10 @@ def test_on_a_full_disk_nothing_is_changed_and_with_room_again_it_goes_on(tmp_pa
             armed(store)
             disk.fill(0, disk.folder)
             with pytest.raises(StoreError, match="make room"):
-                store.change(lambda s: machine.step(s, 1.0, Bench(True)))
+                store.change(lambda s: machine.step(s, 1.0, Readiness(True)))
             assert store.snapshot().running is None
             disk.empty()
-            store.change(lambda s: machine.step(s, 1.0, Bench(True)))
+            store.change(lambda s: machine.step(s, 1.0, Readiness(True)))
             assert store.snapshot().item(1).state is State.RUNNING
 
 
