@@ -10,6 +10,8 @@ UV_VERSION := 0.13.9
 # As locked, with the interpreter of .venv; what else was installed there stays.
 SYNC := UV_PROJECT_ENVIRONMENT=$(VENV) $(UV) sync --quiet --frozen --inexact --python $(PY)
 export OPENBLAS_NUM_THREADS := 1
+# The tests start hundreds of programs: each would compile the sources anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 FIRMWARE ?= python

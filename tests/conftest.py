@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import gc
+import os
 import signal
 from collections.abc import Iterator
 
 import pytest
 
-LONGEST = ("tests/docs/test_commands.py", "tests/evaluation/")
-"""One worker would else be left with them at the end."""
+_PAGE = "tests/docs/test_commands.py::test_every_command_shown_runs["
+LONGEST = (
+    "tests/recipes/test_recipes.py::test_what_the_recipes_say_together_is_enough",
+    f"{_PAGE}docs/guide/check-up.md",
+    f"{_PAGE}docs/guide/diagnose-a-gap.md",
+    f"{_PAGE}docs/your-simulator.md",
+    _PAGE,
+)
+"""Each worker begins with its share of them: one would else be left with them at the end."""
 
 
 def pytest_configure() -> None:
@@ -21,8 +30,42 @@ def pytest_configure() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Nothing of what is collected becomes rubbish: the collector never looks through it."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    items.sort(key=lambda item: not item.nodeid.startswith(LONGEST))
+    items[:] = dealt(items, int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")))
+
+
+def dealt(items: list[pytest.Item], workers: int) -> list[pytest.Item]:
+    """Return the tests in an order of which xdist gives each worker one piece of equal length.
+
+    The longest are dealt out, and each piece begins with its share; the others stay in their order,
+    so that a fixture of a module is made once.
+    """
+    longest = sorted((item for item in items if _rank(item) < len(LONGEST)), key=_rank)
+    others = [item for item in items if _rank(item) == len(LONGEST)]
+    order: list[pytest.Item] = []
+    for number in range(workers):
+        share = longest[number::workers]
+        size = (len(items) - len(order)) // (workers - number)
+        more = max(0, size - len(share))
+        order += share + others[:more]
+        others = others[more:]
+    return order
+
+
+def _rank(item: pytest.Item) -> int:
+    starts = (n for n, longest in enumerate(LONGEST) if item.nodeid.startswith(longest))
+    return next(starts, len(LONGEST))
 
 
 @pytest.fixture

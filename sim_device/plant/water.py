@@ -70,11 +70,15 @@ def printed_water() -> Water:
 
 def at(water: Water, T_K: float) -> Water:
     """The properties at one temperature, by cubic interpolation; raises ValueError outside."""
-    from scipy.interpolate import CubicSpline
-
     if not water.T_K[0] <= T_K <= water.T_K[-1]:
         raise ValueError(f"water at {T_K} K: the table covers {water.T_K[0]} to {water.T_K[-1]} K")
     columns = (water.rho, water.cp, water.k, water.mu, water.beta)
+    node = np.flatnonzero(water.T_K == T_K)
+    if node.size:
+        # Scipy would take half a second to import, and every simulated bench asks for one node.
+        return Water(water.T_K[node], *(column[node] for column in columns))
+    from scipy.interpolate import CubicSpline
+
     point = np.array([T_K])
     return Water(point, *(CubicSpline(water.T_K, column)(point) for column in columns))
 

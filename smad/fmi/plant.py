@@ -8,8 +8,8 @@ from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.signal import lfilter
 
+from smad.diagnosis.numerics.lag import lagged
 from smad.diagnosis.places.bare import INPUT, READING
 from smad.diagnosis.plant import (
     Array,
@@ -287,7 +287,7 @@ def _misread(
         column = column + zero
     if tau_s > 0.0:
         keep = float(np.exp(-dt_s / tau_s))
-        column = lfilter([1.0 - keep], [1.0, -keep], column, zi=keep * column[:1])[0]
+        column = lagged(column, keep)
     return np.asarray(column)
 
 

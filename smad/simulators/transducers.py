@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
+from smad.diagnosis.numerics.lag import lagged
 from smad.diagnosis.plant import Array, Effect, EffectParameter, EffectValues
 
 _GAIN = (0.05, 0.5)
@@ -82,7 +82,7 @@ def transduced(
         column = np.interp(t_s - delay_s, t_s, column)
     if tau_s > 0.0 and len(t_s) > 1:
         keep = float(np.exp(-float(np.median(np.diff(t_s))) / tau_s))
-        column = lfilter([1.0 - keep], [1.0, -keep], column, zi=keep * column[:1])[0]
+        column = lagged(column, keep)
     return np.asarray(column)
 
 

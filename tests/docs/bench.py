@@ -34,7 +34,7 @@ def running_bench(
             stderr=output,
         )
         try:
-            _wait_until_it_answers(daemon, folder, env, log)
+            _wait_until_ready(daemon, log)
             yield
         finally:
             daemon.send_signal(signal.SIGINT)
@@ -45,16 +45,10 @@ def running_bench(
                 daemon.wait()
 
 
-def _wait_until_it_answers(
-    daemon: subprocess.Popen[bytes], folder: Path, env: dict[str, str], log: Path
-) -> None:
+def _wait_until_ready(daemon: subprocess.Popen[bytes], log: Path) -> None:
     deadline = time.monotonic() + START_DEADLINE_S
-    while time.monotonic() < deadline:
-        if daemon.poll() is not None:
-            break
-        asked = subprocess.run(
-            ["smad", "status", "--json"], cwd=folder, env=env, capture_output=True, check=False
-        )
-        if asked.returncode == 0:
+    while time.monotonic() < deadline and daemon.poll() is None:
+        if "smad: ready: " in log.read_text():
             return
+        time.sleep(0.02)
     raise RuntimeError(f"the daemon did not come up:\n{log.read_text()}")

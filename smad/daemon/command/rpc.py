@@ -5,6 +5,7 @@ Any bytes give a call, a reply, or nothing where none is due; never an exception
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 from types import NoneType
@@ -33,6 +34,7 @@ Axes = str | tuple[str, ...] | None
 """Whom a request is for: the name of an axis, several, or nobody in particular."""
 
 
+@functools.cache
 def _request_type(method: Method) -> type[Struct]:
     required = any(field.required for field in msgspec.structs.fields(method.params))
     return msgspec.defstruct(

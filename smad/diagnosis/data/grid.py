@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import correlate
 
 from smad.diagnosis.numerics.folds import Index
 from smad.diagnosis.plant import Array, Mask, PlantModel, Signal
@@ -140,7 +139,9 @@ def _time_s(run: GapRun, channel: str) -> float:
         return 0.0
     y: Array = bridged(np.asarray(run.outputs[channel], dtype=np.float64), valid)
     level = y - float(np.mean(y))
-    products = correlate(level, level)[len(y) - 1 : len(y) + len(y) // 2]
+    # Padded by as much as it is long, so that what is late does not meet what is early.
+    power = np.abs(np.fft.rfft(level, 2 * len(y))) ** 2
+    products = np.fft.irfft(power)[: len(y) // 2 + 1]
     # What the first lag loses is noise, which says nothing of how fast the bench is.
     if products[1] <= _STEADY * products[0]:
         return 0.0

@@ -7,7 +7,6 @@ it. It would be told once that costs a model without it as much of the score as 
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import brentq
 
 from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.rivals.fit import rebased
@@ -42,6 +41,8 @@ def unseen_strengths(search: Searched) -> list[str]:
 
 def _strength(v: Array, added: Array, needed: float) -> float:
     """How many times a change is needed for Σ_c log(1 + s² a_c/(v_c + 1)) to reach `needed`."""
+
+    from scipy.optimize import brentq
 
     def short(log_s: float) -> float:
         return float(np.log1p(np.exp(2.0 * log_s) * added / (v + 1.0)).sum()) - max(needed, 1e-3)

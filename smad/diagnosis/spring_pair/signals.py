@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from smad.diagnosis.data.columns import filled, readable, up_to_first_hole
 from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.errors import GapError
+from smad.diagnosis.numerics.lag import lagged
 from smad.diagnosis.plant import Array, Channel, Mask, Signal, Traits
 from smad.diagnosis.runs import GapRun
 from smad.records.channels import MappingFile, read_channels
@@ -80,10 +80,7 @@ _RATE_TAU_S = 0.3
 def smooth(y: Array, dt_s: float, tau_s: float) -> Array:
     """Exponential smoothing forth and back, without delay; shape as given."""
     keep = float(np.exp(-dt_s / tau_s))
-    b, a = [1.0 - keep], [1.0, -keep]
-    forth = lfilter(b, a, y, axis=0, zi=keep * np.atleast_1d(y[:1]))[0]
-    back = lfilter(b, a, forth[::-1], axis=0, zi=keep * np.atleast_1d(forth[-1:]))[0]
-    return np.asarray(back[::-1])
+    return lagged(lagged(y, keep)[::-1], keep)[::-1]
 
 
 def means_over_pieces(run: GapRun, y: Array) -> Array:

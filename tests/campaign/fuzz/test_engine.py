@@ -21,8 +21,8 @@ needs_atheris = pytest.mark.skipif(
     not available(), reason="atheris has wheels for Linux on x86-64 only; the corpus was replayed"
 )
 
-STRIDE = 8
-MORE_RUNS = 60
+STRIDE = 24
+MORE_RUNS = 20
 """Beyond those that load the corpus."""
 
 

@@ -7,13 +7,13 @@ from sim_device.plant import load_parameters
 from sim_device.plant.water import at, printed_water, real_water
 from tests.sim_device.plant.cases import setup_of
 
-CoolProp = pytest.importorskip("CoolProp.CoolProp")
 PROPERTIES = {"rho": "D", "cp": "C", "k": "L", "mu": "V", "beta": "ISOBARIC_EXPANSION_COEFFICIENT"}
 
 
 @pytest.mark.parametrize("name", PROPERTIES)
 @pytest.mark.parametrize("T_K", [285.3, 300.0, 312.7, 341.9, 365.5])
 def test_the_table_agrees_with_iapws_between_its_nodes(name, T_K):
+    CoolProp = pytest.importorskip("CoolProp.CoolProp")
     exact = CoolProp.PropsSI(PROPERTIES[name], "T", T_K, "P", 101325, "Water")
     assert getattr(at(real_water(), T_K), name)[0] == pytest.approx(exact, rel=6e-6)
 

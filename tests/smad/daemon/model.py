@@ -17,10 +17,11 @@ that is late is one that is asked for later, unless a stop came: then its genera
 force, which is looked at when the stop begins, as none that is not ever will be. A board gives its
 token at once or never: a token alone arms nothing.
 
-Two things make it quick. The axes are alike, so a state and the same with the axes exchanged are
+Three things make it quick. The axes are alike, so a state and the same with the axes exchanged are
 one, and what happens on an axis is worked out for the first only. A step looks at the machine and
 at one board at most: what it does is worked out once for each such pair (`Model`), by the daemon's
-machine itself, and the search (`explore`) only looks it up.
+machine itself, and the search (`explore`) only looks it up. It looks up all states of a depth
+together.
 
 The property, in every state:
 
@@ -32,10 +33,13 @@ The property, in every state:
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Generic, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tests.smad.daemon.model_steps import (
     AT_START,
@@ -50,6 +54,7 @@ from tests.smad.daemon.model_steps import (
 )
 
 T = TypeVar("T")
+States = NDArray[np.int64]
 EXCHANGE = str.maketrans("AB", "BA")
 BITS = 12
 MASK = (1 << BITS) - 1
@@ -101,6 +106,7 @@ class Model:
         self._of_axis: dict[int, list[Row]] = {}
         self._of_bench: dict[int, list[Row]] = {}
         self._boards_after: dict[int, int] = {}
+        self._tables: dict[tuple[int, bool], States] = {}
         board = self._boards.of(Board())
         self.start = self._machines.of(AT_START) << 2 * BITS | board << BITS | board
 
@@ -122,6 +128,54 @@ class Model:
         for what, same, exchanged, on_first, on_second in self._bench_rows(machine):
             board, other = after(first, on_first), after(second, on_second)
             yield same | board << BITS | other, exchanged | other << BITS | board, what[0]
+
+    def steps_of_all(self, states: States) -> tuple[NDArray[np.intp], States]:
+        """Return the states that can be next of all of these, as `steps` with the axes in order.
+
+        Beside each, the index of the state that it follows. Raises Violation.
+        """
+        machine, first, second = states >> 2 * BITS, states >> BITS & MASK, states & MASK
+        other_way = _looked_up(self._exchange, machine)
+        from_first, (same, exchanged, board, effects) = self._rows(machine << BITS | first, True)
+        other = self._all_after(second[from_first], effects)
+        of_first = _lesser(same, exchanged, board, other)
+        from_second, (exchanged, same, board, effects) = self._rows(
+            other_way << BITS | second, True
+        )
+        other = self._all_after(first[from_second], effects)
+        of_second = _lesser(same, exchanged, other, board)
+        from_bench, (same, exchanged, on_first, on_second) = self._rows(machine, False)
+        board = self._all_after(first[from_bench], on_first)
+        other = self._all_after(second[from_bench], on_second)
+        of_bench = _lesser(same, exchanged, board, other)
+        return (
+            np.concatenate([from_first, from_second, from_bench]),
+            np.concatenate([of_first, of_second, of_bench]),
+        )
+
+    def _rows(self, keys: States, of_axis: bool) -> tuple[NDArray[np.intp], States]:
+        """Return the rows of all keys one after the other, in columns, and the index of each."""
+        different, which = np.unique(keys, return_inverse=True)
+        tables = [self._table(key, of_axis) for key in different.tolist()]
+        lengths = np.array([table.shape[1] for table in tables])
+        begins = np.cumsum(lengths) - lengths
+        counts = lengths[which]
+        index = np.repeat(np.arange(len(keys)), counts)
+        within = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
+        return index, np.concatenate(tables, axis=1)[:, begins[which][index] + within]
+
+    def _table(self, key: int, of_axis: bool) -> States:
+        table = self._tables.get((key, of_axis))
+        if table is None:
+            rows = self._axis_rows(key >> BITS, key & MASK) if of_axis else self._bench_rows(key)
+            table = np.array([row[1:] for row in rows], dtype=np.int64).reshape(-1, 4).T
+            self._tables[key, of_axis] = table
+        return table
+
+    def _all_after(self, boards: States, effects: States) -> States:
+        return _looked_up(
+            lambda key: self._after(key & MASK, key >> BITS), effects << BITS | boards
+        )
 
     def _after(self, board: int, effects: int) -> int:
         key = effects << BITS | board
@@ -183,37 +237,57 @@ class Explored:
 def explore(alone: frozenset[str]) -> Explored:
     """Visit every state. Raises Violation with the shortest way to one that breaks the property."""
     model = Model(alone)
-    came_from: dict[int, tuple[int, str, bool]] = {model.start: (-1, "", False)}
-    steps = depth = 0
-    reached = [model.start]
-    while reached:
-        now, reached = reached, []
-        for state in now:
-            try:
-                for same, exchanged, what in model.steps(state):
-                    steps += 1
-                    after = min(same, exchanged)
-                    if after not in came_from:
-                        came_from[after] = (state, what, exchanged < same)
-                        reached.append(after)
-            except Violation as violation:
-                way = "\n".join(_way(came_from, state))
-                raise Violation(f"{way}\n{violation}") from None
-        depth += bool(reached)
-    return Explored(len(came_from), steps, depth)
+    depths = [np.array([model.start])]
+    visited, steps = depths[0], 0
+    while len(depths[-1]):
+        try:
+            _, after = model.steps_of_all(depths[-1])
+        except Violation:
+            raise Violation(_way_to_a_violation(model, depths)) from None
+        steps += len(after)
+        reached = np.setdiff1d(after, visited)
+        visited = np.union1d(visited, reached)
+        depths.append(reached)
+    return Explored(len(visited), steps, len(depths) - 2)
 
 
-def _way(came_from: Mapping[int, tuple[int, str, bool]], state: int) -> list[str]:
-    """Return what happened from the start to a state, with each axis under one name."""
-    backwards = []
-    while state >= 0:
-        state, what, exchanged = came_from[state]
-        backwards.append((what, exchanged))
-    way, other_names = [], False
-    for what, exchanged in reversed(backwards[:-1]):
-        way.append(what.translate(EXCHANGE) if other_names else what)
-        other_names ^= exchanged
-    return way
+def _looked_up(one: Callable[[int], int], keys: States) -> States:
+    """Return what a function gives for each key; it is asked once for each that is different."""
+    different, which = np.unique(keys, return_inverse=True)
+    return np.array([one(key) for key in different.tolist()], dtype=np.int64)[which]
+
+
+def _lesser(same: States, exchanged: States, first: States, second: States) -> States:
+    """Return the states, each in the order of its axes that has the lesser number."""
+    return np.minimum(same | first << BITS | second, exchanged | second << BITS | first)
+
+
+def _way_to_a_violation(model: Model, depths: Sequence[States]) -> str:
+    """Return what happened from the start to the violation, with each axis under one name."""
+    states = depths[-1]
+    while len(states) > 1:
+        half = states[: len(states) // 2]
+        try:
+            model.steps_of_all(half)
+            states = states[len(half) :]
+        except Violation:
+            states = half
+    way = [int(states[0])]
+    for earlier in reversed(depths[:-1]):
+        index, after = model.steps_of_all(earlier)
+        way.append(int(earlier[index[np.argmax(after == way[-1])]]))
+    way.reverse()
+    said, other_names = [], False
+    for state, reached in zip(way, [*way[1:], None], strict=True):
+        try:
+            for same, exchanged, what in model.steps(state):
+                if reached == min(same, exchanged):
+                    said.append(what.translate(EXCHANGE) if other_names else what)
+                    other_names ^= exchanged < same
+                    break
+        except Violation as violation:
+            said.append(str(violation))
+    return "\n".join(said)
 
 
 def main() -> None:

@@ -12,12 +12,15 @@ import smad.client
 from smad.client import Refused, Stopped
 from smad.control.commands import DriveCurrent, Hold
 from smad.demo import job
+from smad.experiments import replayer
 from smad.runlog.reader import read_run
 from smad.runlog.schema import CUT
 from tests.smad.daemon.rig import rig_in
 from tests.smad.programs.stage import Stage, set_up
 from tests.smad.programs.table import CASES, PROGRAMS
 
+WARM_DEGC = 31.0
+"""Strokes before a run go so far only, since they are not what is stopped here."""
 SAID = {
     "disarm": "stopped by disarm of a client",
     "estop": "stopped by estop of a client",
@@ -37,6 +40,7 @@ async def test_a_stop_ends_the_program_and_nothing_is_armed_afterwards(
         stage = Stage(rig, phase, stop)
         set_up(stage, monkeypatch)
         monkeypatch.setattr(job, "ARM_DEADLINE_S", 0.1)
+        monkeypatch.setattr(replayer, "STROKE_DEGC", WARM_DEGC)
         program = PROGRAMS[name][0]
         said = await asyncio.get_running_loop().run_in_executor(None, program, tmp_path)
         assert stage.stopped, f"{name} never came to {phase}: {said}"

@@ -8,7 +8,6 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from pyarrow import parquet
 
@@ -66,6 +65,8 @@ def test_each_episode_lies_where_the_description_says(dataset: Path) -> None:
 
 
 def test_tasks_are_read_by_name_through_pandas(dataset: Path) -> None:
+    import pandas as pd
+
     tasks = pd.read_parquet(dataset / "meta" / "tasks.parquet")
     assert tasks.index.name == "task"
     assert tasks["task_index"].tolist() == [0]

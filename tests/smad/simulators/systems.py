@@ -13,7 +13,7 @@ from smad.simulators import Simulator, simulator
 HEATER_DT, PENDULUM_DT = 0.1, 0.01
 
 
-@numba.njit
+@numba.njit(cache=True)
 def _plate(power, dt, capacity, loss, room, tau):  # noqa: PLR0917
     plate = shown = room
     out = np.empty(len(power))
@@ -56,7 +56,7 @@ def heater_run(seed: int, *, tau: float = 1.5, samples: int = 600) -> dict[str, 
     return {"t_s": np.arange(samples) * HEATER_DT, "power_W": power, "temperature_degC": shown}
 
 
-@numba.njit
+@numba.njit(cache=True)
 def _swing(torque, dt, mass, length, damping, friction, angle, rate):  # noqa: PLR0917
     out = np.empty(len(torque))
     inertia, weight = mass * length**2, 9.81 * mass * length

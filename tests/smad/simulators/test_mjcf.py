@@ -11,9 +11,11 @@ import pytest
 
 from sim_device.plant.laws import Law, Term
 from smad.cli import execute
+from smad.diagnosis.answer import Answer
 from smad.diagnosis.plant import ModelPoint
 from smad.simulators.bind import bind
 from smad.simulators.errors import SimulatorError
+from smad.simulators.mjcf import asked
 from smad.simulators.mjcf.asked import declare_mjcf, diagnose_mjcf
 from smad.simulators.mjcf.parts import add_point_mass
 from tests.smad.diagnosis.cases import strong
@@ -32,9 +34,27 @@ def shown(bound, point: ModelPoint | None = None):
     return bound.plant.simulate(point or ModelPoint({}), bound.groups[0][0])
 
 
-def test_friction_that_a_model_lacks_is_placed_named_and_sized(tmp_path: Path) -> None:
-    runs = [arm_run(seed, rubbing) for seed in LOST]
-    verdict = diagnose_mjcf(*files(tmp_path), runs).verdict
+def test_friction_that_a_model_lacks_is_placed_named_and_sized_by_the_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, mapped = files(tmp_path)
+    runs = [tmp_path / f"r{seed}.csv" for seed in LOST]
+    for seed, path in zip(LOST, runs, strict=True):
+        run = arm_run(seed, rubbing)
+        np.savetxt(path, np.column_stack(list(run.values())), delimiter=",",
+                   header=",".join(run), comments="")  # fmt: skip
+    answers: list[Answer] = []
+    monkeypatch.setattr(
+        asked, "diagnose_mjcf",
+        lambda *given, **more: answers.append(diagnose_mjcf(*given, **more)) or answers[0],
+    )  # fmt: skip
+    better = tmp_path / "better.toml"
+    status = execute(["gap", "diagnose", *map(str, runs), "--mjcf", str(model),
+                      "--map", str(mapped), "--apply", str(better)])  # fmt: skip
+    assert status == 0
+    assert "torque at joint hinge" in capsys.readouterr().out
+    assert better.exists()
+    verdict = answers[0].verdict
     first, *_ = verdict.causes
     assert first.place == "input_hinge_torque"
     assert first.words == "torque at joint hinge"
@@ -224,24 +244,6 @@ def test_an_uneven_clock_is_replayed_on_an_even_one(tmp_path: Path) -> None:
     uneven = {n: c[kept] for n, c in run.items()}
     angle = shown(bound_arm(tmp_path, runs=[uneven]))["angle_rad"]
     assert np.sqrt(np.mean((angle[:400] - uneven["angle_rad"][:400]) ** 2)) < 0.05
-
-
-def test_the_command_line_diagnoses_a_model_with_its_map(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    model, mapped = files(tmp_path)
-    for seed in range(2):
-        run = arm_run(seed, rubbing)
-        np.savetxt(tmp_path / f"r{seed}.csv", np.column_stack(list(run.values())), delimiter=",",
-                   header=",".join(run), comments="")  # fmt: skip
-    runs = [str(tmp_path / "r0.csv"), str(tmp_path / "r1.csv")]
-    better = str(tmp_path / "better.toml")
-    status = execute(["gap", "diagnose", *runs, "--mjcf", str(model), "--map", str(mapped),
-                      "--apply", better])  # fmt: skip
-    told = capsys.readouterr().out
-    assert status == 0
-    assert "torque at joint hinge" in told
-    assert Path(better).exists()
 
 
 @pytest.mark.parametrize(
