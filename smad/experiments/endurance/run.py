@@ -47,7 +47,8 @@ class Judgement(Struct, frozen=True):
 class Endurance:
     """What is asked for. Every `check_every` cycles `check` is called; 0: never.
 
-    `first` is the number of its first cycle; `on_time_s` how long the host lets a bench be armed.
+    `first` is the number of its first cycle; `longest_s` how long one arming and one file of the
+    run log may last.
     """
 
     profile: Profile
@@ -56,7 +57,7 @@ class Endurance:
     check_every: int = 0
     full_every: int = 1
     first: int = 1
-    on_time_s: float = 3600.0
+    longest_s: float = 3600.0
 
 
 @dataclass
@@ -88,16 +89,19 @@ def endure(
     folder: Path,
     room: Room,
     *,
+    logs: Path | None = None,
     check: Callable[[int], Judgement] | None = None,
     say: Say = silent,
 ) -> Ended:
     """Carry the run out; `cycles.csv` in `folder` has each cycle's statistics as soon as known.
 
+    `logs` is where the driver's run logs go, left out: `folder`; the room is reserved there.
+
     Raises what the driver raises: a stop or a fault ends it, with all that was recorded kept.
     """
     ended = Ended(cycles=asked.first - 1)
     watch = Watch(asked.limits)
-    reserve = Reserve(folder, room)
+    reserve = Reserve(logs or folder, room)
     last = asked.first + asked.cycles - 1
     try:
         while ended.cycles < last and not ended.reason:
@@ -120,7 +124,7 @@ def _block(asked: Endurance, done: int, last: int) -> int:
     most = last - done
     if asked.check_every:
         most = min(most, asked.check_every - done % asked.check_every)
-    return asked.profile.cycles_a_block(most, asked.on_time_s)
+    return asked.profile.cycles_a_block(most, asked.longest_s)
 
 
 class _Block(NamedTuple):

@@ -11,13 +11,14 @@ import pytest
 
 from campaign.faults.smalldisk import small_disk
 from sim_device.plant.models import built_in
+from smad.config import Config, RecorderConfig
 from smad.control.plan import Plan
 from smad.errors import CommandError
 from smad.experiments.driver import log_path
 from smad.experiments.endurance.judgement import judgement_of
 from smad.experiments.endurance.limits import SETTLING, WINDOW, EndLimits, Watch
 from smad.experiments.endurance.profile import Profile
-from smad.experiments.endurance.room import Reserve, Room, room_for
+from smad.experiments.endurance.room import REST_S, Reserve, Room, longest_block_s, room_for
 from smad.experiments.endurance.run import (
     CYCLES_FILE,
     Ended,
@@ -134,10 +135,24 @@ def test_one_odd_cycle_ends_nothing_and_the_settling_ones_are_no_reference() -> 
 def test_the_room_of_a_week_is_that_of_its_cycles_and_thinned_by_the_factor() -> None:
     whole = room_for(PROFILE, 86_400, 1, 500, 100.0)
     thinned = room_for(PROFILE, 86_400, 100, 500, 100.0)
-    assert whole.logs == pytest.approx(86_400 * 7.0 * 100 * 200)
-    assert thinned.logs == pytest.approx(whole.logs / 100)
+    rests = 173 * REST_S * 100 * 200
+    assert whole.logs == pytest.approx(86_400 * 7.0 * 100 * 200 + rests)
+    assert thinned.logs == pytest.approx(864 * 7.0 * 100 * 200 + rests)
     assert thinned.block > 0.0
     assert "MB of run logs" in thinned.in_words()
+
+
+@pytest.mark.parametrize(
+    ("recorder", "longest_s"),
+    [({}, 3600.0), ({"max_file_min": 5.0}, 300.0), ({"max_file_MB": 10.0}, 500.0)],
+)
+def test_a_block_fits_one_file_of_the_run_log(recorder: dict[str, float], longest_s: float) -> None:
+    assert longest_block_s(Config(recorder=RecorderConfig(**recorder))) == longest_s
+
+
+def test_a_folder_of_run_logs_that_cannot_be_written_is_told_before(tmp_path: Path) -> None:
+    with pytest.raises(CommandError, match="where the run logs go"):
+        Reserve(tmp_path / "none", Room(2e6, 0.0, 0.0))
 
 
 def test_too_little_room_is_told_before_anything_moves(tmp_path: Path) -> None:
