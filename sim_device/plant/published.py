@@ -229,8 +229,8 @@ def table() -> str:
     inside, with_interval = inside_of()
     lines += [
         "",
-        f"Within {NEAR:.0%}: {near} of {judged} that were not fitted. Only D states an interval, the"
-        f" resistivities of martensite and austenite: {inside} of {with_interval} lie in it.",
+        f"Within {NEAR:.0%}: {near} of {judged} that were not fitted. Only D states intervals, from"
+        f" the resistivities of martensite and austenite: {inside} of {with_interval} lie in them.",
         "",
     ]
     lines += [f"- {key}: {source}" for key, source in SOURCES.items()]
