@@ -36,7 +36,7 @@ from smad.runlog.reader import read_run
 from smad.runlog.recover import recovered_path
 
 RATE_HZ: Literal[100] = 100
-LOOK_EVERY_S = 60.0
+LOOK_EVERY_S = 30.0
 """Board time between two looks at memory and disk."""
 PERSON_AFTER_S = 60.0
 """Board time from a pause until a person is there."""
@@ -174,7 +174,7 @@ class Night:
         self._visit()
         while self._board_s < self._seconds and self._waits():
             self._pass_time()
-            if self._due and self._board_s >= self._due[0].at_s:
+            if self._due and self._board_s >= self._due[0].at_s and self._works():
                 self._meet(self._due.pop(0))
             self._let_person_come()
             time.sleep(_POLL_S)
@@ -189,7 +189,8 @@ class Night:
         """Queue as much as the night can take."""
         moves = self._rig.folder / "moves.toml"
         moves.write_text(_MOVES)
-        for _ in range(1 + int(self._seconds / TURN_S)):
+        # More than it can take: items that are interrupted are shorter.
+        for _ in range(1 + int(2.0 * self._seconds / TURN_S)):
             self._queue.add("move", str(moves), repeat=MOVES_A_TURN)
             self._queue.add(
                 "run", "endurance", "--cycles", "50", "--displacement", "-4", "4", "--dwell", "0.5",
@@ -199,6 +200,11 @@ class Night:
     def _waits(self) -> bool:
         snapshot = self._queue.snapshot()
         return bool(snapshot.queued or snapshot.running)
+
+    def _works(self) -> bool:
+        """Whether an item runs under an armed queue: a trouble of an idle bench shows little."""
+        snapshot = self._queue.snapshot()
+        return snapshot.mode == "running" and snapshot.running is not None
 
     def _connected(self) -> Client:
         if self._client is None:
@@ -255,9 +261,8 @@ class Night:
     def _meet(self, trouble: Trouble) -> None:
         """Let a trouble come, and wait for its word and for what the queue makes of it."""
         running = self._queue.snapshot().running
-        met = Met(self._board_s, trouble.kind, "between items" if running is None else running.kind)
+        met = Met(self._board_s, trouble.kind, "" if running is None else running.words[1])
         self.found.met.append(met)
-        active = self._queue.snapshot().mode == "running"
         met_unix_s = time.time()
         self._bring(trouble.kind)
         deadline_s = time.monotonic() + MESSAGE_S + 1.0
@@ -272,7 +277,7 @@ class Night:
         runner = self._rig.children["runner"]
         self._until(lambda: self._queue.has_runner and runner.poll() is None, "a runner is there")
         time.sleep(1.0)
-        met.paused = active and self._queue.snapshot().mode == "paused"
+        met.paused = self._queue.snapshot().mode == "paused"
 
     def _bring(self, kind: str) -> None:
         rig = self._rig

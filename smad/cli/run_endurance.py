@@ -67,10 +67,10 @@ def endurance(**options: Any) -> None:
     Each block, at most three quarters of the longest time armed or of one file, begins from rest
     and has a run log of its own. FOLDER/cycles.csv has the statistics of every cycle. What it takes
     on the disk is told and reserved before. A stop, a fault, or a check-up that fails ends it;
-    --go-on is for a person who looked.
+    --go-on is for a person who looked; it counts what a killed run had recorded.
     """
     from smad.experiments.endurance.room import longest_block_s, room_for
-    from smad.experiments.endurance.run import earlier_cycles, endure
+    from smad.experiments.endurance.run import earlier_cycles, endure, take_over_killed
     from smad.experiments.ready import require_packages
     from smad.runlog.paths import make_folder
 
@@ -87,6 +87,11 @@ def endurance(**options: Any) -> None:
     with contextlib.ExitStack() as stack:
         line = stack.enter_context(progress())
         driver, config, logs = stack.enter_context(_bench(options, folder, line.say))
+        if options["go_on"]:
+            late = take_over_killed(logs, asked.profile, folder, asked.first)
+            if late:
+                click.echo(f"{late} cycles of a killed block are taken over from its run log")
+            asked = replace(asked, first=asked.first + late)
         asked = replace(asked, longest_s=longest_block_s(config))
         block = asked.profile.cycles_a_block(asked.check_every or asked.cycles, asked.longest_s)
         rate_hz = float(config.link.rate_hz)

@@ -26,6 +26,7 @@ from smad.experiments.endurance.run import (
     Judgement,
     earlier_cycles,
     endure,
+    take_over_killed,
 )
 from smad.experiments.endurance.statistics import Cycle, bounds, cycles_of
 from smad.experiments.errors import ExperimentError
@@ -257,6 +258,31 @@ def test_a_failing_block_keeps_what_was_written(tmp_path: Path) -> None:
             check=lambda number: Judgement("", 0.0),
         )  # fmt: skip
     assert earlier_cycles(tmp_path) == 2
+
+
+def test_of_a_block_that_was_ended_early_the_whole_cycles_count(tmp_path: Path) -> None:
+    bench = Virtual(tmp_path)
+    played = bench.run
+
+    def stopped_after_three(plan: Plan) -> Recording:
+        played(PROFILE.plan(1, 4))
+        raise ExperimentError("stopped")
+
+    bench.run = stopped_after_three  # type: ignore[method-assign]
+    with pytest.raises(ExperimentError, match="stopped"):
+        carried_out(tmp_path, bench, cycles=20)
+    assert earlier_cycles(tmp_path) == 3
+
+
+def test_cycles_of_a_killed_block_are_taken_over_from_its_recovered_log(tmp_path: Path) -> None:
+    bench = Virtual(tmp_path)
+    bench.run(PROFILE.plan(1, 4))
+    assert bench.log is not None
+    bench.log.replace(tmp_path / "20261126-010101-endurance-0000001.recovered.mcap")
+    (tmp_path / "20261126-010101-endurance-0000001.mcap").write_bytes(b"cut")
+    assert take_over_killed(tmp_path, PROFILE, tmp_path, 1) == 3
+    assert take_over_killed(tmp_path, PROFILE, tmp_path, 4) == 0
+    assert earlier_cycles(tmp_path) == 3
 
 
 def test_a_verdict_gives_headline_and_probability_that_something_has_come() -> None:
