@@ -154,6 +154,7 @@ def _shear_slope() -> float:
 
 
 _HEAT = "the alloy's heat: 466 J/(kg K) of a DSC curve here, 1011 fitted there; measure one's own"
+_SAME_HEAT = "the alloy's heat"
 _NO_FLOW = "forced convection in air"
 NUMBERS: tuple[Published, ...] = (
     Published(what="resistance of the spring", source="K", value=0.35, unit="Ω",
@@ -167,7 +168,7 @@ NUMBERS: tuple[Published, ...] = (
     Published(what="time constant, turns touching", source="K", value=28.1, unit="s",
               ours=lambda: heated_in_air(1.0, 0.0)[1], missing=_HEAT),
     Published(what="time constant, pitch 3 mm", source="K", value=12.8, unit="s",
-              ours=lambda: heated_in_air(1.0, 3.0)[1], missing=_HEAT),
+              ours=lambda: heated_in_air(1.0, 3.0)[1], missing=_SAME_HEAT),
     Published(what="stress slope of the lines, in shear (10.6 MPa/K / √3)", source="K", value=6.12,
               unit="MPa/K", ours=_shear_slope),
     Published(what="resistance, 0.076 mm wire", source="D", value=196.9, unit="Ω/m",
@@ -191,9 +192,9 @@ NUMBERS: tuple[Published, ...] = (
               ours=lambda: wire_in_air(0.0762, 0.1, "70 °C")[0],
               missing="the air film of thin wires is too large, or their resistivity too small"),
     Published(what="specific heat", source="D", value=837.0, unit="J/(kg K)",
-              ours=_parameter("heat_capacity_heating"), missing=_HEAT),
+              ours=_parameter("heat_capacity_heating"), missing=_SAME_HEAT),
     Published(what="latent heat", source="D", value=24200.0, unit="J/kg",
-              ours=_parameter("latent_heating"), missing=_HEAT),
+              ours=_parameter("latent_heating"), missing=_SAME_HEAT),
     Published(what="relaxing in flowing air over still air, at best (0.30 s / 1.6 s)", source="T",
               value=0.19, unit="", missing=_NO_FLOW),
     Published(what="cooling in a grease-filled tube over air", source="N", value=0.7, unit="",
