@@ -7,7 +7,7 @@ RUN apt-get update \
     && apt-get install -y --no-install-recommends \
         ca-certificates git make python3 python3-venv \
         gcc libc6-dev gcc-avr binutils-avr avr-libc libsimavr-dev libelf-dev \
-        gcc-arm-none-eabi qemu-system-arm chromium chromium-driver libtbb12 \
+        gcc-arm-none-eabi qemu-system-arm chromium chromium-driver libtbb12 nginx \
     && rm -rf /var/lib/apt/lists/*
 
 WORKDIR /smad

@@ -23,6 +23,7 @@ from campaign.soak import report as soak_report
 from campaign.soak.found import FULL
 from campaign.soak.run import run_stage
 from firmware_protocol.nearest import instead
+from smad.cli import root as smad_root
 from smad.cli import run_group
 from smad.cli.output import Finite, progress
 from smad.cli.tables import print_table
@@ -176,6 +177,56 @@ def hostile(*, connections: int, messages: int, json_path: Path | None) -> int:
     ok = not any(result.failures for result in results)
     click.echo("the daemon stood every attack" if ok else "an attack did harm")
     return 0 if ok else 1
+
+
+@root.command()
+@click.option("--hours", type=Finite(min=0.05, max=24.0), default=8.0, show_default=True,
+              help="Of board time.")  # fmt: skip
+@click.option("--speed", type=Finite(min=1.0, max=50.0), default=10.0, show_default=True,
+              help="Board time over wall time at most.")  # fmt: skip
+@click.option("--troubles", type=click.IntRange(0, 1000), help="So many  [default: two an hour]")
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=1, show_default=True)
+@click.option("--folder", type=click.Path(file_okay=False, path_type=Path), required=True,
+              help="A new one; queue, run logs, words and health.html stay there.")  # fmt: skip
+def night(*, hours: float, speed: float, troubles: int | None, seed: int, folder: Path) -> int:
+    """Let a queue work for a night of board time while parts of it are killed.
+
+    Moves and endurance runs; cables pulled, stops, kills, power losses; a person who comes a minute
+    after each pause. Prints troubles, messages and health, and what a week takes by the slopes of
+    memory and disk. Exit status 1 if something ran twice, a word was late, the bench stayed armed
+    without an item, or a run log was lost.
+    """
+    from campaign.night import report as night_report
+    from campaign.night.run import run_night
+
+    if folder.exists() and any(folder.iterdir()):
+        raise CommandError("the folder is not empty", value=str(folder), action="name a new one")
+    count = max(1, round(2.0 * hours)) if troubles is None else troubles
+    with ended_by_signals(), progress() as line:
+        found = run_night(
+            folder.absolute(), hours=hours, seed=seed, speed=speed, count=count, say=line.say
+        )
+        line.done()
+    _show_night(folder)
+    if found.met:
+        print_table(night_report.troubles_table(found))
+    print_table(night_report.week_table(found))
+    click.echo(night_report.facts(found))
+    for text in found.failures:
+        click.echo(f"FAILED {text}")
+    click.echo("a check FAILED" if found.failures else "every check holds")
+    return 1 if found.failures else 0
+
+
+def _show_night(folder: Path) -> None:
+    """Print queue, messages and health as a user sees them."""
+    for words in (
+        ["queue", "list", "--all"],
+        ["queue", "messages"],
+        ["health", "--report", str(folder / "health.html")],
+    ):
+        click.echo(f"$ smad {' '.join(words)}")
+        run_group(smad_root, [*words, "--folder", str(folder / "runs")], "smad")
 
 
 root.add_command(fuzz)

@@ -39,6 +39,7 @@ EXTRA_OF_COMMAND: Mapping[str, str] = {
     "design": "sim",
     "faults": "sim",
     "gap": "gap",
+    "health": "sim",
     "log export": "export",
     "log import": "export",
     "run": "report",

@@ -318,3 +318,18 @@ def test_every_room_that_the_architecture_page_names_is_there() -> None:
     named = [name for row in rows for name in re.findall(r"`([\w./*-]+)`", row) if "/" in name]
     assert len(named) > 15
     assert [name for name in named if not any(ROOT.glob(name.rstrip("/")))] == []
+
+
+def packages_of_debian(text: str, begin: str, end: str) -> set[str]:
+    part = text.partition(begin)[2].partition(end)[0]
+    return set(part.replace("\\", " ").split())
+
+
+def test_the_container_and_ci_install_the_same_packages_of_the_same_debian() -> None:
+    dockerfile = (ROOT / "Dockerfile").read_text()
+    contained = packages_of_debian(dockerfile, "--no-install-recommends", "&&")
+    assert contained == packages_of_debian((ROOT / ".ci/run").read_text(), 'packages="', '"')
+    assert "FROM debian:bookworm" in dockerfile
+    workflow = (ROOT / ".github/workflows/ci.yml").read_text()
+    assert "container: debian:bookworm\n" in workflow
+    assert re.findall(r"run: (.+)", workflow) == [".ci/run"]

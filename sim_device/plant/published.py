@@ -30,7 +30,9 @@ SOURCES = {
     "C": "copper-cored spring, Adv. Mech. Eng. 2021, doi 10.1177/16878140211044651, abstract",
 }
 NEAR = 0.2
-"""So close counts as near; the sources state no more than "approximate"."""
+"""So close counts as near, where a source states no interval."""
+_RESISTIVITY_OF_D = (0.80e-6, 1.00e-6)
+"""Of martensite and of austenite, Ω m: a wire is between them."""
 _ZERO_C = 273.15
 _ROOM_K_OF_K = _ZERO_C + 18.0  # tinf of springProperties.py
 _ROOM_C_OF_D = 25.0
@@ -48,7 +50,8 @@ _HEATED, _COOLED = 0.05, 0.875  # martensite: contracted; all but the last 0.5 %
 class Published:
     """One published number. `ours` is None where the plant has no such law or lacks the geometry.
 
-    fitted: the law of the pitch was made from it.
+    stated: the interval that the source gives for it. fitted: the law of the pitch was made from
+    it.
     """
 
     what: str
@@ -58,11 +61,20 @@ class Published:
     ours: Callable[[], float] | None = None
     missing: str = ""
     fitted: bool = False
+    stated: tuple[float, float] | None = None
 
     @property
     def ratio(self) -> float | None:
         """What the plant gives over what was published."""
         return None if self.ours is None else self.ours() / self.value
+
+    @property
+    def near(self) -> bool:
+        """Whether ours is in the interval that is stated, or within NEAR where none is."""
+        if self.ours is None:
+            return False
+        low, high = self.stated or ((1.0 - NEAR) * self.value, (1.0 + NEAR) * self.value)
+        return low <= self.ours() <= high
 
 
 def _with_alloy(base: ParameterSet, alloy: str, room_K: float) -> ParameterSet:
@@ -119,7 +131,16 @@ def wire_in_air(wire_mm: float, current_A: float, alloy: str) -> tuple[float, fl
 
 def resistance_per_m(wire_mm: float) -> float:
     """Ohm a metre of wire."""
-    return load_parameters("conserving")["resistivity"] / (0.25e-6 * math.pi * wire_mm**2)
+    return load_parameters("conserving")["resistivity"] / _section_m2(wire_mm)
+
+
+def _section_m2(wire_mm: float) -> float:
+    return 0.25e-6 * math.pi * wire_mm**2
+
+
+def _stated_per_m(wire_mm: float) -> tuple[float, float]:
+    martensite, austenite = (rho / _section_m2(wire_mm) for rho in _RESISTIVITY_OF_D)
+    return martensite, austenite
 
 
 def _parameter(name: str) -> Callable[[], float]:
@@ -150,13 +171,13 @@ NUMBERS: tuple[Published, ...] = (
     Published(what="stress slope of the lines, in shear (10.6 MPa/K / √3)", source="K", value=6.12,
               unit="MPa/K", ours=_shear_slope),
     Published(what="resistance, 0.076 mm wire", source="D", value=196.9, unit="Ω/m",
-              ours=lambda: resistance_per_m(0.0762)),
+              ours=lambda: resistance_per_m(0.0762), stated=_stated_per_m(0.0762)),
     Published(what="resistance, 0.15 mm wire", source="D", value=51.2, unit="Ω/m",
-              ours=lambda: resistance_per_m(0.1524)),
+              ours=lambda: resistance_per_m(0.1524), stated=_stated_per_m(0.1524)),
     Published(what="resistance, 0.25 mm wire", source="D", value=18.5, unit="Ω/m",
-              ours=lambda: resistance_per_m(0.254)),
+              ours=lambda: resistance_per_m(0.254), stated=_stated_per_m(0.254)),
     Published(what="resistance, 0.51 mm wire", source="D", value=4.3, unit="Ω/m",
-              ours=lambda: resistance_per_m(0.508)),
+              ours=lambda: resistance_per_m(0.508), stated=_stated_per_m(0.508)),
     Published(what="0.15 mm, 70 °C alloy: contracts at 0.4 A in", source="D", value=1.0, unit="s",
               ours=lambda: wire_in_air(0.1524, 0.4, "70 °C")[0],
               missing="load: without stress it transforms at lower temperatures"),
@@ -187,8 +208,8 @@ NUMBERS: tuple[Published, ...] = (
 def table() -> str:
     """The table of the page, with its sources."""
     lines = [
-        "| published number | source | published | smad | ratio | what is missing |",
-        "|---|---|---:|---:|---:|---|",
+        "| published number | source | published | stated | smad | ratio | what is missing |",
+        "|---|---|---:|---:|---:|---:|---|",
     ]
     for number in NUMBERS:
         ours, ratio = "–", "–"
@@ -198,12 +219,20 @@ def table() -> str:
             ratio = "–" if math.isinf(given) else f"{number.ratio:.2f}"
         mark = " (fitted)" if number.fitted else ""
         published = f"{number.value:.3g} {number.unit}".strip()
+        low_high = () if number.stated is None else number.stated
+        stated = " to ".join(f"{bound:.3g}" for bound in low_high)
         lines.append(
-            f"| {number.what}{mark} | {number.source} | {published} | {ours} | {ratio} |"
+            f"| {number.what}{mark} | {number.source} | {published} | {stated} | {ours} | {ratio} |"
             f" {number.missing} |"
         )
     near, judged = near_of()
-    lines += ["", f"Within {NEAR:.0%}: {near} of {judged} that were not fitted.", ""]
+    inside, with_interval = inside_of()
+    lines += [
+        "",
+        f"Within {NEAR:.0%}: {near} of {judged} that were not fitted. Only D states intervals, from"
+        f" the resistivities of martensite and austenite: {inside} of {with_interval} lie in them.",
+        "",
+    ]
     lines += [f"- {key}: {source}" for key, source in SOURCES.items()]
     return "\n".join(lines)
 
@@ -212,6 +241,12 @@ def near_of() -> tuple[int, int]:
     """How many numbers that the plant computes and was not fitted to are near, and of how many."""
     ratios = [n.ratio for n in NUMBERS if n.ratio is not None and not n.fitted]
     return sum(abs(ratio - 1.0) <= NEAR for ratio in ratios), len(ratios)
+
+
+def inside_of() -> tuple[int, int]:
+    """How many numbers lie in the interval that their source states, and how many have one."""
+    stated = [n for n in NUMBERS if n.stated is not None]
+    return sum(n.near for n in stated), len(stated)
 
 
 if __name__ == "__main__":

@@ -69,18 +69,24 @@ def printed_water() -> Water:
 
 
 def at(water: Water, T_K: float) -> Water:
-    """The properties at one temperature, by cubic interpolation; raises ValueError outside."""
-    if not water.T_K[0] <= T_K <= water.T_K[-1]:
-        raise ValueError(f"water at {T_K} K: the table covers {water.T_K[0]} to {water.T_K[-1]} K")
-    columns = (water.rho, water.cp, water.k, water.mu, water.beta)
-    node = np.flatnonzero(water.T_K == T_K)
-    if node.size:
-        # Scipy would take half a second to import, and every simulated bench asks for one node.
-        return Water(water.T_K[node], *(column[node] for column in columns))
-    from scipy.interpolate import CubicSpline
+    """The properties at one temperature, by a cubic through the four nodes around it.
 
-    point = np.array([T_K])
-    return Water(point, *(CubicSpline(water.T_K, column)(point) for column in columns))
+    Raises ValueError outside of the table.
+    """
+    nodes = water.T_K
+    if not nodes[0] <= T_K <= nodes[-1]:
+        raise ValueError(f"water at {T_K} K: the table covers {nodes[0]} to {nodes[-1]} K")
+    first = int(np.clip(np.searchsorted(nodes, T_K, side="right") - 2, 0, nodes.size - 4))
+    near = nodes[first : first + 4]
+    others = [np.delete(near, place) for place in range(4)]
+    weights = np.array(
+        [np.prod((T_K - rest) / (node - rest)) for node, rest in zip(near, others, strict=True)]
+    )
+    columns = (water.rho, water.cp, water.k, water.mu, water.beta)
+    return Water(
+        np.array([T_K]),
+        *(np.array([weights @ column[first : first + 4]]) for column in columns),
+    )
 
 
 @cache

@@ -64,8 +64,11 @@ def design(
     from sim_device.plant.parameters import load_parameters
     from smad.cli.tables import print_table
     from smad.design.cycle import design_cycle
+    from smad.files import require_writable
     from smad.report.page import Page, Section, Table, Text, write_page
 
+    if page is not None:
+        require_writable(page)
     try:
         if source is None:
             base = load_parameters(params)

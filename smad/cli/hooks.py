@@ -33,7 +33,10 @@ def hooks() -> None:
     help="Folder of the queue  [default: that of the daemon's run logs]",
 )
 def run(*, bench: str, folder: Path | None) -> None:
-    """Watch bench and queue until ctrl-C, and run the hooks."""
+    """Watch bench and queue until ctrl-C, and run the hooks.
+
+    What happened since it last ran is reported first.
+    """
     from smad.client.signals import ended_by_signals
     from smad.hooks.events import Detector
     from smad.hooks.watch import Watcher, commands_of, watch
@@ -41,10 +44,11 @@ def run(*, bench: str, folder: Path | None) -> None:
     watcher = Watcher(bench, folder)
     config = watcher.config()
     commands = commands_of(config, _say)
+    detector = Detector(bench, disk_low_MB=config.disk_low_MB, known=watcher.known())
     _say(f"watching bench {bench}")
     with ended_by_signals():
         try:
-            watch(watcher, Detector(bench, disk_low_MB=config.disk_low_MB), commands, _say)
+            watch(watcher, detector, commands, _say)
         finally:
             commands.close()
             watcher.close()

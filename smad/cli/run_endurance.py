@@ -104,13 +104,13 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
 def endurance(**options: Any) -> None:
     """Cycle between two displacements or temperatures until a limit ends it.
 
-    Each block, at most three quarters of the longest time armed, begins from rest and has a run log
-    of its own. FOLDER/cycles.csv has the statistics of every cycle. What it takes on the disk is
-    told and reserved before. A stop, a fault, or a check-up that fails ends it; --go-on is for a
-    person who looked.
+    Each block, at most three quarters of the longest time armed or of one file, begins from rest
+    and has a run log of its own. FOLDER/cycles.csv has the statistics of every cycle. What it takes
+    on the disk is told and reserved before. A stop, a fault, or a check-up that fails ends it;
+    --go-on is for a person who looked; it counts what a killed run had recorded.
     """
-    from smad.experiments.endurance.room import room_for
-    from smad.experiments.endurance.run import earlier_cycles, endure
+    from smad.experiments.endurance.room import longest_block_s, room_for
+    from smad.experiments.endurance.run import earlier_cycles, endure, take_over_killed
     from smad.experiments.ready import require_packages
     from smad.runlog.paths import make_folder
 
@@ -126,16 +126,22 @@ def endurance(**options: Any) -> None:
     make_folder(folder)
     with contextlib.ExitStack() as stack:
         line = stack.enter_context(progress())
-        driver, config = stack.enter_context(_bench(options, folder, line.say))
-        asked = replace(asked, on_time_s=config.limits.on_time_max_s)
-        block = asked.profile.cycles_a_block(asked.check_every or asked.cycles, asked.on_time_s)
+        driver, config, logs = stack.enter_context(_bench(options, folder, line.say))
+        if options["go_on"]:
+            late = take_over_killed(logs, asked.profile, folder, asked.first)
+            if late:
+                click.echo(f"{late} cycles of a killed block are taken over from its run log")
+            asked = replace(asked, first=asked.first + late)
+        asked = replace(asked, longest_s=longest_block_s(config))
+        block = asked.profile.cycles_a_block(asked.check_every or asked.cycles, asked.longest_s)
         rate_hz = float(config.link.rate_hz)
         room = room_for(asked.profile, asked.cycles, asked.full_every, block, rate_hz)
         hours = asked.cycles * asked.profile.period_s / 3600.0
         click.echo(f"{asked.cycles} cycles, about {hours:.1f} h of board time; {room.in_words()}")
         ended = endure(
-            asked, driver, folder, room, check=_checker(options, folder, driver), say=line.say
-        )
+            asked, driver, folder, room, logs=logs, check=_checker(options, folder, driver),
+            say=line.say,
+        )  # fmt: skip
     for number, judgement in ended.judgements:
         click.echo(f"check-up after {number} cycles: {judgement.headline}")
     click.echo(f"ended after {ended.cycles} cycles: {ended.reason}; {folder / 'cycles.csv'}")
@@ -183,18 +189,21 @@ def profile_of(options: dict[str, Any]) -> Profile:
 
 
 @contextlib.contextmanager
-def _bench(options: dict[str, Any], folder: Path, say: Say) -> Iterator[tuple[BlockDriver, Config]]:
-    """The driver, and the configuration of its bench."""
+def _bench(
+    options: dict[str, Any], folder: Path, say: Say
+) -> Iterator[tuple[BlockDriver, Config, Path]]:
+    """The driver, the configuration of its bench, and where its run logs go."""
     from smad.config import Config, parse_config
     from smad.experiments.virtual import VirtualDriver
 
     if options["sim"]:
         model = bench_with(options["effects"])
-        yield VirtualDriver(model, seed=options["seed"], folder=folder), Config()
+        yield VirtualDriver(model, seed=options["seed"], folder=folder), Config(), folder
         return
     with ready_client(options["bench"]) as connected:
         driver = leased_driver(connected, "smad run endurance", options["lease"], say)
-        yield driver, parse_config(connected.config())
+        logs = Path(connected.status().recorder.folder)
+        yield driver, parse_config(connected.config()), logs
 
 
 def _checker(

@@ -15,7 +15,7 @@ Next: put the vendor and product of your adapter into the udev rule, then
 
 @click.group()
 def service() -> None:
-    """Install the systemd unit and the udev rule."""
+    """Install the systemd units and the udev rule."""
 
 
 @service.command()
@@ -28,9 +28,9 @@ def service() -> None:
 )
 @click.option("--overwrite", is_flag=True, help="Replace edited files.")
 def install(root: Path, overwrite: bool) -> None:
-    """Write both files where the system looks for them; needs root.
+    """Write the files where the system looks for them; needs root.
 
-    The unit starts the smad that this command belongs to.
+    The units of daemon, queue and hooks start the smad that this command belongs to.
     """
     from smad.processes import service as service_files
 
@@ -41,7 +41,7 @@ def install(root: Path, overwrite: bool) -> None:
 
 @service.command()
 def show() -> None:
-    """Print both files as `install` would write them."""
+    """Print the files as `install` would write them."""
     from smad.processes import service as service_files
 
     for name, place in service_files.PLACES.items():

@@ -37,6 +37,7 @@ from smad.experiments.recording import Recording
 from smad.experiments.virtual import MARK
 from smad.progress import Say
 from smad.runlog.one_axis import extract
+from smad.runlog.paths import part_path
 from smad.runlog.reader import read_run
 from smad.runlog.schema import CUT
 
@@ -128,6 +129,12 @@ class LiveDriver:
                 client.idle()
                 recorder = client.stop_recording()
                 self.log = extract(recorder.path, client.name)
+            if part_path(Path(recorder.path), 2).exists():
+                raise ExperimentError(
+                    f"run {plan.name} fills more than one file, and only the first would be read",
+                    value=recorder.path,
+                    action="make recorder.max_file_min or max_file_MB larger, and run it again",
+                )
             if recorder.error:
                 raise ExperimentError(
                     f"run {plan.name} could not be recorded whole: {recorder.error}",

@@ -24,6 +24,8 @@ MOST_WAITING = 20
 """Events that wait for one hook; of more the oldest is dropped, and told of."""
 _READ_BYTES = 4096
 _LAST_BYTES = 300
+_OUTPUT_S = 1.0
+"""What a command said is awaited so long after its end: a child that it left may have the pipe."""
 
 
 @dataclass
@@ -35,6 +37,17 @@ class _Running:
     until_s: float
     said: bytearray = field(default_factory=bytearray)
     killed: bool = False
+    reader: threading.Thread | None = None
+    ended_s: float | None = None
+
+    def is_over(self, now_s: float) -> bool:
+        """Whether it has ended and what it said is known. Never waits."""
+        if self.process.poll() is None:
+            return False
+        if self.ended_s is None:
+            self.ended_s = now_s
+        reads = self.reader is not None and self.reader.is_alive()
+        return not reads or now_s >= self.ended_s + _OUTPUT_S
 
 
 class HookCommands:
@@ -75,11 +88,14 @@ class HookCommands:
     def tick(self) -> None:
         """Begin what waits, take note of what ended, kill what takes too long."""
         for name, running in list(self._running.items()):
-            status = running.process.poll()
-            if status is not None:
+            if running.is_over(self._clock_s()):
                 del self._running[name]
-                self._tell(name, running, status)
-            elif self._clock_s() >= running.until_s and not running.killed:
+                self._tell(name, running, running.process.returncode)
+            elif (
+                running.process.returncode is None
+                and self._clock_s() >= running.until_s
+                and not running.killed
+            ):
                 running.killed = True
                 with contextlib.suppress(ProcessLookupError):
                     os.killpg(running.process.pid, signal.SIGKILL)
@@ -111,8 +127,9 @@ class HookCommands:
         running = _Running(process, event, self._clock_s() + self._timeout_s)
         self._running[name] = running
         # A command that does not read, or does not end its output, holds up its own threads only.
-        for target in (_write, _read):
-            threading.Thread(target=target, args=(running,), daemon=True).start()
+        running.reader = threading.Thread(target=_read, args=(running,), daemon=True)
+        running.reader.start()
+        threading.Thread(target=_write, args=(running,), daemon=True).start()
 
     def _tell(self, name: str, running: _Running, status: int) -> None:
         if running.killed:
@@ -133,5 +150,5 @@ def _write(running: _Running) -> None:
 def _read(running: _Running) -> None:
     assert running.process.stdout is not None
     with contextlib.suppress(OSError, ValueError), running.process.stdout as stream:
-        while data := stream.read(_READ_BYTES):
+        while data := os.read(stream.fileno(), _READ_BYTES):
             running.said[:] = (running.said + data)[-_LAST_BYTES:]

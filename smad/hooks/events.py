@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 
+import msgspec
 from msgspec import Struct
 
-from smad.api import Status
+from smad.api import Fault, Status
 from smad.queue.states import Snapshot
 from smad.queue.store import Message
 
@@ -16,7 +17,9 @@ SILENT_S = 1.5
 """A daemon that has not answered for so long is told as lost."""
 _ROOM_AGAIN = 1.1
 """The disk is told anew once there was so much more room than the limit."""
-_OWN_DISARM = "stopped by disarm of "
+_BY_DISARM = "stopped by disarm of "
+MOST_AT_ONCE = 5
+"""Messages of the queue that are told one by one; of more, such as after an outage, in one word."""
 
 
 class Event(Struct, frozen=True, kw_only=True):
@@ -30,7 +33,10 @@ class Event(Struct, frozen=True, kw_only=True):
 
 
 class Look(Struct, frozen=True, kw_only=True):
-    """One look. `status` is None while no daemon answers; `snapshot` while there is no queue."""
+    """One look. `status` is None while no daemon answers; `snapshot` while there is no queue.
+
+    `message` is the number of the queue's last message.
+    """
 
     unix_s: float
     clock_s: float
@@ -38,16 +44,33 @@ class Look(Struct, frozen=True, kw_only=True):
     free_MB: float | None = None
     snapshot: Snapshot | None = None
     messages: tuple[Message, ...] = ()
+    message: int = 0
     has_runner: bool = True
 
 
-class Detector:
-    """Compares each look with the one before."""
+class Known(Struct, frozen=True, kw_only=True):
+    """What was seen last, and told. Kept in a file, it lets the next watcher catch up."""
 
-    def __init__(self, bench: str, *, disk_low_MB: float) -> None:
+    message: int = 0
+    """Number of the queue's last message."""
+    armed: bool = False
+    generation: int = 0
+    holder: str = ""
+    fault: Fault | None = None
+
+
+class Detector:
+    """Compares each look with the one before; the first one with `known`, of an earlier watcher.
+
+    `known` is what has been told by now.
+    """
+
+    def __init__(self, bench: str, *, disk_low_MB: float, known: Known | None = None) -> None:
         self.disk_low_MB = disk_low_MB
+        self.known = known or Known()
         self._bench = bench
-        self._before: Status | None = None
+        self._watched = False
+        """Whether the bench was seen by this watcher."""
         self._answered_s: float | None = None
         self._lost = False
         self._disk_told = False
@@ -58,7 +81,15 @@ class Detector:
         happened = [*self._of_link(look)]
         if look.status is not None:
             happened += [*self._of_bench(look, look.status)]
-            self._before = look.status
+            self._watched = True
+            motion = look.status.motion
+            self.known = msgspec.structs.replace(
+                self.known,
+                armed=motion.armed,
+                generation=motion.generation,
+                holder=look.status.control.holder,
+                fault=motion.fault,
+            )
         happened += [*self._of_queue(look), *self._of_disk(look)]
         return happened
 
@@ -80,28 +111,42 @@ class Detector:
         self._lost = lost
 
     def _of_bench(self, look: Look, status: Status) -> Iterator[Event]:
-        before = None if self._before is None else self._before.motion
-        fault = status.motion.fault
-        if fault is not None and (before is None or before.fault != fault):
+        before, fault = self.known, status.motion.fault
+        if fault is not None and before.fault != fault:
             yield self._event(
                 look, "on_fault", fault.in_words(), number=fault.number, name=fault.name
             )
             return
-        if before is None or self._before is None or not before.armed or fault is not None:
+        if not before.armed or fault is not None:
             return
         motion = status.motion
-        by_program = f"{_OWN_DISARM}{self._before.control.holder}"
-        if motion.ended and motion.generation != before.generation and motion.ended != by_program:
+        # Which programs ran while nobody watched is not known: each disarms in the end.
+        by_program = (
+            motion.ended == f"{_BY_DISARM}{before.holder}"
+            if self._watched
+            else motion.ended.startswith(_BY_DISARM)
+        )
+        if motion.ended and motion.generation != before.generation and not by_program:
             yield self._event(look, "on_stop", motion.ended)
 
     def _of_queue(self, look: Look) -> Iterator[Event]:
-        for message in look.messages:
+        if len(look.messages) > MOST_AT_ONCE:
             yield self._event(
-                look, "on_queue_end", message.text, kind=message.event, item=message.item
+                look,
+                "on_queue_end",
+                f"{len(look.messages)} messages, the last: {look.messages[-1].text}",
+                kind="several",
+                messages=[message.text for message in look.messages],
             )
+        else:
+            for message in look.messages:
+                yield self._event(
+                    look, "on_queue_end", message.text, kind=message.event, item=message.item
+                )
         snapshot = look.snapshot
         if snapshot is None:
             return
+        self.known = msgspec.structs.replace(self.known, message=look.message)
         abandoned = not look.has_runner and (
             snapshot.mode == "running" or snapshot.running is not None
         )

@@ -7,11 +7,14 @@ import shutil
 import time
 from pathlib import Path
 
+import msgspec
+
 from smad.client import Client
 from smad.config import HooksConfig, parse_config
 from smad.errors import SmadError
+from smad.files import write_whole
 from smad.hooks.commands import HookCommands
-from smad.hooks.events import Detector, Look
+from smad.hooks.events import Detector, Known, Look
 from smad.progress import Say
 from smad.queue.lease import RunnerLease
 from smad.queue.states import Snapshot
@@ -23,19 +26,42 @@ HOOKS = ("on_fault", "on_stop", "on_link_lost", "on_queue_end", "on_disk_low")
 
 
 class Watcher:
-    """A client that only looks. `folder` is that of the queue, once it is known."""
+    """A client that only looks. `folder` is that of the queue; left out, of the run logs."""
 
     def __init__(self, bench: str, folder: Path | None) -> None:
         self._bench = bench
         self._folder = folder
         self._client: Client | None = None
         self._store: Store | None = None
-        self._last_message = 0
+        self._last_message: int | None = None
 
     def config(self) -> HooksConfig:
         """Return the hooks of the daemon's configuration. Raises SmadError."""
         with Client(self._bench) as client:
-            return parse_config(client.config()).hooks
+            config = parse_config(client.config())
+            if self._folder is None:
+                self._folder = Path(client.status().recorder.folder)
+        return config.hooks
+
+    def known(self) -> Known | None:
+        """Return what an earlier watcher saw last; None: there was none, or its file is damaged.
+
+        What the queue says from there on is new.
+        """
+        with contextlib.suppress(OSError, msgspec.MsgspecError):
+            known = msgspec.json.decode(self._file().read_bytes(), type=Known)
+            self._last_message = known.message
+            return known
+        return None
+
+    def keep(self, known: Known) -> None:
+        """Write down what has been told. A disk that refuses only costs the catching up."""
+        with contextlib.suppress(OSError):
+            write_whole(self._file(), msgspec.json.encode(known))
+
+    def _file(self) -> Path:
+        assert self._folder is not None
+        return self._folder / f"hooks-{self._bench}.json"
 
     def look(self) -> Look:
         """Return what bench, disk and queue show now."""
@@ -64,6 +90,7 @@ class Watcher:
             free_MB=_free_MB(self._folder),
             snapshot=snapshot,
             messages=messages,
+            message=self._last_message or 0,
             has_runner=RunnerLease(self._folder).runs(),
         )
 
@@ -83,23 +110,36 @@ class Watcher:
         if self._store is None and (self._folder / FILE).exists():
             self._store = Store(self._folder / FILE)
             earlier = self._store.messages()
-            self._last_message = earlier[-1].id if earlier else 0
+            newest = earlier[-1].id if earlier else 0
+            if self._last_message is None:
+                self._last_message = newest
+            elif self._last_message > newest:
+                # Somebody moved the queue away; this is a new one.
+                self._last_message = 0
         return self._store
 
     def _new_messages(self, store: Store) -> tuple[Message, ...]:
-        messages = store.messages(after=self._last_message)
+        messages = store.messages(after=self._last_message or 0)
         if messages:
             self._last_message = messages[-1].id
         return messages
 
 
 def watch(watcher: Watcher, detector: Detector, commands: HookCommands, say: Say) -> None:
-    """Watch for ever."""
+    """Watch for ever.
+
+    What was told is written down once its commands have ended: a watcher that is killed before
+    lets the next one tell it again.
+    """
+    kept: Known | None = None
     while True:
         for event in detector.events(watcher.look()):
             say(f"{event.event}: {event.text}")
             commands.fire(event)
         commands.tick()
+        if not commands.busy and detector.known != kept:
+            kept = detector.known
+            watcher.keep(kept)
         time.sleep(POLL_S)
 
 

@@ -9,11 +9,13 @@ from smad.errors import SmadError
 
 PLACES: Mapping[str, str] = {
     "smad@.service": "etc/systemd/system",
+    "smad-queue@.service": "etc/systemd/system",
+    "smad-hooks@.service": "etc/systemd/system",
     "60-smad.rules": "etc/udev/rules.d",
 }
 """File beside this module -> folder under the root of the system."""
 PROGRAM = "/opt/smad/bin/smad"
-"""What the unit starts, until it is told another place."""
+"""What the units start, until it is told another place."""
 
 
 def content(name: str, program: str) -> str:

@@ -32,6 +32,11 @@ def test_each_reference_is_cited_and_each_citation_is_a_reference() -> None:
     assert cited == listed
 
 
+def test_each_reference_can_be_looked_up() -> None:
+    for entry in (FOLDER / "paper.bib").read_text().split("\n@"):
+        assert re.search(r"^  (doi|url) = \{\S+\}$", entry, re.MULTILINE), entry
+
+
 def test_it_has_the_sections_and_the_length_that_the_journal_asks_for() -> None:
     for section in (
         "Summary", "Statement of need", "State of the field", "Software design",

@@ -14,9 +14,8 @@ CYCLES_A_COMMAND = 50
 """Four pieces each: well below the thousand that one command may have."""
 MOST_CYCLES = 2000
 """Of a block: the controller's queue takes ten thousand pieces."""
-SHARE_OF_ON_TIME = 0.75
-"""A block is one arming: so much of the longest time armed. Springs that rest before it need some
-of the remainder."""
+SHARE = 0.75
+"""A block takes so much of the longest time. Springs that rest before it need some of the rest."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,13 +54,12 @@ class Profile:
         """Channel of the run log that has what was asked for."""
         return "reference_mm" if self.quantity == "displacement" else "reference_degC"
 
-    def cycles_a_block(self, most: int, on_time_s: float) -> int:
+    def cycles_a_block(self, most: int, longest_s: float) -> int:
         """Return how many cycles one block may have, at most `most`.
 
-        `on_time_s` is how long the host lets a bench be armed (`limits.on_time_max_s`).
+        `longest_s` is how long one arming and one file of the run log may last.
         """
-        longest_s = SHARE_OF_ON_TIME * on_time_s
-        return max(1, min(most, MOST_CYCLES, int(longest_s / self.period_s)))
+        return max(1, min(most, MOST_CYCLES, int(SHARE * longest_s / self.period_s)))
 
     def plan(self, first: int, count: int) -> Plan:
         """Return the plan of a block: `count` cycles from number `first` on."""

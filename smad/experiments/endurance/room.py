@@ -8,12 +8,15 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from smad.config import Config
 from smad.errors import CommandError
 from smad.experiments.endurance.profile import Profile
 from smad.experiments.ready import BYTES_A_ROW
 
 BYTES_A_CYCLE = 160
 """More than a line of `cycles.csv` takes."""
+REST_S = 60.0
+"""Before each block the springs rest, armed, for about so long; the daemon records that, too."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +39,18 @@ class Room:
         return f"{logs} of run logs, {statistics} of statistics, {block} while a block is recorded"
 
 
+def longest_block_s(config: Config) -> float:
+    """Return how long one arming and one file of the run log may last on this bench, s."""
+    file_s = config.recorder.max_file_MB * 1e6 / (config.link.rate_hz * BYTES_A_ROW)
+    return min(config.limits.on_time_max_s, 60.0 * config.recorder.max_file_min, file_s)
+
+
 def room_for(profile: Profile, cycles: int, full_every: int, block: int, rate_hz: float) -> Room:
     """Return what `cycles` take when every `full_every`-th stays in full."""
-    bytes_a_cycle = profile.period_s * rate_hz * BYTES_A_ROW
+    bytes_a_s = rate_hz * BYTES_A_ROW
+    bytes_a_cycle = profile.period_s * bytes_a_s
     return Room(
-        logs=bytes_a_cycle * -(-cycles // full_every),
+        logs=bytes_a_cycle * -(-cycles // full_every) + REST_S * bytes_a_s * -(-cycles // block),
         statistics=float(BYTES_A_CYCLE * cycles),
         block=bytes_a_cycle * block if full_every > 1 else 0.0,
     )
@@ -53,8 +63,17 @@ class Reserve:
     """
 
     def __init__(self, folder: Path, room: Room) -> None:
-        free = shutil.disk_usage(folder).free
+        try:
+            free = shutil.disk_usage(folder).free
+            self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 (closed by `close`)
+        except OSError as error:
+            raise CommandError(
+                f"nothing can be written where the run logs go: {error.strerror}",
+                value=str(folder),
+                action="run it as a user who may write there; nothing was moved",
+            ) from None
         if free < room.total:
+            self._file.close()
             raise CommandError(
                 f"too little room for this run in {folder}",
                 value=f"{free / 1e6:.0f} MB free",
@@ -63,7 +82,6 @@ class Reserve:
             )
         # What a block takes while it is recorded must stay free for the daemon.
         self._bytes = int(room.logs + room.statistics)
-        self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 (closed by `close`)
         try:
             if self._bytes:
                 os.posix_fallocate(self._file.fileno(), 0, self._bytes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import os
 from collections.abc import Callable
@@ -12,14 +13,19 @@ from typing import NamedTuple, Protocol
 from msgspec import Struct, structs
 
 from smad.control.plan import Plan
+from smad.errors import RunLogError, SmadError
 from smad.experiments.endurance.limits import EndLimits, Watch
 from smad.experiments.endurance.profile import Profile
 from smad.experiments.endurance.room import Reserve, Room
 from smad.experiments.endurance.statistics import NAMES, Cycle, bounds, cycles_of
 from smad.experiments.endurance.thin import thin
 from smad.experiments.errors import ExperimentError
+from smad.experiments.logs import recording_of
 from smad.experiments.recording import Recording
 from smad.progress import Say, silent
+from smad.runlog.paths import SUFFIX
+from smad.runlog.reader import read_run
+from smad.runlog.recover import recovered_path
 
 CYCLES_FILE = "cycles.csv"
 NO_LIMITS = EndLimits()
@@ -47,7 +53,8 @@ class Judgement(Struct, frozen=True):
 class Endurance:
     """What is asked for. Every `check_every` cycles `check` is called; 0: never.
 
-    `first` is the number of its first cycle; `on_time_s` how long the host lets a bench be armed.
+    `first` is the number of its first cycle; `longest_s` how long one arming and one file of the
+    run log may last.
     """
 
     profile: Profile
@@ -56,7 +63,7 @@ class Endurance:
     check_every: int = 0
     full_every: int = 1
     first: int = 1
-    on_time_s: float = 3600.0
+    longest_s: float = 3600.0
 
 
 @dataclass
@@ -88,16 +95,19 @@ def endure(
     folder: Path,
     room: Room,
     *,
+    logs: Path | None = None,
     check: Callable[[int], Judgement] | None = None,
     say: Say = silent,
 ) -> Ended:
     """Carry the run out; `cycles.csv` in `folder` has each cycle's statistics as soon as known.
 
+    `logs` is where the driver's run logs go, left out: `folder`; the room is reserved there.
+
     Raises what the driver raises: a stop or a fault ends it, with all that was recorded kept.
     """
     ended = Ended(cycles=asked.first - 1)
     watch = Watch(asked.limits)
-    reserve = Reserve(folder, room)
+    reserve = Reserve(logs or folder, room)
     last = asked.first + asked.cycles - 1
     try:
         while ended.cycles < last and not ended.reason:
@@ -120,7 +130,7 @@ def _block(asked: Endurance, done: int, last: int) -> int:
     most = last - done
     if asked.check_every:
         most = min(most, asked.check_every - done % asked.check_every)
-    return asked.profile.cycles_a_block(most, asked.on_time_s)
+    return asked.profile.cycles_a_block(most, asked.longest_s)
 
 
 class _Block(NamedTuple):
@@ -131,8 +141,17 @@ class _Block(NamedTuple):
 
 
 def _carried_out(asked: Endurance, driver: BlockDriver, folder: Path, block: _Block) -> list[Cycle]:
-    """One block; the last cycle has no rise after it, so one more is played than is counted."""
-    recording = driver.run(asked.profile.plan(block.first, block.cycles + 1))
+    """One block; the last cycle has no rise after it, so one more is played than is counted.
+
+    Of a block that was ended early the whole cycles count, as far as they were recorded.
+    """
+    before = driver.log
+    try:
+        recording = driver.run(asked.profile.plan(block.first, block.cycles + 1))
+    except SmadError:
+        if driver.log is not None and driver.log != before:
+            take_over(driver.log, asked.profile, folder, block.first)
+        raise
     cycles = list(cycles_of(recording.columns, asked.profile, block.first))[: block.cycles]
     if not cycles:
         raise ExperimentError(
@@ -152,6 +171,33 @@ def _carried_out(asked: Endurance, driver: BlockDriver, folder: Path, block: _Bl
             f"every {asked.full_every}th cycle; statistics in {CYCLES_FILE}",
         )
     return cycles
+
+
+def take_over(log: Path, profile: Profile, folder: Path, first: int) -> int:
+    """Add the whole cycles of a run log that was ended early, from number `first` on.
+
+    Returns how many; a log that cannot be read has none.
+    """
+    with contextlib.suppress(RunLogError):
+        cycles = list(cycles_of(recording_of(read_run(log)).columns, profile, first))
+        if cycles:
+            _append(folder / CYCLES_FILE, cycles)
+        return len(cycles)
+    return 0
+
+
+def take_over_killed(logs: Path, profile: Profile, folder: Path, first: int) -> int:
+    """Add the cycles of the last block in `logs`, whose player was killed before it counted them.
+
+    Returns how many; `first` is the number after the last one that is known.
+    """
+    name = profile.plan(first, 1).name
+    found = sorted(
+        path
+        for path in (*logs.glob(f"*-{name}{SUFFIX}"), *logs.glob(f"*-{name}.recovered{SUFFIX}"))
+        if not recovered_path(path).exists()
+    )
+    return take_over(found[-1], profile, folder, first) if found else 0
 
 
 def _check(asked: Endurance, ended: Ended, check: Callable[[int], Judgement]) -> None:

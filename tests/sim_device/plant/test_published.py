@@ -2,7 +2,7 @@
 
 import pytest
 
-from sim_device.plant.published import NUMBERS, SOURCES, near_of
+from sim_device.plant.published import NUMBERS, SOURCES, inside_of, near_of
 
 
 def test_every_number_has_a_source_and_one_that_is_not_computed_names_what_is_missing() -> None:
@@ -15,9 +15,16 @@ def test_most_computed_numbers_are_near() -> None:
     assert (near, judged) == (10, 16)
 
 
+def test_all_whose_source_states_an_interval_lie_in_it() -> None:
+    assert inside_of() == (4, 4)
+    for number in NUMBERS:
+        if number.stated is not None:
+            assert number.stated[0] <= number.value <= number.stated[1]
+
+
 def test_a_computed_number_that_is_not_near_names_what_is_missing() -> None:
     for number in NUMBERS:
-        if number.ratio is not None and abs(number.ratio - 1.0) > 0.2:
+        if number.ours is not None and not number.near:
             assert number.missing, number.what
 
 

@@ -1,4 +1,4 @@
-"""`smad service`: both files come to where the system looks, and nobody's changes are lost."""
+"""`smad service`: the files come to where the system looks, and nobody's changes are lost."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ from smad.cli.service import service
 from smad.errors import SmadError
 
 
-def test_both_files_are_installed_and_start_this_smad(tmp_path: Path) -> None:
+def test_the_files_are_installed_and_start_this_smad(tmp_path: Path) -> None:
     done = CliRunner().invoke(service, ["install", "--root", str(tmp_path)])
-    unit = tmp_path / "etc/systemd/system/smad@.service"
     rule = tmp_path / "etc/udev/rules.d/60-smad.rules"
-    assert done.output.splitlines()[:2] == [str(unit), str(rule)]
-    assert f"ExecStart={sys.prefix}/bin/smad start" in unit.read_text()
+    *units, last = map(Path, done.output.splitlines()[:4])
+    assert last == rule
+    for unit, words in zip(units, ("start", "queue run", "hooks run"), strict=True):
+        assert f"ExecStart={sys.prefix}/bin/smad {words} --bench %i" in unit.read_text()
+    unit = units[0]
+    assert unit == tmp_path / "etc/systemd/system/smad@.service"
     assert unit.stat().st_mode & 0o777 == 0o644
 
 

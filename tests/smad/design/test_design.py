@@ -60,6 +60,7 @@ def test_the_command_prints_a_table_or_json_and_writes_a_page(
         (["--wire", "-1"], "wire_mm: -1 is outside 0.01 to 5"),
         (["nowhere.toml"], "nowhere.toml"),
         (["--current", "0.05"], "does not heat through"),
+        (["--html", "nowhere/design.html"], "there is no folder nowhere"),
     ],
 )
 def test_what_cannot_be_designed_is_said_in_one_line(

@@ -20,12 +20,13 @@ from smad.control.commands import (
 )
 from smad.control.plan import Do, Mark, Pause, Plan, UntilDone
 from smad.experiments.campaign import CampaignBench, run_campaign, run_on
-from smad.experiments.driver import PARTS, Mounting
+from smad.experiments.driver import PARTS, Mounting, log_name
 from smad.experiments.errors import BenchLacksError, ExperimentError, TrippedError
 from smad.experiments.live import LiveDriver
 from smad.experiments.logs import LogDriver
 from smad.experiments.registry import EXPERIMENTS, make_experiment
 from smad.experiments.virtual import VirtualDriver
+from smad.runlog.paths import part_path
 from smad.runlog.reader import read_run
 
 from .fake_client import FakeClient
@@ -159,6 +160,15 @@ def test_a_daemon_is_left_idle_and_tuned_as_it_was(tmp_path: Path) -> None:
     LiveDriver(client, sleep=client.let_pass).run(PLAN)
     assert client.motion().running == "idle"
     assert client.tunes[-1].kp_A_per_mm == ControlConfig().kp_A_per_mm
+
+
+def test_a_run_that_fills_several_files_is_an_error_and_not_its_first_file(
+    tmp_path: Path,
+) -> None:
+    client = FakeClient(tmp_path)
+    part_path(tmp_path / f"1-{log_name(PLAN)}.mcap", 2).touch()
+    with pytest.raises(ExperimentError, match="fills more than one file"):
+        LiveDriver(client, sleep=client.let_pass).run(PLAN)
 
 
 def test_a_fault_on_the_bench_ends_the_run_and_the_recording(tmp_path: Path) -> None:

@@ -1,6 +1,8 @@
 """Hooks that hang, fail, flood, or are not there; and the examples that are shipped."""
 
 import json
+import os
+import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -68,6 +70,16 @@ def test_a_hook_that_floods_and_one_that_does_not_read_hold_up_nobody() -> None:
     hooks = Hooks(*python("print('x' * 5_000_000); print('the end'); raise SystemExit(3)"))
     hooks.fire()
     assert hooks.finish() == ["on_fault: failed with status 3: the end"]
+
+
+def test_a_child_that_a_hook_leaves_with_its_output_holds_up_nobody_for_long() -> None:
+    hooks = Hooks("/bin/sh", "-c", "echo left; sleep 1000 & exit 2")
+    hooks.fire()
+    running = hooks.commands._running["on_fault"]
+    hooks.until(lambda: running.ended_s is not None and bool(running.said))
+    hooks.now_s = 1.0
+    assert hooks.finish() == ["on_fault: failed with status 2: left"]
+    os.killpg(running.process.pid, signal.SIGKILL)
 
 
 def test_a_hook_that_is_not_there_is_told() -> None:

@@ -14,7 +14,7 @@ from smad.api import (
     Status,
     Timing,
 )
-from smad.hooks.events import SILENT_S, Detector, Event, Look
+from smad.hooks.events import MOST_AT_ONCE, SILENT_S, Detector, Event, Look
 from smad.queue.states import Arming, Item, Snapshot, State
 from smad.queue.store import Message
 
@@ -90,9 +90,44 @@ def test_a_board_that_went_away_is_told_and_again_after_it_was_back() -> None:
     ]
 
 
+def message(number: int) -> Message:
+    text = f"item {number} (x) done"
+    return Message(id=number, unix_s=1.0, event="item_ended", text=text, item=number)
+
+
 def test_every_message_of_the_queue_is_told() -> None:
-    message = Message(id=1, unix_s=1.0, event="item_ended", text="item 1 (x) done", item=1)
-    assert told(look(0, messages=(message,))) == [("on_queue_end", "item 1 (x) done")]
+    assert told(look(0, messages=(message(1),))) == [("on_queue_end", "item 1 (x) done")]
+
+
+def test_many_messages_at_once_are_one_word_that_holds_them_all() -> None:
+    messages = tuple(map(message, range(1, MOST_AT_ONCE + 2)))
+    (event,) = Detector("bench", disk_low_MB=0.0).events(look(0, messages=messages))
+    assert event.text == "6 messages, the last: item 6 (x) done"
+    assert event.data["messages"] == [each.text for each in messages]
+
+
+FAULTED = motion(armed=False, mode="FAULT", generation=4, ended="stopped by a fault", fault=FAULT)
+
+
+@pytest.mark.parametrize(
+    ("after", "expected"),
+    [
+        (STATUS, []),
+        (motion(armed=False, generation=4, ended="stopped by loss of the link"),
+         ["stopped by loss of the link"]),
+        (motion(armed=False, generation=9, ended="stopped by disarm of smad tune"), []),
+        (FAULTED, ["OVER_TEMPERATURE"]),
+    ],
+)  # fmt: skip
+def test_a_watcher_that_was_away_tells_what_happened_meanwhile_and_the_next_one_not_again(
+    after: Status, expected: list[str]
+) -> None:
+    first = Detector("bench", disk_low_MB=0.0)
+    first.events(look(0))
+    second = Detector("bench", disk_low_MB=0.0, known=first.known)
+    assert [event.text for event in second.events(look(100, after))] == expected
+    third = Detector("bench", disk_low_MB=0.0, known=second.known)
+    assert third.events(look(200, after)) == []
 
 
 @pytest.mark.parametrize("has_runner", [True, False])

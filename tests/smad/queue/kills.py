@@ -150,6 +150,10 @@ class Rig:
             return [process for part in found.values() for process in part]
         return found[victim]
 
+    def relay_is_closed(self) -> bool:
+        """Whether the supply is on: it falls for good when samples stay away for long enough."""
+        return self._parts["relay"].poll() is None
+
     def end(self, name: str) -> None:
         """End a part, killed if it does not end."""
         process = self._parts[name]
@@ -201,12 +205,15 @@ def trial(rig: Rig, seed: int) -> Outcome:
         until(lambda: queue.snapshot().items[0].state is not State.QUEUED, "nothing begins")
         time.sleep(delay_s)
         active = queue.snapshot().mode == "running"
+        closed = rig.relay_is_closed()
         for process in rig.process_of(victim, first):
             process.suspend()
         killed_unix_s = time.time()
         for process in rig.process_of(victim, first):
             process.kill()
         outcome = Outcome(seed, victim, round(delay_s, 2), [])
+        if not closed:
+            outcome.relay_s = 0.0
         _await_consequences(rig, outcome, killed_unix_s, active=active)
         first.terminate()
         first.wait(60.0)
@@ -253,7 +260,8 @@ def _await_consequences(rig: Rig, outcome: Outcome, killed_unix_s: float, *, act
         if outcome.off_s is None and _is_off(rig):
             outcome.off_s = round(now_s, 2)
         outcome.message_s = _first_after(rig.told, killed_unix_s)
-        outcome.relay_s = _first_after(rig.cut, killed_unix_s)
+        if outcome.relay_s is None:
+            outcome.relay_s = _first_after(rig.cut, killed_unix_s)
         done = (outcome.message_s is not None or not active) and outcome.off_s is not None
         if done and (outcome.relay_s is not None or not bench_gone):
             break

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -68,6 +69,29 @@ def test_a_bag_of_others_is_read_through_a_mapping(foreign: Path, tmp_path: Path
     # The thermometer's message comes after the joints' of the same moment.
     assert np.isnan(run.columns["rtd_x_degC"][0])
     assert run.columns["rtd_x_degC"][[1, 10, 11, 100]].tolist() == [25.0, 25.0, 35.0, 115.0]
+
+
+def test_a_bag_of_ros_1_is_read_through_a_mapping_too(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    types = store.types
+    joint = "sensor_msgs/msg/JointState"
+    with Ros1Writer(tmp_path / "robot.bag") as bag:
+        joints = bag.add_connection("/joint_states", joint, typestore=store)
+        for k in range(51):
+            when = 10**9 + k * 10**7
+            stamp = types["builtin_interfaces/msg/Time"](when // 10**9, when % 10**9)
+            header = types["std_msgs/msg/Header"](k, stamp, "arm")
+            none = np.array([])
+            message = types[joint](header, ["slide"], np.array([1e-3 * k]), none, none)
+            bag.write(joints, when, store.serialize_ros1(message, joint))
+    mapping = tmp_path / "mapping.toml"
+    mapping.write_text(
+        '[columns."/joint_states.position[slide]"]\nchannel = "displacement_mm"\nunit = "m"\n'
+    )
+    done = import_table(tmp_path / "robot.bag", tmp_path / "a.mcap", read_mapping(mapping))
+    run = read_run(done.path)
+    np.testing.assert_allclose(run.columns["displacement_mm"], np.arange(51.0))
+    np.testing.assert_allclose(run.columns["t_s"], np.arange(51) * 0.01)
 
 
 def test_without_a_mapping_the_columns_of_a_bag_are_named(foreign: Path, tmp_path: Path) -> None:

@@ -11,13 +11,14 @@ import pytest
 
 from campaign.faults.smalldisk import small_disk
 from sim_device.plant.models import built_in
+from smad.config import Config, RecorderConfig
 from smad.control.plan import Plan
 from smad.errors import CommandError
 from smad.experiments.driver import log_path
 from smad.experiments.endurance.judgement import judgement_of
 from smad.experiments.endurance.limits import SETTLING, WINDOW, EndLimits, Watch
 from smad.experiments.endurance.profile import Profile
-from smad.experiments.endurance.room import Reserve, Room, room_for
+from smad.experiments.endurance.room import REST_S, Reserve, Room, longest_block_s, room_for
 from smad.experiments.endurance.run import (
     CYCLES_FILE,
     Ended,
@@ -25,6 +26,7 @@ from smad.experiments.endurance.run import (
     Judgement,
     earlier_cycles,
     endure,
+    take_over_killed,
 )
 from smad.experiments.endurance.statistics import Cycle, bounds, cycles_of
 from smad.experiments.errors import ExperimentError
@@ -134,10 +136,24 @@ def test_one_odd_cycle_ends_nothing_and_the_settling_ones_are_no_reference() -> 
 def test_the_room_of_a_week_is_that_of_its_cycles_and_thinned_by_the_factor() -> None:
     whole = room_for(PROFILE, 86_400, 1, 500, 100.0)
     thinned = room_for(PROFILE, 86_400, 100, 500, 100.0)
-    assert whole.logs == pytest.approx(86_400 * 7.0 * 100 * 200)
-    assert thinned.logs == pytest.approx(whole.logs / 100)
+    rests = 173 * REST_S * 100 * 200
+    assert whole.logs == pytest.approx(86_400 * 7.0 * 100 * 200 + rests)
+    assert thinned.logs == pytest.approx(864 * 7.0 * 100 * 200 + rests)
     assert thinned.block > 0.0
     assert "MB of run logs" in thinned.in_words()
+
+
+@pytest.mark.parametrize(
+    ("recorder", "longest_s"),
+    [({}, 3600.0), ({"max_file_min": 5.0}, 300.0), ({"max_file_MB": 10.0}, 500.0)],
+)
+def test_a_block_fits_one_file_of_the_run_log(recorder: dict[str, float], longest_s: float) -> None:
+    assert longest_block_s(Config(recorder=RecorderConfig(**recorder))) == longest_s
+
+
+def test_a_folder_of_run_logs_that_cannot_be_written_is_told_before(tmp_path: Path) -> None:
+    with pytest.raises(CommandError, match="where the run logs go"):
+        Reserve(tmp_path / "none", Room(2e6, 0.0, 0.0))
 
 
 def test_too_little_room_is_told_before_anything_moves(tmp_path: Path) -> None:
@@ -242,6 +258,31 @@ def test_a_failing_block_keeps_what_was_written(tmp_path: Path) -> None:
             check=lambda number: Judgement("", 0.0),
         )  # fmt: skip
     assert earlier_cycles(tmp_path) == 2
+
+
+def test_of_a_block_that_was_ended_early_the_whole_cycles_count(tmp_path: Path) -> None:
+    bench = Virtual(tmp_path)
+    played = bench.run
+
+    def stopped_after_three(plan: Plan) -> Recording:
+        played(PROFILE.plan(1, 4))
+        raise ExperimentError("stopped")
+
+    bench.run = stopped_after_three  # type: ignore[method-assign]
+    with pytest.raises(ExperimentError, match="stopped"):
+        carried_out(tmp_path, bench, cycles=20)
+    assert earlier_cycles(tmp_path) == 3
+
+
+def test_cycles_of_a_killed_block_are_taken_over_from_its_recovered_log(tmp_path: Path) -> None:
+    bench = Virtual(tmp_path)
+    bench.run(PROFILE.plan(1, 4))
+    assert bench.log is not None
+    bench.log.replace(tmp_path / "20261126-010101-endurance-0000001.recovered.mcap")
+    (tmp_path / "20261126-010101-endurance-0000001.mcap").write_bytes(b"cut")
+    assert take_over_killed(tmp_path, PROFILE, tmp_path, 1) == 3
+    assert take_over_killed(tmp_path, PROFILE, tmp_path, 4) == 0
+    assert earlier_cycles(tmp_path) == 3
 
 
 def test_a_verdict_gives_headline_and_probability_that_something_has_come() -> None:

@@ -1,0 +1,402 @@
+"""The night on real processes: daemon, runner, items, hooks; only the bench is simulated.
+
+The bench waits for its host, so board time passes as fast as the daemon answers, at most `speed`
+times the wall clock. Times that people feel, such as until a word is there, are of the wall clock.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal
+
+import psutil
+
+from campaign.night.draws import Trouble, troubles
+from campaign.night.report import MESSAGE_S, Found, Look, Met, late, rerun
+from campaign.rig import BAUD, DaemonRig, rig_config, start_daemon
+from campaign.soak.bench import READY
+from smad.client import Client
+from smad.client.endpoints import FOLDER_VARIABLE
+from smad.config import HooksConfig, LinkConfig
+from smad.errors import SmadError
+from smad.experiments.endurance.run import earlier_cycles
+from smad.progress import Say
+from smad.queue.queue import Queue
+from smad.queue.states import Budget
+from smad.runlog.open_logs import being_written
+from smad.runlog.reader import read_run
+from smad.runlog.recover import recovered_path
+
+RATE_HZ: Literal[100] = 100
+LOOK_EVERY_S = 30.0
+"""Board time between two looks at memory and disk."""
+PERSON_AFTER_S = 60.0
+"""Board time from a pause until a person is there."""
+MOVES_A_TURN = 4
+TURN_S = 700.0
+"""About what a turn of the items takes: four short moves, fifty cycles of endurance."""
+HOT_S = 10.0
+"""Longer than an armed bench without an item may last, by the wall clock."""
+_MOVES = """
+[[pieces]]
+kind = "sine"
+amplitude_mm = 4.0
+period_s = 8.0
+cycles = 3
+"""
+_NOTE = "import sys, time; open({path!r}, 'a').write(f'{{time.time():.3f}} ' + sys.stdin.read())"
+_POLL_S = 0.1
+_AWAY_S = 3.0
+_PATIENCE_S = 240.0
+
+
+class NightRig(DaemonRig):
+    """The processes of the night in `folder`; what was killed is started anew by `mend`."""
+
+    def __init__(self, folder: Path, seed: int, speed: float) -> None:
+        port = folder / "device.tty"
+        self._bench = subprocess.Popen(
+            [sys.executable, "-m", "campaign.soak.bench", str(RATE_HZ), str(seed), str(speed),
+             str(port)],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        assert self._bench.stdin is not None
+        assert self._bench.stdout is not None
+        self._input = self._bench.stdin
+        if self._bench.stdout.readline().strip() != READY:
+            raise SmadError("the bench of the night did not start")
+        self.words = folder / "words.txt"
+        self.logs = folder / "runs"
+        note = (sys.executable, "-c", _NOTE.format(path=str(self.words)))
+        self._config = rig_config(
+            folder,
+            str(port),
+            link=LinkConfig(port=str(port), baud=BAUD, rate_hz=RATE_HZ, reconnect_interval_s=0.05),
+            hooks=HooksConfig(on_fault=note, on_stop=note, on_link_lost=note, on_queue_end=note),
+        )
+        super().__init__(folder, start_daemon(folder, self._config))
+        self.children: dict[str, subprocess.Popen[bytes]] = {}
+
+    def inject(self, text: str) -> None:
+        """Break something of the bench with the next sample."""
+        print(text, file=self._input, flush=True)
+
+    def mend(self) -> None:
+        """Have daemon, hooks and runner running."""
+        if self.daemon.process.poll() is not None:
+            self.daemon = start_daemon(self.folder, self._config)
+        self.daemon.wait_until_ready()
+        for name, words in (
+            ("hooks", ["hooks", "run"]),
+            ("runner", ["queue", "run", "--folder", str(self.logs)]),
+        ):
+            child = self.children.get(name)
+            if child is None or child.poll() is not None:
+                with (self.folder / f"{name}.log").open("ab") as log:
+                    self.children[name] = subprocess.Popen(
+                        [sys.executable, "-m", "smad", *words],
+                        stdin=subprocess.DEVNULL, stdout=log, stderr=log, cwd=self.folder,
+                        start_new_session=True,
+                    )  # fmt: skip
+
+    def kill(self, *names: str) -> None:
+        """Kill parts at once: daemon, runner, hooks, item."""
+        processes = [process for name in names for process in self._processes(name)]
+        for process in processes:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                process.suspend()
+        for process in processes:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                process.kill()
+        for child in (self.daemon.process, *self.children.values()):
+            if child.pid in {process.pid for process in processes}:
+                child.wait()
+
+    def _processes(self, name: str) -> list[psutil.Process]:
+        with contextlib.suppress(psutil.NoSuchProcess):
+            if name == "daemon":
+                return [psutil.Process(self.daemon.process.pid)]
+            if name == "item":
+                children: list[psutil.Process] = psutil.Process(
+                    self.children["runner"].pid
+                ).children()
+                return children
+            return [psutil.Process(self.children[name].pid)]
+        return []
+
+    def close(self) -> None:
+        """End everything."""
+        for child in self.children.values():
+            child.send_signal(signal.SIGTERM)
+            try:
+                child.wait(60.0)
+            except subprocess.TimeoutExpired:
+                child.kill()
+                child.wait()
+        super().close()
+        self._bench.kill()
+        self._bench.wait()
+
+
+class Night:
+    """One night, look by look."""
+
+    def __init__(
+        self, rig: NightRig, queue: Queue, *, seconds: float, seed: int, count: int, say: Say
+    ) -> None:
+        self.found = Found(seed)
+        self._rig = rig
+        self._queue = queue
+        self._seconds = seconds
+        self._say = say
+        self._due = troubles(seed, seconds, count)
+        self._board_s = 0.0
+        self._samples = 0
+        self._looked_s = 0.0
+        self._paused_s: float | None = None
+        self._met_unix_s = 0.0
+        self._hot_since_s: float | None = None
+        self._client: Client | None = None
+
+    def run(self) -> Found:
+        """Carry the night out, until its time is over and the last item has ended."""
+        began_s = time.monotonic()
+        self._rig.mend()
+        self._fill()
+        self._visit()
+        while self._board_s < self._seconds and self._waits():
+            self._pass_time()
+            if self._due and self._board_s >= self._due[0].at_s and self._works():
+                self._meet(self._due.pop(0))
+            self._let_person_come()
+            time.sleep(_POLL_S)
+        self._queue.pause(now=True)
+        self._until(lambda: self._queue.snapshot().running is None, "the last item ends")
+        self.found.board_h = self._board_s / 3600.0
+        self.found.wall_h = (time.monotonic() - began_s) / 3600.0
+        self._judge()
+        return self.found
+
+    def _fill(self) -> None:
+        """Queue as much as the night can take."""
+        moves = self._rig.folder / "moves.toml"
+        moves.write_text(_MOVES)
+        # More than it can take: items that are interrupted are shorter.
+        for _ in range(1 + int(2.0 * self._seconds / TURN_S)):
+            self._queue.add("move", str(moves), repeat=MOVES_A_TURN)
+            self._queue.add(
+                "run", "endurance", "--cycles", "50", "--displacement", "-4", "4", "--dwell", "0.5",
+                "--full-every", "10", "--folder", str(self._rig.logs), "--go-on",
+            )  # fmt: skip
+
+    def _waits(self) -> bool:
+        snapshot = self._queue.snapshot()
+        return bool(snapshot.queued or snapshot.running)
+
+    def _works(self) -> bool:
+        """Whether an item runs under an armed queue: a trouble of an idle bench shows little."""
+        snapshot = self._queue.snapshot()
+        return snapshot.mode == "running" and snapshot.running is not None
+
+    def _connected(self) -> Client:
+        if self._client is None:
+            self._client = Client(folder=self._rig.folder, timeout_s=5.0, lease_s=None)
+        return self._client
+
+    def _drop(self) -> None:
+        if self._client is not None:
+            self._client.close()
+        self._client = None
+
+    def _pass_time(self) -> None:
+        """Count board time; see that nothing is armed without an item; look now and then."""
+        try:
+            status = self._connected().status()
+        except SmadError:
+            self._drop()
+            return
+        samples = status.counts.samples
+        self._board_s += (
+            samples - self._samples if samples >= self._samples else samples
+        ) / RATE_HZ
+        self._samples = samples
+        snapshot = self._queue.snapshot()
+        now_s = time.monotonic()
+        if status.motion.armed and snapshot.running is None and snapshot.mode == "paused":
+            self._hot_since_s = self._hot_since_s or now_s
+            if now_s - self._hot_since_s > HOT_S:
+                self.found.failures.append(f"armed without an item at {self._board_s:.0f} s")
+                self._hot_since_s = now_s
+        else:
+            self._hot_since_s = None
+        if self._board_s - self._looked_s >= LOOK_EVERY_S:
+            self._looked_s = self._board_s
+            self._look()
+
+    def _look(self) -> None:
+        rig, at_h = self._rig, self._board_s / 3600.0
+        processes = {"daemon": rig.daemon.process, **rig.children}
+        for name, process in processes.items():
+            with contextlib.suppress(psutil.NoSuchProcess):
+                rss = psutil.Process(process.pid).memory_info().rss
+                self._note(f"memory of the {name}", at_h, process.pid, rss)
+        logs = sum(_size(path) for path in rig.logs.glob("*.mcap"))
+        self._note("run logs", at_h, 0, logs)
+        self._note("the queue's file", at_h, 0, _size(self._queue.store.path))
+        ended = self._queue.snapshot().items
+        done = sum(item.ended_unix_s is not None for item in ended)
+        self._say(f"{self._board_s:.0f} of {self._seconds:.0f} s, {done} of {len(ended)} items")
+
+    def _note(self, name: str, at_h: float, process: int, size: float) -> None:
+        self.found.looks.setdefault(name, []).append(Look(at_h, process, size / 1e6))
+
+    def _meet(self, trouble: Trouble) -> None:
+        """Let a trouble come, and wait for its word and for what the queue makes of it."""
+        running = self._queue.snapshot().running
+        met = Met(self._board_s, trouble.kind, "" if running is None else running.words[1])
+        self.found.met.append(met)
+        met_unix_s = time.time()
+        self._bring(trouble.kind)
+        deadline_s = time.monotonic() + MESSAGE_S + 1.0
+        while time.monotonic() < deadline_s and met.after_s is None:
+            met.after_s, met.word = self._word_since(met_unix_s)
+            time.sleep(_POLL_S)
+        time.sleep(_AWAY_S)
+        if trouble.kind == "estop":
+            self._rig.inject("reboot@0")
+        self._rig.mend()
+        self._until(self._answers, "the daemon answers")
+        runner = self._rig.children["runner"]
+        self._until(lambda: self._queue.has_runner and runner.poll() is None, "a runner is there")
+        time.sleep(1.0)
+        met.paused = self._queue.snapshot().mode == "paused"
+
+    def _bring(self, kind: str) -> None:
+        rig = self._rig
+        match kind:
+            case "unplug":
+                rig.inject("unplug@0:seconds=5")
+            case "reboot":
+                rig.inject("reboot@0")
+            case "stop" | "estop":
+                with contextlib.suppress(SmadError), Client(folder=rig.folder) as other:
+                    other.disarm() if kind == "stop" else other.estop()
+            case "power loss":
+                rig.kill("daemon", "runner", "item")
+                rig.inject("reboot@0")
+            case _:
+                rig.kill(kind.removeprefix("kill "))
+
+    def _word_since(self, unix_s: float) -> tuple[float | None, str]:
+        for line in _lines(self._rig.words):
+            at, _, event = line.partition(" ")
+            with contextlib.suppress(ValueError):
+                if float(at) >= unix_s:
+                    return round(float(at) - unix_s, 2), json.loads(event)["text"]
+        return None, ""
+
+    def _answers(self) -> bool:
+        try:
+            return self._connected().status().board is not None
+        except SmadError:
+            self._drop()
+            return False
+
+    def _let_person_come(self) -> None:
+        if self._queue.snapshot().mode == "running":
+            self._paused_s = None
+        elif self._paused_s is None:
+            self._paused_s = self._board_s
+        elif self._board_s - self._paused_s >= PERSON_AFTER_S:
+            self._visit()
+            self._paused_s = None
+
+    def _visit(self) -> None:
+        """A person clears what stands and arms the queue in its two steps."""
+
+        def armed() -> bool:
+            snapshot = self._queue.snapshot()
+            if snapshot.mode == "running" or not snapshot.queued:
+                return True
+            with contextlib.suppress(SmadError):
+                motion = self._connected().motion()
+                if motion.fault is not None:
+                    self._connected().clear()
+                if motion.mode == "SAFE" and snapshot.running is None:
+                    proposal = self._queue.propose(time.time() + 12 * 3600.0, Budget())
+                    self._queue.confirm(proposal.code)
+                    self.found.visits += 1
+                    return True
+            return False
+
+        self._until(armed, "the queue can be armed")
+
+    def _until(self, done: Callable[[], bool], what: str) -> None:
+        deadline_s = time.monotonic() + _PATIENCE_S
+        while not done():
+            self._pass_time()
+            if time.monotonic() > deadline_s:
+                raise SmadError(f"waited in vain until {what}", action=f"see {self._rig.folder}")
+            time.sleep(_POLL_S)
+
+    def _judge(self) -> None:
+        found, rig = self.found, self._rig
+        items = self._queue.snapshot().items
+        found.states.update(item.state.value for item in items)
+        found.told = len(_lines(rig.words))
+        begun = "\n".join(_lines(rig.folder / "runner.log"))
+        for number, times in rerun(begun, [item.id for item in items]).items():
+            found.failures.append(f"item {number} ran {times} times")
+        found.failures += late(found)
+        found.cycles = earlier_cycles(rig.logs)
+        for path in sorted(rig.logs.glob("*.mcap")):
+            if ".recovered" in path.suffixes or recovered_path(path).exists():
+                continue
+            with contextlib.suppress(SmadError):
+                if being_written(path):
+                    found.failures.append(f"{path.name} is still written")
+                elif (run := read_run(path)).cut_short and len(run):
+                    found.failures.append(f"{path.name} was cut and not recovered")
+
+
+def run_night(
+    folder: Path, *, hours: float, seed: int, speed: float, count: int, say: Say
+) -> Found:
+    """Run one night in an empty folder, and leave its queue, run logs and words there.
+
+    Raises SmadError when its processes do not come up, or something is waited for in vain.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    before = os.environ.get(FOLDER_VARIABLE)
+    os.environ[FOLDER_VARIABLE] = str(folder)
+    rig = NightRig(folder, seed, speed)
+    try:
+        rig.daemon.wait_until_ready()
+        with Queue(rig.logs) as queue:
+            night = Night(rig, queue, seconds=hours * 3600.0, seed=seed, count=count, say=say)
+            return night.run()
+    finally:
+        rig.close()
+        if before is None:
+            del os.environ[FOLDER_VARIABLE]
+        else:
+            os.environ[FOLDER_VARIABLE] = before
+
+
+def _lines(path: Path) -> list[str]:
+    return path.read_text(errors="replace").splitlines() if path.exists() else []
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0

@@ -1,0 +1,80 @@
+"""What goes wrong in a night, and how it is judged."""
+
+from pathlib import Path
+
+import pytest
+
+from campaign.command import execute
+from campaign.night.draws import TROUBLES, troubles
+from campaign.night.report import (
+    WEEK_H,
+    Found,
+    Look,
+    Met,
+    facts,
+    late,
+    rerun,
+    slope_of,
+    troubles_table,
+    week_table,
+)
+
+
+def test_every_kind_of_trouble_comes_before_any_comes_again_and_in_order() -> None:
+    drawn = troubles(5, 3600.0, 2 * len(TROUBLES))
+    first = [trouble.kind for trouble in drawn[: len(TROUBLES)]]
+    assert sorted(first) == sorted(TROUBLES)
+    times = [trouble.at_s for trouble in drawn]
+    assert times == sorted(times)
+    assert 360.0 <= times[0] <= times[-1] <= 3240.0
+    assert troubles(5, 3600.0, 3) == troubles(5, 3600.0, 3) != troubles(6, 3600.0, 3)
+
+
+def test_a_word_is_late_only_where_the_queue_paused() -> None:
+    found = Found(1)
+    found.met = [
+        Met(1.0, "stop", "moves", "stopped", 0.5, paused=True),
+        Met(2.0, "kill item", "moves", "killed", 6.5, paused=True),
+        Met(3.0, "kill daemon", "moves", paused=True),
+        Met(4.0, "kill hooks", "moves"),
+    ]
+    assert late(found) == [
+        "kill item at 2 s: word after 6.5 s",
+        "kill daemon at 3 s: no word",
+    ]
+    assert troubles_table(found).rows[3] == ("0.00", "kill hooks", "moves", "went on", "", "")
+
+
+def test_the_slope_is_that_of_the_longest_life_without_its_beginning() -> None:
+    filling = [Look(0.0, 1, 50.0), Look(0.1, 1, 80.0), Look(0.2, 1, 100.0)]
+    steady = [Look(0.1 * n, 1, 100.0 + 0.2 * n) for n in range(3, 20)]
+    other = [Look(2.0 + 0.1 * n, 2, 7.0) for n in range(5)]
+    slope = slope_of([*filling, *steady, *other])
+    assert slope is not None
+    assert slope.per_h == pytest.approx(2.0, rel=1e-6)
+    assert slope.amount == pytest.approx(103.8)
+    assert slope_of(other) is None
+    found = Found(1, looks={"memory": [*filling, *steady], "short": other})
+    rows = week_table(found).rows
+    assert rows[0][-1] == f"{103.8 + 2.0 * WEEK_H:.0f}"
+    assert rows[1][2] == "too short"
+
+
+def test_an_item_that_began_twice_is_found_and_one_whose_number_it_begins_with_is_not() -> None:
+    begun = "item 1 begins: a\nitem 11 begins: b\nitem 2 begins: c\nitem 2 begins: c"
+    assert rerun(begun, [1, 2, 11]) == {2: 2}
+
+
+def test_the_facts_are_in_a_line() -> None:
+    found = Found(3, board_h=8.0, wall_h=1.0, cycles=50)
+    found.states.update(["done", "done", "interrupted"])
+    assert "8.0 times real time" in facts(found)
+    assert "items: 2 done, 1 interrupted" in facts(found)
+
+
+def test_a_folder_with_something_in_it_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "mine").touch()
+    assert execute(["night", "--folder", str(tmp_path)]) == 1
+    assert "not empty" in capsys.readouterr().err
