@@ -15,8 +15,8 @@ MESSAGE_S = 5.0
 """So long after a trouble that ended something its word must be there, by the wall clock."""
 WEEK_H = 7 * 24.0
 _LEAST_POINTS = 8
-_WARMING = 0.2
-"""Share of a process's looks that are left out: it fills its buffers."""
+WARMING_H = 0.25
+"""So long a process fills its buffers: the black box, the first run logs."""
 
 
 class Look(NamedTuple):
@@ -33,6 +33,7 @@ class Met:
 
     at_s: float
     kind: str
+    item: int
     during: str
     word: str = ""
     after_s: float | None = None
@@ -91,15 +92,15 @@ class Slope(NamedTuple):
 
 
 def slope_of(looks: Sequence[Look]) -> Slope | None:
-    """Return the slope over the longest life of one process, without its first fifth.
+    """Return the slope over the longest life of one process, without its first quarter of an hour.
 
-    None when no life has eight looks.
+    None when less than eight looks are left.
     """
     lives: dict[int, list[Look]] = {}
     for look in looks:
         lives.setdefault(look.process, []).append(look)
     longest = max(lives.values(), key=lambda life: life[-1].at_h - life[0].at_h, default=[])
-    life = longest[int(_WARMING * len(longest)) :]
+    life = [look for look in longest if look.at_h >= longest[0].at_h + WARMING_H]
     if len(life) < _LEAST_POINTS:
         return None
     at_h, amount = np.array([(look.at_h, look.amount) for look in life]).T

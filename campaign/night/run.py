@@ -30,7 +30,7 @@ from smad.errors import SmadError
 from smad.experiments.endurance.run import earlier_cycles
 from smad.progress import Say
 from smad.queue.queue import Queue
-from smad.queue.states import Budget
+from smad.queue.states import Budget, State
 from smad.runlog.open_logs import being_written
 from smad.runlog.reader import read_run
 from smad.runlog.recover import recovered_path
@@ -162,7 +162,6 @@ class Night:
         self._samples = 0
         self._looked_s = 0.0
         self._paused_s: float | None = None
-        self._met_unix_s = 0.0
         self._hot_since_s: float | None = None
         self._client: Client | None = None
 
@@ -261,7 +260,9 @@ class Night:
     def _meet(self, trouble: Trouble) -> None:
         """Let a trouble come, and wait for its word and for what the queue makes of it."""
         running = self._queue.snapshot().running
-        met = Met(self._board_s, trouble.kind, "" if running is None else running.words[1])
+        if running is None:
+            return
+        met = Met(self._board_s, trouble.kind, running.id, running.words[1])
         self.found.met.append(met)
         met_unix_s = time.time()
         self._bring(trouble.kind)
@@ -276,8 +277,6 @@ class Night:
         self._until(self._answers, "the daemon answers")
         runner = self._rig.children["runner"]
         self._until(lambda: self._queue.has_runner and runner.poll() is None, "a runner is there")
-        time.sleep(1.0)
-        met.paused = self._queue.snapshot().mode == "paused"
 
     def _bring(self, kind: str) -> None:
         rig = self._rig
@@ -349,7 +348,10 @@ class Night:
 
     def _judge(self) -> None:
         found, rig = self.found, self._rig
-        items = self._queue.snapshot().items
+        snapshot = self._queue.snapshot()
+        items = snapshot.items
+        for met in found.met:
+            met.paused = snapshot.item(met.item).state is State.INTERRUPTED
         found.states.update(item.state.value for item in items)
         found.told = len(_lines(rig.words))
         begun = "\n".join(_lines(rig.folder / "runner.log"))

@@ -33,10 +33,10 @@ def test_every_kind_of_trouble_comes_before_any_comes_again_and_in_order() -> No
 def test_a_word_is_late_only_where_the_queue_paused() -> None:
     found = Found(1)
     found.met = [
-        Met(1.0, "stop", "moves", "stopped", 0.5, paused=True),
-        Met(2.0, "kill item", "moves", "killed", 6.5, paused=True),
-        Met(3.0, "kill daemon", "moves", paused=True),
-        Met(4.0, "kill hooks", "moves"),
+        Met(1.0, "stop", 1, "moves", "stopped", 0.5, paused=True),
+        Met(2.0, "kill item", 2, "moves", "killed", 6.5, paused=True),
+        Met(3.0, "kill daemon", 3, "moves", paused=True),
+        Met(4.0, "kill hooks", 4, "moves"),
     ]
     assert late(found) == [
         "kill item at 2 s: word after 6.5 s",
