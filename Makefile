@@ -90,6 +90,8 @@ $(VENV)/.installed: pyproject.toml uv.lock $(VENV)/.python
 $(VENV)/.test-installed: pyproject.toml uv.lock $(VENV)/.installed
 	@echo "installing what the tests need"
 	@$(SYNC) --extra test
+	@echo "compiling what the tests share (once)"
+	@$(PY) -m tests.warm
 	@touch $@
 
 $(VENV)/.site-installed: pyproject.toml uv.lock $(VENV)/.installed

@@ -21,6 +21,8 @@ from smad.config import Config, LinkConfig, RecorderConfig, TelemetryConfig, con
 from smad.processes.daemon import DaemonProcess
 from smad.processes.simulator import simulated_bench
 
+_ENDS_WITHIN_S = 120.0
+"""On a busy machine."""
 _PROGRAMS = ("chromium", "chromedriver")
 _QUIET = (
     "--headless=new",
@@ -96,7 +98,7 @@ class Served:
     def end(self) -> int:
         """End it as ctrl-C does; return its exit status."""
         self.process.send_signal(signal.SIGINT)
-        status = self.process.wait(timeout=30)
+        status = self.process.wait(timeout=_ENDS_WITHIN_S)
         if self.process.stdout is not None:
             self.process.stdout.close()
         return status

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-START_DEADLINE_S = 90.0
+START_DEADLINE_S = 240.0
 
 FAST = ("--speed", "4", "--paced-by-host")
 """The board waits for each setpoint, so that a busy machine makes a page slower, never wrong."""
@@ -39,7 +39,7 @@ def running_bench(
         finally:
             daemon.send_signal(signal.SIGINT)
             try:
-                daemon.wait(timeout=60)
+                daemon.wait(timeout=START_DEADLINE_S)
             except subprocess.TimeoutExpired:
                 daemon.kill()
                 daemon.wait()

@@ -10,6 +10,8 @@ import pytest
 from .bench import running_bench
 from .pages import Block, Page, read_page
 
+LONGEST_S = 800
+"""Of one command on a busy machine."""
 ROOT = Path(__file__).resolve().parents[2]
 OUTSIDE = ("README.md", "evaluation/README.md", "examples/README.md")
 SHOWN = [*(ROOT / page for page in OUTSIDE), *(ROOT / "docs").rglob("*.md")]
@@ -70,7 +72,13 @@ def run_block(block: Block, folder: Path, env: dict[str, str]) -> None:
         runs = [["bash", "-c", command] for command in block.commands()]
     for command in runs:
         done = subprocess.run(
-            command, cwd=folder, env=env, capture_output=True, text=True, timeout=240, check=False
+            command,
+            cwd=folder,
+            env=env,
+            capture_output=True,
+            text=True,
+            timeout=LONGEST_S,
+            check=False,
         )
         assert done.returncode == block.exits, (
             f"line {block.line}: {command[-1]}\n{done.stdout}\n{done.stderr}"

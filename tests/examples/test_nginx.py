@@ -95,7 +95,7 @@ async def until_it_listens(port: int) -> None:
 
 def get(address: str, **headers: str) -> tuple[str, str]:
     """Return the body of a page and the cookie that came with it."""
-    with urlopen(Request(address, headers=headers), timeout=20.0) as reply:
+    with urlopen(Request(address, headers=headers), timeout=120.0) as reply:
         return reply.read().decode(), reply.headers.get("Set-Cookie", "")
 
 
@@ -153,7 +153,7 @@ async def test_nothing_but_reading_passes(proxied: Proxied) -> None:
     from urllib.error import HTTPError
 
     def post() -> None:
-        urlopen(Request(f"http://{proxied.address}/", data=b"x", method="POST"), timeout=20.0)
+        urlopen(Request(f"http://{proxied.address}/", data=b"x", method="POST"), timeout=120.0)
 
     with pytest.raises(HTTPError, match="403"):
         await asyncio.to_thread(post)

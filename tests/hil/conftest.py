@@ -38,7 +38,7 @@ EVERY_DEVICE = pytest.mark.parametrize(
     "hil", ["python", "host", "avr", *(["port"] if REAL_PORT else [])], indirect=True
 )
 
-PATIENCE_S = 120.0
+PATIENCE_S = 240.0
 """A loaded machine may take its time; nothing is asserted on how long anything took."""
 
 

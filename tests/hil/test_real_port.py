@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from sim_device.firmware.build import build, reason_to_skip
+from tests.hil.conftest import PATIENCE_S
 
 TRIED = "daemon_is_killed or signal_disarms or loses_power"
 BAUD = "921600"
@@ -30,7 +31,7 @@ def line(tmp_path: Path) -> Iterator[Path]:
         yield name
     finally:
         board.terminate()
-        board.communicate(timeout=10.0)
+        board.communicate(timeout=PATIENCE_S)
     assert not name.exists()
 
 

@@ -24,7 +24,7 @@ from smad.cli import execute
 from smad.client import Client
 from smad.runlog.schema import CHANNELS
 
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 ROWS = rows_of(("",))[""]
 
 

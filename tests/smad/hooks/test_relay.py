@@ -114,5 +114,5 @@ def test_the_supply_falls_when_the_relays_own_process_is_killed() -> None:
     held = psutil.Process(int(holder.stdout.readline()))
     holder.kill()
     holder.wait()
-    _, alive = psutil.wait_procs([held], timeout=20.0)
+    _, alive = psutil.wait_procs([held], timeout=120.0)
     assert not [process for process in alive if process.status() != psutil.STATUS_ZOMBIE]

@@ -20,7 +20,7 @@ from smad.processes.daemon import DaemonProcess
 MISSING = what_is_missing()
 REQUIRED = bool(os.environ.get("SMAD_REQUIRE_BROWSER"))
 in_a_browser = pytest.mark.skipif(bool(MISSING) and not REQUIRED, reason=MISSING)
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 """Until something is there that comes within a second on a machine that is not busy."""
 
 
@@ -55,10 +55,21 @@ def shown_generation(driver: Any) -> int:
 
 
 def click(driver: Any, selector: str) -> None:
+    from selenium.common.exceptions import ElementClickInterceptedException
     from selenium.webdriver.common.by import By
 
-    until(driver, lambda d: d.find_element(By.CSS_SELECTOR, selector).is_enabled())
-    driver.find_element(By.CSS_SELECTOR, selector).click()
+    def clicked(driver: Any) -> bool:
+        found = driver.find_element(By.CSS_SELECTOR, selector)
+        if not found.is_enabled():
+            return False
+        try:
+            found.click()
+        except ElementClickInterceptedException:
+            # A line that came between took its place under the pointer.
+            return False
+        return True
+
+    until(driver, clicked)
 
 
 def arm(driver: Any) -> None:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-import time
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 from selenium.webdriver.support.ui import WebDriverWait
 
@@ -14,12 +14,22 @@ from bench.browser import browser, live_page
 from bench.view_stop import GOAL_MS, latencies_ms
 from smad.control.commands import Sine
 
-from .browsing import Bench, arm, choose, click, in_a_browser, is_live, text_of, until
+from .browsing import (
+    PATIENCE_S,
+    Bench,
+    arm,
+    choose,
+    click,
+    in_a_browser,
+    is_live,
+    text_of,
+    until,
+)
 
 pytestmark = in_a_browser
 LONG_S = 280.0
 """For a diagnosis, ten seconds of processor time, beside other tests."""
-STOPS = 5
+STOPS = 3
 
 
 @pytest.fixture(scope="module")
@@ -96,11 +106,12 @@ def test_a_diagnosis_that_the_page_begins_ends_in_its_report(page: Any, run: str
 
 
 def test_stop_is_as_quick_and_the_job_goes_on(bench: Bench, run: str, page: Any) -> None:
+    # Other tests share the processors: the best of a few says what the page itself takes.
+    alone = latencies_ms(bench.folder, page, "idle", STOPS)
     press(page, run, "Diagnose")
     until(page, lambda d: state_of_job(d) == "running")
-    # Other tests share the processors: the best of a few says what the page itself takes.
     taken = latencies_ms(bench.folder, page, "idle", STOPS)
-    assert taken[0] <= GOAL_MS
+    assert taken[0] <= max(GOAL_MS, 3.0 * alone[0])
     # On a busy machine the job may have come to its own end meanwhile; no stop has ended it.
     assert "it was ended" not in text_of(page, "job-now"), text_of(page, "job-lines")
 
@@ -154,9 +165,14 @@ def test_the_job_ends_with_the_server(bench: Bench, run: str, tmp_path: Path) ->
         until(driver, is_live)
         press(driver, run, "Diagnose")
         until(driver, lambda d: state_of_job(d) == "running")
-        began_s = time.monotonic()
+        programs = psutil.Process(view.process.pid).children(recursive=True)
+        assert programs
+        written = list(bench.folder.rglob("*-diagnosis*.html"))
         assert view.end() == 0
-        assert time.monotonic() - began_s < 25.0
+        _, alive = psutil.wait_procs(programs, timeout=PATIENCE_S)
+        assert not alive
+    # It was ended, and not waited for.
+    assert list(bench.folder.rglob("*-diagnosis*.html")) == written
 
 
 def test_no_experiment_is_begun_on_a_bench_that_is_armed_already(page: Any, bench: Bench) -> None:

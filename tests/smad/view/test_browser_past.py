@@ -22,7 +22,7 @@ from smad.view.server import serving
 from smad.view.source import Source
 from smad.view.state import shown
 
-from .browsing import MISSING, choose, click, in_a_browser, is_live, text_of, until
+from .browsing import MISSING, PATIENCE_S, choose, click, in_a_browser, is_live, text_of, until
 from .test_forms_and_state import status
 
 pytestmark = in_a_browser
@@ -95,7 +95,7 @@ def links(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
         patch.setattr(Source, "run", lambda source: follow(source, log))
         thread = threading.Thread(target=lambda: asyncio.run(serve()))
         thread.start()
-        assert ready.wait(30.0)
+        assert ready.wait(PATIENCE_S)
         yield found[0]
         found[1].call_soon_threadsafe(found[2].set)
         thread.join()
