@@ -369,13 +369,25 @@ _ROWS: tuple[FaultKind, ...] = (
 FAULT_KINDS: dict[str, FaultKind] = {row.name: row for row in _ROWS}
 
 
+def fault_rows() -> list[tuple[str, str, str, str]]:
+    """Return name, group, what happens, and the parameters with their defaults, of each fault."""
+    return [
+        (
+            kind.name,
+            kind.group,
+            kind.text,
+            ",".join(f"{name}={value:g}" for name, value in kind.parameters.items()),
+        )
+        for kind in FAULT_KINDS.values()
+    ]
+
+
 def list_faults() -> str:
     """Return the table of faults as text, one line each."""
-    lines = []
-    for row in FAULT_KINDS.values():
-        parameters = ",".join(f"{name}={value:g}" for name, value in row.parameters.items())
-        lines.append(f"{row.name:<19} {row.group:<9} {row.text}  [{parameters}]")
-    return "\n".join(lines)
+    return "\n".join(
+        f"{name:<19} {group:<9} {text}  [{parameters}]"
+        for name, group, text, parameters in fault_rows()
+    )
 
 
 def _no_such(name: str) -> FaultSpecError:

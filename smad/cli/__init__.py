@@ -8,12 +8,14 @@ from __future__ import annotations
 import errno
 import importlib
 import os
+import re
 import sys
 from collections.abc import Mapping, Sequence
 
 import click
 
 from firmware_protocol.nearest import instead
+from smad.cli.quantity import UNITS
 from smad.errors import SmadError
 from smad.extras import missing
 from smad.processes.oom import prefer_as_oom_victim
@@ -62,6 +64,8 @@ READS_FILES = frozenset(("log", "gap", "run", "view", "health"))
 SYNONYMS: Mapping[str, str] = {"mark": "note", "check-up": "checkup", "ls": "list"}
 """Words of the live page and of habit, and the command that does it."""
 
+_NO_COMMAND = re.compile(r"No such command '([^']+)'")
+_EXTRA = re.compile(r"Got unexpected extra argument \((\S+)\)")
 _INTERRUPTED = 130
 _INTERNAL = 70
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -160,7 +164,7 @@ def run_group(group: click.Group, arguments: Sequence[str], program: str) -> int
         return error.exit_code
     except click.UsageError as error:
         path = error.ctx.command_path if error.ctx is not None else program
-        what = error.format_message().rstrip(".").replace("?.", "?")
+        what = (_hint(error) or error.format_message()).rstrip(".").replace("?.", "?")
         end = "" if what.endswith("?") else "."
         return _complain(f"{what}{end} See {path} --help.", error.exit_code)
     except click.ClickException as error:
@@ -181,6 +185,20 @@ def run_group(group: click.Group, arguments: Sequence[str], program: str) -> int
         reason = _unusable_path(error)
         return _complain(reason, 1) if reason else _complain(_internal(error), _INTERNAL)
     return result if isinstance(result, int) else 0
+
+
+def _hint(error: click.UsageError) -> str:
+    """Say what was meant: a command by its other name, or a unit behind a space; or nothing."""
+    context, message = error.ctx, error.format_message()
+    if context is None:
+        return ""
+    if (match := _NO_COMMAND.match(message)) and isinstance(context.command, click.Group):
+        wanted = SYNONYMS.get(match[1], "")
+        if wanted in context.command.list_commands(context):
+            return f"{match[0]}. Did you mean {wanted!r}?"
+    if (match := _EXTRA.match(message)) and any(match[1] in kinds for kinds in UNITS.values()):
+        return f"{message.rstrip('.')}: write a unit without a space, as in 5{match[1]}"
+    return ""
 
 
 def _discard_output() -> None:

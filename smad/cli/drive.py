@@ -217,4 +217,4 @@ def idle(bench: str) -> None:
     """Stop the present motion: no current, no water. The bench stays armed."""
     with client(bench) as bench_client:
         motion = bench_client.idle()
-    click.echo(f"idle: {described(motion)}")
+    click.echo(f"stopped: {described(motion)}")

@@ -9,6 +9,7 @@ import click
 from firmware_protocol.nearest import instead
 from smad.cli import complete
 from smad.cli.output import bench_option, client
+from smad.cli.tables import print_columns
 from smad.errors import CommandError
 
 if TYPE_CHECKING:
@@ -45,8 +46,8 @@ def list_command() -> None:
     from firmware_protocol.enums import Fault
     from firmware_protocol.supervisor.faults import FAULT_TEXTS
 
-    for fault in Fault:
-        click.echo(f"{int(fault):>3}  {fault.name:<24}  {FAULT_TEXTS[fault].cause}")
+    rows = [(str(int(fault)), fault.name, FAULT_TEXTS[fault].cause) for fault in Fault]
+    print_columns(("number", "name", "cause"), rows, numeric=(0,))
 
 
 def _fault(name: str) -> Fault:

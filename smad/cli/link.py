@@ -75,7 +75,7 @@ def _report(before: Status, after: Status, samples: int) -> int:
     too_old = counts.setpoints_refused - earlier.setpoints_refused
     click.echo(f"refused       {too_old} setpoints, too old for the board")
     click.echo(f"setpoint age  {_percentiles(age.p50_us, age.p99_us, age.p999_us)}")
-    click.echo(f"daemon's part {_percentiles(share.p50_us, share.p99_us, share.p999_us)}")
+    click.echo(f"host share    {_percentiles(share.p50_us, share.p99_us, share.p999_us)}")
     return missed + damaged + refused
 
 

@@ -6,7 +6,6 @@ import contextlib
 import math
 import os
 import shlex
-import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
@@ -17,7 +16,7 @@ import click
 
 from smad.cli import complete
 from smad.cli.layouts import layouts
-from smad.cli.tables import fitted
+from smad.cli.tables import print_columns
 from smad.errors import RunLogError
 from smad.files import require_writable, shown
 
@@ -87,10 +86,10 @@ def list_command(place: str | None, folder: str, as_json: bool) -> None:
     if not runs:
         click.echo(f"no run logs in {folder}")
         return
-    _print_table(
+    print_columns(
         ("file", "name", "source", "started", "rows", "duration", "size", ""),
         [_overview_cells(run) for run in runs],
-        left=(0, 1, 2, 3, 7),
+        numeric=(4, 5, 6),
     )
 
 
@@ -288,7 +287,7 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
         _print_json(done)
         return
     click.echo(f"{done.rows} rows to {done.path}")
-    _print_table(("column", "channel"), list(done.channel_of.items()), left=(0, 1))
+    print_columns(("column", "channel"), list(done.channel_of.items()))
     if done.ignored:
         click.echo(f"left out: {', '.join(done.ignored)}")
     if done.missing:
@@ -354,22 +353,6 @@ def _print_notes(notes: Sequence[str]) -> None:
         click.echo(f"note: {note}")
 
 
-def _print_table(
-    names: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = (0,)
-) -> None:
-    if sys.stdout.isatty():
-        numeric = [at for at in range(len(names)) if at not in left]
-        click.echo(fitted(names, rows, numeric, shutil.get_terminal_size().columns), nl=False)
-        return
-    widths = [max(map(len, column)) for column in zip(names, *rows, strict=True)]
-    for row in (names, *rows):
-        cells = [
-            cell.ljust(width) if at in left else cell.rjust(width)
-            for at, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        click.echo("  ".join(cells).rstrip())
-
-
 def _overview_cells(run: Overview) -> tuple[str, ...]:
     return (
         Path(run.path).name,
@@ -401,13 +384,13 @@ def _print_summary(run: RunSummary) -> None:
             click.echo(f"{name:<11}{value}")
     _print_notes(run.notes)
     click.echo()
-    _print_table(
+    print_columns(
         ("channel", "unit", "rows", "least", "mean", "most"),
         [
             (c.name, c.unit, str(c.recorded), f"{c.least:g}", f"{c.mean:g}", f"{c.most:g}")
             for c in run.channels
         ],
-        left=(0, 1),
+        numeric=(2, 3, 4, 5),
     )
     if run.missing:
         click.echo(f"\nnot recorded: {', '.join(run.missing)}")

@@ -7,6 +7,7 @@ import click
 from smad.api import READ_AS, Param
 from smad.cli import complete
 from smad.cli.output import axis_option, client
+from smad.cli.tables import print_columns
 
 
 @click.group()
@@ -20,12 +21,11 @@ def list_command(bench: str) -> None:
     """List all parameters of the board."""
     with client(bench) as bench_client:
         parameters = bench_client.params()
-    width = max(len(p.name) for p in parameters)
-    for param in parameters:
-        click.echo(
-            f"{param.name:<{width}}  {_value(param):>20}  "
-            f"({param.minimum:.10g} to {param.maximum:.10g})  {param.description}"
-        )
+    rows = [
+        (p.name, _value(p), f"{p.minimum:.10g} to {p.maximum:.10g}", p.description)
+        for p in parameters
+    ]
+    print_columns(("name", "value", "allowed", "meaning"), rows, numeric=(1,))
 
 
 @params.command()

@@ -13,6 +13,7 @@ import msgspec
 from smad.cli import complete
 from smad.cli.output import Finite
 from smad.cli.simulated import effect_lines
+from smad.cli.tables import print_columns
 from smad.processes.boards import SimulatorError, build, faults_of, rate_of
 from smad.processes.simulator import READY
 
@@ -110,9 +111,9 @@ def sim(
     from smad.config import Config, load_config
 
     if "list" in faults:
-        from sim_device.faults import list_faults
+        from sim_device.faults import fault_rows
 
-        click.echo(list_faults())
+        print_columns(("fault", "group", "what happens", "parameters"), fault_rows())
         return
     if parent is not None:
         from smad.processes.parent import end_with

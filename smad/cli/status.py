@@ -113,7 +113,7 @@ def _readings(now: Status) -> Iterator[str]:
         return
     old = warned(age) if (age := aged(now.motion)) else ""
     yield _line(
-        "place",
+        "position",
         f"{number(row.displacement_mm, 3)} mm, {number(row.force_N, 2)} N{old}",
     )
     for name, degrees, amperes, volts, duty, starts in (
@@ -153,7 +153,7 @@ def _link(now: Status) -> Iterator[str]:
             f"after {board.reset_cause}; messages {schema}, parameters {agree}",
         )
     timing = now.timing
-    yield _line("own share", _spread(timing.own_share))
+    yield _line("host share", _spread(timing.own_share))
     yield _line(
         "age",
         f"{_spread(timing.setpoint_age)}{' when applied' * bool(timing.setpoint_age.count)}; "

@@ -1,13 +1,12 @@
-"""Tables that fit the terminal; plain text where the output is none, for a pipe or a file."""
+"""Tables within the terminal's width; in a pipe or a file, all columns in full."""
 
 from __future__ import annotations
 
-import io
 import shutil
 import sys
 import textwrap
-from collections.abc import Collection, Sequence
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Collection, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import click
 
@@ -21,14 +20,25 @@ _LONGEST_WORD = 32
 
 
 def print_table(table: Table) -> None:
-    """Print a table: within the terminal's width, or in plain columns where there is none."""
+    """Print a table of a page, as `print_columns` does."""
+    print_columns(table.header, table.rows, table.numeric)
+
+
+def print_columns(
+    header: Sequence[str], rows: Sequence[Sequence[str]], numeric: Collection[int] = ()
+) -> None:
+    """Print rows below a header; columns whose number is in `numeric` are right-aligned."""
     if sys.stdout.isatty():
         width = shutil.get_terminal_size().columns
-        click.echo(fitted(table.header, table.rows, table.numeric, width))
+        click.echo(fitted(header, rows, numeric, width), nl=False)
         return
-    from smad.report.page import text_table
-
-    click.echo(text_table(table))
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    for row in (header, *rows):
+        cells = [
+            cell.rjust(width) if k in numeric else cell.ljust(width)
+            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        click.echo("  ".join(cells).rstrip())
 
 
 def fitted(
@@ -40,32 +50,39 @@ def fitted(
     columns are left out from the right, and a line below names them. A column without a name, a
     remark, stays.
     """
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table as Drawn
-    from rich.text import Text
-
     least = [_longest_word([name, *(row[k] for row in rows)]) for k, name in enumerate(header)]
-    shown = list(range(len(header)))
+    shown = [k for k, name in enumerate(header) if name or any(row[k] for row in rows)]
     while len(shown) > 1 and sum(least[k] + _GAP for k in shown) - _GAP > width:
         droppable = [k for k in shown[1:] if header[k]] or shown[1:]
         shown.remove(droppable[-1])
-    left_out = [name for k, name in enumerate(header) if k not in shown]
-    drawn = Drawn(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
-    for k in shown:
-        side: Literal["left", "right"] = "right" if k in numeric else "left"
-        drawn.add_column(Text(header[k]), justify=side, overflow="fold", min_width=least[k])
-    for row in rows:
-        drawn.add_row(*(Text(row[k]) for k in shown))
-    out = io.StringIO()
-    Console(file=out, width=width, color_system=None, legacy_windows=False).print(drawn)
-    lines = [line.rstrip() for line in out.getvalue().splitlines()]
+    left_out = [name for k, name in enumerate(header) if name and k not in shown]
+    widths = {k: max(map(len, (header[k], *(row[k] for row in rows)))) for k in shown}
+    while sum(widths.values()) + _GAP * (len(shown) - 1) > width:
+        widest = max(shown, key=lambda k: (widths[k] > least[k], widths[k]))
+        widths[widest] -= 1
+    lines = [line for row in (header, *rows) for line in _folded(row, widths, numeric)]
+    head = len(_folded(header, widths, numeric))
+    lines.insert(head, "─" * (sum(widths.values()) + _GAP * (len(shown) - 1)))
     if left_out:
         lines += ["", *textwrap.wrap(f"not shown at this width: {', '.join(left_out)}", width)]
         lines += textwrap.wrap(
             "a wider terminal, or a pipe (… | less -S), shows all columns", width
         )
     return "\n".join(lines) + "\n"
+
+
+def _folded(row: Sequence[str], widths: Mapping[int, int], numeric: Collection[int]) -> list[str]:
+    """Return the lines of one row, each cell folded to the width of its column."""
+    cells = {k: textwrap.wrap(row[k], width) or [""] for k, width in widths.items()}
+    lines = []
+    for n in range(max(map(len, cells.values()))):
+        parts = [
+            part.rjust(width) if k in numeric else part.ljust(width)
+            for k, width in widths.items()
+            for part in [cells[k][n] if n < len(cells[k]) else ""]
+        ]
+        lines.append((" " * _GAP).join(parts).rstrip())
+    return lines
 
 
 def _longest_word(cells: Sequence[str]) -> int:

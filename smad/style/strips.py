@@ -76,7 +76,7 @@ STRIPS = (
     ),
     Strip(
         name="temperature",
-        title="Temperature of the springs",
+        title="Spring temperature",
         unit="°C",
         digits=1,
         curves=(*_pair("rtd_{}_degC"), Curve("reference_degC", "reference", "reference")),
@@ -104,7 +104,7 @@ STRIPS = (
     ),
     Strip(
         name="voltage",
-        title="Voltage across the springs",
+        title="Spring voltage",
         unit="V",
         digits=2,
         curves=_pair("v_{}_V"),

@@ -79,7 +79,7 @@ class Course:
         if not self.paired:
             out.append((self.before[:, c], "simulator as configured", "reference", "--", 1.2))
         if self.after is not None:
-            words = "what is told" if self.paired else "simulator with what is told"
+            words = "predicted by the cause" if self.paired else "simulator with the cause"
             out.append((self.after[:, c], words, "x", "-", 1.2))
         return out
 
@@ -109,7 +109,7 @@ def largest_gap(course: Course) -> Picture:
     unit = course.labels[c].rpartition(", ")[2]
     label(left, "time of the run, s", "", "" if course.paired else f"measured − simulated, {unit}")
     what = "The change of the" if course.paired else "The"
-    without = "" if course.after is None else " What is told was fitted without it."
+    without = "" if course.after is None else " The cause was fitted without this run."
     return picture(
         figure,
         "The largest gap",

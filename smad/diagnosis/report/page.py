@@ -158,7 +158,7 @@ def _runs(v: Verdict) -> list[Block]:
         rows.append((name, *about[:2], *numbers, about[2]))
     if not rows:
         return []
-    header = ("run", "role", "length", "as it was", "parameters", "with what is told", "SHA-256")
+    header = ("run", "role", "length", "as it was", "parameters", "with cause", "SHA-256")
     table = Table(header, rows, "Gaps in floors, of runs that were judged.", frozenset((3, 4, 5)))
     return [table, *(Text(f"{f.run}: {f.text}", "note") for f in v.findings if not f.refuses)]
 

@@ -234,8 +234,11 @@ function distanceOf(channels, data) {
     const left = limit - (channel.both_ways ? Math.abs(value) : value);
     if (left / limit >= least) continue;
     least = left / limit;
-    const words = left < 0 ? "beyond the limit" : "to the limit";
-    found = [`${shown(Math.abs(left), channel.digits)} ${channel.unit} ${words} of ${channel.both_ways ? "±" : ""}${limit}`, least < NEAR];
+    const of = `the limit of ${channel.both_ways ? "±" : ""}${limit}`;
+    const digits = shown(Math.abs(left), channel.digits);
+    // A reading at the limit is on either side of it by its noise.
+    const away = Number(digits) === 0 ? "at" : `${digits} ${channel.unit} ${left < 0 ? "beyond" : "to"}`;
+    found = [`${away} ${of}`, least < NEAR];
   }
   return found;
 }

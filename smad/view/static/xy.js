@@ -64,8 +64,9 @@ class Xy {
     this.values = element("span", { className: "values" });
     this.cycles = element("span", { className: "cycles" });
     this.box = element("div", { className: "xy" },
-      element("div", { className: "row" }, choose(1, "Upwards"), "against", choose(0, "To the right"),
+      element("div", { className: "row" }, choose(1, "Upwards"),
         button("✕", "Remove this plot", () => all.layout.remove("xy", at))),
+      element("div", { className: "row" }, "against", choose(0, "To the right")),
       element("p", { className: "small" }, this.values, this.cycles));
     this.box.dataset.xy = pair.join();
     this.plot = new uPlot(this.options(), [[0, 1], [null, null]], this.box);

@@ -10,7 +10,7 @@ from smad import api
 from smad.cli import execute
 from smad.client import Client
 from smad.control.commands import Samples, Step
-from smad.view.terminal.axis_lines import axis_lines
+from smad.view.terminal.axis_lines import axis_lines, number
 from tests.smad.fakedaemon import MOTION, FakeDaemon, fake_daemon
 
 STEP = Step(displacement_mm=1.0, duration_s=1.0)
@@ -91,3 +91,7 @@ def test_the_status_of_several_axes_is_a_line_each() -> None:
         "pitch-1 ARMED   no readings yet; displacement, under way; 250 Hz, 2 missed",
         "yaw-1   sync    no readings yet; displacement, under way; 250 Hz, 2 missed",
     ]
+
+
+def test_a_reading_of_nearly_zero_has_no_sign() -> None:
+    assert (number(-0.001, 2), number(-0.01, 2), number(None, 2)) == ("0.00", "-0.01", "–")

@@ -549,3 +549,17 @@ def test_without_a_daemon_logs_are_those_of_the_current_folder(
     monkeypatch.delenv("SMAD_RUNS", raising=False)
     assert execute(["log", "list"]) == 0
     assert "mine.mcap" in capfd.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "hint"),
+    [
+        (("record", "mark", "hi"), "Did you mean 'note'?"),
+        (("current", "x", "2", "A"), "write a unit without a space, as in 5A"),
+        (("move", "step", "5", "cm"), "write a unit without a space, as in 5cm"),
+    ],
+)
+def test_a_near_miss_is_answered_with_what_was_meant(
+    capfd: pytest.CaptureFixture[str], arguments: tuple[str, ...], hint: str
+) -> None:
+    assert hint in failed(capfd, *arguments)

@@ -85,3 +85,17 @@ def test_progress_says_how_many_runs_are_done_and_how_long_the_rest_may_take() -
     assert left(10, 40, 20.0) == "; about 60 s left"
     assert left(10, 40, 200.0) == "; about 10 min left"
     assert left(40, 40, 200.0) == ""
+
+
+@pytest.mark.parametrize("width", [60, 70, 80, 100])
+def test_the_list_of_run_logs_keeps_every_word_whole(width: int) -> None:
+    header = ("file", "name", "source", "started", "rows", "duration", "size", "")
+    rows = [
+        ("20261126-043534-first-run.mcap", "first run", "sim", "2026-11-26 04:35:34", "125",
+         "1.2 s", "0.04 MB", ""),
+    ]  # fmt: skip
+    shown = tables.fitted(header, rows, {4, 5, 6}, width)
+    left_out = shown.partition("not shown")[2]
+    for name, cell in zip(header, rows[0], strict=True):
+        assert name in shown
+        assert name in left_out or all(word in shown for word in cell.split())
