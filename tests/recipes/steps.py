@@ -132,7 +132,13 @@ def run(tree: Path, *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, *words],
         cwd=tree,
-        env={**os.environ, "PYTHONPATH": str(tree), "OPENBLAS_NUM_THREADS": "1"},
+        env={
+            **os.environ,
+            "PYTHONPATH": str(tree),
+            "OPENBLAS_NUM_THREADS": "1",
+            # An edited kernel is compiled for a few seconds of its use.
+            "NUMBA_OPT": "1",
+        },
         capture_output=True,
         text=True,
         check=False,
