@@ -74,7 +74,7 @@ def health(
         collect(folder, verdicts, say=line.note, progress=line.say)
     bench_health = health_of(read(folder / FILE), given)
     if report is not None:
-        write_page(page(bench_health, folder.name), report)
+        write_page(page(bench_health, str(folder)), report)
     if as_json:
         _print_json(bench_health)
         return

@@ -114,7 +114,7 @@ def endurance(**options: Any) -> None:
     from smad.experiments.ready import require_packages
     from smad.runlog.paths import make_folder
 
-    require_packages("sim")
+    require_packages("gap" if options["every"] else "sim")
     folder: Path = options["folder"]
     earlier = earlier_cycles(folder)
     if earlier and not options["go_on"]:
@@ -151,8 +151,14 @@ def _asked(options: dict[str, Any], first: int) -> Endurance:
     from smad.experiments.endurance.limits import EndLimits
     from smad.experiments.endurance.run import Endurance
 
-    if options["every"] and options["baseline"] is None:
+    baseline: Path | None = options["baseline"]
+    if options["every"] and baseline is None:
         raise click.UsageError("--every N checkup needs --baseline")
+    if baseline is not None and not (baseline / "baseline.json").exists():
+        raise SmadError(
+            f"{baseline} is no baseline (any more)",
+            action="commission the bench (smad gap commission), or name another; nothing was moved",
+        )
     if options["end_place"] is not None and not options["every"]:
         raise click.UsageError("--end-place needs --every N checkup")
     require_sim(options["effects"], sim=options["sim"])

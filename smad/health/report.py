@@ -9,7 +9,7 @@ from datetime import datetime
 import numpy as np
 
 from smad.health.record import Row
-from smad.health.trends import Forecast, Trend, forecast, trend_of
+from smad.health.trends import LEAST_ROWS, Forecast, Trend, forecast, trend_of
 from smad.report.page import Block, Page, Picture, Section, Table, Text
 
 CHANGE_HEADER = ("what", "then", "now", "changed", "noticed at cycle", "limit", "reached at cycle")
@@ -63,7 +63,7 @@ def health_of(rows: Sequence[Row], limits: Mapping[str, float]) -> Health:
 def headline(health: Health) -> str:
     """Return the state of the bench in one sentence."""
     if not health.trends:
-        return f"{len(health.rows)} rows are too few: a trend needs ten of runs of one name"
+        return f"{len(health.rows)} rows are too few: a trend needs {LEAST_ROWS} of one name"
     if not health.changed:
         return f"nothing has changed in {len(health.rows)} rows"
     first = health.changed[0]
@@ -101,7 +101,9 @@ def table(health: Health) -> Table:
 
 def page(health: Health, bench: str) -> Page:
     """Return one page: what changed, trends with bands, and the last rows."""
-    blocks: list[Block] = [Text(headline(health)), table(health)]
+    blocks: list[Block] = [Text(headline(health))]
+    if health.trends:
+        blocks.append(table(health))
     blocks += [Picture(_figure(health, trend), trend.name) for trend in health.trends.values()]
     events = [
         (_day(row.unix_s), row.kind, "; ".join(row.words)) for row in health.rows if row.words

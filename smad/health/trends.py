@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 REFERENCE = 10
 """The first so many rows are the bench as it was."""
+LEAST_ROWS = REFERENCE + 2
 SLACK = 1.25
 """K: the mean of ten rows is itself uncertain by a third of s."""
 THRESHOLD = 7.0
@@ -70,10 +71,10 @@ class Forecast:
 
 
 def trend_of(name: str, x: Array, y: Array) -> Trend | None:
-    """Return the trend of a series with x rising; None below `REFERENCE` + 2 rows."""
+    """Return the trend of a series with x rising; None below `LEAST_ROWS`."""
     finite = np.isfinite(x) & np.isfinite(y)
     x, y = x[finite], y[finite]
-    if len(y) < REFERENCE + 2:
+    if len(y) < LEAST_ROWS:
         return None
     mean = float(np.mean(y[:REFERENCE]))
     scatter = max(float(np.std(y[:REFERENCE], ddof=1)), LEAST_SCATTER * abs(mean), 1e-12)

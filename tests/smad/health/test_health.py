@@ -69,7 +69,9 @@ def test_without_a_slope_nothing_is_forecast_nor_for_a_limit_that_lies_behind() 
 
 def test_too_few_rows_make_no_trend() -> None:
     assert trend_of("a", X[: REFERENCE + 1], X[: REFERENCE + 1]) is None
-    assert "too few" in headline(health_of([row(1, stroke_mm=1.0)], {}))
+    few = health_of([row(1, stroke_mm=1.0)], {})
+    assert headline(few) == "1 rows are too few: a trend needs 12 of one name"
+    assert "<table" not in render(page(few, "bench"))
 
 
 def test_runs_of_different_names_are_not_compared() -> None:

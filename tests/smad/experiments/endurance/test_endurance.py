@@ -11,6 +11,7 @@ import pytest
 
 from campaign.faults.smalldisk import small_disk
 from sim_device.plant.models import built_in
+from smad.cli import execute
 from smad.config import Config, RecorderConfig
 from smad.control.plan import Plan
 from smad.errors import CommandError
@@ -283,6 +284,15 @@ def test_cycles_of_a_killed_block_are_taken_over_from_its_recovered_log(tmp_path
     assert take_over_killed(tmp_path, PROFILE, tmp_path, 1) == 3
     assert take_over_killed(tmp_path, PROFILE, tmp_path, 4) == 0
     assert earlier_cycles(tmp_path) == 3
+
+
+def test_check_ups_without_their_baseline_are_refused_before_anything_moves(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--cycles", "4", "--every", "2", "checkup", "--baseline", str(tmp_path / "gone")]
+    assert execute(["run", "endurance", "--sim", *words, "--folder", str(tmp_path / "e")]) == 1
+    assert "gone is no baseline (any more)" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_verdict_gives_headline_and_probability_that_something_has_come() -> None:
