@@ -59,6 +59,27 @@ def test_the_size_that_is_noticed_leaves_one_floor_beside_the_parameters() -> No
     assert ratio == pytest.approx(10.0, rel=0.3)
 
 
+def test_parameters_imitate_no_more_than_their_ranges_allow() -> None:
+    """A gain of the power is less capacity and less loss, as far as these may go."""
+    run = heater_run(0)
+    given = {"t_s": run["t_s"], "power_W": run["power_W"]}
+
+    def gain(low: float) -> Rating:
+        parameters = {
+            "capacity_J_K": (30.0, 30.0 * low, 60.0, 3.0), "loss_W_K": (0.8, 0.8 * low, 1.6, 0.1),
+            "room_degC": (22.0, 15.0, 29.0, 1.0),
+        }  # fmt: skip
+        declared = declared_heater(
+            parameters=parameters, noise={"temperature_degC": 0.03}, transducers=True
+        )
+        return by_name(plan([given], declared)[0])["effect power_W_gain"]
+
+    assert gain(0.3).rating == "not"
+    narrow, narrower = gain(0.9), gain(0.95)
+    assert 0.5 > narrow.size > narrower.size > 0.04
+    assert narrow.rating != "not"
+
+
 def test_readings_that_a_file_has_are_not_used() -> None:
     run = heater_run(0)
     other = {**run, "temperature_degC": run["temperature_degC"] * 1.1 + 3.0}
