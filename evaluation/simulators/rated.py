@@ -36,6 +36,8 @@ class Case:
 def heater(t: Array, inputs: Mapping[str, Array], values: Mapping[str, float], start: Any) -> Any:
     """A heated plate with a thermometer and a fan, linear up to what may be missing."""
     drive = inputs["power_W"] - values["leak_W_K2"] * np.maximum(inputs["power_W"] - 20.0, 0.0)
+    # No inputs here reach so far.
+    drive = drive - values["overload_W_W2"] * np.maximum(inputs["power_W"] - 60.0, 0.0)
     given = drive - values["fan_W"] * inputs["fan"]
     keep = 1.0 - _DT_S * values["loss_W_K"] / values["capacity_J_K"]
     above = lfilter([0.0, _DT_S / values["capacity_J_K"]], [1.0, -keep], given)
@@ -49,9 +51,12 @@ def declared() -> Simulator:
         heater,
         parameters={
             "capacity_J_K": (30.0, 20.0, 40.0, 3.0), "loss_W_K": (0.8, 0.5, 1.1, 0.1),
-            "room_degC": (22.0, 17.0, 27.0, 1.0), "fan_W": (4.0, 1.0, 7.0, 1.0),
+            "room_degC": (22.0, 17.0, 27.0, 1.0), "fan_W": (4.0, 1.0, 9.0, 2.0),
         },
-        effects={"leak_W_K2": Missing(typical=0.1, low=-0.5, high=0.5, places=at_power)},
+        effects={
+            "leak_W_K2": Missing(typical=0.1, low=-0.5, high=0.5, places=at_power),
+            "overload_W_W2": Missing(typical=0.1, low=-0.5, high=0.5, places=at_power),
+        },
         noise={"temperature_degC": 0.03}, transducers=True,
     )  # fmt: skip
 

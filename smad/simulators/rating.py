@@ -1,8 +1,9 @@
 """Check before you measure: what runs with these inputs could show of each parameter and cause.
 
 Of every parameter, effect and place the nominal model says what it would change of the readings.
-What other values of the parameters imitate is taken off by least squares with their priors, as in
-a diagnosis; what is left is compared with the floor of a reading, and with what the others leave.
+What other values of the parameters imitate within their ranges is taken off by least squares with
+their priors, as in a diagnosis; what is left is compared with the floor of a reading, and with what
+the others leave.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from sim_device.plant.errors import PlantError
 from smad.diagnosis.data.columns import filled
@@ -38,6 +40,10 @@ _THETA_STEP = 0.1
 _SURE, _LITTLE = 0.3, 0.8
 """Of the prior's deviation, what runs must leave of it for a parameter to be identifiable, weak."""
 _PIECES = 5
+_FAR = 1.5
+"""Prior deviations by which a parameter may well imitate a cause: farther, it is no likelier."""
+_HALVINGS = 10
+"""Of a size, which is then known to a thousandth of the range."""
 LEAST_S = 0.5
 """For replays, however long it took to come to them."""
 
@@ -85,20 +91,51 @@ def rate(plant: PlantModel, runs: Sequence[GapRun], *, within_s: float = 5.0) ->
     ends = time.process_time() + within_s
     slopes, reached = _slopes(sheet, ends)
     gram = slopes @ slopes.T / _CORRELATED + np.eye(len(slopes))
-
-    def beside(rows: Array) -> Array:
-        return np.asarray(rows - slopes.T @ np.linalg.solve(gram, slopes @ rows / _CORRELATED))
-
     ratings = [*_effects(sheet, ends), *_places(sheet, ends)]
     causes = [x for x in ratings if isinstance(x, _Cause)]
     missed = [x for x in ratings if isinstance(x, Rating)]
-    left = [beside(c.rows) for c in causes]
-    rated = [_rated(c, sheet.size(left[k]), _alike(k, causes, left)) for k, c in enumerate(causes)]
+    noticed = [_noticed(c, sheet, slopes, gram) for c in causes]
+    left = [rows for _, rows in noticed]
+    rated = [
+        _rated(c, size, _alike(k, causes, left))
+        for k, (c, (size, _)) in enumerate(zip(causes, noticed, strict=True))
+    ]
     return [*_parameters(known, slopes, gram, reached), *rated, *missed]
 
 
-def _rated(c: _Cause, left: float, alike: tuple[str, ...]) -> Rating:
-    size = c.step / left if left > 0.0 else np.inf
+def _noticed(c: _Cause, sheet: _Sheet, slopes: Array, gram: Array) -> tuple[float, Array]:
+    """From what size on the parameters leave one floor of a cause, and rows that they leave.
+
+    They imitate a cause by least squares with their priors, and neither beyond their ranges nor
+    farther than is likely: of a cause that asks for more they leave what is over.
+    """
+    pull = slopes @ c.rows / _CORRELATED
+    x = np.linalg.solve(gram, pull)
+    left = c.rows - slopes.T @ x
+    floors = sheet.size(left)
+    times, most = 1.0 / floors if floors > 0.0 else np.inf, c.high / c.step
+    q = sheet.plant.parameters
+    ends = [[(end - p.nominal) / p.prior_sd for p in q for end in (p.low, p.high)]]
+    box = np.clip(np.reshape(ends, (-1, 2)).T, -_FAR, _FAR)
+    there = min(times, most) * x
+    if np.all((box[0] <= there) & (there <= box[1])):
+        return c.step * times, left
+    root = np.linalg.cholesky(gram)
+
+    def beyond(scale: float) -> Array:
+        y = lsq_linear(root.T, np.linalg.solve(root, scale * pull), bounds=box).x
+        return np.asarray(scale * c.rows - slopes.T @ y)
+
+    low, high = 0.0, min(times, most)
+    if sheet.size(beyond(high)) < 1.0:
+        return c.step * times, left
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if sheet.size(beyond(middle)) >= 1.0 else (middle, high)
+    return c.step * high, beyond(high)
+
+
+def _rated(c: _Cause, size: float, alike: tuple[str, ...]) -> Rating:
     rating = NOT if size > c.high else WEAK if alike or size > c.typical else IDENTIFIABLE
     return Rating(
         kind=c.kind, name=c.name, words=c.words, rating=rating, size=float(size), unit=c.unit,

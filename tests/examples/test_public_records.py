@@ -151,9 +151,9 @@ def test_an_overflow_put_into_the_tanks_is_a_law_at_what_the_pump_does(tmp_path:
     found = diagnose([*asked.fit, *asked.hold_out], TANKS.simulator).verdict
     first, *_ = found.causes
     assert first.place == "input_pump_V"
-    assert first.places["input_pump_V"] > 0.5
+    assert first.places["input_pump_V"] > 0.9
     assert found.whole is not None
-    assert found.whole.final < 0.6 * found.whole.parameters
+    assert found.whole.final < 0.55 * found.whole.parameters
 
 
 def test_the_command_prints_the_name_of_what_was_put_in_and_writes_the_page(
@@ -190,8 +190,8 @@ def test_a_cubic_spring_comes_out_as_a_force_that_grows_with_the_cube_of_displac
     shape = np.column_stack([np.ones(len(y)), y, y**3])
     fit = np.linalg.lstsq(shape, law, rcond=None)[0]
     line = shape[:, :2] @ np.linalg.lstsq(shape[:, :2], law, rcond=None)[0]
-    assert fit[2] == pytest.approx(-4.0, rel=0.4)
-    assert np.sum((law - shape @ fit) ** 2) < 0.25 * np.sum((law - line) ** 2)
+    assert fit[2] == pytest.approx(-4.0, rel=0.15)
+    assert np.sum((law - shape @ fit) ** 2) < 0.22 * np.sum((law - line) ** 2)
 
 
 def test_coulomb_friction_comes_out_as_a_force_with_the_sign_of_the_rate(tmp_path: Path) -> None:
@@ -199,7 +199,7 @@ def test_coulomb_friction_comes_out_as_a_force_with_the_sign_of_the_rate(tmp_pat
     assert told.place == "input_input_V"
     (sign,) = (t for t in told.read if t.name.endswith("_sign"))
     assert sign.state == "output_V_rate"
-    assert sign.slopes["both"] < -5.0 * sign.sd["both"]
+    assert sign.slopes["both"] < -7.5 * sign.sd["both"]
 
 
 def test_friction_of_a_drive_comes_out_as_a_force_with_the_sign_of_its_rate(
@@ -213,12 +213,12 @@ def test_friction_of_a_drive_comes_out_as_a_force_with_the_sign_of_its_rate(
     assert told.place == "input_force_N"
     sign, *further = told.read
     assert sign.name == "position_rate_sign"
-    assert sign.slopes["both"] == pytest.approx(-12.0, rel=0.15)
+    assert sign.slopes["both"] == pytest.approx(-12.0, rel=0.08)
     (bend,) = (t for t in further if " above " in t.words)
     assert bend.state == "position_rate"
-    assert bend.slopes["both"] == pytest.approx(40.0, rel=0.4)
+    assert bend.slopes["both"] == pytest.approx(40.0, rel=0.3)
     assert found.whole is not None
-    assert found.whole.final < 0.15 * found.whole.parameters
+    assert found.whole.final < 0.11 * found.whole.parameters
 
 
 def test_the_laps_of_a_drive_are_runs_and_show_the_rate_that_the_force_up_to_then_gave(

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from smad.cli import execute
-from smad.simulators import plan
+from smad.simulators import plan, simulator
 from smad.simulators.rating import Rating, lines
 from tests.smad.diagnosis.heater_plant import HeaterPlant, recorded
 from tests.smad.simulators.arm import arm_run, files
-from tests.smad.simulators.systems import declared_heater, heater_run
+from tests.smad.simulators.systems import declared_heater, heater, heater_run
 
 
 def by_name(ratings: list[Rating]) -> dict[str, Rating]:
@@ -40,8 +40,10 @@ def test_steps_of_power_identify_what_a_constant_power_does_not() -> None:
 
 def test_what_parameters_imitate_is_not_identifiable_and_what_looks_alike_is_weak() -> None:
     found = rated(transducers=True)
-    assert found["effect temperature_degC_zero"].rating == "not"
-    assert found["place reading_temperature_degC"].rating == "not"
+    # A room that is 1.5 K off is no likelier than the zero of the thermometer.
+    zero = found["effect temperature_degC_zero"]
+    assert (zero.rating, zero.size) == ("weak", pytest.approx(1.5, abs=0.1))
+    assert found["place reading_temperature_degC"].size == pytest.approx(1.5, abs=0.1)
     assert found["effect power_W_lag.tau_s"].rating == "weak"
     assert "temperature_degC_lag.tau_s" in found["effect power_W_lag.tau_s"].alike
     assert any("looks like" in line for line in lines(list(found.values())))
@@ -57,6 +59,29 @@ def test_the_size_that_is_noticed_leaves_one_floor_beside_the_parameters() -> No
     )
     ratio = coarse["effect slow_sensor"].size / fine["effect slow_sensor"].size
     assert ratio == pytest.approx(10.0, rel=0.3)
+
+
+def test_parameters_imitate_no_more_than_their_ranges_allow_and_is_likely() -> None:
+    """A gain of the power is less capacity and less loss, as far as these may go."""
+    run = heater_run(0)
+    given = {"t_s": run["t_s"], "power_W": run["power_W"]}
+
+    def gain(low: float, prior: float) -> Rating:
+        """Both may be `low` of their values at least; `prior` is their deviation, of a value."""
+        parameters = {
+            n: (v, low * v, 2.0 * v, prior * v)
+            for n, v in (("capacity_J_K", 30.0), ("loss_W_K", 0.8), ("room_degC", 22.0))
+        }
+        declared = simulator(
+            heater, parameters=parameters, effects={"slow_sensor": (2.0, 0.0, 8.0)},
+            noise={"temperature_degC": 0.03}, transducers=True,
+        )  # fmt: skip
+        return by_name(plan([given], declared)[0])["effect power_W_gain"]
+
+    wide, near, unlikely = gain(0.3, 0.5), gain(0.9, 0.5), gain(0.3, 0.1)
+    assert wide.rating == "not"
+    assert near.size == pytest.approx(0.10, abs=0.03)
+    assert unlikely.size == pytest.approx(0.15, abs=0.05)
 
 
 def test_readings_that_a_file_has_are_not_used() -> None:
