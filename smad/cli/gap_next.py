@@ -127,7 +127,7 @@ def next_experiment(
     if not confused:
         click.echo("Nothing is confused that a run of the catalogue could tell apart.")
         return
-    click.echo(f"Not separated:  {' or '.join(confused)}. Least d² between two of them:")
+    click.echo(f"Not separated: {' or '.join(confused)}. Least d² between two of them:")
     for offer in ranked[:_OFFERS]:
         x = offer.experiment
         d2 = f"d² {offer.separation:>7.1f}"
