@@ -28,7 +28,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--dark", action="store_true", help="in dark colours")
     parser.add_argument("--width", type=int, default=1200)
-    parser.add_argument("--height", type=int, default=900)
+    parser.add_argument("--height", type=int, default=1050)
     parser.add_argument("-o", "--output", type=Path, default=PICTURE)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="smad-picture-") as name:
@@ -47,7 +47,8 @@ def main() -> None:
             while client.motion().board_time_s < began_s + float(SPEED) * SHOWN_S:
                 time.sleep(0.5)
             # The column beside the plots names the folder of this bench, and is left out.
-            clip = {"x": 0, "y": 0, "width": PLOTS_SHARE * given.width, "height": given.height}
+            height = driver.execute_script("return innerHeight")  # less than the window's
+            clip = {"x": 0, "y": 0, "width": PLOTS_SHARE * given.width, "height": height}
             taken = driver.execute_cdp_cmd(
                 "Page.captureScreenshot", {"clip": {**clip, "scale": 1}, "format": "png"}
             )

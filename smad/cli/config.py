@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import axis_option, client
+from smad.cli.output import PATH, axis_option, client
 
 
 @click.group()
@@ -29,7 +29,7 @@ def show(running: bool, bench: str) -> None:
 
 
 @config.command()
-@click.argument("path", type=click.Path(path_type=Path))
+@click.argument("path", type=PATH)
 def check(path: Path) -> None:
     """Check a file: keys, ranges, the coupling of axes, and whether rate and baud fit."""
     from smad.config import load_config

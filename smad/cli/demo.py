@@ -6,13 +6,13 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import Progress
+from smad.cli.output import PATH, Progress
 
 
 @click.command()
 @click.option(
     "--folder",
-    type=click.Path(path_type=Path),
+    type=PATH,
     default=Path("runs"),
     show_default=True,
     help="Where the run log and the page go.",

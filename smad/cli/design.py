@@ -6,13 +6,14 @@ from pathlib import Path
 
 import click
 
+from smad.cli.output import FILE, PATH
 from smad.errors import SmadError
 
 _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
 
 
 @click.command()
-@click.argument("source", metavar="[GEOMETRY]", required=False, type=click.Path(path_type=Path))
+@click.argument("source", metavar="[GEOMETRY]", required=False, type=PATH)
 @click.option("--wire", "wire_mm", type=float, help="Diameter of the wire, mm.")
 @click.option("--coil", "coil_mm", type=float, help="Mean diameter of the coil, mm.")
 @click.option("--turns", type=float, help="Active turns.")
@@ -35,9 +36,7 @@ _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
     help="Water in a tube around the wire, or still air.",
 )
 @click.option("--params", default="A", show_default=True, help="The alloy: a parameter set.")
-@click.option(
-    "--html", "page", type=click.Path(dir_okay=False, path_type=Path), help="Page to write."
-)
+@click.option("--html", "page", type=FILE, help="Page to write.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 def design(
     *,

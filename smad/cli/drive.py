@@ -205,9 +205,7 @@ def pump(spring: str, duty: float, duration_s: float | None, wait: bool, bench: 
     with client(bench) as bench_client:
         bench_client.current(command)
         wait_for_motion(
-            bench_client,
-            wait=wait and duration_s is not None,
-            what=f"pump {spring} at {duty:.0%}",
+            bench_client, wait=wait and duration_s is not None, what=f"pump {spring} at {duty:.0%}"
         )
 
 

@@ -31,11 +31,10 @@ from smad.cli.gap_runs import (
     uncut,
 )
 from smad.cli.gap_simulator import diagnosed_elsewhere, require_pairs, simulator_options
-from smad.cli.output import progress
+from smad.cli.output import FILE, progress
 from smad.files import named_output, require_writable
 
 _RUN = click.Path(exists=True, dir_okay=False, path_type=Path)
-_OUT = click.Path(dir_okay=False, path_type=Path)
 
 
 @click.group()
@@ -58,9 +57,9 @@ gap.add_command(plan_runs)
 @trust_option
 @params_option
 @variant_option
-@click.option("--json", "json_path", type=_OUT, help="Write the whole verdict here.")
-@click.option("--html", "html_path", type=_OUT, help="Write the report page here.")
-@click.option("--apply", "model_path", type=_OUT, help="Write the better model here.")
+@click.option("--json", "json_path", type=FILE, help="Write the whole verdict here.")
+@click.option("--html", "html_path", type=FILE, help="Write the report page here.")
+@click.option("--apply", "model_path", type=FILE, help="Write the better model here.")
 @simulator_options
 def diagnose(
     *,
@@ -139,7 +138,7 @@ def diagnose(
 
 @gap.command()
 @click.argument("verdict", type=_RUN)
-@click.option("--out", type=_OUT, required=True, help="The model file to write.")
+@click.option("--out", type=FILE, required=True, help="The model file to write.")
 @click.option(
     "--first", type=click.IntRange(0), help="Only this many causes; 0: the parameters alone."
 )

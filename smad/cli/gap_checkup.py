@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from smad.cli.gap_print import print_verdict, write_verdict
-from smad.cli.output import Progress, axis_option, progress, ready_client
+from smad.cli.output import FILE, FOLDER, Progress, axis_option, progress, ready_client
 from smad.cli.simulated import bench_with, effect_option, require_sim, seed_option, sim_option
 from smad.files import named_output, require_writable
 
@@ -19,10 +19,8 @@ if TYPE_CHECKING:
     from smad.checkup.series import Player
 
 _F = TypeVar("_F", bound=Callable[..., Any])
-_FOLDER = click.Path(file_okay=False, path_type=Path)
-_OUT = click.Path(dir_okay=False, path_type=Path)
 _programme = click.option(
-    "--programme", "programme_folder", type=_FOLDER, help="A programme in place of the package's."
+    "--programme", "programme_folder", type=FOLDER, help="A programme in place of the package's."
 )
 _NOW = 1000
 """What a simulated bench adds to its seed after the commissioning, whose repeats count from 1."""
@@ -35,7 +33,7 @@ def _bench_options(command: _F) -> _F:
 
 
 @click.command()
-@click.option("--baseline", "folder", type=_FOLDER, required=True, help="Where the baseline goes.")
+@click.option("--baseline", "folder", type=FOLDER, required=True, help="Where the baseline goes.")
 @click.option(
     "--repeats",
     type=click.IntRange(1, 8),
@@ -95,23 +93,23 @@ def commission(
 
 
 @click.command()
-@click.option("--baseline", "folder", type=_FOLDER, help="Play its programme again, and judge.")
-@click.option("--good", type=_FOLDER, help="Run files of a good day, best several repeats.")
-@click.option("--now", type=_FOLDER, help="New run files with the same inputs as the good ones.")
+@click.option("--baseline", "folder", type=FOLDER, help="Play its programme again, and judge.")
+@click.option("--good", type=FOLDER, help="Run files of a good day, best several repeats.")
+@click.option("--now", type=FOLDER, help="New run files with the same inputs as the good ones.")
 @click.option("--quick", is_flag=True, help="With --baseline: the part that separates most.")
 @click.option(
     "--out",
-    type=_FOLDER,
+    type=FOLDER,
     help="With --baseline: where the runs of now go  [default: BASELINE/now-1, now-2 …]",
 )
 @effect_option
 @_bench_options
-@click.option("--json", "json_path", type=_OUT, help="Write the verdict here.")
-@click.option("--report", "page_path", type=_OUT, help="Write a page with figures here.")
+@click.option("--json", "json_path", type=FILE, help="Write the verdict here.")
+@click.option("--report", "page_path", type=FILE, help="Write a page with figures here.")
 @click.option(
     "--model",
     "model_path",
-    type=_OUT,
+    type=FILE,
     help="Write the model with what was found here: effects and laws.",
 )
 def checkup(
@@ -193,7 +191,7 @@ def checkup(
 
 @click.command()
 @click.option(
-    "--baseline", "folder", type=_FOLDER, required=True, help="The baseline of a commission."
+    "--baseline", "folder", type=FOLDER, required=True, help="The baseline of a commission."
 )
 @click.option(
     "--minutes",

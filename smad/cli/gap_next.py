@@ -17,14 +17,8 @@ from smad.cli.gap_print import (
     require_answered,
     variant_option,
 )
-from smad.cli.gap_runs import (
-    ManyRuns,
-    good_option,
-    hold_out_option,
-    some_runs_argument,
-    uncut,
-)
-from smad.cli.output import bench_option, leased_driver, progress, ready_client
+from smad.cli.gap_runs import ManyRuns, good_option, hold_out_option, some_runs_argument, uncut
+from smad.cli.output import FOLDER, PATH, bench_option, leased_driver, progress, ready_client
 from smad.cli.simulated import effect_option
 from smad.files import shown
 
@@ -47,16 +41,14 @@ _OFFERS = 4
     help="Carry out this experiment now: arms the bench and heats it.",
 )
 @click.option(
-    "--baseline",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Recommend a run to repeat after a check-up, in place of RUNs.",
+    "--baseline", type=FOLDER, help="Recommend a run to repeat after a check-up, in place of RUNs."
 )
 @click.option("--sim", is_flag=True, help="With --run: in virtual time instead of on the bench.")
 @click.option("--model", "model_path", type=_RUN, help="With --sim: model of the simulated bench.")
 @effect_option
 @click.option(
     "--folder",
-    type=click.Path(path_type=Path),
+    type=PATH,
     default=Path("runs"),
     show_default=True,
     help="With --sim: where the run log goes.",
@@ -127,7 +119,7 @@ def next_experiment(
     if not confused:
         click.echo("Nothing is confused that a run of the catalogue could tell apart.")
         return
-    click.echo(f"Not separated:  {' or '.join(confused)}. Least d² between two of them:")
+    click.echo(f"Not separated: {' or '.join(confused)}. Least d² between two of them:")
     for offer in ranked[:_OFFERS]:
         x = offer.experiment
         d2 = f"d² {offer.separation:>7.1f}"

@@ -74,12 +74,7 @@ def _in_folder(folder: Path) -> list[Path]:
 
 
 runs_argument = click.argument(
-    "runs",
-    nargs=-1,
-    required=True,
-    callback=files,
-    metavar="RUN…",
-    shell_complete=complete.runs,
+    "runs", nargs=-1, required=True, callback=files, metavar="RUN…", shell_complete=complete.runs
 )
 some_runs_argument = click.argument(
     "runs", nargs=-1, callback=files, metavar="[RUN…]", shell_complete=complete.runs

@@ -8,18 +8,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import progress
+from smad.cli.output import FILE, FOLDER, progress
 
 if TYPE_CHECKING:
     from smad.health.report import Health
-
-_FOLDER = click.Path(file_okay=False, path_type=Path)
 
 
 @click.command()
 @click.option(
     "--folder",
-    type=_FOLDER,
+    type=FOLDER,
     default=Path("runs"),
     show_default=True,
     help="Run logs of the bench; the record health.jsonl is kept there.",
@@ -28,7 +26,7 @@ _FOLDER = click.Path(file_okay=False, path_type=Path)
     "--verdict",
     "verdicts",
     multiple=True,
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=FILE,
     help="Add a check-up: the JSON that it wrote; may be repeated.",
 )
 @click.option(
@@ -38,11 +36,7 @@ _FOLDER = click.Path(file_okay=False, path_type=Path)
     metavar="NAME=VALUE",
     help="Predict the cycles to a limit, such as stroke_mm=8; may be repeated.",
 )
-@click.option(
-    "--report",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Write one page with all trends here.",
-)
+@click.option("--report", type=FILE, help="Write one page with all trends here.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def health(
     *,
@@ -62,7 +56,8 @@ def health(
     from smad.experiments.ready import require_packages
     from smad.files import require_writable
     from smad.health.collect import collect
-    from smad.health.record import FILE, read
+    from smad.health.record import FILE as RECORD
+    from smad.health.record import read
     from smad.health.report import headline, health_of, page, table
     from smad.report.page import write_page
 
@@ -72,7 +67,7 @@ def health(
     given = _limits(limits)
     with progress() as line:
         collect(folder, verdicts, say=line.note, progress=line.say)
-    bench_health = health_of(read(folder / FILE), given)
+    bench_health = health_of(read(folder / RECORD), given)
     if report is not None:
         write_page(page(bench_health, str(folder)), report)
     if as_json:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from firmware_protocol.nearest import instead
-from smad.cli.output import bench_option
+from smad.cli.output import FOLDER, bench_option
 from smad.errors import CommandError
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def hooks() -> None:
 @bench_option
 @click.option(
     "--folder",
-    type=click.Path(file_okay=False, path_type=Path),
+    type=FOLDER,
     envvar="SMAD_QUEUE",
     help="Folder of the queue  [default: that of the daemon's run logs]",
 )

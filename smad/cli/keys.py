@@ -7,11 +7,12 @@ from pathlib import Path
 
 import click
 
+from smad.cli.output import PATH
 from smad.errors import ConfigError
 
 
 @click.command()
-@click.argument("path", type=click.Path(path_type=Path))
+@click.argument("path", type=PATH)
 def keys(path: Path) -> None:
     """Make a key pair for a client on another machine.
 

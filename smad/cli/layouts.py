@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from smad.cli.output import FOLDER
 from smad.errors import RunLogError
 from smad.files import write_whole
 
@@ -15,7 +16,7 @@ PlotJuggler: open a run log, or start the ZeroMQ stream, then File > Load Layout
 
 
 @click.command()
-@click.argument("folder", default="layouts", type=click.Path(file_okay=False, path_type=Path))
+@click.argument("folder", default="layouts", type=FOLDER)
 @click.option("--axis", "axes", multiple=True, help="An axis of a bench of several; give each.")
 def layouts(folder: Path, axes: tuple[str, ...]) -> None:
     """Write layouts for PlotJuggler and Foxglove into FOLDER (default: layouts).

@@ -16,6 +16,7 @@ import click
 
 from smad.cli import complete
 from smad.cli.layouts import layouts
+from smad.cli.output import FILE, PATH
 from smad.cli.tables import print_columns
 from smad.errors import RunLogError
 from smad.files import require_writable, shown
@@ -54,9 +55,7 @@ _folder = click.option(
 )
 _json = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 _axis = click.option("--axis", default="", help="Which axis, of a log of several.")
-_path = click.argument(
-    "path", required=False, type=click.Path(path_type=Path), shell_complete=complete.runs
-)
+_path = click.argument("path", required=False, type=PATH, shell_complete=complete.runs)
 
 
 @click.group()
@@ -128,9 +127,7 @@ def show(path: Path | None, folder: str, axis: str, as_json: bool) -> None:
     show_default=True,
     help="Format, where --output does not name it.",
 )
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), help="File, or folder of a bag, to write."
-)
+@click.option("-o", "--output", type=PATH, help="File, or folder of a bag, to write.")
 @click.option("--overwrite", is_flag=True, help="Replace a file that is there.")
 @click.option("--wide", is_flag=True, help="Several axes in one table: NAME.channel.")
 @click.option("--fps", type=click.IntRange(1, 1000), help="Frames per second, for lerobot.")
@@ -197,21 +194,15 @@ def split(path: Path | None, folder: str) -> None:
 
 
 @log.command()
-@click.argument(
-    "paths",
-    metavar="[RUN]...",
-    nargs=-1,
-    type=click.Path(path_type=Path),
-    shell_complete=complete.runs,
-)
+@click.argument("paths", metavar="[RUN]...", nargs=-1, type=PATH, shell_complete=complete.runs)
 @_folder
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Page to write.")
+@click.option("-o", "--output", type=PATH, help="Page to write.")
 @click.option("--from", "from_s", type=float, default=-math.inf, help="First second to draw.")
 @click.option("--to", "to_s", type=float, default=math.inf, help="Last second to draw.")
 @click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")
 @click.option(
     "--figure",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=FILE,
     help="Write the panels as a figure for print in place of a page: .svg, .pdf or .png.",
 )
 @click.option(
@@ -266,11 +257,11 @@ def plot(
 
 
 @log.command("import")
-@click.argument("source", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Run log to write.")
+@click.argument("source", type=PATH)
+@click.option("-o", "--output", type=PATH, help="Run log to write.")
 @click.option(
     "--mapping",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="TOML file that says what the columns are, where their names do not.",
 )
 @_json
@@ -298,7 +289,7 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
 @log.command()
 @_path
 @_folder
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Run log to write.")
+@click.option("-o", "--output", type=PATH, help="Run log to write.")
 @_json
 def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) -> None:
     """Write an intact copy of a cut or damaged log, and report what was lost."""

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from smad.cli import complete
+from smad.cli.output import FILE, PATH
 from smad.cli.simulated import effect_lines
 from smad.errors import SmadError
 
@@ -17,7 +18,7 @@ def model() -> None:
 
 
 @model.command()
-@click.argument("source", metavar="[MODEL]", required=False, type=click.Path(path_type=Path))
+@click.argument("source", metavar="[MODEL]", required=False, type=PATH)
 @click.option(
     "--params",
     default="A",
@@ -39,13 +40,7 @@ def model() -> None:
     show_default=True,
     help="How the springs are held; the last two have a stage.",
 )
-@click.option(
-    "--fmi",
-    "unit",
-    required=True,
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="FMI co-simulation unit to write.",
-)
+@click.option("--fmi", "unit", required=True, type=FILE, help="FMI co-simulation unit to write.")
 @click.option(
     "--fmi-version",
     "version",
@@ -81,11 +76,7 @@ def export(
         for line in effect_lines(given.effects, effects):
             click.echo(line, err=True)
         written = export_unit(
-            given,
-            unit,
-            version=int(version),
-            mounted=Mounted(fixture=fixture),
-            overwrite=overwrite,
+            given, unit, version=int(version), mounted=Mounted(fixture=fixture), overwrite=overwrite
         )
     except PlantError as error:
         raise SmadError(str(error)) from error

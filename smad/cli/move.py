@@ -12,7 +12,7 @@ import click
 import msgspec
 from msgspec import inspect as types
 
-from smad.cli.output import NEGATIVE, axis_option, checked, client, wait_for_motion
+from smad.cli.output import NEGATIVE, PATH, axis_option, checked, client, wait_for_motion
 from smad.cli.quantity import UNITS, Quantity, typed_units
 from smad.config.bounds import unit_of
 from smad.config.fields import bare, info_of
@@ -154,7 +154,7 @@ def _parameter(
 
 
 @move.command(context_settings=NEGATIVE)
-@click.argument("path", type=click.Path(path_type=Path))
+@click.argument("path", type=PATH)
 @axis_option
 def follow(path: Path, **options: Any) -> None:
     """Follow the points of a CSV file with the columns t_s and displacement_mm.

@@ -8,6 +8,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -24,6 +25,11 @@ FIRST_PROGRESS_S = 2.0
 _LINE_EVERY_S = 5.0
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+PATH = click.Path(path_type=Path)
+FILE = click.Path(dir_okay=False, path_type=Path)
+FOLDER = click.Path(file_okay=False, path_type=Path)
+"""Types of options and arguments: anything, no folder, no file."""
 
 NEGATIVE = {"ignore_unknown_options": True}
 """Context of a command with numbers: without it, a -5 would be taken for an option."""

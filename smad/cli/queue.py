@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from smad.cli.output import bench_option
+from smad.cli.output import FOLDER, bench_option
 
 if TYPE_CHECKING:
     from smad.queue import Queue
@@ -25,7 +25,7 @@ _ANYTHING = {"ignore_unknown_options": True, "allow_interspersed_args": False}
 
 _folder_option = click.option(
     "--folder",
-    type=click.Path(file_okay=False, path_type=Path),
+    type=FOLDER,
     envvar="SMAD_QUEUE",
     help="Folder of the queue  [default: that of the daemon's run logs, else runs]",
 )

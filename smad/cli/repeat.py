@@ -8,23 +8,21 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import axis_option, lease_option, progress, ready_client
+from smad.cli.output import FILE, FOLDER, axis_option, lease_option, progress, ready_client
 from smad.cli.simulated import seed_option, sim_option
 
 if TYPE_CHECKING:
     from smad.experiments.repeating import Repeat
 
-_FILE = click.Path(dir_okay=False, path_type=Path)
-
 
 @click.command()
-@click.argument("run", type=_FILE)
+@click.argument("run", type=FILE)
 @click.option("--as-is", is_flag=True, help="Begin where the bench is, without cooling first.")
 @click.option("--other-bench", is_flag=True, help="Also a run of another bench or board.")
 @sim_option
 @click.option(
     "--save-logs",
-    type=click.Path(file_okay=False, path_type=Path),
+    type=FOLDER,
     default=Path("runs"),
     show_default=True,
     help="With --sim, the folder of the new run log.",

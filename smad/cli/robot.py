@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import NEGATIVE, Finite, bench_option, client, wait_for_motion
+from smad.cli.output import NEGATIVE, PATH, Finite, bench_option, client, wait_for_motion
 
 if TYPE_CHECKING:
     from smad.client import Client
@@ -94,7 +94,7 @@ def circle(
 
 @robot.command()
 @_segment
-@click.argument("path", type=click.Path(path_type=Path))
+@click.argument("path", type=PATH)
 @_wait
 @bench_option
 def follow(segment: str, path: Path, wait: bool, bench: str) -> None:

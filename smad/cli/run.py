@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from smad.cli import complete
-from smad.cli.output import axis_option, lease_option, progress, ready_client
+from smad.cli.output import FILE, FOLDER, axis_option, lease_option, progress, ready_client
 from smad.errors import SmadError
 from smad.files import write_whole
 
@@ -62,7 +62,7 @@ class _Run(click.Command):
 )
 @click.option(
     "--model",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=FILE,
     help="Model file of the diagnosis: parameters, variant and effects of the simulated bench.",
 )
 @click.option(
@@ -75,7 +75,7 @@ class _Run(click.Command):
 @click.option(
     "--config",
     "config_file",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=FILE,
     help="Configuration of the control in virtual time, as for `smad start`.",
 )
 @click.option(
@@ -92,7 +92,7 @@ class _Run(click.Command):
     "--from",
     "logs",
     multiple=True,
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=FILE,
     help="Analyse these run logs instead of running anything; may be repeated.",
 )
 @click.option(
@@ -111,19 +111,13 @@ class _Run(click.Command):
 )
 @click.option(
     "--report",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=FILE,
     help="Page to write [default: experiments.html; experiments-2.html and so on if it exists]",
 )
 @click.option(
-    "--save-parameters",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Write the recovered parameters to this parameter file.",
+    "--save-parameters", type=FILE, help="Write the recovered parameters to this parameter file."
 )
-@click.option(
-    "--save-logs",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="With --sim, write the run logs into this folder.",
-)
+@click.option("--save-logs", type=FOLDER, help="With --sim, write the run logs into this folder.")
 @click.option(
     "--feedforward",
     is_flag=True,
@@ -232,9 +226,7 @@ Facts = list[tuple[str, str]]
 
 
 def _simulated(
-    experiments: Sequence[Experiment[Any]],
-    given: Model,
-    options: dict[str, Any],
+    experiments: Sequence[Experiment[Any]], given: Model, options: dict[str, Any]
 ) -> tuple[CampaignResult, Facts]:
     from smad.config import load_config
     from smad.experiments.campaign import CampaignBench, run_here, usual_config

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from smad.cli.output import (
+    FOLDER,
     Finite,
     axis_option,
     lease_option,
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from smad.experiments.endurance.profile import Profile
     from smad.experiments.endurance.run import BlockDriver, Endurance, Judgement
 
-_FOLDER = click.Path(file_okay=False, path_type=Path)
 _percent = Finite(0.0, 100.0, min_open=True)
 _kelvin = Finite(0.0, 100.0, min_open=True)
 
@@ -71,7 +71,7 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
     metavar="N checkup",
     help="Play the quick check-up every N cycles.",
 )
-@click.option("--baseline", type=_FOLDER, help="Of the check-ups.")
+@click.option("--baseline", type=FOLDER, help="Of the check-ups.")
 @click.option("--end-stroke-lost", type=_percent, metavar="%", help="End when so much is lost.")
 @click.option("--end-resistance-up", type=_percent, metavar="%", help="End when so much is added.")
 @click.option("--end-shift", type=_kelvin, metavar="K", help="End when the transformation shifted.")
@@ -90,7 +90,7 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
 )
 @click.option(
     "--folder",
-    type=_FOLDER,
+    type=FOLDER,
     default=Path("endurance"),
     show_default=True,
     help="Where cycles.csv goes.",

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import axis_option, lease_option, leased_driver, progress, ready_client
+from smad.cli.output import FILE, axis_option, lease_option, leased_driver, progress, ready_client
 
 
 @click.command()
-@click.argument("path", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE")
+@click.argument("path", type=FILE, metavar="FILE")
 @lease_option
 @axis_option
 def moves(*, path: Path, lease: float, bench: str) -> None:

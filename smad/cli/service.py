@@ -7,6 +7,8 @@ from pathlib import Path
 
 import click
 
+from smad.cli.output import FOLDER
+
 _NEXT = """\
 Next: put the vendor and product of your adapter into the udev rule, then
   udevadm control --reload && udevadm trigger
@@ -21,12 +23,12 @@ def service() -> None:
 @service.command()
 @click.option(
     "--root",
-    type=click.Path(file_okay=False, path_type=Path),
+    type=FOLDER,
     default=Path("/"),
     show_default=True,
     help="Root of the system, for an image that is being made.",
 )
-@click.option("--overwrite", is_flag=True, help="Replace edited files.")
+@click.option("--overwrite", is_flag=True, help="Replace files that were edited.")
 def install(root: Path, overwrite: bool) -> None:
     """Write the files where the system looks for them; needs root.
 

@@ -11,7 +11,7 @@ import click
 import msgspec
 
 from smad.cli import complete
-from smad.cli.output import Finite
+from smad.cli.output import FILE, PATH, Finite
 from smad.cli.simulated import effect_lines
 from smad.cli.tables import print_columns
 from smad.processes.boards import SimulatorError, build, faults_of, rate_of
@@ -28,18 +28,18 @@ SEED_STEP = 100_003
 @click.option(
     "--config",
     "path",
-    type=click.Path(path_type=Path),
+    type=PATH,
     envvar="SMAD_CONFIG",
     help="Configuration file (smad config show).",
 )
 @click.option("--speed", type=float, help="Board time over wall time; 10 is ten times faster.")
 @click.option("--rate", type=click.Choice(["100", "250", "500"]), help="Samples per second.")
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Seed of all noise.")
-@click.option("--symlink", type=click.Path(path_type=Path), help="A lasting name for the port.")
+@click.option("--symlink", type=PATH, help="A lasting name for the port.")
 @click.option(
     "--model",
     "model_path",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Model file of smad gap diagnose --apply, in place of the configured plant.",
 )
 @click.option(
@@ -69,7 +69,7 @@ SEED_STEP = 100_003
 @click.option(
     "--store",
     "store_path",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=FILE,
     help="With --firmware: file of the parameter memory, to survive this process.",
 )
 @click.option("--for", "seconds", type=Finite(min=0), metavar="S", help="End after this time.")

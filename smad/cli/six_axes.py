@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import Finite, bench_option, client, progress
+from smad.cli.output import PATH, Finite, bench_option, client, progress
 
 if TYPE_CHECKING:
     from smad.client import Client
@@ -23,7 +23,7 @@ TITLE = "circles of the segments of a robot, in turn and together"
 @click.option("--sim", is_flag=True, help="On a simulated bench of six axes, begun for it.")
 @click.option("--radius", "radius_deg", type=Finite(0.1, 180.0), default=15.0, show_default=True)
 @click.option("--period", "period_s", type=Finite(0.5, 3600), default=20.0, show_default=True)
-@click.option("--report", type=click.Path(path_type=Path), help="Page; by default beside the log.")
+@click.option("--report", type=PATH, help="Page; by default beside the log.")
 @bench_option
 def six_axes(
     *, sim: bool, radius_deg: float, period_s: float, report: Path | None, bench: str

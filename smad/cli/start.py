@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import msgspec
 
+from smad.cli.output import PATH
 from smad.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ SIMULATED_BAUDS = {"python": 921_600, "host": 921_600, "avr": 500_000}
 @click.option(
     "--config",
     "path",
-    type=click.Path(path_type=Path),
+    type=PATH,
     envvar="SMAD_CONFIG",
     help="Configuration file (smad config show).",
 )
@@ -57,7 +58,7 @@ SIMULATED_BAUDS = {"python": 921_600, "host": 921_600, "avr": 500_000}
     hidden=True,
     help="With --paced-by-host: both ends wait so many times as long for each other.",
 )
-@click.option("--trace", "trace_path", type=click.Path(path_type=Path), hidden=True)
+@click.option("--trace", "trace_path", type=PATH, hidden=True)
 @click.option("--parent", type=int, hidden=True, help="End when this process does.")
 @click.option("--no-realtime", is_flag=True, help="Do not ask for real-time measures.")
 def start(

@@ -112,10 +112,7 @@ def _readings(now: Status) -> Iterator[str]:
         yield _line("readings", "none yet")
         return
     old = warned(age) if (age := aged(now.motion)) else ""
-    yield _line(
-        "position",
-        f"{number(row.displacement_mm, 3)} mm, {number(row.force_N, 2)} N{old}",
-    )
+    yield _line("position", f"{number(row.displacement_mm, 3)} mm, {number(row.force_N, 2)} N{old}")
     for name, degrees, amperes, volts, duty, starts in (
         ("spring x", row.rtd_x_degC, row.i_meas_x_A, row.v_x_V, row.duty_x, row.pump_starts_x),
         ("spring y", row.rtd_y_degC, row.i_meas_y_A, row.v_y_V, row.duty_y, row.pump_starts_y),

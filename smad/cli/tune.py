@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from smad.cli.output import axis_option, leased_driver, progress, ready_client
+from smad.cli.output import FILE, axis_option, leased_driver, progress, ready_client
 from smad.errors import CommandError
 from smad.files import write_whole
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 @click.option("--apply", is_flag=True, help="Put the new gains in force on the running daemon.")
 @click.option(
     "--save",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=FILE,
     metavar="FILE",
     help="Write the section of the configuration to a new file.",
 )

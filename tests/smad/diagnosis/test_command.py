@@ -65,7 +65,7 @@ def test_next_prints_what_is_confused_and_each_experiment_that_parts_it_the_best
     path = tmp_path / "a.mcap"
     path.touch()
     *_, confused, first, second, third, last = call("next", str(path)).output.splitlines()
-    assert confused.startswith("Not told apart: film, X or reading of the RTD, X.")
+    assert confused.startswith("Not separated: film, X or reading of the RTD, X.")
     for k, line in enumerate((first, second, third, last)):
         assert line == f"  d² {9.0 - k:>7.1f}    60 s  title {k}:  smad gap next --run n{k}"
 
