@@ -241,7 +241,7 @@ def test_shapes_of_an_effect_reach_the_function_beside_its_size() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda r: {k: v for k, v in r.items() if k != "t_s"}, "no column of the time in s"),
+        (lambda r: {k: v for k, v in r.items() if k != "t_s"}, "no column of the time; got"),
         (lambda r: {**r, "t_s": r["t_s"][::-1]}, "time does not increase at row 2"),
         (lambda r: {k: v[:5] for k, v in r.items()}, "only 5 samples"),
         (lambda r: 7, "neither a file nor a table"),
