@@ -101,14 +101,14 @@ def decisions() -> str:
 _MORE, _LESS = "▲", "▼"
 _TRUST = {
     "quiet benches called changed": (_LESS, "a change reported on an unchanged bench"),
-    "parameters given a cause": (_LESS, "a place reported where only parameters had changed"),
+    "parameters given a cause": (_LESS, "a cause reported where only parameters had changed"),
     "noticed near 1 floor": (_MORE, "an effect of about one floor noticed"),
     "noticed near 3 floors": (_MORE, "an effect of about three floors noticed"),
     "place right first, listed": (_MORE, "effects in the library: the right place ranked first"),
     "place right first, unlisted": (_MORE, "effects outside it: the right place ranked first"),
-    "right name, of noticed listed": (_MORE, "effects in the library: the right name given"),
-    "right name, of names given": (_MORE, "names given that were right"),
-    "unlisted given a name": (_LESS, "effects outside the library given a name"),
+    "right name told, of noticed listed": (_MORE, "effects in the library: the right name given"),
+    "right name, of names told": (_MORE, "names given that were right"),
+    "unlisted told by name": (_LESS, "effects outside the library given a name"),
 }
 """Rows of the score table that the README shows: which way is better, and plain words."""
 
