@@ -200,11 +200,11 @@ def require_one_bench(runs: Sequence[RunFile]) -> None:
         )
 
 
-def _repeats(plant: PlantModel, one: RunFile, other: RunFile) -> bool:
+def _repeats(plant: PlantModel, run: RunFile, other: RunFile) -> bool:
     """Whether two runs have the same inputs over what both recorded."""
-    a, b = one.run, other.run
+    a, b = run.run, other.run
     if not len(edges_s(a)) or not len(edges_s(b)):
-        return one.name == other.name
+        return run.name == other.name
     start = float(b.t_s[0] - b.dt_s)
     bins = max(1, int(b.duration_s / 0.2))
     first = binned(b, bins, plant, start)

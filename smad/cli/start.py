@@ -288,7 +288,7 @@ def _run(
     axes = config.by_axis()
     ended = run(
         config,
-        {name: opener(own) for name, own in axes.items()}
+        {name: opener(axis_config) for name, axis_config in axes.items()}
         if fd is None
         else {
             name: socket_opener(int(number))

@@ -80,7 +80,7 @@ def measured(client: Client, seconds: float, say: Say) -> Status | str:
 
 
 @contextlib.contextmanager
-def told_by(client: Client) -> Iterator[None]:
+def naming_cause(client: Client) -> Iterator[None]:
     """Give an error of the bench the words of the daemon's journal, while there is one to ask."""
     try:
         yield

@@ -10,7 +10,7 @@ from smad.client import Client
 from smad.config import Config, RecorderConfig, TelemetryConfig, config_to_toml
 from smad.demo import figures
 from smad.demo.figures import Rows
-from smad.demo.job import measured, run_cycle, told_by
+from smad.demo.job import measured, naming_cause, run_cycle
 from smad.processes.daemon import running_daemon
 from smad.progress import Say
 from smad.runlog.reader import Run
@@ -42,7 +42,7 @@ def play(folder: Path, seed: int, board: str, say: Say) -> tuple[Run, Rows]:
         with (
             running_daemon(fast, sockets, waiting=starting),
             Client(folder=sockets, timeout_s=CLIENT_TIMEOUT_S) as client,
-            told_by(client),
+            naming_cause(client),
         ):
             done = run_cycle(client, say)
         with (

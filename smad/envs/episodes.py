@@ -147,19 +147,19 @@ class Episodes:
         self._seen[which, -2] = self._references[which, moment]
         self._seen[which, -1] = self._references[which, moment + self._ahead]
 
-    def step(self, actions: Any, held: Flags | None = None) -> Stepped:
+    def step(self, actions: Any, over: Flags | None = None) -> Stepped:
         """Apply actions (size, …) for one sample. Plants that are `held` stay as they are: their
         next episode has just begun.
 
         Raises ActionRefused.
         """
         wanted = signals.driven(self.task.action, actions, self.size)
-        going = np.ones(self.size, dtype=np.bool_) if held is None else ~held
-        every = self._every if held is None else np.flatnonzero(going)
+        going = np.ones(self.size, dtype=np.bool_) if over is None else ~over
+        every = self._every if over is None else np.flatnonzero(going)
         drive = self.plants.drive
         drive[every, :2] = self.boards.regulate(wanted[:, :2], self._dt_us, going)[every]
         drive[every, 2:4] = wanted[every, 2:]
-        if held is not None and held.any():
+        if over is not None and over.any():
             self._advance_only(going)
         else:
             self.plants.advance(self._dt_s)

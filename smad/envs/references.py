@@ -27,8 +27,8 @@ def levels(rng: np.random.Generator, t_s: Array) -> Array:
     dwell, rise = 4.0, 1.0
     count = int(np.ceil(t_s[-1] / dwell)) + 2
     level = np.concatenate([[0.0], rng.uniform(-REACH_mm, REACH_mm, count)])
-    at = np.arange(count + 1) * dwell
-    times = np.column_stack([at, at + dwell - rise]).ravel()
+    level_s = np.arange(count + 1) * dwell
+    times = np.column_stack([level_s, level_s + dwell - rise]).ravel()
     return np.asarray(np.interp(t_s, times, np.repeat(level, 2)))
 
 

@@ -92,13 +92,13 @@ class SpringPairVectorEnv(VectorEnv[Any, Any, Any]):
         """One sample of all. Raises ActionRefused where an action lies outside its space."""
         if not self._generators:
             raise EnvError("no episode has begun", action="call reset first")
-        held = self._over.copy() if self._over.any() else None
-        if held is not None:
-            begun = np.flatnonzero(held)
+        over = self._over.copy() if self._over.any() else None
+        if over is not None:
+            begun = np.flatnonzero(over)
             for i in begun:
                 self._episodes.begin(int(i), self._generators[i])
             self._episodes.observe(begun)
-        stepped = self._episodes.step(actions, held)
+        stepped = self._episodes.step(actions, over)
         self._over = stepped.terminated | stepped.truncated
         return (
             stepped.observations,

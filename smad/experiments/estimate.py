@@ -65,16 +65,16 @@ def bootstrap(
     rng = np.random.default_rng(seed)
     parts = [np.arange(samples)] if groups is None else list(groups)
     value = np.asarray(fit(np.concatenate(parts)), float)
-    found: list[Array] = []
+    resampled: list[Array] = []
     for _ in range(2 * repeats):
-        if len(found) == repeats:
+        if len(resampled) == repeats:
             break
         chosen = np.concatenate([_blocks(part, rng) for part in parts])
         try:
-            found.append(np.asarray(fit(chosen), float))
+            resampled.append(np.asarray(fit(chosen), float))
         except (np.linalg.LinAlgError, ValueError):
             continue
-    low, high = np.percentile(np.array(found), [2.5, 97.5], axis=0)
+    low, high = np.percentile(np.array(resampled), [2.5, 97.5], axis=0)
     return value, np.minimum(low, value), np.maximum(high, value)
 
 

@@ -76,9 +76,9 @@ class BagTable:
             if name == TIME:
                 yield name, (stamps - stamps[0]) * 1e-9
                 continue
-            own, values = series[name]
-            last = np.searchsorted(own, stamps, side="right") - 1
-            old = (last < 0) | (stamps - own[last] > _longest_ns(own, stamps))
+            column_stamps, values = series[name]
+            last = np.searchsorted(column_stamps, stamps, side="right") - 1
+            old = (last < 0) | (stamps - column_stamps[last] > _longest_ns(column_stamps, stamps))
             yield name, np.where(old, np.nan, values[last])
 
     def place_of(self, row: int) -> str:
@@ -97,28 +97,30 @@ class BagTable:
         with _reader(self.path) as reader:
             connections = [c for c in reader.connections if c.topic in topics]
             for connection, when, raw in reader.messages(connections):
-                found = _flat(reader.deserialize(raw, connection.msgtype))
+                message_fields = _flat(reader.deserialize(raw, connection.msgtype))
                 stamps[connection.topic].append(when)
                 for name, field in fields[connection.topic]:
-                    values[name].append(found.get(field, np.nan))
+                    values[name].append(message_fields.get(field, np.nan))
         return {
             name: (np.array(stamps[self.places[name][0]]), np.array(values[name]))
             for name in wanted
         }
 
 
-def _longest_ns(own: NDArray[np.int64], stamps: NDArray[np.int64]) -> float:
+def _longest_ns(column_stamps: NDArray[np.int64], stamps: NDArray[np.int64]) -> float:
     """How old a value may be to stand for a row, ns.
 
     A column as fast as the rows has a value of its own for each, and one that is missing stays so.
     A slower one stands until its next message is half a period late.
     """
-    if len(own) < 2 or len(stamps) < 2:
+    if len(column_stamps) < 2 or len(stamps) < 2:
         return np.inf
-    row_ns, own_ns = (float(np.quantile(np.diff(times), 0.1)) for times in (stamps, own))
-    if own_ns <= 1.5 * row_ns:
+    row_ns, column_ns = (
+        float(np.quantile(np.diff(times), 0.1)) for times in (stamps, column_stamps)
+    )
+    if column_ns <= 1.5 * row_ns:
         return 0.5 * row_ns
-    return 1.5 * float(np.median(np.diff(own)))
+    return 1.5 * float(np.median(np.diff(column_stamps)))
 
 
 def open_bag(path: Path) -> BagTable:
@@ -172,9 +174,9 @@ def _flat(message: Any, before: str = "") -> dict[str, float]:
             fields |= _flat(value, f"{label}.")
         elif isinstance(value, np.ndarray | list) and len(value) <= _MOST_ELEMENTS:
             labels = joints if len(joints) == len(value) else [str(n) for n in range(len(value))]
-            for at, element in zip(labels, value, strict=True):
+            for element_label, element in zip(labels, value, strict=True):
                 if isinstance(element, bool | int | float | np.number):
-                    fields[f"{label}[{at}]"] = float(element)
+                    fields[f"{label}[{element_label}]"] = float(element)
     return fields
 
 

@@ -67,8 +67,8 @@ def read_head(path: Path, file: TextIO, delimiter: str = "") -> Head:
 
     Raises LogImportError for a file without a line, and for one without names.
     """
-    told, comments, lines = _lines_before_numbers(path, file)
-    delimiter = delimiter or told
+    guessed, comments, lines = _lines_before_numbers(path, file)
+    delimiter = delimiter or guessed
     if not lines:
         raise LogImportError(f"{path} is empty", action="there is nothing to import")
     first = next((k for k, line in enumerate(lines) if line.holds_numbers), None)
@@ -78,22 +78,22 @@ def read_head(path: Path, file: TextIO, delimiter: str = "") -> Head:
     before = lines[:1] if first is None else lines[:first]
     delimiter = delimiter or _likely(path, before[-1], numbers)
     width = len(_cells(path, numbers, delimiter))
-    at = next(
+    names_row = next(
         (k for k, line in enumerate(before) if len(_cells(path, line, delimiter)) == width), 0
     )
-    names, last = _cells(path, before[at], delimiter), before[at]
-    between = before[at + 1 :]
+    names, last = _cells(path, before[names_row], delimiter), before[names_row]
+    between = before[names_row + 1 :]
     if len(between) == 1 and _are_units(units := _cells(path, between[0], delimiter), names):
         last = between[0]
         names = [
             f"{n} [{u}]" if u and not n.endswith("]") else n
             for n, u in zip(names, (u.strip("[]()") for u in units), strict=True)
         ]
-    _require_distinct(path, names, before[at].number)
+    _require_distinct(path, names, before[names_row].number)
     passed = tuple(
-        f"line {x.number} is no line of names: {x.text.strip()[:60]}" for x in before[:at]
+        f"line {x.number} is no line of names: {x.text.strip()[:60]}" for x in before[:names_row]
     )
-    return Head(names, before[at].number, last.number, delimiter, passed)
+    return Head(names, before[names_row].number, last.number, delimiter, passed)
 
 
 def _lines_before_numbers(path: Path, file: TextIO) -> tuple[str, list[_Line], list[_Line]]:

@@ -46,9 +46,9 @@ def read_points(path: Path, columns: Sequence[Sequence[str]]) -> dict[str, list[
             limit="at least 2, each later than the one before",
             action="sort the points",
         )
-    found = dict(zip(names, map(list, zip(*points, strict=True)), strict=True))
-    start_s = found[TIME][0]
-    return found | {TIME: [t - start_s for t in found[TIME]]}
+    by_name = dict(zip(names, map(list, zip(*points, strict=True)), strict=True))
+    start_s = by_name[TIME][0]
+    return by_name | {TIME: [t - start_s for t in by_name[TIME]]}
 
 
 def _number(path: Path, line: int, column: str, text: str | None) -> float:

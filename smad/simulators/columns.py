@@ -92,8 +92,8 @@ def _of_file(path: Path, time: str, form: CsvFormat | None) -> Table:
         columns = {
             n: np.where(recorded(c), c, np.nan) for n, c in run.columns.items() if recorded(c).any()
         }
-    found = _timed(path.stem, columns, str(path), time)
-    return replace(found, path=str(path), notes=tuple(notes))
+    timed = _timed(path.stem, columns, str(path), time)
+    return replace(timed, path=str(path), notes=tuple(notes))
 
 
 def _timed(name: str, columns: Mapping[str, Any], where: str, called: str) -> Table:

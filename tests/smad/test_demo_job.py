@@ -7,7 +7,7 @@ import pytest
 
 from smad import api
 from smad.client import Client, Stopped
-from smad.demo.job import measured, run_cycle, told_by
+from smad.demo.job import measured, naming_cause, run_cycle
 from tests.smad.cli.test_commands import STATUS
 from tests.smad.fakedaemon import MOTION, FakeDaemon, fake_daemon
 
@@ -30,7 +30,7 @@ def silent_board(daemon: FakeDaemon) -> None:
 def test_an_end_that_the_daemon_knows_is_told_in_its_words(tmp_path: Path) -> None:
     with fake_daemon(tmp_path) as daemon, Client(folder=tmp_path) as client:
         silent_board(daemon)
-        with pytest.raises(Stopped, match=SILENT), told_by(client):
+        with pytest.raises(Stopped, match=SILENT), naming_cause(client):
             run_cycle(client, lambda text: None)
 
 

@@ -112,7 +112,7 @@ FIELDS: Mapping[str, Field] = {
 its inertia and where its children hang go along. `mass` takes the inertia along."""
 
 
-def add_point_mass(m: Any, body: int, mass: float, at: Any) -> None:
+def add_point_mass(m: Any, body: int, mass: float, place_m: Any) -> None:
     """Add a point mass at a point of a body's frame, with what it does to centre and inertia."""
     mujoco = part("mujoco")
     rotation = np.zeros(9)
@@ -120,9 +120,9 @@ def add_point_mass(m: Any, body: int, mass: float, at: Any) -> None:
     R = rotation.reshape(3, 3)
     body_kg, centre = float(m.body_mass[body]), np.array(m.body_ipos[body])
     total = body_kg + mass
-    new = (body_kg * centre + mass * np.asarray(at)) / total
+    new = (body_kg * centre + mass * np.asarray(place_m)) / total
     inertia = R @ np.diag(m.body_inertia[body]) @ R.T
-    for part_mass, point in ((body_kg, centre), (mass, np.asarray(at))):
+    for part_mass, point in ((body_kg, centre), (mass, np.asarray(place_m))):
         d = point - new
         inertia += part_mass * (d @ d * np.eye(3) - np.outer(d, d))
     values, axes = np.linalg.eigh(inertia)

@@ -73,21 +73,21 @@ def results(ask: requests.Results) -> list[tuple[str, str]]:
     }
     table = [("duration", f"{run.duration_s:.1f} s, {len(run)} samples")]
 
-    def told(what: str, names: tuple[str, ...], form: str) -> None:
+    def add_range(what: str, names: tuple[str, ...], form: str) -> None:
         values = np.concatenate([columns[name] for name in names])
         values = values[np.isfinite(values)]
         if values.size:
             table.append((what, form.format(values.min(), values.max())))
 
-    told("displacement", ("displacement_mm",), "{0:.2f} to {1:.2f} mm")
+    add_range("displacement", ("displacement_mm",), "{0:.2f} to {1:.2f} mm")
     away = columns["displacement_mm"] - columns["reference_mm"]
     away = away[np.isfinite(away)]
     r2 = tracking_r2(columns["reference_mm"], columns["displacement_mm"])
     if away.size and math.isfinite(r2):
         table.append(("tracking", f"R² {r2:.4f}, RMS error {math.sqrt(np.mean(away**2)):.3f} mm"))
-    told("force", ("force_N",), "{0:.2f} to {1:.2f} N")
-    told("temperature", ("rtd_x_degC", "rtd_y_degC"), "{0:.1f} to {1:.1f} °C")
-    told("current", ("i_meas_x_A", "i_meas_y_A"), "up to {1:.2f} A")
+    add_range("force", ("force_N",), "{0:.2f} to {1:.2f} N")
+    add_range("temperature", ("rtd_x_degC", "rtd_y_degC"), "{0:.1f} to {1:.1f} °C")
+    add_range("current", ("i_meas_x_A", "i_meas_y_A"), "up to {1:.2f} A")
     said = [event.text for event in run.events if event.kind in ("fault", "note", "warning")]
     table += [("said", text) for text in said[-5:]]
     table += [("note", note) for note in run.notes]
