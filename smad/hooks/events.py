@@ -140,9 +140,11 @@ class Detector:
             )
         else:
             for message in look.messages:
-                yield self._event(
+                event = self._event(
                     look, "on_queue_end", message.text, kind=message.event, item=message.item
                 )
+                # It may be hours old.
+                yield msgspec.structs.replace(event, unix_s=message.unix_s)
         snapshot = look.snapshot
         if snapshot is None:
             return

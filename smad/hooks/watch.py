@@ -46,8 +46,11 @@ class Watcher:
     def known(self) -> Known | None:
         """Return what an earlier watcher saw last; None: there was none, or its file is damaged.
 
-        What the queue says from there on is new.
+        What the queue says from there on is new, and all that a queue says that is not there yet.
         """
+        assert self._folder is not None
+        if not (self._folder / FILE).exists():
+            self._last_message = 0
         with contextlib.suppress(OSError, msgspec.MsgspecError):
             known = msgspec.json.decode(self._file().read_bytes(), type=Known)
             self._last_message = known.message
@@ -57,6 +60,8 @@ class Watcher:
     def keep(self, known: Known) -> None:
         """Write down what has been told. A disk that refuses only costs the catching up."""
         with contextlib.suppress(OSError):
+            # The daemon makes it with its first run log.
+            self._file().parent.mkdir(parents=True, exist_ok=True)
             write_whole(self._file(), msgspec.json.encode(known))
 
     def _file(self) -> Path:

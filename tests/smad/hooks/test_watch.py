@@ -54,6 +54,22 @@ def test_a_new_queue_in_the_place_of_the_old_one_is_told_from_its_beginning(
     watcher.close()
 
 
+def test_a_watcher_that_ran_before_there_was_any_folder_lets_the_next_one_catch_up(
+    tmp_path: Path,
+) -> None:
+    folder = tmp_path / "runs"
+    first = Watcher(ABSENT, folder)
+    assert first.known() is None
+    first.keep(Known())
+    say(folder, "the first")
+    assert texts_of(first) == ["the first"]
+    second = Watcher(ABSENT, folder)
+    assert second.known() == Known()
+    assert texts_of(second) == ["the first"]
+    for watcher in (first, second):
+        watcher.close()
+
+
 @pytest.mark.parametrize("content", ["", "{", '{"message": "x"}'])
 def test_a_damaged_file_only_costs_the_catching_up(tmp_path: Path, content: str) -> None:
     (tmp_path / f"hooks-{ABSENT}.json").write_text(content)
