@@ -19,6 +19,9 @@ let showGains = () => {};
 const left = new Set(); // axes that are not to be armed
 let toArm = [];
 
+// When what stands here was of now: beside each reading stands its age from then on.
+let newestMs = performance.now();
+
 const link = new Link({
   hello: begin,
   frame: (frame) => {
@@ -33,8 +36,6 @@ const link = new Link({
 
 const tiles = new Tiles($("tiles"), (axis) => link.send({ do: "look_at", axis }));
 
-// When what stands here was of now: beside each reading stands its age from then on.
-let newestMs = performance.now();
 setInterval(showAge, 1000);
 
 function showAge() {

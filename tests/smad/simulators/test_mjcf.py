@@ -250,7 +250,6 @@ def test_an_uneven_clock_is_replayed_on_an_even_one(tmp_path: Path) -> None:
     ("options", "words"),
     [
         (["--mjcf", "arm.xml"], "--mjcf and --map belong together"),
-        (["--map", "map.toml"], "--map is of --fmu or --mjcf"),
         (["--mjcf", "arm.xml", "--fmu", "arm.xml", "--map", "map.toml"], "one of --fmu and --mjcf"),
     ],
 )
