@@ -9,8 +9,8 @@ from pathlib import Path
 
 START_DEADLINE_S = 240.0
 
-FAST = ("--speed", "4", "--paced-by-host")
-"""The board waits for each setpoint, so that a busy machine makes a page slower, never wrong."""
+FAST = ("--speed", "4", "--paced-by-host", "--patience", "20")
+"""Board and daemon wait for each other, so that a busy machine makes a page slower, never wrong."""
 
 
 @contextlib.contextmanager
