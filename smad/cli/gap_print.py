@@ -100,17 +100,10 @@ def print_verdict(verdict: Verdict) -> None:
 
 
 def print_answer(verdict: Verdict, asked: str) -> None:
-    """Print the verdict, what was noted of its runs, and what to do next."""
+    """Print the verdict, and what to do next."""
     from smad.diagnosis.report.words import advice
 
     print_verdict(verdict)
-    # What was left out of runs that are used, or is doubtful in them.
-    runs: dict[str, list[str]] = {}
-    for f in verdict.findings:
-        if not f.refuses and f.run != "all runs":
-            runs.setdefault(f.text, []).append(f.run)
-    for text, names in runs.items():
-        click.echo(f"{', '.join(names)}: {text}")
     for command, why in advice(verdict, asked) if asked else ():
         click.echo(f"{why}: {command}" if command else why)
 

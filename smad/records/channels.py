@@ -60,7 +60,7 @@ def read_channels(
 def channels_of(table: ForeignTable, rules: Mapping[str, ColumnRule] | None = None) -> Channels:
     """Channels of a table. Raises LogImportError for one that cannot be used."""
     assignment = assign(table.names, rules or {})
-    columns = _converted(table, assignment)
+    columns = _converted(table, assignment, rules or {})
     _check_time(table, assignment, columns)
     return Channels(columns, assignment, table.notes)
 
@@ -72,7 +72,9 @@ def held(column: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(last < 0, np.nan, column[last])
 
 
-def _converted(table: ForeignTable, assignment: Assignment) -> dict[str, NDArray[np.float64]]:
+def _converted(
+    table: ForeignTable, assignment: Assignment, given: Mapping[str, ColumnRule]
+) -> dict[str, NDArray[np.float64]]:
     columns = {}
     if "t_s" not in {rule.channel for rule in assignment.rules.values()}:
         raise LogImportError(
@@ -87,6 +89,14 @@ def _converted(table: ForeignTable, assignment: Assignment) -> dict[str, NDArray
         converted = convert(values * rule.scale + rule.offset, rule.unit, channel.unit)
         if rule.hold:
             converted = held(converted)
+        most = np.nanmax(converted, initial=0.0)
+        if rule.unit == "pct" and name not in given and 0.0 < most <= 0.01:
+            raise LogImportError(
+                f"{table.path}: column {name!r} is named %, and never above 1 %",
+                value=f"at most {100.0 * most:.3g}",
+                limit="0 to 100 %",
+                action="a fraction? name it without a unit, or give its unit in a mapping file",
+            )
         if channel.kind == "integer":
             bad = np.flatnonzero((converted < 0) | (converted != np.rint(converted)))
             bad = bad[~np.isnan(converted[bad])]

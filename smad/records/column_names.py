@@ -63,7 +63,8 @@ _ALL = "docs/guide/run-logs.md has them all"
 class ColumnRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What one column is. Value in `unit` = number in the file · `scale` + `offset`.
 
-    `unit` empty: the unit of the channel. `hold`: a number is in force until the next one, as in a
+    `unit` empty: that which the name ends with, or with a scale or offset, or without one in the
+    name, the channel's. `hold`: a number is in force until the next one, as in a
     log that is written on change.
     """
 
@@ -161,7 +162,11 @@ def _checked(name: str, rule: ColumnRule) -> ColumnRule:
             value=rule.channel,
             action=f"correct the mapping file: {instead(rule.channel, CHANNELS, _ALL)}",
         )
-    unit = spelt(rule.unit) or channel.unit
+    named = parted(name)[1]
+    # With a factor the rule converts itself.
+    plain = (rule.scale, rule.offset) == (1.0, 0.0)
+    taken = named if plain and named in units_for(channel.unit) else channel.unit
+    unit = spelt(rule.unit) or taken
     if unit not in units_for(channel.unit):
         raise LogImportError(
             f"the mapping of column {name!r} gives {rule.channel} an unknown unit",

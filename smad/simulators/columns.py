@@ -14,6 +14,7 @@ from smad.diagnosis.plant import Array
 from smad.diagnosis.runs import GapRun
 from smad.records.column_names import unit_in
 from smad.records.csv_table import CsvFormat
+from smad.records.readings import CODES
 from smad.records.tables import is_table, open_table
 from smad.records.units import convert, units_for
 from smad.runlog.bounds import require_bounded
@@ -22,6 +23,8 @@ from smad.simulators.errors import SimulatorError
 
 TIMES = ("t_s", "time_s", "time", "t", "timestamp_s")
 """Names of a column that is the time in s; the first two may end with another unit."""
+_LONG_STEP_S = 2.0
+"""Samples further apart, on a time without a unit, are as likely ms of a logger at 1 to 500 Hz."""
 _SAME = 1e-6
 _WHOLE = 0.02
 """Steps between values this near to a whole number of the least one are of a rounded column."""
@@ -114,8 +117,18 @@ def _timed(name: str, columns: Mapping[str, Any], where: str, called: str) -> Ta
         except (TypeError, ValueError):
             continue
     unit = unit_in(time)
-    t_s = convert(numbers.pop(time), unit if unit in units_for("s") else "s", "s")
-    return Table(name, t_s, numbers)
+    recorded = numbers.pop(time)
+    if unit not in units_for("s"):
+        unit = "s"
+        step = float(np.median(np.diff(recorded))) if len(recorded) > 1 else 0.0
+        if not called and time != "t_s" and step > _LONG_STEP_S:
+            raise SimulatorError(
+                f"{where}: column {time!r} has no unit, and its samples would be seconds apart",
+                value=f"{step:.6g} s",
+                limit=f"{_LONG_STEP_S:g} s without a unit in the name",
+                action="is it in ms? name it time_ms, or time_s",
+            )
+    return Table(name, convert(recorded, unit, "s"), numbers)
 
 
 def run_of(
@@ -165,11 +178,19 @@ def require_time(table: Table) -> None:
 
 
 def span_of(columns: Sequence[Array]) -> tuple[float, float]:
-    """Lowest and highest finite value of a signal over some runs; (0, 1) of none."""
+    """Lowest and highest finite value of a signal over some runs; (0, 1) of none.
+
+    A sensor's code for "no reading" does not count where it is further from all other values than
+    these are from each other.
+    """
     finite = [c[np.isfinite(c)] for c in columns]
     joined = np.concatenate([np.zeros(0), *finite])
     if not joined.size:
         return 0.0, 1.0
+    others = joined[~np.isin(joined, CODES)]
+    if others.size:
+        room = np.ptp(others)
+        joined = joined[(joined >= others.min() - room) & (joined <= others.max() + room)]
     low, high = float(joined.min()), float(joined.max())
     return (low, high) if high > low else (low - 0.5, high + 0.5)
 

@@ -54,7 +54,16 @@ def lines(verdict: Verdict) -> list[str]:
     if v.unseen:
         out.append("these runs would not have shown (the page lists all of them)")
         out += [f"  {text}" for text in v.unseen[:_UNSEEN]]
-    return [*out, *v.notes]
+    return [*out, *v.notes, *_left_out(v)]
+
+
+def _left_out(v: Verdict) -> list[str]:
+    """What of runs that are used was left out, or is doubtful in them; alike ones together."""
+    runs: dict[str, list[str]] = {}
+    for f in v.findings:
+        if not f.refuses and f.run != "all runs":
+            runs.setdefault(f.text, []).append(f.run)
+    return [f"{', '.join(names)}: {text}" for text, names in runs.items()]
 
 
 def cause_lines(cause: Cause) -> list[str]:

@@ -12,7 +12,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from smad.errors import LogImportError, RunLogError
-from smad.records.channels import read_channels
+from smad.records.channels import MappingFile, read_channels
+from smad.records.column_names import ColumnRule
 from smad.records.importer import import_table
 from smad.runlog.bounds import Together
 from smad.runlog.reader import read_run
@@ -245,3 +246,27 @@ def test_reading_a_table_takes_little_more_memory_than_its_numbers(
     )  # fmt: skip
 
     assert float(done.stdout) < MOST_TIMES
+
+
+def test_a_unit_in_the_name_counts_where_the_mapping_gives_none(tmp_path: Path) -> None:
+    file = tmp_path / "a.csv"
+    file.write_text("time_s,Way [cm]\n0,0.4\n1,0.5\n")
+    name = "Way [cm]"
+
+    def read(**rule: object) -> list[float]:
+        mapping = MappingFile(columns={name: ColumnRule("displacement_mm", **rule)})
+        return list(read_channels(file, mapping=mapping).columns["displacement_mm"])
+
+    assert read() == [4.0, 5.0]
+    assert read(unit="mm") == [0.4, 0.5]
+    assert read(scale=10.0) == [4.0, 5.0]
+
+
+def test_a_fraction_whose_name_says_percent_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "a.csv"
+    file.write_text("time_s,Pump X [%]\n0,0.4\n1,1.0\n")
+    with pytest.raises(LogImportError, match="named %, and never above 1 %; got at most 1;"):
+        read_channels(file)
+    rule = ColumnRule("duty_x", "%")
+    mapping = MappingFile(columns={"Pump X [%]": rule})
+    assert list(read_channels(file, mapping=mapping).columns["duty_x"]) == [0.004, 0.01]

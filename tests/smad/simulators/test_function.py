@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from smad.diagnosis.plant import ModelPoint
+from smad.diagnosis.report.words import lines
 from smad.diagnosis.runs import GapRun
 from smad.simulators import Missing, diagnose, simulator
 from smad.simulators.bind import bind
@@ -238,11 +239,26 @@ def test_shapes_of_an_effect_reach_the_function_beside_its_size() -> None:
     assert bound.plant.effects[0].places == ("input_x",)
 
 
+@pytest.mark.parametrize("code", [-127.0, 9999.0, -999.0])
+def test_a_code_in_place_of_a_reading_is_left_out_and_said(code: float) -> None:
+    runs = [heater_run(seed, tau=2.0) for seed in range(3)]
+    runs[1]["temperature_degC"][[150, 151, 300]] = code
+    verdict = diagnose(runs, declared_heater()).verdict
+    assert verdict.causes[0].name == "slow_sensor"
+    assert verdict.whole is not None
+    assert verdict.whole.final < 1.5
+    assert any(f"holds {code:g} in 3 samples" in line for line in lines(verdict))
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
         (lambda r: {k: v for k, v in r.items() if k != "t_s"}, "no column of the time; got"),
         (lambda r: {**r, "t_s": r["t_s"][::-1]}, "time does not increase at row 2"),
+        (
+            lambda r: {"time" if k == "t_s" else k: 1e3 * v for k, v in r.items()},
+            "'time' has no unit, and its samples would be seconds apart; got 100 s",
+        ),
         (lambda r: {k: v[:5] for k, v in r.items()}, "only 5 samples"),
         (lambda r: 7, "neither a file nor a table"),
         (lambda r: "nowhere/*.csv", "no file is 'nowhere"),
