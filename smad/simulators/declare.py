@@ -138,7 +138,7 @@ def simulator(
     title = getattr(function, "__name__", "") or type(function).__name__
     return Simulator(
         function=function, name=name or title.strip("<>"), parameters=known, effects=causes,
-        exact=tuple(exact), observed=tuple(observed), forces=dict(forces or {}),
+        exact=tuple(exact), observed=tuple(observed), forces=_forces(forces),
         units=dict(units or {}), noise=dict(noise or {}), ranges=dict(ranges or {}),
         transducers=transducers, shortest_s=shortest_s,
     )  # fmt: skip
@@ -188,6 +188,15 @@ def _missing(name: str, row: float | Sequence[float]) -> Missing:
         return Missing(typical=typical, low=min(ends), high=max(ends))
     typical, low, high = _numbers("effect", name, row, (3,), "(typical, low, high)")
     return Missing(typical=typical, low=low, high=high)
+
+
+def _forces(given: Mapping[str, tuple[float, float]] | None) -> dict[str, tuple[float, float]]:
+    form = "{name: (low, high)}"
+    if given is not None and not isinstance(given, Mapping):
+        raise SimulatorError("forces are not declared by name", value=repr(given), limit=form,
+                             action="give the least and the largest of each")  # fmt: skip
+    ends = {n: _numbers("force", n, row, (2,), "(low, high)") for n, row in (given or {}).items()}
+    return {n: (low, high) for n, (low, high) in ends.items()}
 
 
 def _numbers(

@@ -58,7 +58,7 @@ class BarePlaces:
         inputs = [
             Place(
                 name=f"{INPUT}{s.name}",
-                label=f"what {s.name} does",
+                label=f"input {s.name}",
                 unit=s.unit,
                 scale=0.03 * (s.high - s.low),
                 **shared,

@@ -158,20 +158,22 @@ class Question:
     def predicted(self, fitted: Fit) -> list[Array] | None:
         """What a fit predicts of the judged runs, (bins, channels) each, without a part in them.
 
-        Without runs held out each fold is predicted by coordinates fitted to the others, shifted as
-        in the fit. None where the model cannot run.
+        Without runs held out each fold is predicted by coordinates fitted to the others, or to all
+        where the model cannot run at those; shifted as in the fit. None where it cannot run at all.
         """
         if self.held_out is not None:
             return replayed(self.held_out, fitted.point, fitted.model, exact=True)
         evidence = self.evidence
         out = [np.zeros_like(t.target) for t in evidence.trials]
         for f, x in enumerate(leave_out(evidence, fitted, self.tau)):
-            point = fitted.model.point(x)
             for k in np.unique(evidence.run_of_row[evidence.fold == f]):
-                (found,) = predictions(
-                    fitted.model.plant, point, [evidence.played[k]], exact=fitted.model.quick
-                )
-                if not np.isfinite(found).all():
+                for point in (fitted.model.point(x), fitted.point):
+                    (found,) = predictions(
+                        fitted.model.plant, point, [evidence.played[k]], exact=fitted.model.quick
+                    )
+                    if np.isfinite(found).all():
+                        break
+                else:
                     return None
                 found = found + fitted.shift[k]
                 fold = evidence.fold[evidence.spans[k]].reshape(found.shape)

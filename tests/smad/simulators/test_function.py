@@ -239,6 +239,25 @@ def test_shapes_of_an_effect_reach_the_function_beside_its_size() -> None:
     assert bound.plant.effects[0].places == ("input_x",)
 
 
+def test_a_model_that_gives_no_numbers_for_the_true_values_is_asked_up_to_there() -> None:
+    def fragile(t, inputs, values, start):
+        shown = heater(t, inputs, values, start)
+        return shown if values["loss_W_K"] > 0.745 else {n: np.nan * c for n, c in shown.items()}
+
+    runs = [heater_run(seed, tau=2.0) for seed in range(3)]
+    declared = simulator(fragile, parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
+                         effects={"slow_sensor": (2.0, 0.0, 8.0)})  # fmt: skip
+    assert diagnose(runs, declared).verdict.causes[0].name == "slow_sensor"
+
+
+@pytest.mark.parametrize(
+    "forces", [("torque_N_m",), {"torque_N_m": (0.002, -0.02, 0.02)}, {"torque_N_m": 0.02}]
+)
+def test_forces_are_declared_by_low_and_high(forces: object) -> None:
+    with pytest.raises(SimulatorError, match=r"\(low, high\)"):
+        simulator(heater, parameters=PARAMETERS, forces=forces)
+
+
 @pytest.mark.parametrize("code", [-127.0, 9999.0, -999.0])
 def test_a_code_in_place_of_a_reading_is_left_out_and_said(code: float) -> None:
     runs = [heater_run(seed, tau=2.0) for seed in range(3)]
