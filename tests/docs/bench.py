@@ -34,7 +34,7 @@ def running_bench(
             stderr=output,
         )
         try:
-            _wait_until_ready(daemon, log)
+            _wait_until_ready(daemon, folder, env, log)
             yield
         finally:
             daemon.send_signal(signal.SIGINT)
@@ -45,10 +45,18 @@ def running_bench(
                 daemon.wait()
 
 
-def _wait_until_ready(daemon: subprocess.Popen[bytes], log: Path) -> None:
+def _wait_until_ready(
+    daemon: subprocess.Popen[bytes], folder: Path, env: dict[str, str], log: Path
+) -> None:
+    """Until it is ready and has read the parameters of every board: none is armed before."""
     deadline = time.monotonic() + START_DEADLINE_S
     while time.monotonic() < deadline and daemon.poll() is None:
         if "smad: ready: " in log.read_text():
-            return
+            asked = subprocess.run(
+                ["smad", "status", "--json"], cwd=folder, env=env, capture_output=True, check=False
+            )
+            unread = b'"params_agree":null' in asked.stdout.replace(b" ", b"")
+            if asked.returncode == 0 and not unread:
+                return
         time.sleep(0.02)
     raise RuntimeError(f"the daemon did not come up:\n{log.read_text()}")
