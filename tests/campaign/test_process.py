@@ -16,6 +16,7 @@ from campaign.faults.trace import HOT
 from campaign.rig import PATIENCE_S
 from firmware_protocol.enums import BoardState
 from smad.client import Refused
+from smad.errors import SmadError
 from smad.runlog.reader import read_run
 
 KILLED_AFTER_MS = (0, 60, 400)
@@ -44,7 +45,12 @@ def test_a_real_daemon_that_was_stopped_is_not_armed_again(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["killed_program", "stopped_program"])
 def test_a_program_that_is_killed_or_stopped_leaves_a_bench_that_stays_disarmed(name: str) -> None:
-    outcome = run_host_fault(HOST_FAULTS[name], seed=1)
+    try:
+        outcome = run_host_fault(HOST_FAULTS[name], seed=1)
+    except SmadError as error:
+        # On a starved machine the bench stopped by itself before the fault: that was no trial.
+        assert "until 4 A flow" in str(error)
+        outcome = run_host_fault(HOST_FAULTS[name], seed=1)
     assert judge(outcome) == []
     assert outcome.safe_after_s is not None
 
