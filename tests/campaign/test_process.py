@@ -49,7 +49,8 @@ def test_a_program_that_is_killed_or_stopped_leaves_a_bench_that_stays_disarmed(
         outcome = run_host_fault(HOST_FAULTS[name], seed=1)
     except SmadError as error:
         # On a starved machine the bench stopped by itself before the fault: that was no trial.
-        assert "until 4 A flow" in str(error)
+        if "until 4 A flow" not in str(error):
+            raise
         outcome = run_host_fault(HOST_FAULTS[name], seed=1)
     assert judge(outcome) == []
     assert outcome.safe_after_s is not None
