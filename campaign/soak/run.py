@@ -30,7 +30,7 @@ from smad import api
 from smad.client.endpoints import read_connection
 from smad.client.wire import subscribe
 from smad.config import LinkConfig, RecorderConfig, TelemetryConfig
-from smad.daemon.telemetry.blackbox import FOLDER
+from smad.daemon.telemetry.blackbox import FOLDER as BLACK_BOX
 from smad.errors import DaemonError, RunLogError
 from smad.progress import Say
 from smad.runlog.reader import read_run
@@ -242,7 +242,7 @@ class Soak:
     def _writes(self) -> bool:
         """Whether the black box's file is open; one that is left open ends the soak's patience."""
         open_files = Path(f"/proc/{self._rig.daemon.process.pid}/fd")
-        return any(file.resolve().parent.name == FOLDER for file in open_files.iterdir())
+        return any(file.resolve().parent.name == BLACK_BOX for file in open_files.iterdir())
 
     def _finish(self) -> None:
         found = self.found

@@ -117,10 +117,10 @@ def _timed(name: str, columns: Mapping[str, Any], where: str, called: str) -> Ta
         except (TypeError, ValueError):
             continue
     unit = unit_in(time)
-    recorded = numbers.pop(time)
+    times = numbers.pop(time)
     if unit not in units_for("s"):
         unit = "s"
-        step = float(np.median(np.diff(recorded))) if len(recorded) > 1 else 0.0
+        step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
         if not called and time != "t_s" and step > _LONG_STEP_S:
             raise SimulatorError(
                 f"{where}: column {time!r} has no unit, and its samples would be seconds apart",
@@ -128,7 +128,7 @@ def _timed(name: str, columns: Mapping[str, Any], where: str, called: str) -> Ta
                 limit=f"{_LONG_STEP_S:g} s without a unit in the name",
                 action="is it in ms? name it time_ms, or time_s",
             )
-    return Table(name, convert(recorded, unit, "s"), numbers)
+    return Table(name, convert(times, unit, "s"), numbers)
 
 
 def run_of(

@@ -163,11 +163,10 @@ def objective(evidence: Evidence, model: Model, x: Array, left: Array, tau: Arra
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Stand:
-    """Where a fit stands: coordinates, the rows left there, predictions of averaged inputs, F."""
+    """Where a fit stands: coordinates, the rows left there, and F."""
 
     x: Array
     left: Array
-    averaged: list[Array]
     value: float = np.inf
 
 
@@ -187,7 +186,7 @@ class _Descent:
         if averaged is None:
             return None
         left = self.evidence.left([a + s for a, s in zip(averaged, self.shift, strict=True)])
-        return self.valued(_Stand(x=x, left=left, averaged=averaged))
+        return self.valued(_Stand(x=x, left=left))
 
     def valued(self, stand: _Stand) -> _Stand:
         """The stand with F by these weights."""
@@ -198,8 +197,7 @@ class _Descent:
     def lessened(self, stand: _Stand, slopes: Array) -> _Stand:
         """One Gauss–Newton step, damped until it lessens F, lengthened while it does; or none."""
         e, (mean, precision), (low, high) = self.evidence, self.model.prior, self.model.bounds
-        weighted = e.weighted(self.weight)(np.concatenate([slopes, stand.left[None]]))
-        J, r = weighted[:-1], weighted[-1]
+        J, r = _weighted(e, slopes, stand.left, self.weight)
         A, g = J @ J.T + precision, J @ r - precision @ (stand.x - mean)
         for damping in _DAMPING:
             step = bounded_step(A, g, low - stand.x, high - stand.x, damping)
@@ -305,8 +303,7 @@ def leave_out(evidence: Evidence, fitted: Fit, tau: Array) -> tuple[Array, ...]:
     low, high = model.bounds
     mean, precision = model.prior
     weight = weights(evidence, fitted.left, tau)
-    weighted = evidence.weighted(weight)(np.concatenate([fitted.slopes, fitted.left[None]]))
-    J, r = weighted[:-1], weighted[-1]
+    J, r = _weighted(evidence, fitted.slopes, fitted.left, weight)
     products, along = J @ J.T + precision, J @ r - precision @ (x - mean)
     out = []
     for f in range(int(evidence.fold.max(initial=-1)) + 1):
@@ -325,6 +322,13 @@ def covariance(evidence: Evidence, fitted: Fit, tau: Array) -> Array:
     J = evidence.weighted(weights(evidence, fitted.left, tau))(fitted.slopes)
     _, precision = fitted.model.prior
     return np.asarray(np.linalg.inv(J @ J.T + precision + _RIDGE * np.eye(len(precision))))
+
+
+def _weighted(evidence: Evidence, slopes: Array, left: Array, weight: Array
+              ) -> tuple[Array, Array]:  # fmt: skip
+    """Slopes (k, n) and rows (n,) at their weights (n,), each run's directions open."""
+    both = evidence.weighted(weight)(np.concatenate([slopes, left[None]]))
+    return both[:-1], both[-1]
 
 
 def bounded_step(A: Array, g: Array, low: Array, high: Array, damping: float = 0.0) -> Array:
