@@ -61,7 +61,8 @@ def _of_recovery(path: Path, answers: Sequence[Answer]) -> list[Asked]:
             exact=True, truth=_TRUTHS[case.kind],
             names=frozenset(canonical(n) for n in case.effects),
             places=frozenset(p for n in case.effects for p in places[n]),
-            rivals=tuple(verdict.first_step), **_counts(plant),
+            rivals=tuple(verdict.first_step),
+            independent_rows=verdict.independent_rows, **_counts(plant),
         ))  # fmt: skip
     return out
 
@@ -83,7 +84,8 @@ def _of_bank(path: Path, file: VerdictFile, keys: Sequence[Path]) -> list[Asked]
             case=name, fold=f"{file.bank} {_bench(truth, name)}", question=truth.question,
             exact=False, truth=_TRUTHS[truth.kind], names=frozenset(e.name for e in truth.effects),
             places=frozenset(p for e in truth.effects for p in e.places),
-            rivals=tuple(verdict.first_step), **_counts(plant),
+            rivals=tuple(verdict.first_step),
+            independent_rows=verdict.independent_rows, **_counts(plant),
         ))  # fmt: skip
     return out
 

@@ -9,8 +9,17 @@ from pathlib import Path
 import numpy as np
 
 from evaluation.calibrate.banks import cases_of
-from evaluation.calibrate.fitting import ALLOWED, HELD, cost, fitted
-from evaluation.calibrate.rivals import LISTED, MOVED, NONE, UNLISTED, Asked, Said, folds_of
+from evaluation.calibrate.fitting import ALLOWED, HELD, fitted, whether, which
+from evaluation.calibrate.rivals import (
+    LISTED,
+    MOVED,
+    NONE,
+    UNLISTED,
+    Asked,
+    Said,
+    folds_of,
+    showing,
+)
 from evaluation.results.record import keep
 from evaluation.score.scores import calibration, number, reliability, share
 from smad.diagnosis.constants import Constants, shipped
@@ -45,7 +54,8 @@ def calibrate(
         ("by all of them, on themselves", [(x.said(after), after) for x in cases]),
     ):
         print(f"{title}\n{text_table(_scores(said))}")
-    print(f"cost as shipped {_cost(cases, before):.4f}, after {_cost(cases, after):.4f}")
+    for name, loss in (("whether", whether), ("which", _which)):
+        print(f"{name}: as shipped {loss(cases, before):.4f}, after {loss(cases, after):.4f}")
     for name in before.__struct_fields__:
         print(f"  {name:<12} {getattr(before, name):>8g} -> {getattr(after, name):g}")
     words = f"{len(cases)} cases of {', '.join(f.stem for f in files)}"
@@ -63,8 +73,8 @@ def calibrate(
     return after
 
 
-def _cost(cases: Sequence[Asked], c: Constants) -> float:
-    return cost([x for x in cases if x.right.any() and not x.hidden], c)
+def _which(cases: Sequence[Asked], c: Constants) -> float:
+    return which([x for x in cases if x.right[x.more].any() and x.said(c).noticed], c)
 
 
 def toml(c: Constants, words: str) -> str:
@@ -104,7 +114,8 @@ def _scores(cases: Held) -> Table:
         return [(s, c) for s, c in cases if s.asked.truth in truths]
 
     effects = kind(LISTED, UNLISTED)
-    clear = [(s, c) for s, c in effects if not s.asked.hidden]
+    visible = {x.case for x in showing([s.asked for s, _ in cases])}
+    clear = [(s, c) for s, c in effects if s.asked.case in visible]
     noticed = [(s, c) for s, c in effects if s.noticed]
     listed = [(s, c) for s, c in noticed if s.asked.truth == LISTED]
     other = [(s, c) for s, c in noticed if s.asked.truth == UNLISTED]
@@ -133,7 +144,7 @@ def _scores(cases: Held) -> Table:
         )
     for truth in ALLOWED:
         logs = [np.log(s.right + 1e-12) for s, _ in kind(truth)
-                if s.asked.right.any() and not s.asked.hidden]  # fmt: skip
+                if s.asked.right.any() and s.asked.case in visible]  # fmt: skip
         if logs:
             lines.append((f"mean log probability of the right rival, {truth}",
                           f"{np.mean(logs):.3f}", str(len(logs))))  # fmt: skip

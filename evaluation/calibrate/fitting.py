@@ -1,26 +1,31 @@
-"""The five constants under which the truth of development cases is likeliest.
+"""The constants under which the truth of development cases is likeliest.
 
-What is minimised is the sum over kinds of cases of
+Two losses are minimised in turn, each a sum over kinds of cases:
 
-    −(mean of log p(right)/(p(right) + p(likeliest wrong))) / (share of errors that goals allow),
+- *whether* anything is missing: −(mean log probability of what is true), over all cases but effects
+  that parameters imitate. Kinds are weighed by 1 / (share of errors that goals allow): a quiet case
+  called changed costs as much more as its goal is stricter. It fits the priors of nothing and of
+  parameters.
+- *which* it is, if anything, and where: Brier scores of rivals and of places, over the effects that
+  are noticed under these. It fits the evidence, and the prior of effects.
 
-since the likeliest rival is the answer: a quiet case called changed costs as much more as its goal
-is stricter. Benches of the product's own simulator and of the independent plant count as much as
-each other, however many there are of either. The level of the sets that are told is the least at
-which they hold the truth as often as they should on both.
+Benches of the product's own simulator and of the independent plant count as much as each other,
+however many there are of either. The level of the sets that are told is the least at which they
+hold the truth as often as they should on both.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import msgspec
 import numpy as np
 from scipy import optimize
 
-from evaluation.calibrate.rivals import LISTED, MOVED, NONE, UNLISTED, Asked, Said
+from evaluation.calibrate.rivals import LISTED, MOVED, NONE, UNLISTED, Array, Asked, Said, showing
 from evaluation.errors import BankError
 from smad.diagnosis.constants import Constants
+from smad.diagnosis.rivals.score import NOTHING
 
 ALLOWED = {NONE: 1.0 / 60.0, MOVED: 1.0 / 20.0, LISTED: 0.15, UNLISTED: 0.20}
 """Share of errors that the goals allow: quiet called changed, parameters given a cause, another
@@ -32,67 +37,97 @@ _WHAT = {NONE: "a bench without a change", MOVED: "changed parameters",
          LISTED: "an effect of the library"}  # fmt: skip
 _RANGES = {"evidence": (0.2, 30.0), "nothing": (-6.0, 12.0), "parameters": (-6.0, 12.0),
            "effect": (-6.0, 12.0)}  # fmt: skip
+_WHETHER, _WHICH = ("nothing", "parameters"), ("evidence", "effect")
+_TURNS = 2
 _PENALTY = 0.02
 """Per square of what a log prior moves by: where cases do not say, it stays."""
 _LEAST = 1e-12
 
 
 def fitted(cases: Sequence[Asked], before: Constants) -> Constants:
-    """The constants that these cases ask for. Raises BankError where they lack a kind.
-
-    Effects that parameters imitate to within the floor count for none of them.
-    """
+    """The constants that these cases ask for. Raises BankError where they lack a kind."""
     for truth, what in _WHAT.items():
         if not any(x.truth == truth for x in cases):
             raise BankError(
                 f"none of {len(cases)} cases is of {what}, which constants are fitted to: add a"
                 " bank that has some, as `recover` or `play --mixture scores` make it"
             )
-    usable = [x for x in cases if x.right.any() and not x.hidden]
-    c = _likeliest(usable, before)
-    return msgspec.structs.replace(c, told_level=_told_level(usable, c))
+    c, visible = before, showing(cases)
+    for _ in range(_TURNS):
+        c = _least(c, _WHETHER, lambda c: whether(visible, c))
+        noticed = [x for x in cases if x.right[x.more].any() and x.said(c).noticed]
+        c = _least(c, _WHICH, lambda c, some=noticed: which(some, c))  # type: ignore[misc]
+    return msgspec.structs.replace(c, told_level=_told_level(cases, c))
 
 
-def cost(cases: Sequence[Asked], c: Constants) -> float:
-    """What is minimised; cases without a right rival must not be among them."""
-    total = 0.0
+def whether(cases: Sequence[Asked], c: Constants) -> float:
+    """Mean −log probability that nothing is missing where nothing is, and that something is."""
+    return _loss(cases, lambda x: _log_whether(x, x.probability(c)))
+
+
+def which(cases: Sequence[Asked], c: Constants) -> float:
+    """Mean Brier score of the rivals and of the places, if anything is missing."""
+    return _loss(cases, lambda x: -_brier(x, x.probability(c)))
+
+
+def _log_whether(case: Asked, p: Array) -> float:
+    right = {
+        NONE: [r.kind == NOTHING for r in case.rivals],
+        MOVED: ~case.more,
+    }.get(case.truth, case.more)
+    return float(np.log(p[np.asarray(right)].sum() + _LEAST))
+
+
+def _brier(case: Asked, p: Array) -> float:
+    """Mean of two: the squares of what rivals with a part, and places, are short of the truth."""
+    rivals = p[case.more] / max(p[case.more].sum(), _LEAST)
+    right = case.right[case.more]
+    places = case.places_of(p)
+    wrong = [x for name, x in places.items() if name not in case.places]
+    return 0.5 * (
+        (1.0 - rivals[right].sum()) ** 2 + float((rivals[~right] ** 2).sum())
+        + (1.0 - (sum(places.values()) - sum(wrong))) ** 2 + sum(x * x for x in wrong)
+    )  # fmt: skip
+
+
+def _loss(cases: Sequence[Asked], log: Callable[[Asked], float]) -> float:
+    total = weight = 0.0
     for truth, allowed in ALLOWED.items():
         means = [
-            np.mean([_log_lead(x, c) for x in some])
+            np.mean([log(x) for x in some])
             for exact in (True, False)
             if (some := [x for x in cases if (x.truth, x.exact) == (truth, exact)])
         ]
         if means:
             total -= float(np.mean(means)) / allowed
-    return total / sum(1.0 / a for a in ALLOWED.values())
+            weight += 1.0 / allowed
+    return total / max(weight, _LEAST)
 
 
-def _log_lead(case: Asked, c: Constants) -> float:
-    """Log of the probability of the right rivals, the likeliest wrong one alone beside them."""
-    p = case.probability(c)
-    right = p[case.right].sum() + _LEAST
-    return float(np.log(right / (right + p[~case.right].max(initial=0.0))))
+def _least(start: Constants, names: Sequence[str], loss: Callable[[Constants], float]) -> Constants:
+    """The constants of some names at which a loss is least."""
 
+    def constants(w: Array) -> Constants:
+        return msgspec.structs.replace(start, **{n: _rounded(_value(n, x)) for n, x in
+                                                 zip(names, w, strict=True)})  # fmt: skip
 
-def _likeliest(cases: Sequence[Asked], before: Constants) -> Constants:
-    names = list(_RANGES)
-    low, high = np.array(list(_RANGES.values())).T
-    low[0], high[0] = np.log(low[0]), np.log(high[0])
+    def of(w: Array) -> float:
+        moved = w - begun
+        return loss(constants(w)) + _PENALTY * float(moved @ moved)
 
-    def constants(w: np.ndarray) -> Constants:
-        w = np.clip(w, low, high)
-        values = dict(zip(names, map(float, w), strict=True)) | {"evidence": float(np.exp(w[0]))}
-        return msgspec.structs.replace(before, **{n: _rounded(x) for n, x in values.items()})
-
-    def of(w: np.ndarray) -> float:
-        outside = float(np.abs(w - np.clip(w, low, high)).sum())
-        moved = w[1:] - start[1:]
-        return cost(cases, constants(w)) + _PENALTY * float(moved @ moved) + outside
-
-    start = np.array([np.log(before.evidence), *(getattr(before, n) for n in names[1:])])
-    found = optimize.minimize(of, start, method="Nelder-Mead",
-                              options={"xatol": 0.02, "fatol": 1e-4, "maxfev": 400})  # fmt: skip
+    begun = np.array([_coordinate(n, getattr(start, n)) for n in names])
+    found = optimize.minimize(of, begun, method="Nelder-Mead",
+                              options={"xatol": 0.02, "fatol": 1e-4, "maxfev": 120})  # fmt: skip
     return constants(found.x)
+
+
+def _coordinate(name: str, value: float) -> float:
+    return float(np.log(value)) if name == "evidence" else value
+
+
+def _value(name: str, coordinate: float) -> float:
+    value = float(np.exp(coordinate)) if name == "evidence" else float(coordinate)
+    return float(np.clip(value, *_RANGES[name]))
 
 
 def _told_level(cases: Sequence[Asked], c: Constants) -> float:

@@ -29,8 +29,6 @@ from smad.diagnosis.verdict import RivalScore
 Array = NDArray[np.float64]
 NONE, MOVED, LISTED, UNLISTED = "none", "parameters", "listed", "unlisted"
 """What may be true of a case: nothing, other parameters, an effect of the library, another one."""
-_LEAD = 1.0
-"""Scores (log squares, over all runs and channels) that a right rival must lead by to be told."""
 _PARTS = 5
 
 
@@ -50,6 +48,7 @@ class Asked:
     names: frozenset[str]
     places: frozenset[str]
     rivals: tuple[RivalScore, ...]
+    independent_rows: float
     effects: int
     laws: int
 
@@ -69,12 +68,18 @@ class Asked:
         return named if self.truth == LISTED and named.any() else laws
 
     @cached_property
-    def hidden(self) -> bool:
-        """Whether an effect is at work that the simulator imitates without one."""
+    def more(self) -> NDArray[np.bool_]:
+        """Which rivals have a part that the simulator lacks, (rivals,)."""
+        return np.array([r.kind in (EFFECT, LAW) for r in self.rivals])
+
+    @cached_property
+    def lead(self) -> float:
+        """What the best rival with a part scores above the best without, over all runs; of an
+        effect, the best right one."""
         scores = np.array([sum(r.scores) for r in self.rivals])
-        same = np.array([r.kind in (NOTHING, PARAMETERS) for r in self.rivals])
-        best = scores[self.right].max(initial=-np.inf)
-        return self.truth in (LISTED, UNLISTED) and bool(best < scores[same].max() + _LEAD)
+        parts = self.right if self.truth in (LISTED, UNLISTED) else self.more
+        best = scores[parts].max(initial=-np.inf)
+        return float(best - scores[~self.more].max(initial=-np.inf))
 
     def probability(self, c: Constants) -> Array:
         """The probability of each rival, (rivals,)."""
@@ -83,25 +88,26 @@ class Asked:
         return probabilities(
             np.array([r.scores for r in self.rivals]), [r.kind for r in self.rivals], temper,
             effects=self.effects, laws=self.laws,
-            log_prior=np.array([r.log_prior for r in self.rivals]),
+            log_prior=np.array([r.log_prior for r in self.rivals]), whether=self.independent_rows,
         )  # fmt: skip
+
+    def places_of(self, p: Array) -> dict[str, float]:
+        """The probability of each place, from those of the rivals."""
+        parts = zip(self.rivals, p, strict=True)
+        return place_probabilities([(r, float(x)) for r, x in parts if r.kind in (EFFECT, LAW)])
 
     def said(self, c: Constants) -> Said:
         """What these constants make of the first step."""
         p = self.probability(c)
-        same = [r.gap for r in self.rivals if r.kind in (NOTHING, PARAMETERS)]
-        kind = NOTHING
-        for k in np.argsort(-p, kind="stable"):
-            rival = self.rivals[k]
-            if rival.kind in (NOTHING, PARAMETERS) or rival.gap < min(same):
-                kind = rival.kind
-                break
-        parts = [(r, float(x)) for r, x in zip(self.rivals, p, strict=True)
-                 if r.kind in (EFFECT, LAW)]  # fmt: skip
-        total = max(sum(x for _, x in parts), 1e-300)
-        names = {r.name: x / total for r, x in parts if r.kind == EFFECT}
+        near = min(r.gap for r in self.rivals if r.kind in (NOTHING, PARAMETERS))
+        nearer = self.more & np.array([r.gap < near for r in self.rivals])
+        allowed = nearer if p[self.more].sum() > 0.5 and nearer.any() else ~self.more
+        kind = self.rivals[int(np.argmax(np.where(allowed, p, -1.0)))].kind
+        total = max(p[self.more].sum(), 1e-300)
+        names = {r.name: float(x) / total for r, x in zip(self.rivals, p, strict=True)
+                 if r.kind == EFFECT}  # fmt: skip
         return Said(asked=self, kind=kind, right=float(p[self.right].sum()), names=names,
-                    places=place_probabilities(parts))  # fmt: skip
+                    places=self.places_of(p))  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,6 +148,17 @@ class Said:
     def told_places_hold(self, level: float) -> bool:
         """Whether one of these is right."""
         return bool(self.told_places(level) & self.asked.places)
+
+
+def showing(cases: Sequence[Asked]) -> list[Asked]:
+    """The cases without those whose effect other parameters imitate: whose right rival leads by no
+    more than some part does on a bench without an effect, asked the same question."""
+    chance: dict[str, float] = {}
+    for x in cases:
+        if x.truth in (NONE, MOVED):
+            chance[x.question] = max(x.lead, chance.get(x.question, 0.0))
+    return [x for x in cases
+            if x.truth in (NONE, MOVED) or x.lead > chance.get(x.question, 0.0)]  # fmt: skip
 
 
 def folds_of(cases: Sequence[Asked]) -> list[list[Asked]]:

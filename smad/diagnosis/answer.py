@@ -82,6 +82,7 @@ def answer_of(
         causes=causes,
         rivals=_table(plant, asked, search.steps[-1].rivals) if search.steps else [],
         first_step=_scores(asked, search.steps[0].rivals) if search.steps else [],
+        independent_rows=asked.independent_rows,
         parameters=_moved(plant, asked.model.start, final.fit, uncertainty),
         budget=gaps,
         whole=whole,

@@ -248,7 +248,8 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     *check-up* (the same inputs).
 
     `causes` are in the order in which they entered; `rivals` is the table of the last step, in
-    which nothing more was likeliest (or nothing at all), `first_step` all rivals of the first one.
+    which nothing more was likeliest (or nothing at all), `first_step` all rivals of the first one,
+    and `independent_rows` of a judged run and channel count there.
     `models` are model files as text: with
     other parameters, then with each cause (empty for a plant that writes none). `whole` is over all
     signals, in floors. `unseen` says of each effect which strength these runs would not have shown.
@@ -260,6 +261,7 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     causes: list[Cause] = []
     rivals: list[RivalGap] = []
     first_step: list[RivalScore] = []
+    independent_rows: float = 0.0
     parameters: list[ParameterMoved] = []
     budget: list[SignalGap] = []
     whole: SignalGap | None = None

@@ -137,12 +137,19 @@ class Question:
         """What a rival leaves of the judged runs, root mean square in floors."""
         return float(np.sqrt(rival.squares.sum() / max(self.judged.counts.sum(), 1.0)))
 
-    def ranked(self, rivals: Sequence[Rival]) -> list[Rival]:
-        """Rivals with their probabilities, the likeliest first."""
+    @property
+    def independent_rows(self) -> float:
+        """Rows of a judged run and channel that count as independent of each other, on average."""
+        counts = self.judged.counts
+        return float((counts / self.tau)[counts > 0].mean())
+
+    def ranked(self, rivals: Sequence[Rival], *, first: bool = False) -> list[Rival]:
+        """Rivals with their probabilities, the likeliest first; `first`: nothing has entered."""
         p = probabilities(
             np.array([r.scores for r in rivals]), [r.kind for r in rivals], self.temper,
             effects=len(self.effects), laws=self.places,
             log_prior=np.array([r.log_prior for r in rivals]),
+            whether=self.independent_rows if first else self.temper.evidence,
         )  # fmt: skip
         made = [replace(r, probability=float(x)) for r, x in zip(rivals, p, strict=True)]
         return sorted(made, key=lambda r: -r.probability)

@@ -1,12 +1,16 @@
-"""One score for every rival, and from it one probability in two levels.
+"""One score for every rival, and from it a probability in two levels: whether, and which.
 
 A rival's score in run r and channel c is −log(v_rc + 1), v_rc being the mean square in floors that
 it leaves of rows it was not fitted to. Thousands of rows do not contain the error of a model's
 form, so the likelihood is tempered (a power posterior, Grünwald 2017): κ independent pieces of
 evidence are counted for each run and channel, whatever its length,
 
-    p(rival) ∝ prior(rival) · exp(−κ/2 · Σ_rc log(v_rc + 1)),
+    w(rival) = prior(rival) · exp(−κ/2 · Σ_rc log(v_rc + 1)).
 
+*Whether* anything is missing compares rivals with the simulator without a further part. That one
+may be right, so that every independent row counts (κ₀) until something has entered. *Which* cause
+it is compares models that are all wrong in form: κ is small. There a rival also counts by how
+surely it leaves less than the simulator without a part: what explains nothing is no cause. Both are
 averaged over resampled runs (BayesBag, Huggins and Miller 2023): what hangs on one run is not sure.
 """
 
@@ -14,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -67,9 +72,11 @@ def probabilities(
     effects: int,
     laws: int,
     log_prior: Array,
+    whether: float,
 ) -> Array:
     """Probability of each rival, (rivals,), from `scores` (rivals, runs).
 
+    `whether` is κ₀, the evidence of a run and channel for whether anything is missing.
     `effects` and `laws` are how many of each kind might have been asked: a prior is shared by all
     of them, asked or not, and by as many as the spring pair has. `log_prior` (rivals,) is that of
     where each one's parameters are: what imitates an effect by moving them far is less likely than
@@ -84,12 +91,42 @@ def probabilities(
         }[kind]
         for kind in kinds
     ])  # fmt: skip
-    runs = scores.shape[1]
+    total = _times(scores.shape[1]) @ scores.T
+    half, whole = 0.5 * temper.evidence, 0.5 * whether
+    log = prior + whole * total
+    more = np.isin(kinds, (EFFECT, LAW))
+    if more.all() or not more.any():
+        return np.asarray(_shares(log).mean(axis=0))
+    lead = total[:, more] - total[:, ~more].max(axis=1, keepdims=True)
+    which = prior[more] + half * lead + _log_sigmoid(whole * lead)
+    odds = _log_sum(log[:, more]) - _log_sum(log[:, ~more])
+    out = np.empty_like(total)
+    out[:, more] = np.exp(_log_sigmoid(odds)) * _shares(which)
+    out[:, ~more] = np.exp(_log_sigmoid(-odds)) * _shares(log[:, ~more])
+    return np.asarray(out.mean(axis=0))
+
+
+@cache
+def _times(runs: int) -> Array:
+    """How often each run is drawn, (resampled, runs)."""
     rng = np.random.default_rng(_SEED)
-    times = rng.multinomial(runs, np.full(runs, 1.0 / runs), size=_RESAMPLED)
-    log = prior + 0.5 * temper.evidence * (times @ scores.T)
-    e = np.exp(log - log.max(axis=1, keepdims=True))
-    return np.asarray((e / e.sum(axis=1, keepdims=True)).mean(axis=0))
+    drawn = rng.multinomial(runs, np.full(runs, 1.0 / runs), size=_RESAMPLED)
+    return np.asarray(drawn, dtype=np.float64)
+
+
+def _log_sum(log: Array) -> Array:
+    """Log of the sum of weights in each row, (resampled, 1)."""
+    return np.asarray(np.logaddexp.reduce(log, axis=1, keepdims=True))
+
+
+def _log_sigmoid(x: Array) -> Array:
+    """log(1 / (1 + exp(−x)))."""
+    return np.asarray(-np.logaddexp(0.0, -x))
+
+
+def _shares(log: Array) -> Array:
+    """Weights of logs (resampled, rivals) that sum to 1 in each row."""
+    return np.asarray(np.exp(log - _log_sum(log)))
 
 
 def credible_set(probability: Mapping[str, float], level: float) -> list[str]:

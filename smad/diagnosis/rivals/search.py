@@ -9,6 +9,7 @@ others kept.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,6 +36,7 @@ _SCREENED = 8
 _LAWS = 4
 """Places whose law is fitted."""
 _FIRST_ROUNDS = 4
+_LIKELIER = 0.5
 _POLISHED, _WITHIN = 3, 60.0
 """Fits that go on to their end, and how much more than the best one they may leave to be worth it,
 in units of F."""
@@ -152,21 +154,26 @@ class _Search:
             same = [self.configured, self.parameters]
         elif not self.moved and (free := self._freed()) is not None:
             same.append(free)
-        ranked = question.ranked([*same, *self._rivals(self.current, first=first)])
-        gap = question.gap(self.current)
-        entered = None
-        for best in ranked:
-            if best.kind == NOTHING or (best.kind == PARAMETERS and self.moved):
-                break
-            if best.kind == PARAMETERS or question.gap(best) < gap:
-                entered = best
-                break
-        if first and self.moved and entered is None and ranked[0].kind == NOTHING:
+        rivals = [*same, *self._rivals(self.current, first=first)]
+        ranked = question.ranked(rivals, first=not self.parts)
+        entered = self._entering(ranked)
+        if first and self.moved and entered is None and _same(ranked)[0].kind == NOTHING:
             self.moved = False
         if entered is not None:
             self.moved |= entered.kind == PARAMETERS
             self.current = self._exchanged(entered) if self.exchange else entered
         return Step(rivals=tuple(ranked), entered=entered)
+
+    def _entering(self, ranked: Sequence[Rival]) -> Rival | None:
+        """What enters: the likeliest that brings the judged runs nearer, if more is missing."""
+        same = _same(ranked)
+        missing = 1.0 - sum(r.probability for r in same)
+        if missing > _LIKELIER:
+            gap = self.question.gap(self.current)
+            for rival in ranked:
+                if rival.kind in (EFFECT, LAW) and self.question.gap(rival) < gap:
+                    return rival
+        return same[0] if same[0].kind == PARAMETERS and not self.moved else None
 
     def _freed(self) -> Rival | None:
         """What has entered so far, with free parameters."""
@@ -246,6 +253,11 @@ class _Search:
             if law.part.name not in present:
                 laws.begin(LAW, here, law.part, law.coordinates)
         return rivals + laws.rivals()
+
+
+def _same(ranked: Sequence[Rival]) -> list[Rival]:
+    """The rivals without a part more, the likeliest first."""
+    return [r for r in ranked if r.kind in (NOTHING, PARAMETERS)]
 
 
 class _Fits:

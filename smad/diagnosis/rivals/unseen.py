@@ -31,7 +31,7 @@ def unseen_strengths(search: Searched) -> list[str]:
     rows: list[tuple[float, str]] = []
     squares = added_squares(e, here, [c for c, _ in asked], question.tau)
     for (change, q), added in zip(asked, squares, strict=True):
-        size = _strength(v, added, 2.0 * needed / (question.temper.evidence * runs))
+        size = _strength(v, added, 2.0 * needed / (question.independent_rows * runs))
         unit = "" if q.unit == "1" else f" {q.unit}"
         strength = size * abs(q.typical)
         words = f"less than {strength:.2g}{unit}" if strength < q.high else "any strength"
