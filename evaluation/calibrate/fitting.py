@@ -80,14 +80,13 @@ def _log_whether(case: Asked, p: Array) -> float:
 
 def _brier(case: Asked, p: Array) -> float:
     """Mean of two: the squares of what rivals with a part, and places, are short of the truth."""
-    rivals = p[case.more] / max(p[case.more].sum(), _LEAST)
+    rivals = p[case.more] / max(float(p[case.more].sum()), _LEAST)
     right = case.right[case.more]
     places = case.places_of(p)
     wrong = [x for name, x in places.items() if name not in case.places]
-    return 0.5 * (
-        (1.0 - rivals[right].sum()) ** 2 + float((rivals[~right] ** 2).sum())
-        + (1.0 - (sum(places.values()) - sum(wrong))) ** 2 + sum(x * x for x in wrong)
-    )  # fmt: skip
+    of_rivals = (1.0 - float(rivals[right].sum())) ** 2 + float((rivals[~right] ** 2).sum())
+    of_places = (1.0 - sum(places.values()) + sum(wrong)) ** 2 + sum(x * x for x in wrong)
+    return 0.5 * (of_rivals + of_places)
 
 
 def _loss(cases: Sequence[Asked], log: Callable[[Asked], float]) -> float:
@@ -117,7 +116,7 @@ def _least(start: Constants, names: Sequence[str], loss: Callable[[Constants], f
 
     begun = np.array([_coordinate(n, getattr(start, n)) for n in names])
     found = optimize.minimize(of, begun, method="Nelder-Mead",
-                              options={"xatol": 0.02, "fatol": 1e-4, "maxfev": 120})  # fmt: skip
+                              options={"xatol": 0.02, "fatol": 1e-4, "maxfev": 60})  # fmt: skip
     return constants(found.x)
 
 

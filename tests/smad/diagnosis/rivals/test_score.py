@@ -1,0 +1,62 @@
+"""Probabilities of rivals: whether anything is missing, and which cause it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS, Temper, probabilities
+
+TEMPER = Temper(evidence=1.6, nothing=5.5, parameters=0.1, effect=3.0, law=0.0)
+KINDS = (NOTHING, PARAMETERS, EFFECT, EFFECT, LAW)
+RUNS, ROWS = 8, 23.0
+"""Runs that judge, and independent rows of each run and channel."""
+
+
+def of(leads: tuple[float, ...], whether: float = ROWS) -> list[float]:
+    """Probabilities of rivals whose scores over all runs lead the first one by so much."""
+    scores = np.array([[lead / RUNS] * RUNS for lead in leads])
+    p = probabilities(scores, KINDS, TEMPER, effects=41, laws=20, whether=whether,
+                      log_prior=np.zeros(len(KINDS)))  # fmt: skip
+    return [float(x) for x in p]
+
+
+def missing(leads: tuple[float, ...], whether: float = ROWS) -> float:
+    """The probability that anything is missing."""
+    return sum(of(leads, whether)[2:])
+
+
+@pytest.mark.parametrize("leads", [(0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 3.0, 9.0, -2.0, 700.0)])
+def test_probabilities_sum_to_one(leads: tuple[float, ...]) -> None:
+    assert sum(of(leads)) == pytest.approx(1.0)
+
+
+def test_a_small_lead_in_every_run_is_noticed_where_every_row_counts_and_not_where_few_do() -> None:
+    small = (0.0, 0.0, 1.0, 0.0, 0.0)
+    assert missing(small) > 0.9
+    assert missing(small, whether=TEMPER.evidence) < 0.1
+
+
+def test_what_leads_by_chance_is_not_noticed() -> None:
+    assert missing((0.0, 0.1, 0.1, 0.05, 0.1)) < 0.1
+
+
+def test_a_lead_that_hangs_on_one_run_is_less_sure_than_the_same_lead_in_every_run() -> None:
+    even, one = np.zeros((2, RUNS)), np.zeros((2, RUNS))
+    even[1], one[1, 0] = 2.0 / RUNS, 2.0
+    of_parts = [
+        probabilities(x, (NOTHING, EFFECT), TEMPER, effects=41, laws=20, whether=ROWS,
+                      log_prior=np.zeros(2))[1]
+        for x in (even, one)
+    ]  # fmt: skip
+    assert of_parts[1] < 0.75 < of_parts[0]
+
+
+def test_of_two_effects_that_explain_much_the_better_one_is_not_sure() -> None:
+    p = of((0.0, 0.0, 10.0, 11.0, 0.0))
+    assert 0.55 < p[3] / (p[2] + p[3]) < 0.75
+
+
+def test_an_effect_that_explains_nothing_is_no_cause_however_soft_the_evidence_is() -> None:
+    p = of((0.0, 0.0, 2.0, -0.5, 0.0))
+    assert p[3] < 0.01 * p[2]
