@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 from evaluation.names import canonical
 from smad.diagnosis.answer import place_probabilities
 from smad.diagnosis.constants import Constants
+from smad.diagnosis.questions import temper_of
 from smad.diagnosis.rivals.score import (
     EFFECT,
     LAW,
     NOTHING,
     PARAMETERS,
-    Temper,
     credible_set,
     probabilities,
 )
-from smad.diagnosis.verdict import RivalScore
+from smad.diagnosis.verdict import DIFFERS, RivalScore
 
 Array = NDArray[np.float64]
 NONE, MOVED, LISTED, UNLISTED = "none", "parameters", "listed", "unlisted"
@@ -83,8 +83,7 @@ class Asked:
 
     def probability(self, c: Constants) -> Array:
         """The probability of each rival, (rivals,)."""
-        temper = Temper(evidence=c.evidence, nothing=c.nothing, parameters=c.parameters,
-                        effect=c.effect, law=0.0)  # fmt: skip
+        temper = temper_of(c, free=self.question == DIFFERS)
         return probabilities(
             np.array([r.scores for r in self.rivals]), [r.kind for r in self.rivals], temper,
             effects=self.effects, laws=self.laws,

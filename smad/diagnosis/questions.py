@@ -88,9 +88,16 @@ def question_of(
         evidence=evidence, held_out=held_out, model=model, tied=tied, effects=tuple(effects),
         responses=responses, places=len(places.places), say=say,
         tau=np.full(evidence.channels, _CORRELATED),
-        temper=Temper(evidence=c.evidence, nothing=c.nothing, parameters=c.parameters,
-                      effect=c.effect, law=0.0),
+        temper=temper_of(c, free=tied is None),
     )  # fmt: skip
+
+
+def temper_of(c: Constants, *, free: bool) -> Temper:
+    """What weighs rivals. Where parameters are `free` in every rival, other values of them without
+    a part are the simulator in which nothing is missing."""
+    parameters = c.nothing if free else c.parameters
+    return Temper(evidence=c.evidence, nothing=c.nothing, parameters=parameters, effect=c.effect,
+                  law=0.0)  # fmt: skip
 
 
 def free_model(plant: PlacesPlant, start: ModelPoint) -> Model:

@@ -128,8 +128,13 @@ def bank(folder: Path, name: str = "dev") -> tuple[Path, Path]:
         effects = [effect] if x.truth in (LISTED, UNLISTED) else []
         key[x.case] = {"kind": of[x.truth], "effects": effects, "bench": n % 4}
         verdicts[x.case] = msgspec.to_builtins(
-            Verdict(question="check-up", outcome="quiet", headline="", first_step=list(x.rivals),
-                    independent_rows=ROWS)
+            Verdict(
+                question="check-up",
+                outcome="quiet",
+                headline="",
+                first_step=list(x.rivals),
+                independent_rows=ROWS,
+            )
         )
     (folder / "key").mkdir()
     path = folder / "key" / "KEY.json"
