@@ -67,11 +67,14 @@ def _told(order: Order) -> str:
 def _seal(options: argparse.Namespace) -> None:
     from evaluation.score.openings import Ledger
 
-    for order in (
-        _any_inputs(options, options.folder / "any-inputs", sealed=True),
-        _check_ups(options, options.folder / "check-ups", sealed=True),
-    ):
-        if (order.folder / "manifest.json").exists():
+    orders: dict[Order, int] = {
+        _any_inputs(options, options.folder / "any-inputs", sealed=True): (
+            options.changed + options.differs
+        ),
+        _check_ups(options, options.folder / "check-ups", sealed=True): options.cases,
+    }
+    for order, cases in orders.items():
+        if not cases or (order.folder / "manifest.json").exists():
             continue
         sha256 = _told(order)
         if not sha256:

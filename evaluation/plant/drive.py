@@ -16,6 +16,8 @@ from evaluation.plant.layout import (
     DRAINED,
     EMPTIED,
     FLOW,
+    FORCE_X,
+    FORCE_Y,
     GLANCE,
     HELD_DOWN,
     HOT,
@@ -23,6 +25,7 @@ from evaluation.plant.layout import (
     LAG_B,
     LAG_C,
     LONG_ON,
+    LOWERED,
     OHM,
     PUMP,
     PUMP_ON,
@@ -71,6 +74,10 @@ ON_RETURN = slot("driver_on_return")
 LAZY = slot("lazy_setpoint")
 PUMP_SUPPLY = slot("pump_supply_sag")
 FOOT_VALVE = slot("leaking_foot_valve")
+TUGGED = slot("tugged_trimmer")
+SETPOINT_GROUND = slot("setpoint_ground")
+UNDER_TENDON = slot("hose_under_tendon")
+SINKING = slot("sinking_level")
 
 CURRENT_LIMIT_A = 4.0
 PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
@@ -133,6 +140,11 @@ def current(
         i *= 1.0 - min(e[s, PEAK_AND_HOLD], 0.9) * side[s, HELD_DOWN]
     if e[s, ON_RETURN] > 0.0:
         i *= max(0.1, 1.0 - e[s, ON_RETURN] * side[s, RETURN_WARM])
+    if e[s, TUGGED] != 0.0:
+        drawn_in = pair[X] if s == 0 else -pair[X]
+        i *= max(0.1, 1.0 + e[s, TUGGED] * drawn_in / 5e-3)
+    if e[1 - s, SETPOINT_GROUND] > 0.0:
+        i = max(i - e[1 - s, SETPOINT_GROUND] * side[1 - s, PUMP], 0.0)
     side[s, LAG_A] = approach(side[s, LAG_A], i, dt, p[DRIVER_LAG])
     slow = e[s, SLOW_DRIVER]
     if slow <= 0.0:
@@ -186,6 +198,10 @@ def flow(
     if e[s, KINKED] > 0.0:
         drawn_in = pair[X] if s == 0 else -pair[X]
         share *= 1.0 - min(e[s, KINKED], 0.98) * min(max((1e-3 - drawn_in) / 5e-3, 0.0), 1.0)
+    if e[s, UNDER_TENDON] > 0.0:
+        tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
+        pressed = min(max((tension - 1.24) / 0.4, 0.0), 1.0)
+        share *= 1.0 - min(e[s, UNDER_TENDON], 0.95) * pressed
     if e[s, MEMBRANE] > 0.0:
         slow = 10.0 if share > side[s, TIRED] else 25.0
         side[s, TIRED] = approach(side[s, TIRED], share, dt, slow)
@@ -214,6 +230,11 @@ def flows(
         side[1, AIR_DRAWN] = max(y / full, approach(side[1, AIR_DRAWN], 0.0, dt, 6.0))
         x *= 1.0 - min(e[0, SUCTION] * side[1, AIR_DRAWN], 0.95)
         y *= 1.0 - min(e[0, SUCTION] * side[0, AIR_DRAWN], 0.95)
+    if e[0, SINKING] > 0.0:
+        pair[LOWERED] += dt * ((x + y) / full / 20.0 - pair[LOWERED] / 50.0)
+        left = max(1.0 - e[0, SINKING] * pair[LOWERED], 0.05)
+        x *= left
+        y *= left
     side[0, FLOW] = x + e[1, LEAK] * y**2 / full
     side[1, FLOW] = y + e[0, LEAK] * x**2 / full
     pair[TIME] += dt

@@ -19,7 +19,7 @@ SIGNED = frozenset(
         "hall_zero_drift", "motor_beside_sensor", "sliding_clip", "flexed_lead", "squeezed_rtd",
         "encoder_in_field", "attracting_turns",
     )
-)  # fmt: skip
+) | sealed.SIGNED  # fmt: skip
 """Effects whose magnitude may be negative."""
 
 BY_NAME = {effect.name: effect for effect in EFFECTS}

@@ -17,6 +17,7 @@ from evaluation.plant.layout import (
     AMPERE,
     CELL_WIDTH,
     CELLS,
+    COLDEST,
     COLUMNS,
     DUTY_X,
     DUTY_Y,
@@ -42,6 +43,7 @@ from evaluation.plant.layout import (
     RTD_A,
     RTD_B,
     RTD_BEFORE,
+    SEEN_BEFORE,
     SIDE_WIDTH,
     SINK_WARM,
     STEM,
@@ -103,6 +105,7 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     cells[:, :, W] = water_degC
     cells[:, :, WET] = 1.0
     cells[:, :, FRACTION] = 1.0
+    cells[:, :, COLDEST] = water_degC
     cells[:, :, HEATED_FROM] = 1.0
     cells[:, :, PLAY:] = 1.0
     cells[:, :, TURNED] = bench.turned_at_start
@@ -111,6 +114,7 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, RTD_A] = water_degC
     side[:, RTD_B] = water_degC
     side[:, RTD_BEFORE] = water_degC
+    side[:, SEEN_BEFORE] = water_degC
     side[:, STEM] = 0.3 * water_degC + 0.7 * ambient_degC
     pair[FORCE_X] = pair[FORCE_Y] = 1.2
     quiet = np.zeros(8)

@@ -18,8 +18,9 @@ PLAYS = 6
     WET,
     R_PHASE,
     PRECIPITATED,
+    COLDEST,
     PLAY,
-) = range(12)
+) = range(13)
 CELL_WIDTH = PLAY + PLAYS
 
 (
@@ -80,8 +81,13 @@ CELL_WIDTH = PLAY + PLAYS
     SHUNT_WARM,
     AWAKE,
     ANNEALED,
+    FRETTED,
+    FLUSHED,
+    FATIGUED,
+    SEEN_BEFORE,
+    SLEEVED,
     SIDE_WIDTH,
-) = range(58)
+) = range(63)
 
 (
     TIME,
@@ -112,8 +118,12 @@ CELL_WIDTH = PLAY + PLAYS
     SPONGE,
     PLIED,
     TAUT_BEFORE,
+    LOWERED,
+    MISCOUNTED,
+    CARRIED,
+    RUN_DRY,
     PAIR_WIDTH,
-) = range(29)
+) = range(33)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256

@@ -18,6 +18,7 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
     ANNEALED,
+    CARRIED,
     CELLS,
     COMPLIANT,
     CRIMP,
@@ -34,8 +35,10 @@ from evaluation.plant.layout import (
     R_PHASE,
     RATCHETED,
     RATE,
+    RUN_DRY,
     SHEARED,
     SHRUNK,
+    SLEEVED,
     SPEED,
     SPONGE,
     TAUT_BEFORE,
@@ -83,11 +86,16 @@ SOFTENING = slot("cyclic_softening")
 ATTRACTING = slot("attracting_turns")
 PLIES = slot("plied_tendon")
 BENT_GUIDE = slot("bent_guide")
+TWO_PHASES = slot("two_phase_softening")
+SHRUNK_SLEEVE = slot("shrunk_sleeve")
+LOOSE_AXLE = slot("loose_axle")
+RUNS_DRY = slot("drying_bearing")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
 COILS_CLOSE_m = 0.020
 PLIES_N = 0.2  # change of tension over which the friction between plies turns round
+AXLE_m = 8e-4  # travel over which the tendon carries a loose axle from one end of its play on
 DETENT_m = 2.5e-3  # how far from its rest a magnet holds the tendon hardest
 
 
@@ -101,7 +109,10 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     total = 0.0
     for i in range(CELLS):
         fraction = cells[s, i, FRACTION]
-        total += 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
+        softness = 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
+        if e[s, TWO_PHASES] > 0.0:
+            softness *= 1.0 + e[s, TWO_PHASES] * 4.0 * fraction * (1.0 - fraction)
+        total += softness
         if e[s, R_PHASES] > 0.0:
             total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * p[STRESS] / 57.0
     side[s, GROWN] = e[s, RATCHET] * 1e-3 * side[s, RATCHETED]
@@ -182,6 +193,7 @@ def pull(
     if e[s, BOURDON] != 0.0:
         force -= e[s, BOURDON] * (side[s, FLOW] / p[FULL_FLOW]) ** 2
     force += e[s, ATTRACTING] * (side[s, AMPERE] / 4.0) ** 2
+    force += e[s, SHRUNK_SLEEVE] * side[s, SLEEVED]
     return force, slope
 
 
@@ -205,6 +217,16 @@ def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
         if abs(rubbed) < 1.0:
             slope += 1e-3 * e[0, PLIES] / PLIES_N
     return stretch, slope
+
+
+@compiled
+def carried_axle(moved: float, e: Array, pair: Array) -> tuple[float, float]:
+    """How much longer a loose axle makes the tendon (m), and its slope in the move (1)."""
+    if e[0, LOOSE_AXLE] <= 0.0:
+        return 0.0, 0.0
+    at = pair[CARRIED] + moved / AXLE_m
+    scale = 1e-3 * e[0, LOOSE_AXLE]
+    return scale * min(max(at, -1.0), 1.0), scale / AXLE_m if abs(at) < 1.0 else 0.0
 
 
 @compiled
@@ -270,6 +292,11 @@ def resisting(
         scale = e[0, BENT_GUIDE] * abs(before) / 5e-3
         total += scale * v / (abs(v) + 1.0)
         slope += scale / (abs(v) + 1.0) ** 2 / dt / 5e-4
+    if e[0, RUNS_DRY] > 0.0:
+        v = (x - before) / dt / 5e-4
+        scale = e[0, RUNS_DRY] * (1.0 - math.exp(-pair[RUN_DRY] / 0.04))
+        total += scale * v / (abs(v) + 1.0)
+        slope += scale / (abs(v) + 1.0) ** 2 / dt / 5e-4
     return total, slope, bristle
 
 
@@ -288,10 +315,12 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     for _ in range(30):
         force_y, slope_y = pull(1, 0.5 * p[SPAN] + x, force_y, p, e, cells, side)
         longer, slope_t = longer_tendon(force_y, e, pair)
-        force_x, slope_x = pull(0, 0.5 * p[SPAN] - x - longer, force_x, p, e, cells, side)
+        play, slope_p = carried_axle(x - before, e, pair)
+        away = 0.5 * p[SPAN] - x - longer - play
+        force_x, slope_x = pull(0, away, force_x, p, e, cells, side)
         against, slope_f, bristle = resisting(x, before, force_y, dt, p[FULL_FLOW], e, side, pair)
         residual = force_x - force_y - against
-        own = slope_x * (1.0 + slope_t * slope_y)
+        own = slope_x * (1.0 + slope_t * slope_y + slope_p)
         step = residual / (own + slope_y + slope_f)
         if abs(step) < 1e-9:
             break
@@ -310,6 +339,8 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     rubbed = pair[PLIED] + (force_y - pair[TAUT_BEFORE]) / PLIES_N
     pair[PLIED] = min(max(rubbed, -1.0), 1.0)
     pair[TAUT_BEFORE] = force_y
+    pair[CARRIED] = min(max(pair[CARRIED] + (x - before) / AXLE_m, -1.0), 1.0)
+    pair[RUN_DRY] += abs(x - before)
     if e[0, GREASE] > 0.0:
         stirred = (1.0 - pair[SHEARED]) * abs(pair[SPEED]) / 4e-3
         pair[SHEARED] = min(pair[SHEARED] + dt * (stirred - pair[SHEARED] / 8.0), 1.0)
@@ -347,4 +378,5 @@ def wire_stress(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Arr
     if e[s, BOURDON] != 0.0:
         beside -= e[s, BOURDON] * (side[s, FLOW] / p[FULL_FLOW]) ** 2
     beside += e[s, ATTRACTING] * (side[s, AMPERE] / 4.0) ** 2
+    beside += e[s, SHRUNK_SLEEVE] * side[s, SLEEVED]
     return float(max(tendon - beside, 0.0) * p[STRESS])

@@ -27,6 +27,7 @@ from evaluation.plant.layout import (
     CREEP_SLOW,
     DRAINED,
     ENCODER,
+    FATIGUED,
     FLOW,
     FORCE_X,
     FORCE_Y,
@@ -38,6 +39,7 @@ from evaluation.plant.layout import (
     INDEXED,
     LEAD_WARM,
     LOST,
+    MISCOUNTED,
     MISTED,
     OHM,
     PUMP,
@@ -47,6 +49,7 @@ from evaluation.plant.layout import (
     RTD_A,
     RTD_B,
     RTD_BEFORE,
+    SEEN_BEFORE,
     SHUNT,
     SHUNT_WARM,
     SKIN,
@@ -111,6 +114,12 @@ SQUEEZED = slot("squeezed_rtd")
 IN_FIELD = slot("encoder_in_field")
 BRIDGE_SAGS = slot("bridge_on_pump_supply")
 SHUNT_ON_TUBE = slot("shunt_on_tube")
+TARNISHED = slot("tarnished_crimp")
+RTD_JOINTS = slot("rtd_joints")
+FATIGUE = slot("fatigued_rtd")
+COUNTS_MOTORS = slot("counted_motors")
+DRAGGED_CABLE = slot("dragged_cable")
+NEAR_RAIL = slot("amplifier_near_rail")
 
 TURN_mm = 13.0
 GUIDE_m = 3e-4  # travel over which the friction of the load cell's guide builds up
@@ -143,6 +152,12 @@ def rtd(
     reading = side[s, RTD_B]
     reading += e[s, RTD_OFFSET] * (1.0 + 0.01 * (reading - 27.0))
     reading += e[s, PICKUP] * (side[s, AMPERE] + 0.2 * side[1 - s, AMPERE])
+    if e[s, RTD_JOINTS] != 0.0:
+        reading += e[s, RTD_JOINTS] * (cells[s, CELLS - 1, T] - cells[s, 0, T]) / 10.0
+    if e[s, FATIGUE] > 0.0:
+        side[s, FATIGUED] += abs(seen - side[s, SEEN_BEFORE])
+        side[s, SEEN_BEFORE] = seen
+        reading += e[s, FATIGUE] * (1.0 - math.exp(-side[s, FATIGUED] / 60.0))
     reading += e[s, WARMUP] * (1.0 - math.exp(-pair[TIME] / 25.0))
     if e[s, FLEXED] != 0.0:
         speed = pair[SPEED] if s == 0 else -pair[SPEED]
@@ -207,6 +222,9 @@ def travel(seen_mm: float, dt: float, e: Array, cells: Array, side: Array, pair:
             warm += (cells[0, i, W] - 27.0) / CELLS
         pair[BRACKET] = approach(pair[BRACKET], warm / 20.0, dt, 25.0)
         reading += e[0, BRACKET_GROWS] * pair[BRACKET]
+    if e[0, COUNTS_MOTORS] != 0.0:
+        pair[MISCOUNTED] += dt * (side[0, PUMP] + side[1, PUMP])
+        reading += e[0, COUNTS_MOTORS] * pair[MISCOUNTED]
     reading += e[0, IN_FIELD] * (side[0, AMPERE] - side[1, AMPERE]) / 4.0
     if e[0, WIDE_INDEX] > 0.0:
         off = seen_mm - 6.0 * (e[2, WIDE_INDEX] - 0.5)
@@ -245,6 +263,7 @@ def load(
         for s in range(2):
             side[s, HOSE] = approach(side[s, HOSE], side[s, FLOW] / p[FULL_FLOW], dt, 0.4)
         reading += e[0, HOSES] * (side[0, HOSE] - 0.6 * side[1, HOSE])
+    reading += e[0, DRAGGED_CABLE] * pair[X] / 5e-3
     reading *= 1.0 - e[0, BRIDGE_SAGS] * (side[0, PUMP] + side[1, PUMP])
     for s in range(2):
         ampere = side[s, AMPERE]
@@ -278,10 +297,13 @@ def read(
                 tube_warm += (cells[s, i, W] - 27.0) / CELLS
             side[s, SHUNT_WARM] = approach(side[s, SHUNT_WARM], tube_warm / 20.0, dt, 8.0)
             out[s] *= 1.0 + e[s, SHUNT_ON_TUBE] * side[s, SHUNT_WARM]
+        out[s] -= min(e[s, NEAR_RAIL], 0.95) * max(out[s] - 2.5, 0.0)
         out[s] += e[0, HALL_DRIFT] * pair[BOARD]
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
+        if e[s, TARNISHED] > 0.0:
+            out[2 + s] += e[s, TARNISHED] * side[s, AMPERE] / (side[s, AMPERE] + 0.5)
         if e[s, GALVANIC] != 0.0:
             side[s, CLIP] = approach(side[s, CLIP], cells[s, CELLS - 1, T] - 27.0, dt, 4.0)
             out[2 + s] += e[s, GALVANIC] * side[s, CLIP] / 20.0

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from evaluation.plant.compiled import compiled
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
+    AMPERE,
     ASLEEP,
     AWAKE,
+    COLDEST,
     COOLED_FROM,
     HEATED_FROM,
     INNER_STRESS,
@@ -35,6 +37,8 @@ PRECIPITATION = slot("precipitation")
 LINGERING = slot("lingering_stress")
 NARROWING = slot("narrowing_loop")
 RESTING = slot("resting_austenite")
+ELECTRON_WIND = slot("electron_wind")
+DEEP_COOLED = slot("deep_cooled")
 
 
 @compiled
@@ -71,4 +75,10 @@ def shifts(
         cool += 0.5 * nearer
     if e[s, RESTING] > 0.0:
         cool -= e[s, RESTING] * math.log10(1.0 + 2.0 * side[s, AWAKE])
+    if e[s, ELECTRON_WIND] > 0.0:
+        eased = e[s, ELECTRON_WIND] * side[s, AMPERE] / 4.0
+        heat -= eased
+        cool += eased
+    if e[s, DEEP_COOLED] > 0.0:
+        heat += e[s, DEEP_COOLED] * max(34.0 - cells[s, i, COLDEST], 0.0) / 5.0
     return heat, cool

@@ -26,6 +26,7 @@ from evaluation.plant.layout import (
     FORCE_X,
     FORCE_Y,
     FRACTION,
+    FRETTED,
     HEATED_FROM,
     HEATING,
     INNER_STRESS,
@@ -43,7 +44,6 @@ from evaluation.plant.layout import (
     RETURN_WARM,
     SHUNT,
     SWIRL,
-    TIME,
     TURNED,
     WET,
     WORK_DONE,
@@ -53,6 +53,22 @@ from evaluation.plant.layout import (
 )
 from evaluation.plant.parameters import index
 from evaluation.plant.phase import WEIGHT, falling, turned_by
+from evaluation.plant.rarer import (
+    BENT,
+    DRIPPING,
+    INDUCED,
+    LAMP,
+    LEADS,
+    PEAK,
+    ROD,
+    SHAKEN,
+    SWEATING,
+    TURNED_RESISTS,
+    age,
+    elsewhere,
+    odd_heat,
+    odd_shifts,
+)
 from evaluation.plant.thermal import (
     FILM,
     HEAT_WATER,
@@ -102,33 +118,27 @@ PRECIPITATION = slot("precipitation")
 WARM_CORE = slot("warm_core")
 SHORTED = slot("shorted_coils")
 CRACK = slot("cracked_end")
-PEAK = slot("premartensitic_peak")
-LEADS = slot("leads_along_neighbour")
 ON_THE_WALL = slot("coils_on_wall")
 DRIVER_FAN = slot("driver_fan")
-SWEATING = slot("sweating_tube")
-TURNED_RESISTS = slot("turned_resists")
-SHAKEN = slot("shaken_interfaces")
 TEXTURED = slot("textured_resistance")
 CORRODING = slot("corroding_wire")
 LIME = slot("lime_on_wire")
-DRIPPING = slot("dripping_outlet")
-ROD = slot("rod_in_coil")
-LAMP = slot("cycling_lamp")
 LATENT_FADES = slot("fading_latent")
-BENT = slot("bent_coils")
 LINGERING = slot("lingering_stress")
 PIEZO = slot("stress_in_resistance")
 SCATTERING = slot("scattering_fronts")
 HUMMING = slot("humming_coils")
 SLEEVE = slot("sliding_sleeve")
-INDUCED = slot("induced_heat")
 ANNEALING = slot("annealed_spring")
 RESTING = slot("resting_austenite")
 ON_RETURN = slot("driver_on_return")
+FRETTING = slot("fretted_crimp")
+LEAD_IN_OUTLET = slot("lead_in_outlet")
+OTHER_PUMP = slot("other_pump_shakes")
+PRESSED = slot("pressed_tube")
+YOKE = slot("metal_yoke")
 
 OPENS_MPa, CLOSES_MPa = 66.0, 59.0  # stress at which a crack in the wire opens and closes
-LAMP_S, LAMP_ON = 24.0, 0.375  # how often a lamp comes on, and for what share of that
 
 
 @compiled
@@ -161,6 +171,14 @@ def resistance(
             factor += e[s, TEXTURED] * min(max(further, 0.0) / 0.05, 8.0)
         heat[i] = base * factor / CELLS
         total += heat[i]
+    if e[s, FRETTING] > 0.0:
+        worn = e[s, FRETTING] * (1.0 - math.exp(-side[s, FRETTED] / 0.03))
+        heat[0] += worn
+        total += worn
+    if e[s, LEAD_IN_OUTLET] > 0.0:
+        hotter = e[s, LEAD_IN_OUTLET] * max(cells[s, CELLS - 1, W] - 27.0, 0.0) / 20.0
+        heat[CELLS - 1] += hotter
+        total += hotter
     if e[s, CRACK] > 0.0:
         heat[CELLS - 1] += e[s, CRACK] * side[s, OPENED]
         total += e[s, CRACK] * side[s, OPENED]
@@ -190,6 +208,9 @@ def coefficients(
     if e[s, SLEEVE] > 0.0:
         drawn_in = pair[X] if s == 0 else -pair[X]
         loss *= 1.0 + e[s, SLEEVE] * min(max((drawn_in + 1e-3) / 5e-3, 0.0), 1.0)
+    if e[s, PRESSED] > 0.0:
+        taut = ((pair[FORCE_X] if s == 0 else pair[FORCE_Y]) - 1.24) / 0.4
+        loss *= 1.0 + e[s, PRESSED] * min(max(taut, 0.0), 1.0)
     latent = p[LATENT_HEAT] / CELLS
     if e[s, STRESS_LATENT] != 0.0:
         relative = stress / 57.0
@@ -199,6 +220,7 @@ def coefficients(
     share = min(side[s, FLOW] / p[FULL_FLOW], 1.5)
     reach = 1.0 / (1.0 + e[s, LIME] * side[s, LIMED])
     reach *= 1.0 + e[s, HUMMING] * amperes / 4.0
+    reach *= 1.0 + e[1 - s, OTHER_PUMP] * side[1 - s, FLOW] / p[FULL_FLOW]
     if e[s, ON_THE_WALL] > 0.0:
         tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
         reach /= 1.0 + e[s, ON_THE_WALL] * max((1.5 - tension) / 0.3, 0.0)
@@ -233,53 +255,12 @@ def coefficients(
         odd_heat(s, e, cells, side, rows)
     if e[s, ROD] > 0.0 or max(e[1 - s, DRIPPING], e[1 - s, INDUCED], e[0, LAMP]) > 0.0:
         elsewhere(s, p, e, cells, side, pair, rows)
+    if e[0, YOKE] > 0.0:
+        warmer = cells[1 - s, CELLS - 1, T] - cells[s, CELLS - 1, T]
+        rows[CELLS - 1, HEAT_WIRE] += e[0, YOKE] * warmer
     if e[s, TURNED_RESISTS] > 0.0 or e[s, SHAKEN] > 0.0 or e[s, BENT] > 0.0:
         odd_shifts(s, share, p, e, cells, pair, rows)
     return float(CELLS * p[CONDUCTION] + p[MIXING] * side[s, FLOW] * CELLS / 6.0)
-
-
-@compiled
-def odd_heat(s: int, e: Array, cells: Array, side: Array, rows: Array) -> None:
-    """Add to `rows` what rarer effects do to the heat of wire and water."""
-    lead = e[1 - s, LEADS] * side[1 - s, SHUNT]
-    for i in range(CELLS):
-        over = max(cells[s, i, W] - 34.0, 0.0) / 10.0
-        rows[i, HEAT_WATER] += (lead - e[s, SWEATING] * over * over) / CELLS
-        off = (cells[s, i, T] - 40.0) / 3.0
-        rows[i, STORES] *= 1.0 + e[s, PEAK] * math.exp(-off * off)
-
-
-@compiled
-def elsewhere(
-    s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, rows: Array
-) -> None:
-    """Add to `rows` the heat of rarer effects: to a rod, from the other side and from a lamp."""
-    drawn_out = pair[X] if s == 1 else -pair[X]
-    gripped = min(max((drawn_out + 1e-3) / 5e-3, 0.0), 1.0)
-    dripping = e[1 - s, DRIPPING] * min(side[1 - s, FLOW] / p[FULL_FLOW], 1.5)
-    warm = cells[1 - s, CELLS - 1, W]
-    turn = pair[TIME] / LAMP_S + e[2, LAMP]
-    shone = e[0, LAMP] if turn - math.floor(turn) < LAMP_ON else 0.0
-    ampere = side[1 - s, AMPERE]
-    induced = e[1 - s, INDUCED] * ampere * max(4.0 - ampere, 0.0) / 4.0
-    for i in range(CELLS):
-        rows[i, HEAT_WIRE] += induced / CELLS
-        rows[i, TO_CLAMP] += e[s, ROD] * gripped / CELLS
-        rows[i, HEAT_WATER] += (dripping * (warm - cells[s, i, W]) + shone) / CELLS
-
-
-@compiled
-def odd_shifts(
-    s: int, share: float, p: Array, e: Array, cells: Array, pair: Array, rows: Array
-) -> None:
-    """Add to `rows` what rarer effects do to the temperatures of transformation."""
-    eased = e[s, SHAKEN] * share
-    length = 1.0 + (pair[X] if s == 1 else -pair[X]) / 25e-3
-    bent = e[s, BENT] * (length * length - 1.0)
-    for i in range(CELLS):
-        further = (cells[s, i, TURNED] - p[AT_START]) / 0.05
-        rows[i, SHIFT_HEAT] += e[s, TURNED_RESISTS] * further - eased + bent
-        rows[i, SHIFT_COOL] += eased + bent
 
 
 @compiled
@@ -388,6 +369,7 @@ def tube(
         gained = side[s, FLOW] * (cells[s, CELLS - 1, W] - source) * dt
         pair[RESERVOIR] += e[s, RESERVOIR_WARMS] * gained / 400.0
     remember(s, stress, p, e, cells, side, dt)
+    age(s, p, e, cells, side, pair, dt)
     warmth = amperes * amperes
     side[s, CONTACT] = approach(side[s, CONTACT], warmth / 16.0, dt, 8.0)
     side[s, SHUNT] = approach(side[s, SHUNT], warmth / 16.0, dt, 10.0)

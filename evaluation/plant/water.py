@@ -16,6 +16,7 @@ from evaluation.plant.layout import (
     CELLS,
     FILL,
     FLOW,
+    FLUSHED,
     HOSE_WARM,
     POCKET,
     RESERVOIR,
@@ -32,6 +33,8 @@ BUBBLES = slot("air_bubbles")
 HEATSINK = slot("hose_on_heatsink")
 HOSES_TOUCH = slot("hoses_side_by_side")
 CHILLER = slot("cycling_chiller")
+CARTRIDGE = slot("warm_cartridge")
+DRAWN_AGAIN = slot("drawn_again")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
@@ -90,4 +93,8 @@ def entering(
     if e[0, CHILLER] > 0.0:
         turn = pair[TIME] / CHILLER_S + e[2, CHILLER]
         source += e[0, CHILLER] * math.sin(2.0 * math.pi * turn)
+    if e[s, CARTRIDGE] > 0.0:
+        source += e[s, CARTRIDGE] * math.exp(-side[s, FLUSHED] / 6.0)
+    if e[s, DRAWN_AGAIN] > 0.0:
+        source += e[s, DRAWN_AGAIN] * (cells[s, CELLS - 1, W] - source)
     return float(source)
