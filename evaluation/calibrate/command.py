@@ -42,11 +42,11 @@ def calibrate(
     come to. `out` is where the new ones go as TOML; `result` keeps the tables of the second."""
     before = shipped()
     cases = [x for f in files for x in cases_of(f, keys)]
-    after = fitted(cases, before)
+    after = fitted(cases)
     left_out: list[tuple[Said, Constants]] = []
     for part in folds_of(cases):
         folds = {x.fold for x in part}
-        others = fitted([x for x in cases if x.fold not in folds], before)
+        others = fitted([x for x in cases if x.fold not in folds])
         left_out += [(x.said(others), others) for x in part]
     for title, said in (
         ("as shipped", [(x.said(before), before) for x in cases]),

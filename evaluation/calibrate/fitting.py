@@ -38,13 +38,15 @@ _WHAT = {NONE: "a bench without a change", MOVED: "changed parameters",
 _RANGES = {"evidence": (0.2, 30.0), "nothing": (-6.0, 12.0), "parameters": (-6.0, 12.0),
            "effect": (-6.0, 12.0)}  # fmt: skip
 _WHETHER, _WHICH = ("nothing", "parameters"), ("evidence", "effect")
-_TURNS = 2
-_PENALTY = 0.02
-"""Per square of what a log prior moves by: where cases do not say, it stays."""
+_TURNS = 3
+_EVEN = Constants(evidence=1.0, nothing=0.0, parameters=0.0, effect=0.0, told_level=0.95)
+"""Where a fit begins: every kind equally likely."""
+_PENALTY = 0.001
+"""Per square of what a constant moves by from there: where cases do not say, it stays."""
 _LEAST = 1e-12
 
 
-def fitted(cases: Sequence[Asked], before: Constants) -> Constants:
+def fitted(cases: Sequence[Asked]) -> Constants:
     """The constants that these cases ask for. Raises BankError where they lack a kind."""
     for truth, what in _WHAT.items():
         if not any(x.truth == truth for x in cases):
@@ -52,7 +54,7 @@ def fitted(cases: Sequence[Asked], before: Constants) -> Constants:
                 f"none of {len(cases)} cases is of {what}, which constants are fitted to: add a"
                 " bank that has some, as `recover` or `play --mixture scores` make it"
             )
-    c, visible = before, showing(cases)
+    c, visible = _EVEN, showing(cases)
     for _ in range(_TURNS):
         c = _least(c, _WHETHER, lambda c: whether(visible, c))
         noticed = [x for x in cases if x.right[x.more].any() and x.said(c).noticed]
@@ -111,12 +113,15 @@ def _least(start: Constants, names: Sequence[str], loss: Callable[[Constants], f
                                                  zip(names, w, strict=True)})  # fmt: skip
 
     def of(w: Array) -> float:
-        moved = w - begun
+        moved = w - even
         return loss(constants(w)) + _PENALTY * float(moved @ moved)
 
-    begun = np.array([_coordinate(n, getattr(start, n)) for n in names])
-    found = optimize.minimize(of, begun, method="Nelder-Mead",
-                              options={"xatol": 0.02, "fatol": 1e-4, "maxfev": 60})  # fmt: skip
+    even, begun = (np.array([_coordinate(n, getattr(c, n)) for n in names]) for c in (_EVEN, start))
+    simplex = np.concatenate([begun[None], begun + np.eye(len(begun))])
+    found = optimize.minimize(
+        of, begun, method="Nelder-Mead",
+        options={"initial_simplex": simplex, "xatol": 0.02, "fatol": 1e-4, "maxfev": 100},
+    )  # fmt: skip
     return constants(found.x)
 
 

@@ -73,7 +73,7 @@ ALL = {NONE: 8, MOVED: 8, LISTED: 8, UNLISTED: 8}
 
 def test_fitted_constants_make_the_right_rivals_likelier_than_others_do() -> None:
     some = cases(ALL)
-    c = fitted(some, shipped())
+    c = fitted(some)
     effects = [x for x in some if x.truth in (LISTED, UNLISTED)]
     assert whether(some, c) <= whether(some, shipped())
     assert which(effects, c) <= which(effects, shipped())
@@ -84,7 +84,7 @@ def test_fitted_constants_make_the_right_rivals_likelier_than_others_do() -> Non
 
 def test_what_is_told_holds_the_truth_as_often_as_it_should() -> None:
     some = cases(ALL)
-    c = fitted(some, shipped())
+    c = fitted(some)
     said = [x.said(c) for x in some if x.truth in (LISTED, UNLISTED)]
     assert all(s.told_places(c.told_level) & s.asked.places for s in said)
 
@@ -95,13 +95,13 @@ def test_an_effect_that_parameters_imitate_says_nothing_of_the_constants() -> No
     hidden = [replace(x, rivals=tuple(rivals(LISTED, 0.7, rng, parameters=0.7)))
               for x in some if x.truth == LISTED]  # fmt: skip
     assert showing([*some, *hidden]) == some
-    assert fitted([*some, *hidden], shipped()) == fitted(some, shipped())
+    assert fitted([*some, *hidden]) == fitted(some)
 
 
 @pytest.mark.parametrize("kind", [NONE, MOVED, LISTED])
 def test_cases_that_lack_a_kind_are_refused(kind: str) -> None:
     with pytest.raises(BankError, match="constants are fitted to"):
-        fitted([x for x in cases(ALL) if x.truth != kind], shipped())
+        fitted([x for x in cases(ALL) if x.truth != kind])
 
 
 def recovery(folder: Path) -> Path:
