@@ -22,6 +22,8 @@ the parameters is missing, and no rival brings the judged runs nearer; no verdic
 DIFFERS, CHANGED, CHECK_UP = "differs", "changed", "check-up"
 
 
+_NAMED = 2
+"""Names beside the first one that a heading lists."""
 _UNITS = {"degC": "°C", "Ohm": "Ω", "1": ""}
 _MOST_DECIMALS, _LARGE = 5, 1e5
 
@@ -169,6 +171,8 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
         if self.kind != "effect":
             return "a law, no effect of the library fits"
         others = [n for n in self.credible_names if n != self.name]
+        if len(others) > _NAMED:
+            return f"{self.name} or one of {len(others)} others"
         value = "" if others or not self.values else f", {self.values[0].text}"
         return " or ".join((self.name, *others)) + value
 
@@ -322,7 +326,7 @@ def headline_of(
     changed = question != DIFFERS
     raw, before, after = (0.0,) * 3 if whole is None else (whole.raw, whole.parameters, whole.final)
     if outcome == PARAMETERS:
-        goes = f"the gap goes from {raw:.1f} to {before:.1f} floors"
+        goes = _goes(raw, before)
         return f"{'changed: ' * changed}other values of the parameters explain it; {goes}"
     if outcome == UNEXPLAINED:
         verb = "something has changed" if changed else "something is missing"
@@ -332,5 +336,11 @@ def headline_of(
     verb = "something has changed at" if changed else "the simulator lacks something at"
     likely = f", probability {first.rival.probability:.2f}" if first.rival else ""
     beside = f", and {len(causes) - 1} more" if len(causes) > 1 else ""
-    goes = f"the gap goes from {before:.1f} to {after:.1f} floors"
+    goes = _goes(before, after)
     return f"{verb} the {first.words}: {first.title}{likely}{beside}; {goes}"
+
+
+def _goes(before: float, after: float) -> str:
+    """A gap that shrinks, with the digits that show it."""
+    digits = 1 if f"{before:.1f}" != f"{after:.1f}" else 2
+    return f"the gap goes from {before:.{digits}f} to {after:.{digits}f} floors"

@@ -104,6 +104,14 @@ def test_every_outcome_is_said_headline_first_with_the_table_of_rivals(
     assert ("place  reading of the rod 0.97" in text) == (outcome == CAUSES)
 
 
+def test_of_many_likely_names_a_headline_has_the_first_and_a_small_drop_is_shown() -> None:
+    many = msgspec.structs.replace(EFFECT, credible_names=["lag", *(f"near-{k}" for k in range(5))])
+    small = msgspec.structs.replace(WHOLE, parameters=0.78, causes=[0.77])
+    headline = verdict(CAUSES, CHECK_UP, causes=[many], whole=small).headline
+    assert "lag or one of 5 others" in headline
+    assert headline.endswith("from 0.78 to 0.77 floors")
+
+
 def test_the_headline_says_where_what_how_sure_and_how_far_the_gap_goes() -> None:
     assert verdict(CAUSES).headline == (
         "the simulator lacks something at the reading of the rod: lag, tau_s = 0.600 ± 0.004 s, "
