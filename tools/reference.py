@@ -21,7 +21,7 @@ from msgspec import inspect as types
 from firmware_protocol.supervisor.document import PARTS as SUPERVISOR
 from smad import api
 from smad.config.describe import sections
-from smad.config.fields import info_of
+from smad.config.fields import info_of, kind_in_words
 from smad.control import commands
 from smad.daemon.arming import TRANSITIONS
 from smad.diagnosis.constants import Constants, shipped
@@ -221,53 +221,11 @@ def _described(kind: types.Type) -> tuple[str, str]:
         unit = (kind.extra or {}).get("unit", "")
         description += f" ({unit})" if unit not in ("", "1") else ""
         kind = kind.type
-    return _kind(kind), description
-
-
-def _kind(kind: types.Type) -> str:
-    match kind:
-        case types.Metadata(type=inner):
-            return _kind(inner)
-        case types.FloatType() | types.IntType():
-            name = "number" if isinstance(kind, types.FloatType) else "whole number"
-            return _bounds(kind) or name
-        case types.StrType():
-            return "text"
-        case types.BoolType():
-            return "true or false"
-        case types.NoneType():
-            return "empty"
-        case types.AnyType():
-            return "anything"
-        case types.LiteralType(values=values):
-            return " or ".join(f'"{value}"' for value in values)
-        case types.UnionType(types=members):
-            return _union(members)
-        case types.VarTupleType(item_type=item):
-            return f"list of {_kind(item)}"
-        case types.TupleType(item_types=items):
-            return f"list of {len(items)}"
-        case types.DictType(key_type=key, value_type=value):
-            return f"{_kind(value)} by {_kind(key)}"
-        case types.StructType(cls=cls):
-            return str(cls.__name__)
-        case types.EnumType(cls=cls):
-            return f"one of {', '.join(str(member.value) for member in cls)}"
-    raise TypeError(f"{kind} has no description")
-
-
-def _bounds(kind: types.FloatType | types.IntType) -> str:
-    low = f"above {kind.gt:g}" if kind.gt is not None else ""
-    low = f"{kind.ge:g}" if kind.ge is not None else low
-    high = f"below {kind.lt:g}" if kind.lt is not None else ""
-    high = f"{kind.le:g}" if kind.le is not None else high
-    return " to ".join((low, high)) if low and high else low or high
-
-
-def _union(members: Sequence[types.Type]) -> str:
-    if all(isinstance(m, types.StructType) for m in members):
-        return "a [piece of motion](#pieces-of-motion)"
-    return " or ".join(_kind(member) for member in members)
+    if isinstance(kind, types.UnionType) and all(
+        isinstance(member, types.StructType) for member in kind.types
+    ):
+        return "a [piece of motion](#pieces-of-motion)", description
+    return kind_in_words(kind), description
 
 
 def _default(field: types.Field) -> str:

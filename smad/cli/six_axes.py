@@ -21,8 +21,8 @@ TITLE = "circles of the segments of a robot, in turn and together"
 
 @click.command("six-axes")
 @click.option("--sim", is_flag=True, help="On a simulated bench of six axes, begun for it.")
-@click.option("--radius", "radius_deg", type=Finite(0.1, 180.0), default=15.0, show_default=True)
-@click.option("--period", "period_s", type=Finite(0.5, 3600), default=20.0, show_default=True)
+@click.option("--radius", "radius_deg", type=Finite(0.1, 180.0), default=15.0)
+@click.option("--period", "period_s", type=Finite(0.5, 3600), default=20.0)
 @click.option("--report", type=PATH, help="Page; by default beside the log.")
 @bench_option
 def six_axes(
