@@ -8,7 +8,7 @@ import click
 
 from smad.cli import complete
 from smad.cli.output import FILE, PATH
-from smad.cli.simulated import effect_lines, simulated_model
+from smad.cli.simulated import simulated_model
 from smad.errors import SmadError
 
 
@@ -62,8 +62,6 @@ def export(
     from smad.fmi.export import Mounted, export_unit
 
     given = simulated_model(effects, params=params, model_file=source)
-    for line in effect_lines(given.effects, effects):
-        click.echo(line, err=True)
     try:
         written = export_unit(
             given, unit, version=int(version), mounted=Mounted(fixture=fixture), overwrite=overwrite

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from smad.cli import complete
+from smad.cli.output import note
 from smad.errors import SmadError
 
 if TYPE_CHECKING:
@@ -35,12 +36,12 @@ def require_sim(effects: Iterable[str], *, sim: bool) -> None:
 
 
 def simulated_model(
-    effects: Iterable[str] = (), *, params: str = "A", model_file: Path | None = None
+    effects: Sequence[str] = (), *, params: str = "A", model_file: Path | None = None
 ) -> Model:
     """Return the model of a file, else of a parameter set, with effects: NAME or NAME:P=V.
 
-    An effect replaces the model's of that name. Raises UsageError for an effect, SmadError for
-    the rest.
+    An effect replaces the model's of that name; the values that it takes are printed. Raises
+    UsageError for an effect, SmadError for the rest.
     """
     from sim_device.plant.effects.registry import from_text
     from sim_device.plant.errors import PlantError
@@ -51,9 +52,12 @@ def simulated_model(
     except PlantError as error:
         raise SmadError(str(error)) from None
     try:
-        return given.with_effects(dict(from_text(text) for text in effects))
+        model = given.with_effects(dict(from_text(text) for text in effects))
     except PlantError as error:
         raise click.UsageError(f"--effect: {error}") from None
+    for line in effect_lines(model.effects, effects):
+        note(line)
+    return model
 
 
 def effect_lines(effects: Mapping[str, Mapping[str, float]], named: Iterable[str]) -> Iterator[str]:

@@ -80,11 +80,11 @@ class Row(Struct, kw_only=True, gc=False, omit_defaults=True):
     ] = None
     pump_starts_x: Annotated[
         int | None,
-        _of("", "STATE.pump_duty", "starts of the pump that cools X, since the daemon's"),
+        _of("", "STATE.pump_duty", "starts of the pump that cools X, since the daemon started"),
     ] = None
     pump_starts_y: Annotated[
         int | None,
-        _of("", "STATE.pump_duty", "starts of the pump that cools Y, since the daemon's"),
+        _of("", "STATE.pump_duty", "starts of the pump that cools Y, since the daemon started"),
     ] = None
     drain_x: Annotated[
         int | None, _of("", "SETPOINT.flags", "1 while the tube of X is being drained")

@@ -90,7 +90,7 @@ class BoardWatch:
             case StatsReceived(stats):
                 self.stats = {name: getattr(stats, name) for name in stats.__struct_fields__}
             case ErrorReceived(error):
-                self._say("warning", f"the board complains: {refusal(error)}", {})
+                self._say("warning", f"the board reports an error: {refusal(error)}", {})
             case _:
                 pass
 
