@@ -41,6 +41,9 @@ _EQUATION = re.compile(
     r'<(div|span) class="arithmatex">\\([\[(])(.*?)\\[\])]</\1>', re.DOTALL
 )  # as pymdownx.arithmatex marks them
 
+_AS_IT_IS = re.compile(r"(<(code|pre|math|script)\b.*?</\2>|<[^>]*>)", re.DOTALL)
+_SYMBOL = re.compile(r"(?<![\w/.])([A-Za-zα-ω])_([A-Za-z0-9]{1,4}(?:,[a-z0-9]\b)?)(?!\w)")
+
 
 def on_config(config: Any) -> Any:
     """Fill the sections of `LISTED` in the navigation."""
@@ -84,14 +87,25 @@ def on_page_markdown(markdown: str, *, page: Any, config: Any, files: Files) -> 
 
 
 def on_page_content(content: str, **_: Any) -> str:
-    """Set equations as MathML, which a browser draws by itself."""
+    """Set equations as MathML, which a browser draws by itself, and subscripts of symbols."""
 
     def equation(found: re.Match[str]) -> str:
         block = found[2] == "["
         text = mathml(html.unescape(found[3]), block=block)
         return f'<div class="equation">{text}</div>' if block else text
 
-    return _EQUATION.sub(equation, content)
+    return subscripted(_EQUATION.sub(equation, content))
+
+
+def subscripted(content: str) -> str:
+    """Set the subscripts of symbols in the text of a page: ξ_S, but nothing in code."""
+    parts = _AS_IT_IS.split(content)
+    # Text, then what stays as it is, then the name of its tag, and again.
+    return "".join(
+        _SYMBOL.sub(r"\1<sub>\2</sub>", part) if k % 3 == 0 else part
+        for k, part in enumerate(parts)
+        if part is not None and k % 3 != 2
+    )
 
 
 def on_post_page(output: str, *, page: Any, **_: Any) -> str:
