@@ -42,7 +42,7 @@ _EQUATION = re.compile(
 )  # as pymdownx.arithmatex marks them
 
 _AS_IT_IS = re.compile(r"(<(code|pre|math|script)\b.*?</\2>|<[^>]*>)", re.DOTALL)
-_SYMBOL = re.compile(r"(?<![\w/.])([A-Za-zα-ω])_([A-Za-z0-9]{1,4}(?:,[a-z0-9]\b)?)(?!\w)")
+_SYMBOL = re.compile(r"(?<![A-Za-z0-9_.])([A-Za-zα-ω])_([A-Za-z0-9]{1,4}(?:,[a-z0-9]\b)?)(?!\w)")
 
 
 def on_config(config: Any) -> Any:
@@ -86,7 +86,7 @@ def on_page_markdown(markdown: str, *, page: Any, config: Any, files: Files) -> 
     return _LINK.sub(kept, markdown)
 
 
-def on_page_content(content: str, **_: Any) -> str:
+def on_page_content(content: str, *, page: Any, **_: Any) -> str:
     """Set equations as MathML, which a browser draws by itself, and subscripts of symbols."""
 
     def equation(found: re.Match[str]) -> str:
@@ -94,7 +94,9 @@ def on_page_content(content: str, **_: Any) -> str:
         text = mathml(html.unescape(found[3]), block=block)
         return f'<div class="equation">{text}</div>' if block else text
 
-    return subscripted(_EQUATION.sub(equation, content))
+    content = _EQUATION.sub(equation, content)
+    # Docstrings name variables.
+    return content if page.file.src_uri.startswith("api/") else subscripted(content)
 
 
 def subscripted(content: str) -> str:
