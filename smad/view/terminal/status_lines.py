@@ -11,6 +11,7 @@ from firmware_protocol.enums import Fault
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
 from smad.api import Percentiles, Status
 from smad.files import shown
+from smad.view.state import LINK_MEANS, limiter_of
 from smad.view.terminal.axis_lines import aged, axis_lines, number
 
 _EVENTS = 5
@@ -35,7 +36,7 @@ def lines(now: Status) -> Iterator[str]:
 def _bench(now: Status) -> Iterator[str]:
     motion = now.motion
     armed = _yellow("ARMED") if motion.armed else _green("not armed")
-    link = f"{len(now.axes)} axes" if now.axes else f"link {now.link.state}"
+    link = f"{len(now.axes)} axes" if now.axes else LINK_MEANS.get(now.link.state, now.link.state)
     yield _line("bench", f"{now.bench}: {armed}, board {motion.mode}, {link}")
     if motion.fault is not None:
         yield _line("fault", _red(f"{motion.fault.in_words()} (stopped by the {motion.fault.by})"))
@@ -47,8 +48,8 @@ def _bench(now: Status) -> Iterator[str]:
     done = "stopped" if motion.fault else "done" if motion.done else "under way"
     reference = "" if motion.reference_mm is None else f", reference {motion.reference_mm:.2f} mm"
     yield _line("motion", f"{motion.running}, {done}{reference}")
-    if now.limiter != "none":
-        yield _line("limited by", now.limiter)
+    if limiter := limiter_of(now):
+        yield _line("limited by", limiter)
     if now.control.holder:
         whose = "you" if now.control.yours else now.control.holder
         yield _line("control", f"exclusive: {whose}, {now.control.left_s:.0f} s left")
