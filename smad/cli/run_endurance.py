@@ -127,9 +127,14 @@ def endurance(**options: Any) -> None:
         hours = asked.cycles * asked.profile.period_s / 3600.0
         click.echo(f"{asked.cycles} cycles, about {hours:.1f} h of board time; {room.in_words()}")
         ended = endure(
-            asked, driver, folder, room, logs=logs, check=_checker(options, folder, driver),
+            asked,
+            driver,
+            folder,
+            room,
+            logs=logs,
+            check=_checker(options, folder, driver),
             say=line.say,
-        )  # fmt: skip
+        )
     for number, judgement in ended.judgements:
         click.echo(f"check-up after {number} cycles: {judgement.headline}")
     click.echo(f"ended after {ended.cycles} cycles: {ended.reason}; {folder / 'cycles.csv'}")
