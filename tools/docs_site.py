@@ -72,7 +72,7 @@ def on_page_markdown(markdown: str, *, page: Any, config: Any, files: Files) -> 
     place = page.file.src_uri
     source = _SOURCE.get(place, f"docs/{place}")
 
-    def kept(link: re.Match[str]) -> str:
+    def with_place(link: re.Match[str]) -> str:
         picture, text, target, anchor = link.groups()
         if "://" in target or target.startswith("mailto:"):
             return link[0]
@@ -83,15 +83,15 @@ def on_page_markdown(markdown: str, *, page: Any, config: Any, files: Files) -> 
         way = posixpath.relpath(goal, posixpath.dirname(place) or ".")
         return f"{picture}[{text}]({way}{anchor or ''})"
 
-    return _LINK.sub(kept, markdown)
+    return _LINK.sub(with_place, markdown)
 
 
 def on_page_content(content: str, *, page: Any, **_: Any) -> str:
     """Set equations as MathML, which a browser draws by itself, and subscripts of symbols."""
 
-    def equation(found: re.Match[str]) -> str:
-        block = found[2] == "["
-        text = mathml(html.unescape(found[3]), block=block)
+    def equation(marked: re.Match[str]) -> str:
+        block = marked[2] == "["
+        text = mathml(html.unescape(marked[3]), block=block)
         return f'<div class="equation">{text}</div>' if block else text
 
     content = _EQUATION.sub(equation, content)
@@ -123,8 +123,8 @@ def on_post_template(output: str, *, template_name: str, **_: Any) -> str:
 
 def _local(output: str, up: str, name: str) -> str:
     output = output.replace(_WORKER, f"{up}/iframe-worker.js")
-    if found := _FROM_ELSEWHERE.search(output):
-        raise PluginError(f"{name} takes something from a network: {found[0]}")
+    if foreign_tag := _FROM_ELSEWHERE.search(output):
+        raise PluginError(f"{name} takes something from a network: {foreign_tag[0]}")
     return output
 
 

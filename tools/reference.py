@@ -184,15 +184,15 @@ def _prose(struct: type[Struct]) -> str:
 
 def _listed(rows: Iterable[tuple[str, str, str]]) -> Iterator[str]:
     """A line for each name, what it is and its meaning; for X and Y one where both are alike."""
-    told: list[tuple[str, str, str]] = []
+    merged: list[tuple[str, str, str]] = []
     for name, kind, meaning in rows:
-        x_name, x_kind, x_meaning = told[-1] if told else ("", "", "")
+        x_name, x_kind, x_meaning = merged[-1] if merged else ("", "", "")
         on_y = (_X.sub("_y", x_name), x_kind, x_meaning.replace("X", "Y"))
         if on_y == (name, kind, meaning):
-            told[-1] = (f"{x_name}`, `{name}", kind, x_meaning.replace("X", "X (Y)"))
+            merged[-1] = (f"{x_name}`, `{name}", kind, x_meaning.replace("X", "X (Y)"))
         else:
-            told.append((name, kind, meaning))
-    yield from (f"- `{name}` ({kind}): {meaning}\n" for name, kind, meaning in told)
+            merged.append((name, kind, meaning))
+    yield from (f"- `{name}` ({kind}): {meaning}\n" for name, kind, meaning in merged)
 
 
 _X = re.compile("_x(?=_|$)")
@@ -200,18 +200,18 @@ _X = re.compile("_x(?=_|$)")
 
 def _fields(struct: type[Struct]) -> Iterator[str]:
     """A line for each field of what is asked: type, default, meaning."""
-    return _listed(_told(struct))
+    return _listed(_described_fields(struct))
 
 
-def _told(struct: type[Struct]) -> Iterator[tuple[str, str, str]]:
+def _described_fields(struct: type[Struct]) -> Iterator[tuple[str, str, str]]:
     for field in info_of(struct).fields:
         kind, description = _described(field.type)
         default = "" if field.required else _default(field)
         kind = kind.removesuffix(" or empty") if default == "empty" else kind
         default = {"empty": "optional"}.get(default, default)
         kind = "" if kind == "true or false" and default in ("true", "false") else kind
-        told = "; ".join(part for part in (kind, default) if part)
-        yield field.name, told, description
+        facts = "; ".join(part for part in (kind, default) if part)
+        yield field.name, facts, description
 
 
 def _described(kind: types.Type) -> tuple[str, str]:
