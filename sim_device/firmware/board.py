@@ -51,7 +51,7 @@ class Listener:
             elif isinstance(message, wire.ParamValue) and message.param == _RATE:
                 self.rate_hz = message.value
 
-    def told(self, data: bytes) -> None:
+    def take_in(self, data: bytes) -> None:
         """Take in bytes to the board."""
         for frame in self._to_board.feed(data):
             message = _read(frame.type, frame.payload)
@@ -168,7 +168,7 @@ class FirmwareBoard:
 
     def receive(self, data: bytes, now_us: int) -> None:
         """Let bytes arrive at board time `now_us`."""
-        self.line.told(data)
+        self.line.take_in(data)
         self.step(now_us - self.clock_us)
         for start in range(0, len(data), MOST_BYTES):
             self.step(0, data[start : start + MOST_BYTES])
@@ -247,7 +247,7 @@ class ChipBoard(FirmwareBoard):
 
     def receive(self, data: bytes, now_us: int) -> None:
         """Let bytes arrive with the next step, one after the other."""
-        self.line.told(data)
+        self.line.take_in(data)
         self._inbox += data
 
     def advance(self, readings: Readings, dt_us: int) -> wire.State | None:

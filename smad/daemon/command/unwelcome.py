@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from smad.daemon.command.bench import CommandCounts
 from smad.daemon.command.server import CommandServer
-from smad.daemon.means import Say
+from smad.daemon.services import Say
 
 _TEXTS = {
     "keys": "refused {} connections whose key is not on the list",
