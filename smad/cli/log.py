@@ -53,7 +53,9 @@ _folder = click.option(
     callback=_folder_of_bench,
     help="Folder of the run logs [default: that of the running daemon, else runs]",
 )
-_axis = click.option("--axis", default="", help="Which axis, of a log of several.")
+_axis = click.option(
+    "--axis", default="", show_default=False, help="Which axis, of a log of several."
+)
 _path = click.argument("path", required=False, type=PATH, shell_complete=complete.runs)
 
 
@@ -195,8 +197,8 @@ def split(path: Path | None, folder: str) -> None:
 @click.argument("paths", metavar="[RUN]...", nargs=-1, type=PATH, shell_complete=complete.runs)
 @_folder
 @click.option("-o", "--output", type=PATH, help="Page to write.")
-@click.option("--from", "from_s", type=float, default=-math.inf, help="First second to draw.")
-@click.option("--to", "to_s", type=float, default=math.inf, help="Last second to draw.")
+@click.option("--from", "from_s", type=float, help="First second to draw.")
+@click.option("--to", "to_s", type=float, help="Last second to draw.")
 @click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")
 @click.option(
     "--figure",
@@ -218,8 +220,8 @@ def plot(
     folder: str,
     axis: str,
     output: Path | None,
-    from_s: float,
-    to_s: float,
+    from_s: float | None,
+    to_s: float | None,
     open_page: bool,
     figure: Path | None,
     width_mm: float,
@@ -239,7 +241,9 @@ def plot(
     for source in sources:
         with _progress(f"reading {source.name}") as progress:
             runs.append(read_run(source, axis=axis, progress=progress))
-    drawn = shown_runs(runs, from_s, to_s)
+    drawn = shown_runs(
+        runs, -math.inf if from_s is None else from_s, math.inf if to_s is None else to_s
+    )
     if figure is not None:
         from smad.report.printed import write_figure
         from smad.report.runs import panels_of
