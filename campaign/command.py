@@ -203,19 +203,19 @@ def night(*, hours: float, speed: float, troubles: int | None, seed: int, folder
         raise CommandError("the folder is not empty", value=str(folder), action="name a new one")
     count = max(1, round(2.0 * hours)) if troubles is None else troubles
     with ended_by_signals(), progress() as line:
-        found = run_night(
+        night = run_night(
             folder.absolute(), hours=hours, seed=seed, speed=speed, count=count, say=line.say
         )
         line.done()
     _show_night(folder)
-    if found.met:
-        print_table(night_report.troubles_table(found))
-    print_table(night_report.week_table(found))
-    click.echo(night_report.facts(found))
-    for text in found.failures:
+    if night.met:
+        print_table(night_report.troubles_table(night))
+    print_table(night_report.week_table(night))
+    click.echo(night_report.facts(night))
+    for text in night.failures:
         click.echo(f"FAILED {text}")
-    click.echo("a check FAILED" if found.failures else "every check holds")
-    return 1 if found.failures else 0
+    click.echo("a check FAILED" if night.failures else "every check holds")
+    return 1 if night.failures else 0
 
 
 def _show_night(folder: Path) -> None:

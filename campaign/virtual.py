@@ -24,9 +24,9 @@ from smad.daemon.axis import Axis
 from smad.daemon.daemon import Daemon
 from smad.daemon.journal import Journal
 from smad.daemon.link.port import SocketTransport, Transport
-from smad.daemon.means import Clocks
 from smad.daemon.notify import Notifier
 from smad.daemon.process import Options, Process
+from smad.daemon.services import Clocks
 from smad.errors import PortError
 from smad.runlog.schema import Event, LinkSample
 

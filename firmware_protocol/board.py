@@ -345,9 +345,9 @@ class BoardSession:
             )
 
     def _reject_state(self, request: e.Request, now_us: int) -> None:
-        found = next((mode for mode in self._modes.values() if mode != BoardState.SAFE), 0)
+        other_state = next((mode for mode in self._modes.values() if mode != BoardState.SAFE), 0)
         self.reject(
-            request, ErrorCode.WRONG_STATE, m.NO_FIELD, BoardState.SAFE, now_us, value=found
+            request, ErrorCode.WRONG_STATE, m.NO_FIELD, BoardState.SAFE, now_us, value=other_state
         )
 
     def _answer_parameter(self, request: e.Request, axis: int, number: int, now_us: int) -> None:

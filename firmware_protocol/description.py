@@ -111,23 +111,23 @@ class Reader:
 class ForeignCodec:
     """Decodes another table's messages into ours, as far as the names go."""
 
-    def __init__(self, description: dict[str, Any], own: Codec = CODEC) -> None:
+    def __init__(self, description: dict[str, Any], host_codec: Codec = CODEC) -> None:
         self._records: dict[str, list[dict[str, Any]]] = {}
         self._unpackers: dict[int, Callable[[bytes], Message]] = {}
         try:
             for message in description["messages"]:
                 self._records[message["name"]] = message["fields"]
             numbers = {message["name"]: message["number"] for message in description["messages"]}
-            for cls in own.messages:
+            for cls in host_codec.messages:
                 name = wire_name(cls)
                 # Whatever number it claims, a message to the board is none that a host hears.
                 heard = cls.info.direction is Direction.TO_HOST and not cls.info.frozen
                 if heard and name in numbers:
                     self._unpackers[numbers[name]] = self._unpacker(cls, name)
             # Last, for no other table can take the numbers of these.
-            for cls in own.messages:
+            for cls in host_codec.messages:
                 if cls.info.frozen:
-                    self._unpackers[cls.info.number] = own.layouts[cls.info.number].unpack
+                    self._unpackers[cls.info.number] = host_codec.layouts[cls.info.number].unpack
         except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
             raise SchemaError(f"the board's description is damaged: {error!r}") from None
 

@@ -30,10 +30,10 @@ class FaultReports:
         count = self._counts.get(report.axis, 0)
         numbered = msgspec.structs.replace(report, index=min(count, 255))
         self._counts[report.axis] = count + 1
-        kept = self._reports.setdefault(report.axis, {})
-        kept[numbered.index] = numbered
-        for index in sorted(kept)[1:-LATEST_KEPT]:
-            del kept[index]
+        of_axis = self._reports.setdefault(report.axis, {})
+        of_axis[numbered.index] = numbered
+        for index in sorted(of_axis)[1:-LATEST_KEPT]:
+            del of_axis[index]
         self.first_fault = self.first_fault or int(report.fault)
         self._copies_left.append((numbered, COPIES - 1))
         return numbered

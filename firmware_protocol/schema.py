@@ -126,9 +126,9 @@ def differences(own: dict[str, Any], other: dict[str, Any]) -> tuple[str, ...]:
 
 def _differences(group: str, mine: dict[str, str], theirs: dict[str, str]) -> Iterator[str]:
     for key in sorted(mine.keys() | theirs.keys()):
-        own, other = mine.get(key, "none"), theirs.get(key, "none")
-        if own != other:
-            yield f"{group}{'.' if key else ''}{key}: host has {own}, board has {other}"
+        host_value, other = mine.get(key, "none"), theirs.get(key, "none")
+        if host_value != other:
+            yield f"{group}{'.' if key else ''}{key}: host has {host_value}, board has {other}"
 
 
 def _grouped(description: dict[str, Any]) -> dict[str, dict[str, str]]:

@@ -137,8 +137,8 @@ class TimeSync:
             newest_first[start : start + GROUP]
             for start in range(0, max(1, len(newest_first) - GROUP + 1), GROUP)
         ]
-        kept = [min(group, key=lambda exchange: exchange.round_trip_us) for group in groups]
-        self.fit = self._line(kept)
+        quickest = [min(group, key=lambda exchange: exchange.round_trip_us) for group in groups]
+        self.fit = self._line(quickest)
         return self.fit
 
     def _off_the_line(self, exchange: Exchange) -> bool:

@@ -279,11 +279,11 @@ class SimulatedBench:
             room = UART_BYTES - len(self._late_bytes)
             self._late_bytes += data[:room]
             return
-        at = self.now_us if at_us is None else max(at_us, self.now_us)
+        arrival_us = self.now_us if at_us is None else max(at_us, self.now_us)
         before = self.drive()
-        self.board.receive(data, self.board_time_us(at))
-        if at - self.now_us >= SPLIT_LEAST_US and self.drive() is not before:
-            self._move_plant(at, before)
+        self.board.receive(data, self.board_time_us(arrival_us))
+        if arrival_us - self.now_us >= SPLIT_LEAST_US and self.drive() is not before:
+            self._move_plant(arrival_us, before)
 
     def drive(self) -> Drive:
         """Return what the springs and pumps get at this moment."""

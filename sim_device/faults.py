@@ -391,8 +391,8 @@ def list_faults() -> str:
 
 
 def _no_such(name: str) -> FaultSpecError:
-    told = instead(name, FAULT_KINDS, "smad sim --fault list shows them")
-    return FaultSpecError(f"no fault is named {name!r}; {told}")
+    suggestion = instead(name, FAULT_KINDS, "smad sim --fault list shows them")
+    return FaultSpecError(f"no fault is named {name!r}; {suggestion}")
 
 
 def injection(name: str, at_s: float, **parameters: float) -> Injection:
@@ -431,10 +431,10 @@ def parse_injection(text: str) -> Injection:
     Raises FaultSpecError with what is wrong.
     """
     head, _, tail = text.partition(":")
-    name, at, time = head.partition("@")
+    name, at_sign, time = head.partition("@")
     if name not in FAULT_KINDS:
         raise _no_such(name)
-    if not at:
+    if not at_sign:
         raise FaultSpecError(f"{text!r} gives no time; write NAME@seconds[:parameter=value,...]")
     try:
         at_s = float(time)

@@ -250,12 +250,12 @@ class Servers:
     def turn(self) -> None:
         """Wait for bytes of any board or for the next sample of any, and do what is to be done."""
         least_us = min(server.bench.now_us for server in self.servers)
-        held = [self._lockstep and server.bench.now_us > least_us for server in self.servers]
-        waits_s = [s.wait_s() for s, hold in zip(self.servers, held, strict=True) if not hold]
+        ahead = [self._lockstep and server.bench.now_us > least_us for server in self.servers]
+        waits_s = [s.wait_s() for s, hold in zip(self.servers, ahead, strict=True) if not hold]
         ports = [server.port for server in self.servers if server.port is not None]
         fds = [fd for port in ports if (fd := port.fileno()) is not None]
         select.select(fds, [], [], min(WAIT_MOST_S, *waits_s))
-        for server, hold in zip(self.servers, held, strict=True):
+        for server, hold in zip(self.servers, ahead, strict=True):
             server.turn(0.0, hold=hold)
 
 

@@ -41,6 +41,9 @@ _EQUATION = re.compile(
     r'<(div|span) class="arithmatex">\\([\[(])(.*?)\\[\])]</\1>', re.DOTALL
 )  # as pymdownx.arithmatex marks them
 
+_AS_IT_IS = re.compile(r"(<(code|pre|math|script)\b.*?</\2>|<[^>]*>)", re.DOTALL)
+_SYMBOL = re.compile(r"(?<![A-Za-z0-9_.])([A-Za-zα-ω])_([A-Za-z0-9]{1,4}(?:,[a-z0-9]\b)?)(?!\w)")
+
 
 def on_config(config: Any) -> Any:
     """Fill the sections of `LISTED` in the navigation."""
@@ -69,7 +72,7 @@ def on_page_markdown(markdown: str, *, page: Any, config: Any, files: Files) -> 
     place = page.file.src_uri
     source = _SOURCE.get(place, f"docs/{place}")
 
-    def kept(link: re.Match[str]) -> str:
+    def with_place(link: re.Match[str]) -> str:
         picture, text, target, anchor = link.groups()
         if "://" in target or target.startswith("mailto:"):
             return link[0]
@@ -80,18 +83,31 @@ def on_page_markdown(markdown: str, *, page: Any, config: Any, files: Files) -> 
         way = posixpath.relpath(goal, posixpath.dirname(place) or ".")
         return f"{picture}[{text}]({way}{anchor or ''})"
 
-    return _LINK.sub(kept, markdown)
+    return _LINK.sub(with_place, markdown)
 
 
-def on_page_content(content: str, **_: Any) -> str:
-    """Set equations as MathML, which a browser draws by itself."""
+def on_page_content(content: str, *, page: Any, **_: Any) -> str:
+    """Set equations as MathML, which a browser draws by itself, and subscripts of symbols."""
 
-    def equation(found: re.Match[str]) -> str:
-        block = found[2] == "["
-        text = mathml(html.unescape(found[3]), block=block)
+    def equation(marked: re.Match[str]) -> str:
+        block = marked[2] == "["
+        text = mathml(html.unescape(marked[3]), block=block)
         return f'<div class="equation">{text}</div>' if block else text
 
-    return _EQUATION.sub(equation, content)
+    content = _EQUATION.sub(equation, content)
+    # Docstrings name variables.
+    return content if page.file.src_uri.startswith("api/") else subscripted(content)
+
+
+def subscripted(content: str) -> str:
+    """Set the subscripts of symbols in the text of a page: ξ_S, but nothing in code."""
+    parts = _AS_IT_IS.split(content)
+    # Text, then what stays as it is, then the name of its tag, and again.
+    return "".join(
+        _SYMBOL.sub(r"\1<sub>\2</sub>", part) if k % 3 == 0 else part
+        for k, part in enumerate(parts)
+        if part is not None and k % 3 != 2
+    )
 
 
 def on_post_page(output: str, *, page: Any, **_: Any) -> str:
@@ -107,8 +123,8 @@ def on_post_template(output: str, *, template_name: str, **_: Any) -> str:
 
 def _local(output: str, up: str, name: str) -> str:
     output = output.replace(_WORKER, f"{up}/iframe-worker.js")
-    if found := _FROM_ELSEWHERE.search(output):
-        raise PluginError(f"{name} takes something from a network: {found[0]}")
+    if foreign_tag := _FROM_ELSEWHERE.search(output):
+        raise PluginError(f"{name} takes something from a network: {foreign_tag[0]}")
     return output
 
 

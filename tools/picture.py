@@ -37,22 +37,22 @@ def picture(run: Run) -> str:
 def circles(runs: dict[str, Run]) -> str:
     """Return the SVG: pitch and yaw of the segments while all draw their circles together."""
     robot = Robot.of(parse_config(next(iter(runs.values())).header.configuration))
-    drawn = [one for one in trackings(runs, robot) if one.phase == TOGETHER]
+    drawn = [tracking for tracking in trackings(runs, robot) if tracking.phase == TOGETHER]
     figure, axes = new_figure(len(drawn), height_in=4.5, share_x=True)
-    for k, (place, one) in enumerate(zip(axes, drawn, strict=True)):
+    for k, (place, tracking) in enumerate(zip(axes, drawn, strict=True)):
         for joint, pen, wanted, actual in zip(
-            ("pitch", "yaw"), "xy", one.wanted_deg, one.actual_deg, strict=True
+            ("pitch", "yaw"), "xy", tracking.wanted_deg, tracking.actual_deg, strict=True
         ):
-            draw(place, one.t_s, actual, joint, pen)
+            draw(place, tracking.t_s, actual, joint, pen)
             draw(
                 place,
-                one.t_s,
+                tracking.t_s,
                 wanted,
                 "reference" if joint == "yaw" else "",
                 "reference",
                 style="--",
             )
-        label(place, "time (s)" if k + 1 == len(drawn) else "", "°", one.segment)
+        label(place, "time (s)" if k + 1 == len(drawn) else "", "°", tracking.segment)
     return svg_of(figure, "pitch and yaw of three segments that draw circles together, over time")
 
 

@@ -43,13 +43,13 @@ def driven(seed: int, seconds: float = 24.0, step_s: float = 0.02) -> Inputs:
     t = np.arange(n) * step_s
     i_A, duty, drain = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2))
     for side in (0, 1):
-        at = int(rng.integers(1, 60))
-        while at < n:
+        row = int(rng.integers(1, 60))
+        while row < n:
             heat, cool = (int(rng.uniform(a, b) / step_s) for a, b in ((2, 6), (2, 7)))
-            i_A[at : at + heat, side] = rng.uniform(2.0, 4.0)
-            duty[at + heat : at + heat + cool, side] = rng.uniform(0.1, 1.0)
-            drain[at + heat + cool : at + heat + cool + 40, side] = rng.integers(0, 2)
-            at += heat + cool + int(rng.integers(0, 60))
+            i_A[row : row + heat, side] = rng.uniform(2.0, 4.0)
+            duty[row + heat : row + heat + cool, side] = rng.uniform(0.1, 1.0)
+            drain[row + heat + cool : row + heat + cool + 40, side] = rng.integers(0, 2)
+            row += heat + cool + int(rng.integers(0, 60))
     stage = 0.004 * np.sin(2 * np.pi * t / rng.uniform(5.0, 15.0)) ** 2
     return Inputs(t, i_A, duty, drain=drain, stage_m=stage)
 
@@ -171,23 +171,23 @@ def results() -> Iterator[tuple[str, dict[str, Array]]]:
 def write(path: Path) -> int:
     """Keep of each case a hash of all bits, some rows, and each output's largest value."""
     start = time.perf_counter()
-    kept: dict[str, Array] = {}
+    columns: dict[str, Array] = {}
     for label, out in results():
         for name, column in out.items():
             every = max(1, len(column) // KEPT_ROWS)
-            kept[f"{label}|{name}|rows"] = np.concatenate([column[::every], column[-1:]])
+            columns[f"{label}|{name}|rows"] = np.concatenate([column[::every], column[-1:]])
             digest = hashlib.sha256(column.tobytes()).digest()
-            kept[f"{label}|{name}|bits"] = np.frombuffer(digest, dtype=np.uint8)
-    np.savez_compressed(path, **kept)
-    print(f"{len(kept) // 2} series in {time.perf_counter() - start:.0f} s: {path}")
+            columns[f"{label}|{name}|bits"] = np.frombuffer(digest, dtype=np.uint8)
+    np.savez_compressed(path, **columns)
+    print(f"{len(columns) // 2} series in {time.perf_counter() - start:.0f} s: {path}")
     return 0
 
 
 def compare(first: Path, second: Path) -> int:
     """Print how many series agree to the bit, and what differs most. Status 1: too far."""
-    one, other = np.load(first), np.load(second)
-    shared = [key for key in one.files if key in other]
-    alone = sorted({key.split("|")[1] for key in set(one.files) ^ set(other.files)})
+    before, other = np.load(first), np.load(second)
+    shared = [key for key in before.files if key in other]
+    alone = sorted({key.split("|")[1] for key in set(before.files) ^ set(other.files)})
     if alone:
         print(f"in one of the two only: {', '.join(alone)}")
     same = 0
@@ -196,10 +196,10 @@ def compare(first: Path, second: Path) -> int:
     for key in shared:
         label, name, kind = key.split("|")
         if kind == "bits":
-            same += bool((one[key] == other[key]).all())
+            same += bool((before[key] == other[key]).all())
             continue
-        scale[name] = max(scale.get(name, 0.0), float(np.abs(one[key]).max()))
-        off = float(np.abs(one[key] - other[key]).max())
+        scale[name] = max(scale.get(name, 0.0), float(np.abs(before[key]).max()))
+        off = float(np.abs(before[key] - other[key]).max())
         if not off <= worst.get(name, (0.0, ""))[0]:
             worst[name] = (off, label)
     print(f"{same} of {len(shared) // 2} series agree in every bit")

@@ -21,7 +21,7 @@ from msgspec import inspect as types
 from firmware_protocol.supervisor.document import PARTS as SUPERVISOR
 from smad import api
 from smad.config.describe import sections
-from smad.config.fields import info_of
+from smad.config.fields import info_of, kind_in_words
 from smad.control import commands
 from smad.daemon.arming import TRANSITIONS
 from smad.diagnosis.constants import Constants, shipped
@@ -184,15 +184,15 @@ def _prose(struct: type[Struct]) -> str:
 
 def _listed(rows: Iterable[tuple[str, str, str]]) -> Iterator[str]:
     """A line for each name, what it is and its meaning; for X and Y one where both are alike."""
-    told: list[tuple[str, str, str]] = []
+    merged: list[tuple[str, str, str]] = []
     for name, kind, meaning in rows:
-        x_name, x_kind, x_meaning = told[-1] if told else ("", "", "")
+        x_name, x_kind, x_meaning = merged[-1] if merged else ("", "", "")
         on_y = (_X.sub("_y", x_name), x_kind, x_meaning.replace("X", "Y"))
         if on_y == (name, kind, meaning):
-            told[-1] = (f"{x_name}`, `{name}", kind, x_meaning.replace("X", "X (Y)"))
+            merged[-1] = (f"{x_name}`, `{name}", kind, x_meaning.replace("X", "X (Y)"))
         else:
-            told.append((name, kind, meaning))
-    yield from (f"- `{name}` ({kind}): {meaning}\n" for name, kind, meaning in told)
+            merged.append((name, kind, meaning))
+    yield from (f"- `{name}` ({kind}): {meaning}\n" for name, kind, meaning in merged)
 
 
 _X = re.compile("_x(?=_|$)")
@@ -200,18 +200,18 @@ _X = re.compile("_x(?=_|$)")
 
 def _fields(struct: type[Struct]) -> Iterator[str]:
     """A line for each field of what is asked: type, default, meaning."""
-    return _listed(_told(struct))
+    return _listed(_described_fields(struct))
 
 
-def _told(struct: type[Struct]) -> Iterator[tuple[str, str, str]]:
+def _described_fields(struct: type[Struct]) -> Iterator[tuple[str, str, str]]:
     for field in info_of(struct).fields:
         kind, description = _described(field.type)
         default = "" if field.required else _default(field)
         kind = kind.removesuffix(" or empty") if default == "empty" else kind
         default = {"empty": "optional"}.get(default, default)
         kind = "" if kind == "true or false" and default in ("true", "false") else kind
-        told = "; ".join(part for part in (kind, default) if part)
-        yield field.name, told, description
+        facts = "; ".join(part for part in (kind, default) if part)
+        yield field.name, facts, description
 
 
 def _described(kind: types.Type) -> tuple[str, str]:
@@ -221,53 +221,11 @@ def _described(kind: types.Type) -> tuple[str, str]:
         unit = (kind.extra or {}).get("unit", "")
         description += f" ({unit})" if unit not in ("", "1") else ""
         kind = kind.type
-    return _kind(kind), description
-
-
-def _kind(kind: types.Type) -> str:
-    match kind:
-        case types.Metadata(type=inner):
-            return _kind(inner)
-        case types.FloatType() | types.IntType():
-            name = "number" if isinstance(kind, types.FloatType) else "whole number"
-            return _bounds(kind) or name
-        case types.StrType():
-            return "text"
-        case types.BoolType():
-            return "true or false"
-        case types.NoneType():
-            return "empty"
-        case types.AnyType():
-            return "anything"
-        case types.LiteralType(values=values):
-            return " or ".join(f'"{value}"' for value in values)
-        case types.UnionType(types=members):
-            return _union(members)
-        case types.VarTupleType(item_type=item):
-            return f"list of {_kind(item)}"
-        case types.TupleType(item_types=items):
-            return f"list of {len(items)}"
-        case types.DictType(key_type=key, value_type=value):
-            return f"{_kind(value)} by {_kind(key)}"
-        case types.StructType(cls=cls):
-            return str(cls.__name__)
-        case types.EnumType(cls=cls):
-            return f"one of {', '.join(str(member.value) for member in cls)}"
-    raise TypeError(f"{kind} has no description")
-
-
-def _bounds(kind: types.FloatType | types.IntType) -> str:
-    low = f"above {kind.gt:g}" if kind.gt is not None else ""
-    low = f"{kind.ge:g}" if kind.ge is not None else low
-    high = f"below {kind.lt:g}" if kind.lt is not None else ""
-    high = f"{kind.le:g}" if kind.le is not None else high
-    return " to ".join((low, high)) if low and high else low or high
-
-
-def _union(members: Sequence[types.Type]) -> str:
-    if all(isinstance(m, types.StructType) for m in members):
-        return "a [piece of motion](#pieces-of-motion)"
-    return " or ".join(_kind(member) for member in members)
+    if isinstance(kind, types.UnionType) and all(
+        isinstance(member, types.StructType) for member in kind.types
+    ):
+        return "a [piece of motion](#pieces-of-motion)", description
+    return kind_in_words(kind), description
 
 
 def _default(field: types.Field) -> str:

@@ -26,8 +26,8 @@ def chosen_rows(only: Sequence[str]) -> tuple[Row, ...]:
     """
     if not only:
         return tuple(ROWS.values())
-    found: dict[str, Row] = {}
-    known = {own for row in ROWS.values() for own in (row.name, row.kind.name)}
+    selected: dict[str, Row] = {}
+    known = {name_or_kind for row in ROWS.values() for name_or_kind in (row.name, row.kind.name)}
     for name in only:
         rows = [row for row in ROWS.values() if name in (row.name, row.kind.name)]
         if not rows:
@@ -36,8 +36,8 @@ def chosen_rows(only: Sequence[str]) -> tuple[Row, ...]:
                 value=name,
                 action=instead(name, known, "docs/guide/fault-campaign.md lists them"),
             )
-        found.update({row.name: row for row in rows})
-    return tuple(found.values())
+        selected.update({row.name: row for row in rows})
+    return tuple(selected.values())
 
 
 def single_cases(seed: int, count: int, rows: Sequence[Row]) -> list[Case]:

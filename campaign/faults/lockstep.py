@@ -105,9 +105,9 @@ def run_case(case: Case) -> Outcome:
             row.drawn(rng, start_us + round(onset_s * 1e6))
             for row, onset_s in zip(case.rows, case.onsets_s, strict=True)
         )
-        for one in injections:
-            bench.faults.add(one)
-        lasts_s = max((_lasts_s(one) for one in injections), default=0.0)
+        for injected in injections:
+            bench.faults.add(injected)
+        lasts_s = max((_lasts_s(injected) for injected in injections), default=0.0)
         end_us = start_us + round((max(case.onsets_s) + lasts_s + case.observe_s) * 1e6)
         await _carry_out(rig, bench, case.scene, end_us, stop_after=len(injections))
 
@@ -129,8 +129,8 @@ def _run(
             await rig.arm()
             start_us = bench.now_us
             await work(rig, bench)
-            told = [event.data for event in rig.events if event.kind == "fault"]
-            first = next((data for data in told if "name" in data), {})
+            fault_events = [event.data for event in rig.events if event.kind == "fault"]
+            first = next((data for data in fault_events if "name" in data), {})
             return _Ran(
                 bench=bench,
                 start_us=start_us,
@@ -183,17 +183,21 @@ def _commanded(rig: Rig, command: ModeCommand) -> bool:
     return True
 
 
-def _lasts_s(one: Injection) -> float:
+def _lasts_s(injected: Injection) -> float:
     """How long a fault lasts that ends by itself; 0 for one that stays."""
-    return one.lasts_s if math.isfinite(one.lasts_s) else 0.0
+    return injected.lasts_s if math.isfinite(injected.lasts_s) else 0.0
 
 
 def _mended_us(bench: WatchedBench) -> int:
     """When the last of what ends by itself has ended, of what has begun."""
     ends_us = [0]
-    for _, _, one in bench.faults.begun:
-        lasts_s = one.lasts_s if math.isfinite(one.lasts_s) else one.parameters.get("seconds", 0.0)
-        ends_us.append(one.at_us + round(lasts_s * 1e6))
+    for _, _, injected in bench.faults.begun:
+        lasts_s = (
+            injected.lasts_s
+            if math.isfinite(injected.lasts_s)
+            else injected.parameters.get("seconds", 0.0)
+        )
+        ends_us.append(injected.at_us + round(lasts_s * 1e6))
     return max(ends_us)
 
 
@@ -245,7 +249,7 @@ def _outcome(case: Case, ran: _Ran, injections: list[Injection]) -> Outcome:
         name=" + ".join(case.row_names),
         group="pair" if len(case.rows) > 1 else case.rows[0].kind.group,
         scene=case.scene.name,
-        injected=" + ".join(described(one, start_us) for one in injections),
+        injected=" + ".join(described(injected, start_us) for injected in injections),
         expected=expectation(
             case,
             (onset_us - start_us) * 1e-6,
@@ -265,13 +269,13 @@ def _outcome(case: Case, ran: _Ran, injections: list[Injection]) -> Outcome:
 
 def states_after(trace: Trace, onset_us: int) -> tuple[tuple[float, str], ...]:
     """The state at the onset, at 0, and those that followed, with their times in s."""
-    found: list[tuple[float, str]] = []
+    visited: list[tuple[float, str]] = []
     for t_us, state, _ in trace.changes:
         if t_us <= onset_us:
-            found = [(0.0, state.name)]
-        elif not found or found[-1][1] != state.name:
-            found.append(((t_us - onset_us) * 1e-6, state.name))
-    return tuple(found)
+            visited = [(0.0, state.name)]
+        elif not visited or visited[-1][1] != state.name:
+            visited.append(((t_us - onset_us) * 1e-6, state.name))
+    return tuple(visited)
 
 
 def gate_open_after(trace: Trace, t_us: int) -> bool:
@@ -279,11 +283,11 @@ def gate_open_after(trace: Trace, t_us: int) -> bool:
     return any(gate for at_us, _, gate in trace.changes if at_us > t_us)
 
 
-def described(one: Injection, start_us: int) -> str:
+def described(injected: Injection, start_us: int) -> str:
     """An injection in one line, its time in s after arming."""
-    parameters = ",".join(f"{name}={value:.4g}" for name, value in one.parameters.items())
-    lasts = f",lasts={one.lasts_s:.3g}" if math.isfinite(one.lasts_s) else ""
-    return f"{one.kind.name}@{(one.at_us - start_us) * 1e-6:.2f}:{parameters}{lasts}"
+    parameters = ",".join(f"{name}={value:.4g}" for name, value in injected.parameters.items())
+    lasts = f",lasts={injected.lasts_s:.3g}" if math.isfinite(injected.lasts_s) else ""
+    return f"{injected.kind.name}@{(injected.at_us - start_us) * 1e-6:.2f}:{parameters}{lasts}"
 
 
 def expectation(case: Case, onset_s: float, until_s: float) -> Expectation:
@@ -300,8 +304,8 @@ def expectation(case: Case, onset_s: float, until_s: float) -> Expectation:
     if then in (Then.GOES_ON, Then.MAY_STOP):
         more_J = stop_J if math.isfinite(stop_J) else 0.0
         return Expectation(then, row.faults, twin_J(until_s) + _TWIN_SLACK_J + more_J)
-    told = then is Then.STOPS and row.kind.group in ("sensor", "actuator")
-    return Expectation(then, row.faults, stop_J, told)
+    must_be_named = then is Then.STOPS and row.kind.group in ("sensor", "actuator")
+    return Expectation(then, row.faults, stop_J, must_be_named)
 
 
 def _pair_expectation(

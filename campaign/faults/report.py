@@ -103,20 +103,20 @@ def summary_of(name: str, group: str, results: Sequence[Judged]) -> Summary:
 
 def by_fault(results: Sequence[Judged]) -> list[Summary]:
     """A row for each fault, in the order they were run; all pairs in one row."""
-    found: dict[tuple[str, str], list[Judged]] = {}
+    by_fault: dict[tuple[str, str], list[Judged]] = {}
     for result in results:
         outcome = result.outcome
         name = "two at once" if outcome.group == _PAIR else outcome.name
-        found.setdefault((name, outcome.group), []).append(result)
-    return [summary_of(name, group, some) for (name, group), some in found.items()]
+        by_fault.setdefault((name, outcome.group), []).append(result)
+    return [summary_of(name, group, some) for (name, group), some in by_fault.items()]
 
 
 def by_group(results: Sequence[Judged]) -> list[Summary]:
     """A row for each group of faults, and one for all."""
-    found: dict[str, list[Judged]] = {}
+    by_group: dict[str, list[Judged]] = {}
     for result in results:
-        found.setdefault(result.outcome.group, []).append(result)
-    rows = [summary_of(group, group, some) for group, some in found.items()]
+        by_group.setdefault(result.outcome.group, []).append(result)
+    rows = [summary_of(group, group, some) for group, some in by_group.items()]
     return [*rows, summary_of("all", "", results)] if rows else []
 
 

@@ -18,7 +18,7 @@ def fuzz_blindly(target: Target, *, seconds: float | None, runs: int | None, see
     """Try the corpus, then mutations, for so long or so many inputs; keep each kind of finding."""
     limited = within_limits(target.harness(), target.allowed_s)
     corpus = list(target.corpus().values())
-    found: dict[str, Finding] = {}
+    findings: dict[str, Finding] = {}
     began_s = time.monotonic()
     executions = 0
     for data in _inputs(target, corpus, runs, seed):
@@ -30,14 +30,14 @@ def fuzz_blindly(target: Target, *, seconds: float | None, runs: int | None, see
         except Exception as error:
             kind = kind_of(error)
             text = "".join(traceback.format_exception(error))
-            found.setdefault(kind, Finding(kind, text, data))
+            findings.setdefault(kind, Finding(kind, text, data))
     return Outcome(
         target=target.name,
         executions=executions,
         seconds=round(time.monotonic() - began_s, 1),
         inputs_before=len(corpus),
         inputs=len(corpus),
-        findings=tuple(found.values()),
+        findings=tuple(findings.values()),
     )
 
 

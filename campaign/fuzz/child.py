@@ -67,7 +67,7 @@ def _collecting(target: Target, harness: Harness, findings: Path) -> Harness:
     limited = within_limits(harness, target.allowed_s)
     seen: set[str] = set()
 
-    def one(data: bytes) -> None:
+    def try_input(data: bytes) -> None:
         try:
             limited(data)
         except Exception as error:
@@ -79,7 +79,7 @@ def _collecting(target: Target, harness: Harness, findings: Path) -> Harness:
                 text = "".join(traceback.format_exception(error))
                 (findings / f"{name}.txt").write_text(f"{kind}\n{text}")
 
-    return one
+    return try_input
 
 
 if __name__ == "__main__":

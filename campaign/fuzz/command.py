@@ -124,10 +124,10 @@ def _keep(target: Target, grown: tuple[bytes, ...]) -> None:
 
     What was seeded or once found always stays.
     """
-    kept = target.corpus()
-    always = {name: data for name, data in kept.items() if _is_named(name)}
+    corpus = target.corpus()
+    always = {name: data for name, data in corpus.items() if _is_named(name)}
     small = [data for data in grown if len(data) <= _LARGEST_KEPT_BYTES]
-    chosen = least(target, (*always.values(), *small, *kept.values()))
+    chosen = least(target, (*always.values(), *small, *corpus.values()))
     added = sorted(set(chosen) - set(always.values()), key=lambda data: (len(data), data))
     new = {hashlib.sha256(data).hexdigest()[:16]: data for data in _spread(added)}
     write_corpus(target.archive, always | new)

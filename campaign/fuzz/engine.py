@@ -104,14 +104,14 @@ def _artifacts(folder: Path) -> list[Path]:
 
 
 def _findings(folder: Path) -> tuple[Finding, ...]:
-    found = []
+    findings = []
     for path in sorted((folder / FINDINGS).glob("*.input")):
         kind, _, text = path.with_suffix(".txt").read_text().partition("\n")
-        found.append(Finding(kind, text, path.read_bytes()))
+        findings.append(Finding(kind, text, path.read_bytes()))
     for path in _artifacts(folder):
         kind = path.name.partition("-")[0]
-        found.append(Finding(kind, f"libFuzzer ended the run: {kind}", path.read_bytes()))
-    return tuple(found)
+        findings.append(Finding(kind, f"libFuzzer ended the run: {kind}", path.read_bytes()))
+    return tuple(findings)
 
 
 def _outcome(

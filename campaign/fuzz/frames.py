@@ -44,21 +44,21 @@ def run(data: bytes) -> None:
 def _same_however_cut(stream: bytes, frames: list[Frame], whole: FrameDecoder, step: int) -> None:
     for width in {1, step}:
         cut = FrameDecoder()
-        found: list[Frame] = []
-        for at in range(0, len(stream), width):
-            found += cut.feed(stream[at : at + width])
-        require(found == frames, "other frames in pieces of {} bytes", width)
+        decoded: list[Frame] = []
+        for offset in range(0, len(stream), width):
+            decoded += cut.feed(stream[offset : offset + width])
+        require(decoded == frames, "other frames in pieces of {} bytes", width)
         # Bytes of a frame not yet ended may be held; that is all that may differ.
         require(cut.stats.frames == whole.stats.frames, "frames counted differently")
         require(cut.stats.errors == whole.stats.errors, "errors counted differently")
         cut.reset()
         require(cut.stats.dropped_bytes <= len(stream), "more bytes were dropped than there were")
-        held = FrameDecoder()
-        held.feed(stream)
-        before = held.stats.dropped_bytes
-        held.reset()
-        require(held.stats.dropped_bytes - before <= MAX_ENCODED, "holds more than one frame")
-        require(held.stats.dropped_bytes == cut.stats.dropped_bytes, "dropped bytes differ")
+        emptied = FrameDecoder()
+        emptied.feed(stream)
+        before = emptied.stats.dropped_bytes
+        emptied.reset()
+        require(emptied.stats.dropped_bytes - before <= MAX_ENCODED, "holds more than one frame")
+        require(emptied.stats.dropped_bytes == cut.stats.dropped_bytes, "dropped bytes differ")
 
 
 def _encodes_back(frame: Frame) -> None:

@@ -21,8 +21,8 @@ from firmware_protocol.wire import Direction
 from smad.config import Config, LinkConfig
 from smad.control.commands import DriveCurrent
 from smad.control.controller import Controller
-from smad.daemon.control import ControlTask, Outlets
-from smad.daemon.means import Clocks
+from smad.daemon.control import ControlOutputs, ControlTask
+from smad.daemon.services import Clocks
 from tests.firmware_protocol.pair import SAMPLE, TOKEN, TestBoard
 
 WANTED = DriveCurrent(i_x_A=1.5, i_y_A=0.5, pump_y_duty=0.5)
@@ -60,7 +60,7 @@ class _Line:
             HostSession(nonce=9),
             Controller(Config().control),
             LinkConfig(setpoint_ttl_ms=100),
-            Outlets(self._written, self._on_event, lambda: None),
+            ControlOutputs(self._written, self._on_event, lambda: None),
             Clocks(lambda: self.now_us, lambda: 0.0, lambda: self.now_us * 1000),
         )
         self._tap = FrameDecoder()

@@ -68,8 +68,8 @@ def mutations(target: Target, corpus: Sequence[bytes], count: int, seed: int) ->
 
 def _words(target: Target) -> list[bytes]:
     return [
-        found.encode("latin-1").decode("unicode_escape").encode("latin-1")
-        for found in _WORD.findall(dictionary(target))
+        word.encode("latin-1").decode("unicode_escape").encode("latin-1")
+        for word in _WORD.findall(dictionary(target))
     ]
 
 

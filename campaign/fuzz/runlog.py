@@ -59,10 +59,10 @@ def run(data: bytes) -> None:
 
 def _shown(path: Path) -> None:
     for arguments in (["show", str(path)], ["list", "--folder", str(path.parent)]):
-        told = _COMMAND_LINE.invoke(log, arguments)
-        if told.exception is not None:
-            raise told.exception
-        require(path.name in told.output, "{} does not name the file", arguments[0])
+        printed = _COMMAND_LINE.invoke(log, arguments)
+        if printed.exception is not None:
+            raise printed.exception
+        require(path.name in printed.output, "{} does not name the file", arguments[0])
 
 
 def _whole_rows_only(read: Run, data: bytes) -> None:

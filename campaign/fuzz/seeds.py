@@ -71,8 +71,8 @@ _STAGES_um = (0, 1, 200_000, 200_001, 2**31 - 1, -1, -(2**31))
 def _drives() -> Seeds:
     """What both the board alone and the whole bench begin with, on each fixture."""
     drive = bytes([_SETPOINT, 100, 50, 0, 100])
-    for at, fixture in enumerate(FIXTURES):
-        begin = bytes([at, _GREET, 9, _SAMPLES, 5])
+    for number, fixture in enumerate(FIXTURES):
+        begin = bytes([number, _GREET, 9, _SAMPLES, 5])
         yield f"{fixture}-driven", begin + bytes([_ARM]) + drive * 4 + bytes([_SAMPLES, 30])
         tokens = b"".join(bytes([_CONFIRM, 1]) + token.to_bytes(4, "little") for token in _TOKENS)
         yield f"{fixture}-tokens", begin + tokens + bytes([_ARM]) + drive
@@ -94,9 +94,9 @@ def _board() -> Seeds:
         layout = CODEC.layouts[number]
         if number >= m.FIRST_BOARD_NUMBER:
             break
-        at = [n for n in sorted(CODEC.layouts) if n < m.FIRST_BOARD_NUMBER].index(number)
+        position = [n for n in sorted(CODEC.layouts) if n < m.FIRST_BOARD_NUMBER].index(number)
         body = bytes(range(layout.size))
-        begin = bytes([at % len(FIXTURES), _GREET, 1, 2, at])
+        begin = bytes([position % len(FIXTURES), _GREET, 1, 2, position])
         yield f"message-{number:02x}", begin + body + bytes([1, _SAMPLES, 2])
 
 
@@ -119,11 +119,11 @@ def _host() -> Seeds:
         bytes([*connect, _HOST_MESSAGE, state]) + CODEC.pack(sample) + bytes([1]),
     )
     to_host = [n for n in sorted(CODEC.layouts) if n >= m.FIRST_BOARD_NUMBER]
-    for at, number in enumerate(to_host):
+    for position, number in enumerate(to_host):
         body = bytes(range(CODEC.layouts[number].size))
         yield (
             f"message-{number:02x}",
-            bytes([*connect, _HOST_MESSAGE, at]) + body + bytes([1, 4, 1]),
+            bytes([*connect, _HOST_MESSAGE, position]) + body + bytes([1, 4, 1]),
         )
 
 

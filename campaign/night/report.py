@@ -56,17 +56,17 @@ class Found:
     looks: dict[str, list[Look]] = field(default_factory=dict)
 
 
-def late(found: Found) -> list[str]:
+def late(night: Found) -> list[str]:
     """Return the troubles that paused the queue and whose word did not come in time."""
     return [
         f"{met.kind} at {met.at_s:.0f} s: "
         + ("no word" if met.after_s is None else f"word after {met.after_s:.1f} s")
-        for met in found.met
+        for met in night.met
         if met.paused and (met.after_s is None or met.after_s > MESSAGE_S)
     ]
 
 
-def troubles_table(found: Found) -> Table:
+def troubles_table(night: Found) -> Table:
     """Return a row for each trouble."""
     rows = [
         (
@@ -77,7 +77,7 @@ def troubles_table(found: Found) -> Table:
             "" if met.after_s is None else f"{met.after_s:.1f}",
             met.word,
         )
-        for met in found.met
+        for met in night.met
     ]
     header = ("board h", "trouble", "during", "queue", "word after s", "word")
     return Table(header, rows, numeric=frozenset({0, 4}))
@@ -107,10 +107,10 @@ def slope_of(looks: Sequence[Look]) -> Slope | None:
     return Slope(float(amount[-1]), float(np.polyfit(at_h, amount, 1)[0]), float(np.ptp(at_h)))
 
 
-def week_table(found: Found) -> Table:
+def week_table(night: Found) -> Table:
     """Return what each amount comes to in a week at its slope."""
     rows = []
-    for name, looks in found.looks.items():
+    for name, looks in night.looks.items():
         slope = slope_of(looks)
         if slope is None:
             rows.append((name, f"{looks[-1].amount:.1f}" if looks else "", "too short", "", ""))
@@ -128,14 +128,14 @@ def week_table(found: Found) -> Table:
     return Table(header, rows, numeric=frozenset({1, 2, 3, 4}))
 
 
-def facts(found: Found) -> str:
+def facts(night: Found) -> str:
     """Return the night in a line."""
-    speed = found.board_h / found.wall_h if found.wall_h else 0.0
-    states = ", ".join(f"{count} {state}" for state, count in sorted(found.states.items()))
+    speed = night.board_h / night.wall_h if night.wall_h else 0.0
+    states = ", ".join(f"{count} {state}" for state, count in sorted(night.states.items()))
     return (
-        f"seed {found.seed}: {found.board_h:.2f} h of board time in {found.wall_h:.2f} h "
-        f"({speed:.1f} times real time); items: {states}; {found.cycles} endurance cycles; "
-        f"{len(found.met)} troubles, {found.visits} visits of a person, {found.told} words"
+        f"seed {night.seed}: {night.board_h:.2f} h of board time in {night.wall_h:.2f} h "
+        f"({speed:.1f} times real time); items: {states}; {night.cycles} endurance cycles; "
+        f"{len(night.met)} troubles, {night.visits} visits of a person, {night.told} words"
     )
 
 

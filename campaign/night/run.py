@@ -296,10 +296,10 @@ class Night:
 
     def _word_since(self, unix_s: float) -> tuple[float | None, str]:
         for line in _lines(self._rig.words):
-            at, _, event = line.partition(" ")
+            time_text, _, event = line.partition(" ")
             with contextlib.suppress(ValueError):
-                if float(at) >= unix_s:
-                    return round(float(at) - unix_s, 2), json.loads(event)["text"]
+                if float(time_text) >= unix_s:
+                    return round(float(time_text) - unix_s, 2), json.loads(event)["text"]
         return None, ""
 
     def _answers(self) -> bool:
@@ -347,26 +347,26 @@ class Night:
             time.sleep(_POLL_S)
 
     def _judge(self) -> None:
-        found, rig = self.found, self._rig
+        night, rig = self.found, self._rig
         snapshot = self._queue.snapshot()
         items = snapshot.items
-        for met in found.met:
+        for met in night.met:
             met.paused = snapshot.item(met.item).state is State.INTERRUPTED
-        found.states.update(item.state.value for item in items)
-        found.told = len(_lines(rig.words))
+        night.states.update(item.state.value for item in items)
+        night.told = len(_lines(rig.words))
         begun = "\n".join(_lines(rig.folder / "runner.log"))
         for number, times in rerun(begun, [item.id for item in items]).items():
-            found.failures.append(f"item {number} ran {times} times")
-        found.failures += late(found)
-        found.cycles = earlier_cycles(rig.logs)
+            night.failures.append(f"item {number} ran {times} times")
+        night.failures += late(night)
+        night.cycles = earlier_cycles(rig.logs)
         for path in sorted(rig.logs.glob("*.mcap")):
             if ".recovered" in path.suffixes or recovered_path(path).exists():
                 continue
             with contextlib.suppress(SmadError):
                 if being_written(path):
-                    found.failures.append(f"{path.name} is still written")
+                    night.failures.append(f"{path.name} is still written")
                 elif (run := read_run(path)).cut_short and len(run):
-                    found.failures.append(f"{path.name} was cut and not recovered")
+                    night.failures.append(f"{path.name} was cut and not recovered")
 
 
 def run_night(

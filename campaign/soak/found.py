@@ -81,12 +81,12 @@ class Found:
 def not_logged(acknowledged: Sequence[Logged], logged: Sequence[Logged]) -> list[str]:
     """The acknowledged commands that the log lacks, or has in another order, in words."""
     missing = []
-    at = 0
+    position = 0
     for method, details in acknowledged:
         if method in LOOKING:
             continue
         try:
-            at = logged.index((method, details), at) + 1
+            position = logged.index((method, details), position) + 1
         except ValueError:
             missing.append(f"{method} {details}")
     return missing

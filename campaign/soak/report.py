@@ -35,42 +35,42 @@ class Check:
     ok: bool
 
 
-def checks(found: Found) -> list[Check]:
+def checks(result: Found) -> list[Check]:
     """Every check of a stage."""
-    early, late = parts_of(found.usage)
+    early, late = parts_of(result.usage)
     growth = [
         _growth("memory, MiB", lambda u: u.rss_MiB, early, late, RSS_GROWTH_MIB),
         _growth("descriptors", lambda u: float(u.descriptors), early, late, 0.0),
         _growth("threads", lambda u: float(u.threads), early, late, 0.0),
     ]
-    stage = found.stage
-    restarts = found.reconnects + 1
-    acknowledged = len(orders(found))
-    strange = [name for name in found.faults if name not in EXPECTED_FAULTS]
+    stage = result.stage
+    restarts = result.reconnects + 1
+    acknowledged = len(orders(result))
+    strange = [name for name in result.faults if name not in EXPECTED_FAULTS]
     return [
-        _least("board time, s", found.board_s, stage.seconds),
-        _none("samples missed within a connection", found.missed),
-        _none("times the armed board waited for the daemon in vain", found.host_timeouts),
-        _same("losses of the port", found.losses, found.reconnects),
-        _same("samples in the run log", found.logged_rows, found.recorded_rows),
-        _most("gaps between logged samples", found.logged_gaps, restarts),
-        _none("records dropped", found.log_dropped),
-        _none_of("trouble with the run log", [found.log_error] if found.log_error else []),
+        _least("board time, s", result.board_s, stage.seconds),
+        _none("samples missed within a connection", result.missed),
+        _none("times the armed board waited for the daemon in vain", result.host_timeouts),
+        _same("losses of the port", result.losses, result.reconnects),
+        _same("samples in the run log", result.logged_rows, result.recorded_rows),
+        _most("gaps between logged samples", result.logged_gaps, restarts),
+        _none("records dropped", result.log_dropped),
+        _none_of("trouble with the run log", [result.log_error] if result.log_error else []),
         _same(
             "acknowledged commands in the run log",
-            acknowledged - len(found.not_logged),
+            acknowledged - len(result.not_logged),
             acknowledged,
         ),
-        _same("commands of the flood answered", found.flood_answered, found.flooded),
+        _same("commands of the flood answered", result.flood_answered, result.flooded),
         _none_of("faults of the board without a cause", strange),
         *growth,
-        _same("exit status", found.status, 0),
+        _same("exit status", result.status, 0),
     ]
 
 
-def orders(found: Found) -> list[str]:
+def orders(result: Found) -> list[str]:
     """The acknowledged commands that were more than looking, by method."""
-    return [method for method, _ in found.commands.commands if method not in LOOKING]
+    return [method for method, _ in result.commands.commands if method not in LOOKING]
 
 
 def parts_of(usage: Sequence[Usage]) -> tuple[list[Usage], list[Usage]]:
@@ -79,21 +79,22 @@ def parts_of(usage: Sequence[Usage]) -> tuple[list[Usage], list[Usage]]:
     return list(usage[tenth : 2 * tenth]), list(usage[-tenth:])
 
 
-def table_of(found: Found) -> Table:
+def table_of(result: Found) -> Table:
     """The checks as a table."""
-    rows = [(c.name, c.found, c.allowed, "ok" if c.ok else "FAILED") for c in checks(found)]
+    rows = [(c.name, c.found, c.allowed, "ok" if c.ok else "FAILED") for c in checks(result)]
     return Table(_HEADER, rows, numeric=frozenset({1, 2}))
 
 
-def facts(found: Found) -> str:
+def facts(result: Found) -> str:
     """What went on, in a line."""
-    speed = found.board_s / found.wall_s if found.wall_s else 0.0
+    speed = result.board_s / result.wall_s if result.wall_s else 0.0
     return (
-        f"{found.stage.name}, seed {found.seed}: {found.samples} samples in {found.wall_s:.0f} s "
-        f"({speed:.1f} times real time), {found.reconnects} reconnects, {found.armings} armings, "
-        f"{len(orders(found))} commands of {len(set(orders(found)))} kinds acknowledged, "
-        f"{found.commands.refused} refused, {found.flooded} of the flood, "
-        f"{found.telemetry_read} samples read by the slow subscriber"
+        f"{result.stage.name}, seed {result.seed}: {result.samples} samples "
+        f"in {result.wall_s:.0f} s ({speed:.1f} times real time), "
+        f"{result.reconnects} reconnects, {result.armings} armings, "
+        f"{len(orders(result))} commands of {len(set(orders(result)))} kinds acknowledged, "
+        f"{result.commands.refused} refused, {result.flooded} of the flood, "
+        f"{result.telemetry_read} samples read by the slow subscriber"
     )
 
 
@@ -102,13 +103,13 @@ def json_of(results: Sequence[Found]) -> str:
     stages = [
         {
             "facts": {
-                **{k: v for k, v in dataclasses.asdict(found).items() if k != "commands"},
-                "acknowledged": dict(Counter(orders(found))),
-                "refused": found.commands.refused,
+                **{k: v for k, v in dataclasses.asdict(result).items() if k != "commands"},
+                "acknowledged": dict(Counter(orders(result))),
+                "refused": result.commands.refused,
             },
-            "checks": [dataclasses.asdict(check) for check in checks(found)],
+            "checks": [dataclasses.asdict(check) for check in checks(result)],
         }
-        for found in results
+        for result in results
     ]
     return json.dumps({"smad": VERSION, "stages": stages}, indent=1) + "\n"
 

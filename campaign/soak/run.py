@@ -166,14 +166,14 @@ class Soak:
         return self.found.board_s
 
     def _take_counts(self, status: dict[str, Any]) -> None:
-        found, counts = self.found, status["counts"]
-        found.samples, found.missed = counts["samples"], counts["missed"]
-        found.skipped, found.losses = counts["skipped"], status["link"]["losses"]
-        found.board_s = found.samples / self._stage.rate_hz
+        stage_result, counts = self.found, status["counts"]
+        stage_result.samples, stage_result.missed = counts["samples"], counts["missed"]
+        stage_result.skipped, stage_result.losses = counts["skipped"], status["link"]["losses"]
+        stage_result.board_s = stage_result.samples / self._stage.rate_hz
         fault = status["motion"]["fault"]
         name = "" if fault is None else fault["name"]
         if name and name != self._fault:
-            found.faults.append(name)
+            stage_result.faults.append(name)
         self._fault = name
 
     def _order(self, command: Struct) -> bool:
@@ -245,15 +245,15 @@ class Soak:
         return any(file.resolve().parent.name == BLACK_BOX for file in open_files.iterdir())
 
     def _finish(self) -> None:
-        found = self.found
+        stage_result = self.found
         while self._to_flood:
             self._pour()
         self._flood.drain_all()
-        found.flooded, found.flood_answered = self._flood.sent, self._flood.answered
+        stage_result.flooded, stage_result.flood_answered = self._flood.sent, self._flood.answered
         self._order(api.Disarm())
         self._take_counts(self._caller.call(api.GetStatus()).result)
-        found.recorded_rows = self._caller.call(api.StopRecording()).result["rows"]
-        found.commands = self._caller.acknowledged
+        stage_result.recorded_rows = self._caller.call(api.StopRecording()).result["rows"]
+        stage_result.commands = self._caller.acknowledged
 
 
 def usage_of(process: int, at_s: float) -> Usage:
@@ -282,30 +282,30 @@ def run_stage(stage: Stage, seed: int, say: Say) -> Found:
             rig.daemon.wait_until_ready()
             soak = Soak(rig, stage, seed, say)
             try:
-                found = soak.run()
+                stage_result = soak.run()
             finally:
                 soak.close()
-            found.status = rig.daemon.end(signal.SIGTERM)
-            found.last_line = rig.daemon.last_line
-            found.host_timeouts = rig.end_bench()
-            read_back(found, folder / "runs")
-    return found
+            stage_result.status = rig.daemon.end(signal.SIGTERM)
+            stage_result.last_line = rig.daemon.last_line
+            stage_result.host_timeouts = rig.end_bench()
+            read_back(stage_result, folder / "runs")
+    return stage_result
 
 
-def read_back(found: Found, runs: Path) -> None:
+def read_back(stage_result: Found, runs: Path) -> None:
     """Compare the run logs in `runs` with what was seen and acknowledged."""
     logged: list[Logged] = []
     for path in sorted(runs.glob("*.mcap")):
         try:
             run = read_run(path)
         except RunLogError as error:
-            found.log_error = str(error)
+            stage_result.log_error = str(error)
             return
-        found.logged_rows += len(run)
-        found.log_dropped += run.dropped
+        stage_result.logged_rows += len(run)
+        stage_result.log_dropped += run.dropped
         if run.cut_short or run.damaged:
-            found.log_error = "; ".join(run.notes)
+            stage_result.log_error = "; ".join(run.notes)
         ticks = run.columns["tick"].astype(np.int64)
-        found.logged_gaps += int((((ticks[1:] - ticks[:-1]) & 0xFFFF) != 1).sum())
+        stage_result.logged_gaps += int((((ticks[1:] - ticks[:-1]) & 0xFFFF) != 1).sum())
         logged += [(event.text, event.data) for event in run.events]
-    found.not_logged = not_logged(found.commands.commands, logged)
+    stage_result.not_logged = not_logged(stage_result.commands.commands, logged)

@@ -29,7 +29,7 @@ _RATE = BY_NAME["state_rate_hz"].number
 
 
 class Listener:
-    """Reads along on the line, both ways: what the board told last, and what it was told."""
+    """Reads along on the line: the last of what the board sent, and of what was sent to it."""
 
     def __init__(self) -> None:
         self.state: wire.State | None = None
@@ -39,7 +39,7 @@ class Listener:
         self._from_board = FrameDecoder()
         self._to_board = FrameDecoder()
 
-    def heard(self, data: bytes) -> None:
+    def from_board(self, data: bytes) -> None:
         """Take in bytes of the board."""
         for frame in self._from_board.feed(data):
             message = _read(frame.type, frame.payload)
@@ -51,7 +51,7 @@ class Listener:
             elif isinstance(message, wire.ParamValue) and message.param == _RATE:
                 self.rate_hz = message.value
 
-    def told(self, data: bytes) -> None:
+    def to_board(self, data: bytes) -> None:
         """Take in bytes to the board."""
         for frame in self._to_board.feed(data):
             message = _read(frame.type, frame.payload)
@@ -168,7 +168,7 @@ class FirmwareBoard:
 
     def receive(self, data: bytes, now_us: int) -> None:
         """Let bytes arrive at board time `now_us`."""
-        self.line.told(data)
+        self.line.to_board(data)
         self.step(now_us - self.clock_us)
         for start in range(0, len(data), MOST_BYTES):
             self.step(0, data[start : start + MOST_BYTES])
@@ -232,7 +232,7 @@ class FirmwareBoard:
         s.duty[:] = out.pump
         self.drain = (bool(out.drain & 1), bool(out.drain & 2))
         if out.data:
-            self.line.heard(out.data)
+            self.line.from_board(out.data)
             self._to_send += out.data
 
 
@@ -247,7 +247,7 @@ class ChipBoard(FirmwareBoard):
 
     def receive(self, data: bytes, now_us: int) -> None:
         """Let bytes arrive with the next step, one after the other."""
-        self.line.told(data)
+        self.line.to_board(data)
         self._inbox += data
 
     def advance(self, readings: Readings, dt_us: int) -> wire.State | None:

@@ -45,11 +45,11 @@ def read_parameters(path: Path) -> ParameterStore:
     content = (path.read_bytes() if path.exists() else b"").ljust(SIZE, bytes([ERASED]))
     parameters = ParameterStore(1)
     best = 0
-    for at in SLOTS:
-        sequence, size = _HEADER.unpack_from(content, at + 1)
-        body = content[at + 1 : at + 1 + _HEADER.size + size]
-        end = at + 1 + len(body)
-        good = content[at] == MARK and content[end : end + 4] == _CRC.pack(zlib.crc32(body))
+    for slot in SLOTS:
+        sequence, size = _HEADER.unpack_from(content, slot + 1)
+        body = content[slot + 1 : slot + 1 + _HEADER.size + size]
+        end = slot + 1 + len(body)
+        good = content[slot] == MARK and content[end : end + 4] == _CRC.pack(zlib.crc32(body))
         if good and sequence > best:
             best = sequence
             packed = body[_HEADER.size :]

@@ -43,7 +43,7 @@ class GetStatus(Params, frozen=True, kw_only=True):
 
 
 class GetMotion(Params, frozen=True, kw_only=True):
-    """What the controller is doing and whether it is done; short, made to be polled."""
+    """What the controller is doing and whether it is done; short, for polling."""
 
 
 class GetConfig(Params, frozen=True, kw_only=True):
@@ -51,7 +51,7 @@ class GetConfig(Params, frozen=True, kw_only=True):
 
 
 class ResetTiming(Params, frozen=True, kw_only=True):
-    """Begin the timing's percentiles anew, to measure a stretch by itself."""
+    """Restart the percentiles of the timing."""
 
 
 class Arm(Params, frozen=True, kw_only=True):
@@ -150,7 +150,7 @@ class TakeControl(Params, frozen=True, kw_only=True):
 
 
 class ReleaseControl(Params, frozen=True, kw_only=True):
-    """Give exclusive control back."""
+    """Release exclusive control."""
 
 
 Access = Literal["watch", "control", "stop"]

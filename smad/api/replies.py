@@ -172,7 +172,7 @@ class Control(Struct, frozen=True, kw_only=True):
     left_s: Annotated[float, Meta(description="until the lease ends")] = 0.0
     yours: Annotated[bool, Meta(description="whether it is you")] = False
     lease: Annotated[
-        str, Meta(description="its secret, told to who took it only: send it with each request")
+        str, Meta(description="secret of the client that took it: send it with each request")
     ] = ""
 
 

@@ -114,14 +114,14 @@ _decode = msgspec.json.Decoder(
     _Subscribe | _Unsubscribe | _GetParameters | _SetParameters | _Follow | _Unfollow
 ).decode
 _encode = msgspec.json.Encoder().encode
-Kept = Callable[[Channel], Iterable[tuple[int, bytes]]]
+History = Callable[[Channel], Iterable[tuple[int, bytes]]]
 
 
 class Viewer:
     """One viewer: what it subscribed to, and what it is answered.
 
-    `channels` and `parameters` say what they are now; `kept` gives the messages of a channel, with
-    their times in ns, that a new subscription begins with.
+    `channels` and `parameters` say what they are now; `history` gives the messages of a channel
+    that a new subscription begins with, and their times in ns.
     """
 
     def __init__(
@@ -130,14 +130,14 @@ class Viewer:
         session: str,
         channels: Callable[[], Sequence[Channel]],
         parameters: Callable[[], Mapping[str, Value]],
-        kept: Kept,
+        history: History,
     ) -> None:
         self._bench = bench
         self._session = session
         self._offered = channels
         self._advertised: Sequence[Channel] = ()
         self._parameters = parameters
-        self._kept = kept
+        self._history = history
         self._channels: dict[int, int] = {}
         self._followed: dict[str, Value | None] = {}
 
@@ -212,7 +212,7 @@ class Viewer:
         if len(self._channels) >= MOST_SUBSCRIPTIONS and asked.id not in self._channels:
             return [status(ERROR, f"{MOST_SUBSCRIPTIONS} subscriptions are open already")]
         self._channels[asked.id] = channel.id
-        return [_data(asked.id, time_ns, body) for time_ns, body in self._kept(channel)]
+        return [_data(asked.id, time_ns, body) for time_ns, body in self._history(channel)]
 
     def wants(self, channel: Channel) -> bool:
         """Whether it subscribed to the channel."""

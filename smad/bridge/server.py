@@ -126,7 +126,7 @@ class Bridge:
             self._session,
             lambda: self._source.channels,
             lambda: self._source.parameters,
-            self._kept,
+            self._history,
         )
         seat = Seat(connection, viewer)
         self._seats.add(seat)
@@ -143,7 +143,7 @@ class Bridge:
             with contextlib.suppress(asyncio.CancelledError, ConnectionClosed):
                 await writing
 
-    def _kept(self, channel: Channel) -> list[tuple[int, bytes]]:
+    def _history(self, channel: Channel) -> list[tuple[int, bytes]]:
         events = self._source.events if channel == LOG else ()
         return [log(entry.time_s, entry.kind, entry.text) for entry in events]
 

@@ -129,7 +129,9 @@ class _Broken(click.Command):
         raise self._error
 
 
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "show_default": True}
+)
 @click.version_option(VERSION, prog_name="smad")
 def root() -> None:
     """Run a bench of two antagonistic shape-memory-alloy springs.

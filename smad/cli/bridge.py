@@ -20,7 +20,6 @@ def bridge() -> None:
     "--port",
     type=click.IntRange(0, 65535),
     default=8765,
-    show_default=True,
     help="TCP port on this machine; 0 takes any.",
 )
 @bench_option

@@ -11,25 +11,14 @@ from smad.cli.output import PATH, Progress
 
 @click.command()
 @click.option(
-    "--folder",
-    type=PATH,
-    default=Path("runs"),
-    show_default=True,
-    help="Where the run log and the page go.",
+    "--folder", type=PATH, default=Path("runs"), help="Where the run log and the page go."
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(0, 2**32 - 1),
-    default=0,
-    show_default=True,
-    help="Seed of all noise.",
-)
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, help="Seed of all noise.")
 @click.option(
     "--firmware",
     "boards",
     type=click.Choice(["python", "host", "avr"]),
     default=["python"],
-    show_default=True,
     multiple=True,
     help="The board, see smad sim --help; give it again for another one beside it.",
 )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import FILE, PATH
+from smad.cli.output import FILE, PATH, json_option, print_json
 from smad.errors import SmadError
 
 _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
@@ -25,19 +25,17 @@ _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
     "current_A",
     type=click.FloatRange(0.01, 50.0),
     default=4.0,
-    show_default=True,
     help="Of the spring that is heated, A.",
 )
 @click.option(
     "--cooling",
     type=click.Choice(["water", "air"]),
     default="water",
-    show_default=True,
     help="Water in a tube around the wire, or still air.",
 )
-@click.option("--params", default="A", show_default=True, help="The alloy: a parameter set.")
+@click.option("--params", default="A", help="The alloy: a parameter set.")
 @click.option("--html", "page", type=FILE, help="Page to write.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+@json_option
 def design(
     *,
     source: Path | None,
@@ -54,17 +52,16 @@ def design(
     before it. By default it is the spring of the parameter set. The simulated pair makes a full
     stroke to and fro; docs/guide/design.md says what is scaled and what is not.
     """
-    from dataclasses import asdict, replace
-
-    import msgspec
+    from dataclasses import replace
 
     from sim_device.plant.errors import PlantError
     from sim_device.plant.geometry import Geometry, load_geometry
     from sim_device.plant.parameters import load_parameters
     from smad.cli.tables import print_table
     from smad.design.cycle import design_cycle
+    from smad.design.page import design_page
     from smad.files import require_writable
-    from smad.report.page import Page, Section, Table, Text, write_page
+    from smad.report.page import Table, write_page
 
     if page is not None:
         require_writable(page)
@@ -83,32 +80,9 @@ def design(
     except PlantError as error:
         raise SmadError(str(error)) from error
     if page is not None:
-        sizes = [(name, f"{v:g}") for name, v in asdict(geometry).items() if v is not None]
-        sizes += [("current_A", f"{current_A:g}"), ("cooling", cooling), ("alloy", base.title)]
-        write_page(
-            Page(
-                title="Design of a pair of springs",
-                lead="What the simulated pair gives over a full stroke to and fro.",
-                facts=[],
-                sections=[
-                    Section("What it gives", [Table(("quantity", "value"), made.rows())]),
-                    Section(
-                        "For this geometry",
-                        [
-                            Table(("quantity", "value"), sizes),
-                            Text(
-                                "The alloy is not scaled; its published numbers beside those of "
-                                "other laboratories are in docs/physics.md.",
-                                kind="note",
-                            ),
-                        ],
-                    ),
-                ],
-            ),
-            page,
-        )
+        write_page(design_page(made, geometry, base.title, current_A, cooling), page)
     if as_json:
-        click.echo(msgspec.json.format(msgspec.json.encode(made), indent=2))
+        print_json(made)
         return
     print_table(Table(("quantity", "value"), made.rows()))
     if page is not None:

@@ -14,13 +14,11 @@ from smad.cli.output import (
     client,
     described,
     wait_for_motion,
+    wait_option,
 )
 from smad.cli.quantity import Quantity
 
 _SPRING = click.Choice(["x", "y"], case_sensitive=False)
-_wait = click.option(
-    "--wait/--no-wait", default=True, help="Wait until it is done, or return at once."
-)
 
 
 @click.command()
@@ -103,7 +101,7 @@ def clear(bench: str, fault: int | None) -> None:
 )
 @click.option("--for", "duration_s", type=Quantity("s"), metavar="S", help="Hold for this time.")
 @click.option("--water/--no-water", default=True, help="Cool with the pump while too warm.")
-@_wait
+@wait_option
 @axis_option
 def heat(
     *,
@@ -151,7 +149,7 @@ def heat(
 @click.option(
     "--until", "until_degc", type=Quantity("°C"), metavar="DEGC", help="End at this temperature."
 )
-@_wait
+@wait_option
 @axis_option
 def current(
     *,
@@ -188,7 +186,7 @@ def current(
 @click.argument("spring", type=_SPRING, metavar="SPRING")
 @click.argument("duty", callback=_duty)
 @click.option("--for", "duration_s", type=Quantity("s"), metavar="S", help="End after this time.")
-@_wait
+@wait_option
 @axis_option
 def pump(spring: str, duty: float, duration_s: float | None, wait: bool, bench: str) -> None:
     """Run the pump of SPRING (x or y) at a DUTY of 0 to 1, or 0% to 100%."""

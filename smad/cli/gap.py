@@ -31,7 +31,7 @@ from smad.cli.gap_runs import (
     uncut,
 )
 from smad.cli.gap_simulator import diagnosed_elsewhere, require_pairs, simulator_options
-from smad.cli.output import FILE, progress
+from smad.cli.output import FILE, json_option, print_json, progress
 from smad.files import named_output, require_writable
 
 _RUN = click.Path(exists=True, dir_okay=False, path_type=Path)
@@ -165,16 +165,14 @@ def apply(*, verdict: Path, out: Path, first: int | None) -> None:
 
 @gap.command()
 @variant_option
-@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+@json_option
 def effects(*, variant: str, as_json: bool) -> None:
     """List the candidate effects, from the registry."""
-    import msgspec
-
     from smad.diagnosis.spring_pair import SmaPlant
 
     library = SmaPlant(variant=variant).effects
     if as_json:
-        click.echo(msgspec.json.format(msgspec.json.encode(list(library)), indent=1).decode())
+        print_json(list(library))
         return
     for e in library:
         click.echo(f"{e.name}  ({e.sub_model}: {', '.join(e.signals)})")
@@ -194,13 +192,11 @@ def effects(*, variant: str, as_json: bool) -> None:
 @click.option("--model", "model_path", required=True, type=_RUN, help="Model file of --apply.")
 @params_option
 @variant_option
-@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+@json_option
 def verify(
     *, runs: tuple[Path, ...], model_path: Path, params: str, variant: str, as_json: bool
 ) -> None:
     """Show the gap of new RUNs with and without the model."""
-    import msgspec
-
     plant = plant_of(params, variant)
     with clean_errors():
         from smad.diagnosis.spring_pair.signals import read_gap_runs
@@ -208,7 +204,7 @@ def verify(
 
         rows = verified(plant, read_gap_runs(runs, runs), plant.load_model(model_path))
     if as_json:
-        click.echo(msgspec.json.format(msgspec.json.encode(rows), indent=1).decode())
+        print_json(rows)
         return
     click.echo(f"{'RMS of measured − predicted':<29} {'before':>9} {'after':>9} {'floor':>9}")
     for r in rows:

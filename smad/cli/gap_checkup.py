@@ -11,7 +11,7 @@ import click
 
 from smad.cli.gap_print import print_verdict, write_verdict
 from smad.cli.output import FILE, FOLDER, Progress, axis_option, progress, ready_client
-from smad.cli.simulated import bench_with, effect_option, require_sim, seed_option, sim_option
+from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
 from smad.files import named_output, require_writable
 
 if TYPE_CHECKING:
@@ -38,7 +38,6 @@ def _bench_options(command: _F) -> _F:
     "--repeats",
     type=click.IntRange(1, 8),
     default=2,
-    show_default=True,
     help="How often the whole programme is played.",
 )
 @click.option("--again", is_flag=True, help="Add repeats to a baseline: the floor gets better.")
@@ -197,7 +196,6 @@ def checkup(
     "--minutes",
     type=click.FloatRange(1.0, 600.0),
     default=20.0,
-    show_default=True,
     help="Bench time for all runs with their rests.",
 )
 @effect_option
@@ -257,7 +255,7 @@ def _player(
     from smad.checkup.play import live, simulated
 
     if sim:
-        with simulated(bench_with(effects), seed=seed) as player:
+        with simulated(simulated_model(effects), seed=seed) as player:
             yield player
         return
     with (

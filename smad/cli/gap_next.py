@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,12 +18,11 @@ from smad.cli.gap_print import (
 )
 from smad.cli.gap_runs import ManyRuns, good_option, hold_out_option, some_runs_argument, uncut
 from smad.cli.output import FOLDER, PATH, bench_option, leased_driver, progress, ready_client
-from smad.cli.simulated import effect_option
+from smad.cli.simulated import effect_option, seed_option, simulated_model
 from smad.files import shown
 
 if TYPE_CHECKING:
-    from smad.diagnosis.plant import ModelPoint
-    from smad.diagnosis.spring_pair import SmaPlant
+    from sim_device.plant.models import Model
 
 _RUN = click.Path(exists=True, dir_okay=False, path_type=Path)
 _OFFERS = 4
@@ -47,22 +45,12 @@ _OFFERS = 4
 @click.option("--model", "model_path", type=_RUN, help="With --sim: model of the simulated bench.")
 @effect_option
 @click.option(
-    "--folder",
-    type=PATH,
-    default=Path("runs"),
-    show_default=True,
-    help="With --sim: where the run log goes.",
+    "--folder", type=PATH, default=Path("runs"), help="With --sim: where the run log goes."
 )
 @bench_option
 @params_option
 @variant_option
-@click.option(
-    "--seed",
-    type=click.IntRange(0, 2**32 - 1),
-    default=0,
-    show_default=True,
-    help="With --sim: seed of all noise.",
-)
+@seed_option
 def next_experiment(
     *,
     runs: tuple[Path, ...],
@@ -98,8 +86,10 @@ def next_experiment(
     with clean_errors():
         if chosen is not None:
             if sim:
-                point = _simulated_point(plant, model_path, effects)
-                _simulate(plant, chosen, seed, folder, point)
+                model = simulated_model(effects, params=params, model_file=model_path)
+                if model_path is None:
+                    model = dataclasses.replace(model, variant=variant)
+                _simulate(model, chosen, seed, folder)
             else:
                 _perform(chosen, seed, bench)
             return
@@ -170,21 +160,8 @@ def _perform(name: str, seed: int, bench: str) -> None:
     click.echo(f"done: {name}, recorded to {shown(driver.log or plan.name)}")
 
 
-def _simulated_point(
-    plant: SmaPlant, model_path: Path | None, effects: Sequence[str]
-) -> ModelPoint:
-    """The simulated bench: the model, or the nominal one, with effects in place of its own."""
-    from sim_device.plant.effects.registry import from_text, resolve
-    from smad.diagnosis.plant import ModelPoint
-
-    point = ModelPoint({}) if model_path is None else plant.load_model(model_path)
-    more = resolve(dict(from_text(text) for text in effects))
-    return dataclasses.replace(point, effects={**point.effects, **more})
-
-
-def _simulate(plant: SmaPlant, name: str, seed: int, folder: Path, point: ModelPoint) -> None:
+def _simulate(model: Model, name: str, seed: int, folder: Path) -> None:
     """Carries an experiment out on a simulated bench in virtual time; says where its run log is."""
-    from sim_device.plant.models import Model
     from smad.diagnosis.spring_pair.catalogue import plan_named
     from smad.experiments.driver import new_log_path
     from smad.experiments.virtual import VirtualDriver
@@ -194,8 +171,5 @@ def _simulate(plant: SmaPlant, name: str, seed: int, folder: Path, point: ModelP
         plan = dataclasses.replace(plan, name=f"{plan.name} {seed}")
     path = new_log_path(folder, plan, "give another --folder or --seed, or move it away")
     with progress() as line:
-        model = Model(
-            plant.set_of(point.theta), plant.variant, plant.acting(point), laws=point.laws
-        )
         VirtualDriver(model, seed=seed, folder=folder, progress=line.say).run(plan)
     click.echo(f"done: {path}")

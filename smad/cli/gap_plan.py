@@ -11,6 +11,7 @@ import click
 from smad.cli.gap_print import clean_errors, params_option, plant_of, variant_option
 from smad.cli.gap_runs import files
 from smad.cli.gap_simulator import require_pairs, simulator_options, warn_of
+from smad.cli.output import json_option, print_json
 
 if TYPE_CHECKING:
     from smad.diagnosis.runs import GapRun
@@ -39,11 +40,10 @@ if TYPE_CHECKING:
     "within_s",
     type=click.FloatRange(0.1, 3600.0),
     default=5.0,
-    show_default=True,
     metavar="S",
     help="Processor time, all included.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+@json_option
 @simulator_options
 @params_option
 @variant_option
@@ -113,7 +113,6 @@ def _played(
 
 def _print(ratings: list[Rating], said: list[str], *, as_json: bool) -> None:
     import dataclasses
-    import json
 
     from smad.simulators.rating import lines
 
@@ -121,7 +120,7 @@ def _print(ratings: list[Rating], said: list[str], *, as_json: bool) -> None:
         rows = [dataclasses.asdict(r) for r in ratings]
         for row in rows:
             row["size"] = row["size"] if row["size"] < float("inf") else None
-        click.echo(json.dumps(rows, indent=1))
+        print_json(rows)
         return
     for line in (*lines(ratings), *said):
         click.echo(line)

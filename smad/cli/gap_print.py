@@ -20,14 +20,11 @@ if TYPE_CHECKING:
     from smad.diagnosis.verdict import Verdict
 
 
-params_option = click.option(
-    "--params", default="A", show_default=True, help="Parameter file, or A, B, conserving."
-)
+params_option = click.option("--params", default="A", help="Parameter file, or A, B, conserving.")
 variant_option = click.option(
     "--variant",
     type=click.Choice(["extended", "printed"]),
     default="extended",
-    show_default=True,
     help="The thermal model; printed is the paper's, whose water stays cold.",
 )
 

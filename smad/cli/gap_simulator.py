@@ -20,15 +20,27 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 def simulator_options(command: _F) -> _F:
     """Add --fmu, --mjcf, --map and --window to a command."""
     for option in (
-        click.option("--window", "window_s", type=click.FloatRange(0.0), metavar="S",
-                     help="With --mjcf: replay windows of this length; 0: whole runs "
-                          "(default: chosen, and said)."),
-        click.option("--map", "map_path", type=_FILE,
-                     help="What columns, and variables or parts of a simulator, are (TOML)."),
+        click.option(
+            "--window",
+            "window_s",
+            type=click.FloatRange(0.0),
+            metavar="S",
+            help="With --mjcf: replay windows of this length; 0: whole runs "
+            "(default: chosen, and said).",
+        ),
+        click.option(
+            "--map",
+            "map_path",
+            type=_FILE,
+            help="What columns, and variables or parts of a simulator, are (TOML).",
+        ),
         click.option("--mjcf", type=_FILE, help="The model is this one of MuJoCo; needs --map."),
-        click.option("--fmu", type=_FILE,
-                     help="The model is this unit of FMI 2.0; needs --map. Runs its code."),
-    ):  # fmt: skip
+        click.option(
+            "--fmu",
+            type=_FILE,
+            help="The model is this unit of FMI 2.0; needs --map. Runs its code.",
+        ),
+    ):
         command = option(command)
     return command
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import FILE, FOLDER, progress
+from smad.cli.output import FILE, FOLDER, json_option, print_json, progress
 
 if TYPE_CHECKING:
     from smad.health.report import Health
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     "--folder",
     type=FOLDER,
     default=Path("runs"),
-    show_default=True,
     help="Run logs of the bench; the record health.jsonl is kept there.",
 )
 @click.option(
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
     help="Predict the cycles to a limit, such as stroke_mm=8; may be repeated.",
 )
 @click.option("--report", type=FILE, help="Write one page with all trends here.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@json_option
 def health(
     *,
     folder: Path,
@@ -71,7 +70,7 @@ def health(
     if report is not None:
         write_page(page(bench_health, str(folder)), report)
     if as_json:
-        _print_json(bench_health)
+        print_json(_record(bench_health), indent=-1)
         return
     click.echo(headline(bench_health))
     if bench_health.trends:
@@ -95,9 +94,7 @@ def _limits(given: tuple[str, ...]) -> Mapping[str, float]:
     return limits
 
 
-def _print_json(bench_health: Health) -> None:
-    import msgspec
-
+def _record(bench_health: Health) -> dict[str, object]:
     from smad.health.report import headline
 
     trends = {
@@ -110,8 +107,4 @@ def _print_json(bench_health: Health) -> None:
         }
         for name, trend in bench_health.trends.items()
     }
-    click.echo(
-        msgspec.json.encode(
-            {"headline": headline(bench_health), "rows": len(bench_health.rows), "trends": trends}
-        ).decode()
-    )
+    return {"headline": headline(bench_health), "rows": len(bench_health.rows), "trends": trends}

@@ -19,14 +19,7 @@ def link() -> None:
 
 
 @link.command()
-@click.option(
-    "--for",
-    "duration_s",
-    type=Finite(0.01, 3600),
-    default=5.0,
-    show_default=True,
-    help="Seconds to count.",
-)
+@click.option("--for", "duration_s", type=Finite(0.01, 3600), default=5.0, help="Seconds to count.")
 @axis_option
 def test(duration_s: float, bench: str) -> None:
     """Count samples, errors and delays for some seconds; exit status 1 if a sample was lost."""

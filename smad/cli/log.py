@@ -10,13 +10,13 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from smad.cli import complete
 from smad.cli.layouts import layouts
-from smad.cli.output import FILE, PATH
+from smad.cli.output import FILE, PATH, json_option, print_json
 from smad.cli.tables import print_columns
 from smad.errors import RunLogError
 from smad.files import require_writable, shown
@@ -53,8 +53,9 @@ _folder = click.option(
     callback=_folder_of_bench,
     help="Folder of the run logs [default: that of the running daemon, else runs]",
 )
-_json = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
-_axis = click.option("--axis", default="", help="Which axis, of a log of several.")
+_axis = click.option(
+    "--axis", default="", show_default=False, help="Which axis, of a log of several."
+)
 _path = click.argument("path", required=False, type=PATH, shell_complete=complete.runs)
 
 
@@ -72,7 +73,7 @@ log.add_command(layouts)
 @log.command("list")
 @click.argument("place", metavar="[FOLDER]", required=False)
 @_folder
-@_json
+@json_option
 def list_command(place: str | None, folder: str, as_json: bool) -> None:
     """List the run logs of FOLDER, or of --folder."""
     from smad.runlog.overview import list_runs
@@ -80,7 +81,7 @@ def list_command(place: str | None, folder: str, as_json: bool) -> None:
     folder = place or folder
     runs = list_runs(folder)
     if as_json:
-        _print_json(runs)
+        print_json(runs)
         return
     if not runs:
         click.echo(f"no run logs in {folder}")
@@ -96,7 +97,7 @@ def list_command(place: str | None, folder: str, as_json: bool) -> None:
 @_path
 @_folder
 @_axis
-@_json
+@json_option
 def show(path: Path | None, folder: str, axis: str, as_json: bool) -> None:
     """Summarise a run log: header, range of each channel, events."""
     from smad.runlog.reader import read_run
@@ -106,7 +107,7 @@ def show(path: Path | None, folder: str, axis: str, as_json: bool) -> None:
         run = read_run(_resolve(path, folder), axis=axis, progress=progress)
     summary = summarise(run)
     if as_json:
-        _print_json(summary)
+        print_json(summary)
         return
     _print_summary(summary)
     if run.cut_short or run.damaged:
@@ -124,14 +125,13 @@ def show(path: Path | None, folder: str, axis: str, as_json: bool) -> None:
     "suffix",
     type=click.Choice(["csv", "parquet", "mat", "rosbag2", "lerobot"]),
     default="csv",
-    show_default=True,
     help="Format, where --output does not name it.",
 )
 @click.option("-o", "--output", type=PATH, help="File, or folder of a bag, to write.")
 @click.option("--overwrite", is_flag=True, help="Replace a file that is there.")
 @click.option("--wide", is_flag=True, help="Several axes in one table: NAME.channel.")
 @click.option("--fps", type=click.IntRange(1, 1000), help="Frames per second, for lerobot.")
-@_json
+@json_option
 def export(
     *,
     path: Path | None,
@@ -173,7 +173,7 @@ def export(
             files += export_run(run, axis_file, overwrite=overwrite)
     rows, notes = max(map(len, runs.values())), next(iter(runs.values())).notes
     if as_json:
-        _print_json({"files": [str(file) for file in files], "rows": rows, "notes": notes})
+        print_json({"files": [str(file) for file in files], "rows": rows, "notes": notes})
         return
     click.echo(f"{rows} rows to {' and '.join(str(file) for file in files)}")
     _print_notes(notes)
@@ -197,8 +197,8 @@ def split(path: Path | None, folder: str) -> None:
 @click.argument("paths", metavar="[RUN]...", nargs=-1, type=PATH, shell_complete=complete.runs)
 @_folder
 @click.option("-o", "--output", type=PATH, help="Page to write.")
-@click.option("--from", "from_s", type=float, default=-math.inf, help="First second to draw.")
-@click.option("--to", "to_s", type=float, default=math.inf, help="Last second to draw.")
+@click.option("--from", "from_s", type=float, help="First second to draw.")
+@click.option("--to", "to_s", type=float, help="Last second to draw.")
 @click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")
 @click.option(
     "--figure",
@@ -210,7 +210,6 @@ def split(path: Path | None, folder: str) -> None:
     "width_mm",
     type=click.FloatRange(40.0, 400.0),
     default=85.0,
-    show_default=True,
     metavar="MM",
     help="Width of the figure: one column of a journal; two are some 175.",
 )
@@ -221,8 +220,8 @@ def plot(
     folder: str,
     axis: str,
     output: Path | None,
-    from_s: float,
-    to_s: float,
+    from_s: float | None,
+    to_s: float | None,
     open_page: bool,
     figure: Path | None,
     width_mm: float,
@@ -242,7 +241,9 @@ def plot(
     for source in sources:
         with _progress(f"reading {source.name}") as progress:
             runs.append(read_run(source, axis=axis, progress=progress))
-    drawn = shown_runs(runs, from_s, to_s)
+    drawn = shown_runs(
+        runs, -math.inf if from_s is None else from_s, math.inf if to_s is None else to_s
+    )
     if figure is not None:
         from smad.report.printed import write_figure
         from smad.report.runs import panels_of
@@ -264,7 +265,7 @@ def plot(
     type=PATH,
     help="TOML file that says what the columns are, where their names do not.",
 )
-@_json
+@json_option
 def import_command(source: Path, output: Path | None, mapping: Path | None, as_json: bool) -> None:
     """Make a run log from a CSV or Parquet file with units in its column names, or a ROS bag."""
     from smad.records.channels import read_mapping
@@ -275,7 +276,7 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
     rules = read_mapping(mapping) if mapping is not None else None
     done = import_table(source, output or source.with_suffix(".mcap"), rules)
     if as_json:
-        _print_json(done)
+        print_json(done)
         return
     click.echo(f"{done.rows} rows to {done.path}")
     print_columns(("column", "channel"), list(done.channel_of.items()))
@@ -290,7 +291,7 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
 @_path
 @_folder
 @click.option("-o", "--output", type=PATH, help="Run log to write.")
-@_json
+@json_option
 def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) -> None:
     """Write an intact copy of a cut or damaged log, and report what was lost."""
     from smad.runlog.holes import words
@@ -301,7 +302,7 @@ def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) 
     with _progress("recovering") as progress:
         done = recover_log(_resolve(path, folder), output, progress=progress)
     if as_json:
-        _print_json(done)
+        print_json(done)
         return
     click.echo(f"{done.messages} messages to {done.path}")
     click.echo(f"lost: {done.lost_messages} messages in damaged chunks, {done.unread_bytes} bytes")
@@ -330,13 +331,6 @@ def _progress(label: str) -> Iterator[Callable[[float], None]]:
             bar.update(max(0, round(share * _BAR_STEPS) - bar.pos))
 
         yield advance
-
-
-def _print_json(value: Any) -> None:
-    import msgspec
-
-    text = msgspec.json.encode(value, enc_hook=str)
-    click.echo(msgspec.json.format(text, indent=2))
 
 
 def _print_notes(notes: Sequence[str]) -> None:

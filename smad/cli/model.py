@@ -8,7 +8,7 @@ import click
 
 from smad.cli import complete
 from smad.cli.output import FILE, PATH
-from smad.cli.simulated import effect_lines
+from smad.cli.simulated import simulated_model
 from smad.errors import SmadError
 
 
@@ -19,12 +19,7 @@ def model() -> None:
 
 @model.command()
 @click.argument("source", metavar="[MODEL]", required=False, type=PATH)
-@click.option(
-    "--params",
-    default="A",
-    show_default=True,
-    help="Without MODEL: parameter file, or A, B, conserving.",
-)
+@click.option("--params", default="A", help="Without MODEL: parameter file, or A, B, conserving.")
 @click.option(
     "--effect",
     "effects",
@@ -37,7 +32,6 @@ def model() -> None:
     "--fixture",
     type=click.Choice(["antagonistic", "stretch", "blocked"]),
     default="antagonistic",
-    show_default=True,
     help="How the springs are held; the last two have a stage.",
 )
 @click.option("--fmi", "unit", required=True, type=FILE, help="FMI co-simulation unit to write.")
@@ -46,7 +40,6 @@ def model() -> None:
     "version",
     type=click.Choice(["3", "2"]),
     default="3",
-    show_default=True,
     help="2 for programs that do not import FMI 3.0.",
 )
 @click.option("--overwrite", is_flag=True, help="Replace a file that is there.")
@@ -65,16 +58,11 @@ def export(
     Without MODEL it is the plant of a parameter set. The unit is C: source, and a binary for this
     machine where it has a compiler. See the page docs/guide/fmi.md.
     """
-    from sim_device.plant.effects.registry import from_text
     from sim_device.plant.errors import PlantError
-    from sim_device.plant.models import built_in, read_model
     from smad.fmi.export import Mounted, export_unit
 
+    given = simulated_model(effects, params=params, model_file=source)
     try:
-        given = built_in(params) if source is None else read_model(source)
-        given = given.with_effects(dict(from_text(text) for text in effects))
-        for line in effect_lines(given.effects, effects):
-            click.echo(line, err=True)
         written = export_unit(
             given, unit, version=int(version), mounted=Mounted(fixture=fixture), overwrite=overwrite
         )

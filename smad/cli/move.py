@@ -14,8 +14,7 @@ from msgspec import inspect as types
 
 from smad.cli.output import NEGATIVE, PATH, axis_option, checked, client, wait_for_motion
 from smad.cli.quantity import UNITS, Quantity, typed_units
-from smad.config.bounds import unit_of
-from smad.config.fields import bare, info_of
+from smad.config.fields import bare, info_of, split_unit
 from smad.control.commands import PIECES, Piece, Samples, Trajectory
 from smad.control.segment import millimetres
 from smad.errors import SmadError
@@ -44,7 +43,6 @@ _DEGREES = click.Option(
     callback=_unit_mm,
     help="Lengths are angles of the MINIR-II segment: degrees for mm (25 degrees are 4 mm).",
 )
-_UNITS = ("_mm_per_s", "_mm", "_s", "_Hz")
 _LENGTHS = ("_mm_per_s", "_mm")
 
 
@@ -134,12 +132,12 @@ def _parameter(
     field: types.Field, value: click.ParamType[Any] | None, meta: Mapping[str, Any]
 ) -> click.Parameter:
     usual = meta.get("usual", field.default)
-    if value is click.FLOAT and (unit := unit_of(field.name)) in UNITS:
+    stem, unit = split_unit(field.name)
+    if value is click.FLOAT and unit in UNITS:
         value = Quantity(unit)
     if usual is msgspec.NODEFAULT:
         return click.Argument([field.name], type=value, metavar=field.name.upper())
-    unit = next((unit for unit in _UNITS if field.name.endswith(unit)), "")
-    name = meta.get("option", field.name.removesuffix(unit).replace("_", "-"))
+    name = meta.get("option", stem.replace("_", "-"))
     text = str(meta.get("description", "")).capitalize() + "."
     if value is click.BOOL:
         return click.Option([f"--{name}", field.name], is_flag=True, help=text)
@@ -147,9 +145,8 @@ def _parameter(
         [f"--{name}", field.name],
         type=value,
         default=usual,
-        show_default=True,
         help=text,
-        metavar=unit.strip("_").replace("_per_", "/").upper() or None,
+        metavar=unit.upper() or None,
     )
 
 

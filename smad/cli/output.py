@@ -31,6 +31,11 @@ FILE = click.Path(dir_okay=False, path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
 """Types of options and arguments: anything, no folder, no file."""
 
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+wait_option = click.option(
+    "--wait/--no-wait", default=True, help="Wait until it is done, or return at once."
+)
+
 NEGATIVE = {"ignore_unknown_options": True}
 """Context of a command with numbers: without it, a -5 would be taken for an option."""
 
@@ -58,7 +63,8 @@ def checked(command: C, typed: Mapping[str, str]) -> C:
     """
     import msgspec
 
-    from smad.config.bounds import field_and_words, unit_of
+    from smad.config.bounds import field_and_words
+    from smad.config.fields import split_unit
 
     values = msgspec.to_builtins(command)
     for name, value in values.items():
@@ -70,7 +76,7 @@ def checked(command: C, typed: Mapping[str, str]) -> C:
         msgspec.convert(values, type(command))
     except msgspec.ValidationError as error:
         name, bound = field_and_words(str(error))
-        unit, value = f" {unit_of(name)}".rstrip(), values.get(name)
+        unit, value = f" {split_unit(name)[1]}".rstrip(), values.get(name)
         shown = f"{value:g}" if isinstance(value, int | float) else repr(value)
         raise click.BadParameter(
             f"{shown}{unit}: {bound}{unit}", param_hint=repr(typed.get(name, name))
@@ -82,7 +88,6 @@ bench_option = click.option(
     "--bench",
     default="bench",
     envvar="SMAD_BENCH",
-    show_default=True,
     help="Name of the bench, where there are several.",
 )
 
@@ -95,6 +100,7 @@ _AXIS = "smad.axis"
 _axis_option = click.option(
     "--axis",
     default="",
+    show_default=False,
     envvar="SMAD_AXIS",
     expose_value=False,
     callback=_remember,
@@ -111,7 +117,6 @@ lease_option = click.option(
     "--lease",
     type=click.FloatRange(0.5, 3600.0),
     default=2.0,
-    show_default=True,
     metavar="S",
     help="On a real bench: the daemon disarms after this time without a message from this program.",
 )
@@ -256,16 +261,9 @@ def described(motion: Motion) -> str:
     return ", ".join(parts)
 
 
-def good(text: str) -> str:
-    """Green on a terminal."""
-    return click.style(text, fg="green")
+def print_json(value: object, *, indent: int = 2) -> None:
+    """Print a value as JSON; with an indent of -1 on one line."""
+    import msgspec
 
-
-def bad(text: str) -> str:
-    """Red on a terminal."""
-    return click.style(text, fg="red")
-
-
-def warned(text: str) -> str:
-    """Yellow on a terminal."""
-    return click.style(text, fg="yellow")
+    text = msgspec.json.encode(value, enc_hook=str)
+    click.echo(msgspec.json.format(text, indent=indent))

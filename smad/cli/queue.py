@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from smad.cli.output import FOLDER, bench_option
+from smad.cli.output import FOLDER, bench_option, json_option, print_json
 
 if TYPE_CHECKING:
     from smad.queue import Queue
@@ -29,7 +29,6 @@ _folder_option = click.option(
     envvar="SMAD_QUEUE",
     help="Folder of the queue  [default: that of the daemon's run logs, else runs]",
 )
-_json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 _number = click.argument("number", type=click.IntRange(1), metavar="ITEM")
 
 
@@ -56,7 +55,7 @@ def queue() -> None:
 @click.argument("kind", metavar="run|tune|checkup|move")
 @click.argument("words", nargs=-1, type=click.UNPROCESSED)
 @click.option("--repeat", type=click.IntRange(1, 1000), default=1, help="How many copies to add.")
-@_json_option
+@json_option
 @_queue_option
 def add(
     *,
@@ -80,7 +79,7 @@ def add(
         added = opened.add_checked(items)
         running = opened.snapshot().mode == "running"
     if as_json:
-        _print_json(added)
+        print_json(added, indent=-1)
         return
     for item in added:
         click.echo(f"item {item.id}: {item.title}")
@@ -107,7 +106,7 @@ def _with_repeat(words: tuple[str, ...], repeat: int) -> tuple[tuple[str, ...], 
 
 @queue.command("list")
 @click.option("--all", "everything", is_flag=True, help="Also ended items.")
-@_json_option
+@json_option
 @_queue_option
 def list_items(*, everything: bool, as_json: bool, folder: Path | None, bench: str) -> None:
     """Show the items and the state of the queue."""
@@ -117,7 +116,7 @@ def list_items(*, everything: bool, as_json: bool, folder: Path | None, bench: s
     if as_json:
         import msgspec
 
-        _print_json({**msgspec.to_builtins(snapshot), "runner": runner, "logs": logs})
+        print_json({**msgspec.to_builtins(snapshot), "runner": runner, "logs": logs}, indent=-1)
         return
     _print_items(snapshot, everything=everything)
     click.echo(state_in_words(snapshot, runner=runner))
@@ -300,14 +299,14 @@ def run(*, until_paused: bool, folder: Path | None, bench: str) -> None:
 
 @queue.command()
 @click.option("--after", type=click.IntRange(0), default=0, help="Only those with a higher number.")
-@_json_option
+@json_option
 @_queue_option
 def messages(*, after: int, as_json: bool, folder: Path | None, bench: str) -> None:
     """Show what happened: the end of every item, and why the queue paused."""
     with _opened(folder, bench) as opened:
         listed = opened.messages(after)
     if as_json:
-        _print_json(listed)
+        print_json(listed, indent=-1)
         return
     for message in listed:
         click.echo(f"{message.id:>4}  {_clock(message.unix_s)}  {message.text}")
@@ -350,9 +349,3 @@ def _clock(unix_s: float) -> str:
 
 def _say(text: str) -> None:
     click.echo(f"{_clock(time.time())}  {text}", err=True)
-
-
-def _print_json(value: object) -> None:
-    import msgspec
-
-    click.echo(msgspec.json.encode(value).decode())

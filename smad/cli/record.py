@@ -40,7 +40,7 @@ def stop(bench: str) -> None:
 
 
 @record.command()
-@click.option("--seconds", type=float, default=60.0, show_default=True, help="How far back.")
+@click.option("--seconds", type=float, default=60.0, help="How far back.")
 @bench_option
 def last(seconds: float, bench: str) -> None:
     """Write the last seconds into a log, recorded or not; after a fault this happens by itself.

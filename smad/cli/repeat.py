@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import time
+import contextlib
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from smad.cli.output import FILE, FOLDER, axis_option, lease_option, progress, ready_client
 from smad.cli.simulated import seed_option, sim_option
-
-if TYPE_CHECKING:
-    from smad.experiments.repeating import Repeat
 
 
 @click.command()
@@ -24,7 +20,6 @@ if TYPE_CHECKING:
     "--save-logs",
     type=FOLDER,
     default=Path("runs"),
-    show_default=True,
     help="With --sim, the folder of the new run log.",
 )
 @seed_option
@@ -47,6 +42,7 @@ def repeat(
     loop. The springs are cooled first, until displacement and temperatures are where RUN began. All
     limits act, and the motion ends when a reading is further from RUN than `control.repeat` allows.
     """
+    from smad.experiments.repeated import repeat_on, repeat_simulated
     from smad.experiments.repeating import read_repeat
 
     recorded = read_repeat(run)
@@ -57,61 +53,24 @@ def repeat(
             err=True,
         )
     name = f"repeat-of-{run.stem}"[:64]
-    path = (
-        _virtual(recorded, name, save_logs, seed)
-        if sim
-        else _live(recorded, name, bench, lease, as_is=as_is, other_bench=other_bench)
-    )
-    click.echo(f"{run.name} repeated: {path}")
-
-
-def _virtual(recorded: Repeat, name: str, folder: Path, seed: int) -> Path:
-    from sim_device.plant.models import built_in
-    from smad.config import Config
-    from smad.experiments.driver import new_log_path
-    from smad.experiments.errors import EndedEarlyError, TrippedError
-    from smad.experiments.virtual import VirtualDriver
-
-    recorded.require_fit(Config())
-    plan = recorded.plan(name)
-    path = new_log_path(folder, plan, "give another folder with --save-logs, or move it away")
-    with progress() as line:
-        driver = VirtualDriver(built_in("A"), seed=seed, folder=folder, progress=line.say)
-        try:
-            driver.run(plan)
-        except (EndedEarlyError, TrippedError):
-            line.note(f"recorded until then: {path}")
-            raise
-    return path
-
-
-def _live(
-    recorded: Repeat, name: str, bench: str, lease_s: float, *, as_is: bool, other_bench: bool
-) -> Path:
-    from smad.config import parse_config
-    from smad.experiments.errors import EndedEarlyError, StoppedError, TrippedError
-    from smad.experiments.leased import LeasedDriver
-    from smad.experiments.replayer import Directly, Replayer
-
-    with ready_client(bench, extra="log") as connected, progress() as line:
-        recorded.require_fit(parse_config(connected.config()))
-        if not other_bench:
-            board = connected.status().board
-            recorded.require_bench("" if board is None else board.uid, bench)
-        driver: Directly | Replayer
-        if as_is:
-            driver = Directly(connected, progress=line.say)
-        else:
-            driver = Replayer(connected, progress=line.say, sleep=time.sleep)
-            driver.start = recorded.start
-        leased = LeasedDriver(
-            connected, driver, lease_s=lease_s, progress=line.say, who="smad run repeat"
+    with contextlib.ExitStack() as stack:
+        connected = None if sim else stack.enter_context(ready_client(bench, extra="log"))
+        line = stack.enter_context(progress())
+        path = (
+            repeat_simulated(
+                recorded, name, folder=save_logs, seed=seed, say=line.note, progress=line.say
+            )
+            if connected is None
+            else repeat_on(
+                connected,
+                recorded,
+                name,
+                bench=bench,
+                lease_s=lease,
+                as_is=as_is,
+                other_bench=other_bench,
+                say=line.note,
+                progress=line.say,
+            )
         )
-        try:
-            leased.run(recorded.plan(name))
-        except (EndedEarlyError, StoppedError, TrippedError):
-            if driver.log is not None:
-                line.note(f"recorded until then: {driver.log}")
-            raise
-        assert driver.log is not None
-        return driver.log
+    click.echo(f"{run.name} repeated: {path}")

@@ -7,15 +7,20 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import NEGATIVE, PATH, Finite, bench_option, client, wait_for_motion
+from smad.cli.output import (
+    NEGATIVE,
+    PATH,
+    Finite,
+    bench_option,
+    client,
+    wait_for_motion,
+    wait_option,
+)
 
 if TYPE_CHECKING:
     from smad.client import Client
     from smad.robot import Angles
 
-_wait = click.option(
-    "--wait/--no-wait", default=True, help="Wait until it is done, or return at once."
-)
 _segment = click.argument("segment")
 
 
@@ -40,14 +45,9 @@ def angles(bench: str) -> None:
 @click.argument("pitch_deg", type=Finite())
 @click.argument("yaw_deg", type=Finite())
 @click.option(
-    "--for",
-    "duration_s",
-    type=Finite(0.1, 3600),
-    default=10.0,
-    show_default=True,
-    help="Seconds to stay there.",
+    "--for", "duration_s", type=Finite(0.1, 3600), default=10.0, help="Seconds to stay there."
 )
-@_wait
+@wait_option
 @bench_option
 def step(
     *, segment: str, pitch_deg: float, yaw_deg: float, duration_s: float, wait: bool, bench: str
@@ -66,21 +66,10 @@ def step(
 @_segment
 @click.argument("radius_deg", type=Finite(0.0, 180.0))
 @click.option(
-    "--period",
-    "period_s",
-    type=Finite(0.5, 3600),
-    default=20.0,
-    show_default=True,
-    help="Seconds for one circle.",
+    "--period", "period_s", type=Finite(0.5, 3600), default=20.0, help="Seconds for one circle."
 )
-@click.option(
-    "--cycles",
-    type=click.IntRange(1, 1000),
-    default=1,
-    show_default=True,
-    help="Number of circles.",
-)
-@_wait
+@click.option("--cycles", type=click.IntRange(1, 1000), default=1, help="Number of circles.")
+@wait_option
 @bench_option
 def circle(
     *, segment: str, radius_deg: float, period_s: float, cycles: int, wait: bool, bench: str
@@ -95,7 +84,7 @@ def circle(
 @robot.command()
 @_segment
 @click.argument("path", type=PATH)
-@_wait
+@wait_option
 @bench_option
 def follow(segment: str, path: Path, wait: bool, bench: str) -> None:
     """Follow the points of a CSV file with the columns t_s, pitch_deg and yaw_deg."""

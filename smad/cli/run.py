@@ -9,9 +9,18 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from smad.cli import complete
-from smad.cli.output import FILE, FOLDER, axis_option, lease_option, progress, ready_client
-from smad.errors import SmadError
-from smad.files import write_whole
+from smad.cli.output import (
+    FILE,
+    FOLDER,
+    axis_option,
+    json_option,
+    lease_option,
+    print_json,
+    progress,
+    ready_client,
+)
+from smad.cli.simulated import seed_option, simulated_model
+from smad.files import named_output
 
 if TYPE_CHECKING:
     from sim_device.plant.models import Model
@@ -52,12 +61,11 @@ class _Run(click.Command):
 @click.command(cls=_Run)
 @click.argument("names", nargs=-1, metavar="NAME…|all", shell_complete=complete.experiments)
 @click.option("--list", "listing", is_flag=True, help="Show the experiments and what each needs.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
+@json_option
 @click.option("--sim", is_flag=True, help="In virtual time, on a simulated bench.")
 @click.option(
     "--parameters",
     default="A",
-    show_default=True,
     help="Parameter file (or A, B, conserving): of the simulated bench, and to compare with.",
 )
 @click.option(
@@ -78,13 +86,7 @@ class _Run(click.Command):
     type=FILE,
     help="Configuration of the control in virtual time, as for `smad start`.",
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(0, 2**32 - 1),
-    default=0,
-    show_default=True,
-    help="With --sim: seed of all noise.",
-)
+@seed_option
 @click.option(
     "--jobs", type=click.IntRange(1, 256), help="Processes for --sim; by default one a core."
 )
@@ -99,7 +101,6 @@ class _Run(click.Command):
     "--fixture",
     type=click.Choice(["antagonistic", "stretch", "blocked"]),
     default="antagonistic",
-    show_default=True,
     help="How the springs of the real bench are mounted.",
 )
 @click.option("--air", is_flag=True, help="The real bench has no tubes mounted.")
@@ -141,7 +142,7 @@ def run(names: tuple[str, ...], **options: Any) -> None:
     if options["listing"]:
         _print_list(as_json=options["as_json"])
         return
-    given = _model(options["parameters"], options["model"])
+    given = simulated_model(params=options["parameters"], model_file=options["model"])
     model = given.parameters
     if options["feedforward"]:
         from smad.experiments.inverse import feedforward_section
@@ -170,8 +171,11 @@ def _print_list(*, as_json: bool) -> None:
 
     experiments = [make_experiment(name) for name in EXPERIMENTS]
     if as_json:
-        _print_json(
-            [{"name": e.name, "title": e.title, "needs": e.requirements()} for e in experiments]
+        print_json(
+            [
+                {"name": e.name, "title": e.title, "needs": sorted(e.requirements())}
+                for e in experiments
+            ]
         )
         return
     rows = []
@@ -180,23 +184,6 @@ def _print_list(*, as_json: bool) -> None:
         rows.append((experiment.name, experiment.title, ", ".join(needs) or "a data file"))
     rows.append(("six-axes", TITLE, "several axes"))
     print_table(Table(("name", "what", "needs"), rows))
-
-
-def _print_json(value: object) -> None:
-    import msgspec
-
-    click.echo(msgspec.json.format(msgspec.json.encode(value, order="sorted"), indent=2))
-
-
-def _model(parameters: str, model_file: Path | None) -> Model:
-    """The model of the simulated bench."""
-    from sim_device.plant.errors import PlantError
-    from sim_device.plant.models import built_in, read_model
-
-    try:
-        return built_in(parameters) if model_file is None else read_model(model_file)
-    except PlantError as error:
-        raise SmadError(str(error)) from None
 
 
 def _experiments(names: Sequence[str], settings: Sequence[str]) -> list[Experiment[Any]]:
@@ -286,10 +273,11 @@ def _finish(
     page = write_page(campaign_page(result, model, given=given, facts=facts), options["report"])
     files = {"page": str(page)}
     if options["save_parameters"] is not None:
-        _write_text(options["save_parameters"], parameters_text(result.recovered))
+        with named_output(options["save_parameters"]) as partial:
+            partial.write_text(parameters_text(result.recovered))
         files["parameters"] = str(options["save_parameters"])
     if options["as_json"]:
-        _print_json({**campaign_records(result, given), **files})
+        print_json({**campaign_records(result, given), **files})
         return
     _print_tables(result, model, given)
     for name, path in files.items():
@@ -303,14 +291,3 @@ def _print_tables(result: CampaignResult, model: ParameterSet, given: ParameterS
     print_table(comparison_table(result))
     if result.estimates:
         print_table(recovery_table(result.estimates, model, given))
-
-
-def _write_text(path: Path, text: str) -> None:
-    try:
-        write_whole(path, text)
-    except OSError as error:
-        raise SmadError(
-            f"the parameter file cannot be written ({error.strerror})",
-            value=str(path),
-            action="choose another file with --save-parameters",
-        ) from None

@@ -19,7 +19,7 @@ from smad.cli.output import (
     progress,
     ready_client,
 )
-from smad.cli.simulated import bench_with, effect_option, require_sim, seed_option, sim_option
+from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
 from smad.errors import SmadError
 from smad.progress import Say
 
@@ -49,21 +49,16 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
     help="Cycle one spring between these instead, °C.",
 )
 @click.option(
-    "--spring",
-    type=click.Choice(["x", "y"]),
-    default="x",
-    show_default=True,
-    help="With --temperature: which.",
+    "--spring", type=click.Choice(["x", "y"]), default="x", help="With --temperature: which."
 )
 @click.option(
     "--rate",
     type=Finite(0.01, 50.0),
     default=2.0,
-    show_default=True,
     metavar="MM/S",
     help="Of the ramps; K/s with --temperature.",
 )
-@click.option("--dwell", type=Finite(0.0, 600.0), default=1.0, show_default=True, metavar="S")
+@click.option("--dwell", type=Finite(0.0, 600.0), default=1.0, metavar="S")
 @click.option(
     "--every",
     nargs=2,
@@ -85,16 +80,9 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
     "--full-every",
     type=click.IntRange(1, 1_000_000),
     default=1,
-    show_default=True,
     help="Keep every n-th cycle in full, of the rest only its statistics.",
 )
-@click.option(
-    "--folder",
-    type=FOLDER,
-    default=Path("endurance"),
-    show_default=True,
-    help="Where cycles.csv goes.",
-)
+@click.option("--folder", type=FOLDER, default=Path("endurance"), help="Where cycles.csv goes.")
 @click.option("--go-on", is_flag=True, help="Go on after the cycles that the folder has.")
 @sim_option
 @effect_option
@@ -139,9 +127,14 @@ def endurance(**options: Any) -> None:
         hours = asked.cycles * asked.profile.period_s / 3600.0
         click.echo(f"{asked.cycles} cycles, about {hours:.1f} h of board time; {room.in_words()}")
         ended = endure(
-            asked, driver, folder, room, logs=logs, check=_checker(options, folder, driver),
+            asked,
+            driver,
+            folder,
+            room,
+            logs=logs,
+            check=_checker(options, folder, driver),
             say=line.say,
-        )  # fmt: skip
+        )
     for number, judgement in ended.judgements:
         click.echo(f"check-up after {number} cycles: {judgement.headline}")
     click.echo(f"ended after {ended.cycles} cycles: {ended.reason}; {folder / 'cycles.csv'}")
@@ -203,7 +196,7 @@ def _bench(
     from smad.experiments.virtual import VirtualDriver
 
     if options["sim"]:
-        model = bench_with(options["effects"])
+        model = simulated_model(options["effects"])
         yield VirtualDriver(model, seed=options["seed"], folder=folder), Config(), folder
         return
     with ready_client(options["bench"]) as connected:

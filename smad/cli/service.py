@@ -25,7 +25,6 @@ def service() -> None:
     "--root",
     type=FOLDER,
     default=Path("/"),
-    show_default=True,
     help="Root of the system, for an image that is being made.",
 )
 @click.option("--overwrite", is_flag=True, help="Replace files that were edited.")

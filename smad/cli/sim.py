@@ -63,7 +63,6 @@ SEED_STEP = 100_003
     "--firmware",
     type=click.Choice(["python", "host", "avr"]),
     default="python",
-    show_default=True,
     help="The board: Python, the C firmware as a process, or its chip emulated.",
 )
 @click.option(
@@ -73,7 +72,7 @@ SEED_STEP = 100_003
     help="With --firmware: file of the parameter memory, to survive this process.",
 )
 @click.option("--for", "seconds", type=Finite(min=0), metavar="S", help="End after this time.")
-@click.option("--transport", default="pty", show_default=True, help="pty, or fd:N,… (sockets).")
+@click.option("--transport", default="pty", help="pty, or fd:N,… (sockets).")
 @click.option(
     "--patience",
     type=click.IntRange(1, 1000),

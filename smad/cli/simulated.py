@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from smad.cli import complete
+from smad.cli.output import note
+from smad.errors import SmadError
 
 if TYPE_CHECKING:
     from sim_device.plant.models import Model
@@ -22,11 +25,7 @@ effect_option = click.option(
     help="With --sim: an effect that the simulated bench has.",
 )
 seed_option = click.option(
-    "--seed",
-    type=click.IntRange(0, 2**32 - 1),
-    default=0,
-    show_default=True,
-    help="With --sim: seed of all noise.",
+    "--seed", type=click.IntRange(0, 2**32 - 1), default=0, help="With --sim: seed of all noise."
 )
 
 
@@ -36,16 +35,29 @@ def require_sim(effects: Iterable[str], *, sim: bool) -> None:
         raise click.UsageError("--effect is of a simulated bench; add --sim")
 
 
-def bench_with(effects: Iterable[str]) -> Model:
-    """Return the nominal model with effects, each NAME or NAME:P=V. Raises UsageError."""
+def simulated_model(
+    effects: Sequence[str] = (), *, params: str = "A", model_file: Path | None = None
+) -> Model:
+    """Return the model of a file, else of a parameter set, with effects: NAME or NAME:P=V.
+
+    An effect replaces the model's of that name; the values that it takes are printed. Raises
+    UsageError for an effect, SmadError for the rest.
+    """
     from sim_device.plant.effects.registry import from_text
     from sim_device.plant.errors import PlantError
-    from sim_device.plant.models import built_in
+    from sim_device.plant.models import built_in, read_model
 
     try:
-        return built_in("A").with_effects(dict(from_text(text) for text in effects))
+        given = built_in(params) if model_file is None else read_model(model_file)
+    except PlantError as error:
+        raise SmadError(str(error)) from None
+    try:
+        model = given.with_effects(dict(from_text(text) for text in effects))
     except PlantError as error:
         raise click.UsageError(f"--effect: {error}") from None
+    for line in effect_lines(model.effects, effects):
+        note(line)
+    return model
 
 
 def effect_lines(effects: Mapping[str, Mapping[str, float]], named: Iterable[str]) -> Iterator[str]:

@@ -21,8 +21,8 @@ TITLE = "circles of the segments of a robot, in turn and together"
 
 @click.command("six-axes")
 @click.option("--sim", is_flag=True, help="On a simulated bench of six axes, begun for it.")
-@click.option("--radius", "radius_deg", type=Finite(0.1, 180.0), default=15.0, show_default=True)
-@click.option("--period", "period_s", type=Finite(0.5, 3600), default=20.0, show_default=True)
+@click.option("--radius", "radius_deg", type=Finite(0.1, 180.0), default=15.0)
+@click.option("--period", "period_s", type=Finite(0.5, 3600), default=20.0)
 @click.option("--report", type=PATH, help="Page; by default beside the log.")
 @bench_option
 def six_axes(
@@ -32,8 +32,9 @@ def six_axes(
 
     Arms the bench that is running (or with --sim its own), and disarms at the end.
     """
+    from smad.cli.tables import print_table
     from smad.experiments.circles import Circles, draw, page_of, table, trackings
-    from smad.report.page import markdown_table, write_page
+    from smad.report.page import write_page
     from smad.robot.moving import robot_of
     from smad.runlog.reader import read_axes
 
@@ -41,7 +42,7 @@ def six_axes(
         made = robot_of(connected)
         log, skew = draw(connected, made, Circles(radius_deg, period_s), line.say)
     written = write_page(page_of(log, made, skew), report or log.with_suffix(".html"))
-    click.echo(markdown_table(table(list(trackings(read_axes(log), made)))))
+    print_table(table(list(trackings(read_axes(log), made))))
     click.echo(
         f"begun together {skew.count} times: p50 {skew.p50_us / 1000:.2f} ms, "
         f"most {skew.max_us / 1000:.2f} ms apart"

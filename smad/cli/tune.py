@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from smad.cli.output import FILE, axis_option, leased_driver, progress, ready_client
+from smad.cli.output import (
+    FILE,
+    axis_option,
+    json_option,
+    leased_driver,
+    print_json,
+    progress,
+    ready_client,
+)
 from smad.errors import CommandError
 from smad.files import write_whole
 
@@ -22,7 +30,6 @@ if TYPE_CHECKING:
     "--spring",
     type=click.Choice(["x", "y"]),
     default="x",
-    show_default=True,
     help="Which spring to heat, for the temperature loop.",
 )
 @click.option("--trial/--no-trial", default=True, help="Try the old and the new gains.")
@@ -33,12 +40,11 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="Write the section of the configuration to a new file.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@json_option
 @click.option(
     "--lease",
     type=click.FloatRange(1.0, 600.0),
     default=2.0,
-    show_default=True,
     metavar="S",
     help="Disarm after this time without a message from here.",
 )
@@ -76,9 +82,12 @@ def tune(
     if save is not None and not session.worse:
         write_whole(save, section)
     if as_json:
-        _print_json(session, section)
+        import msgspec
+
+        fields: dict[str, Any] = msgspec.to_builtins(session)
+        print_json(fields | {"toml": section, "worse": session.worse}, indent=-1)
         return
-    click.echo("\n".join(lines(session)))
+    _print(session)
     click.echo(f"\n{section}", nl=False)
     if session.worse:
         click.echo(f"keep the gains you have: {session.worse}; nothing was changed")
@@ -114,12 +123,11 @@ def _session(
         config = parse_config(connected.config()).control
         driver = leased_driver(connected, "smad tune", lease_s, line.say)
         try:
-            if loop == "temperature":
-                session = tune_temperature(
-                    driver, config, "x" if spring == "x" else "y", trial=trial
-                )
-            else:
-                session = tune_displacement(driver, config, trial=trial)
+            session = (
+                tune_temperature(driver, config, "x" if spring == "x" else "y", trial=trial)
+                if loop == "temperature"
+                else tune_displacement(driver, config, trial=trial)
+            )
         finally:
             connected.disarm()
         if apply and not session.worse:
@@ -130,94 +138,15 @@ def _session(
     return session
 
 
-def lines(session: Session) -> list[str]:
-    """The outcome as a person reads it."""
-    tuned = session.tuned
-    unit = "K" if tuned.loop == "temperature" else "mm"
-    said = []
-    for spring, model in tuned.models.items():
-        said.append(
-            f"spring {spring}: {model.gain:.3g} {unit}/s for each ampere at {model.at_A:.2g} A, "
-            f"lag {model.lag_s:.2g} s, delay {1e3 * model.delay_s:.0f} ms "
-            f"(accounts for {model.fit:.1%})"
-        )
-        if spring in tuned.cooling:
-            cooling = tuned.cooling[spring]
-            said.append(
-                f"          water cools it from {cooling.from_K:.1f} K above, "
-                f"time constant {cooling.time_s:.1f} s"
-            )
-    milli = "µm" if unit == "mm" else "mK"
-    said.append(
-        f"sensor: noise {1e3 * tuned.noise.noise:.2g} {milli} RMS, step "
-        f"{1e3 * tuned.noise.count:.2g} {milli}"
-        + (f", band of a quiet hold {1e3 * tuned.band_mm:.0f} µm" if tuned.band_mm else "")
-    )
-    header = ["gains", f"kp A/{unit}", f"ki A/({unit} s)", "gain margin", "delay margin", "phase"]
-    rows = [
-        [
-            name,
-            f"{gains.kp:g}",
-            f"{gains.ki:g}",
-            f"{margin.gain:.1f} times",
-            f"{1e3 * margin.delay_s:.0f} ms",
-            f"{margin.phase_deg:.0f}°",
-        ]
-        for name, gains, margin in (
-            ("now", tuned.before, tuned.margins_before),
-            ("new", tuned.after, tuned.margins_after),
-        )
-    ]
-    said += ["", *_table(header, rows), "margins are those at full current"]
-    if session.trials is not None:
-        said += ["", *_table(*_trial_table(session))]
-    return said
+def _print(session: Session) -> None:
+    from smad.cli.tables import print_table
+    from smad.experiments.tuning_report import facts, gains_table, trial_table
 
-
-def _trial_table(session: Session) -> tuple[list[str], list[list[str]]]:
-    from smad.control.tuning.tuned import Trial, WarmTrial
-
-    assert session.trials is not None
-    named = tuple(zip(("now", "new"), session.trials, strict=True))
-    if isinstance(session.trials[0], Trial):
-        header = ["trial of ±2 mm", "R²", "overshoot µm", "hold µm RMS", "ripple mA", "pump starts"]
-        return header, [
-            [
-                name,
-                f"{t.r2:.4f}",
-                f"{1e3 * t.overshoot_mm:.0f}",
-                f"{t.error_rms_um:.1f}",
-                f"{t.ripple_mA:.0f}",
-                f"{t.pump_starts}",
-            ]
-            for name, t in named
-            if isinstance(t, Trial)
-        ]
-    header = ["trial of 8 K", "within 0.5 K s", "overshoot K", "hold mK RMS", "ripple mA"]
-    return header, [
-        [
-            name,
-            f"{t.settling_s:.1f}",
-            f"{t.overshoot_K:.2f}",
-            f"{1e3 * t.error_rms_K:.0f}",
-            f"{t.ripple_mA:.0f}",
-        ]
-        for name, t in named
-        if isinstance(t, WarmTrial)
-    ]
-
-
-def _table(header: list[str], rows: list[list[str]]) -> list[str]:
-    widths = [max(len(row[k]) for row in (header, *rows)) for k in range(len(header))]
-    return [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in (header, *rows)
-    ]
-
-
-def _print_json(session: Session, section: str) -> None:
-    import msgspec
-
-    fields: dict[str, Any] = msgspec.to_builtins(session)
-    fields |= {"toml": section, "worse": session.worse}
-    click.echo(msgspec.json.encode(fields).decode())
+    for text in facts(session):
+        click.echo(text)
+    click.echo()
+    print_table(gains_table(session))
+    click.echo("margins are those at full current")
+    if (trials := trial_table(session)) is not None:
+        click.echo()
+        print_table(trials)

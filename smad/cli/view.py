@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     "--port",
     type=click.IntRange(0, 65535),
     default=8787,
-    show_default=True,
     help="TCP port on this machine; 0 takes any.",
 )
 @click.option("--no-browser", is_flag=True, help="Only print the links.")

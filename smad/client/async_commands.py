@@ -68,7 +68,7 @@ class AsyncCommands(ABC):
         return replied.toml
 
     async def reset_timing(self) -> api.Timing:
-        """Begin the timing's percentiles anew, to measure a stretch by itself."""
+        """Restart the percentiles of the timing."""
         return await self._call(api.ResetTiming(), api.Timing)
 
     async def clear(self, fault: int | None = None) -> api.Motion:

@@ -244,7 +244,7 @@ class AsyncClient(AsyncCommands):
         return control
 
     async def release_control(self) -> api.Control:
-        """Give exclusive control back."""
+        """Release exclusive control."""
         self._renewal.end()
         control = await self._call(api.ReleaseControl(), api.Control)
         self._conversation.lease = ""

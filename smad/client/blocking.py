@@ -243,7 +243,7 @@ class Client(Commands):
         return control
 
     def release_control(self) -> api.Control:
-        """Give exclusive control back."""
+        """Release exclusive control."""
         self._renewal.end()
         control = self._call(api.ReleaseControl(), api.Control)
         self._conversation.lease = ""

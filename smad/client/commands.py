@@ -68,7 +68,7 @@ class Commands(ABC):
         return replied.toml
 
     def reset_timing(self) -> api.Timing:
-        """Begin the timing's percentiles anew, to measure a stretch by itself."""
+        """Restart the percentiles of the timing."""
         return self._call(api.ResetTiming(), api.Timing)
 
     def clear(self, fault: int | None = None) -> api.Motion:

@@ -159,7 +159,7 @@ def write_connection(path: Path, connection: Connection, umask: int) -> None:
     except OSError as error:
         raise DaemonError(
             f"cannot write the connection file {path}: {error.strerror}",
-            action="remove what stands in its way, or set daemon.ipc_dir to a folder of your own",
+            action="remove what is in its place, or set daemon.ipc_dir to a folder of your own",
         ) from error
 
 

@@ -14,7 +14,13 @@ from smad.config.control import (
     TemperatureConfig,
 )
 from smad.config.hooks import HooksConfig
-from smad.config.load import bench_in, load_config, parse_config
+from smad.config.load import (
+    bench_in,
+    load_config,
+    parse_config,
+    replaced,
+    without_realtime,
+)
 from smad.config.model import (
     Config,
     DaemonConfig,
@@ -51,4 +57,6 @@ __all__ = [
     "default_toml",
     "load_config",
     "parse_config",
+    "replaced",
+    "without_realtime",
 ]

@@ -17,16 +17,6 @@ _KINDS = {
 }
 """Types of a schema, as a person calls what they allow."""
 _SIDES = {"<=": "at most", ">=": "at least", "<": "below", ">": "above"}
-_UNITS = (
-    ("_mm_per_s", "mm/s"),
-    ("_K_per_s", "K/s"),
-    ("_degC", "°C"),
-    ("_mm", "mm"),
-    ("_Hz", "Hz"),
-    ("_A", "A"),
-    ("_s", "s"),
-)
-"""Longest first: what a name ends with, and the unit that it means."""
 
 
 def in_words(cause: str) -> str:
@@ -39,11 +29,6 @@ def in_words(cause: str) -> str:
         return cause
     given = _KINDS.get(kind["given"], kind["given"])
     return f"it has to be {_KINDS[kind['wanted']]}, not {given}"
-
-
-def unit_of(name: str) -> str:
-    """Return the unit in the name of a field; empty where there is none."""
-    return next((unit for ending, unit in _UNITS if name.endswith(ending)), "")
 
 
 def field_and_words(message: str) -> tuple[str, str]:

@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 from msgspec import inspect as types
 
-from smad.config.fields import bare, fields_of
+from smad.config.fields import bare, fields_of, kind_in_words
 from smad.config.model import Config
 
 
@@ -80,33 +80,5 @@ def _key(section: str, field: types.Field) -> Key:
     default = field.default
     if default is msgspec.NODEFAULT and field.default_factory is not msgspec.NODEFAULT:
         default = field.default_factory()
-    return Key(section, field.name, default, _allowed(kind), meta.get("description", ""))
-
-
-def _allowed(kind: types.Type) -> str:
-    match kind:
-        case types.FloatType(ge=None, gt=above, le=high):
-            return f"above {above:g}, to {high:g}"
-        case types.FloatType(ge=low, le=high):
-            return f"{low:g} to {high:g}"
-        case types.IntType(ge=low, le=high):
-            return f"{low} to {high}, whole"
-        case types.LiteralType(values=values):
-            return " or ".join(_quoted(value) for value in values)
-        case types.BoolType():
-            return "true or false"
-        case types.StrType(min_length=least, max_length=most, pattern=pattern):
-            if pattern:
-                return "text of 1 to 32 letters, digits, _ or -"
-            if most is not None:
-                return f"text of {most} characters"
-            return "text, not empty" if least else "text"
-        case types.VarTupleType(item_type=item):
-            return f"a list; each {_allowed(bare(item)[0])}"
-        case types.DictType():
-            return "tables of numbers"
-    raise TypeError(f"{kind} has no description")
-
-
-def _quoted(value: object) -> str:
-    return f'"{value}"' if isinstance(value, str) else str(value)
+    allowed = "tables of numbers" if isinstance(kind, types.DictType) else kind_in_words(kind)
+    return Key(section, field.name, default, allowed, meta.get("description", ""))

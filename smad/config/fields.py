@@ -1,4 +1,7 @@
-"""The fields of a record type, with what their annotations say. Pure."""
+"""What the annotations of a record type say of its fields: units, bounds, kinds in words. Pure.
+
+Forms, the command line, the configuration's errors and the generated reference read types here.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,24 @@ from typing import Any
 
 import msgspec
 from msgspec import inspect as types
+
+_UNITS = (
+    ("_mm_per_s", "mm/s"),
+    ("_A_per_mm_s", "A/(mm s)"),
+    ("_A_per_K_s", "A/(K s)"),
+    ("_A_per_K", "A/K"),
+    ("_A_per_mm", "A/mm"),
+    ("_K_per_s", "K/s"),
+    ("_deg_per_mm", "°/mm"),
+    ("_degC", "°C"),
+    ("_deg", "°"),
+    ("_K", "K"),
+    ("_mm", "mm"),
+    ("_Hz", "Hz"),
+    ("_A", "A"),
+    ("_s", "s"),
+)
+"""Longest first: what a name ends with, and the unit that it means."""
 
 
 def fields_of(struct: type[msgspec.Struct]) -> tuple[types.Field, ...]:
@@ -31,3 +52,56 @@ def bare(kind: types.Type) -> tuple[types.Type, dict[str, Any]]:
             kind = next(part for part in kind.types if not isinstance(part, types.NoneType))
         else:
             return kind, meta
+
+
+def split_unit(name: str) -> tuple[str, str]:
+    """Return a name without its unit, and the unit: `rate_mm_per_s` → ("rate", "mm/s")."""
+    for ending, unit in _UNITS:
+        if name.endswith(ending):
+            return name.removesuffix(ending), unit
+    return name, ""
+
+
+def kind_in_words(kind: types.Type) -> str:
+    """Return what a type allows, such as "0 to 5" or "true or false"."""
+    match kind:
+        case types.Metadata(type=inner):
+            return kind_in_words(inner)
+        case types.FloatType():
+            return _range(kind) or "number"
+        case types.IntType():
+            span = _range(kind)
+            return f"{span}, whole" if span else "whole number"
+        case types.StrType(min_length=least, max_length=most, pattern=pattern):
+            if pattern:
+                return "text of 1 to 32 letters, digits, _ or -"
+            return f"text of {most} characters" if most else "text, not empty" if least else "text"
+        case types.BoolType():
+            return "true or false"
+        case types.NoneType():
+            return "empty"
+        case types.AnyType():
+            return "anything"
+        case types.LiteralType(values=values):
+            return " or ".join(f'"{v}"' if isinstance(v, str) else str(v) for v in values)
+        case types.UnionType(types=members):
+            return " or ".join(kind_in_words(member) for member in members)
+        case types.VarTupleType(item_type=item):
+            return f"list of {kind_in_words(item)}"
+        case types.TupleType(item_types=items):
+            return f"list of {len(items)}"
+        case types.DictType(key_type=key, value_type=value):
+            return f"{kind_in_words(value)} by {kind_in_words(key)}"
+        case types.StructType(cls=cls):
+            return str(cls.__name__)
+        case types.EnumType(cls=cls):
+            return f"one of {', '.join(str(member.value) for member in cls)}"
+    raise TypeError(f"{kind} has no description")
+
+
+def _range(kind: types.FloatType | types.IntType) -> str:
+    low = f"above {kind.gt:g}" if kind.gt is not None else ""
+    low = f"{kind.ge:.15g}" if kind.ge is not None else low
+    high = f"below {kind.lt:g}" if kind.lt is not None else ""
+    high = f"{kind.le:.15g}" if kind.le is not None else high
+    return " to ".join(part for part in (low, high) if part)

@@ -13,6 +13,7 @@ from firmware_protocol.nearest import instead
 from smad.config.bounds import in_words
 from smad.config.describe import find_section
 from smad.config.model import Config
+from smad.config.template import config_to_toml
 from smad.errors import ConfigError
 
 _LARGEST_FILE_BYTES = 1_000_000
@@ -69,6 +70,20 @@ def parse_config(text: str, source: str = "configuration") -> Config:
         raise ConfigError(
             f"{source} is not a configuration: {error}", action=f"start afresh; {_HELP}"
         ) from None
+
+
+def replaced(config: Config, section: str, **values: object) -> Config:
+    """Return the configuration with keys of one section changed. Raises ConfigError."""
+    changed = msgspec.structs.replace(getattr(config, section), **values)
+    # Through the text and back, so that what comes from options is checked like a file.
+    return parse_config(
+        config_to_toml(msgspec.structs.replace(config, **{section: changed})), source="options"
+    )
+
+
+def without_realtime(config: Config) -> Config:
+    """Return the configuration with no real-time measure asked for."""
+    return replaced(config, "realtime", fifo_priority=0, lock_memory=False, freeze_gc=False)
 
 
 def bench_in(text: str) -> str:

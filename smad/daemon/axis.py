@@ -25,14 +25,14 @@ from smad.config import Config
 from smad.control.controller import Controller
 from smad.control.inputs import Departure
 from smad.control.sample import Scales
-from smad.daemon.control import ControlTask, Finished, Outlets
+from smad.daemon.control import ControlOutputs, ControlTask, Finished
 from smad.daemon.hoststop import HostStop, in_full
 from smad.daemon.link.link import Link
 from smad.daemon.link.port import Opener
 from smad.daemon.link.requests import BoardRequests
 from smad.daemon.link.watch import BoardWatch
-from smad.daemon.means import Means
 from smad.daemon.process import Process
+from smad.daemon.services import Services
 from smad.daemon.stops import BoardStop, Stops
 from smad.daemon.telemetry.stamps import Stamps
 from smad.errors import CommandError
@@ -43,15 +43,15 @@ AWAY = (HostState.DISCONNECTED, HostState.SYNC)
 
 
 @dataclass(frozen=True)
-class Surroundings:
-    """What an axis has of its bench.
+class AxisDependencies:
+    """What an axis needs from its bench.
 
     `turns` says by how many degrees 1 mm of each tendon turns each joint, `standing_mm` where each
     tendon was at its last sample; by axis. `guarded` carries work out under the name of a part,
     whose death ends the daemon; `on_finished` is called when a sample waits to be published.
     """
 
-    means: Means
+    services: Services
     stops: Stops
     turns: Mapping[str, Mapping[str, float]]
     standing_mm: dict[str, float]
@@ -63,13 +63,13 @@ class Axis:
     """An antagonistic pair with its board: the parts put together."""
 
     def __init__(
-        self, name: str, config: Config, opener: Opener, process: Process, bench: Surroundings
+        self, name: str, config: Config, opener: Opener, process: Process, bench: AxisDependencies
     ) -> None:
         self.name = name
         self.lead = f"{name}: " if name else ""
         """Begins what is said of it; empty for the only one."""
         self.config = config
-        self.means = means = bench.means.named(name)
+        self.services = services = bench.services.named(name)
         self._guarded = bench.guarded
         self._turns = bench.turns[name]
         self._standing_mm = bench.standing_mm
@@ -91,20 +91,20 @@ class Axis:
             self.session,
             Controller(config.control, config.limits),
             config.link,
-            Outlets(self.link.write, self._on_event, bench.on_finished),
+            ControlOutputs(self.link.write, self._on_event, bench.on_finished),
             process.clocks,
             trace=process.options.trace,
         )
         self.controller = self.control.controller
-        self.requests = BoardRequests(self.session, means.clocks.us, self.control.flush)
+        self.requests = BoardRequests(self.session, services.clocks.us, self.control.flush)
         self.watch = BoardWatch(
             config.link,
             self.requests,
-            means,
+            services,
             baud=lambda: 0 if self.link.transport is None else self.link.transport.baud,
             on_scales=self._set_scales,
         )
-        self.stop = BoardStop(bench.stops, self.control, self.requests, self.watch, means)
+        self.stop = BoardStop(bench.stops, self.control, self.requests, self.watch, services)
         self.host_stop = HostStop(self.controller)
 
     @property
@@ -142,7 +142,7 @@ class Axis:
         # What waits in the port must count before the session is asked whether anything came.
         self.link.read()
         self.control.tick()
-        self.watch.tick(self.means.clocks.us())
+        self.watch.tick(self.services.clocks.us())
         self.stop.tick()
 
     def finished(self, most: int) -> Iterator[tuple[Row, float]]:
@@ -167,7 +167,7 @@ class Axis:
         self.control.opened()
         transport = self.link.transport
         if self.link.counts.opens > 1 and transport is not None:
-            self.means.say("link", f"reopened {transport.name}; monitoring, not armed", {})
+            self.services.say("link", f"reopened {transport.name}; monitoring, not armed", {})
 
     def _on_lost(self, reason: str) -> None:
         self.control.lost()
@@ -189,7 +189,7 @@ class Axis:
         others, self._other_axes = self._other_axes, self.session.stats.other_axes
         if self._other_axes > others:
             why = f"the board sends samples of another axis than link.axis {self.config.link.axis}"
-            self.means.say("warning", why, {"samples": self._other_axes - others})
+            self.services.say("warning", why, {"samples": self._other_axes - others})
             return why
         return f"the board fell silent for {event.silent_us / 1000:.0f} ms"
 
@@ -199,7 +199,7 @@ class Axis:
     def _taken_s(self, state: State) -> float | None:
         """Unix time when a sample was taken, by the fit of the clocks; None while unknown."""
         # In this order: a pause between the two readings makes the time too early, and no jump.
-        wall_s, now_us = self.means.clocks.wall_s(), self.means.clocks.us()
+        wall_s, now_us = self.services.clocks.wall_s(), self.services.clocks.us()
         host_us = self.session.host_us(state.t_us)
         return None if host_us is None else wall_s + (host_us - now_us) * 1e-6
 
@@ -208,17 +208,17 @@ class Axis:
             "the computer's clock had leapt ahead and is back; "
             f"timestamps of telemetry went back by {returned_s:.0f} s"
         )
-        self.means.say("warning", text, {"returned_s": returned_s})
+        self.services.say("warning", text, {"returned_s": returned_s})
 
     def _tell_of_host_stop(self) -> None:
-        fault = self.host_stop.news()
+        fault = self.host_stop.new_reason()
         if fault is not None:
             data: dict[str, Any] = {name: getattr(fault, name) for name in fault.__struct_fields__}
-            self.means.say("fault", f"the host stopped: {in_full(fault)}", data)
+            self.services.say("fault", f"the host stopped: {in_full(fault)}", data)
             self.stop.fails(f"a limit of the host: {fault.name}")
 
     def _report_departure(self) -> None:
         departure = self.controller.departure
         if departure is not None and departure is not self._reported_departure:
-            self.means.say("warning", f"repeated inputs were ended: {departure.in_words()}", {})
+            self.services.say("warning", f"repeated inputs were ended: {departure.in_words()}", {})
         self._reported_departure = departure

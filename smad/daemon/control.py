@@ -20,7 +20,7 @@ from smad.control.cooling import PumpStarts
 from smad.control.sample import BoardTime, Sample, Scales, sample_of
 from smad.control.setpoint import setpoint_of
 from smad.daemon.histogram import Histogram
-from smad.daemon.means import Clocks
+from smad.daemon.services import Clocks
 from smad.daemon.trace import Trace
 from smad.runlog.rows import row_of
 from smad.runlog.schema import Row
@@ -69,8 +69,8 @@ class Finished:
 
 
 @dataclass(frozen=True)
-class Outlets:
-    """Where the control task puts what it makes.
+class ControlOutputs:
+    """Where the control task sends setpoints, events and samples.
 
     `write` says whether the port took the bytes; `on_event` gets what is not a sample;
     `on_finished` is called when a sample waits in `finished` to be published.
@@ -82,7 +82,7 @@ class Outlets:
 
 
 class ControlTask:
-    """Turns bytes into steps. Pure but for the clocks and the outlets that it is given.
+    """Turns bytes into steps. Pure but for the clocks and the outputs that it is given.
 
     `stepping` off: session and samples go on, but nothing is computed or driven any more.
     """
@@ -92,7 +92,7 @@ class ControlTask:
         session: HostSession,
         controller: Controller,
         config: LinkConfig,
-        outlets: Outlets,
+        outputs: ControlOutputs,
         clocks: Clocks,
         *,
         trace: Trace | None = None,
@@ -117,9 +117,9 @@ class ControlTask:
         self.on_next: Callable[[State], None] | None = None
         """Called once, with the next sample that is answered."""
         self._ttl_ms = config.setpoint_ttl_ms
-        self._write = outlets.write
-        self._on_event = outlets.on_event
-        self._on_finished = outlets.on_finished
+        self._write = outputs.write
+        self._on_event = outputs.on_event
+        self._on_finished = outputs.on_finished
         self._clock_us = clocks.us
         self._wall_clock = clocks.wall_s
         self._stopwatch_ns = clocks.stopwatch_ns

@@ -18,7 +18,7 @@ from firmware_protocol.events import HostState
 from firmware_protocol.mirror import STOPPED
 from smad.config import Config
 from smad.daemon.arming import Arming
-from smad.daemon.axis import Axis, Surroundings
+from smad.daemon.axis import Axis, AxisDependencies
 from smad.daemon.command.answers import Answers
 from smad.daemon.command.bench import Bench, CommandCounts
 from smad.daemon.command.lease import DeadMan, Lease
@@ -28,9 +28,9 @@ from smad.daemon.command.status import StatusReport
 from smad.daemon.command.unwelcome import Unwelcome
 from smad.daemon.errors import Refusal
 from smad.daemon.link.port import Opener
-from smad.daemon.means import Means
 from smad.daemon.process import Process
 from smad.daemon.realtime import IdleCollector
+from smad.daemon.services import Services
 from smad.daemon.stops import BoardStop, Stops
 from smad.daemon.telemetry.blackbox import BlackBox
 from smad.daemon.telemetry.publisher import Publisher
@@ -75,7 +75,7 @@ class Daemon:
         self._recorder_error = ""
         self._housekept_s = time.monotonic()
         self._left_hot_us: int | None = None
-        means = Means(process.clocks, self.say, self.spawn)
+        services = Services(process.clocks, self.say, self.spawn)
         by_axis = config.by_axis()
         alone = frozenset(axis.name for axis in config.axes if axis.fault_holds == "own")
         arming = Arming(tuple(by_axis), alone, process.nonce)
@@ -85,11 +85,11 @@ class Daemon:
             on_begin=self._on_stop_begun,
             on_failure=self._on_failure,
         )
-        surroundings = Surroundings(
-            means, self.stops, config.turns(), {}, self._guarded, self._on_finished
+        dependencies = AxisDependencies(
+            services, self.stops, config.turns(), {}, self._guarded, self._on_finished
         )
         self.axes = {
-            name: Axis(name, axis_config, openers[name], process, surroundings)
+            name: Axis(name, axis_config, openers[name], process, dependencies)
             for name, axis_config in by_axis.items()
         }
         self.groups = Groups(self.axes, self.say)
@@ -116,9 +116,9 @@ class Daemon:
         self.publisher = Publisher(self.loop, config.telemetry)
         self.collector = IdleCollector(enabled=False)
         self._dead_man = DeadMan(int(config.daemon.dead_man_lease_s * 1e6))
-        self._towards_clients(process, means)
+        self._towards_clients(process, services)
 
-    def _towards_clients(self, process: Process, means: Means) -> None:
+    def _towards_clients(self, process: Process, services: Services) -> None:
         counts = CommandCounts()
         bench = Bench(
             config=self.config,
@@ -132,7 +132,7 @@ class Daemon:
             journal=self.journal,
             collector=self.collector,
             counts=counts,
-            means=means,
+            services=services,
         )
         self.status = StatusReport(bench)
         self.service = Service(bench, self.status)
@@ -165,7 +165,7 @@ class Daemon:
                 missing.append(error)
                 if not without_missing or len(missing) == len(self.axes):
                     raise
-                axis.means.say("warning", f"begun without its board: {error}", {})
+                axis.services.say("warning", f"begun without its board: {error}", {})
                 axis.link.open_later()
         self._housekept_s = time.monotonic()
         self._housekeep()

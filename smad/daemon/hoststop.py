@@ -61,7 +61,7 @@ class HostStop:
         trip = self._controller.trip
         return None if trip is None or trip is self._cleared else fault_of_trip(trip)
 
-    def news(self) -> api.Fault | None:
+    def new_reason(self) -> api.Fault | None:
         """Return the stop the first time that it is asked for, None afterwards."""
         trip = self._controller.trip
         if trip is None or trip is self._reported:

@@ -11,8 +11,8 @@ import zmq
 
 from smad.config import Config
 from smad.daemon.journal import Journal
-from smad.daemon.means import Clocks
 from smad.daemon.notify import Notifier
+from smad.daemon.services import Clocks
 from smad.daemon.sockets.descriptors import Reserve
 from smad.daemon.trace import Trace
 

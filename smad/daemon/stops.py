@@ -24,7 +24,7 @@ from smad.daemon.control import ControlTask
 from smad.daemon.errors import Refusal
 from smad.daemon.link.requests import BoardRequests
 from smad.daemon.link.watch import BoardWatch
-from smad.daemon.means import Means, Say
+from smad.daemon.services import Say, Services
 from smad.runlog.schema import CUT
 
 PATIENCE_US = 1_000_000
@@ -208,9 +208,9 @@ class BoardStop:
         control: ControlTask,
         requests: BoardRequests,
         watch: BoardWatch,
-        means: Means,
+        services: Services,
     ) -> None:
-        self.label = means.axis
+        self.label = services.axis
         """Names the board in messages; empty for the only one."""
         self.ended = ""
         """What ended the last arming, "stopped by …"; empty from an arming until then."""
@@ -222,9 +222,9 @@ class BoardStop:
         self._requests = requests
         self._watch = watch
         self._axis = control.axis
-        self._say = means.say
-        self._spawn = means.spawn
-        self._clock_us = means.clocks.us
+        self._say = services.say
+        self._spawn = services.spawn
+        self._clock_us = services.clocks.us
         self._armed = False
         """Armed, or about to be, since the last stop."""
         self._confirmed_us: int | None = None

@@ -13,7 +13,7 @@ from firmware_protocol.messages import State
 from smad.control.commands import Follow
 from smad.daemon.axis import Axis
 from smad.daemon.histogram import Histogram
-from smad.daemon.means import Say
+from smad.daemon.services import Say
 from smad.errors import CommandError
 
 Group = Mapping[str, Follow]

@@ -224,7 +224,7 @@ def _comparisons(
             "not given (Table 1 is missing); 58.5 and 116.2 N/m derived",
             f"{k_m:.1f}, {k_a:.1f} N/m; {by_name['modulus_martensite'] / 1e9:.2f}, "
             f"{by_name['modulus_austenite'] / 1e9:.2f} GPa",
-            "only G/N can be told from a stretch; N = 20 is assumed",
+            "a stretch gives only G/N; N = 20 is assumed",
         ),
         Comparison(
             "Fig. 4: force at full stretch, cold and warm",

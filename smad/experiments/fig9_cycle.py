@@ -222,13 +222,29 @@ def _plane(run: Recording, theory: CycleTheory, model: ParameterSet) -> Plane:
     shown = [(bend * 1e3 > 10.0) & (bend * 1e3 < 40.0) for bend in (martensite, austenite)]
     deflection_mm, force_N = theory.deflection_m * 1e3, theory.force_N
     curves = [
-        Curve(label="martensite curve", pen="reference", dash=(2, 3),
-              x=martensite[shown[0]] * 1e3, y=force[shown[0]]),
-        Curve(label="austenite curve", pen="reference", dash=(6, 4),
-              x=austenite[shown[1]] * 1e3, y=force[shown[1]]),
-        Curve(label="run", pen="main", x=mounted_mm + run["displacement_mm"], y=run["force_N"],
-              t=run.t_s - run.t_s[0], cycle=cycles_of(run.columns)),
+        Curve(
+            label="martensite curve",
+            pen="reference",
+            dash=(2, 3),
+            x=martensite[shown[0]] * 1e3,
+            y=force[shown[0]],
+        ),
+        Curve(
+            label="austenite curve",
+            pen="reference",
+            dash=(6, 4),
+            x=austenite[shown[1]] * 1e3,
+            y=force[shown[1]],
+        ),
+        Curve(
+            label="run",
+            pen="main",
+            x=mounted_mm + run["displacement_mm"],
+            y=run["force_N"],
+            t=run.t_s - run.t_s[0],
+            cycle=cycles_of(run.columns),
+        ),
         Curve(label="the paper's Eqs (32)–(36)", pen="text", x=deflection_mm, y=force_N),
-    ]  # fmt: skip
+    ]
     deflection = Quantity("deflection of Y", "mm", 2, 0.1)
     return Plane("The paper's loop beside this one", deflection, QUANTITIES["force_N"], curves)

@@ -164,8 +164,13 @@ def _task_table(tasks: Sequence[str]) -> Any:
     pa = part("pyarrow")
 
     def about(name: str, kind: str, numpy: str) -> dict[str, Any]:
-        return {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy,
-                "metadata": None}  # fmt: skip
+        return {
+            "name": name,
+            "field_name": name,
+            "pandas_type": kind,
+            "numpy_type": numpy,
+            "metadata": None,
+        }
 
     pandas = {
         "index_columns": ["task"],

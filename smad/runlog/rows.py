@@ -39,7 +39,7 @@ def row_of(
     displacement_mm = millimetres(sample.displacement_m)
     i_cmd = (_NAN, _NAN) if setpoint is None else setpoint.i_mA
     age_us = state.sp_age_us
-    rtd = sample.rtd_degC
+    rtd = [round(degrees, 6) for degrees in sample.rtd_degC]
     return Row(
         t_s=sample.t_us / 1e6,
         host_time_s=host_time_s,

@@ -10,10 +10,13 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, get_args, get_type_hints
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta, Struct
+from msgspec import inspect as types
+
+from smad.config.fields import bare, fields_of
 
 ROW_TOPIC = "/smad/row"
 EVENT_TOPIC = "/smad/events"
@@ -77,11 +80,11 @@ class Row(Struct, kw_only=True, gc=False, omit_defaults=True):
     ] = None
     pump_starts_x: Annotated[
         int | None,
-        _of("", "STATE.pump_duty", "starts of the pump that cools X, since the daemon's"),
+        _of("", "STATE.pump_duty", "starts of the pump that cools X, since the daemon started"),
     ] = None
     pump_starts_y: Annotated[
         int | None,
-        _of("", "STATE.pump_duty", "starts of the pump that cools Y, since the daemon's"),
+        _of("", "STATE.pump_duty", "starts of the pump that cools Y, since the daemon started"),
     ] = None
     drain_x: Annotated[
         int | None, _of("", "SETPOINT.flags", "1 while the tube of X is being drained")
@@ -183,22 +186,18 @@ class ChannelSpec(Struct, frozen=True):
         return "float64" if self.kind == "float" else "int64"
 
 
-def _channel(name: str, annotation: Any) -> ChannelSpec:
-    kind, meta = get_args(annotation)
-    integer = int in get_args(kind)
+def _channel(field: types.Field) -> ChannelSpec:
+    kind, meta = bare(field.type)
     return ChannelSpec(
-        name=name,
-        unit=meta.extra["unit"],
-        kind="integer" if integer else "float",
-        description=meta.description,
-        source=meta.extra["source"],
+        name=field.name,
+        unit=meta["unit"],
+        kind="integer" if isinstance(kind, types.IntType) else "float",
+        description=meta["description"],
+        source=meta["source"],
     )
 
 
-CHANNELS: Mapping[str, ChannelSpec] = {
-    name: _channel(name, annotation)
-    for name, annotation in get_type_hints(Row, include_extras=True).items()
-}
+CHANNELS: Mapping[str, ChannelSpec] = {field.name: _channel(field) for field in fields_of(Row)}
 """Every channel of a sample, by name, in the order of the columns."""
 
 
@@ -219,10 +218,10 @@ def json_schema(record: type[Struct]) -> bytes:
     (_,), components = msgspec.json.schema_components([record])
     schema = components[record.__name__]
     schema["description"] = inspect.getdoc(record)
-    for name, annotation in get_type_hints(record, include_extras=True).items():
-        member = schema["properties"][name]
+    for field in fields_of(record):
+        member = schema["properties"][field.name]
         _make_plain(member)
-        member["unit"] = get_args(annotation)[1].extra["unit"]
+        member["unit"] = bare(field.type)[1]["unit"]
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     return msgspec.json.encode(schema)
 

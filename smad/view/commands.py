@@ -185,9 +185,16 @@ class ChangeQueue(Ask, tag="change_queue", frozen=True, kw_only=True):
 
 Command = Arm | Clear | Move | Rest | Gains | Note | Record | EndRecord
 Question = (
-    Runs | Results | Experiments | Preview | PreviewExperiment | Begin | EndJob | ShowQueue
+    Runs
+    | Results
+    | Experiments
+    | Preview
+    | PreviewExperiment
+    | Begin
+    | EndJob
+    | ShowQueue
     | ChangeQueue
-)  # fmt: skip
+)
 Watching = FrameDrawn | Alive | Show | LookAt | LookBack | Stop | ShowQueue
 Message = Watching | Command | Question
 MARKING = (Note, Gains)

@@ -1,7 +1,7 @@
 """From 500 samples a second to what a browser can draw: the extremes of short stretches of time.
 
 Pure: the time of a sample is an argument. A `Tier` (`smad.view.tier`) cuts time into buckets of one
-width and keeps the newest ones; the tiers of a `Feed` have the live windows and, kept longer than
+width and keeps the newest ones; the tiers of a `Feed` have the live windows and, held longer than
 these, the past of the session.
 
 A viewer remembers the last bucket it got and asks for those from there on (`Cursor`). One that was
@@ -27,11 +27,11 @@ LONGEST_TAIL_S = 300.0
 
 
 class Window(Struct, frozen=True):
-    """A length of time that a page can show, the width of a bucket in it, how many are kept."""
+    """A length of time that a page can show, the width of a bucket in it, how many there are."""
 
     label: str
     bucket_s: float
-    kept: int = MOST_BUCKETS
+    capacity: int = MOST_BUCKETS
 
     @property
     def span_s(self) -> float:
@@ -55,7 +55,7 @@ class Feed:
     """
 
     def __init__(self, channels: int, motion: int = 0, windows: Sequence[Window] = WINDOWS) -> None:
-        self.tiers = tuple(Tier(w.bucket_s, channels, w.kept) for w in windows)
+        self.tiers = tuple(Tier(w.bucket_s, channels, w.capacity) for w in windows)
         self.epoch = 0
         self._motion = motion
         self._cycles = Cycles()

@@ -14,7 +14,7 @@ from msgspec import Struct
 from msgspec import inspect as types
 
 from smad.config import Config
-from smad.config.fields import bare, info_of
+from smad.config.fields import bare, info_of, split_unit
 from smad.control.commands import Samples, Trajectory, Tune
 from smad.control.inforce import tune_of
 
@@ -127,10 +127,10 @@ def _field(field: types.Field) -> Field:
     # "or nothing": left out when it was not touched.
     kind, meta = bare(field.type)
     initial = None if field.default is msgspec.NODEFAULT else field.default
-    label, unit = _named(field.name)
+    stem, unit = split_unit(field.name)
     made = Field(
         name=field.name,
-        label=label,
+        label=stem.replace("_", " "),
         unit=unit,
         kind="number",
         about=meta.get("description", ""),
@@ -154,29 +154,3 @@ def _field(field: types.Field) -> Field:
         case types.LiteralType(values=values):
             return msgspec.structs.replace(made, kind="choice", choices=tuple(map(str, values)))
     raise TypeError(f"{field.name}: no input is known for {kind}")
-
-
-def _named(name: str) -> tuple[str, str]:
-    """Split `rate_mm_per_s` into what a person reads: ("rate", "mm/s")."""
-    for suffix, unit in _UNITS:
-        if name.endswith(suffix):
-            return name.removesuffix(suffix).replace("_", " "), unit
-    return name.replace("_", " "), ""
-
-
-_UNITS = (
-    ("_mm_per_s", "mm/s"),
-    ("_A_per_mm_s", "A/(mm s)"),
-    ("_A_per_K_s", "A/(K s)"),
-    ("_A_per_K", "A/K"),
-    ("_A_per_mm", "A/mm"),
-    ("_K_per_s", "K/s"),
-    ("_deg_per_mm", "°/mm"),
-    ("_degC", "°C"),
-    ("_deg", "°"),
-    ("_K", "K"),
-    ("_mm", "mm"),
-    ("_Hz", "Hz"),
-    ("_A", "A"),
-    ("_s", "s"),
-)

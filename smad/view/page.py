@@ -369,7 +369,7 @@ def status_message(source: Source, axis: Axis, *, ours: bool) -> dict[str, Any]:
         "away": source.why_away,
         "silent_s": round(axis.silent_s, 1),
         "status": now,
-        "tiles": [one.tile for one in source.axes.values()] if source.several else [],
+        "tiles": [shown.tile for shown in source.axes.values()] if source.several else [],
         "armed": source.armed,
         "first_s": axis.first_s,
         "limits": strips.limits(axis.config),
@@ -378,9 +378,9 @@ def status_message(source: Source, axis: Axis, *, ours: bool) -> dict[str, Any]:
 
 def _arming(source: Source, axis: Axis) -> Iterator[Condition]:
     """What has to hold to arm: of several axes a line for each that is not armed."""
-    for one in source.axes.values() if source.several else ():
-        if one.shown is not None and not one.shown.armed:
-            yield axis_condition(one.name, one.shown)
+    for each_axis in source.axes.values() if source.several else ():
+        if each_axis.shown is not None and not each_axis.shown.armed:
+            yield axis_condition(each_axis.name, each_axis.shown)
     if not source.several and axis.shown is not None:
         yield from axis.shown.conditions
 

@@ -143,7 +143,7 @@ class Queries:
         return await self.jobs.begin(ask.job, self._folder(), self._source.bench, axis.name), None
 
     async def _end_job(self, ask: commands.EndJob) -> tuple[str, Any]:
-        return "the job is told to end" if self.jobs.interrupt() else "no job is under way", None
+        return "the job is ending" if self.jobs.interrupt() else "no job is under way", None
 
     async def _queue(self, ask: commands.ShowQueue) -> tuple[str, Any]:
         return "", await asyncio.to_thread(queue.shown, self._folder(), self._source.bench)

@@ -54,6 +54,15 @@ LIMITED_BY: Mapping[str, str] = {
 """The link's state and the board's limiter, by their names in the status."""
 
 
+def limiter_of(status: api.Status) -> str:
+    """Return what limits the current of an armed board, in words; empty where nothing does."""
+    if not status.motion.armed:
+        return ""
+    board, _, host = status.limiter.partition("; host: ")
+    words = [LIMITED_BY.get(board, board)] if board != "none" else []
+    return " and ".join((*words, *([f"limits of the host ({host})"] if host else [])))
+
+
 class Condition(Struct, frozen=True):
     """Something that has to hold before the bench arms. `holds` is None while it is not known.
 
@@ -124,7 +133,7 @@ def shown(status: api.Status, params: Mapping[str, float], off_current_mA: float
         mode=motion.mode,
         armed=motion.armed,
         running=motion.running + (", done" if motion.done else ", under way"),
-        limiter="" if status.limiter == "none" else LIMITED_BY.get(status.limiter, status.limiter),
+        limiter=limiter_of(status),
         warnings=status.warnings,
         trouble=_trouble(motion.fault),
         generation=motion.generation,

@@ -42,32 +42,32 @@ class Moments(Struct, frozen=True):
 
 
 class Tier:
-    """The newest `kept` buckets, the last of them still filling."""
+    """The newest `capacity` buckets, the last of them still filling."""
 
-    def __init__(self, bucket_s: float, channels: int, kept: int = MOST_BUCKETS) -> None:
+    def __init__(self, bucket_s: float, channels: int, capacity: int = MOST_BUCKETS) -> None:
         self.bucket_s = bucket_s
         self._channels = channels
-        self._kept = kept
-        # Closed buckets stand in rings, by count modulo `kept`; NaN: nothing was measured.
-        self._number = array("q", bytes(8 * kept))
-        self._after_gap = bytearray(kept)
-        self._cycle = array("l", bytes(array("l").itemsize * kept))
-        self._last_s = array("d", bytes(8 * kept))
+        self._capacity = capacity
+        # Closed buckets stand in rings, by count modulo `capacity`; NaN: nothing was measured.
+        self._number = array("q", bytes(8 * capacity))
+        self._after_gap = bytearray(capacity)
+        self._cycle = array("l", bytes(array("l").itemsize * capacity))
+        self._last_s = array("d", bytes(8 * capacity))
         self._low, self._high, self._last = (
-            array("f", bytes(4 * kept * channels)) for _ in range(3)
+            array("f", bytes(4 * capacity * channels)) for _ in range(3)
         )
-        self._rising = bytearray(kept * channels)
+        self._rising = bytearray(capacity * channels)
         self.clear()
 
     def __len__(self) -> int:
-        return min(self._count, self._kept)
+        return min(self._count, self._capacity)
 
     @property
     def first_s(self) -> float | None:
         """When the oldest bucket begins; None while there is none."""
         if not self._count:
             return None
-        return self._number[(self._count - len(self)) % self._kept] * self.bucket_s
+        return self._number[(self._count - len(self)) % self._capacity] * self.bucket_s
 
     def clear(self) -> None:
         """Forget everything."""
@@ -81,12 +81,12 @@ class Tier:
         if not self._count or number > self._open.number:
             self._store()
             self._open = _Bucket(number, self._channels)
-            slot = self._count % self._kept
+            slot = self._count % self._capacity
             self._after_gap[slot] = self._count > 0 and time_s - self._newest_s > GAP_S
             self._number[slot] = number
             self._count += 1
         self._newest_s = max(self._newest_s, time_s)
-        slot = (self._count - 1) % self._kept
+        slot = (self._count - 1) % self._capacity
         self._last_s[slot], self._cycle[slot] = time_s, cycle
         self._open.add(values)
 
@@ -97,7 +97,7 @@ class Tier:
         """
         if not self._count:
             return None
-        begin = max(self._count - MOST_BUCKETS, self._at(number))
+        begin = max(self._count - MOST_BUCKETS, self._count_from(number))
         if begin == self._count:
             return None
         self._store()
@@ -118,32 +118,32 @@ class Tier:
 
     def moments_since(self, number: int, channels: Sequence[int]) -> tuple[Moments, int]:
         """Return the last sample of each bucket from `number` on, and the number to ask next."""
-        return self._moments(self._at(number), self._count, 1, channels), self._open.number
+        return self._moments(self._count_from(number), self._count, 1, channels), self._open.number
 
     def moments_between(self, from_s: float, to_s: float, channels: Sequence[int]) -> Moments:
         """Return the last samples of buckets between two times, 3000 at most."""
         return self._moments(*self._span(from_s, to_s, MOST_MOMENTS), channels)
 
-    def _at(self, number: int | None) -> int:
+    def _count_from(self, number: int | None) -> int:
         """The count of the first bucket from a number on."""
         numbers = range(self._count - len(self), self._count)
         if number is None:
             return numbers.start
         return numbers.start + bisect_left(
-            numbers, number, key=lambda k: self._number[k % self._kept]
+            numbers, number, key=lambda k: self._number[k % self._capacity]
         )
 
     def _span(self, from_s: float, to_s: float, most: int) -> tuple[int, int, int]:
         """First and last count of what lies between, with neighbours, and how many to fold."""
         self._store()
-        begin = self._at(math.floor(from_s / self.bucket_s))
-        end = self._at(math.floor(to_s / self.bucket_s) + 1)
+        begin = self._count_from(math.floor(from_s / self.bucket_s))
+        end = self._count_from(math.floor(to_s / self.bucket_s) + 1)
         begin, end = max(self._count - len(self), begin - 1), min(self._count, end + 1)
         return begin, end, max(1, -(-(end - begin) // most))
 
     def _moments(self, begin: int, end: int, fold: int, channels: Sequence[int]) -> Moments:
         self._store()
-        slots = [k % self._kept for k in range(begin, end, fold)]
+        slots = [k % self._capacity for k in range(begin, end, fold)]
         wide = self._channels
         t = [rounded_time(self._last_s[slot]) for slot in slots]
         y = [[rounded(self._last[slot * wide + channel]) for slot in slots] for channel in channels]
@@ -155,8 +155,8 @@ class Tier:
         times: list[float] = []
         breaks = set()
         for k in range(begin, end, fold):
-            begin_s = self._number[k % self._kept] * self.bucket_s
-            if any(self._after_gap[j % self._kept] for j in range(k, min(k + fold, end))):
+            begin_s = self._number[k % self._capacity] * self.bucket_s
+            if any(self._after_gap[j % self._capacity] for j in range(k, min(k + fold, end))):
                 breaks.add(k)
                 times.append(rounded_time(begin_s - self.bucket_s / 4))
             times += (rounded_time(begin_s), rounded_time(begin_s + fold * self.bucket_s / 2))
@@ -166,7 +166,7 @@ class Tier:
         self, begin: int, end: int, fold: int, channel: int, breaks: frozenset[int]
     ) -> Curve:
         curve: Curve = []
-        wide, most = self._channels, self._kept
+        wide, most = self._channels, self._capacity
         for k in range(begin, end, fold):
             if k in breaks:
                 curve.append(None)
@@ -182,7 +182,7 @@ class Tier:
         """Put the bucket that is filling into its place in the rings."""
         if not self._count:
             return
-        begin = ((self._count - 1) % self._kept) * self._channels
+        begin = ((self._count - 1) % self._capacity) * self._channels
         place = slice(begin, begin + self._channels)
         self._low[place] = array("f", self._open.low)
         self._high[place] = array("f", self._open.high)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.docs_site import OUTSIDE, mathml
+from tools.docs_site import OUTSIDE, mathml, subscripted
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(r"^\$\$\n(.+?)^\$\$$", re.DOTALL | re.MULTILINE)
@@ -71,6 +71,14 @@ def test_the_search_knows_the_pages_without_a_server(site: Path) -> None:
     index = (site / "search" / "search_index.js").read_text()
     assert "setpoint age" in index
     assert (site / "iframe-worker.js").is_file()
+
+
+def test_a_symbol_has_its_subscript_and_code_stays_as_it_is() -> None:
+    page = '<p title="a_b">ξ_S and T_w,i, M_S, <code>t_s</code> rtd_x_degC</p>'
+    assert subscripted(page) == (
+        '<p title="a_b">ξ<sub>S</sub> and T<sub>w,i</sub>, M<sub>S</sub>, '
+        "<code>t_s</code> rtd_x_degC</p>"
+    )
 
 
 def test_an_equation_becomes_mathml() -> None:

@@ -58,7 +58,9 @@ def by_run(path: Path, monkeypatch: pytest.MonkeyPatch) -> Plant:
     options = {"seed": 0, "lacking": (), "save_logs": None, "config_file": None, "jobs": 1}
     monkeypatch.setattr("smad.experiments.campaign.run_campaign", lambda e, bench, m, **_: (
         bench.driver(), None)[1])  # fmt: skip
-    run._simulated(run._experiments(["resistance"], []), run._model("A", path), options)
+    run._simulated(
+        run._experiments(["resistance"], []), run.simulated_model(model_file=path), options
+    )
     return plant_of(seen[0])
 
 

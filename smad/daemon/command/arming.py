@@ -50,7 +50,7 @@ class ArmCommand:
         self._bench = bench
         self._stops = bench.stops
         self._arming = bench.stops.arming
-        self._now_us = bench.means.clocks.us
+        self._now_us = bench.services.clocks.us
 
     async def arm(self, asked: Asked, details: dict[str, Any]) -> None:
         """Arm these axes. Raises Refusal, told with the axis, once every axis asked is off.
@@ -75,8 +75,8 @@ class ArmCommand:
         if bench.config.recorder.automatic and not bench.recorder.recording:
             await bench.recorder.start("", by_command=False)
         self._require_wanted(asked)
-        bench.means.say("command", "arm", details)
-        bench.means.say("arm", "arming", {})
+        bench.services.say("command", "arm", details)
+        bench.services.say("arm", "arming", {})
         bench.dead_man.watch(asked.names, asked.caller.client, self._now_us())
         for board in asked.boards:
             board.arming()

@@ -11,8 +11,8 @@ from smad.daemon.axis import Axis
 from smad.daemon.command.lease import DeadMan, Lease
 from smad.daemon.errors import Refusal
 from smad.daemon.journal import Journal
-from smad.daemon.means import Means
 from smad.daemon.realtime import IdleCollector
+from smad.daemon.services import Services
 from smad.daemon.stops import Stops
 from smad.daemon.telemetry.blackbox import BlackBox
 from smad.daemon.telemetry.recorder import Recorder
@@ -43,7 +43,7 @@ class Bench:
     journal: Journal
     collector: IdleCollector
     counts: CommandCounts
-    means: Means
+    services: Services
 
     def named(self, names: tuple[str, ...]) -> list[Axis]:
         """Return the axes of these names; all without any. Raises Refusal for an unknown one."""

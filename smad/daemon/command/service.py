@@ -63,8 +63,8 @@ class Service:
         self._lease = bench.lease
         self._dead_man = bench.dead_man
         self._stops = bench.stops
-        self._say = bench.means.say
-        self._clock_us = bench.means.clocks.us
+        self._say = bench.services.say
+        self._clock_us = bench.services.clocks.us
         self._arm_command = ArmCommand(bench)
         self._recording_by = b""
         """The client that began the run log by command."""

@@ -32,7 +32,7 @@ class StatusReport:
         self.notes: list[str] = []
         self.telemetry_dropped = 0
         self._bench = bench
-        self._clock_us = bench.means.clocks.us
+        self._clock_us = bench.services.clocks.us
         self._started_us = self._clock_us()
         self._resident_MiB = 0.0
         self._timing: dict[str, api.Timing] = {}

@@ -1,25 +1,25 @@
-"""Tells of who came and was turned away: counted as it comes, told once a second."""
+"""Reports refused connections and messages: counted as they come, logged once a second."""
 
 from __future__ import annotations
 
 from smad.daemon.command.bench import CommandCounts
 from smad.daemon.command.server import CommandServer
-from smad.daemon.means import Say
+from smad.daemon.services import Say
 
 _TEXTS = {
-    "keys": "turned away {} connections whose key is not on the list",
-    "messages": "refused {} messages that are no command",
+    "keys": "refused {} connections whose key is not on the list",
+    "messages": "refused {} messages that are not commands",
     "connections": "{} connections over TCP were opened",
     "ended": "{} connections over TCP ended",
-    "handshakes": "ended {} connections over TCP that never said who they are",
-    "shut": "let nobody in over TCP for a while ({} times): too many connections are open",
-    "kept_waiting": "let nobody in on this machine for a while ({} times): too many are connected",
-    "displaced": "closed {} silent connections on this machine to let others in",
+    "handshakes": "closed {} connections over TCP that did not authenticate",
+    "shut": "refused new connections over TCP {} times: too many are open",
+    "kept_waiting": "refused new connections on this machine {} times: too many are open",
+    "displaced": "closed {} silent connections on this machine to accept others",
 }
 
 
 class Unwelcome:
-    """A flood must not fill the log either, so `tell` says how many since the last time."""
+    """Logs counts instead of single events, so that a flood does not fill the log."""
 
     def __init__(self, server: CommandServer, commands: CommandCounts, say: Say) -> None:
         self._server = server
@@ -28,7 +28,7 @@ class Unwelcome:
         self._reported = dict.fromkeys(_TEXTS, 0)
 
     def tell(self) -> None:
-        """Say what was turned away since the last call, if anything was."""
+        """Log what was refused since the last call, if anything was."""
         for name, total in self._totals().items():
             count = total - self._reported[name]
             self._reported[name] = total

@@ -29,7 +29,7 @@ from smad.control.sample import Scales
 from smad.daemon.errors import Refusal
 from smad.daemon.link.board import Parameters, fault_of
 from smad.daemon.link.requests import BoardRequests, refusal
-from smad.daemon.means import Means
+from smad.daemon.services import Services
 
 READ_AGAIN_US = 500_000
 _REPORTS_KEPT = 16
@@ -47,7 +47,7 @@ class BoardWatch:
         self,
         config: LinkConfig,
         requests: BoardRequests,
-        means: Means,
+        services: Services,
         *,
         baud: Callable[[], int],
         on_scales: Callable[[Scales], None],
@@ -63,8 +63,8 @@ class BoardWatch:
         self._read_again_us = 0
         self._config = config
         self._requests = requests
-        self._say = means.say
-        self._spawn = means.spawn
+        self._say = services.say
+        self._spawn = services.spawn
         self._baud = baud
         self._on_scales = on_scales
 
@@ -90,7 +90,7 @@ class BoardWatch:
             case StatsReceived(stats):
                 self.stats = {name: getattr(stats, name) for name in stats.__struct_fields__}
             case ErrorReceived(error):
-                self._say("warning", f"the board complains: {refusal(error)}", {})
+                self._say("warning", f"the board reports an error: {refusal(error)}", {})
             case _:
                 pass
 

@@ -24,9 +24,13 @@ _logs: dict[tuple[str, str], Any] = {}
 MOST_LOGS = 6
 """That many axes of one log, or logs of one axis."""
 ON_A_BENCH = (
-    "fig9-cycle", "fig10-thermal", "fig11-tracking", "fig13-segment", "resistance",
+    "fig9-cycle",
+    "fig10-thermal",
+    "fig11-tracking",
+    "fig13-segment",
+    "resistance",
     "fig12-frequency",
-)  # fmt: skip
+)
 """Experiments on the antagonistic pair, the shortest first: another mounting has to be told."""
 AT_HAND: Mapping[str, Any] = {"air": False}
 """What a form begins with where the experiment's own default needs another mounting."""

@@ -14,6 +14,7 @@ from smad.api import Entry, Percentiles, Status
 from smad.files import shown
 from smad.runlog.schema import Row
 from smad.style.strips import STRIPS, Curve, Strip
+from smad.view.state import limiter_of
 from smad.view.terminal.axis_lines import aged, axis_lines
 
 LEAST_COLUMNS, LEAST_ROWS = 60, 20
@@ -110,7 +111,8 @@ def _pinned(now: Status, columns: int) -> Iterator[Line]:
     if now.warnings:
         yield Line(f"warnings: {', '.join(now.warnings)}", "warned")
     done = "done" if motion.done else "under way"
-    yield Line(f"{motion.running}, {done}; limited by: {now.limiter}")
+    limiter = limiter_of(now)
+    yield Line(f"{motion.running}, {done}" + (f"; limited by {limiter}" if limiter else ""))
     yield Line("")
 
 

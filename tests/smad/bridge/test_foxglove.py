@@ -22,10 +22,10 @@ CHANNELS = (ROWS, LINK, LOG)
 
 
 def viewer(**parameters: Value) -> Viewer:
-    def kept(channel: Channel) -> list[tuple[int, bytes]]:
+    def history(channel: Channel) -> list[tuple[int, bytes]]:
         return [log(2.5, "fault", "too hot")] if channel == LOG else []
 
-    return Viewer("bench", "7", lambda: CHANNELS, lambda: parameters, kept)
+    return Viewer("bench", "7", lambda: CHANNELS, lambda: parameters, history)
 
 
 def ask(one: Viewer, **message: Any) -> list[Any]:

@@ -39,7 +39,7 @@ def write_log(path: Path, run: GapRun, board: str = "", cut: str = "") -> None:
     write_run(path, header, [*rows, *events])
 
 
-class Bench:
+class ScriptedBench:
     """Plays what is asked; the run number `fails_at` does not come to its end."""
 
     def __init__(self, folder: Path) -> None:
@@ -65,8 +65,8 @@ class Bench:
 
 
 @pytest.fixture
-def bench(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Bench:
-    own = Bench(tmp_path)
+def bench(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ScriptedBench:
+    own = ScriptedBench(tmp_path)
     monkeypatch.setattr(commands, "_player", own.player)
     monkeypatch.setattr(spring_pair, "SmaPlant", lambda: PLANT)
     monkeypatch.setattr(programme, "chosen", lambda folder, quick: PROGRAMME)
@@ -78,7 +78,7 @@ def commission(folder: Path, *options: str) -> int:
 
 
 def test_a_commissioning_that_was_interrupted_goes_on_and_again_adds_what_was_asked(
-    bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    bench: ScriptedBench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "baseline"
     bench.fails_at = 2
@@ -93,7 +93,7 @@ def test_a_commissioning_that_was_interrupted_goes_on_and_again_adds_what_was_as
 
 
 def test_repeats_that_were_played_and_not_yet_counted_are_not_played_once_more(
-    bench: Bench, tmp_path: Path
+    bench: ScriptedBench, tmp_path: Path
 ) -> None:
     folder = tmp_path / "baseline"
     assert commission(folder) == 0
@@ -107,7 +107,7 @@ def test_repeats_that_were_played_and_not_yet_counted_are_not_played_once_more(
 
 @pytest.mark.parametrize("broken", ["baseline.json", "reference.npz"])
 def test_a_baseline_that_cannot_be_read_is_computed_anew_and_nothing_is_played(
-    bench: Bench, tmp_path: Path, broken: str, capsys: pytest.CaptureFixture[str]
+    bench: ScriptedBench, tmp_path: Path, broken: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "baseline"
     assert commission(folder) == 0
@@ -126,7 +126,7 @@ def test_a_baseline_that_cannot_be_read_is_computed_anew_and_nothing_is_played(
 
 
 def test_good_runs_of_another_programme_are_not_mixed_with_it(
-    bench: Bench,
+    bench: ScriptedBench,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -140,7 +140,7 @@ def test_good_runs_of_another_programme_are_not_mixed_with_it(
 
 
 def test_good_runs_and_those_of_another_bench_are_no_runs_of_now(
-    bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    bench: ScriptedBench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder, elsewhere = tmp_path / "baseline", tmp_path / "elsewhere"
     elsewhere.mkdir()
@@ -154,7 +154,7 @@ def test_good_runs_and_those_of_another_bench_are_no_runs_of_now(
 
 
 def test_one_client_plays_all_repeats_of_a_bench_and_knows_of_a_stop_between_them(
-    bench: Bench, tmp_path: Path
+    bench: ScriptedBench, tmp_path: Path
 ) -> None:
     assert execute(["gap", "commission", "--baseline", str(tmp_path / "baseline")]) == 0
     assert (bench.runs, bench.clients) == (2, 1)
@@ -164,7 +164,7 @@ STOP = "stopped by disarm of a client"
 
 
 def test_a_good_run_that_a_stop_cut_is_told_of_and_left_out_of_a_check_up(
-    bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    bench: ScriptedBench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     good, now = tmp_path / "good", tmp_path / "now"
     good.mkdir()
@@ -194,7 +194,9 @@ def test_a_diagnosis_takes_no_good_run_that_was_cut(
     assert "every good run was cut" in capsys.readouterr().err
 
 
-def test_a_repeat_with_a_cut_run_is_no_part_of_a_baseline(bench: Bench, tmp_path: Path) -> None:
+def test_a_repeat_with_a_cut_run_is_no_part_of_a_baseline(
+    bench: ScriptedBench, tmp_path: Path
+) -> None:
     folder = tmp_path / "baseline"
     assert commission(folder) == 0
     cut = folder / "good-2" / "short.mcap"

@@ -24,7 +24,15 @@ from smad.files import shown
 from tests.smad.cli.test_commands import STATUS
 from tests.smad.fakedaemon import MOTION, FakeDaemon, fake_daemon
 
-DRIVERS = {"LiveDriver", "LeasedDriver", "Replayer", "Directly", "leased_driver", "live"}
+DRIVERS = {
+    "LiveDriver",
+    "LeasedDriver",
+    "Replayer",
+    "Directly",
+    "leased_driver",
+    "live",
+    "repeat_on",
+}
 """What carries a plan out on a daemon."""
 HEATING = {
     "tune": ["tune", "--yes"],

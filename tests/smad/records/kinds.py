@@ -41,7 +41,7 @@ Columns = dict[str, Array]
 
 
 @dataclass(frozen=True)
-class Bench:
+class RecordedBench:
     """What was recorded: columns without a fault, the input and the reading that get one."""
 
     columns: Mapping[str, Array]
@@ -75,7 +75,7 @@ class Heater:
         return {"rest": np.cumsum(run.inputs["power_W"] > 0.5) == 0}
 
 
-def heated(seed: int = 0, seconds: float = 60.0) -> Bench:
+def heated(seed: int = 0, seconds: float = 60.0) -> RecordedBench:
     """A heater at 10 Hz: steps of power of up to 50 W."""
     n = round(10 * seconds)
     rng = np.random.default_rng(seed)
@@ -85,26 +85,26 @@ def heated(seed: int = 0, seconds: float = 60.0) -> Bench:
     clean = Heater().simulate(ModelPoint({"loss": 0.62}), run)["temperature_degC"]
     shown = np.round((clean + 0.03 * rng.standard_normal(n)) / 0.01) * 0.01
     columns = {"t_s": run.t_s, "power_W": power, "temperature_degC": shown}
-    return Bench(columns, "power_W", "temperature_degC", 50.0, ("power_W",))
+    return RecordedBench(columns, "power_W", "temperature_degC", 50.0, ("power_W",))
 
 
 @functools.cache
-def pair() -> Bench:
+def pair() -> RecordedBench:
     """The spring pair at 100 Hz for 30 s, heated and cooled in the open loop."""
     from smad.diagnosis.spring_pair.recorded import recorded
 
     run = recorded("pulses", SmaPlant(), ModelPoint({}), 3, duration_s=30.0)
     columns = {"t_s": run.t_s, **run.inputs, **run.outputs}
-    return Bench(columns, "i_applied_x_A", "rtd_x_degC", 4.0, tuple(run.inputs))
+    return RecordedBench(columns, "i_applied_x_A", "rtd_x_degC", 4.0, tuple(run.inputs))
 
 
-Fault = Callable[[Columns, Bench], Columns]
+Fault = Callable[[Columns, RecordedBench], Columns]
 
 
-def changed(name: str, change: Callable[[Array, Bench], Array]) -> Fault:
+def changed(name: str, change: Callable[[Array, RecordedBench], Array]) -> Fault:
     """A fault of the driven input ("driven") or of the reading ("read") alone."""
 
-    def fault(columns: Columns, bench: Bench) -> Columns:
+    def fault(columns: Columns, bench: RecordedBench) -> Columns:
         column = getattr(bench, name)
         return {**columns, column: change(columns[column].copy(), bench)}
 
@@ -120,25 +120,25 @@ def put(values: Array, places: list[int] | slice, number: float) -> Array:
     return values
 
 
-def hole(columns: Columns, bench: Bench) -> Columns:
+def hole(columns: Columns, bench: RecordedBench) -> Columns:
     t_s = columns["t_s"]
     kept = (t_s < t_s[-1] * 0.6) | (t_s > t_s[-1] * 0.6 + 1.0)
     return {name: column[kept] for name, column in columns.items()}
 
 
-def undriven(columns: Columns, bench: Bench) -> Columns:
+def undriven(columns: Columns, bench: RecordedBench) -> Columns:
     return columns | {name: np.zeros(len(columns["t_s"])) for name in bench.inputs}
 
 
-def on_change(values: Array, bench: Bench) -> Array:
+def on_change(values: Array, bench: RecordedBench) -> Array:
     return np.where(np.diff(values, prepend=np.nan) == 0.0, np.nan, values)
 
 
-def slower(values: Array, bench: Bench) -> Array:
+def slower(values: Array, bench: RecordedBench) -> Array:
     return np.where(np.arange(len(values)) % 10 == 0, values, np.nan)
 
 
-def stuck(values: Array, bench: Bench) -> Array:
+def stuck(values: Array, bench: RecordedBench) -> Array:
     """The reading stays for a tenth of the run as it was before it moved most."""
     n = len(values) // 10
     begin = int(np.argmax(np.abs(values[n:] - values[:-n])))

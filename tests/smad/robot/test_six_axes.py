@@ -33,10 +33,10 @@ def test_it_draws_each_segment_and_all_and_writes_table_and_page(
     asked = ["run", "six-axes", "--radius", "1", "--period", "2", "--report", str(page)]
     assert execute(asked) == 0
     said = capsys.readouterr().out
-    rows = [line for line in said.splitlines() if line.startswith("| segment-1")]
-    assert [row.split("|")[2].strip() for row in rows] == ["alone", "together"]
+    rows = [line for line in said.splitlines() if line.startswith("segment-1")]
+    assert [row.split()[1] for row in rows] == ["alone", "together"]
     # The radius is 1°: an error as large would be that of a tip which stands still.
-    assert all(float(row.split("|")[3]) < 1.0 for row in rows)
+    assert all(float(row.split()[2]) < 1.0 for row in rows)
     assert "apart" in said
     assert "Tip" in page.read_text()
     assert len(list((folder / "runs").glob("*six-axes.mcap"))) == 1

@@ -24,7 +24,7 @@ PATIENCE_S = 120.0
 """Until something is there that comes within a second on a machine that is not busy."""
 
 
-class Bench:
+class BrowsedBench:
     """A daemon, its page, and a client of ours beside them."""
 
     def __init__(self, folder: Path, daemon: DaemonProcess, page: LivePage) -> None:

@@ -9,27 +9,27 @@ import pytest
 
 from bench.browser import browser, live_page, resize, running_daemon
 
-from .browsing import MISSING, Bench, is_live, shown_generation, until
+from .browsing import MISSING, BrowsedBench, is_live, shown_generation, until
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BrowsedBench]:
     assert not MISSING, MISSING
     folder = tmp_path_factory.mktemp("view")
     with running_daemon(folder, "--paced-by-host") as daemon, live_page(folder) as page:
-        made = Bench(folder, daemon, page)
+        made = BrowsedBench(folder, daemon, page)
         with made.client:
             yield made
 
 
 @pytest.fixture(scope="module")
-def chromium(bench: Bench) -> Iterator[Any]:
+def chromium(bench: BrowsedBench) -> Iterator[Any]:
     with browser(bench.folder / "profile") as driver:
         yield driver
 
 
 @pytest.fixture
-def page(bench: Bench, chromium: Any) -> Iterator[Any]:
+def page(bench: BrowsedBench, chromium: Any) -> Iterator[Any]:
     """The page by its commanding link, live; the bench is disarmed afterwards."""
     bench.client.as_of(None)  # What a test before began and saw stopped is over.
     resize(chromium, 1200, 1000)

@@ -21,7 +21,17 @@ from smad.runlog.reader import read_run
 from smad.style.strips import LAYOUT
 from smad.view.state import MODE_MEANS
 
-from .browsing import PATIENCE_S, Bench, arm, choose, click, in_a_browser, is_live, text_of, until
+from .browsing import (
+    PATIENCE_S,
+    BrowsedBench,
+    arm,
+    choose,
+    click,
+    in_a_browser,
+    is_live,
+    text_of,
+    until,
+)
 
 pytestmark = in_a_browser
 HOSTILE = "<img src=x onerror=hacked=1><script>hacked=1</script>"
@@ -43,7 +53,7 @@ def pictures(driver: Any) -> dict[str, str]:
     return found
 
 
-def test_the_strips_move_and_show_what_the_bench_does(page: Any, bench: Bench) -> None:
+def test_the_strips_move_and_show_what_the_bench_does(page: Any, bench: BrowsedBench) -> None:
     arm(page)
     page.execute_script(
         "const kind = document.getElementById('kind'); kind.value = 'sine'; kind.onchange()"
@@ -58,7 +68,7 @@ def test_the_strips_move_and_show_what_the_bench_does(page: Any, bench: Bench) -
 
 
 def test_a_page_that_is_loaded_again_goes_on_and_a_new_tab_without_a_link_does_not(
-    page: Any, bench: Bench
+    page: Any, bench: BrowsedBench
 ) -> None:
     assert "token" not in page.current_url
     page.refresh()
@@ -103,7 +113,7 @@ def test_a_picked_channel_is_there_after_a_reload(page: Any) -> None:
     assert list(strip_texts(page)) == [",".join(names) for names in LAYOUT]
 
 
-def test_arming_takes_two_steps_and_shows_what_has_to_hold(page: Any, bench: Bench) -> None:
+def test_arming_takes_two_steps_and_shows_what_has_to_hold(page: Any, bench: BrowsedBench) -> None:
     click(page, "#arm")
     until(
         page,
@@ -133,7 +143,7 @@ def test_badge_and_sentence_change_together(page: Any) -> None:
     assert seen <= set(MODE_MEANS.items())
 
 
-def test_stop_disarms_while_others_flood(page: Any, bench: Bench) -> None:
+def test_stop_disarms_while_others_flood(page: Any, bench: BrowsedBench) -> None:
     arm(page)
     generation = bench.client.motion().generation
     flood = subprocess.Popen(
@@ -160,7 +170,7 @@ def test_stop_disarms_while_others_flood(page: Any, bench: Bench) -> None:
     assert motion.generation > generation
 
 
-def test_a_gain_is_set_and_pages_show_what_is_in_force(page: Any, bench: Bench) -> None:
+def test_a_gain_is_set_and_pages_show_what_is_in_force(page: Any, bench: BrowsedBench) -> None:
     page.execute_script(
         "const input = document.querySelector('#tune input[name=kp_A_per_mm]');"
         "input.value = 7; input.dispatchEvent(new Event('change'))"
@@ -179,7 +189,7 @@ def write(driver: Any, name: str, text: str) -> None:
 
 
 def test_a_gain_typed_back_to_what_it_was_goes_on_showing_what_is_in_force(
-    page: Any, bench: Bench
+    page: Any, bench: BrowsedBench
 ) -> None:
     gain = page.find_element("css selector", "#tune input[name=kp_A_per_mm]")
     before = gain.get_property("value")
@@ -189,7 +199,7 @@ def test_a_gain_typed_back_to_what_it_was_goes_on_showing_what_is_in_force(
     until(page, lambda d: gain.get_property("value") == "5.5")
 
 
-def test_what_a_stranger_writes_is_shown_as_text(page: Any, bench: Bench) -> None:
+def test_what_a_stranger_writes_is_shown_as_text(page: Any, bench: BrowsedBench) -> None:
     with bench.client.in_control(HOSTILE, lease_s=60.0):
         until(page, lambda d: HOSTILE in text_of(d, "holder"))
     write(page, "record-name", HOSTILE)
@@ -205,12 +215,12 @@ def test_what_a_stranger_writes_is_shown_as_text(page: Any, bench: Bench) -> Non
     assert page.execute_script("return typeof hacked") == "undefined"
 
 
-def test_the_page_says_where_the_last_minute_was_written(page: Any, bench: Bench) -> None:
+def test_the_page_says_where_the_last_minute_was_written(page: Any, bench: BrowsedBench) -> None:
     path = Path(bench.client.record_last(1.0).last)
     until(page, lambda d: text_of(d, "last-minute") == f"black-box/{path.name}")
 
 
-def test_a_note_goes_into_the_run_log(page: Any, bench: Bench) -> None:
+def test_a_note_goes_into_the_run_log(page: Any, bench: BrowsedBench) -> None:
     with bench.client.record("noted") as log:
         until(page, lambda d: ".mcap" in text_of(d, "recording"))
         write(page, "note-text", "all is well")
@@ -233,7 +243,7 @@ def test_no_width_needs_sideways_scrolling(page: Any, width: int) -> None:
 
 
 def test_the_link_for_watching_has_stop_and_no_other_button_that_commands(
-    chromium: Any, bench: Bench
+    chromium: Any, bench: BrowsedBench
 ) -> None:
     chromium.get(bench.page.watch)
     until(chromium, is_live)
@@ -268,13 +278,13 @@ def answered(page: LivePage, path: str, **headers: str) -> tuple[int, bytes]:
 @pytest.mark.parametrize(
     "path", ["/", "/view.js", "/style/vendor/uPlot.js", "/ws", "/?token=wrong", "/../page.py"]
 )
-def test_a_stranger_gets_nothing(bench: Bench, path: str) -> None:
+def test_a_stranger_gets_nothing(bench: BrowsedBench, path: str) -> None:
     status, body = answered(bench.page, path)
     assert status in (401, 403)
     assert len(body) < 100
 
 
-def test_who_has_the_link_gets_the_files_that_are_served_and_no_others(bench: Bench) -> None:
+def test_who_has_the_link_gets_the_files_that_are_served_and_no_others(bench: BrowsedBench) -> None:
     cookie, key = credentials_of(bench.page.watch)
     assert key.encode() not in answered(bench.page, "/", Cookie=cookie)[1]
     assert answered(bench.page, "/view.js", Cookie=cookie)[0] == 200
@@ -293,7 +303,7 @@ def test_who_has_the_link_gets_the_files_that_are_served_and_no_others(bench: Be
     ],
 )
 def test_no_connection_from_another_page_or_without_cookie_and_key(
-    bench: Bench, origin: str | None, has_cookie: bool, has_key: bool, status: int
+    bench: BrowsedBench, origin: str | None, has_cookie: bool, has_key: bool, status: int
 ) -> None:
     address = urlsplit(bench.page.command)
     held, key = credentials_of(bench.page.command)
@@ -314,7 +324,7 @@ def test_no_connection_from_another_page_or_without_cookie_and_key(
 
 
 def test_a_page_whose_daemon_is_silent_says_so_greys_its_buttons_and_comes_back(
-    page: Any, bench: Bench
+    page: Any, bench: BrowsedBench
 ) -> None:
     bench.daemon.process.send_signal(signal.SIGSTOP)
     try:
@@ -330,7 +340,7 @@ def test_a_page_whose_daemon_is_silent_says_so_greys_its_buttons_and_comes_back(
 
 
 def test_a_page_whose_server_is_gone_says_so_and_greys_its_buttons(
-    chromium: Any, bench: Bench
+    chromium: Any, bench: BrowsedBench
 ) -> None:
     with live_page(bench.folder) as view:
         chromium.get(view.command)

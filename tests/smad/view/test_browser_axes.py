@@ -12,7 +12,7 @@ from smad.processes.daemon import running_daemon
 
 from .browsing import (
     MISSING,
-    Bench,
+    BrowsedBench,
     arm,
     click,
     in_a_browser,
@@ -25,14 +25,14 @@ NAMES = ["pitch-1", "yaw-1", "pitch-2"]
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BrowsedBench]:
     assert not MISSING, MISSING
     folder = tmp_path_factory.mktemp("axes")
     (folder / "bench.toml").write_text(f'[recorder]\nfolder = "{folder / "runs"}"\n')
     arguments = ["--sim", "--paced-by-host", "--axes", str(len(NAMES)), "--config",
                  str(folder / "bench.toml")]  # fmt: skip
     with running_daemon(arguments, folder) as daemon, live_page(folder) as page:
-        made = Bench(folder, daemon, page)
+        made = BrowsedBench(folder, daemon, page)
         with made.client:
             yield made
 
@@ -46,7 +46,7 @@ def tiles(driver: Any) -> dict[str, str]:
     )
 
 
-def armed(bench: Bench) -> dict[str, bool]:
+def armed(bench: BrowsedBench) -> dict[str, bool]:
     return {name: motion.armed for name, motion in (bench.client.motion().axes or {}).items()}
 
 
@@ -63,7 +63,9 @@ def test_every_axis_has_a_tile_with_position_temperatures_and_state(page: Any) -
     until(page, lambda d: all("–" not in text for text in tiles(d).values()))
 
 
-def test_a_click_on_a_tile_shows_that_axis_and_commands_go_to_it(page: Any, bench: Bench) -> None:
+def test_a_click_on_a_tile_shows_that_axis_and_commands_go_to_it(
+    page: Any, bench: BrowsedBench
+) -> None:
     arm(page)
     assert armed(bench) == dict.fromkeys(NAMES, True)
     look_at(page, "yaw-1")
@@ -78,7 +80,7 @@ def test_a_click_on_a_tile_shows_that_axis_and_commands_go_to_it(page: Any, benc
     until(page, lambda d: all("ARMED" not in text for text in tiles(d).values()))
 
 
-def test_an_axis_is_left_out_of_an_arming_by_its_box(page: Any, bench: Bench) -> None:
+def test_an_axis_is_left_out_of_an_arming_by_its_box(page: Any, bench: BrowsedBench) -> None:
     click(page, "#arm")
     boxes = "return document.querySelectorAll('#conditions input').length"
     until(page, lambda d: d.execute_script(boxes) == len(NAMES))
@@ -90,7 +92,7 @@ def test_an_axis_is_left_out_of_an_arming_by_its_box(page: Any, bench: Bench) ->
     assert armed(bench) == {"pitch-1": True, "yaw-1": True, "pitch-2": False}
 
 
-def test_the_past_of_an_axis_is_its_own(page: Any, bench: Bench) -> None:
+def test_the_past_of_an_axis_is_its_own(page: Any, bench: BrowsedBench) -> None:
     look_at(page, "pitch-2")
     until(page, lambda d: d.execute_script("return document.body.dataset.time") == "live")
     until(

@@ -16,7 +16,7 @@ from smad.control.commands import Sine
 
 from .browsing import (
     PATIENCE_S,
-    Bench,
+    BrowsedBench,
     arm,
     choose,
     click,
@@ -33,7 +33,7 @@ STOPS = 3
 
 
 @pytest.fixture(scope="module")
-def run(bench: Bench) -> str:
+def run(bench: BrowsedBench) -> str:
     """A short run in the folder of the bench."""
     bench.client.arm()
     with bench.client.record("short") as log:
@@ -105,7 +105,7 @@ def test_a_diagnosis_that_the_page_begins_ends_in_its_report(page: Any, run: str
     assert "othing is missing" in report_of(page)
 
 
-def test_stop_is_as_quick_and_the_job_goes_on(bench: Bench, run: str, page: Any) -> None:
+def test_stop_is_as_quick_and_the_job_goes_on(bench: BrowsedBench, run: str, page: Any) -> None:
     # Other tests share the processors: the best of a few says what the page itself takes.
     alone = latencies_ms(bench.folder, page, "idle", STOPS)
     press(page, run, "Diagnose")
@@ -124,7 +124,7 @@ def test_a_job_is_ended_from_the_page(run: str, page: Any) -> None:
     assert "it was ended" in text_of(page, "job-now"), text_of(page, "job-lines")
 
 
-def test_an_experiment_is_drawn_before_go_and_stop_ends_it(page: Any, bench: Bench) -> None:
+def test_an_experiment_is_drawn_before_go_and_stop_ends_it(page: Any, bench: BrowsedBench) -> None:
     opened(page, "experiments")
     until(page, lambda d: "to the limit of 15 mm" in text_of(d, "experiment-preview"))
     page.execute_script(
@@ -159,7 +159,7 @@ def test_a_mark_with_a_note_stands_on_the_page_also_without_a_run_log(page: Any)
     assert re.search(r"all is well", text_of(page, "said"))
 
 
-def test_the_job_ends_with_the_server(bench: Bench, run: str, tmp_path: Path) -> None:
+def test_the_job_ends_with_the_server(bench: BrowsedBench, run: str, tmp_path: Path) -> None:
     with live_page(bench.folder) as view, browser(tmp_path / "profile") as driver:
         driver.get(view.command)
         until(driver, is_live)
@@ -175,7 +175,9 @@ def test_the_job_ends_with_the_server(bench: Bench, run: str, tmp_path: Path) ->
     assert list(bench.folder.rglob("*-diagnosis*.html")) == written
 
 
-def test_no_experiment_is_begun_on_a_bench_that_is_armed_already(page: Any, bench: Bench) -> None:
+def test_no_experiment_is_begun_on_a_bench_that_is_armed_already(
+    page: Any, bench: BrowsedBench
+) -> None:
     arm(page)
     until(page, lambda d: "this page" in text_of(d, "holder"))
     opened(page, "experiments")

@@ -106,7 +106,7 @@ def test_after_a_day_nothing_grows_any_more() -> None:
     grown = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
     assert grown < 10_000
-    assert [len(tier) for tier in feed.tiers] == [window.kept for window in WINDOWS]
+    assert [len(tier) for tier in feed.tiers] == [window.capacity for window in WINDOWS]
     for window in range(len(WINDOWS)):
         assert len(whole_of(feed, window).t) <= 3 * MOST_BUCKETS
 

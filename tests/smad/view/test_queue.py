@@ -12,7 +12,7 @@ from smad.queue import Queue, QueueError
 from smad.queue.lease import RunnerLease
 from smad.view import commands, queue
 
-from .browsing import Bench, click, in_a_browser, is_live, text_of, until
+from .browsing import BrowsedBench, click, in_a_browser, is_live, text_of, until
 
 
 def carry_out(folder: Path, **verb: Any) -> tuple[str, str]:
@@ -73,7 +73,7 @@ def test_a_page_that_only_watches_may_see_the_queue_and_not_change_it() -> None:
 
 
 @in_a_browser
-def test_the_table_shows_what_the_form_adds(page: Any, bench: Bench) -> None:
+def test_the_table_shows_what_the_form_adds(page: Any, bench: BrowsedBench) -> None:
     page.execute_script("document.getElementById('queue').open = true")
     until(page, lambda d: text_of(d, "queue-state").startswith("paused"))
     page.execute_script("document.getElementById('queue-what').value = 'dsc'")
@@ -88,7 +88,9 @@ def test_the_table_shows_what_the_form_adds(page: Any, bench: Bench) -> None:
 
 
 @in_a_browser
-def test_the_watching_page_has_the_table_without_buttons(chromium: Any, bench: Bench) -> None:
+def test_the_watching_page_has_the_table_without_buttons(
+    chromium: Any, bench: BrowsedBench
+) -> None:
     with Queue(bench.client.status().recorder.folder) as made:
         made.add("run", "dsc")
     chromium.get(bench.page.watch)

@@ -1,4 +1,4 @@
-"""What every part of the daemon may use: its clocks, its journal, tasks beside the loop."""
+"""Services that every part of the daemon may use: clocks, journal, tasks beside the loop."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ class Clocks:
 
 
 @dataclass(frozen=True)
-class Means:
-    """Clocks, and what the daemon does for its parts; `axis`: whose part, where it has a name."""
+class Services:
+    """Clocks, log and tasks for a part of the daemon; `axis`: whose part, where it has a name."""
 
     clocks: Clocks
     say: Say
     spawn: Spawn
     axis: str = ""
 
-    def named(self, axis: str) -> Means:
-        """Return means whose events say which axis they are of; themselves without a name."""
+    def named(self, axis: str) -> Services:
+        """Return services whose events name the axis; themselves without a name."""
         if not axis:
             return self
 

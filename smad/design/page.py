@@ -1,0 +1,32 @@
+"""The page of a design."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+from sim_device.plant.geometry import Geometry
+from smad.design.cycle import Design
+from smad.report.page import Page, Section, Table, Text
+
+_HEADER = ("quantity", "value")
+_ALLOY = (
+    "The alloy is not scaled; its published numbers beside those of other laboratories are in "
+    "docs/physics.md."
+)
+
+
+def design_page(
+    design: Design, geometry: Geometry, alloy: str, current_A: float, cooling: str
+) -> Page:
+    """Return the page: what the pair gives, and for what geometry, current and cooling."""
+    sizes = [(name, f"{value:g}") for name, value in asdict(geometry).items() if value is not None]
+    sizes += [("current_A", f"{current_A:g}"), ("cooling", cooling), ("alloy", alloy)]
+    return Page(
+        title="Design of a pair of springs",
+        lead="What the simulated pair gives over a full stroke to and fro.",
+        facts=[],
+        sections=[
+            Section("What it gives", [Table(_HEADER, design.rows())]),
+            Section("For this geometry", [Table(_HEADER, sizes), Text(_ALLOY, kind="note")]),
+        ],
+    )

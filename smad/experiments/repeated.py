@@ -1,0 +1,82 @@
+"""A recorded run played again: on a fresh simulated bench, or on that of a client."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sim_device.plant.models import built_in
+from smad.config import Config, parse_config
+from smad.experiments.driver import new_log_path
+from smad.experiments.errors import EndedEarlyError, StoppedError, TrippedError
+from smad.experiments.leased import LeasedDriver
+from smad.experiments.repeating import Repeat
+from smad.experiments.replayer import Directly, Replayer
+from smad.experiments.virtual import VirtualDriver
+from smad.progress import Say
+
+if TYPE_CHECKING:
+    from smad.client import Client
+
+
+def repeat_simulated(
+    recorded: Repeat, name: str, *, folder: Path, seed: int, say: Say, progress: Say
+) -> Path:
+    """Play a run on the nominal simulated bench in virtual time; return its new run log.
+
+    `say` is told where it is recorded when it ends early. Raises RepeatError, ExperimentError.
+    """
+    recorded.require_fit(Config())
+    plan = recorded.plan(name)
+    path = new_log_path(folder, plan, "give another folder with --save-logs, or move it away")
+    driver = VirtualDriver(built_in("A"), seed=seed, folder=folder, progress=progress)
+    with _saying_where(driver, say):
+        driver.run(plan)
+    return path
+
+
+def repeat_on(
+    client: Client,
+    recorded: Repeat,
+    name: str,
+    *,
+    bench: str,
+    lease_s: float,
+    as_is: bool,
+    other_bench: bool,
+    say: Say,
+    progress: Say,
+) -> Path:
+    """Play a run on the bench of a client that is ready to arm; return its new run log.
+
+    Begins where the run began, or with `as_is` where the bench is. Raises as `repeat_simulated`,
+    and RepeatError for a run of another bench unless `other_bench`.
+    """
+    recorded.require_fit(parse_config(client.config()))
+    if not other_bench:
+        board = client.status().board
+        recorded.require_bench("" if board is None else board.uid, bench)
+    driver: Directly | Replayer
+    if as_is:
+        driver = Directly(client, progress=progress)
+    else:
+        driver = Replayer(client, progress=progress, sleep=time.sleep)
+        driver.start = recorded.start
+    leased = LeasedDriver(client, driver, lease_s=lease_s, progress=progress, who="smad run repeat")
+    with _saying_where(driver, say):
+        leased.run(recorded.plan(name))
+    assert driver.log is not None
+    return driver.log
+
+
+@contextlib.contextmanager
+def _saying_where(driver: Directly | Replayer | VirtualDriver, say: Say) -> Iterator[None]:
+    try:
+        yield
+    except (EndedEarlyError, StoppedError, TrippedError):
+        if driver.log is not None:
+            say(f"recorded until then: {driver.log}")
+        raise

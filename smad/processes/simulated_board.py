@@ -1,0 +1,65 @@
+"""What a daemon needs to run on a simulated board: the bench beside it, and its configuration."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Sequence
+from importlib import resources
+from pathlib import Path
+
+import msgspec
+
+from smad.client.endpoints import default_folder, prepare_folder
+from smad.config import Config, replaced
+from smad.errors import ConfigError
+from smad.processes.simulator import simulated_bench
+from smad.progress import Say
+
+BAUDS = {"python": 921_600, "host": 921_600, "avr": 500_000}
+"""What the simulated board says it has; a pseudo-terminal takes any."""
+
+
+@contextlib.contextmanager
+def simulated_board(
+    config: Config,
+    words: Sequence[str],
+    *,
+    firmware: str,
+    paced_by_host: bool,
+    waiting: Say,
+) -> Iterator[tuple[Config, str]]:
+    """Run `smad sim` with these words for as long as the block lasts.
+
+    Yields the configuration of the daemon on it, and the text of the plant's parameters. Raises
+    ConfigError, and what `simulated_bench` does.
+    """
+    # Before the bench is started: it would wait for ever for a file that is a pipe.
+    parameter_text = _parameter_text(config)
+    folder = Path(config.daemon.ipc_dir or default_folder()).absolute()
+    prepare_folder(folder)
+    plant = config.plant
+    words = [
+        *("--seed", str(plant.seed), "--rate", str(config.link.rate_hz)),
+        *("--speed", str(plant.speed_ratio), "--firmware", firmware),
+        *(("--axes", str(len(config.axes))) if config.axes else ()),
+        *words,
+    ]
+    if plant.speed_ratio != 1.0 or paced_by_host:
+        # Time that is not the wall's needs no priority; a loop that never sleeps would take a core.
+        config = replaced(config, "realtime", fifo_priority=0)
+    symlink = folder / f"{config.daemon.bench}.tty"
+    with simulated_bench(words, symlink, waiting=waiting) as port:
+        config = replaced(config, "link", port=port, baud=BAUDS[firmware])
+        placed = [msgspec.structs.replace(a, port=f"{port}.{a.name}") for a in config.axes]
+        yield msgspec.structs.replace(config, axes=tuple(placed)), parameter_text
+
+
+def _parameter_text(config: Config) -> str:
+    if config.plant.parameter_file:
+        path = Path(config.plant.parameter_file)
+        if path.exists() and not path.is_file():
+            raise ConfigError(
+                "plant.parameter_file is no file", value=str(path), action="name a TOML file"
+            )
+        return path.read_text()
+    return (resources.files("sim_device") / "plant" / "data" / "set_a.toml").read_text()

@@ -1,0 +1,157 @@
+"""`smad status`: everything about the bench in lines. Pure."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import click
+
+from firmware_protocol.enums import Fault
+from firmware_protocol.supervisor.faults import FAULT_TEXTS
+from smad.api import Percentiles, Status
+from smad.files import shown
+from smad.view.state import LINK_MEANS, limiter_of
+from smad.view.terminal.axis_lines import aged, axis_lines, number
+
+_EVENTS = 5
+_LABEL = 11
+
+
+def lines(now: Status) -> Iterator[str]:
+    """The status as a person reads it, the most urgent first; a line an axis where several are."""
+    yield from _bench(now)
+    if now.axes:
+        yield from axis_lines(now.axes, now.skew or Percentiles())
+    else:
+        yield from _readings(now)
+        yield from _link(now)
+    yield from _record(now)
+    yield from _realtime(now)
+    for event in now.events[-_EVENTS:]:
+        when = time.strftime("%H:%M:%S", time.localtime(event.time_s))
+        yield _line("event", f"{when}  {event.text}")
+
+
+def _bench(now: Status) -> Iterator[str]:
+    motion = now.motion
+    armed = _yellow("ARMED") if motion.armed else _green("not armed")
+    link = f"{len(now.axes)} axes" if now.axes else LINK_MEANS.get(now.link.state, now.link.state)
+    yield _line("bench", f"{now.bench}: {armed}, board {motion.mode}, {link}")
+    if motion.fault is not None:
+        yield _line("fault", _red(f"{motion.fault.in_words()} (stopped by the {motion.fault.by})"))
+        explained = FAULT_TEXTS[Fault(motion.fault.number)]
+        yield _line("", explained.cause)
+        yield _line("", f"{explained.remedy} Then smad clear.")
+    if now.warnings:
+        yield _line("warnings", _yellow(", ".join(now.warnings)))
+    done = "stopped" if motion.fault else "done" if motion.done else "under way"
+    reference = "" if motion.reference_mm is None else f", reference {motion.reference_mm:.2f} mm"
+    yield _line("motion", f"{motion.running}, {done}{reference}")
+    if limiter := limiter_of(now):
+        yield _line("limited by", limiter)
+    if now.control.holder:
+        whose = "you" if now.control.yours else now.control.holder
+        yield _line("control", f"exclusive: {whose}, {now.control.left_s:.0f} s left")
+
+
+def _readings(now: Status) -> Iterator[str]:
+    row = now.sample
+    if row is None:
+        yield _line("readings", "none yet")
+        return
+    old = _yellow(age) if (age := aged(now.motion)) else ""
+    yield _line("position", f"{number(row.displacement_mm, 3)} mm, {number(row.force_N, 2)} N{old}")
+    for name, degrees, amperes, volts, duty, starts in (
+        ("spring x", row.rtd_x_degC, row.i_meas_x_A, row.v_x_V, row.duty_x, row.pump_starts_x),
+        ("spring y", row.rtd_y_degC, row.i_meas_y_A, row.v_y_V, row.duty_y, row.pump_starts_y),
+    ):
+        yield _line(
+            name,
+            f"{number(degrees, 2)} °C, {number(amperes, 2)} A, {number(volts, 2)} V, "
+            f"pump {number(None if duty is None else 100 * duty, 0)} %"
+            + ("" if starts is None else f", started {starts} times")
+            + old,
+        )
+    yield _line(
+        "water, room",
+        f"{number(row.rtd_inlet_degC, 2)} °C, {number(row.rtd_ambient_degC, 2)} °C; "
+        f"supply {number(row.supply_V, 2)} V{old}",
+    )
+
+
+def _link(now: Status) -> Iterator[str]:
+    link, counts, board = now.link, now.counts, now.board
+    yield _line(
+        "link",
+        f"{link.port}, {link.baud} baud, {link.rate_hz} Hz, "
+        f"{counts.samples} samples, {_lost(counts.missed)} missed, {counts.skipped} skipped, "
+        f"{_lost(link.losses)} losses of the port",
+    )
+    for note in link.notes:
+        yield _line("", _yellow(note))
+    if board is not None:
+        agree = {True: "agree", False: _red("DISAGREE"), None: "being read"}[board.params_agree]
+        schema = "agree" if board.schema_agrees else _red("DISAGREE: watching only")
+        yield _line(
+            "board",
+            f"{board.firmware} ({board.uid}), protocol {board.protocol}, boot {board.boot_count} "
+            f"after {board.reset_cause}; messages {schema}, parameters {agree}",
+        )
+    timing = now.timing
+    yield _line("host share", _spread(timing.own_share))
+    yield _line(
+        "age",
+        f"{_spread(timing.setpoint_age)}{' when applied' * bool(timing.setpoint_age.count)}; "
+        f"{_lost(counts.setpoints_refused)} refused as too old",
+    )
+    yield _line("jitter", _spread(timing.jitter))
+
+
+def _record(now: Status) -> Iterator[str]:
+    recorder = now.recorder
+    if recorder.recording:
+        yield _line("recording", f"{shown(recorder.path)}, {recorder.rows} samples")
+    elif recorder.path:
+        yield _line("run log", f"{shown(recorder.path)}, {recorder.rows} samples")
+    if recorder.error:
+        yield _line("", _red(recorder.error))
+
+
+def _realtime(now: Status) -> Iterator[str]:
+    granted = [m.name for m in now.realtime if m.granted]
+    yield _line("real time", ", ".join(granted) or "nothing granted")
+    for measure in now.realtime:
+        if measure.asked and not measure.granted:
+            yield _line("", _yellow(f"no {measure.name}: {measure.detail}"))
+    yield _line(
+        "daemon",
+        f"smad {now.version}, process {now.pid}, up {now.uptime_s:.0f} s, "
+        f"{now.memory_MiB:.0f} MiB, {now.counts.commands} commands, {now.counts.refused} refused",
+    )
+
+
+def _line(label: str, text: str) -> str:
+    return f"{label:<{_LABEL}} {text}"
+
+
+def _lost(count: int) -> str:
+    return _red(str(count)) if count else "0"
+
+
+def _spread(part: Percentiles) -> str:
+    if part.count == 0:
+        return "no samples yet"
+    return f"p50 {part.p50_us:.0f} µs, p99 {part.p99_us:.0f} µs, p99.9 {part.p999_us:.0f} µs"
+
+
+def _green(text: str) -> str:
+    return click.style(text, fg="green")
+
+
+def _red(text: str) -> str:
+    return click.style(text, fg="red")
+
+
+def _yellow(text: str) -> str:
+    return click.style(text, fg="yellow")
