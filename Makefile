@@ -80,22 +80,33 @@ $(VENV)/.python:
 	@$(PY) -m pip install -qq --disable-pip-version-check uv==$(UV_VERSION)
 	@touch $@
 
-$(VENV)/.installed: pyproject.toml uv.lock $(VENV)/.python
+# What is installed and what is compiled are targets of their own: `make -j2 setup-test` compiles
+# the physics while it installs the rest.
+$(VENV)/.packages: pyproject.toml uv.lock $(VENV)/.python
 	@echo "installing smad into $(VENV) (a minute or two the first time)"
 	@$(SYNC) --extra all
+	@touch $@
+
+$(VENV)/.installed: $(VENV)/.packages
 	@echo "compiling the physics kernel (once)"
 	@$(PY) -m sim_device.plant.warm
 	@touch $@
 
-$(VENV)/.test-installed: pyproject.toml uv.lock $(VENV)/.installed
+$(VENV)/.test-packages: $(VENV)/.packages
 	@echo "installing what the tests need"
 	@$(SYNC) --extra test
+	@touch $@
+
+$(VENV)/.test-compiled: $(VENV)/.test-packages
 	@echo "compiling what the tests share (once)"
 	@$(PY) -m tests.warm
 	@touch $@
 
-$(VENV)/.site-installed: pyproject.toml uv.lock $(VENV)/.installed
-	@test -e $(VENV)/.test-installed || $(SYNC) --extra all --extra site
+$(VENV)/.test-installed: $(VENV)/.installed $(VENV)/.test-compiled
+	@touch $@
+
+$(VENV)/.site-installed: $(VENV)/.packages
+	@test -e $(VENV)/.test-packages || $(SYNC) --extra all --extra site
 	@touch $@
 
 clean:  ## remove what the build made (not your runs)
