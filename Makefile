@@ -28,7 +28,7 @@ firmware: $(VENV)/.installed  ## compile the firmware's ports; the image to flas
 
 test: $(VENV)/.test-installed  ## all the tests; says how long they took the last time
 	@cat $(VENV)/.test-took 2>/dev/null || echo "the time that they take is kept for the next run"
-	@began=$$(date +%s); $(PY) -m pytest -n 3 --dist worksteal && \
+	@began=$$(date +%s); $(PY) -m pytest -n 4 --dist worksteal && \
 	  echo "all passed; the last run took $$(( ($$(date +%s) - began + 59) / 60 )) min" | tee $(VENV)/.test-took
 
 recipes: $(VENV)/.test-installed  ## every step of docs/architecture.md's recipes left out once: something must complain
@@ -97,9 +97,12 @@ $(VENV)/.test-packages: $(VENV)/.packages
 	@$(SYNC) --extra test
 	@touch $@
 
+# Collecting imports every source of the tests and of the packages, which each of the workers would
+# else compile for itself.
 $(VENV)/.test-compiled: $(VENV)/.test-packages
 	@echo "compiling what the tests share (once)"
 	@$(PY) -m tests.warm
+	@$(PY) -m pytest -qq --collect-only >/dev/null
 	@touch $@
 
 $(VENV)/.test-installed: $(VENV)/.installed $(VENV)/.test-compiled
