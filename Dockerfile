@@ -18,6 +18,7 @@ COPY docs docs
 COPY smad smad
 COPY sim_device sim_device
 COPY firmware_protocol firmware_protocol
-RUN make setup-test
+RUN make setup .venv/.test-packages
 COPY . .
+RUN make setup-test
 CMD ["make", "demo"]

@@ -28,7 +28,7 @@ firmware: $(VENV)/.installed  ## compile the firmware's ports; the image to flas
 
 test: $(VENV)/.test-installed  ## all the tests; says how long they took the last time
 	@cat $(VENV)/.test-took 2>/dev/null || echo "the time that they take is kept for the next run"
-	@began=$$(date +%s); $(PY) -m pytest -n 3 --dist worksteal && \
+	@began=$$(date +%s); $(PY) -m pytest -n 4 --dist worksteal && \
 	  echo "all passed; the last run took $$(( ($$(date +%s) - began + 59) / 60 )) min" | tee $(VENV)/.test-took
 
 recipes: $(VENV)/.test-installed  ## every step of docs/architecture.md's recipes left out once: something must complain
@@ -80,22 +80,36 @@ $(VENV)/.python:
 	@$(PY) -m pip install -qq --disable-pip-version-check uv==$(UV_VERSION)
 	@touch $@
 
-$(VENV)/.installed: pyproject.toml uv.lock $(VENV)/.python
+# What is installed and what is compiled are targets of their own: `make -j2 setup-test` compiles
+# the physics while it installs the rest.
+$(VENV)/.packages: pyproject.toml uv.lock $(VENV)/.python
 	@echo "installing smad into $(VENV) (a minute or two the first time)"
 	@$(SYNC) --extra all
+	@touch $@
+
+$(VENV)/.installed: $(VENV)/.packages
 	@echo "compiling the physics kernel (once)"
 	@$(PY) -m sim_device.plant.warm
 	@touch $@
 
-$(VENV)/.test-installed: pyproject.toml uv.lock $(VENV)/.installed
+$(VENV)/.test-packages: $(VENV)/.packages
 	@echo "installing what the tests need"
 	@$(SYNC) --extra test
-	@echo "compiling what the tests share (once)"
-	@$(PY) -m tests.warm
 	@touch $@
 
-$(VENV)/.site-installed: pyproject.toml uv.lock $(VENV)/.installed
-	@test -e $(VENV)/.test-installed || $(SYNC) --extra all --extra site
+# Collecting imports every source of the tests and of the packages, which each of the workers would
+# else compile for itself.
+$(VENV)/.test-compiled: $(VENV)/.test-packages
+	@echo "compiling what the tests share (once)"
+	@$(PY) -m tests.warm
+	@$(PY) -m pytest -qq --collect-only >/dev/null
+	@touch $@
+
+$(VENV)/.test-installed: $(VENV)/.installed $(VENV)/.test-compiled
+	@touch $@
+
+$(VENV)/.site-installed: $(VENV)/.packages
+	@test -e $(VENV)/.test-packages || $(SYNC) --extra all --extra site
 	@touch $@
 
 clean:  ## remove what the build made (not your runs)

@@ -245,10 +245,19 @@ def explore(alone: frozenset[str]) -> Explored:
         except Violation:
             raise Violation(_way_to_a_violation(model, depths)) from None
         steps += len(after)
-        reached = np.setdiff1d(after, visited)
-        visited = np.union1d(visited, reached)
+        reached = _not_among(visited, after)
+        visited = np.sort(np.concatenate([visited, reached]))
         depths.append(reached)
     return Explored(len(visited), steps, len(depths) - 2)
+
+
+def _not_among(known: States, states: States) -> States:
+    """Return the states that are not among the known ones, each once; both in ascending order."""
+    # By sorting: the hash table of `np.unique` has long chains where numbers are this regular.
+    ascending = np.sort(states)
+    different = ascending[np.diff(ascending, prepend=-1) != 0]
+    place = np.minimum(np.searchsorted(known, different), len(known) - 1)
+    return different[known[place] != different]
 
 
 def _looked_up(one: Callable[[int], int], keys: States) -> States:
