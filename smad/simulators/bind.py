@@ -22,6 +22,7 @@ from smad.simulators.columns import (
     tables_of,
 )
 from smad.simulators.declare import Simulator
+from smad.simulators.doubts import doubted_units
 from smad.simulators.errors import SimulatorError
 from smad.simulators.places import SavedPlaces, SimulatorPlaces
 from smad.simulators.plant import SimulatedPlant
@@ -59,6 +60,10 @@ def bind(declared: Simulator, *groups: Any, trusted: Sequence[str] = ()) -> Boun
     for table in every:
         require_time(table)
     inputs, outputs, seconds = roles(declared, every[0])
+    # From here on every column has the unit that the function asked for.
+    wanted = [*inputs, *outputs, *declared.observed]
+    tables = [[t.with_columns(wanted) for t in group] for group in tables]
+    every = [t for group in tables for t in group]
     exact = {*declared.exact, *_constant(inputs, every, declared)}
     read = [n for n in inputs if n not in declared.forces]
     wanted = [*read, *(n for n in declared.observed if n not in read)]
@@ -76,6 +81,7 @@ def bind(declared: Simulator, *groups: Any, trusted: Sequence[str] = ()) -> Boun
         channels=[_channel(declared, n, [r for group in runs for r in group]) for n in outputs],
         lag_s=_LAG_OF_CORRELATION * _correlation_s(outputs, every),
     )
+    said += doubted_units(plant, next(r for group in runs for r in group))
     kind = SavedPlaces if declared.save is not None else SimulatorPlaces
     return Bound(plant=kind(plant), groups=tuple(runs), said=tuple(said), seconds=seconds)
 
@@ -110,13 +116,14 @@ def _channel(declared: Simulator, name: str, runs: Sequence[GapRun]) -> Channel:
     columns = [r.outputs[name] for r in runs if name in r.outputs]
     low, high = span_of(columns)
     noise = declared.noise.get(name) or noise_of(columns)
+    # A reading at the end of what was seen is not at the end of what it can show.
+    ends = declared.ranges.get(name, (2.0 * low - high, 2.0 * high - low))
     return Channel(
         name=name,
         unit=declared.unit(name),
         quantum=quantum_of(columns),
-        # A reading at the end of what was seen is not at the end of what it can show.
-        low=low - (high - low),
-        high=high + (high - low),
+        low=ends[0],
+        high=ends[1],
         noise=noise or _UNMEASURED * (high - low),
     )
 
