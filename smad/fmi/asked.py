@@ -65,15 +65,15 @@ def diagnose_unit(
             plant.window_s, why = choose_window(plant, asked, mapped.window_s)
         answer = diagnose(asked, plant=plant, good=known, hold_out=held_out, progress=progress)
     except (GapError, np.linalg.LinAlgError) as error:
-        if not plant.stopped or isinstance(error, PlantMismatch):
+        if not plant.failures.why or isinstance(error, PlantMismatch):
             raise
         raise FmiError(
             f"unit {plant.name} stops or gives no number inside a run",
-            value=plant.stopped,
+            value=plant.failures.why,
             action="mend the unit there, narrow the range of the parameters in the map, or "
             "leave the run out",
         ) from error
-    notes = [*answer.verdict.notes, *([why] if why else [])]
+    notes = [*answer.verdict.notes, *([why] if why else []), *plant.failures.notes]
     return replace(answer, verdict=msgspec.structs.replace(answer.verdict, notes=notes))
 
 

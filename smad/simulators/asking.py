@@ -64,13 +64,7 @@ def diagnose(
             candidates=candidates,
             progress=say,
         )
-    failures = plain.failures
-    notes = [*answer.verdict.notes, *bound.said, *([why] if why else [])]
-    if failures.failed:
-        notes.append(
-            f"{failures.failed} of {failures.replays} replays gave no numbers, and what they were "
-            f"of was dropped: {failures.why}"
-        )
+    notes = [*answer.verdict.notes, *bound.said, *([why] if why else []), *plain.failures.notes]
     return replace(answer, verdict=msgspec.structs.replace(answer.verdict, notes=notes))
 
 

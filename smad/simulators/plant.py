@@ -44,6 +44,16 @@ class Failures:
     failed: int = 0
     why: str = ""
 
+    @property
+    def notes(self) -> list[str]:
+        """What is said of them in a verdict; nothing where there were none."""
+        if not self.failed:
+            return []
+        return [
+            f"{self.failed} of {self.replays} replays gave no numbers, and what they were of was "
+            f"dropped: {self.why}"
+        ]
+
 
 @dataclass(kw_only=True)
 class SimulatedPlant:
