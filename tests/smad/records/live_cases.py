@@ -105,7 +105,7 @@ def run(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
 
 def smad_says(*words: str, folder: Path) -> str:
     done = run(*SMAD, *words, "--bench", BENCH, folder=folder)
-    return f"{' '.join((done.stdout + done.stderr).split())[:220]} (status {done.returncode})"
+    return f"{' '.join((done.stdout + done.stderr).split())[:400]} (status {done.returncode})"
 
 
 @contextlib.contextmanager
@@ -121,10 +121,10 @@ def started(*words: str, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
             process.wait()
 
 
-def wait_for(text: str, folder: Path, seconds: float = 120.0) -> None:
-    """Wait until `smad status` says a word."""
+def wait_for(text: str, folder: Path, *, without: str = "\0", seconds: float = 120.0) -> None:
+    """Wait until `smad status` says one text and not another."""
     ends = time.monotonic() + seconds
-    while text not in smad_says("status", folder=folder):
+    while not (text in (said := smad_says("status", folder=folder)) and without not in said):
         if time.monotonic() > ends:
             raise TimeoutError((folder / "log.txt").read_text())
         time.sleep(0.5)
@@ -138,13 +138,13 @@ def benches(folder: Path) -> Iterator[str]:
         while not os.path.lexists(port):
             time.sleep(0.2)
         with started(*start, folder=folder) as daemon:
-            wait_for("DISARMED", folder)
+            wait_for("°C", folder)
             board.kill()
             board.wait()
             time.sleep(6.0)
             yield f"19 the board is gone for 6 s: {smad_says('status', folder=folder)}"
             with started("sim", "--symlink", port, folder=folder):
-                wait_for("DISARMED", folder)
+                wait_for("°C", folder, without=" old")
                 yield f"21 its port is back: {smad_says('status', folder=folder)}"
             daemon.send_signal(signal.SIGSTOP)
             yield f"23 the daemon is stopped: {smad_says('status', folder=folder)}"
@@ -152,9 +152,11 @@ def benches(folder: Path) -> Iterator[str]:
             daemon.kill()
             daemon.wait()
             yield f"23 the daemon is killed: {smad_says('status', folder=folder)}"
-    with started("start", "--sim", "--fault", "sensor_open@2", "--bench", BENCH, "--no-realtime",
+    with started("start", "--sim", "--fault", "sensor_open@30", "--bench", BENCH, "--no-realtime",
                  folder=folder):  # fmt: skip
-        wait_for("FAULT", folder)
+        wait_for("°C", folder)
+        smad_says("arm", folder=folder)
+        wait_for("fault", folder)
         yield f"22 a sensor is open: {smad_says('status', folder=folder)}"
 
 
