@@ -187,7 +187,7 @@ def _stuck(values: Array, good: Mask, steady: Mask | None) -> list[tuple[Index, 
         if chance < STUCK_CHANCE and all(_noisy(side) for side in sides):
             out.append((index[start:stop], "is noisy beside them"))
         elif (
-            chance < _LEAP_CHANCE and steady is not None and steady[index[stop]] and len(sides) == 2
+            len(sides) == 2 and chance < _LEAP_CHANCE and steady is not None and steady[index[stop]]
         ):
             usual = max(np.abs(np.diff(side)).max() for side in sides)
             if abs(y[stop] - y[stop - 1]) > _LEAP * usual:

@@ -21,7 +21,7 @@ from smad.simulators.plant import SimulatedPlant
 from smad.simulators.processes import Processes
 from smad.simulators.windows import choose_window
 
-_SLOW_S = 30.0
+_SLOW_S, _IN_MINUTES_S = 30.0, 180.0
 """An answer that takes longer is announced, whether or not anybody listens to its progress."""
 
 
@@ -88,10 +88,12 @@ def _announced(replay_s: float, expected_s: float, processes: int) -> str:
     """What a long computation takes, and what makes it shorter."""
     cores = os.cpu_count() or 1
     used = min(processes, cores)
-    text = f"a replay takes {replay_s:.2g} s: about {expected_s / used / 60:.0f} min in all"
+    whole_s = expected_s / used
+    whole = f"{whole_s:.0f} s" if whole_s < _IN_MINUTES_S else f"{whole_s / 60:.0f} min"
+    text = f"a replay takes {replay_s:.2g} s: about {whole} in all"
     if used > 1:
         return f"{text}, in {processes} processes"
-    return f"{text}; processes={cores} uses all cores" if cores > 1 else text
+    return f"{text}; diagnose(…, processes={cores}) uses all cores" if cores > 1 else text
 
 
 def _on_standard_error(text: str) -> None:

@@ -139,6 +139,11 @@ def test_each_stretch_in_which_a_reading_is_stuck_is_told() -> None:
     assert [note.split(" for ")[1].split(" (")[0] for note in notes] == ["20 samples", "20 samples"]
 
 
+def test_a_reading_that_stays_to_the_end_of_its_run_is_not_known_to_be_stuck() -> None:
+    y = rising(150, noise=0.03, quantum=0.01)
+    assert checked(y, WARM, T[:300], np.ones(300, dtype=bool)).notes == ()
+
+
 def test_a_reading_that_jumps_with_an_input_was_at_rest() -> None:
     y = rising(20, noise=0.0, quantum=0.01)
     steady = np.ones(300, dtype=bool)
