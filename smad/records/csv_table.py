@@ -197,7 +197,8 @@ class CsvTable:
         elif self.form.decimal == "." and "," in value:
             action = (
                 'correct it, or say `decimal = ","` (or `thousands = ","`) under [csv] in a '
-                "mapping file (--mapping of smad log import, --map of smad gap diagnose)"
+                "mapping file (--mapping of smad log import, --map of smad gap diagnose) or csv=… "
+                "of smad.simulators.diagnose"
             )
         raise LogImportError(
             f"{self.path}, {self.place_of(row)}: column {name!r} is not a number",

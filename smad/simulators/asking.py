@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,6 +15,7 @@ from smad.diagnosis import Answer
 from smad.diagnosis import diagnose as ask
 from smad.progress import Say, silent
 from smad.simulators.bind import Bound, bind
+from smad.simulators.columns import csv_format
 from smad.simulators.declare import Simulator
 from smad.simulators.errors import SimulatorError
 from smad.simulators.plant import SimulatedPlant
@@ -34,6 +35,8 @@ def diagnose(
     trusted: Sequence[str] = (),
     window_s: float | None = None,
     candidates: Sequence[str] | None = None,
+    time: str = "",
+    csv: Mapping[str, str] | None = None,
     processes: int = 1,
     progress: Say | None = None,
 ) -> Answer:
@@ -41,12 +44,14 @@ def diagnose(
 
     Runs are files, patterns, tables of columns, data frames or `GapRun`s; as of
     `smad.diagnosis.diagnose` otherwise. `trusted` are paths, or names, of runs that the model's
-    opinion does not refuse. `window_s`: see `choose_window`. A function that takes long runs in
-    `processes`. `progress` is told what is going on (`print`); without it only a long computation
-    is announced, on standard error. What was taken by default stands in the verdict's notes. Raises
-    SimulatorError, RunLogError and GapError.
+    opinion does not refuse. `window_s`: see `choose_window`. `time` is the column of the time where
+    it has none of the usual names; `csv` says how tables are written, as [csv] of a mapping file:
+    {"decimal": ","}. A function that takes long runs in `processes`. `progress` is told what is
+    going on (`print`); without it only a long computation is announced, on standard error. What was
+    taken by default stands in the verdict's notes. Raises SimulatorError, RunLogError and GapError.
     """
-    bound = bind(simulator, runs, good, hold_out, trusted=trusted)
+    form = csv_format(csv or {})
+    bound = bind(simulator, runs, good, hold_out, trusted=trusted, time=time, form=form)
     plain = bound.plant.plain
     fit, known, held_out = bound.groups
     say, announce = progress or silent, progress or _on_standard_error

@@ -10,6 +10,7 @@ import numpy as np
 
 from smad.diagnosis.plant import Channel, Signal
 from smad.diagnosis.runs import GapRun
+from smad.records.csv_table import CsvFormat
 from smad.simulators.checks import roles
 from smad.simulators.columns import (
     Table,
@@ -46,14 +47,21 @@ class Bound:
     seconds: float
 
 
-def bind(declared: Simulator, *groups: Any, trusted: Sequence[str] = ()) -> Bound:
+def bind(
+    declared: Simulator,
+    *groups: Any,
+    trusted: Sequence[str] = (),
+    time: str = "",
+    form: CsvFormat | None = None,
+) -> Bound:
     """Read the runs of each group, and make the plant that they are of.
 
-    `trusted` are paths, or names, of runs that the model's opinion does not refuse.
+    `trusted` are paths, or names, of runs that the model's opinion does not refuse; `time` and
+    `form`: see `tables_of`.
 
     Raises SimulatorError for runs or a function that cannot be used.
     """
-    tables = [tables_of(group) for group in groups]
+    tables = [tables_of(group, time, form) for group in groups]
     every = [t for group in tables for t in group]
     if not every:
         raise SimulatorError("there are no runs", action="give at least one")

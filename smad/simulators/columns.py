@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from smad.diagnosis.plant import Array
@@ -80,6 +81,18 @@ class Table:
         columns |= {n: self.column(n) for n in sources}
         notes = [f"{n} is column {s!r}, converted" for n, s in sources.items()]
         return replace(self, columns=columns, notes=(*self.notes, *notes)) if sources else self
+
+
+def csv_format(said: Mapping[str, str]) -> CsvFormat:
+    """How a CSV file is written, by the keys of [csv] in a mapping file. Raises SimulatorError."""
+    try:
+        return msgspec.convert(dict(said), CsvFormat)
+    except msgspec.ValidationError as error:
+        raise SimulatorError(
+            f"csv does not say how a table is written: {error}",
+            limit=", ".join(CsvFormat.__struct_fields__),
+            action='give for example {"delimiter": ";", "decimal": ","}',
+        ) from None
 
 
 def tables_of(runs: Any, time: str = "", form: CsvFormat | None = None) -> list[Table]:

@@ -15,6 +15,7 @@ from smad.diagnosis.report.words import lines
 from smad.diagnosis.runs import GapRun
 from smad.simulators import Missing, diagnose, plan, simulator
 from smad.simulators.bind import bind
+from smad.simulators.columns import csv_format
 from smad.simulators.errors import SimulatorError
 from smad.simulators.starts import Starts
 from smad.simulators.windows import choose_window
@@ -494,6 +495,20 @@ def test_columns_of_text_are_left_out_and_said_or_named_where_they_are_wanted(
     (tmp_path / "a.csv").write_text("\n".join([head, *rows]).replace(",3,", ",three,"))
     with pytest.raises(SimulatorError, match="line 5: column 'power_W' is not a number; got three"):
         bind(declared_heater(), tmp_path / "a.csv")
+
+
+def test_a_table_of_another_locale_is_read_as_it_is_said_to_be_written(tmp_path: Path) -> None:
+    rows = [f"{0.1 * k:.1f};{15 * (k % 4)};{22 + 0.1 * (k % 9):.1f}" for k in range(100)]
+    text = "\n".join(["Zeit [s];power_W;temperature_degC", *rows]).replace(".", ",")
+    (tmp_path / "a.csv").write_text(text)
+    german = csv_format({"decimal": ","})
+    ((run,),) = bind(declared_heater(), tmp_path / "a.csv", time="Zeit [s]", form=german).groups
+    assert run.dt_s == pytest.approx(0.1)
+    assert run.outputs["temperature_degC"][:3].tolist() == [22.0, 22.1, 22.2]
+    with pytest.raises(SimulatorError, match=r"or csv=… of smad\.simulators\.diagnose"):
+        diagnose(tmp_path / "a.csv", declared_heater(), time="Zeit [s]")
+    with pytest.raises(SimulatorError, match=r"csv does not say how .*encoding; give"):
+        diagnose(tmp_path / "a.csv", declared_heater(), csv={"decimals": ","})
 
 
 def test_processes_answer_as_one_does_for_a_function_made_inside_another() -> None:
