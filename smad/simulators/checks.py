@@ -80,6 +80,9 @@ def roles(declared: Simulator, table: Table) -> tuple[list[str], list[str], floa
     first = _first(declared, table, asked, values, starting)
     sources = {n: table.source_of(n) for n in first}
     outputs = [n for n, s in sources.items() if s == n or (s and s not in sources)]
+    unread = [why for n in first if (why := table.why_unread(n))]
+    if not outputs and unread:
+        raise SimulatorError(unread[0])
     if not outputs:
         raise SimulatorError(
             f"{declared.name} returns nothing that was measured",
@@ -115,8 +118,8 @@ def _first(
     try:
         return called(declared, table.t_s, asked, values, starting)
     except KeyError as error:
-        if error.args[0] in table.unread:
-            raise SimulatorError(table.unread[error.args[0]]) from error
+        if why := table.why_unread(str(error.args[0])):
+            raise SimulatorError(why) from error
         raise SimulatorError(
             f"{declared.name} asks for {error.args[0]!r}, which is neither a column nor a value",
             limit=", ".join([*table.columns, *values]),

@@ -64,6 +64,11 @@ class Table:
         alike = [n for n, (q, u) in there.items() if q == quantity and u in known]
         return alike[0] if len(alike) == 1 else ""
 
+    def why_unread(self, name: str) -> str:
+        """Why a column that would be read as `name` could not be; empty where there is none."""
+        quantity = quantity_in(name)[0]
+        return next((t for n, t in self.unread.items() if quantity_in(n)[0] == quantity), "")
+
     def column(self, name: str) -> Array:
         """The column `name`, converted where it has another unit. Raises KeyError without one."""
         source = self.source_of(name)
@@ -181,7 +186,7 @@ def _timed(
             broken or f"{where} has no column of the time",
             value=None if broken else ", ".join(given),
             limit=None if broken else ", ".join((called,) if called else (*TIMES, "time_ms …")),
-            action="" if broken else "name it so",
+            action="" if broken else "name it so, or say which it is: time = …",
         )
     numbers: dict[str, Array] = {}
     texts: dict[str, str] = dict(unread)
@@ -231,8 +236,8 @@ def run_of(
     Raises SimulatorError for an input that it lacks.
     """
     lacking = [n for n in inputs if n not in table.columns]
-    if lacking and lacking[0] in table.unread:
-        raise SimulatorError(table.unread[lacking[0]])
+    if lacking and (why := table.why_unread(lacking[0])):
+        raise SimulatorError(why)
     if lacking:
         raise SimulatorError(
             f"{table.name} has no column {lacking[0]}, which the simulator reads",

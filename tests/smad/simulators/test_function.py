@@ -507,6 +507,12 @@ def test_a_table_of_another_locale_is_read_as_it_is_said_to_be_written(tmp_path:
     assert run.outputs["temperature_degC"][:3].tolist() == [22.0, 22.1, 22.2]
     with pytest.raises(SimulatorError, match=r"or csv=… of smad\.simulators\.diagnose"):
         diagnose(tmp_path / "a.csv", declared_heater(), time="Zeit [s]")
+    rows = [f"{k};{15 * (k % 4)};22,{k % 9}" for k in range(100)]
+    (tmp_path / "a.csv").write_text("\n".join(["t_s;power_W;Temperature [°C]", *rows]))
+    with pytest.raises(SimulatorError, match=r"'Temperature \[°C\]' is not a number; got 22,0"):
+        diagnose(tmp_path / "a.csv", declared_heater())
+    with pytest.raises(SimulatorError, match=r"no column of the time; .*or say which it is: time"):
+        diagnose({"Zeit": RUNS[0]["t_s"]}, declared_heater())
     with pytest.raises(SimulatorError, match=r"csv does not say how .*encoding; give"):
         diagnose(tmp_path / "a.csv", declared_heater(), csv={"decimals": ","})
 
