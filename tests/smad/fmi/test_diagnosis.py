@@ -328,7 +328,8 @@ def test_a_unit_needs_its_map_and_is_written_no_model(
 
 
 def test_a_point_at_which_a_unit_stops_is_counted_and_said(tmp_path: Path) -> None:
-    script = tmp_path / "script" / "heater.py"
+    # Units of one script's name share a module in this process.
+    script = tmp_path / "script" / "heater_that_stops.py"
     script.parent.mkdir()
     text = Path(__file__).with_name("heater_unit.py").read_text()
     script.write_text(text.replace("self.temperature < 1e4", "self.loss > 0.745"))
