@@ -77,7 +77,7 @@ def cases(count: int, seed: int, say: Callable[[str], None]) -> Iterator[Case]:
     for k in range(count):
         of = declared()
         played = [inputs(1000 * (seed + k) + r) for r in range(_RUNS)]
-        ratings = plan(played, of)[0]
+        ratings = plan(played, of).ratings
         wanted = IDENTIFIABLE if k % 4 else NOT
         entries = [r for r in ratings if r.kind == "effect" and r.rating == wanted]
         if not entries:

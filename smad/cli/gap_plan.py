@@ -16,7 +16,7 @@ from smad.cli.output import json_option, print_json
 if TYPE_CHECKING:
     from smad.diagnosis.runs import GapRun
     from smad.diagnosis.spring_pair import SmaPlant
-    from smad.simulators.rating import Rating
+    from smad.simulators.planning import Plan
 
 
 @click.command(name="plan")
@@ -72,26 +72,26 @@ def plan_runs(
         raise click.UsageError("--map is of --fmu or --mjcf; give one of them")
     if experiments and map_path is not None:
         raise click.UsageError("--experiment is of the spring pair; give --inputs with --map")
-    said: list[str] = []
     with clean_errors():
         if mjcf is not None and map_path is not None:
             from smad.simulators.mjcf.asked import plan_mjcf
 
-            ratings, said = plan_mjcf(
+            planned = plan_mjcf(
                 mjcf, map_path, inputs, window_s=window_s, within_s=_left_s(within_s)
             )
         elif fmu is not None and map_path is not None:
             from smad.fmi.asked import plan_unit
 
             warn_of(fmu)
-            ratings = plan_unit(fmu, map_path, inputs, within_s=_left_s(within_s))
+            planned = plan_unit(fmu, map_path, inputs, within_s=_left_s(within_s))
         else:
+            from smad.simulators.planning import Plan
             from smad.simulators.rating import rate
 
             plant = plant_of(params, variant)
             played = _played(plant, inputs, experiments)
-            ratings = rate(plant, played, within_s=_left_s(within_s))
-    _print(ratings, said, as_json=as_json)
+            planned = Plan(rate(plant, played, within_s=_left_s(within_s)), [])
+    _print(planned, as_json=as_json)
 
 
 def _left_s(within_s: float) -> float:
@@ -111,16 +111,13 @@ def _played(
     return [*read_gap_runs(inputs, inputs), *shown]
 
 
-def _print(ratings: list[Rating], said: list[str], *, as_json: bool) -> None:
+def _print(planned: Plan, *, as_json: bool) -> None:
     import dataclasses
 
-    from smad.simulators.rating import lines
-
-    if as_json:
-        rows = [dataclasses.asdict(r) for r in ratings]
-        for row in rows:
-            row["size"] = row["size"] if row["size"] < float("inf") else None
-        print_json(rows)
+    if not as_json:
+        click.echo(str(planned))
         return
-    for line in (*lines(ratings), *said):
-        click.echo(line)
+    rows = [dataclasses.asdict(r) for r in planned.ratings]
+    for row in rows:
+        row["size"] = row["size"] if row["size"] < float("inf") else None
+    print_json(rows)

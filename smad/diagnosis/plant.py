@@ -196,12 +196,14 @@ class Traits:
     is usual. `environment`: parameter -> channel that measures it at the start of a run; its
     difference is carried over by the model. `drift`: places that wander by themselves within a run,
     with the usual size of that in the unit of the place. `shortest_s`: what a run must be long.
+    `together`: how many replays are worth asking for at once, from threads.
     """
 
     day: Mapping[str, float] = field(default_factory=dict)
     environment: Mapping[str, str] = field(default_factory=dict)
     drift: Mapping[str, float] = field(default_factory=dict)
     shortest_s: float = 8.0
+    together: int = 1
 
 
 def traits_of(plant: PlantModel) -> Traits:

@@ -21,12 +21,13 @@ from smad.fmi.unit_file import open_unit
 from smad.progress import Say, silent
 from smad.records.channels import held
 from smad.records.column_names import unit_in
-from smad.records.tables import is_table, open_table
+from smad.records.tables import is_table, left_out, open_table
 from smad.records.units import UNITS, convert, spelt, units_for
 from smad.runlog.bounds import require_bounded
 from smad.runlog.paths import names_of
 from smad.runlog.reader import read_run, recorded
-from smad.simulators.rating import Rating, rate
+from smad.simulators.planning import Plan
+from smad.simulators.rating import rate
 from smad.simulators.windows import choose_window
 
 _COARSE, _SHORT = 5.0, 2.0
@@ -64,21 +65,19 @@ def diagnose_unit(
             plant.window_s, why = choose_window(plant, asked, mapped.window_s)
         answer = diagnose(asked, plant=plant, good=known, hold_out=held_out, progress=progress)
     except (GapError, np.linalg.LinAlgError) as error:
-        if not plant.stopped or isinstance(error, PlantMismatch):
+        if not plant.failures.why or isinstance(error, PlantMismatch):
             raise
         raise FmiError(
             f"unit {plant.name} stops or gives no number inside a run",
-            value=plant.stopped,
+            value=plant.failures.why,
             action="mend the unit there, narrow the range of the parameters in the map, or "
             "leave the run out",
         ) from error
-    notes = [*answer.verdict.notes, *([why] if why else [])]
+    notes = [*answer.verdict.notes, *([why] if why else []), *plant.failures.notes]
     return replace(answer, verdict=msgspec.structs.replace(answer.verdict, notes=notes))
 
 
-def plan_unit(
-    fmu: Path, map_path: Path, inputs: Sequence[Path], *, within_s: float = 5.0
-) -> list[Rating]:
+def plan_unit(fmu: Path, map_path: Path, inputs: Sequence[Path], *, within_s: float = 5.0) -> Plan:
     """What runs with these inputs would show of a unit; see `smad.simulators.rating.rate`.
 
     Raises FmiError for a unit or a map that cannot be used, RunLogError for a file that cannot.
@@ -86,7 +85,7 @@ def plan_unit(
     mapped = read_map(map_path)
     with contextlib.closing(FmuPlant(open_unit(fmu), mapped)) as plant:
         runs = [read_mapped(path, mapped, measured=False) for path in inputs]
-        return rate(plant, runs, within_s=within_s)
+        return Plan(rate(plant, runs, within_s=within_s), [])
 
 
 def read_mapped(path: Path, mapped: Map, *, measured: bool = True) -> GapRun:
@@ -193,4 +192,6 @@ def _columns(path: Path, mapped: Map) -> tuple[dict[str, Column], tuple[str, ...
             limit=", ".join(has),
             action="name it in the map: time = …",
         )
-    return {n: np.asarray(column, dtype=np.float64) for n, column in columns.items()}, notes
+    others = left_out([n for n in has if n not in wanted], ", which the map does not name")
+    floats = {n: np.asarray(column, dtype=np.float64) for n, column in columns.items()}
+    return floats, (*notes, *others)

@@ -28,6 +28,7 @@ from smad.fmi.errors import FmiError
 from smad.fmi.map_file import ChannelRow, InputRow, Map, ParameterRow, TermRow, require_fit
 from smad.fmi.running import Fed, Runner, shaped
 from smad.fmi.unit_file import UnitFile
+from smad.simulators.plant import Failures
 from smad.simulators.starts import Starts
 
 _KEPT = 64
@@ -57,8 +58,8 @@ class FmuPlant:
         self._runner = Runner(unit, self._rows, outputs)
         self._lock = threading.Lock()
         self._starts_anew = False
-        self.stopped = ""
-        """Where the unit stopped last before the end of a run, in words; empty: nowhere."""
+        self.failures = Failures()
+        """Of replays: where the unit stopped before the end of a run."""
         self.traits = Traits(shortest_s=mapped.shortest_s)
         self._known: OrderedDict[object, Array] = OrderedDict()
         self.inputs = [Signal(n, r.unit, r.low, r.high) for n, r in mapped.inputs.items()]
@@ -132,7 +133,8 @@ class FmuPlant:
         fed: list[Fed],
         windows: Sequence[Window],
     ) -> Array:
-        parts = []
+        parts, why = [], ""
+        self.failures.replays += 1
         for a, b, start in windows:
             given = {**start, **values}
             part = self._runner.replay(given, run.t_s[a:b], rows[a:b], fed)
@@ -140,8 +142,10 @@ class FmuPlant:
                 k = a + int(np.argmin(np.isfinite(part).all(axis=0)))
                 words = ", ".join(f"{name} = {value:.6g}" for name, value in given.items())
                 said = f" ({self._runner.said})" if self._runner.said else ""
-                self.stopped = f"run {run.name} at {run.t_s[k]:.6g} s, with {words}{said}"
+                why = why or f"run {run.name} at {run.t_s[k]:.6g} s, with {words}{said}"
             parts.append(part)
+        self.failures.failed += bool(why)
+        self.failures.why = self.failures.why or why
         return np.concatenate(parts, axis=1)
 
     def _windows(self, run: GapRun) -> list[Window]:

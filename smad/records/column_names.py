@@ -16,7 +16,7 @@ import msgspec
 
 from firmware_protocol.nearest import instead
 from smad.errors import LogImportError
-from smad.records.units import UNITS, spelt, units_for
+from smad.records.units import UNITS, parted_name, spelt, unit_of, units_for
 from smad.runlog.schema import CHANNELS
 
 _PER_SPRING = {
@@ -148,10 +148,22 @@ def parted(name: str) -> tuple[str, str]:
     return _plain(stem), spelt(unit)
 
 
+def quantity_in(name: str) -> tuple[str, str]:
+    """The quantity in a name, in small letters, and the unit of the table that it ends with.
+
+    Units of several words are known, too: `torque_N_m`. The unit is empty where it has none.
+    """
+    if _BRACKETED.match(name.strip()) or not unit_of(name):
+        stem, unit = parted(name)
+    else:
+        stem, unit = parted_name(name)
+    known = unit in UNITS and unit != "1"
+    return (_plain(stem), unit) if known else (_plain(name), "")
+
+
 def unit_in(name: str) -> str:
-    """The unit that a name ends with; empty where it ends with none of the table."""
-    unit = parted(name)[1]
-    return unit if unit in UNITS and unit != "1" else ""
+    """The unit of the table that a name ends with; empty where it ends with none."""
+    return quantity_in(name)[1]
 
 
 def _checked(name: str, rule: ColumnRule) -> ColumnRule:

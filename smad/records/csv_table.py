@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import csv
 import gzip
+import io
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TextIO, cast
+from typing import TYPE_CHECKING, BinaryIO, Literal, TextIO, cast
 
 import msgspec
 import numpy as np
@@ -22,25 +24,36 @@ from smad.runlog.bounds import DAMAGED, require_bounded_text
 if TYPE_CHECKING:
     import pyarrow
 
+_UTF8 = "utf-8-sig"
+"""UTF-8 with or without a byte order mark."""
 _NOTHING = ["", "nan", "NaN", "NAN", "NA", "null", "NULL", "None"]
 
 
 class CsvFormat(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How the numbers are written. `delimiter` empty: found in the head; `thousands`: no sign."""
+    """How the numbers are written. `delimiter` empty: found in the head; `thousands`: no sign.
+
+    `encoding` is one of Python's; empty: UTF-8, UTF-16 with its mark, else cp1252, which is said.
+    """
 
     delimiter: Literal["", ",", ";", "\t", " "] = ""
     decimal: Literal[".", ","] = "."
     thousands: Literal["", ".", ",", " ", "'"] = ""
+    encoding: str = ""
 
 
 @dataclass(frozen=True)
 class CsvTable:
-    """The head of a CSV file, and how to read the rest. `most_rows`: how many there are at most."""
+    """The head of a CSV file, and how to read the rest. `most_rows`: how many there are at most.
+
+    `encoding` is that of its text, `guessed` whether nobody said so.
+    """
 
     path: Path
     head: Head
     form: CsvFormat
     most_rows: int
+    encoding: str
+    guessed: bool
 
     @property
     def names(self) -> list[str]:
@@ -49,8 +62,9 @@ class CsvTable:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What of the head was not read, in words."""
-        return self.head.passed_over
+        """What of the head was not read, and which encoding was taken, in words."""
+        taken = f"it is no UTF-8: its names are read as {self.encoding}"
+        return (*self.head.passed_over, *([taken] if self.guessed else []))
 
     def columns(self, wanted: Iterable[str]) -> Iterator[tuple[str, NDArray[np.float64]]]:
         """The columns named, each of shape (rows,), NaN where a cell is empty.
@@ -79,7 +93,7 @@ class CsvTable:
 
     def _line_of(self, row: int) -> int:
         # Columns that nobody wants are not looked at before, so anything may stand in them.
-        with _opened(self.path, errors="replace") as file:
+        with _opened(self.path, self.encoding, errors="replace") as file:
             reader = csv.reader(_after(file, self.head.lines), delimiter=self.head.delimiter)
             filled = (reader.line_num for cells in reader if cells)
             with contextlib.suppress(csv.Error):
@@ -98,7 +112,10 @@ class CsvTable:
             yield from arrow_csv.open_csv(
                 pa.input_stream(str(self.path), compression=packing),
                 arrow_csv.ReadOptions(
-                    use_threads=False, skip_rows=self.head.lines, column_names=self.names
+                    use_threads=False,
+                    skip_rows=self.head.lines,
+                    column_names=self.names,
+                    encoding="utf8" if self.encoding == _UTF8 else self.encoding,
                 ),
                 arrow_csv.ParseOptions(delimiter=self.head.delimiter, newlines_in_values=False),
                 arrow_csv.ConvertOptions(
@@ -122,7 +139,7 @@ class CsvTable:
 
     def _first_bad_row(self) -> str:
         try:
-            with _opened(self.path) as file:
+            with _opened(self.path, self.encoding) as file:
                 reader = csv.reader(_after(file, self.head.lines), delimiter=self.head.delimiter)
                 for cells in reader:
                     if cells and len(cells) != len(self.names):
@@ -180,7 +197,8 @@ class CsvTable:
         elif self.form.decimal == "." and "," in value:
             action = (
                 'correct it, or say `decimal = ","` (or `thousands = ","`) under [csv] in a '
-                "mapping file (--mapping of smad log import, --map of smad gap diagnose)"
+                "mapping file (--mapping of smad log import, --map of smad gap diagnose) or csv=… "
+                "of smad.simulators.diagnose"
             )
         raise LogImportError(
             f"{self.path}, {self.place_of(row)}: column {name!r} is not a number",
@@ -202,23 +220,55 @@ def open_csv(path: Path, form: CsvFormat) -> CsvTable:
             value=form.decimal,
             action="correct one of them",
         )
-    try:
-        with _opened(path) as file:
-            head = read_head(path, file, form.delimiter)
-    except DAMAGED as error:
-        said = getattr(error, "strerror", None) or error
-        raise LogImportError(f"cannot read {path}: {said}", action="check the file") from error
-    except UnicodeDecodeError as error:
-        raise LogImportError(
-            f"{path} is not UTF-8 text (byte {error.start})", action="save it as UTF-8 CSV"
-        ) from None
-    return CsvTable(path, head, form, require_bounded_text(path, len(head.names)))
+    for encoding, guessed in _encodings(path, form):
+        try:
+            with _opened(path, encoding) as file:
+                head = read_head(path, file, form.delimiter)
+        except DAMAGED as error:
+            said = getattr(error, "strerror", None) or error
+            raise LogImportError(f"cannot read {path}: {said}", action="check the file") from error
+        except UnicodeError as error:
+            wrong = str(error)
+            continue
+        most = require_bounded_text(path, len(head.names))
+        return CsvTable(path, head, form, most, encoding, guessed)
+    raise LogImportError(
+        f"{path} is no text: {wrong}",
+        action='save it as UTF-8 CSV, or say `encoding = "…"` under [csv] in a mapping file',
+    )
 
 
-def _opened(path: Path, errors: str = "strict") -> TextIO:
-    """The text of a file, unpacked if its name says that it is packed."""
-    how = gzip.open if path.suffix.lower() == ".gz" else open
-    return cast(TextIO, how(path, "rt", encoding="utf-8-sig", errors=errors, newline=""))
+def _encodings(path: Path, form: CsvFormat) -> list[tuple[str, bool]]:
+    """Encodings to try in turn, and whether each is a guess.
+
+    Digits and the degree sign are the same in cp1252 and its kin, so that a wrong guess spoils
+    names of columns only. Raises LogImportError for one that is not known.
+    """
+    if form.encoding:
+        try:
+            codecs.lookup(form.encoding)
+        except LookupError:
+            raise LogImportError(
+                "under [csv], the encoding is not known",
+                value=form.encoding,
+                limit="those of Python: utf-8, utf-16, cp1252, latin-1, shift_jis …",
+                action="correct it",
+            ) from None
+        plain = codecs.lookup(form.encoding).name == "utf-8"
+        return [(_UTF8 if plain else form.encoding, False)]
+    with contextlib.suppress(*DAMAGED), _bytes_of(path) as file:
+        if file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+            return [("utf-16", False)]
+    return [(_UTF8, False), ("cp1252", True)]
+
+
+def _bytes_of(path: Path) -> BinaryIO:
+    """The bytes of a file, unpacked if its name says that it is packed."""
+    return cast(BinaryIO, (gzip.open if path.suffix.lower() == ".gz" else open)(path, "rb"))
+
+
+def _opened(path: Path, encoding: str, errors: str = "strict") -> TextIO:
+    return io.TextIOWrapper(_bytes_of(path), encoding=encoding, errors=errors, newline="")
 
 
 def _after(lines: Iterator[str], count: int) -> Iterator[str]:

@@ -2,8 +2,8 @@
 
 Four kinds of samples are taken out: codes that a sensor or a logger writes in place of a reading,
 single samples beyond the declared range, jumps that come back within two samples, and stretches in
-which a noisy reading stays the same. A column that is beyond its range otherwise is refused, with
-the unit that it is likely to be in.
+which a reading stays the same that is noisy beside them, or that moves and then jumps. A column
+that is beyond its range otherwise is refused, with the unit that it is likely to be in.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from smad.records.units import convert, spelt, units_for
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Index = NDArray[np.intp]
 
 CODES = (
     -127.0, 85.0, 999.0, -999.0, 999.9, -999.9, 9999.0, -9999.0, 9999.9, -9999.9, 99999.0, -99999.0,
@@ -34,6 +35,9 @@ _FEW, _SHORT = 0.01, 3
 _BITS = (8, 10, 12, 14, 16)
 STUCK_SAMPLES, STUCK_CHANCE = 10, 1e-9
 """A reading that stays the same for so many samples, and would by chance so seldom, is stuck."""
+_LEAP, _LEAP_CHANCE = 3.0, 1e-4
+"""Times the largest step beside a stretch, that a reading jumps by where it was stuck; with that it
+may stay the same by chance so often."""
 _LEVELS = 5
 """Values that a reading takes beside a stretch, at least: one with fewer may have no noise."""
 
@@ -113,14 +117,12 @@ def checked(values: Array, declared: Declared, t_s: Array, steady: Mask | None =
             )
             bad |= jumps
     if not declared.applied:
-        stuck = _stuck(values, known & ~bad)
-        if stuck.any():
-            stays = np.flatnonzero(stuck)
+        for stays, how in _stuck(values, known & ~bad, steady):
             notes.append(
                 f"{declared.name} stays at {values[stays[0]]:g} for {len(stays)} samples (from "
-                f"{t_s[stays[0]]:.6g} to {t_s[stays[-1]]:.6g} s) and is noisy beside them: stuck"
+                f"{t_s[stays[0]]:.6g} to {t_s[stays[-1]]:.6g} s) and {how}: stuck"
             )
-            bad |= stuck
+            bad[stays] = True
     share = float(np.sum(bad) / np.sum(known))
     return Checked(np.where(bad, np.nan, values), tuple(notes), "", share)
 
@@ -164,37 +166,45 @@ def _jumps(values: Array, good: Mask, declared: Declared) -> Mask:
     return out
 
 
-def _stuck(values: Array, good: Mask) -> Mask:
-    """The longest stretch in which a reading stays the same while it is noisy on both sides of it.
+def _stuck(values: Array, good: Mask, steady: Mask | None) -> list[tuple[Index, str]]:
+    """Samples of each stretch in which a reading is stuck, and how that is known.
 
-    A reading at its lowest or highest may be clipped, one at 0 off, and one without noise at rest:
+    It is noisy on both sides; or it moves on both, and jumps afterwards although no input steps. A
+    reading at its lowest or highest may be clipped, one at 0 off, and one without noise at rest:
     these are not stuck.
     """
-    out = np.zeros(len(values), dtype=bool)
     index = np.flatnonzero(good)
     y = values[index]
-    start, stop = longest_same(y)
-    n = stop - start
-    if n < STUCK_SAMPLES or y[start] in (0.0, y.min(), y.max()):
-        return out
-    sides = [side for side in (y[max(0, start - 2 * n) : start], y[stop : stop + 2 * n])
-             if len(side) >= STUCK_SAMPLES]  # fmt: skip
-    if not sides or not all(_noisy(side) for side in sides):
-        return out
-    same = max((np.sum(np.diff(side) == 0.0) + 1.0) / (len(side) + 1.0) for side in sides)
-    if same ** (n - 1) < STUCK_CHANCE:
-        out[index[start:stop]] = True
+    out = []
+    for start, stop in _same(y):
+        n = stop - start
+        if n < STUCK_SAMPLES or y[start] in (0.0, y.min(), y.max()):
+            continue
+        before, after = y[max(0, start - 2 * n) : start], y[stop : stop + 2 * n]
+        sides = [side for side in (before, after) if len(side) >= STUCK_SAMPLES]
+        same = [(np.sum(np.diff(side) == 0.0) + 1.0) / (len(side) + 1.0) for side in sides]
+        chance = max(same, default=1.0) ** (n - 1)
+        if chance < STUCK_CHANCE and all(_noisy(side) for side in sides):
+            out.append((index[start:stop], "is noisy beside them"))
+        elif (
+            len(sides) == 2 and chance < _LEAP_CHANCE and steady is not None and steady[index[stop]]
+        ):
+            usual = max(np.abs(np.diff(side)).max() for side in sides)
+            if abs(y[stop] - y[stop - 1]) > _LEAP * usual:
+                out.append((index[start:stop], "jumps afterwards"))
     return out
+
+
+def _same(y: Array) -> list[tuple[int, int]]:
+    """First sample, and the one after the last, of each stretch of equal values."""
+    same = np.diff(y, prepend=np.nan) == 0.0
+    edges = np.flatnonzero(np.diff(np.r_[False, same, False].astype(int)))
+    return [(int(a) - 1, int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def longest_same(y: Array) -> tuple[int, int]:
     """First sample, and the one after the last, of the longest stretch of equal values."""
-    same = np.diff(y, prepend=np.nan) == 0.0
-    edges = np.flatnonzero(np.diff(np.r_[False, same, False].astype(int)))
-    if not len(edges):
-        return 0, min(1, len(y))
-    longest = int(np.argmax(edges[1::2] - edges[::2]))
-    return int(edges[2 * longest]) - 1, int(edges[2 * longest + 1])
+    return max(_same(y), key=lambda ends: ends[1] - ends[0], default=(0, min(1, len(y))))
 
 
 def _noisy(side: Array) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -26,6 +26,17 @@ KINDS = (".parquet", ".csv", ".csv.gz")
 def is_table(path: Path) -> bool:
     """Whether the name of a file is that of a table."""
     return path.name.lower().endswith(KINDS)
+
+
+_MOST_NAMED = 12
+
+
+def left_out(names: Sequence[str], why: str = "") -> tuple[str, ...]:
+    """A note that columns of these names were not used; none where there are none."""
+    if not names:
+        return ()
+    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+    return (f"columns left out{why}: {', '.join(names[:_MOST_NAMED])}{more}",)
 
 
 _MOST_DIGITS_BYTES = 64

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -36,6 +37,8 @@ UNITS: Mapping[str, Unit] = {
     "mm": Unit("length", 1e-3),
     "um": Unit("length", 1e-6),
     "in": Unit("length", 25.4e-3),
+    "kg": Unit("mass", 1.0),
+    "g": Unit("mass", 1e-3),
     "N": Unit("force", 1.0),
     "mN": Unit("force", 1e-3),
     "kN": Unit("force", 1e3),
@@ -53,6 +56,18 @@ UNITS: Mapping[str, Unit] = {
     "uV": Unit("voltage", 1e-6),
     "deg": Unit("angle", 1.0),
     "rad": Unit("angle", 180.0 / np.pi),
+    "rev": Unit("angle", 360.0),
+    "m/s": Unit("speed", 1.0),
+    "cm/s": Unit("speed", 1e-2),
+    "mm/s": Unit("speed", 1e-3),
+    "deg/s": Unit("rate of turning", 1.0),
+    "rad/s": Unit("rate of turning", 180.0 / np.pi),
+    "rpm": Unit("rate of turning", 6.0),
+    "N m": Unit("torque", 1.0),
+    "mN m": Unit("torque", 1e-3),
+    "Pa": Unit("pressure", 1.0),
+    "kPa": Unit("pressure", 1e3),
+    "bar": Unit("pressure", 1e5),
     "1": Unit("ratio", 1.0),
     "pct": Unit("ratio", 1e-2),
 }
@@ -62,8 +77,42 @@ SPELLINGS: Mapping[str, str] = {
     "°C": "degC", "℃": "degC", "ºC": "degC", "°F": "degF", "ºF": "degF",
     "µs": "us", "μs": "us", "µm": "um", "μm": "um", "µA": "uA", "μA": "uA", "µV": "uV", "μV": "uV",
     "%": "pct", "°": "deg", "sec": "s", "msec": "ms", "hours": "h", "Volt": "V", "Ampere": "A",
+    "Nm": "N m", "mNm": "mN m", "N·m": "N m", "°/s": "deg/s", "r/min": "rpm", "1/min": "rpm",
 }  # fmt: skip
 """Other ways to write a unit of the table."""
+
+
+_WORDS = ("in", "h", "min", "g", "1")
+"""Units of the table that are words as well: a name that ends so, "flow_in", may mean these."""
+_ENDINGS: Mapping[str, str] = dict(sorted(
+    {
+        **{re.sub("[ /]", "_", unit): unit for unit in UNITS if unit not in _WORDS},
+        "Nm": "N m", "J_K": "J/K", "W_K": "W/K", "K_W": "K/W", "W_m2K": "W/(m² K)",
+        "N_m_A": "N m/A", "N_m_s": "N m s", "N_m_s_rad": "N m s/rad", "N_m_rad": "N m/rad",
+        "N_s_m": "N s/m", "V_s_rad": "V s/rad", "N_A": "N/A", "J_kg": "J/kg", "kg_m2": "kg m²",
+        "m_s2": "m/s²", "rad_s2": "rad/s²", "m3_s": "m³/s", "1_s": "1/s", "Hz": "Hz", "Ohm": "Ohm",
+        "J": "J",
+    }.items(),
+    key=lambda pair: -len(pair[0]),
+))  # fmt: skip
+"""How the name of a column or a parameter ends, after a "_", and its unit; longer ones first."""
+
+
+def parted_name(name: str) -> tuple[str, str]:
+    """The quantity in a name, and its unit: "torque", "N m" of "torque_N_m"; "" where it has none.
+
+    A rate of what is measured (`angle_rad_rate`) has the unit of that, in a second.
+    """
+    base = name.removesuffix("_rate")
+    ending = next((end for end in _ENDINGS if base.endswith(f"_{end}")), "")
+    unit = spelt(_ENDINGS.get(ending, ""))
+    stem = base.removesuffix(f"_{ending}") if ending else base
+    return (f"{stem}_rate", f"{unit}/s" if unit else "") if base != name else (stem, unit)
+
+
+def unit_of(name: str) -> str:
+    """The unit that a name ends with; empty where it ends with none."""
+    return parted_name(name)[1]
 
 
 def spelt(unit: str) -> str:

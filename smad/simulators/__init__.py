@@ -5,6 +5,6 @@ Start with `simulator` and `diagnose`; docs/your-simulator.md shows both.
 
 from smad.simulators.asking import diagnose
 from smad.simulators.declare import Missing, Simulator, simulator
-from smad.simulators.planning import plan
+from smad.simulators.planning import Plan, plan
 
-__all__ = ["Missing", "Simulator", "diagnose", "plan", "simulator"]
+__all__ = ["Missing", "Plan", "Simulator", "diagnose", "plan", "simulator"]

@@ -10,6 +10,7 @@ import numpy as np
 
 from smad.diagnosis.plant import Channel, Signal
 from smad.diagnosis.runs import GapRun
+from smad.records.csv_table import CsvFormat
 from smad.simulators.checks import roles
 from smad.simulators.columns import (
     Table,
@@ -22,6 +23,7 @@ from smad.simulators.columns import (
     tables_of,
 )
 from smad.simulators.declare import Simulator
+from smad.simulators.doubts import doubted_units
 from smad.simulators.errors import SimulatorError
 from smad.simulators.places import SavedPlaces, SimulatorPlaces
 from smad.simulators.plant import SimulatedPlant
@@ -45,20 +47,31 @@ class Bound:
     seconds: float
 
 
-def bind(declared: Simulator, *groups: Any, trusted: Sequence[str] = ()) -> Bound:
+def bind(
+    declared: Simulator,
+    *groups: Any,
+    trusted: Sequence[str] = (),
+    time: str = "",
+    form: CsvFormat | None = None,
+) -> Bound:
     """Read the runs of each group, and make the plant that they are of.
 
-    `trusted` are paths, or names, of runs that the model's opinion does not refuse.
+    `trusted` are paths, or names, of runs that the model's opinion does not refuse; `time` and
+    `form`: see `tables_of`.
 
     Raises SimulatorError for runs or a function that cannot be used.
     """
-    tables = [tables_of(group) for group in groups]
+    tables = [tables_of(group, time, form) for group in groups]
     every = [t for group in tables for t in group]
     if not every:
         raise SimulatorError("there are no runs", action="give at least one")
     for table in every:
         require_time(table)
     inputs, outputs, seconds = roles(declared, every[0])
+    # From here on every column has the unit that the function asked for.
+    wanted = [*inputs, *outputs, *declared.observed]
+    tables = [[t.with_columns(wanted) for t in group] for group in tables]
+    every = [t for group in tables for t in group]
     exact = {*declared.exact, *_constant(inputs, every, declared)}
     read = [n for n in inputs if n not in declared.forces]
     wanted = [*read, *(n for n in declared.observed if n not in read)]
@@ -76,6 +89,7 @@ def bind(declared: Simulator, *groups: Any, trusted: Sequence[str] = ()) -> Boun
         channels=[_channel(declared, n, [r for group in runs for r in group]) for n in outputs],
         lag_s=_LAG_OF_CORRELATION * _correlation_s(outputs, every),
     )
+    said += doubted_units(plant, next(r for group in runs for r in group))
     kind = SavedPlaces if declared.save is not None else SimulatorPlaces
     return Bound(plant=kind(plant), groups=tuple(runs), said=tuple(said), seconds=seconds)
 
@@ -110,13 +124,14 @@ def _channel(declared: Simulator, name: str, runs: Sequence[GapRun]) -> Channel:
     columns = [r.outputs[name] for r in runs if name in r.outputs]
     low, high = span_of(columns)
     noise = declared.noise.get(name) or noise_of(columns)
+    # A reading at the end of what was seen is not at the end of what it can show.
+    ends = declared.ranges.get(name, (2.0 * low - high, 2.0 * high - low))
     return Channel(
         name=name,
         unit=declared.unit(name),
         quantum=quantum_of(columns),
-        # A reading at the end of what was seen is not at the end of what it can show.
-        low=low - (high - low),
-        high=high + (high - low),
+        low=ends[0],
+        high=ends[1],
         noise=noise or _UNMEASURED * (high - low),
     )
 

@@ -5,38 +5,60 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from smad.diagnosis.plant import Array
 from smad.diagnosis.runs import GapRun, bridged
+from smad.simulators.calling import called
 from smad.simulators.columns import Table
 from smad.simulators.declare import Simulator
 from smad.simulators.errors import SimulatorError
-from smad.simulators.plant import called
 from smad.simulators.starts import Starts
 
 
 class WatchedColumns(Mapping[str, Array]):
-    """The columns of a run, noting which of them the function reads."""
+    """The columns of a run, noting which of them the function reads.
 
-    def __init__(self, columns: Mapping[str, Array]) -> None:
-        self._columns = columns
+    One that is asked for in another unit is converted.
+    """
+
+    def __init__(self, table: Table) -> None:
+        self._table = table
         self.read: dict[str, None] = {}
 
     def __getitem__(self, name: str) -> Array:
-        column = self._columns[name]
+        column = self._table.column(name)
         self.read[name] = None
         return column
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._columns)
+        return iter(self._table.columns)
 
     def __len__(self) -> int:
-        return len(self._columns)
+        return len(self._table.columns)
 
     def __contains__(self, name: object) -> bool:
-        return name in self._columns
+        return isinstance(name, str) and bool(self._table.source_of(name))
+
+
+class FirstReadings(Mapping[str, float]):
+    """NAME and NAME_rate of every column of a table at its first row, made when they are read."""
+
+    def __init__(self, table: Table) -> None:
+        self._table = table
+
+    def __getitem__(self, name: str) -> float:
+        of = name if self._table.source_of(name) else name.removesuffix("_rate")
+        run = GapRun(self._table.name, self._table.t_s, {}, {of: self._table.column(of)})
+        return Starts(run, (of,)).at(0)[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter([*self._table.columns, *(f"{n}_rate" for n in self._table.columns)])
+
+    def __len__(self) -> int:
+        return 2 * len(self._table.columns)
 
 
 def roles(declared: Simulator, table: Table) -> tuple[list[str], list[str], float]:
@@ -51,14 +73,16 @@ def roles(declared: Simulator, table: Table) -> tuple[list[str], list[str], floa
         for n, c in table.columns.items()
         if np.isfinite(c).any()
     }
+    starting = FirstReadings(replace(table, columns=columns))
     columns |= {n: np.zeros(len(table.t_s)) for n in declared.forces}
-    asked = WatchedColumns(columns)
-    starting = _starts(table).at(0)
+    asked = WatchedColumns(replace(table, columns=columns))
     values = declared.values({}, {})
-    began = time.process_time()
     first = _first(declared, table, asked, values, starting)
-    seconds = time.process_time() - began
-    outputs = [n for n in first if n in table.columns]
+    sources = {n: table.source_of(n) for n in first}
+    outputs = [n for n, s in sources.items() if s == n or (s and s not in sources)]
+    unread = [why for n in first if (why := table.why_unread(n))]
+    if not outputs and unread:
+        raise SimulatorError(unread[0])
     if not outputs:
         raise SimulatorError(
             f"{declared.name} returns nothing that was measured",
@@ -79,7 +103,7 @@ def roles(declared: Simulator, table: Table) -> tuple[list[str], list[str], floa
                 value=table.name,
                 action="begin with values at which it runs",
             )
-    _require_same(declared, table, asked, starting, {n: first[n] for n in outputs})
+    seconds = _require_same(declared, table, asked, starting, {n: first[n] for n in outputs})
     inputs = [n for n in asked.read if n not in outputs]
     return inputs, outputs, seconds
 
@@ -94,6 +118,8 @@ def _first(
     try:
         return called(declared, table.t_s, asked, values, starting)
     except KeyError as error:
+        if why := table.why_unread(str(error.args[0])):
+            raise SimulatorError(why) from error
         raise SimulatorError(
             f"{declared.name} asks for {error.args[0]!r}, which is neither a column nor a value",
             limit=", ".join([*table.columns, *values]),
@@ -120,14 +146,17 @@ def _require_same(
     asked: WatchedColumns,
     starting: Mapping[str, float],
     first: Mapping[str, Array],
-) -> None:
-    """The same again, also after other values, or it is no function."""
+) -> float:
+    """The same again, also after other values, or it is no function; the s that a call takes."""
     values = declared.values({}, {})
     parameter = declared.parameters[0]
     moved = {**values, parameter.name: parameter.nominal + 0.1 * parameter.prior_sd}
     with contextlib.suppress(Exception):  # it may fail elsewhere: such a model is dropped
         called(declared, table.t_s, asked, moved, starting)
+    # The calls before may have compiled it.
+    began = time.perf_counter()
     again = called(declared, table.t_s, asked, values, starting)
+    seconds = time.perf_counter() - began
     for name in first:
         if not np.array_equal(first[name], again[name], equal_nan=True):
             off = float(np.nanmax(np.abs(first[name] - again[name])))
@@ -136,8 +165,4 @@ def _require_same(
                 value=f"up to {off:.3g} apart",
                 action="keep no state from one call to the next, and give what is random a seed",
             )
-
-
-def _starts(table: Table) -> Starts:
-    finite = {n: np.nan_to_num(c) for n, c in table.columns.items() if np.isfinite(c).any()}
-    return Starts(GapRun(table.name, table.t_s, {}, finite), tuple(finite))
+    return seconds

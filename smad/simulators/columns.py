@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import glob
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from smad.diagnosis.plant import Array
 from smad.diagnosis.runs import GapRun
-from smad.records.column_names import unit_in
+from smad.errors import LogImportError
+from smad.records.column_names import quantity_in, unit_in
 from smad.records.csv_table import CsvFormat
 from smad.records.readings import CODES
-from smad.records.tables import is_table, open_table
+from smad.records.tables import ForeignTable, is_table, left_out, open_table
 from smad.records.units import convert, units_for
 from smad.runlog.bounds import require_bounded
 from smad.runlog.reader import read_run, recorded
@@ -34,7 +36,8 @@ _WHOLE = 0.02
 class Table:
     """Columns of one record on its time axis; a `GapRun` is one whose columns have their roles.
 
-    `path` is that of its file, where it has one; `notes` say what was not read of it.
+    `path` is that of its file, where it has one; `notes` say what was not read of it, `unread` why
+    a column was not.
     """
 
     name: str
@@ -43,11 +46,58 @@ class Table:
     run: GapRun | None = None
     path: str = ""
     notes: tuple[str, ...] = ()
+    unread: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def words(self) -> set[str]:
         """What it may be called by: its name, and that of its file."""
         return {self.name, self.path, Path(self.path).name} - {""}
+
+    def source_of(self, name: str) -> str:
+        """The column that is read as `name`: itself, or the only one that is the same quantity in
+        another unit. Empty where there is none."""
+        if name in self.columns:
+            return name
+        quantity, unit = quantity_in(name)
+        known = units_for(unit) if unit else []
+        there = {n: quantity_in(n) for n in self.columns}
+        alike = [n for n, (q, u) in there.items() if q == quantity and u in known]
+        return alike[0] if len(alike) == 1 else ""
+
+    def why_unread(self, name: str) -> str:
+        """Why a column that would be read as `name` could not be; empty where there is none."""
+        quantity = quantity_in(name)[0]
+        return next((t for n, t in self.unread.items() if quantity_in(n)[0] == quantity), "")
+
+    def column(self, name: str) -> Array:
+        """The column `name`, converted where it has another unit. Raises KeyError without one."""
+        source = self.source_of(name)
+        if not source:
+            raise KeyError(name)
+        values = self.columns[source]
+        return values if source == name else convert(values, unit_in(source), unit_in(name))
+
+    def with_columns(self, names: Iterable[str]) -> Table:
+        """The table with these columns in the units that they end with, where it has them."""
+        names = list(names)
+        sources = {n: s for n in names if (s := self.source_of(n)) and s != n}
+        spent = set(sources.values()) - set(names)
+        columns = {n: c for n, c in self.columns.items() if n not in spent}
+        columns |= {n: self.column(n) for n in sources}
+        notes = [f"{n} is column {s!r}, converted" for n, s in sources.items()]
+        return replace(self, columns=columns, notes=(*self.notes, *notes)) if sources else self
+
+
+def csv_format(said: Mapping[str, str]) -> CsvFormat:
+    """How a CSV file is written, by the keys of [csv] in a mapping file. Raises SimulatorError."""
+    try:
+        return msgspec.convert(dict(said), CsvFormat)
+    except msgspec.ValidationError as error:
+        raise SimulatorError(
+            f"csv does not say how a table is written: {error}",
+            limit=", ".join(CsvFormat.__struct_fields__),
+            action='give for example {"delimiter": ";", "decimal": ","}',
+        ) from None
 
 
 def tables_of(runs: Any, time: str = "", form: CsvFormat | None = None) -> list[Table]:
@@ -75,7 +125,7 @@ def _tables(run: Any, name: str, time: str, form: CsvFormat | None) -> Iterable[
             raise SimulatorError(f"no file is {str(run)!r}", action="correct the path or pattern")
         return [_of_file(Path(p), time, form) for p in paths]
     if hasattr(run, "keys"):
-        return [_timed(name, {str(k): np.asarray(run[k]) for k in run}, name, time)]
+        return [_timed(name, {str(k): np.asarray(run[k]) for k in run}, name, time, {})]
     raise SimulatorError(
         "a run is neither a file nor a table of columns",
         value=type(run).__name__,
@@ -84,51 +134,91 @@ def _tables(run: Any, name: str, time: str, form: CsvFormat | None) -> Iterable[
 
 
 def _of_file(path: Path, time: str, form: CsvFormat | None) -> Table:
+    unread: dict[str, str] = {}
     notes: Sequence[str]
     if is_table(path):
         require_bounded(path)
         table = open_table(path, form)
-        columns, notes = dict(table.columns(table.names)), table.notes
+        columns, unread = _numbers(table)
+        notes = (*table.notes, *left_out(list(unread), ", since they are not numbers"))
     else:
         run = read_run(path)
         notes = run.notes
         columns = {
             n: np.where(recorded(c), c, np.nan) for n, c in run.columns.items() if recorded(c).any()
         }
-    timed = _timed(path.stem, columns, str(path), time)
-    return replace(timed, path=str(path), notes=tuple(notes))
+    timed = _timed(path.stem, columns, str(path), time, unread)
+    return replace(timed, path=str(path), notes=(*notes, *timed.notes))
 
 
-def _timed(name: str, columns: Mapping[str, Any], where: str, called: str) -> Table:
+def _numbers(table: ForeignTable) -> tuple[dict[str, Array], dict[str, str]]:
+    """The columns of a table that are numbers, and why the others are not."""
+    columns: dict[str, Array] = {}
+    unread: dict[str, str] = {}
+    left = list(table.names)
+    while left:
+        try:
+            return columns | dict(table.columns(left)), unread
+        except LogImportError:
+            # One of them is no numbers: each by itself.
+            name, left = left[0], left[1:]
+            try:
+                columns |= dict(table.columns([name]))
+            except LogImportError as error:
+                unread[name] = str(error)
+    return columns, unread
+
+
+def _timed(
+    name: str,
+    given: Mapping[str, Any],
+    where: str,
+    called: str,
+    unread: Mapping[str, str],
+) -> Table:
+    """The columns that are numbers on their time, in s. Raises SimulatorError without a time."""
     others = [f"{name}_{unit}" for name in ("t", "time") for unit in units_for("s")]
     usual = (called,) if called else (*TIMES, *others)
-    time = next((t for t in usual if t in columns), None)
+    time = next((t for t in usual if t in given), None)
     if time is None:
+        broken = next((unread[t] for t in usual if t in unread), "")
         raise SimulatorError(
-            f"{where} has no column of the time",
-            value=", ".join(columns),
-            limit=", ".join((called,) if called else (*TIMES, "time_ms …")),
-            action="name it so",
+            broken or f"{where} has no column of the time",
+            value=None if broken else ", ".join(given),
+            limit=None if broken else ", ".join((called,) if called else (*TIMES, "time_ms …")),
+            action="" if broken else "name it so, or say which it is: time = …",
         )
     numbers: dict[str, Array] = {}
-    for n, c in columns.items():
+    texts: dict[str, str] = dict(unread)
+    for n, c in given.items():
         try:
             numbers[n] = np.asarray(c, dtype=np.float64)
-        except (TypeError, ValueError):
-            continue
-    unit = unit_in(time)
-    times = numbers.pop(time)
-    if unit not in units_for("s"):
-        unit = "s"
-        step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-        if not called and time != "t_s" and step > _LONG_STEP_S:
-            raise SimulatorError(
-                f"{where}: column {time!r} has no unit, and its samples would be seconds apart",
-                value=f"{step:.6g} s",
-                limit=f"{_LONG_STEP_S:g} s without a unit in the name",
-                action="is it in ms? name it time_ms, or time_s",
-            )
-    return Table(name, convert(times, unit, "s"), numbers)
+        except (TypeError, ValueError) as error:
+            texts[n] = f"{where}: column {n!r} is not numbers: {error}"
+    if time not in numbers:
+        raise SimulatorError(texts[time], action="give it in s")
+    notes = left_out([n for n in texts if n not in unread], ", since they are not numbers")
+    t_s = _in_s(numbers.pop(time), time, where, said=bool(called))
+    return Table(name, t_s, numbers, notes=notes, unread=texts)
+
+
+def _in_s(times: Array, name: str, where: str, *, said: bool) -> Array:
+    """Times in s; `said`: in s where the name has no other unit.
+
+    Raises SimulatorError where a unit is missing that s cannot be.
+    """
+    unit = unit_in(name)
+    if unit in units_for("s"):
+        return convert(times, unit, "s")
+    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    if not said and name != "t_s" and step > _LONG_STEP_S:
+        raise SimulatorError(
+            f"{where}: column {name!r} has no unit, and its samples would be seconds apart",
+            value=f"{step:.6g} s",
+            limit=f"{_LONG_STEP_S:g} s without a unit in the name",
+            action="is it in ms? name it time_ms, or time_s",
+        )
+    return times
 
 
 def run_of(
@@ -146,6 +236,8 @@ def run_of(
     Raises SimulatorError for an input that it lacks.
     """
     lacking = [n for n in inputs if n not in table.columns]
+    if lacking and (why := table.why_unread(lacking[0])):
+        raise SimulatorError(why)
     if lacking:
         raise SimulatorError(
             f"{table.name} has no column {lacking[0]}, which the simulator reads",

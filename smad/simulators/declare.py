@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from smad.diagnosis.plant import Array, Effect, EffectParameter, Parameter, Traits
+from smad.records.units import unit_of
 from smad.simulators.errors import SimulatorError
-from smad.simulators.units import unit_of
 
 Replay = Callable[[Array, Mapping[str, Array], Mapping[str, float], Mapping[str, float]], Any]
 """f(t, inputs, values, start) -> outputs by name.

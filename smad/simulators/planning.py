@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,14 +13,28 @@ from smad.diagnosis.data.columns import filled
 from smad.diagnosis.plant import ModelPoint, nominal_point
 from smad.diagnosis.runs import GapRun
 from smad.simulators.bind import bind
+from smad.simulators.calling import called
 from smad.simulators.columns import Table, tables_of
 from smad.simulators.declare import Simulator
-from smad.simulators.plant import SimulatedPlant, called
-from smad.simulators.rating import LEAST_S, Rating, rate
+from smad.simulators.plant import SimulatedPlant
+from smad.simulators.rating import LEAST_S, Rating, lines, rate
 from smad.simulators.windows import choose_window
 
 _OTHERWISE = 0.5
 """Of its prior deviation each parameter is moved, to see how far a bench may run away."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What runs would show: ratings, and in words what was assumed. Prints as a table."""
+
+    ratings: list[Rating]
+    notes: list[str]
+
+    def __str__(self) -> str:
+        return "\n".join([*lines(self.ratings), *self.notes])
+
+    __repr__ = __str__
 
 
 class AtRest(Mapping[str, float]):
@@ -42,8 +56,8 @@ def plan(
     *,
     window_s: float | None = None,
     within_s: float = 5.0,
-) -> tuple[list[Rating], list[str]]:
-    """Rate what runs with these inputs would show, before any is measured; and what was assumed.
+) -> Plan:
+    """Rate what runs with these inputs would show, before any is measured.
 
     `inputs` are as the runs of `diagnose`, with or without what is measured. A run without begins
     at rest at 0. Readings have the noise that the simulator declares, else a thousandth of what
@@ -57,7 +71,7 @@ def plan(
     plain.window_s, why = choose_window(plain, _other(plain, runs), window_s)
     left_s = within_s - (time.process_time() - began_s)
     left_s = max(left_s, min(LEAST_S, within_s))
-    return rate(bound.plant, runs, within_s=left_s), [why] if why else []
+    return Plan(rate(bound.plant, runs, within_s=left_s), [why] if why else [])
 
 
 def _complete(declared: Simulator, table: Table) -> Table:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from threading import Lock
 from types import MappingProxyType
 from typing import Any
 
@@ -21,7 +22,9 @@ from smad.diagnosis.plant import (
     Traits,
 )
 from smad.diagnosis.runs import GapRun
+from smad.simulators.calling import called
 from smad.simulators.declare import Simulator
+from smad.simulators.processes import Processes
 from smad.simulators.starts import Starts
 from smad.simulators.transducers import Transduced, effects_of, transduced
 
@@ -41,13 +44,24 @@ class Failures:
     failed: int = 0
     why: str = ""
 
+    @property
+    def notes(self) -> list[str]:
+        """What is said of them in a verdict; nothing where there were none."""
+        if not self.failed:
+            return []
+        return [
+            f"{self.failed} of {self.replays} replays gave no numbers, and what they were of was "
+            f"dropped: {self.why}"
+        ]
+
 
 @dataclass(kw_only=True)
 class SimulatedPlant:
     """Satisfies `PlantModel`: replays the function on the runs as they were recorded.
 
     Each run is replayed in windows of `window_s` that begin from its readings; 0: from its start
-    to its end. A point at which the function fails, or runs away, predicts NaN.
+    to its end. A point at which the function fails, or runs away, predicts NaN. Safe to call from
+    several threads, as many of which as there are `processes` are of use.
     """
 
     declared: Simulator
@@ -56,11 +70,12 @@ class SimulatedPlant:
     lag_s: float
     window_s: float = 0.0
     failures: Failures = field(default_factory=Failures)
+    processes: Processes | None = None
 
     def __post_init__(self) -> None:
         self.name, self.version = self.declared.name, self.declared.version
         self.parameters: Sequence[Parameter] = self.declared.parameters
-        self.traits = Traits(shortest_s=self.declared.shortest_s)
+        self._lock = Lock()
         self._signals = tuple(c.name for c in self.channels)
         declared_effects = [
             replace(e, signals=e.signals or self._signals) for e in self.declared.effects
@@ -69,6 +84,12 @@ class SimulatedPlant:
         self._largest = {s.name: max(abs(s.low), abs(s.high)) for s in self.inputs}
         self._known: OrderedDict[object, Mapping[str, Array]] = OrderedDict()
         self._windows: dict[tuple[int, float], tuple[GapRun, list[Window]]] = {}
+
+    @property
+    def traits(self) -> Traits:
+        """How long a run must be, and how many replays are worth asking for at once."""
+        together = self.processes.count if self.processes else 1
+        return Traits(shortest_s=self.declared.shortest_s, together=together)
 
     def _transducers(self) -> list[Effect]:
         if not self.declared.transducers:
@@ -132,12 +153,16 @@ class SimulatedPlant:
             tuple(values.values()),
             *(hash(given[n].tobytes()) for n in sorted(given)),
         )
-        if key not in self._known:
-            self._known[key] = self._replayed(values, whole, given)
+        with self._lock:
+            known = self._known.get(key)
+        if known is None:
+            known = self._replayed(values, whole, given)
+        with self._lock:
+            self._known[key] = known
+            self._known.move_to_end(key)
             while len(self._known) > _KEPT:
                 self._known.popitem(last=False)
-        self._known.move_to_end(key)
-        return self._known[key]
+        return known
 
     def _replayed(
         self, values: Mapping[str, float], whole: GapRun, given: Mapping[str, Array]
@@ -146,8 +171,12 @@ class SimulatedPlant:
         self.failures.replays += 1
         try:
             for a, b, start in self.windows(whole):
-                shown = called(self.declared, whole.t_s[a:b], {n: v[a:b] for n, v in given.items()},
-                               values, start)  # fmt: skip
+                part = {n: v[a:b] for n, v in given.items()}
+                shown = (
+                    called(self.declared, whole.t_s[a:b], part, values, start)
+                    if self.processes is None
+                    else self.processes.called(whole.t_s[a:b], part, values, start)
+                )
                 for name in self._signals:
                     out[name][a:b] = shown[name]
         except Exception as error:  # whatever somebody else's function does at some point
@@ -209,57 +238,6 @@ class SimulatedPlant:
             high = np.asarray(run.inputs[s.name]) > (s.low + s.high) / 2
             out[f"{s.name} high"], out[f"{s.name} low"] = high & ~rest, ~high & ~rest
         return out
-
-
-class _Shielded(Mapping[str, Array]):
-    """Columns as the function is given them: copies that cannot be written to, made when read."""
-
-    def __init__(self, columns: Mapping[str, Array]) -> None:
-        self._columns = columns
-
-    def __getitem__(self, name: str) -> Array:
-        return _shielded(self._columns[name])
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._columns)
-
-    def __len__(self) -> int:
-        return len(self._columns)
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._columns
-
-
-def _shielded(column: Array) -> Array:
-    view = np.array(column, dtype=np.float64)
-    view.flags.writeable = False
-    return view
-
-
-def called(
-    declared: Simulator,
-    t_s: Array,
-    inputs: Mapping[str, Array],
-    values: Mapping[str, float],
-    start: Mapping[str, float],
-) -> dict[str, Array]:
-    """One call of the function, its arguments read-only: outputs by name, (n,) each.
-
-    Raises what the function raises, and ValueError for outputs that are no (n,) of numbers.
-    """
-    t = _shielded(t_s - t_s[0])
-    given = _Shielded(inputs)
-    with np.errstate(all="ignore"):
-        outputs = declared.function(t, given, MappingProxyType(dict(values)), start)
-    if not isinstance(outputs, Mapping):
-        raise ValueError(f"it returns {type(outputs).__name__}, not outputs by name")
-    out = {}
-    for name, column in outputs.items():
-        y = np.asarray(column, dtype=np.float64)
-        if y.shape != t.shape:
-            raise ValueError(f"{name} has shape {y.shape}; the run has {t.shape}")
-        out[str(name)] = y
-    return out
 
 
 def _means(run: GapRun, values: Array) -> Array:

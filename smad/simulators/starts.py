@@ -1,19 +1,74 @@
-"""Where a replay begins: values and rates of the readings at a sample, by a local parabola."""
+"""Where a replay begins: values and rates of the readings at a sample, by a local polynomial.
+
+Of polynomials over some samples around it, the one is taken whose rate the noise disturbs least
+among those that the samples do not contradict: a straight line over many where nothing moves, a
+cubic over few where much does. A run may also begin at rest, with an input that jumps in its first
+row: then polynomials without a rate hold for longer than those with one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from smad.diagnosis.plant import Array
 from smad.diagnosis.runs import GapRun
-from smad.simulators.columns import correlation_time_s
+from smad.simulators.columns import correlation_time_s, noise_of, quantum_of
 
 _OF_CORRELATION = 0.3
-_DEGREE = 3
-_FEWEST = 4
-_MOST = 20
+_FEWEST, _MOST = 4, 20
+"""Samples to either side, at least and at most."""
+_SIZES = (1.0, 0.7, 0.5, 0.35, 0.2)
+"""Of the most samples, that are tried."""
+_MOVING = ((0, 1), (0, 1, 2), (0, 1, 2, 3))
+_AT_REST = ((0, 2), (0, 2, 3), (0, 2, 3, 4))
+"""Powers of polynomials."""
+_RESOLUTION = 1e-5
+"""Of what a reading goes through, that no start need be known to."""
+_SURE = 3.0
+"""Standard deviations of the sum of squares, from which samples contradict a polynomial."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Polynomial:
+    """A polynomial by least squares: value and rate at time 0, and how uncertain the rate is, in
+    standard deviations of a sample. `squares` of what it leaves of `samples` have `free` degrees of
+    freedom."""
+
+    value: float
+    rate: float
+    rate_error: float
+    squares: float
+    samples: int
+    free: int
+
+    def contradicted(self, variance: float) -> bool:
+        """Whether it leaves more than noise would."""
+        most = self.free + _SURE * np.sqrt(2.0 * self.free)
+        return bool(self.squares > most * variance)
+
+
+def _fit(t: Array, y: Array, powers: tuple[int, ...]) -> _Polynomial:
+    scale = float(np.abs(t).max())
+    columns = (t[:, None] / scale) ** np.array(powers)
+    inverse = np.linalg.pinv(columns)
+    coefficients = inverse @ y
+    left = y - columns @ coefficients
+    moving = 1 in powers
+    return _Polynomial(
+        value=float(coefficients[0]), rate=float(coefficients[1] / scale) if moving else 0.0,
+        rate_error=float(np.linalg.norm(inverse[1])) / scale if moving else 0.0,
+        squares=float(left @ left), samples=len(t), free=len(t) - len(powers),
+    )  # fmt: skip
+
+
+def _longest(fits: _Polynomial | Sequence[_Polynomial]) -> tuple[int, float]:
+    """What orders fits: over most samples first, then those that leave least."""
+    if isinstance(fits, _Polynomial):
+        return -fits.samples, fits.squares
+    return min((_longest(f) for f in fits), default=(0, np.inf))
 
 
 class Starts:
@@ -22,13 +77,17 @@ class Starts:
     def __init__(self, run: GapRun, outputs: tuple[str, ...]) -> None:
         self._run = run
         self._outputs = outputs
-        dt_s = run.dt_s
+        measured = {n: run.outputs[n] for n in outputs if n in run.outputs}
         self._half = {
             n: int(np.clip(
-                _OF_CORRELATION * correlation_time_s(run.t_s, run.outputs[n]) / dt_s, _FEWEST, _MOST
+                _OF_CORRELATION * correlation_time_s(run.t_s, y) / run.dt_s, _FEWEST, _MOST
             ))
-            for n in outputs if n in run.outputs
+            for n, y in measured.items()
         }  # fmt: skip
+        self._variance = {
+            n: noise_of([y]) ** 2 + quantum_of([y]) ** 2 / 12.0 + (_RESOLUTION * np.ptp(y)) ** 2
+            for n, y in measured.items()
+        }
 
     def at(self, k: int) -> Mapping[str, float]:
         """NAME and NAME_rate of every output at sample k."""
@@ -39,14 +98,24 @@ class Starts:
         return out
 
     def _local(self, name: str, k: int) -> tuple[float, float]:
-        run, half = self._run, self._half[name]
-        part = slice(max(k - half, 0), min(k + half + 1, len(run.t_s)))
-        good = run.good[part] & np.isfinite(run.outputs[name][part])
-        t: Array = (run.t_s[part] - run.t_s[k])[good]
-        if len(t) <= _DEGREE + 1:
-            return float(np.nan_to_num(run.outputs[name][k])), 0.0
-        scale = float(np.abs(t).max())
-        (value, rate, *_) = np.polynomial.polynomial.polyfit(
-            t / scale, run.outputs[name][part][good], _DEGREE
-        )
-        return float(value), float(rate / scale)
+        moving = self._fits(name, k, _MOVING)
+        if not moving:
+            return float(np.nan_to_num(self._run.outputs[name][k])), 0.0
+        variance = self._variance[name]
+        able = [f for f in moving if not f.contradicted(variance)]
+        best = min(able, key=lambda f: f.rate_error) if able else moving[-1]
+        at_rest = self._fits(name, k, _AT_REST) if k == 0 else []
+        still = [f for f in at_rest if not f.contradicted(variance)]
+        if still and _longest(still) < _longest(able):
+            best = min(still, key=_longest)
+        return best.value, best.rate
+
+    def _fits(self, name: str, k: int, powers: Sequence[tuple[int, ...]]) -> list[_Polynomial]:
+        """Polynomials of these powers over each number of samples, the longest cubic last."""
+        run, y, out = self._run, self._run.outputs[name], []
+        for half in sorted({max(_FEWEST, round(s * self._half[name])) for s in _SIZES}):
+            part = slice(max(k - half, 0), min(k + half + 1, len(run.t_s)))
+            good = run.good[part] & np.isfinite(y[part])
+            t: Array = (run.t_s[part] - run.t_s[k])[good]
+            out += [_fit(t, y[part][good], p) for p in powers if len(t) > len(p)]
+        return out

@@ -179,7 +179,13 @@ def _require_length(
     # Rows are whole samples: what a rounded time stamp lacks is not a missing one.
     if run.duration_s + run.dt_s < least_s - ROUNDED * run.dt_s:
         cut = "" if run.duration_s == given.duration_s else ", up to where it can be used"
-        text = f"{run.duration_s:.1f} s long{cut}; at least {least_s:g} s are needed"
+        by_rows = LEAST_PERIODS * period_s > traits_of(plant).shortest_s
+        why = f": {LEAST_PERIODS} rows of {period_s:g} s" if by_rows else ""
+        if by_rows and period_s > 1.5 * run.dt_s:
+            why += (
+                f", which suit longer runs beside it; ask without them, or --leave-out {run.name}"
+            )
+        text = f"{run.duration_s:.1f} s long{cut}; at least {least_s:g} s are needed{why}"
         say("too short", text, refuses=True)
         return
     if run.dt_s > 5 * period_s:

@@ -9,6 +9,7 @@ import numpy as np
 
 from smad.diagnosis.data.grid import PERIOD_S, thinned
 from smad.diagnosis.data.rows import bin_numbers
+from smad.diagnosis.numerics.threads import each
 from smad.diagnosis.plant import (
     Array,
     Mask,
@@ -16,6 +17,7 @@ from smad.diagnosis.plant import (
     PlantModel,
     Signal,
     moved_parameters,
+    traits_of,
 )
 from smad.diagnosis.runs import GapRun
 
@@ -97,13 +99,14 @@ def predictions(
     `exact` replays the inputs as they were recorded; else averaged ones, which serve for
     differences of two replays only.
     """
-    out = []
-    for played in runs:
+
+    def predicted(played: Played) -> Array:
         run = played.whole if exact else played.run
         outputs = plant.simulate(point, run, fast=not exact)
         series = np.stack([outputs[c.name] for c in plant.channels])
-        out.append(np.ascontiguousarray(played.means(series, exact=exact).T))
-    return out
+        return np.ascontiguousarray(played.means(series, exact=exact).T)
+
+    return each(predicted, runs, traits_of(plant).together)
 
 
 def finite(values: Sequence[Array]) -> bool:

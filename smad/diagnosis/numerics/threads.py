@@ -1,4 +1,4 @@
-"""Sums that come out the same whatever the program around a diagnosis has set.
+"""Sums that come out the same whatever the program around a diagnosis has set; work in threads.
 
 How many threads a BLAS uses decides in which order it adds, and so the last digits of a verdict.
 Its threads also wait for each other on a loaded machine: the same work took ten times as long.
@@ -6,7 +6,8 @@ Its threads also wait for each other on a loaded machine: the same work took ten
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
@@ -14,6 +15,7 @@ from threadpoolctl import threadpool_limits
 
 P = ParamSpec("P")
 R = TypeVar("R")
+T = TypeVar("T")
 
 
 def repeatable(work: Callable[P, R]) -> Callable[P, R]:
@@ -25,3 +27,11 @@ def repeatable(work: Callable[P, R]) -> Callable[P, R]:
             return work(*args, **kwargs)
 
     return alone
+
+
+def each(work: Callable[[T], R], items: Iterable[T], together: int) -> list[R]:
+    """`work` of each item, in their order; so many `together`, in threads."""
+    if together < 2:
+        return [work(item) for item in items]
+    with ThreadPoolExecutor(together) as pool:
+        return list(pool.map(work, items))

@@ -19,9 +19,10 @@ from sim_device.plant.errors import PlantError
 from sim_device.plant.laws import Law, Term, basis, terms_over
 from smad.diagnosis.data.played import Played, finite
 from smad.diagnosis.numerics.folds import Array, Index
+from smad.diagnosis.numerics.threads import each
 from smad.diagnosis.places.bare import BarePlaces
 from smad.diagnosis.places.place import BOTH, Forcing, Place, PlacesPlant, single_sides
-from smad.diagnosis.plant import ModelPoint
+from smad.diagnosis.plant import ModelPoint, traits_of
 from smad.progress import Say, silent
 
 Singles = NDArray[np.float32]
@@ -124,7 +125,9 @@ def candidate_laws(
     """
     states = [plant.trajectory(point, p.run, fast=True) for p in runs]
     bare = isinstance(plant, BarePlaces)
-    signed = tuple(n for n in plant.places[0].states if n.endswith("_rate")) if bare else None
+    speeds = {c.name for c in plant.channels if c.unit.endswith("/s") or c.unit == "rpm"}
+    states_of_bare = plant.places[0].states if bare else ()
+    signed = [n for n in states_of_bare if n.endswith("_rate") or n in speeds]
     laws: list[Law] = []
     for place in plant.places:
         for side in place.sides:
@@ -134,7 +137,7 @@ def candidate_laws(
                 support,
                 bends=bare,
                 products=False,
-                signed=("velocity",) if signed is None else signed,
+                signed=signed if bare else ("velocity",),
             )
             laws.append(Law(place.name, side, terms))
     return tuple(laws)
@@ -226,15 +229,15 @@ class _Replayed:
 
     def _of_place(self, key: tuple[str, str], forcing: Array, base: Array) -> Array:
         """What each column of `forcing` (n, k) changes, (k, bins, channels), a replay for each."""
-        out = np.zeros((forcing.shape[1], *base.shape))
-        for k, series in enumerate(forcing.T):
+
+        def changed(series: Array) -> Array:
             try:
                 moved = self.readings({key: series})
             except PlantError:
-                continue
-            if finite([moved]):
-                out[k] = moved - base
-        return out
+                return np.zeros_like(base)
+            return moved - base if finite([moved]) else np.zeros_like(base)
+
+        return np.array(each(changed, forcing.T, traits_of(self.plant).together))
 
     def _of_reading(self, key: tuple[str, str], forcing: Array, base: Array) -> Array:
         """The same for a place of a reading, by what a constant of 1 does there."""

@@ -18,6 +18,7 @@ from smad.diagnosis.plant import Array, Channel, Mask, Signal, Traits
 from smad.diagnosis.runs import GapRun
 from smad.records.channels import MappingFile, read_channels
 from smad.records.readings import BEYOND
+from smad.records.tables import left_out
 from smad.runlog import schema
 from smad.runlog.bounds import Together
 from smad.runlog.paths import distinct_name, names_of
@@ -192,15 +193,16 @@ def _table_run(path: Path, together: Together | None, mapping: MappingFile | Non
     name = path.name.split(".")[0]
     table = read_channels(path, together, mapping)
     columns = table.columns
+    notes = (*table.notes, *left_out(table.assignment.ignored))
     flagged = columns.pop("valid", None)
     if flagged is None:
-        return run_from_columns(name, columns, notes=table.notes)
+        return run_from_columns(name, columns, notes=notes)
     use = np.nan_to_num(flagged) > 0.5
     measured = {c.name for c in CHANNELS} if use.any() else set()
     valid_columns = {
         k: np.where(use, v, np.nan) if k in measured else v for k, v in columns.items()
     }
-    return replace(run_from_columns(name, valid_columns, notes=table.notes), valid=use)
+    return replace(run_from_columns(name, valid_columns, notes=notes), valid=use)
 
 
 def _recorded(columns: Mapping[str, NDArray[Any]], name: str) -> Array | None:

@@ -10,8 +10,11 @@ from typing import Any
 import numpy as np
 
 from smad.diagnosis import Answer
-from smad.diagnosis.plant import Parameter
+from smad.diagnosis.plant import Array, Parameter
 from smad.progress import Say, silent
+from smad.records.column_names import unit_in
+from smad.records.tables import left_out
+from smad.records.units import convert, units_for
 from smad.simulators.asking import diagnose
 from smad.simulators.columns import Table, span_of, tables_of
 from smad.simulators.declare import Simulator
@@ -24,12 +27,11 @@ from smad.simulators.mjcf.library import (
     play,
     scale_of,
 )
-from smad.simulators.mjcf.map_file import MjcfMap, ParameterRow, read_map
+from smad.simulators.mjcf.map_file import ChannelRow, InputRow, MjcfMap, ParameterRow, read_map
 from smad.simulators.mjcf.model import MujocoModel, load
 from smad.simulators.mjcf.parts import number_of
 from smad.simulators.mjcf.saving import saver
-from smad.simulators.planning import plan
-from smad.simulators.rating import Rating
+from smad.simulators.planning import Plan, plan
 
 _PRIOR_OF_RANGE = 1.0 / 6.0
 
@@ -64,7 +66,7 @@ def plan_mjcf(
     *,
     window_s: float | None = None,
     within_s: float = 5.0,
-) -> tuple[list[Rating], list[str]]:
+) -> Plan:
     """What runs with these inputs would show of a MuJoCo model; as `smad.simulators.plan`."""
     declared, (tables,) = declare_mjcf(model, map_path, inputs)
     return plan(tables, declared, window_s=window_s, within_s=within_s)
@@ -150,19 +152,24 @@ def _parameter(replay: MujocoModel, name: str, row: ParameterRow) -> Parameter:
             action="give nominal, or another range, in the map",
         )
     prior = row.prior_sd or _PRIOR_OF_RANGE * (row.high - row.low)
-    return Parameter(name=name, unit=UNITS.get(row.field, ""), nominal=nominal, low=row.low,
-                     high=row.high, prior_sd=prior)  # fmt: skip
-
-
-UNITS = {"mass": "kg", "length": "m"}
+    unit, named = replay.unit_of_field(name), unit_in(name)
+    if named and unit in units_for(named) and named != unit:
+        raise SimulatorError(
+            f"parameters.{name}: its name has another unit than the model's field",
+            value=named,
+            limit=unit,
+            action=f"give its values in {unit}, and name it so",
+        )
+    return Parameter(name=name, unit=unit, nominal=nominal, low=row.low, high=row.high,
+                     prior_sd=prior)  # fmt: skip
 
 
 def _mapped(table: Table, mapped: MjcfMap) -> Table:
-    """The columns that the map names, by its own names."""
-    rows: Sequence[tuple[str, Any]] = (*mapped.inputs.items(), *mapped.channels.items())
+    """The columns that the map names, by its own names and in their units."""
+    rows: dict[str, InputRow | ChannelRow] = {**mapped.inputs, **mapped.channels}
     columns = {
-        name: table.columns[row.column or name]
-        for name, row in rows
+        name: _in_unit(table.columns[row.column or name], row, name)
+        for name, row in rows.items()
         if (row.column or name) in table.columns
     }
     lacking = [n for n in mapped.inputs if n not in columns]
@@ -174,4 +181,25 @@ def _mapped(table: Table, mapped: MjcfMap) -> Table:
             action="correct the map, or leave the run out",
         )
     columns |= {n: table.columns[n] for n in mapped.observed if n in table.columns}
-    return replace(table, columns={n: np.asarray(c) for n, c in columns.items()})
+    named = {row.column or name for name, row in rows.items()} | set(mapped.observed)
+    others = left_out([n for n in table.columns if n not in named], ", which the map does not name")
+    return replace(table, columns=columns, notes=(*table.notes, *others))
+
+
+def _in_unit(values: Array, row: InputRow | ChannelRow, name: str) -> Array:
+    """Values in the unit that the map's name of a column ends with, where the column's is another.
+
+    Raises SimulatorError for units of two quantities, unless the row says how these are converted.
+    """
+    wanted, unit = unit_in(name), unit_in(row.column)
+    plain = not row.unit and (row.scale, row.offset) == (1.0, 0.0)
+    if not plain or not wanted or not unit or wanted == unit:
+        return np.asarray(values)
+    if unit not in units_for(wanted):
+        raise SimulatorError(
+            f"the map gives {name} a column in another unit",
+            value=row.column,
+            limit=", ".join(units_for(wanted)),
+            action="name it by its unit, or give scale and offset",
+        )
+    return convert(np.asarray(values), unit, wanted)

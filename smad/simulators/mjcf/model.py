@@ -14,11 +14,12 @@ from numba import njit
 
 from smad.diagnosis.plant import Array, Effect
 from smad.extras import part
+from smad.records.column_names import unit_in
+from smad.records.units import unit_of
 from smad.simulators.errors import SimulatorError
 from smad.simulators.mjcf.library import ModelEffect
 from smad.simulators.mjcf.map_file import ChannelRow, InputRow, MjcfMap, ParameterRow
-from smad.simulators.mjcf.parts import FIELDS, Field, is_hinge, number_of
-from smad.simulators.units import in_si, unit_of
+from smad.simulators.mjcf.parts import FIELDS, Field, in_si, is_hinge, number_of
 
 _TOUCHED = (
     "body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "dof_damping",
@@ -156,13 +157,19 @@ class MujocoModel:
 
     @staticmethod
     def unit(name: str, row: InputRow | ChannelRow) -> str:
-        """The unit of a column: as the map has it, else as its name has it."""
-        return row.unit or unit_of(name)
+        """The unit of a column: as the map has it, else as its name there or in the run has it."""
+        return row.unit or unit_of(name) or unit_in(row.column)
 
     def nominal(self, name: str) -> float:
         """What the model has for a parameter of the map."""
         what, number = self._parameters[name]
         return what.read(self.model, number)
+
+    def unit_of_field(self, name: str) -> str:
+        """The unit of a parameter of the map."""
+        what, number = self._parameters[name]
+        turns = what.kind == "joint" and self.model.jnt_type[number] == self.hinge
+        return what.units[0 if turns or what.kind != "joint" else 1]
 
     def at(self, values: Mapping[str, float]) -> Any:
         """The model with these values in it; it stays so until the next call."""

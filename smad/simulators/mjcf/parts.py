@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from smad.extras import part
+from smad.records.units import convert, spelt, units_for
 from smad.simulators.errors import SimulatorError
 
 _LISTS = {"body": "nbody", "joint": "njnt", "actuator": "nu", "sensor": "nsensor"}
@@ -31,6 +32,24 @@ def number_of(model: Any, kind: str, name: str, key: str) -> int:
             action="correct the map, or name the part in the model",
         )
     return int(number)
+
+
+def in_si(unit: str, wanted: str, key: str) -> float:
+    """What one `unit` is in the SI unit `wanted`; 1 for a unit that is not given.
+
+    Raises SimulatorError for a unit that is not known, or is of another kind.
+    """
+    if not unit:
+        return 1.0
+    known = units_for(wanted)
+    if spelt(unit) not in known:
+        raise SimulatorError(
+            f"{key}: the unit contradicts the model's, which is {wanted}",
+            value=unit,
+            limit=", ".join(known),
+            action="correct the unit, or name another part of the model",
+        )
+    return float(convert(np.ones(1), spelt(unit), wanted)[0])
 
 
 def names_of(model: Any, kind: str) -> list[str]:
@@ -56,22 +75,28 @@ def is_hinge(model: Any, joint: int, key: str) -> bool:
 
 @dataclass(frozen=True)
 class Field:
-    """A field of the parts of one `kind`: how it is read from a model, and written to it."""
+    """A field of the parts of one `kind`: how it is read from a model, and written to it.
+
+    `units` are its unit, of a joint that of one that turns and that of one that slides.
+    """
 
     kind: str
     read: Callable[[Any, int], float]
     write: Callable[[Any, int, float], None]
+    units: tuple[str, ...] = ("",)
 
 
-def _of_dof(name: str) -> Field:
-    return _array("joint", f"dof_{name}", lambda m, j: (m.jnt_dofadr[j],))
+def _of_dof(name: str, *units: str) -> Field:
+    return _array("joint", f"dof_{name}", lambda m, j: (m.jnt_dofadr[j],), *units)
 
 
-def _array(kind: str, name: str, where: Callable[[Any, int], tuple[int, ...]]) -> Field:
+def _array(
+    kind: str, name: str, where: Callable[[Any, int], tuple[int, ...]], *units: str
+) -> Field:
     def write(m: Any, k: int, value: float) -> None:
         getattr(m, name)[where(m, k)] = value
 
-    return Field(kind, lambda m, k: float(getattr(m, name)[where(m, k)]), write)
+    return Field(kind, lambda m, k: float(getattr(m, name)[where(m, k)]), write, units)
 
 
 def _write_mass(m: Any, b: int, value: float) -> None:
@@ -98,14 +123,14 @@ def _write_kp(m: Any, a: int, value: float) -> None:
 
 
 FIELDS: Mapping[str, Field] = {
-    "mass": Field("body", lambda m, b: float(m.body_mass[b]), _write_mass),
-    "length": Field("body", _read_length, _write_length),
-    "damping": _of_dof("damping"),
-    "frictionloss": _of_dof("frictionloss"),
-    "armature": _of_dof("armature"),
-    "stiffness": _array("joint", "jnt_stiffness", lambda m, j: (j,)),
-    "springref": _array("joint", "qpos_spring", lambda m, j: (m.jnt_qposadr[j],)),
-    "gear": _array("actuator", "actuator_gear", lambda m, a: (a, 0)),
+    "mass": Field("body", lambda m, b: float(m.body_mass[b]), _write_mass, ("kg",)),
+    "length": Field("body", _read_length, _write_length, ("m",)),
+    "damping": _of_dof("damping", "N m s/rad", "N s/m"),
+    "frictionloss": _of_dof("frictionloss", "N m", "N"),
+    "armature": _of_dof("armature", "kg m²", "kg"),
+    "stiffness": _array("joint", "jnt_stiffness", lambda m, j: (j,), "N m/rad", "N/m"),
+    "springref": _array("joint", "qpos_spring", lambda m, j: (m.jnt_qposadr[j],), "rad", "m"),
+    "gear": _array("actuator", "actuator_gear", lambda m, a: (a, 0), "1"),
     "kp": Field("actuator", lambda m, a: float(m.actuator_gainprm[a, 0]), _write_kp),
 }
 """What a parameter of a map may be. `length`: of a body, from its frame to its centre of mass;

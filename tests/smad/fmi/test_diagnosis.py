@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pythonfmu.builder import FmuBuilder
 
 from smad.cli import execute
 from smad.diagnosis.plant import ModelPoint
@@ -324,3 +325,19 @@ def test_a_unit_needs_its_map_and_is_written_no_model(
         assert execute(["gap", "diagnose", run, *options]) == 2
         (line,) = capfd.readouterr().err.splitlines()
         assert words in line
+
+
+def test_a_point_at_which_a_unit_stops_is_counted_and_said(tmp_path: Path) -> None:
+    # Units of one script's name share a module in this process.
+    script = tmp_path / "script" / "heater_that_stops.py"
+    script.parent.mkdir()
+    text = Path(__file__).with_name("heater_unit.py").read_text()
+    script.write_text(text.replace("self.temperature < 1e4", "self.loss > 0.745"))
+    plant = plant_of(Path(FmuBuilder.build_FMU(script, dest=tmp_path / "heater.fmu")), tmp_path)
+    run = read_mapped(run_file(tmp_path / "0.csv", 0), read_map(tmp_path / "map.toml"))
+    for loss in (0.8, 0.76):
+        plant.simulate(ModelPoint({"loss_W_K": loss}), run)
+    assert plant.failures.notes == []
+    plant.simulate(ModelPoint({"loss_W_K": 0.7}), run)
+    (said,) = plant.failures.notes
+    assert re.match(r"1 of 4 replays gave no numbers.*dropped: run 0 at 0\.\d s, with .*0\.7", said)

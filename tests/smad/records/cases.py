@@ -17,7 +17,7 @@ from pythonfmu.builder import FmuBuilder
 
 from smad.cli import execute
 from tests.smad.fmi.heater import MAP, run_file
-from tests.smad.records.kinds import as_csv, pair
+from tests.smad.records.kinds import as_csv, as_log, pair
 
 UNIT = Path(__file__).parent.parent / "fmi" / "heater_unit.py"
 BROKEN_UNITS = {
@@ -94,8 +94,18 @@ CASES = (
     Case(18, "names in a comment, as savetxt writes them", "log import {folder}/savetxt.csv", 0,
          ("2 rows to", "temp_x_degC rtd_x_degC")),
     Case(18, "a line `sep=;` before the names", "log import {folder}/sep.csv", 0, ("2 rows to",)),
+    Case(24, "a log that was cut", "log recover {folder}/cut.mcap", 0, ("cut.recovered.mcap",)),
     Case(25, "a step that is on from the first row", asked("const"), 0,
          ("no input ever changes: what temperature_degC say rests on the state",)),
+    *(
+        Case(26, f"{what} where a number should be", f"log import {{folder}}/{name}.csv", 1,
+             (f"line {line}: column {column!r} is not a number; got",))
+        for what, name, line, column in (
+            ("a duration", "duration", 2, "time_s"), ("a date", "iso", 2, "time_s"),
+            ("h:mm:ss", "clock", 3, "time_s"), ("a dash", "dash", 3, "temp_x_degC"),
+            ("a line of names", "twice", 4, "time_s"),
+        )
+    ),
 )  # fmt: skip
 
 Change = Callable[[list[list[str]]], list[list[str]]]
@@ -177,6 +187,11 @@ def prepare(folder: Path) -> None:
         "marked_config.toml": "\ufeff[link]\nrate_hz = 100\n",
         "german.csv": "time_s;current_x_mA\n0,0;0\n0,1;850,5\n0,2;1.500\n",
         "savetxt.csv": "# time_s,temp_x_degC\n0.0e+00,2.2e+01\n1.0e+00,2.3e+01\n",
+        "duration.csv": "time_s,temp_x_degC\nPT0S,22\nPT1S,23\n",
+        "iso.csv": "time_s,temp_x_degC\n2026-11-25T10:00:00,22\n2026-11-25T10:00:01,23\n",
+        "clock.csv": "time_s,temp_x_degC\n0,22\n0:00:01,23\n",
+        "dash.csv": "time_s,temp_x_degC\n0,22\n1,-\n2,23\n",
+        "twice.csv": "time_s,temp_x_degC\n0,22\n1,23\ntime_s,temp_x_degC\n2,24\n",
         "sep.csv": "sep=;\ntime_s;temp_x_degC\n0;22\n1;23\n",
     }
     for name, text in texts.items():
@@ -193,6 +208,9 @@ def prepare(folder: Path) -> None:
     (folder / "pair.csv").write_text(text)
     changed(folder, "change", on_change)
     changed(folder, "const", constant)
+    log = as_log({name: column[:1000] for name, column in pair().columns.items()},
+                 folder / "whole.mcap")  # fmt: skip
+    log.rename(folder / "whole.mcap.part")
     capitals = folder / "capitals"
     capitals.mkdir()
     for seed in range(3):
@@ -205,6 +223,8 @@ def answer(case: Case, folder: Path) -> tuple[int, str]:
     """The status of a case's command, and what it says."""
     for log in folder.glob("*.mcap"):
         log.unlink()
+    whole = (folder / "whole.mcap.part").read_bytes()
+    (folder / "cut.mcap").write_bytes(whole[: len(whole) * 3 // 4])
     said = io.StringIO()
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
         status = execute(case.command.format(folder=folder).split())

@@ -111,3 +111,41 @@ def test_a_reading_that_may_well_stay_the_same_is_not_stuck(kind: str) -> None:
         "at rest": np.round(22.0 + 0.3 * np.maximum(T - 20.0, 0.0) + 0.02 * noise, 1),
     }[kind]
     assert checked(y, WARM, T).notes == ()
+
+
+def rising(stuck: int, *, noise: float, quantum: float, start: int = 150) -> np.ndarray:
+    """A plate that warms and cools at 5 Hz, its reading stuck for some samples."""
+    rng = np.random.default_rng(3)
+    y = 40.0 + 20.0 * np.sin(np.arange(300) / 40.0) + noise * rng.standard_normal(300)
+    y = np.round(y / quantum) * quantum
+    y[start : start + stuck] = y[start]
+    return y
+
+
+@pytest.mark.parametrize("quantum", [0.01, 0.1, 0.25])
+@pytest.mark.parametrize("stuck", [12, 20, 40])
+def test_a_short_stretch_is_stuck_where_the_reading_then_jumps(stuck: int, quantum: float) -> None:
+    y = rising(stuck, noise=0.03, quantum=quantum)
+    found = checked(y, WARM, T[:300], np.ones(300, dtype=bool))
+    lost = np.flatnonzero(np.isnan(found.values))
+    assert set(range(151, 150 + stuck)) <= set(lost.tolist()) <= set(range(148, 152 + stuck))
+    assert "jumps afterwards: stuck" in found.notes[0]
+
+
+def test_each_stretch_in_which_a_reading_is_stuck_is_told() -> None:
+    y = rising(20, noise=0.03, quantum=0.01, start=90)
+    y[200:220] = y[200]
+    notes = checked(y, WARM, T[:300], np.ones(300, dtype=bool)).notes
+    assert [note.split(" for ")[1].split(" (")[0] for note in notes] == ["20 samples", "20 samples"]
+
+
+def test_a_reading_that_stays_to_the_end_of_its_run_is_not_known_to_be_stuck() -> None:
+    y = rising(150, noise=0.03, quantum=0.01)
+    assert checked(y, WARM, T[:300], np.ones(300, dtype=bool)).notes == ()
+
+
+def test_a_reading_that_jumps_with_an_input_was_at_rest() -> None:
+    y = rising(20, noise=0.0, quantum=0.01)
+    steady = np.ones(300, dtype=bool)
+    steady[165:176] = False
+    assert checked(y, WARM, T[:300], steady).notes == ()

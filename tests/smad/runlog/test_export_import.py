@@ -225,8 +225,8 @@ def test_a_mapping_file_says_what_other_names_mean(tmp_path: Path) -> None:
         ("t_s,t_s\n1,2\n", ["line 1", "two columns are named 't_s'"]),
         ("t_s,faults\n1,0.5\n", ["line 2", "whole numbers", "0.5"]),
         ("t_s,mode\n1,-2\n", ["line 2", "whole numbers", "-2"]),
-        (b"\xff\xfe\x00\x01", ["not UTF-8"]),
-        (b"t_s,x_mm\n1,\xff\n", ["not UTF-8"]),
+        (b"\xff\xfe\x00\x01", ["no time column"]),
+        (b"t_s,x_mm\n1,\xff\n", ["line 2", "'x_mm' is not a number", "ÿ"]),
     ],
 )
 def test_a_csv_that_cannot_be_used_is_refused_with_place_and_value(

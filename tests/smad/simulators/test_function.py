@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from unittest.mock import ANY
 
 import numpy as np
 import pytest
 
-from smad.diagnosis.plant import ModelPoint
+from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.report.words import lines
 from smad.diagnosis.runs import GapRun
-from smad.simulators import Missing, diagnose, simulator
+from smad.simulators import Missing, diagnose, plan, simulator
 from smad.simulators.bind import bind
+from smad.simulators.columns import csv_format
 from smad.simulators.errors import SimulatorError
+from smad.simulators.starts import Starts
 from smad.simulators.windows import choose_window
 from tests.smad.simulators.systems import (
     declared_heater,
@@ -347,10 +350,11 @@ def test_a_slow_function_says_beforehand_how_long_the_whole_will_take(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     clock = iter(np.arange(0.0, 1e6, 1.0))
-    monkeypatch.setattr("smad.simulators.checks.time.process_time", lambda: float(next(clock)))
+    monkeypatch.setattr("smad.simulators.checks.time.perf_counter", lambda: float(next(clock)))
     told: list[str] = []
     diagnose(RUNS, declared_heater(), progress=told.append)
     assert re.match(r"a replay takes 1 s: about \d+ min in all", told[0])
+    assert "choosing a window" in told
 
 
 def test_the_time_that_is_told_is_near_the_replays_that_are_made() -> None:
@@ -430,3 +434,122 @@ def test_a_transducer_of_no_size_changes_nothing_and_each_of_some_size_does(valu
         point = ModelPoint({}, {effect.name: {q.name: value}})
         moved = bound.plant.simulate(point, run)["temperature_degC"]
         assert np.array_equal(moved, base) == (value == 0.0), effect.name
+
+
+def in_units(run: Mapping[str, Array], names: Mapping[str, tuple[str, float, float]]):
+    """The run with columns renamed, as value · factor + offset."""
+    return {
+        names[n][0] if n in names else n: c * names[n][1] + names[n][2] if n in names else c
+        for n, c in run.items()
+    }
+
+
+OTHER_UNITS = {
+    "power_W": ("Power [mW]", 1e3, 0.0),
+    "temperature_degC": ("temperature_degF", 1.8, 32.0),
+}
+
+
+def test_columns_in_other_units_are_converted_to_those_that_the_function_names() -> None:
+    runs = [in_units(run, OTHER_UNITS) for run in RUNS[:2]]
+    (fit,) = bind(declared_heater(), runs).groups
+    np.testing.assert_allclose(fit[0].inputs["power_W"], RUNS[0]["power_W"])
+    np.testing.assert_allclose(
+        fit[1].outputs["temperature_degC"], RUNS[1]["temperature_degC"], atol=1e-9
+    )
+    assert fit[0].notes == (
+        "power_W is column 'Power [mW]', converted",
+        "temperature_degC is column 'temperature_degF', converted",
+    )
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "offset", "unit"),
+    [("temperature_degC", 1.8, 32.0, "degF"), ("power_W", 1e3, 0.0, "mW")],
+)
+def test_a_column_that_is_likely_to_be_in_another_unit_than_its_name_says_is_named(
+    column: str, factor: float, offset: float, unit: str
+) -> None:
+    runs = [in_units(run, {column: (column, factor, offset)}) for run in RUNS[:2]]
+    doubts = [text for text in bind(declared_heater(), runs).said if text.startswith("is ")]
+    assert [text.split("?")[0] for text in doubts] == [f"is {column} in {unit}"]
+    assert not any(text.startswith("is ") for text in bind(declared_heater(), RUNS).said)
+
+
+def test_a_reading_beyond_a_declared_range_is_refused_with_the_likely_unit() -> None:
+    runs = [in_units(run, {"temperature_degC": ("temperature_degC", 1.8, 32.0)}) for run in RUNS]
+    declared = declared_heater(ranges={"temperature_degC": (0.0, 80.0)})
+    verdict = diagnose(runs, declared).verdict
+    assert verdict.outcome == "refused"
+    assert "declared 0 to 80 degC: in degF?" in verdict.findings[0].text
+
+
+def test_columns_of_text_are_left_out_and_said_or_named_where_they_are_wanted(
+    tmp_path: Path,
+) -> None:
+    head = "stamp,t_s,power_W,temperature_degC,operator"
+    rows = [f"12:00,{0.1 * k},{k % 7},22,ada" for k in range(100)]
+    (tmp_path / "a.csv").write_text("\n".join([head, *rows]))
+    ((run,),) = bind(declared_heater(), tmp_path / "a.csv").groups
+    assert run.notes == ("columns left out, since they are not numbers: stamp, operator",)
+    (tmp_path / "a.csv").write_text("\n".join([head, *rows]).replace(",3,", ",three,"))
+    with pytest.raises(SimulatorError, match="line 5: column 'power_W' is not a number; got three"):
+        bind(declared_heater(), tmp_path / "a.csv")
+
+
+def test_a_table_of_another_locale_is_read_as_it_is_said_to_be_written(tmp_path: Path) -> None:
+    rows = [f"{0.1 * k:.1f};{15 * (k % 4)};{22 + 0.1 * (k % 9):.1f}" for k in range(100)]
+    text = "\n".join(["Zeit [s];power_W;temperature_degC", *rows]).replace(".", ",")
+    (tmp_path / "a.csv").write_text(text)
+    german = csv_format({"decimal": ","})
+    ((run,),) = bind(declared_heater(), tmp_path / "a.csv", time="Zeit [s]", form=german).groups
+    assert run.dt_s == pytest.approx(0.1)
+    assert run.outputs["temperature_degC"][:3].tolist() == [22.0, 22.1, 22.2]
+    with pytest.raises(SimulatorError, match=r"or csv=… of smad\.simulators\.diagnose"):
+        diagnose(tmp_path / "a.csv", declared_heater(), time="Zeit [s]")
+    rows = [f"{k};{15 * (k % 4)};22,{k % 9}" for k in range(100)]
+    (tmp_path / "a.csv").write_text("\n".join(["t_s;power_W;Temperature [°C]", *rows]))
+    with pytest.raises(SimulatorError, match=r"'Temperature \[°C\]' is not a number; got 22,0"):
+        diagnose(tmp_path / "a.csv", declared_heater())
+    with pytest.raises(SimulatorError, match=r"no column of the time; .*or say which it is: time"):
+        diagnose({"Zeit": RUNS[0]["t_s"]}, declared_heater())
+    with pytest.raises(SimulatorError, match=r"csv does not say how .*encoding; give"):
+        diagnose(tmp_path / "a.csv", declared_heater(), csv={"decimals": ","})
+
+
+def test_processes_answer_as_one_does_for_a_function_made_inside_another() -> None:
+    run = {n: c[:200] for n, c in RUNS[0].items()}
+
+    def inner(t, inputs, values, start):
+        if values["loss_W_K"] > 1.0:
+            raise ArithmeticError("too much")
+        return heater(t, inputs, values, start)
+
+    declared = simulator(inner, parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
+                         effects={"slow_sensor": (2.0, 0.0, 8.0)})  # fmt: skip
+    one, two = (diagnose([run, RUNS[1], RUNS[2]], declared, processes=n).verdict for n in (1, 2))
+    assert one.causes == two.causes
+    assert one.whole == two.whole
+    with pytest.raises(SimulatorError, match="processes is no count"):
+        diagnose(RUNS, declared, processes=0)
+
+
+def test_a_run_that_begins_with_a_step_begins_at_rest() -> None:
+    """A motor whose speed follows within 50 ms, its angle read at 100 Hz."""
+    rng = np.random.default_rng(0)
+    t_s = np.arange(400) * 0.01
+    angle = 10.0 * (t_s - 0.05 * (1.0 - np.exp(-t_s / 0.05)))
+    rates = []
+    for _ in range(20):
+        read = angle + 1e-3 * rng.standard_normal(400)
+        starts = Starts(GapRun("a", t_s, {}, {"angle_rad": read}), ("angle_rad",))
+        rates.append(starts.at(0)["angle_rad_rate"])
+        assert starts.at(200)["angle_rad_rate"] == pytest.approx(10.0, abs=0.1)
+    assert abs(np.mean(rates)) < 0.2
+
+
+def test_a_plan_prints_as_its_table() -> None:
+    run = {n: c for n, c in RUNS[0].items() if n != "temperature_degC"}
+    planned = plan([run], declared_heater(noise={"temperature_degC": 0.03}))
+    assert repr(planned).splitlines()[0] == "parameters"
+    assert "slow_sensor: noticed from" in str(planned)

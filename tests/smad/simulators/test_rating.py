@@ -23,8 +23,8 @@ def by_name(ratings: list[Rating]) -> dict[str, Rating]:
 def rated(*, power=None, **more) -> dict[str, Rating]:
     run = heater_run(0)
     given = {"t_s": run["t_s"], "power_W": run["power_W"] if power is None else power(run)}
-    ratings, _ = plan([given], declared_heater(noise={"temperature_degC": 0.03}, **more))
-    return by_name(ratings)
+    planned = plan([given], declared_heater(noise={"temperature_degC": 0.03}, **more))
+    return by_name(planned.ratings)
 
 
 def test_steps_of_power_identify_what_a_constant_power_does_not() -> None:
@@ -54,7 +54,7 @@ def test_the_size_that_is_noticed_leaves_one_floor_beside_the_parameters() -> No
     given = {"t_s": run["t_s"], "power_W": run["power_W"]}
     # So noisy that the resolution, a thousandth of the span, adds nothing to the floor.
     fine, coarse = (
-        by_name(plan([given], declared_heater(noise={"temperature_degC": noise}))[0])
+        by_name(plan([given], declared_heater(noise={"temperature_degC": noise})).ratings)
         for noise in (0.3, 3.0)
     )
     ratio = coarse["effect slow_sensor"].size / fine["effect slow_sensor"].size
@@ -76,7 +76,7 @@ def test_parameters_imitate_no_more_than_their_ranges_allow_and_is_likely() -> N
             heater, parameters=parameters, effects={"slow_sensor": (2.0, 0.0, 8.0)},
             noise={"temperature_degC": 0.03}, transducers=True,
         )  # fmt: skip
-        return by_name(plan([given], declared)[0])["effect power_W_gain"]
+        return by_name(plan([given], declared).ratings)["effect power_W_gain"]
 
     wide, near, unlikely = gain(0.3, 0.5), gain(0.9, 0.5), gain(0.3, 0.1)
     assert wide.rating == "not"
@@ -89,16 +89,17 @@ def test_readings_that_a_file_has_are_not_used() -> None:
     other = {**run, "temperature_degC": run["temperature_degC"] * 1.1 + 3.0}
     declared = declared_heater(noise={"temperature_degC": 0.03})
     sizes = [
-        [r.size for r in plan([given], declared)[0] if r.kind != "place"] for given in (run, other)
+        [r.size for r in plan([given], declared).ratings if r.kind != "place"]
+        for given in (run, other)
     ]
     np.testing.assert_allclose(sizes[0], sizes[1], rtol=0.05)
 
 
 def test_what_is_not_reached_in_the_time_is_unknown() -> None:
     run = heater_run(0)
-    ratings, _ = plan([run], declared_heater(), within_s=0.0)
-    assert {r.rating for r in ratings} == {"unknown"}
-    assert "not reached in the time" in "\n".join(lines(ratings))
+    planned = plan([run], declared_heater(), within_s=0.0)
+    assert {r.rating for r in planned.ratings} == {"unknown"}
+    assert "not reached in the time" in str(planned)
 
 
 def test_another_plant_is_rated_by_its_own_class() -> None:
