@@ -62,7 +62,7 @@ def _kind(hint: Any) -> str:
 
 
 def _address(records: np.ndarray) -> tuple[int]:
-    return (int(records.__array_interface__["data"][0]),)
+    return (records.ctypes.data,)
 
 
 def _table(array: np.ndarray) -> tuple[int, ...]:
