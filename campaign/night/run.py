@@ -349,10 +349,15 @@ class Night:
             time.sleep(_POLL_S)
 
     def _note_paused(self) -> None:
-        """Note which troubles ended their item: before the night's end interrupts the last one."""
-        snapshot = self._queue.snapshot()
+        """Note which troubles ended their item: before the night's end interrupts the last one.
+
+        Of several that met one item, the first did.
+        """
+        snapshot, ended = self._queue.snapshot(), set[int]()
         for met in self.found.met:
-            met.paused = snapshot.item(met.item).state is State.INTERRUPTED
+            interrupted = snapshot.item(met.item).state in (State.INTERRUPTED, State.FAILED)
+            met.paused = interrupted and met.item not in ended
+            ended.add(met.item)
 
     def _judge(self) -> None:
         found, rig = self.found, self._rig

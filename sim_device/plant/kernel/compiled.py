@@ -10,6 +10,7 @@ named after the text of all modules of this package, and an edit of any of them 
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import shutil
@@ -20,12 +21,13 @@ from typing import Any, TypeVar, cast
 
 from sim_device.plant.kernel.library import from_library, shipped
 
-try:
+njit: Any = None
+config: Any = None
+DefaultOptions: Any = None
+with contextlib.suppress(ModuleNotFoundError):
     from numba import njit
     from numba.core import config
     from numba.core.options import DefaultOptions
-except ModuleNotFoundError:
-    njit = config = DefaultOptions = None
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
