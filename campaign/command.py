@@ -182,13 +182,17 @@ def hostile(*, connections: int, messages: int, json_path: Path | None) -> int:
 @root.command()
 @click.option("--hours", type=Finite(min=0.05, max=24.0), default=8.0, show_default=True,
               help="Of board time.")  # fmt: skip
-@click.option("--speed", type=Finite(min=1.0, max=50.0), default=10.0, show_default=True,
+@click.option("--speed", type=Finite(min=1.0, max=50.0), default=50.0, show_default=True,
               help="Board time over wall time at most.")  # fmt: skip
+@click.option("--wall-hours", type=Finite(min=0.01), default=24.0, show_default=True,
+              help="End early after so long by the wall clock.")  # fmt: skip
 @click.option("--troubles", type=click.IntRange(0, 1000), help="So many  [default: two an hour]")
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=1, show_default=True)
 @click.option("--folder", type=click.Path(file_okay=False, path_type=Path), required=True,
               help="A new one; queue, run logs, words and health.html stay there.")  # fmt: skip
-def night(*, hours: float, speed: float, troubles: int | None, seed: int, folder: Path) -> int:
+def night(
+    *, hours: float, speed: float, wall_hours: float, troubles: int | None, seed: int, folder: Path
+) -> int:
     """Let a queue work for a night of board time while parts of it are killed.
 
     Moves and endurance runs; cables pulled, stops, kills, power losses; a person who comes a minute
@@ -197,15 +201,16 @@ def night(*, hours: float, speed: float, troubles: int | None, seed: int, folder
     without an item, or a run log was lost.
     """
     from campaign.night import report as night_report
-    from campaign.night.run import run_night
+    from campaign.night.run import Asked, run_night
 
     if folder.exists() and any(folder.iterdir()):
         raise CommandError("the folder is not empty", value=str(folder), action="name a new one")
-    count = max(1, round(2.0 * hours)) if troubles is None else troubles
+    asked = Asked(
+        hours=hours, seed=seed, speed=speed, longest_h=wall_hours,
+        troubles=max(1, round(2.0 * hours)) if troubles is None else troubles,
+    )  # fmt: skip
     with ended_by_signals(), progress() as line:
-        night = run_night(
-            folder.absolute(), hours=hours, seed=seed, speed=speed, count=count, say=line.say
-        )
+        night = run_night(folder.absolute(), asked, line.say)
         line.done()
     _show_night(folder)
     if night.met:

@@ -13,7 +13,7 @@ TROUBLES: Mapping[str, str] = {
     "estop": "somebody else presses the emergency stop; the board is power-cycled",
     "kill item": "the process of the item is killed",
     "kill runner": "the runner of the queue is killed",
-    "kill daemon": "the daemon is killed",
+    "kill daemon": "the daemon is killed, and the board restarts",
     "power loss": "runner, item and daemon are killed at once, and the board restarts",
     "kill hooks": "the hooks are killed",
 }

@@ -1,7 +1,8 @@
 """The night on real processes: daemon, runner, items, hooks; only the bench is simulated.
 
-The bench waits for its host, so board time passes as fast as the daemon answers, at most `speed`
-times the wall clock. Times that people feel, such as until a word is there, are of the wall clock.
+The bench waits for its host, in whose process it is, so board time passes as fast as the daemon
+answers, at most `speed` times the wall clock. Times that people feel, such as until a word is
+there, are of the wall clock.
 """
 
 from __future__ import annotations
@@ -14,20 +15,22 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import psutil
 
+from campaign.night.daemon import FIFO
 from campaign.night.draws import Trouble, troubles
 from campaign.night.report import MESSAGE_S, Found, Look, Met, late, rerun
 from campaign.rig import BAUD, DaemonRig, rig_config, start_daemon
-from campaign.soak.bench import READY
 from smad.client import Client
 from smad.client.endpoints import FOLDER_VARIABLE
 from smad.config import HooksConfig, LinkConfig
 from smad.errors import SmadError
 from smad.experiments.endurance.run import earlier_cycles
+from smad.processes.daemon import DaemonProcess
 from smad.progress import Say
 from smad.queue.queue import Queue
 from smad.queue.states import Budget, State
@@ -40,9 +43,10 @@ LOOK_EVERY_S = 30.0
 """Board time between two looks at memory and disk."""
 PERSON_AFTER_S = 60.0
 """Board time from a pause until a person is there."""
-MOVES_A_TURN = 4
-TURN_S = 700.0
-"""About what a turn of the items takes: four short moves, fifty cycles of endurance."""
+MOVES_A_TURN = 3
+CYCLES_A_TURN = 100
+TURN_S = 1100.0
+"""About what a turn of the items takes: three short moves, a hundred cycles of endurance."""
 HOT_S = 10.0
 """Longer than an armed bench without an item may last, by the wall clock."""
 _MOVES = """
@@ -62,37 +66,35 @@ class NightRig(DaemonRig):
     """The processes of the night in `folder`; what was killed is started anew by `mend`."""
 
     def __init__(self, folder: Path, seed: int, speed: float) -> None:
-        port = folder / "device.tty"
-        self._bench = subprocess.Popen(
-            [sys.executable, "-m", "campaign.soak.bench", str(RATE_HZ), str(seed), str(speed),
-             str(port)],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        )  # fmt: skip
-        assert self._bench.stdin is not None
-        assert self._bench.stdout is not None
-        self._input = self._bench.stdin
-        if self._bench.stdout.readline().strip() != READY:
-            raise SmadError("the bench of the night did not start")
         self.words = folder / "words.txt"
         self.logs = folder / "runs"
         note = (sys.executable, "-c", _NOTE.format(path=str(self.words)))
         self._config = rig_config(
             folder,
-            str(port),
-            link=LinkConfig(port=str(port), baud=BAUD, rate_hz=RATE_HZ, reconnect_interval_s=0.05),
+            "the board in the daemon's process",
+            link=LinkConfig(baud=BAUD, rate_hz=RATE_HZ, reconnect_interval_s=0.05),
             hooks=HooksConfig(on_fault=note, on_stop=note, on_link_lost=note, on_queue_end=note),
         )
-        super().__init__(folder, start_daemon(folder, self._config))
+        self._seed = seed
+        self._speed = speed
+        super().__init__(folder, self._started_daemon(folder))
         self.children: dict[str, subprocess.Popen[bytes]] = {}
+
+    def _started_daemon(self, folder: Path) -> DaemonProcess:
+        self._seed += 1
+        words = ["--seed", str(self._seed), "--speed", str(self._speed)]
+        return start_daemon(folder, self._config, words, program=("-m", "campaign.night.daemon"))
 
     def inject(self, text: str) -> None:
         """Break something of the bench with the next sample."""
-        print(text, file=self._input, flush=True)
+        fifo = os.open(self.folder / FIFO, os.O_WRONLY | os.O_NONBLOCK)
+        with open(fifo, "w", encoding="utf-8") as file:
+            print(text, file=file)
 
     def mend(self) -> None:
         """Have daemon, hooks and runner running."""
         if self.daemon.process.poll() is not None:
-            self.daemon = start_daemon(self.folder, self._config)
+            self.daemon = self._started_daemon(self.folder)
         self.daemon.wait_until_ready()
         for name, words in (
             ("hooks", ["hooks", "run"]),
@@ -142,22 +144,19 @@ class NightRig(DaemonRig):
                 child.kill()
                 child.wait()
         super().close()
-        self._bench.kill()
-        self._bench.wait()
 
 
 class Night:
     """One night, look by look."""
 
-    def __init__(
-        self, rig: NightRig, queue: Queue, *, seconds: float, seed: int, count: int, say: Say
-    ) -> None:
-        self.found = Found(seed)
+    def __init__(self, rig: NightRig, queue: Queue, *, asked: Asked, say: Say) -> None:
+        self.found = Found(asked.seed)
         self._rig = rig
         self._queue = queue
-        self._seconds = seconds
+        self._seconds = asked.hours * 3600.0
+        self._longest_s = asked.longest_h * 3600.0
         self._say = say
-        self._due = troubles(seed, seconds, count)
+        self._due = troubles(asked.seed, self._seconds, asked.troubles)
         self._board_s = 0.0
         self._samples = 0
         self._looked_s = 0.0
@@ -168,15 +167,17 @@ class Night:
     def run(self) -> Found:
         """Carry the night out, until its time is over and the last item has ended."""
         began_s = time.monotonic()
+        end_s = began_s + self._longest_s
         self._rig.mend()
         self._fill()
         self._visit()
-        while self._board_s < self._seconds and self._waits():
+        while self._board_s < self._seconds and time.monotonic() < end_s and self._waits():
             self._pass_time()
             if self._due and self._board_s >= self._due[0].at_s and self._works():
                 self._meet(self._due.pop(0))
             self._let_person_come()
             time.sleep(_POLL_S)
+        self._note_paused()
         self._queue.pause(now=True)
         self._until(lambda: self._queue.snapshot().running is None, "the last item ends")
         self.found.board_h = self._board_s / 3600.0
@@ -188,13 +189,15 @@ class Night:
         """Queue as much as the night can take."""
         moves = self._rig.folder / "moves.toml"
         moves.write_text(_MOVES)
+        turn = (
+            *self._queue.add("move", str(moves), repeat=MOVES_A_TURN),
+            *self._queue.add(
+                "run", "endurance", "--cycles", str(CYCLES_A_TURN), "--displacement", "-4", "4",
+                "--dwell", "0.5", "--full-every", "10", "--folder", str(self._rig.logs), "--go-on",
+            ),
+        )  # fmt: skip
         # More than it can take: items that are interrupted are shorter.
-        for _ in range(1 + int(2.0 * self._seconds / TURN_S)):
-            self._queue.add("move", str(moves), repeat=MOVES_A_TURN)
-            self._queue.add(
-                "run", "endurance", "--cycles", "50", "--displacement", "-4", "4", "--dwell", "0.5",
-                "--full-every", "10", "--folder", str(self._rig.logs), "--go-on",
-            )  # fmt: skip
+        self._queue.add_checked(turn * int(2.0 * self._seconds / TURN_S))
 
     def _waits(self) -> bool:
         snapshot = self._queue.snapshot()
@@ -290,7 +293,6 @@ class Night:
                     other.disarm() if kind == "stop" else other.estop()
             case "power loss":
                 rig.kill("daemon", "runner", "item")
-                rig.inject("reboot@0")
             case _:
                 rig.kill(kind.removeprefix("kill "))
 
@@ -346,12 +348,21 @@ class Night:
                 raise SmadError(f"waited in vain until {what}", action=f"see {self._rig.folder}")
             time.sleep(_POLL_S)
 
+    def _note_paused(self) -> None:
+        """Note which troubles ended their item: before the night's end interrupts the last one.
+
+        Of several that met one item, the first did.
+        """
+        snapshot, ended = self._queue.snapshot(), set[int]()
+        for met in self.found.met:
+            interrupted = snapshot.item(met.item).state in (State.INTERRUPTED, State.FAILED)
+            met.paused = interrupted and met.item not in ended
+            ended.add(met.item)
+
     def _judge(self) -> None:
         night, rig = self.found, self._rig
         snapshot = self._queue.snapshot()
         items = snapshot.items
-        for met in night.met:
-            met.paused = snapshot.item(met.item).state is State.INTERRUPTED
         night.states.update(item.state.value for item in items)
         night.told = len(_lines(rig.words))
         begun = "\n".join(_lines(rig.folder / "runner.log"))
@@ -369,9 +380,18 @@ class Night:
                     night.failures.append(f"{path.name} was cut and not recovered")
 
 
-def run_night(
-    folder: Path, *, hours: float, seed: int, speed: float, count: int, say: Say
-) -> Found:
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """Hours of board time, seed, bounds: board over wall time, and hours of the wall clock."""
+
+    hours: float
+    seed: int
+    speed: float
+    troubles: int
+    longest_h: float
+
+
+def run_night(folder: Path, asked: Asked, say: Say) -> Found:
     """Run one night in an empty folder, and leave its queue, run logs and words there.
 
     Raises SmadError when its processes do not come up, or something is waited for in vain.
@@ -379,12 +399,11 @@ def run_night(
     folder.mkdir(parents=True, exist_ok=True)
     before = os.environ.get(FOLDER_VARIABLE)
     os.environ[FOLDER_VARIABLE] = str(folder)
-    rig = NightRig(folder, seed, speed)
+    rig = NightRig(folder, asked.seed, asked.speed)
     try:
         rig.daemon.wait_until_ready()
         with Queue(rig.logs) as queue:
-            night = Night(rig, queue, seconds=hours * 3600.0, seed=seed, count=count, say=say)
-            return night.run()
+            return Night(rig, queue, asked=asked, say=say).run()
     finally:
         rig.close()
         if before is None:

@@ -13,12 +13,12 @@ from sim_device.plant.models import Model
 from sim_device.plant.plant import MAX_STEP_S
 from sim_device.plant.replay import OUTPUTS
 from sim_device.plant.setup import Setup
+from smad.fmi.library import RECORDS
 from smad.fmi.to_c import Program
 from smad.fmi.traced import trace, written
 from smad.fmi.variables import Variable
 
 Array = npt.NDArray[np.float64]
-RECORDS = {"states": k.State, "works": k.Work, "models": k.Model, "mounts": k.Mounting}
 ENTRIES = (k.rest, k.advance, k.lay_curves)
 
 

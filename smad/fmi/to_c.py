@@ -18,6 +18,8 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from sim_device.plant.kernel.layout import is_array
+
 Function = Callable[..., Any]
 
 PREAMBLE = """\
@@ -109,7 +111,7 @@ class Program:
             return Type(inner.name, "row", inner.layout)
         if get_origin(hint) is UnionType or get_origin(hint) is Sequence:
             return Type("double", "row")
-        if get_origin(hint) is np.ndarray:
+        if is_array(hint):
             return TABLE
         if get_origin(hint) is tuple:
             return self.tuple_of([self.type_of(part) for part in get_args(hint)])

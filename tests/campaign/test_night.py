@@ -1,10 +1,13 @@
 """What goes wrong in a night, and how it is judged."""
 
+import asyncio
+import os
 from pathlib import Path
 
 import pytest
 
 from campaign.command import execute
+from campaign.night.daemon import BoardInLoop
 from campaign.night.draws import TROUBLES, troubles
 from campaign.night.report import (
     WEEK_H,
@@ -18,6 +21,8 @@ from campaign.night.report import (
     troubles_table,
     week_table,
 )
+from sim_device.bench import SimulatedBench
+from smad.errors import PortError
 
 
 def test_every_kind_of_trouble_comes_before_any_comes_again_and_in_order() -> None:
@@ -78,3 +83,27 @@ def test_a_folder_with_something_in_it_is_refused(
     (tmp_path / "mine").touch()
     assert execute(["night", "--folder", str(tmp_path)]) == 1
     assert "not empty" in capsys.readouterr().err
+
+
+async def test_a_board_in_the_loop_waits_for_its_host_and_goes_on_once_it_has_spoken() -> None:
+    bench = SimulatedBench(rate_hz=100, seed=1)
+    board = BoardInLoop(bench, speed=50.0)
+    transport = board.open()
+    os.write(transport.fileno(), b"\0")
+    began_us = bench.now_us
+    while bench.now_us == began_us:
+        await asyncio.sleep(0)
+    assert os.read(transport.fileno(), 4096)
+    transport.close()
+
+
+async def test_a_board_that_is_unplugged_cannot_be_opened_until_it_is_plugged_in() -> None:
+    bench = SimulatedBench(rate_hz=100, seed=1)
+    board = BoardInLoop(bench, speed=50.0)
+    board.inject("unplug@0:seconds=0.05")
+    bench.step()
+    with pytest.raises(PortError):
+        board.open()
+    for _ in range(6):
+        bench.step()
+    board.open().close()

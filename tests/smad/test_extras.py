@@ -44,13 +44,8 @@ def test_each_package_of_an_extra_is_known_and_no_other() -> None:
 
 def test_what_is_installed_without_an_extra_is_the_bench_and_the_demo() -> None:
     extras = PROJECT["project"]["optional-dependencies"]
-    demo = {
-        line
-        for line in (*extras["log"], *extras["sim"])
-        if package(line) not in ("smad[log]", "scipy")
-    }
     bench = set(PROJECT["dependency-groups"]["bench"])
-    assert set(PROJECT["project"]["dependencies"]) == bench | demo
+    assert set(PROJECT["project"]["dependencies"]) == bench | set(extras["log"])
 
 
 @pytest.mark.parametrize("extra", BROUGHT_BY)

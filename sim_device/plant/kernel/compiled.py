@@ -1,5 +1,8 @@
 """How the kernel is compiled, and where compiled code is kept.
 
+With numba every function is compiled on its first call. Without it, what Python calls comes from
+the library that a wheel brings (`library`).
+
 numba keeps compiled functions by the text of their own file only: a caller in another module would
 go on using an old copy of a callee that has been edited. So the folder that they are kept in is
 named after the text of all modules of this package, and an edit of any of them begins a new one.
@@ -7,6 +10,7 @@ named after the text of all modules of this package, and an edit of any of them 
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import shutil
@@ -15,9 +19,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from numba import njit
-from numba.core import config
-from numba.core.options import DefaultOptions
+from sim_device.plant.kernel.library import from_library, shipped
+
+njit: Any = None
+config: Any = None
+DefaultOptions: Any = None
+with contextlib.suppress(ModuleNotFoundError):
+    from numba import njit
+    from numba.core import config
+    from numba.core.options import DefaultOptions
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -88,10 +98,13 @@ def cache_folder(homes: list[Path] | None = None) -> Path | None:
     return folder
 
 
-FOLDER = cache_folder()
+FOLDER = None if njit is None else cache_folder()
+_LIBRARY = shipped(PACKAGE, text_digest()) if njit is None else None
 
 
 def _made(function: _Function, **options: Any) -> _Function:
+    if njit is None:
+        return function
     # numba reads the folder when it decorates, and has no other way to be told.
     settings = vars(config)
     before = settings["CACHE_DIR"]
@@ -105,7 +118,7 @@ def _made(function: _Function, **options: Any) -> _Function:
 
 def entry(function: _Function) -> _Function:
     """Compile a function that Python calls; plain Python under NUMBA_DISABLE_JIT=1, same bits."""
-    return _made(function)
+    return from_library(_LIBRARY, function) if njit is None else _made(function)
 
 
 def compiled(function: _Function) -> _Function:

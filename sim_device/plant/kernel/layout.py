@@ -21,6 +21,12 @@ OneRecord = Any
 """An array of a single record, as `zeros` makes it: numba takes it faster than the record."""
 
 
+def is_array(hint: object) -> bool:
+    """Whether an annotation is an array of numpy, whose newer versions give it an alias."""
+    origin = get_origin(hint)
+    return np.ndarray in (origin, get_origin(getattr(origin, "__value__", None)))
+
+
 @cache
 def dtype_of(layout: type) -> Dtype:
     """The numpy type of a record, all float64, fields in the order of the class.

@@ -1,0 +1,103 @@
+"""The kernel's entries from a library of C, where numba is not installed.
+
+A wheel that was built where a C compiler is brings the library (`smad.fmi.library` writes its
+source). It takes the records as numpy stores them, so nothing is copied. It has what a plant needs
+sample by sample; whatever else is called says that numba is missing.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import inspect
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, cast, get_type_hints
+
+import numpy as np
+
+from sim_device.plant.kernel.layout import is_array
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+FILE = "kernel.so"
+PREFIX = "smad_"
+MISSING = "numba is not installed, and this installation of smad has no library of the kernel"
+
+
+class Library:
+    """A library of the kernel whose source has the digest `text`. Raises OSError for any other."""
+
+    def __init__(self, path: Path, text: str) -> None:
+        self._library = ctypes.CDLL(str(path))
+        try:
+            built_of = ctypes.c_char_p.in_dll(self._library, f"{PREFIX}text").value
+        except ValueError:
+            built_of = None
+        if built_of != text.encode():
+            raise OSError(f"{path} was built of another text of the kernel")
+
+    def entry(self, function: _Function) -> _Function:
+        """The library's function in place of one of the kernel; raises AttributeError without."""
+        call = getattr(self._library, f"{PREFIX}{function.__name__}")
+        hints = get_type_hints(function)
+        ways = [_WAYS[_kind(hints[name])] for name in inspect.signature(function).parameters]
+        call.argtypes = [kind for kinds, _ in ways for kind in kinds]
+        call.restype = {float: ctypes.c_double, int: ctypes.c_long}.get(hints["return"])
+        passes = [how for _, how in ways]
+
+        @functools.wraps(function)
+        def called(*arguments: Any) -> Any:
+            pairs = zip(passes, arguments, strict=True)
+            return call(*[number for how, value in pairs for number in how(value)])
+
+        called.py_func = function  # type: ignore[attr-defined]
+        return cast(_Function, called)
+
+
+def _kind(hint: Any) -> str:
+    if hint in (int, float):
+        return str(hint.__name__)
+    return "table" if is_array(hint) else "record"
+
+
+def _address(records: np.ndarray) -> tuple[int]:
+    return (records.ctypes.data,)
+
+
+def _table(array: np.ndarray) -> tuple[int, ...]:
+    if not array.flags.c_contiguous:
+        raise ValueError("the library takes arrays row by row, without gaps")
+    return *_address(array), *array.shape
+
+
+_WAYS: dict[str, tuple[tuple[Any, ...], Callable[[Any], tuple[Any, ...]]]] = {
+    "int": ((ctypes.c_long,), lambda value: (int(value),)),
+    "float": ((ctypes.c_double,), lambda value: (float(value),)),
+    "record": ((ctypes.c_void_p,), _address),
+    "table": ((ctypes.c_void_p, ctypes.c_long, ctypes.c_long), _table),
+}
+
+
+def from_library(library: Library | None, function: _Function) -> _Function:
+    """The library's function; where there is none, one that says that numba is missing."""
+    try:
+        if library is not None:
+            return library.entry(function)
+    except AttributeError:
+        pass
+
+    @functools.wraps(function)
+    def missing(*arguments: Any) -> Any:
+        raise ModuleNotFoundError(MISSING, name="numba")
+
+    missing.py_func = function  # type: ignore[attr-defined]
+    return cast(_Function, missing)
+
+
+def shipped(package: Path, text: str) -> Library | None:
+    """The library that came with the package, if it was built of this text."""
+    try:
+        return Library(package / FILE, text)
+    except OSError:
+        return None
