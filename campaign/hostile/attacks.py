@@ -216,9 +216,9 @@ ATTACKS: tuple[Attack, ...] = (
     Attack("stranger's key", _strangers, "whose key is not on the list"),
     Attack("no key", _no_key, "connections over TCP ended"),
     Attack("replayed message", _replay, "connections over TCP ended"),
-    Attack("malformed message", _malformed, "messages that are no command"),
+    Attack("malformed message", _malformed, "messages that are not commands"),
     Attack("message of 100 MB", _huge, "connections over TCP ended"),
-    Attack("many connections", _crowd, "that never said who they are"),
+    Attack("many connections", _crowd, "that did not authenticate"),
 )
 
 

@@ -19,8 +19,12 @@ END_V = 10.0
 _FINER = 8
 
 
-def _size(title: str, unit: str, high: float, *, low: float = 0.0, **shapes) -> Missing:
-    return Missing(typical=high / 4, low=low, high=high, title=title, unit=unit, shapes=shapes)
+_PUMP, _SENSOR = ("input_pump_V",), ("reading_level_V",)
+
+
+def _size(title, unit, high, *, low=0.0, places=(), **shapes) -> Missing:
+    return Missing(typical=high / 4, low=low, high=high, title=title, unit=unit, shapes=shapes,
+                   places=places)  # fmt: skip
 
 
 _EFFECTS = {
@@ -32,11 +36,13 @@ _EFFECTS = {
     "lower_leak": _size("the lower tank leaks in proportion to its level", "1/s", 0.02),
     "upper_power": _size("outflow above with another power than ½", "1", 0.45, low=-0.45),
     "lower_power": _size("outflow below with another power than ½", "1", 0.45, low=-0.45),
-    "pump_bend": _size("the pump's gain changes with its voltage", "1/V", 0.12, low=-0.12),
-    "pump_dead_zone": _size("no flow below a voltage", "V", 2.0),
-    "pump_lag": _size("the pump follows late", "s", 120.0),
-    "sensor_lag": _size("the level is shown late", "s", 120.0),
-    "sensor_bend": _size("the sensor's gain changes with the level", "1/V", 0.05, low=-0.05),
+    "pump_bend": _size("the pump's gain changes with its voltage", "1/V", 0.12, low=-0.12,
+                       places=_PUMP),
+    "pump_dead_zone": _size("no flow below a voltage", "V", 2.0, places=_PUMP),
+    "pump_lag": _size("the pump follows late", "s", 120.0, places=_PUMP),
+    "sensor_lag": _size("the level is shown late", "s", 120.0, places=_SENSOR),
+    "sensor_bend": _size("the sensor's gain changes with the level", "1/V", 0.05, low=-0.05,
+                         places=_SENSOR),
     "splash": _size("a share of the inflow goes straight to the lower tank", "1", 0.9),
 }  # fmt: skip
 _PARAMETERS = {

@@ -145,15 +145,17 @@ def parts(asked: Asked) -> Asked:
     return Asked(*([r.part(0, PART) for r in runs] for runs in (asked.fit, asked.hold_out)))
 
 
-def test_an_overflow_put_into_the_tanks_is_a_law_at_what_the_pump_does(tmp_path: Path) -> None:
+def test_an_overflow_put_into_the_tanks_is_placed_at_what_the_pump_does(tmp_path: Path) -> None:
     spilling = {"upper_overflow": {"size": 0.9, "upper_rim_V": 10.0, "to_lower": 0.1}}
     asked = tanks_file(tmp_path, spilling).asked(tmp_path)
     found = diagnose([*asked.fit, *asked.hold_out], TANKS.simulator).verdict
     first, *_ = found.causes
     assert first.place == "input_pump_V"
-    assert first.places["input_pump_V"] > 0.9
+    assert first.places["input_pump_V"] > 0.7
+    law = next(r for r in first.rivals if r.kind == "law" and "input_pump_V" in r.places)
     assert found.whole is not None
-    assert found.whole.final < 0.55 * found.whole.parameters
+    assert law.gap < 0.55 * found.whole.parameters
+    assert found.whole.final < 0.8 * found.whole.parameters
 
 
 def test_the_command_prints_the_name_of_what_was_put_in_and_writes_the_page(

@@ -55,7 +55,10 @@ def shown_generation(driver: Any) -> int:
 
 
 def click(driver: Any, selector: str) -> None:
-    from selenium.common.exceptions import ElementClickInterceptedException
+    from selenium.common.exceptions import (
+        ElementClickInterceptedException,
+        ElementNotInteractableException,
+    )
     from selenium.webdriver.common.by import By
 
     def clicked(driver: Any) -> bool:
@@ -64,8 +67,8 @@ def click(driver: Any, selector: str) -> None:
             return False
         try:
             found.click()
-        except ElementClickInterceptedException:
-            # A line that came between took its place under the pointer.
+        except (ElementClickInterceptedException, ElementNotInteractableException):
+            # A line that came between took its place under the pointer, or it is not drawn yet.
             return False
         return True
 
