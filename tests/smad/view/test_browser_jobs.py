@@ -117,11 +117,15 @@ def test_stop_is_as_quick_and_the_job_goes_on(bench: BrowsedBench, run: str, pag
 
 
 def test_a_job_is_ended_from_the_page(run: str, page: Any) -> None:
-    press(page, run, "Diagnose")
-    until(page, lambda d: state_of_job(d) == "running")
-    click(page, "#job-end")
-    until(page, ended)
-    assert "it was ended" in text_of(page, "job-now"), text_of(page, "job-lines")
+    # On a busy machine a short job may come to its own end before the click does.
+    for _ in range(3):
+        press(page, run, "Diagnose")
+        until(page, lambda d: state_of_job(d) == "running")
+        page.execute_script("document.getElementById('job-end').click()")
+        until(page, ended)
+        if "it was ended" in text_of(page, "job-now"):
+            return
+    pytest.fail(text_of(page, "job-lines"))
 
 
 def test_an_experiment_is_drawn_before_go_and_stop_ends_it(page: Any, bench: BrowsedBench) -> None:
