@@ -9,13 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from evaluation.calibrate.banks import cases_of
-from evaluation.calibrate.fitting import ALLOWED, HELD, fitted, whether, which
+from evaluation.calibrate.fitting import ALLOWED, HELD, fitted, noticed, whether, which
 from evaluation.calibrate.rivals import (
     LISTED,
     MOVED,
     NONE,
     UNLISTED,
-    Asked,
     Said,
     folds_of,
     showing,
@@ -54,8 +53,9 @@ def calibrate(
         ("by all of them, on themselves", [(x.said(after), after) for x in cases]),
     ):
         print(f"{title}\n{text_table(_scores(said))}")
-    for name, loss in (("whether", whether), ("which", _which)):
-        print(f"{name}: as shipped {loss(cases, before):.4f}, after {loss(cases, after):.4f}")
+    for title, c in (("as shipped", before), ("after", after)):
+        print(f"loss {title}: whether {whether(cases, c):.4f}, "
+              f"which {which(noticed(cases, c), c):.4f}")  # fmt: skip
     for name in before.__struct_fields__:
         print(f"  {name:<12} {getattr(before, name):>8g} -> {getattr(after, name):g}")
     words = f"{len(cases)} cases of {', '.join(f.stem for f in files)}"
@@ -71,10 +71,6 @@ def calibrate(
         out.write_text(toml(after, words))
         print(f"written: {out}")
     return after
-
-
-def _which(cases: Sequence[Asked], c: Constants) -> float:
-    return which([x for x in cases if x.right[x.more].any() and x.said(c).noticed], c)
 
 
 def toml(c: Constants, words: str) -> str:
@@ -116,10 +112,10 @@ def _scores(cases: Held) -> Table:
     effects = kind(LISTED, UNLISTED)
     visible = {x.case for x in showing([s.asked for s, _ in cases])}
     clear = [(s, c) for s, c in effects if s.asked.case in visible]
-    noticed = [(s, c) for s, c in effects if s.noticed]
-    listed = [(s, c) for s, c in noticed if s.asked.truth == LISTED]
-    other = [(s, c) for s, c in noticed if s.asked.truth == UNLISTED]
-    named = [(s, c) for s, c in noticed if s.name[0] >= 0.5]
+    answered = [(s, c) for s, c in effects if s.noticed]
+    listed = [(s, c) for s, c in answered if s.asked.truth == LISTED]
+    other = [(s, c) for s, c in answered if s.asked.truth == UNLISTED]
+    named = [(s, c) for s, c in answered if s.name[0] >= 0.5]
     rows = [
         share("quiet benches called changed", kind(NONE), lambda x: x[0].kind != NOTHING),
         share("parameters told as such", kind(MOVED), lambda x: x[0].kind == PARAMETERS),
@@ -137,7 +133,7 @@ def _scores(cases: Held) -> Table:
         share("unlisted told by name", other, lambda x: x[0].name[0] >= 0.5),
     ]  # fmt: skip
     lines = [(row.name, number(row), str(row.count)) for row in rows]
-    sizes = [len(s.told_places(c.told_level)) for s, c in noticed]
+    sizes = [len(s.told_places(c.told_level)) for s, c in answered]
     if sizes:
         lines.append(
             ("told places, mean number", f"{statistics.fmean(sizes):.2f}", str(len(sizes)))

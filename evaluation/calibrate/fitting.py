@@ -39,6 +39,7 @@ _RANGES = {"evidence": (0.2, 30.0), "nothing": (-6.0, 12.0), "parameters": (-6.0
            "effect": (-6.0, 12.0)}  # fmt: skip
 _WHETHER, _WHICH = ("nothing", "parameters"), ("evidence", "effect")
 _TURNS = 3
+"""How often both are fitted: the second loss is of the effects that the first lets notice."""
 _EVEN = Constants(evidence=1.0, nothing=0.0, parameters=0.0, effect=0.0, told_level=0.95)
 """Where a fit begins: every kind equally likely."""
 _PENALTY = 0.001
@@ -57,19 +58,24 @@ def fitted(cases: Sequence[Asked]) -> Constants:
     c, visible = _EVEN, showing(cases)
     for _ in range(_TURNS):
         c = _least(c, _WHETHER, lambda c: whether(visible, c))
-        noticed = [x for x in cases if x.right[x.more].any() and x.said(c).noticed]
-        c = _least(c, _WHICH, lambda c, some=noticed: which(some, c))  # type: ignore[misc]
+        some = noticed(cases, c)
+        c = _least(c, _WHICH, lambda c, some=some: which(some, c))  # type: ignore[misc]
     return msgspec.structs.replace(c, told_level=_told_level(cases, c))
+
+
+def noticed(cases: Sequence[Asked], c: Constants) -> list[Asked]:
+    """The cases of which a cause is told, and that have a right rival to be told."""
+    return [x for x in cases if x.right[x.more].any() and x.said(c).noticed]
 
 
 def whether(cases: Sequence[Asked], c: Constants) -> float:
     """Mean −log probability that nothing is missing where nothing is, and that something is."""
-    return _loss(cases, lambda x: _log_whether(x, x.probability(c)))
+    return _loss(cases, lambda x: -_log_whether(x, x.probability(c)))
 
 
 def which(cases: Sequence[Asked], c: Constants) -> float:
     """Mean Brier score of the rivals and of the places, if anything is missing."""
-    return _loss(cases, lambda x: -_brier(x, x.probability(c)))
+    return _loss(cases, lambda x: _brier(x, x.probability(c)))
 
 
 def _log_whether(case: Asked, p: Array) -> float:
@@ -91,16 +97,17 @@ def _brier(case: Asked, p: Array) -> float:
     return 0.5 * (of_rivals + of_places)
 
 
-def _loss(cases: Sequence[Asked], log: Callable[[Asked], float]) -> float:
+def _loss(cases: Sequence[Asked], loss: Callable[[Asked], float]) -> float:
+    """Mean loss of each kind of case, weighed as the goals weigh its errors."""
     total = weight = 0.0
     for truth, allowed in ALLOWED.items():
         means = [
-            np.mean([log(x) for x in some])
+            np.mean([loss(x) for x in some])
             for exact in (True, False)
             if (some := [x for x in cases if (x.truth, x.exact) == (truth, exact)])
         ]
         if means:
-            total -= float(np.mean(means)) / allowed
+            total += float(np.mean(means)) / allowed
             weight += 1.0 / allowed
     return total / max(weight, _LEAST)
 

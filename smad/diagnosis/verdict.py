@@ -21,7 +21,6 @@ OUTCOMES = (QUIET, PARAMETERS, CAUSES, UNEXPLAINED, REFUSED)
 the parameters is missing, and no rival brings the judged runs nearer; no verdict."""
 DIFFERS, CHANGED, CHECK_UP = "differs", "changed", "check-up"
 
-
 _NAMED = 2
 """Names beside the first one that a heading lists."""
 _UNITS = {"degC": "°C", "Ohm": "Ω", "1": ""}
@@ -252,11 +251,11 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     *check-up* (the same inputs).
 
     `causes` are in the order in which they entered; `rivals` is the table of the last step, in
-    which nothing more was likeliest (or nothing at all), `first_step` all rivals of the first one,
-    and `independent_rows` of a judged run and channel count there.
-    `models` are model files as text: with
-    other parameters, then with each cause (empty for a plant that writes none). `whole` is over all
-    signals, in floors. `unseen` says of each effect which strength these runs would not have shown.
+    which nothing more was likeliest (or nothing at all), `first_step` all rivals of the first one.
+    `independent_rows` is how many rows of a judged run and channel count as independent of each
+    other, on average. `models` are model files as text: with other parameters, then with each cause
+    (empty for a plant that writes none). `whole` is over all signals, in floors. `unseen` says of
+    each effect which strength these runs would not have shown.
     """
 
     question: str

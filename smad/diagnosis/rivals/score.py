@@ -91,27 +91,27 @@ def probabilities(
         }[kind]
         for kind in kinds
     ])  # fmt: skip
-    total = _times(scores.shape[1]) @ scores.T
-    half, whole = 0.5 * temper.evidence, 0.5 * whether
-    log = prior + whole * total
-    more = np.isin(kinds, (EFFECT, LAW))
-    if more.all() or not more.any():
-        return np.asarray(_shares(log).mean(axis=0))
-    lead = total[:, more] - total[:, ~more].max(axis=1, keepdims=True)
-    which = prior[more] + half * lead + _log_sigmoid(whole * lead)
-    odds = _log_sum(log[:, more]) - _log_sum(log[:, ~more])
+    total = _draws(scores.shape[1]) @ scores.T
+    of_which, of_whether = 0.5 * temper.evidence, 0.5 * whether
+    log_weight = prior + of_whether * total
+    part = np.isin(kinds, (EFFECT, LAW))
+    if part.all() or not part.any():
+        return np.asarray(_shares(log_weight).mean(axis=0))
+    lead = total[:, part] - total[:, ~part].max(axis=1, keepdims=True)
+    which = prior[part] + of_which * lead + _log_sigmoid(of_whether * lead)
+    log_odds = _log_sum(log_weight[:, part]) - _log_sum(log_weight[:, ~part])
     out = np.empty_like(total)
-    out[:, more] = np.exp(_log_sigmoid(odds)) * _shares(which)
-    out[:, ~more] = np.exp(_log_sigmoid(-odds)) * _shares(log[:, ~more])
+    out[:, part] = np.exp(_log_sigmoid(log_odds)) * _shares(which)
+    out[:, ~part] = np.exp(_log_sigmoid(-log_odds)) * _shares(log_weight[:, ~part])
     return np.asarray(out.mean(axis=0))
 
 
 @cache
-def _times(runs: int) -> Array:
+def _draws(runs: int) -> Array:
     """How often each run is drawn, (resampled, runs)."""
     rng = np.random.default_rng(_SEED)
-    drawn = rng.multinomial(runs, np.full(runs, 1.0 / runs), size=_RESAMPLED)
-    return np.asarray(drawn, dtype=np.float64)
+    times = rng.multinomial(runs, np.full(runs, 1.0 / runs), size=_RESAMPLED)
+    return np.asarray(times, dtype=np.float64)
 
 
 def _log_sum(log: Array) -> Array:

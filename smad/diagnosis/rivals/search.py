@@ -37,6 +37,7 @@ _LAWS = 4
 """Places whose law is fitted."""
 _FIRST_ROUNDS = 4
 _LIKELIER = 0.5
+"""Probability that something is missing, from which on it is: more likely than not."""
 _POLISHED, _WITHIN = 3, 60.0
 """Fits that go on to their end, and how much more than the best one they may leave to be worth it,
 in units of F."""
