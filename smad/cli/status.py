@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from smad.cli.output import axis_option, client, json_option, print_json
-from smad.view.terminal.status_lines import lines
+from smad.view.terminal.status_lines import labelled, lines
 
 if TYPE_CHECKING:
     from smad.client import Client
@@ -56,4 +56,4 @@ def _other_benches(bench: str) -> Iterator[str]:
 
     others = [name for name in running_benches(candidate_folders()) if name != bench]
     if others:
-        yield f"also        {', '.join(others)} (smad status --bench NAME)"
+        yield labelled("also", f"{', '.join(others)} (smad status --bench NAME)")

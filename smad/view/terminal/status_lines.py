@@ -30,50 +30,54 @@ def lines(now: Status) -> Iterator[str]:
     yield from _realtime(now)
     for event in now.events[-_EVENTS:]:
         when = time.strftime("%H:%M:%S", time.localtime(event.time_s))
-        yield _line("event", f"{when}  {event.text}")
+        yield labelled("event", f"{when}  {event.text}")
 
 
 def _bench(now: Status) -> Iterator[str]:
     motion = now.motion
     armed = _yellow("ARMED") if motion.armed else _green("not armed")
     link = f"{len(now.axes)} axes" if now.axes else LINK_MEANS.get(now.link.state, now.link.state)
-    yield _line("bench", f"{now.bench}: {armed}, board {motion.mode}, {link}")
+    yield labelled("bench", f"{now.bench}: {armed}, board {motion.mode}, {link}")
     if motion.fault is not None:
-        yield _line("fault", _red(f"{motion.fault.in_words()} (stopped by the {motion.fault.by})"))
+        yield labelled(
+            "fault", _red(f"{motion.fault.in_words()} (stopped by the {motion.fault.by})")
+        )
         explained = FAULT_TEXTS[Fault(motion.fault.number)]
-        yield _line("", explained.cause)
-        yield _line("", f"{explained.remedy} Then smad clear.")
+        yield labelled("", explained.cause)
+        yield labelled("", f"{explained.remedy} Then smad clear.")
     if now.warnings:
-        yield _line("warnings", _yellow(", ".join(now.warnings)))
+        yield labelled("warnings", _yellow(", ".join(now.warnings)))
     done = "stopped" if motion.fault else "done" if motion.done else "under way"
     reference = "" if motion.reference_mm is None else f", reference {motion.reference_mm:.2f} mm"
-    yield _line("motion", f"{motion.running}, {done}{reference}")
+    yield labelled("motion", f"{motion.running}, {done}{reference}")
     if limiter := limiter_of(now):
-        yield _line("limited by", limiter)
+        yield labelled("limited by", limiter)
     if now.control.holder:
         whose = "you" if now.control.yours else now.control.holder
-        yield _line("control", f"exclusive: {whose}, {now.control.left_s:.0f} s left")
+        yield labelled("control", f"exclusive: {whose}, {now.control.left_s:.0f} s left")
 
 
 def _readings(now: Status) -> Iterator[str]:
     row = now.sample
     if row is None:
-        yield _line("readings", "none yet")
+        yield labelled("readings", "none yet")
         return
     old = _yellow(age) if (age := aged(now.motion)) else ""
-    yield _line("position", f"{number(row.displacement_mm, 3)} mm, {number(row.force_N, 2)} N{old}")
+    yield labelled(
+        "position", f"{number(row.displacement_mm, 3)} mm, {number(row.force_N, 2)} N{old}"
+    )
     for name, degrees, amperes, volts, duty, starts in (
         ("spring x", row.rtd_x_degC, row.i_meas_x_A, row.v_x_V, row.duty_x, row.pump_starts_x),
         ("spring y", row.rtd_y_degC, row.i_meas_y_A, row.v_y_V, row.duty_y, row.pump_starts_y),
     ):
-        yield _line(
+        yield labelled(
             name,
             f"{number(degrees, 2)} °C, {number(amperes, 2)} A, {number(volts, 2)} V, "
             f"pump {number(None if duty is None else 100 * duty, 0)} %"
             + ("" if starts is None else f", started {starts} times")
             + old,
         )
-    yield _line(
+    yield labelled(
         "water, room",
         f"{number(row.rtd_inlet_degC, 2)} °C, {number(row.rtd_ambient_degC, 2)} °C; "
         f"supply {number(row.supply_V, 2)} V{old}",
@@ -82,56 +86,57 @@ def _readings(now: Status) -> Iterator[str]:
 
 def _link(now: Status) -> Iterator[str]:
     link, counts, board = now.link, now.counts, now.board
-    yield _line(
+    yield labelled(
         "link",
         f"{link.port}, {link.baud} baud, {link.rate_hz} Hz, "
         f"{counts.samples} samples, {_lost(counts.missed)} missed, {counts.skipped} skipped, "
         f"{_lost(link.losses)} losses of the port",
     )
     for note in link.notes:
-        yield _line("", _yellow(note))
+        yield labelled("", _yellow(note))
     if board is not None:
         agree = {True: "agree", False: _red("DISAGREE"), None: "being read"}[board.params_agree]
         schema = "agree" if board.schema_agrees else _red("DISAGREE: watching only")
-        yield _line(
+        yield labelled(
             "board",
             f"{board.firmware} ({board.uid}), protocol {board.protocol}, boot {board.boot_count} "
             f"after {board.reset_cause}; messages {schema}, parameters {agree}",
         )
     timing = now.timing
-    yield _line("host share", _spread(timing.own_share))
-    yield _line(
+    yield labelled("host share", _spread(timing.own_share))
+    yield labelled(
         "age",
         f"{_spread(timing.setpoint_age)}{' when applied' * bool(timing.setpoint_age.count)}; "
         f"{_lost(counts.setpoints_refused)} refused as too old",
     )
-    yield _line("jitter", _spread(timing.jitter))
+    yield labelled("jitter", _spread(timing.jitter))
 
 
 def _record(now: Status) -> Iterator[str]:
     recorder = now.recorder
     if recorder.recording:
-        yield _line("recording", f"{shown(recorder.path)}, {recorder.rows} samples")
+        yield labelled("recording", f"{shown(recorder.path)}, {recorder.rows} samples")
     elif recorder.path:
-        yield _line("run log", f"{shown(recorder.path)}, {recorder.rows} samples")
+        yield labelled("run log", f"{shown(recorder.path)}, {recorder.rows} samples")
     if recorder.error:
-        yield _line("", _red(recorder.error))
+        yield labelled("", _red(recorder.error))
 
 
 def _realtime(now: Status) -> Iterator[str]:
     granted = [m.name for m in now.realtime if m.granted]
-    yield _line("real time", ", ".join(granted) or "nothing granted")
+    yield labelled("real time", ", ".join(granted) or "nothing granted")
     for measure in now.realtime:
         if measure.asked and not measure.granted:
-            yield _line("", _yellow(f"no {measure.name}: {measure.detail}"))
-    yield _line(
+            yield labelled("", _yellow(f"no {measure.name}: {measure.detail}"))
+    yield labelled(
         "daemon",
         f"smad {now.version}, process {now.pid}, up {now.uptime_s:.0f} s, "
         f"{now.memory_MiB:.0f} MiB, {now.counts.commands} commands, {now.counts.refused} refused",
     )
 
 
-def _line(label: str, text: str) -> str:
+def labelled(label: str, text: str) -> str:
+    """A line of the status: its label in a column, then the text."""
     return f"{label:<{_LABEL}} {text}"
 
 
