@@ -79,7 +79,7 @@ def toml(c: Constants, words: str) -> str:
     head = (
         f"# Written by `python -m evaluation calibrate` from {words}.\n"
         "# Under them the right rivals are likeliest, kinds of cases weighed by allowed errors\n"
-        f"# ({allowed}); told_level: told places hold the truth in {HELD:g}.\n"
+        f"# ({allowed}); credible_level: told places hold the truth in {HELD:g}.\n"
     )
     return head + "".join(f"{name} = {getattr(c, name)!r}\n" for name in c.__struct_fields__)
 
@@ -125,7 +125,7 @@ def _scores(cases: Held) -> Table:
         *(share(f"place right first, {words}", some, lambda x: x[0].place[1])
           for words, some in (("listed", listed), ("unlisted", other))),
         *(share(f"told places hold the truth, {words}", some,
-                lambda x: x[0].told_places_hold(x[1].told_level))
+                lambda x: x[0].told_places_hold(x[1].credible_level))
           for words, some in (("listed", listed), ("unlisted", other))),
         share("right name first, listed", listed, lambda x: x[0].name[1]),
         share("right name told, listed", listed, lambda x: x[0].name[1] and x[0].name[0] >= 0.5),
@@ -133,7 +133,7 @@ def _scores(cases: Held) -> Table:
         share("unlisted told by name", other, lambda x: x[0].name[0] >= 0.5),
     ]  # fmt: skip
     lines = [(row.name, number(row), str(row.count)) for row in rows]
-    sizes = [len(s.told_places(c.told_level)) for s, c in answered]
+    sizes = [len(s.told_places(c.credible_level)) for s, c in answered]
     if sizes:
         lines.append(
             ("told places, mean number", f"{statistics.fmean(sizes):.2f}", str(len(sizes)))

@@ -40,7 +40,7 @@ _RANGES = {"evidence": (0.2, 30.0), "nothing": (-6.0, 12.0), "parameters": (-6.0
 _WHETHER, _WHICH = ("nothing", "parameters"), ("evidence", "effect")
 _TURNS = 3
 """How often both are fitted: the second loss is of the effects that the first lets notice."""
-_EVEN = Constants(evidence=1.0, nothing=0.0, parameters=0.0, effect=0.0, told_level=0.95)
+_EVEN = Constants(evidence=1.0, nothing=0.0, parameters=0.0, effect=0.0, credible_level=0.95)
 """Where a fit begins: every kind equally likely."""
 _PENALTY = 0.001
 """Per square of what a constant moves by from there: where cases do not say, it stays."""
@@ -60,7 +60,7 @@ def fitted(cases: Sequence[Asked]) -> Constants:
         c = _least(c, _WHETHER, lambda c: whether(visible, c))
         some = noticed(cases, c)
         c = _least(c, _WHICH, lambda c, some=some: which(some, c))  # type: ignore[misc]
-    return msgspec.structs.replace(c, told_level=_told_level(cases, c))
+    return msgspec.structs.replace(c, credible_level=_credible_level(cases, c))
 
 
 def noticed(cases: Sequence[Asked], c: Constants) -> list[Asked]:
@@ -141,7 +141,7 @@ def _value(name: str, coordinate: float) -> float:
     return float(np.clip(value, *_RANGES[name]))
 
 
-def _told_level(cases: Sequence[Asked], c: Constants) -> float:
+def _credible_level(cases: Sequence[Asked], c: Constants) -> float:
     """The least level at which the told places hold the truth in `HELD` of what is noticed."""
     said = [s for x in cases if x.truth in (LISTED, UNLISTED) for s in (x.said(c),) if s.noticed]
     kinds = [some for e in (True, False) if (some := [s for s in said if s.asked.exact == e])]

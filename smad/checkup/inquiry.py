@@ -15,7 +15,7 @@ import msgspec
 from smad.checkup.errors import BaselineError
 from smad.checkup.files import read_file
 from smad.checkup.investigate import Proposal, propose, unpaired_offers
-from smad.checkup.judge import Judged, SavablePlant, judged, save_found
+from smad.checkup.judge import Judged, SavablePlant, judged, save_model_of
 from smad.checkup.paired.difference import paired
 from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import Programme, ProgrammeRun
@@ -187,7 +187,7 @@ class Inquiry:
             return report
         path = self.folder / "model.toml"
         try:
-            save_found(self.plant, judgement, path)
+            save_model_of(self.plant, judgement, path)
         except OSError as error:
             raise BaselineError(
                 f"cannot write {path}: {error.strerror}",

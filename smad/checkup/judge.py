@@ -71,9 +71,9 @@ class SavablePlant(PlantModel, SavesModel, Protocol):
     """A plant that can write a model file."""
 
 
-def save_found(plant: SavesModel, found: Judged, path: Path) -> None:
-    """Writes the model that a check-up found, with its covariance."""
-    plant.save_model(found.model, path, found.verdict.headline, found.uncertainty)
+def save_model_of(plant: SavesModel, judgement: Judged, path: Path) -> None:
+    """Writes the model of a check-up, with its covariance."""
+    plant.save_model(judgement.model, path, judgement.verdict.headline, judgement.uncertainty)
 
 
 @repeatable

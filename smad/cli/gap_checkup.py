@@ -143,7 +143,7 @@ def checkup(
         if path is not None:
             require_writable(path)
     from smad.checkup import check
-    from smad.checkup.judge import save_found
+    from smad.checkup.judge import save_model_of
     from smad.checkup.programme import chosen
     from smad.checkup.store import load
     from smad.diagnosis.spring_pair import SmaPlant
@@ -181,7 +181,7 @@ def checkup(
     written = write_verdict(judgement.answer, json_path, page_path, facts=facts)
     if model_path is not None:
         with named_output(model_path) as path:
-            save_found(plant, judgement, path)
+            save_model_of(plant, judgement, path)
         written.append(model_path)
     print_verdict(judgement.verdict)
     for path in written:

@@ -65,35 +65,37 @@ def answer_of(
     plant: PlacesPlant, search: Searched, *, question: str, constants: Constants, judged_on: str
 ) -> Answer:
     """The answer that a search gives."""
-    asked, final = search.question, search.final
+    final = search.final
     stages = _stages(search)
     causes = [
         _cause(plant, search, step, rival, constants)
         for step, rival in zip(_entered(search), stages[2:], strict=True)
     ]
-    *gaps, whole = signal_gaps(plant, asked, stages)
+    *gaps, whole = signal_gaps(plant, search.question, stages)
     outcome = _outcome(search, causes)
-    point = asked.model.start if final.fit is None else final.fit.point
-    uncertainty = None if final.fit is None else uncertainty_of(plant, asked, final.fit)
+    point = search.question.model.start if final.fit is None else final.fit.point
+    uncertainty = None if final.fit is None else uncertainty_of(plant, search.question, final.fit)
     verdict = Verdict(
         question=question,
         outcome=outcome,
         headline=headline_of(question, outcome, causes, whole),
         causes=causes,
-        rivals=_table(plant, asked, search.steps[-1].rivals) if search.steps else [],
-        first_step=_scores(asked, search.steps[0].rivals) if search.steps else [],
-        independent_rows=asked.independent_rows,
-        parameters=_moved(plant, asked.model.start, final.fit, uncertainty),
+        rivals=_table(plant, search.question, search.steps[-1].rivals) if search.steps else [],
+        first_step=_scores(search.question, search.steps[0].rivals) if search.steps else [],
+        independent_rows=search.question.independent_rows,
+        parameters=_moved(plant, search.question.model.start, final.fit, uncertainty),
         budget=gaps,
         whole=whole,
-        by_run=_by_run(asked, search.configured, search.parameters, final),
+        by_run=_by_run(search.question, search.configured, search.parameters, final),
         judged_on=judged_on,
         unseen=unseen_strengths(search),
-        models=_models(plant, asked, stages, headline_of(question, outcome, causes, whole)),
+        models=_models(
+            plant, search.question, stages, headline_of(question, outcome, causes, whole)
+        ),
     )
     return Answer(
         verdict=verdict, search=search, stages=stages, model=point, uncertainty=uncertainty,
-        alternatives=_alternatives(search, constants.told_level),
+        alternatives=_alternatives(search, constants.credible_level),
     )  # fmt: skip
 
 
@@ -138,16 +140,16 @@ def _gap(signal: str, words: str, unit: str, floor: float, left: Sequence[float]
                      parameters=parameters, causes=causes)  # fmt: skip
 
 
-def signal_gaps(plant: PlacesPlant, asked: Question, stages: Sequence[Rival]) -> list[SignalGap]:
+def signal_gaps(plant: PlacesPlant, question: Question, stages: Sequence[Rival]) -> list[SignalGap]:
     """What stages leave of the judged runs by signal, in its unit, and over all, in floors."""
-    counts, floors = asked.judged.counts.sum(axis=0), asked.judged.floors
+    counts, floors = question.judged.counts.sum(axis=0), question.judged.floors
     left = [np.sqrt(r.squares.sum(axis=0) / np.maximum(counts, 1.0)) * floors for r in stages]
     signals = [
         _gap(c.name, c.words, c.unit, float(floors[i]), [float(x[i]) for x in left])
         for i, c in enumerate(plant.channels)
         if counts[i] > 0
     ]
-    return [*signals, _gap("all signals", "", "floors", 1.0, [asked.gap(r) for r in stages])]
+    return [*signals, _gap("all signals", "", "floors", 1.0, [question.gap(r) for r in stages])]
 
 
 def gaps_on(answer: Answer, evidence: Evidence) -> list[SignalGap]:
@@ -158,66 +160,66 @@ def gaps_on(answer: Answer, evidence: Evidence) -> list[SignalGap]:
     search = answer.search
     if search is None:
         return []
-    asked = replace(search.question, held_out=evidence)
-    plant: PlacesPlant = asked.model.plant  # type: ignore[assignment]
-    points = [asked.model.start if s.fit is None else s.fit.point for s in answer.stages]
-    rivals = [r for p in points if (r := asked.of_point(p)) is not None]
-    return signal_gaps(plant, asked, rivals) if len(rivals) == len(points) else []
+    question = replace(search.question, held_out=evidence)
+    plant: PlacesPlant = question.model.plant  # type: ignore[assignment]
+    points = [question.model.start if s.fit is None else s.fit.point for s in answer.stages]
+    rivals = [r for p in points if (r := question.of_point(p)) is not None]
+    return signal_gaps(plant, question, rivals) if len(rivals) == len(points) else []
 
 
-def _by_run(asked: Question, *stages: Rival) -> list[RunGap]:
-    counts = np.maximum(asked.judged.counts.sum(axis=1), 1.0)
+def _by_run(question: Question, *stages: Rival) -> list[RunGap]:
+    counts = np.maximum(question.judged.counts.sum(axis=1), 1.0)
     raw, parameters, final = (np.sqrt(r.squares.sum(axis=1) / counts) for r in stages)
     return [
         RunGap(run=p.whole.name, raw=float(raw[k]), parameters=float(parameters[k]),
                final=float(final[k]))
-        for k, p in enumerate(asked.judged.played)
+        for k, p in enumerate(question.judged.played)
     ]  # fmt: skip
 
 
-def _table(plant: PlacesPlant, asked: Question, rivals: Sequence[Rival]) -> list[RivalGap]:
+def _table(plant: PlacesPlant, question: Question, rivals: Sequence[Rival]) -> list[RivalGap]:
     """The likeliest rivals, and those without a part whatever their probability.
 
     Those that are equally likely, as far as it is shown, by what they leave.
     """
     described = Describer(plant)
     shown = [r for k, r in enumerate(rivals) if k < _ROWS or r.kind not in (EFFECT, LAW)]
-    counts = asked.judged.counts.sum(axis=0)
-    titles = {e.name: e.title for e in asked.effects}
+    counts = question.judged.counts.sum(axis=0)
+    titles = {e.name: e.title for e in question.effects}
     return [
         RivalGap(
             kind=r.kind, name=r.name.removeprefix("law:"), words=described.rival(r),
-            title=titles.get(r.name, ""), values=_values(described, asked, r),
-            places=list(r.places), gap=asked.gap(r), probability=r.probability,
+            title=titles.get(r.name, ""), values=_values(described, question, r),
+            places=list(r.places), gap=question.gap(r), probability=r.probability,
             by_signal={
                 c.name: float(np.sqrt(r.squares[:, i].sum() / counts[i]))
                 for i, c in enumerate(plant.channels) if counts[i] > 0
             },
         )
-        for r in sorted(shown, key=lambda r: (-round(r.probability, 2), asked.gap(r)))
+        for r in sorted(shown, key=lambda r: (-round(r.probability, 2), question.gap(r)))
     ]  # fmt: skip
 
 
-def _values(described: Describer, asked: Question, rival: Rival) -> list[EffectValue]:
+def _values(described: Describer, question: Question, rival: Rival) -> list[EffectValue]:
     """The values of the effect that a rival adds."""
     if rival.kind != EFFECT or rival.fit is None:
         return []
     part, mine = rival.fit.model.parts[-1], rival.fit.model.slices[-1]
     if not isinstance(part, EffectPart):
         return []
-    return described.values(part, rival.fit.x[mine], _deviations(asked, rival.fit)[mine])
+    return described.values(part, rival.fit.x[mine], _deviations(question, rival.fit)[mine])
 
 
-def _deviations(asked: Question, fitted: Fit) -> Array:
+def _deviations(question: Question, fitted: Fit) -> Array:
     """Standard deviations of a fit's coordinates, (k,)."""
-    return np.sqrt(np.maximum(np.diag(covariance(asked.evidence, fitted, asked.tau)), 0.0))
+    return np.sqrt(np.maximum(np.diag(covariance(question.evidence, fitted, question.tau)), 0.0))
 
 
-def _scores(asked: Question, rivals: Sequence[Rival]) -> list[RivalScore]:
+def _scores(question: Question, rivals: Sequence[Rival]) -> list[RivalScore]:
     return [
         RivalScore(
             kind=r.kind, name=r.name.removeprefix("law:"), places=list(r.places),
-            gap=asked.gap(r), scores=[float(x) for x in r.scores], log_prior=r.log_prior,
+            gap=question.gap(r), scores=[float(x) for x in r.scores], log_prior=r.log_prior,
         )
         for r in rivals
     ]  # fmt: skip
@@ -227,7 +229,7 @@ def _cause(
     plant: PlacesPlant, search: Searched, step: Step, stage: Rival, constants: Constants
 ) -> Cause:
     """A cause that entered, with the rivals of its step."""
-    asked = search.question
+    question = search.question
     assert stage.fit is not None
     index = _entered(search).index(step)
     parts = stage.fit.model.parts
@@ -240,7 +242,7 @@ def _cause(
     in_library = max(sum(named.values()), 1e-300)
     names = {n: p / in_library for n, p in sorted(named.items(), key=lambda item: -item[1])}
     described = Describer(plant)
-    deviations = _deviations(asked, stage.fit)[stage.fit.model.slices[index]]
+    deviations = _deviations(question, stage.fit)[stage.fit.model.slices[index]]
     place = _place_of(step.entered, laws) if step.entered is not None else part.places[0]
     if step.entered is None or part.name != step.entered.name:
         place = part.places[0]
@@ -257,18 +259,18 @@ def _cause(
         place_words={n: described.place(n, BOTH) for n in places},
         names={n: p for n, p in names.items() if p >= _LEAST_NAMED},
         outside=1.0 - in_library / total,
-        credible_names=credible_set(names, constants.told_level),
-        credible_places=credible_set(places, constants.told_level),
+        credible_names=credible_set(names, constants.credible_level),
+        credible_places=credible_set(places, constants.credible_level),
         values=described.values(part, coordinates, deviations)
         if isinstance(part, EffectPart)
         else [],
         terms=described.terms(part, coordinates, deviations) if isinstance(part, LawPart) else [],
-        largest=described.largest(part, coordinates, asked, stage.fit)
+        largest=described.largest(part, coordinates, question, stage.fit)
         if isinstance(part, LawPart)
         else 0.0,
         unit=about.unit if about is not None else "",
-        gap=asked.gap(stage),
-        rivals=_table(plant, asked, step.rivals),
+        gap=question.gap(stage),
+        rivals=_table(plant, question, step.rivals),
     )
 
 
@@ -303,7 +305,7 @@ def _place_of(rival: Placed, laws: Sequence[str]) -> str:
     return next((p for p in laws if p in listed), listed[0])
 
 
-def uncertainty_of(plant: PlacesPlant, asked: Question, fitted: Fit) -> Uncertainty:
+def uncertainty_of(plant: PlacesPlant, question: Question, fitted: Fit) -> Uncertainty:
     """Covariance of parameters and coefficients in the plant's units."""
     names: list[str] = [q.name for q in plant.parameters]
     scale: list[float] = [q.prior_sd for q in plant.parameters]
@@ -317,7 +319,7 @@ def uncertainty_of(plant: PlacesPlant, asked: Question, fitted: Fit) -> Uncertai
             scale += scales.tolist()
     unit = np.array(scale)
     return Uncertainty(
-        tuple(names), unit[:, None] * covariance(asked.evidence, fitted, asked.tau) * unit
+        tuple(names), unit[:, None] * covariance(question.evidence, fitted, question.tau) * unit
     )
 
 
@@ -340,7 +342,9 @@ def _moved(
     return sorted(moved, key=lambda q: -abs(q.after - q.before) / max(q.sd, 1e-30))
 
 
-def _models(plant: PlacesPlant, asked: Question, stages: Sequence[Rival], note: str) -> list[str]:
+def _models(
+    plant: PlacesPlant, question: Question, stages: Sequence[Rival], note: str
+) -> list[str]:
     """Models with other parameters and with each cause, as text; none where none are written."""
     if not isinstance(plant, SavesModel):
         return []
@@ -350,6 +354,8 @@ def _models(plant: PlacesPlant, asked: Question, stages: Sequence[Rival], note: 
             if rival.fit is None:
                 continue
             path = Path(folder) / f"model-{k}.toml"
-            plant.save_model(rival.fit.point, path, note, uncertainty_of(plant, asked, rival.fit))
+            plant.save_model(
+                rival.fit.point, path, note, uncertainty_of(plant, question, rival.fit)
+            )
             out.append(path.read_text("utf-8"))
     return out

@@ -18,14 +18,14 @@ class Constants(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     `evidence` is κ, the independent pieces of evidence of a run and channel. Log prior odds beside
     a law at some place: `nothing` that nothing is missing, `parameters` that other values of them
     are the answer, `effect` that it is one of the library. The fewest rivals are told that together
-    have the probability `told_level`.
+    have the probability `credible_level`.
     """
 
     evidence: float
     nothing: float
     parameters: float
     effect: float
-    told_level: float
+    credible_level: float
 
 
 @cache

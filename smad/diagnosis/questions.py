@@ -126,10 +126,9 @@ def changed(inquiry: Inquiry) -> Searched:
     plant = inquiry.plant
     model = free_model(plant, nominal_point(plant))
     inquiry.say("the good runs")
-    asked_good = inquiry.question(model, inquiry.good, (), inquiry.floors)
-    good = _searched(asked_good, most=_MOST_OF_GOOD, exchange=False)
-    asked = good.question
-    counts = asked.judged.counts.sum(axis=0)
+    question = inquiry.question(model, inquiry.good, (), inquiry.floors)
+    good = _searched(question, most=_MOST_OF_GOOD, exchange=False)
+    counts = question.judged.counts.sum(axis=0)
     left = np.sqrt(good.final.squares.sum(axis=0) / np.maximum(counts, 1.0))
     floors = inquiry.floors * np.maximum(left, 1.0)
     n = len(plant.parameters)
@@ -137,7 +136,7 @@ def changed(inquiry: Inquiry) -> Searched:
     start = model.start
     if good.final.fit is not None:
         start = good.final.fit.point
-        known = known + covariance(asked.evidence, good.final.fit, asked.tau)[:n, :n]
+        known = known + covariance(question.evidence, good.final.fit, question.tau)[:n, :n]
     tied = np.asarray(np.linalg.inv(known))
     return _searched(
         inquiry.question(free_model(plant, start), inquiry.fit, inquiry.held_out, floors, tied)

@@ -74,13 +74,13 @@ def forward(
             taken[k, f] = 2.0 * x @ products.against[f][columns] - x @ inner_gram @ x
     sums = taken.sum(axis=1)
     few = int(np.argmax(sums >= sums.max() - _LITTLE * abs(float(sums.max()))))
-    told = _select(gram, against, (groups, worth), few, start)
+    selected = _select(gram, against, (groups, worth), few, start)
 
     def without(group: int) -> float:
-        columns = _columns(groups, [g for g in told if g != group], start)
+        columns = _columns(groups, [g for g in selected if g != group], start)
         return float(against[columns] @ _solve(gram, against, columns))
 
-    return Forward(taken, tuple(sorted(told, key=without)))
+    return Forward(taken, tuple(sorted(selected, key=without)))
 
 
 def fitted(products: FoldProducts) -> Fit:
@@ -111,8 +111,8 @@ def _select(
     for _ in range(depth):
         inner = left[groups[:, :, None], groups[:, None, :]]
         diagonal = np.diagonal(inner, axis1=1, axis2=2)
-        asked = np.isin(np.arange(len(groups)), chosen, invert=True)
-        new = asked & (diagonal > _SPENT * size[groups]).all(axis=1)
+        unused = np.isin(np.arange(len(groups)), chosen, invert=True)
+        new = unused & (diagonal > _SPENT * size[groups]).all(axis=1)
         if not bool(new.any()):
             break
         ridge = np.eye(groups.shape[1]) * (_RIDGE * size[groups])[:, None, :]

@@ -107,10 +107,10 @@ class Responses:
 
 def _candidate(side: str, laws: Sequence[tuple[Law, range]]) -> Candidate:
     """The terms that laws of one place have in common."""
-    known = [{t.name: n for t, n in zip(law.terms, own, strict=True)} for law, own in laws]
+    known = [{t.name: n for t, n in zip(law.terms, columns, strict=True)} for law, columns in laws]
     first, _ = laws[0]
     terms = [t for t in first.terms if all(t.name in other for other in known)]
-    groups = np.array([[own[t.name] for own in known] for t in terms], dtype=np.intp)
+    groups = np.array([[columns[t.name] for columns in known] for t in terms], dtype=np.intp)
     names, orders = tuple(t.name for t in terms), tuple(t.order for t in terms)
     return Candidate(first.place, side, groups, names, orders)
 

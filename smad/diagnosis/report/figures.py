@@ -49,21 +49,23 @@ class Course:
     @classmethod
     def of(cls, answer: Answer, search: Searched) -> Course | None:
         """The course of an answer; None where the simulator cannot run."""
-        asked, squares = search.question, search.configured.squares
-        counts = np.maximum(asked.judged.counts, 1.0)
+        question, squares = search.question, search.configured.squares
+        counts = np.maximum(question.judged.counts, 1.0)
         k = int(np.argmax((squares / counts).max(axis=1)))
-        trial = asked.judged.trials[k]
-        found = replayed(asked.judged.part([k]), asked.model.start, asked.model, exact=True)
-        if found is None:
+        trial = question.judged.trials[k]
+        replay = replayed(
+            question.judged.part([k]), question.model.start, question.model, exact=True
+        )
+        if replay is None:
             return None
-        (before,), after = found, _told(asked, search, k)
+        (before,), after = replay, _predicted(question, search, k)
         bins, period_s = len(before), trial.played.period_s
         measured = np.where(trial.rows.valid, trial.target, np.nan)
         paired = answer.verdict.question == CHECK_UP
         if paired:
             measured, before = measured - before, np.zeros_like(before)
-            after = None if after is None else after - found[0]
-        channels = asked.model.plant.channels
+            after = None if after is None else after - replay[0]
+        channels = question.model.plant.channels
         ranked = np.argsort(-(squares / counts)[k], kind="stable")
         return cls(
             run=trial.played.whole.name, t_s=np.asarray((np.arange(bins) + 0.5) * period_s),
@@ -84,12 +86,12 @@ class Course:
         return out
 
 
-def _told(asked: Question, search: Searched, k: int) -> Array | None:
-    """The prediction of run k by what is told, fitted without it; None where nothing is."""
+def _predicted(question: Question, search: Searched, k: int) -> Array | None:
+    """The prediction of run k by the causes, fitted without it; None where nothing is told."""
     if search.final.fit is None:
         return None
-    found = asked.predicted(search.final.fit)
-    return None if found is None else found[k]
+    replay = question.predicted(search.final.fit)
+    return None if replay is None else replay[k]
 
 
 def largest_gap(course: Course) -> Picture:
@@ -140,18 +142,18 @@ def laws(answer: Answer) -> list[Picture]:
     """The law of each cause that is one, over the state that it goes with most."""
     if answer.search is None or not answer.stages:
         return []
-    asked, fitted = answer.search.question, answer.stages[-1].fit
+    question, fitted = answer.search.question, answer.stages[-1].fit
     if fitted is None:
         return []
-    plant: PlacesPlant = asked.model.plant  # type: ignore[assignment]
-    runs = [p.run for p in asked.evidence.played]
+    plant: PlacesPlant = question.model.plant  # type: ignore[assignment]
+    runs = [p.run for p in question.evidence.played]
     out = []
     for cause, part, mine in zip(
         answer.verdict.causes, fitted.model.parts, fitted.model.slices, strict=True
     ):
         if isinstance(part, LawPart) and cause.terms and cause.terms[0].state:
-            found = part.responses.law_of(part.columns, fitted.x[mine])
-            out.append(_law(plant, fitted.point, runs, found, cause))
+            of_sides = part.responses.law_of(part.columns, fitted.x[mine])
+            out.append(_law(plant, fitted.point, runs, of_sides, cause))
     return out
 
 
@@ -159,12 +161,12 @@ def _law(
     plant: PlacesPlant,
     point: ModelPoint,
     runs: Sequence[GapRun],
-    found: Sequence[Law],
+    of_sides: Sequence[Law],
     cause: Cause,
 ) -> Picture:
     figure, (top, low) = new_figure(2, height_in=3.6, share_x=True)
     state = cause.terms[0].state
-    for law, colour in zip(found, ("x", "y"), strict=False):
+    for law, colour in zip(of_sides, ("x", "y"), strict=False):
         x, y = _points(plant, point, runs, law, state)
         edges = np.linspace(x.min(), x.max(), _BINS + 1)
         in_bin = np.clip(np.digitize(x, edges) - 1, 0, _BINS - 1)

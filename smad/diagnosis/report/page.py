@@ -34,8 +34,8 @@ _QUESTIONS = {
 _CHANGED = "what is new since the good runs"
 
 
-def page_of(answer: Answer, asked: str = "", facts: Sequence[tuple[str, str]] = ()) -> Page:
-    """The page. `asked` are the arguments as a shell takes them, `facts` files and the like."""
+def page_of(answer: Answer, arguments: str = "", facts: Sequence[tuple[str, str]] = ()) -> Page:
+    """The page. `arguments` are the arguments as a shell takes them, `facts` files and the like."""
     v, search = answer.verdict, answer.search
     course = None if search is None else figures.Course.of(answer, search)
     cells: list[Sequence[Block]] = [_answer(v)]
@@ -49,7 +49,7 @@ def page_of(answer: Answer, asked: str = "", facts: Sequence[tuple[str, str]] = 
         ("Parameters", [parameters(v)] if v.parameters else []),
         ("What these runs would not have shown", [unseen(v)] if v.unseen else []),
         ("Runs", _runs(v)),
-        ("What to do next", _next(v, asked)),
+        ("What to do next", _next(v, arguments)),
     ]
     sections += [Section(title, blocks, folded=True) for title, blocks in folded if blocks]
     known = [
@@ -163,6 +163,6 @@ def _runs(v: Verdict) -> list[Block]:
     return [table, *(Text(f"{f.run}: {f.text}", "note") for f in v.findings if not f.refuses)]
 
 
-def _next(v: Verdict, asked: str) -> list[Block]:
-    steps = [f"{c}    # {why}" if c else f"# {why}" for c, why in advice(v, asked) if asked]
+def _next(v: Verdict, arguments: str) -> list[Block]:
+    steps = [f"{c}    # {why}" if c else f"# {why}" for c, why in advice(v, arguments) if arguments]
     return [Code("\n".join(steps))] if steps else []

@@ -181,17 +181,17 @@ def repeated_lines(v: Verdict) -> list[str]:
     return [f"{count} known-good ones; as a check-up: {r.headline}"]
 
 
-def advice(verdict: Verdict, asked: str) -> list[tuple[str, str]]:
-    """What to do next: commands and why; `asked` are the arguments as a shell takes them."""
+def advice(verdict: Verdict, arguments: str) -> list[tuple[str, str]]:
+    """What to do next: commands and why; `arguments` are the arguments as a shell takes them."""
     v = verdict
     if v.outcome == REFUSED:
         return [("", "correct what is refused above, and ask again")]
     out = []
     undecided = any(len(c.credible_places) > 1 or len(c.credible_names) > 1 for c in v.causes)
     if undecided and v.question == DIFFERS:
-        out.append((f"smad gap next {asked}", "which run would tell the rivals apart"))
+        out.append((f"smad gap next {arguments}", "which run would tell the rivals apart"))
     if v.models and v.outcome in (CAUSES, PARAMETERS):
-        out.append((f"smad gap diagnose {asked} --apply better.toml", "write the better model"))
+        out.append((f"smad gap diagnose {arguments} --apply better.toml", "write the better model"))
         out.append(
             ("smad gap verify NEW-RUNS --model better.toml", "try it on runs it has not seen")
         )

@@ -172,9 +172,9 @@ class Evidence:
         rho = np.clip(product / square, 0.0, _MOST_CORRELATED)
         return np.asarray((1.0 + rho) / (1.0 - rho))
 
-    def part(self, kept: Sequence[int]) -> Evidence:
+    def part(self, chosen: Sequence[int]) -> Evidence:
         """Some of the trials."""
-        return Evidence(trials=tuple(self.trials[k] for k in kept))
+        return Evidence(trials=tuple(self.trials[k] for k in chosen))
 
 
 def recorded_evidence(

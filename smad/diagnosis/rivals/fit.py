@@ -83,8 +83,8 @@ def replayed(evidence: Evidence, point: ModelPoint, model: Model, *, exact: bool
 
     They are exact where the model has a quick part, too.
     """
-    found = predictions(model.plant, point, evidence.played, exact=exact or model.quick)
-    return found if finite(found) else None
+    predicted = predictions(model.plant, point, evidence.played, exact=exact or model.quick)
+    return predicted if finite(predicted) else None
 
 
 def reference_at(evidence: Evidence, model: Model, x: Array) -> Reference | None:
@@ -122,9 +122,9 @@ def slopes_at(evidence: Evidence, model: Model, x: Array, which: Sequence[int]) 
         for sign in (1.0, -1.0) if x[i] + steps[i] <= high[i] else (-1.0, 1.0):
             moved = x.copy()
             moved[i] += sign * steps[i]
-            found = shown(moved, exact)
-            if finite(found) and finite(bases[exact]):
-                change = [(f - b)[None] for f, b in zip(found, bases[exact], strict=True)]
+            predicted = shown(moved, exact)
+            if finite(predicted) and finite(bases[exact]):
+                change = [(f - b)[None] for f, b in zip(predicted, bases[exact], strict=True)]
                 out[row] = evidence.rows(change)[0] / (sign * steps[i])
                 break
     return out
@@ -139,11 +139,11 @@ def averages_hide(evidence: Evidence, reference: Reference, model: Model, x: Arr
     without = reference.model.point(reference.x)
     changes = []
     for exact in (True, False):
-        found = predictions(model.plant, model.point(x), e.played, exact=exact)
+        predicted = predictions(model.plant, model.point(x), e.played, exact=exact)
         base = predictions(model.plant, without, e.played, exact=exact)
-        if not (finite(found) and finite(base)):
+        if not (finite(predicted) and finite(base)):
             return False
-        changes.append(e.rows([(f - b)[None] for f, b in zip(found, base, strict=True)])[0])
+        changes.append(e.rows([(f - b)[None] for f, b in zip(predicted, base, strict=True)])[0])
     exact, averaged = changes
     return bool(np.sum((averaged - exact) ** 2) > _HIDDEN**2 * np.sum(exact**2))
 

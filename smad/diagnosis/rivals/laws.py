@@ -63,9 +63,9 @@ class LawSpace:
         z = beside(left[None])[0]
         A = np.zeros((len(made.runs[0]), len(z)), dtype=np.float32)
         # A law at a time: all in double precision would be a gigabyte.
-        for own in made.columns:
-            raw = [r[own.start : own.stop].astype(np.float64) for r in made.runs]
-            A[own.start : own.stop] = beside(evidence.rows(raw))
+        for span in made.columns:
+            raw = [r[span.start : span.stop].astype(np.float64) for r in made.runs]
+            A[span.start : span.stop] = beside(evidence.rows(raw))
         return cls(responses=made, rows=FoldRows(z, A, evidence.fold))
 
     def selected(self) -> list[SelectedLaw]:
@@ -94,7 +94,7 @@ def _forward(rows: FoldRows, candidate: Candidate) -> Forward:
     constant: Index = candidate.groups[0]
     numbers = candidate.groups[1:]
     free = np.unique(numbers)
-    asked = len(constant) + np.searchsorted(free, numbers)
+    groups = len(constant) + np.searchsorted(free, numbers)
     worth = np.asarray(_SIMPLER ** (np.array(candidate.orders[1:]) - 1.0))
     products = rows.products(np.concatenate([constant, free]))
-    return forward(products, asked, worth, depth=MOST_TERMS, before=len(constant))
+    return forward(products, groups, worth, depth=MOST_TERMS, before=len(constant))

@@ -187,27 +187,27 @@ class Model:
         theta = self.start.theta
         low = [(q.low - theta.get(q.name, q.nominal)) / q.prior_sd for q in self.plant.parameters]
         high = [(q.high - theta.get(q.name, q.nominal)) / q.prior_sd for q in self.plant.parameters]
-        own = [part.bounds() for part in self.parts]
-        return np.concatenate([low, *(a for a, _ in own)]), np.concatenate(
-            [high, *(b for _, b in own)]
+        of_parts = [part.bounds() for part in self.parts]
+        return np.concatenate([low, *(a for a, _ in of_parts)]), np.concatenate(
+            [high, *(b for _, b in of_parts)]
         )
 
     @cached_property
     def prior(self) -> tuple[Array, Array]:
         """Mean (k,) and precision (k, k) of the normal prior of all coordinates."""
-        own = [part.prior() for part in self.parts]
-        mean = np.concatenate([self.parameter_mean, *(m for m, _ in own)])
+        of_parts = [part.prior() for part in self.parts]
+        mean = np.concatenate([self.parameter_mean, *(m for m, _ in of_parts)])
         precision = np.zeros((len(mean), len(mean)))
         n = self.parameters
         precision[:n, :n] = self.parameter_precision
         at = np.arange(n, len(mean))
-        precision[at, at] = np.concatenate([np.zeros(0), *(p for _, p in own)])
+        precision[at, at] = np.concatenate([np.zeros(0), *(p for _, p in of_parts)])
         return mean, precision
 
     def steps(self, x: Array) -> Array:
         """Finite-difference steps of all coordinates."""
-        own = [part.steps(x[s]) for part, s in zip(self.parts, self.slices, strict=True)]
-        return np.concatenate([np.full(self.parameters, _PARAMETER_STEP), *own])
+        of_parts = [part.steps(x[s]) for part, s in zip(self.parts, self.slices, strict=True)]
+        return np.concatenate([np.full(self.parameters, _PARAMETER_STEP), *of_parts])
 
     def point(self, x: Array) -> ModelPoint:
         """The simulator at coordinates `x`."""

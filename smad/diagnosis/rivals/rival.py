@@ -109,10 +109,10 @@ class Question:
         Few runs let free parameters follow noise.
         """
         model = free.model
-        kept = model.with_precision(_KEPT * np.eye(model.parameters))
+        fixed = model.with_precision(_KEPT * np.eye(model.parameters))
         start = free.x.copy()
         start[: model.parameters] = 0.0
-        made = fit(self.evidence, kept, start, nominal, tau=self.tau)
+        made = fit(self.evidence, fixed, start, nominal, tau=self.tau)
         steady = made and self.rival(kind, name, made)
         if not steady or steady.fit is None:
             return rival
@@ -121,10 +121,10 @@ class Question:
 
     def of_point(self, point: ModelPoint) -> Rival | None:
         """A simulator that is not fitted, by what it leaves; None where it cannot run."""
-        found = replayed(self.judged, point, self.model, exact=True)
-        if found is None:
+        predicted = replayed(self.judged, point, self.model, exact=True)
+        if predicted is None:
             return None
-        squares = self.squares_of(self.judged, self.judged.left(found))
+        squares = self.squares_of(self.judged, self.judged.left(predicted))
         scores = log_scores(squares, self.judged.counts)
         return Rival(kind=NOTHING, name=NOTHING, fit=None, squares=squares, scores=scores)
 
@@ -175,19 +175,21 @@ class Question:
         for f, x in enumerate(leave_out(evidence, fitted, self.tau)):
             for k in np.unique(evidence.run_of_row[evidence.fold == f]):
                 for point in (fitted.model.point(x), fitted.point):
-                    (found,) = predictions(
+                    (predicted,) = predictions(
                         fitted.model.plant, point, [evidence.played[k]], exact=fitted.model.quick
                     )
-                    if np.isfinite(found).all():
+                    if np.isfinite(predicted).all():
                         break
                 else:
                     return None
-                found = found + fitted.shift[k]
-                fold = evidence.fold[evidence.spans[k]].reshape(found.shape)
+                predicted = predicted + fitted.shift[k]
+                fold = evidence.fold[evidence.spans[k]].reshape(predicted.shape)
                 # A row that does not count has no fold; any prediction may stand there.
-                out[k] = np.where((fold == f) | (fold < 0), found, out[k])
+                out[k] = np.where((fold == f) | (fold < 0), predicted, out[k])
         return out
 
     def _squares(self, fitted: Fit) -> Array | None:
-        found = self.predicted(fitted)
-        return None if found is None else self.squares_of(self.judged, self.judged.left(found))
+        predicted = self.predicted(fitted)
+        return (
+            None if predicted is None else self.squares_of(self.judged, self.judged.left(predicted))
+        )

@@ -63,11 +63,11 @@ def changes_at(
     base = predictions(plant, point, evidence.coarse)
     out: list[Change] = []
     for effect in effects:
-        for values in _asked(effect):
+        for values in _values(effect):
             at = replace(point, effects={**point.effects, effect.name: values})
-            found = predictions(plant, at, evidence.coarse)
-            if finite(found):
-                change = [(f - b)[None] for f, b in zip(found, base, strict=True)]
+            predicted = predictions(plant, at, evidence.coarse)
+            if finite(predicted):
+                change = [(f - b)[None] for f, b in zip(predicted, base, strict=True)]
                 rows = evidence.rows(change)[0].astype(np.float32)
                 out.append(Change(effect=effect, values=values, rows=rows))
     return tuple(out)
@@ -120,7 +120,7 @@ def added_squares(
     return [evidence.variances(beside(c.rows[None].astype(np.float64))[0] / root) for c in changes]
 
 
-def _asked(effect: Effect) -> list[dict[str, float]]:
+def _values(effect: Effect) -> list[dict[str, float]]:
     """Values that an effect is asked at: each strength alone, at two levels and either sign.
 
     At its typical strength each shape is asked at the ends of its range, too: an effect of one

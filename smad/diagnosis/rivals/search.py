@@ -199,10 +199,10 @@ class _Search:
             base = self._without(fitted, i)
             if base is None:
                 continue
-            asked = self._screened(base)
-            gain = max((s.gain for s in asked if s.part.name == name), default=0.0)
+            candidates = self._screened(base)
+            gain = max((s.gain for s in candidates if s.part.name == name), default=0.0)
             fits = _Fits(question, self.nominal)
-            for s in [s for s in asked if s.gain > gain][:_SCREENED]:
+            for s in [s for s in candidates if s.gain > gain][:_SCREENED]:
                 fits.begin(EFFECT, s.reference, s.part, s.coordinates)
             ranked = question.ranked([replace(current, kind=EFFECT, name=name), *fits.rivals()])
             if ranked[0].name != name and question.gap(ranked[0]) < question.gap(current):
