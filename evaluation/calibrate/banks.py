@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 
-from evaluation.calibrate.rivals import LISTED, MOVED, NONE, UNLISTED, Asked
+from evaluation.calibrate.rivals import LISTED, MOVED, NONE, UNLISTED, CaseRivals
 from evaluation.errors import BankError
 from evaluation.names import canonical
 from evaluation.recovery.judging import Answer
@@ -32,7 +32,7 @@ class _Form(msgspec.Struct):
     format: str = ""
 
 
-def cases_of(path: Path, keys: Sequence[Path]) -> list[Asked]:
+def cases_of(path: Path, keys: Sequence[Path]) -> list[CaseRivals]:
     """The cases of a file of `recover` or `check`; of the second the key is one of `keys`.
 
     Raises BankError for another file, for a missing key and for a sealed one.
@@ -48,7 +48,7 @@ def cases_of(path: Path, keys: Sequence[Path]) -> list[Asked]:
         raise BankError(f"{path} is no file of `recover` or `check` ({error}): give one") from None
 
 
-def _of_recovery(path: Path, answers: Sequence[Answer]) -> list[Asked]:
+def _of_recovery(path: Path, answers: Sequence[Answer]) -> list[CaseRivals]:
     plant = SmaPlant()
     places = {e.name: e.places for e in plant.effects}
     out = []
@@ -56,7 +56,7 @@ def _of_recovery(path: Path, answers: Sequence[Answer]) -> list[Asked]:
         case, verdict = answer.case, answer.verdict
         if verdict is None or not verdict.first_step:
             continue
-        out.append(Asked(
+        out.append(CaseRivals(
             case=case.name, fold=f"{path.stem} part {k % _PARTS}", question=case.question,
             exact=True, truth=_TRUTHS[case.kind],
             names=frozenset(canonical(n) for n in case.effects),
@@ -67,7 +67,7 @@ def _of_recovery(path: Path, answers: Sequence[Answer]) -> list[Asked]:
     return out
 
 
-def _of_bank(path: Path, file: VerdictFile, keys: Sequence[Path]) -> list[Asked]:
+def _of_bank(path: Path, file: VerdictFile, keys: Sequence[Path]) -> list[CaseRivals]:
     """Without those of *differs*, where the plant's own differences have no order."""
     key = next((k for k in keys if digest(k) == file.key_sha256), None)
     if key is None:
@@ -80,7 +80,7 @@ def _of_bank(path: Path, file: VerdictFile, keys: Sequence[Path]) -> list[Asked]
         truth, verdict = truths[name], msgspec.convert(kept, Verdict)
         if truth.question == DIFFERS or not verdict.first_step:
             continue
-        out.append(Asked(
+        out.append(CaseRivals(
             case=name, fold=f"{file.bank} {_bench(truth, name)}", question=truth.question,
             exact=False, truth=_TRUTHS[truth.kind], names=frozenset(e.name for e in truth.effects),
             places=frozenset(p for e in truth.effects for p in e.places),

@@ -22,7 +22,16 @@ import msgspec
 import numpy as np
 from scipy import optimize
 
-from evaluation.calibrate.rivals import LISTED, MOVED, NONE, UNLISTED, Array, Asked, Said, showing
+from evaluation.calibrate.rivals import (
+    LISTED,
+    MOVED,
+    NONE,
+    UNLISTED,
+    Array,
+    CaseRivals,
+    Said,
+    showing,
+)
 from evaluation.errors import BankError
 from smad.diagnosis.constants import Constants
 from smad.diagnosis.rivals.score import NOTHING
@@ -47,7 +56,7 @@ _PENALTY = 0.001
 _LEAST = 1e-12
 
 
-def fitted(cases: Sequence[Asked]) -> Constants:
+def fitted(cases: Sequence[CaseRivals]) -> Constants:
     """The constants that these cases ask for. Raises BankError where they lack a kind."""
     for truth, what in _WHAT.items():
         if not any(x.truth == truth for x in cases):
@@ -63,22 +72,22 @@ def fitted(cases: Sequence[Asked]) -> Constants:
     return msgspec.structs.replace(c, credible_level=_credible_level(cases, c))
 
 
-def noticed(cases: Sequence[Asked], c: Constants) -> list[Asked]:
+def noticed(cases: Sequence[CaseRivals], c: Constants) -> list[CaseRivals]:
     """The cases of which a cause is told, and that have a right rival to be told."""
     return [x for x in cases if x.right[x.more].any() and x.said(c).noticed]
 
 
-def whether(cases: Sequence[Asked], c: Constants) -> float:
+def whether(cases: Sequence[CaseRivals], c: Constants) -> float:
     """Mean −log probability that nothing is missing where nothing is, and that something is."""
     return _loss(cases, lambda x: -_log_whether(x, x.probability(c)))
 
 
-def which(cases: Sequence[Asked], c: Constants) -> float:
+def which(cases: Sequence[CaseRivals], c: Constants) -> float:
     """Mean Brier score of the rivals and of the places, if anything is missing."""
     return _loss(cases, lambda x: _brier(x, x.probability(c)))
 
 
-def _log_whether(case: Asked, p: Array) -> float:
+def _log_whether(case: CaseRivals, p: Array) -> float:
     right = {
         NONE: [r.kind == NOTHING for r in case.rivals],
         MOVED: ~case.more,
@@ -86,7 +95,7 @@ def _log_whether(case: Asked, p: Array) -> float:
     return float(np.log(p[np.asarray(right)].sum() + _LEAST))
 
 
-def _brier(case: Asked, p: Array) -> float:
+def _brier(case: CaseRivals, p: Array) -> float:
     """Mean of two: the squares of what rivals with a part, and places, are short of the truth."""
     rivals = p[case.more] / max(float(p[case.more].sum()), _LEAST)
     right = case.right[case.more]
@@ -97,7 +106,7 @@ def _brier(case: Asked, p: Array) -> float:
     return 0.5 * (of_rivals + of_places)
 
 
-def _loss(cases: Sequence[Asked], loss: Callable[[Asked], float]) -> float:
+def _loss(cases: Sequence[CaseRivals], loss: Callable[[CaseRivals], float]) -> float:
     """Mean loss of each kind of case, weighed as the goals weigh its errors."""
     total = weight = 0.0
     for truth, allowed in ALLOWED.items():
@@ -141,7 +150,7 @@ def _value(name: str, coordinate: float) -> float:
     return float(np.clip(value, *_RANGES[name]))
 
 
-def _credible_level(cases: Sequence[Asked], c: Constants) -> float:
+def _credible_level(cases: Sequence[CaseRivals], c: Constants) -> float:
     """The least level at which the told places hold the truth in `HELD` of what is noticed."""
     said = [s for x in cases if x.truth in (LISTED, UNLISTED) for s in (x.said(c),) if s.noticed]
     kinds = [some for e in (True, False) if (some := [s for s in said if s.asked.exact == e])]

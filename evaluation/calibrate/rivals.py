@@ -33,7 +33,7 @@ _PARTS = 5
 
 
 @dataclass(frozen=True, kw_only=True)
-class Asked:
+class CaseRivals:
     """The rivals of a case. `fold` is the name of what it is left out with; `exact`: the bench is
     the product's own simulator.
 
@@ -105,7 +105,7 @@ class Asked:
         total = max(p[self.more].sum(), 1e-300)
         names = {r.name: float(x) / total for r, x in zip(self.rivals, p, strict=True)
                  if r.kind == EFFECT}  # fmt: skip
-        return Said(asked=self, kind=kind, right=float(p[self.right].sum()), names=names,
+        return Said(case_rivals=self, kind=kind, right=float(p[self.right].sum()), names=names,
                     places=self.places_of(p))  # fmt: skip
 
 
@@ -117,7 +117,7 @@ class Said:
     of places, given that it is an effect or a law.
     """
 
-    asked: Asked
+    case_rivals: CaseRivals
     kind: str
     right: float
     names: Mapping[str, float]
@@ -149,7 +149,7 @@ class Said:
         return bool(self.told_places(level) & self.asked.places)
 
 
-def showing(cases: Sequence[Asked]) -> list[Asked]:
+def showing(cases: Sequence[CaseRivals]) -> list[CaseRivals]:
     """The cases without those whose effect other parameters imitate: whose right rival leads by no
     more than some part does on a bench without an effect, asked the same question."""
     chance: dict[str, float] = {}
@@ -160,7 +160,7 @@ def showing(cases: Sequence[Asked]) -> list[Asked]:
             if x.truth in (NONE, MOVED) or x.lead > chance.get(x.question, 0.0)]  # fmt: skip
 
 
-def folds_of(cases: Sequence[Asked]) -> list[list[Asked]]:
+def folds_of(cases: Sequence[CaseRivals]) -> list[list[CaseRivals]]:
     """The cases in a few parts that are left out in turn; what shares a bench is in one."""
     names = sorted({x.fold for x in cases})
     part = {name: k % _PARTS for k, name in enumerate(names)}

@@ -21,7 +21,7 @@ End = dict[str, Any]
 """What an investigation concluded, beside the answer."""
 
 
-def told(answer: dict[str, Any], report: Report, spent_s: float, programme: Programme) -> End:
+def end_of(answer: dict[str, Any], report: Report, spent_s: float, programme: Programme) -> End:
     """What an investigation concluded, beside the answer."""
     assert report.verdict is not None
     verdict = report.verdict

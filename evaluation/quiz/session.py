@@ -20,7 +20,7 @@ from typing import Any, Protocol
 import msgspec
 
 from evaluation.errors import QuizError
-from evaluation.quiz.ends import told
+from evaluation.quiz.ends import end_of
 from smad.checkup.errors import BaselineError
 from smad.checkup.inquiry import Report, read_report
 from smad.checkup.programme import shipped
@@ -88,7 +88,7 @@ def investigated(wire: Wire, order: Order, folder: Path) -> dict[str, Any]:
         report = _report(baseline)
     if report is None:
         raise QuizError(f"{baseline} holds no investigation")
-    return told(wire.answer(), report, sum(r.took_s for r in report.records), shipped())
+    return end_of(wire.answer(), report, sum(r.took_s for r in report.records), shipped())
 
 
 def _repeats(baseline: Path) -> int:

@@ -13,7 +13,7 @@ import pytest
 from evaluation.calibrate.banks import cases_of
 from evaluation.calibrate.command import calibrate
 from evaluation.calibrate.fitting import fitted, whether, which
-from evaluation.calibrate.rivals import LISTED, MOVED, NONE, UNLISTED, Asked, showing
+from evaluation.calibrate.rivals import LISTED, MOVED, NONE, UNLISTED, CaseRivals, showing
 from evaluation.errors import BankError
 from evaluation.recovery.cases import Case
 from evaluation.recovery.judging import Answer
@@ -50,12 +50,12 @@ def rivals(
     ]
 
 
-def cases(counts: dict[str, int]) -> list[Asked]:
+def cases(counts: dict[str, int]) -> list[CaseRivals]:
     """Cases of which listed effects leave the floor, others more than the law of their place."""
     rng = np.random.default_rng(3)
     effect = {NONE: 0.7, MOVED: 0.7, LISTED: 0.7, UNLISTED: 1.9}
     return [
-        Asked(
+        CaseRivals(
             case=f"{truth}-{n}", fold=f"bench {n % 4}", question="check-up",
             truth=truth, exact=n % 2 == 0,
             names=frozenset({"rtd_lag"} if truth == LISTED else {"slow glue"}),
