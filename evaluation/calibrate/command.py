@@ -100,21 +100,21 @@ def _of(
 ) -> list[tuple[float, bool]]:
     """What was said of noticed effects, and whether it was right."""
     wanted = truths or (LISTED, UNLISTED)
-    return [of(s) for s, _ in cases if s.noticed and s.asked.truth in wanted]
+    return [of(s) for s, _ in cases if s.noticed and s.case_rivals.truth in wanted]
 
 
 def _scores(cases: Held) -> Table:
     """How often the first step is right."""
 
     def kind(*truths: str) -> list[tuple[Said, Constants]]:
-        return [(s, c) for s, c in cases if s.asked.truth in truths]
+        return [(s, c) for s, c in cases if s.case_rivals.truth in truths]
 
     effects = kind(LISTED, UNLISTED)
-    visible = {x.case for x in showing([s.asked for s, _ in cases])}
-    clear = [(s, c) for s, c in effects if s.asked.case in visible]
+    visible = {x.case for x in showing([s.case_rivals for s, _ in cases])}
+    clear = [(s, c) for s, c in effects if s.case_rivals.case in visible]
     answered = [(s, c) for s, c in effects if s.noticed]
-    listed = [(s, c) for s, c in answered if s.asked.truth == LISTED]
-    other = [(s, c) for s, c in answered if s.asked.truth == UNLISTED]
+    listed = [(s, c) for s, c in answered if s.case_rivals.truth == LISTED]
+    other = [(s, c) for s, c in answered if s.case_rivals.truth == UNLISTED]
     named = [(s, c) for s, c in answered if s.name[0] >= 0.5]
     rows = [
         share("quiet benches called changed", kind(NONE), lambda x: x[0].kind != NOTHING),
@@ -140,7 +140,7 @@ def _scores(cases: Held) -> Table:
         )
     for truth in ALLOWED:
         logs = [np.log(s.right + 1e-12) for s, _ in kind(truth)
-                if s.asked.right.any() and s.asked.case in visible]  # fmt: skip
+                if s.case_rivals.right.any() and s.case_rivals.case in visible]  # fmt: skip
         if logs:
             lines.append((f"mean log probability of the right rival, {truth}",
                           f"{np.mean(logs):.3f}", str(len(logs))))  # fmt: skip

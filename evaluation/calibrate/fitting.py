@@ -153,7 +153,7 @@ def _value(name: str, coordinate: float) -> float:
 def _credible_level(cases: Sequence[CaseRivals], c: Constants) -> float:
     """The least level at which the told places hold the truth in `HELD` of what is noticed."""
     said = [s for x in cases if x.truth in (LISTED, UNLISTED) for s in (x.said(c),) if s.noticed]
-    kinds = [some for e in (True, False) if (some := [s for s in said if s.asked.exact == e])]
+    kinds = [some for e in (True, False) if (some := [s for s in said if s.case_rivals.exact == e])]
     for level in LEVELS:
         if kinds and min(_holding(some, level) for some in kinds) >= HELD:
             return level

@@ -132,13 +132,13 @@ class Said:
     def place(self) -> tuple[float, bool]:
         """The probability of the likeliest place, and whether it is right."""
         place = max(self.places, key=lambda x: self.places[x], default="")
-        return self.places.get(place, 0.0), place in self.asked.places
+        return self.places.get(place, 0.0), place in self.case_rivals.places
 
     @property
     def name(self) -> tuple[float, bool]:
         """The probability of the likeliest effect, and whether it is right."""
         name = max(self.names, key=lambda x: self.names[x], default="")
-        return self.names.get(name, 0.0), canonical(name) in self.asked.names
+        return self.names.get(name, 0.0), canonical(name) in self.case_rivals.names
 
     def told_places(self, level: float) -> set[str]:
         """The fewest places that together have the probability `level`."""
@@ -146,7 +146,7 @@ class Said:
 
     def told_places_hold(self, level: float) -> bool:
         """Whether one of these is right."""
-        return bool(self.told_places(level) & self.asked.places)
+        return bool(self.told_places(level) & self.case_rivals.places)
 
 
 def showing(cases: Sequence[CaseRivals]) -> list[CaseRivals]:

@@ -86,7 +86,7 @@ def test_what_is_told_holds_the_truth_as_often_as_it_should() -> None:
     some = cases(ALL)
     c = fitted(some)
     said = [x.said(c) for x in some if x.truth in (LISTED, UNLISTED)]
-    assert all(s.told_places(c.credible_level) & s.asked.places for s in said)
+    assert all(s.told_places(c.credible_level) & s.case_rivals.places for s in said)
 
 
 def test_an_effect_that_parameters_imitate_says_nothing_of_the_constants() -> None:
