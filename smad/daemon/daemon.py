@@ -238,7 +238,8 @@ class Daemon:
         while self._tasks:
             for task in tuple(self._tasks):
                 task.cancel()
-            await asyncio.gather(*self._tasks, return_exceptions=True)
+            # Not `gather`: since Python 3.12 it returns before the loop calls `_task_done`.
+            await asyncio.wait(self._tasks)
 
     def _task_done(self, task: asyncio.Task[Any]) -> None:
         self._tasks.discard(task)

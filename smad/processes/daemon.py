@@ -43,6 +43,7 @@ class DaemonProcess:
         self.folder = folder
         self.bench = bench
         self.log = folder / f"{bench}.log"
+        self.killed = False
         limited = [] if descriptors is None else [*_WITH_LIMIT, str(descriptors)]
         with self.log.open("ab") as output:
             self.process = subprocess.Popen(
@@ -80,13 +81,17 @@ class DaemonProcess:
         )
 
     def end(self, number: int = signal.SIGINT) -> int:
-        """Send a signal, wait for the end, return the exit status."""
+        """Send a signal, wait for the end, return the exit status.
+
+        Afterwards `killed` says whether it had to be killed, END_DEADLINE_S later.
+        """
         if self.process.poll() is None:
             self.process.send_signal(number)
         try:
             return self.process.wait(END_DEADLINE_S)
         except subprocess.TimeoutExpired:
             self.process.kill()
+            self.killed = True
             return self.process.wait()
 
 
@@ -98,10 +103,19 @@ def running_daemon(
     bench: str = "bench",
     waiting: Callable[[], None] = lambda: None,
 ) -> Iterator[DaemonProcess]:
-    """Run a daemon for as long as the block lasts. Raises DaemonError when it does not come up."""
+    """Run a daemon for as long as the block lasts.
+
+    Raises DaemonError when it does not come up, or does not end by itself.
+    """
     daemon = DaemonProcess(arguments, folder, bench=bench)
     try:
         daemon.wait_until_ready(waiting)
         yield daemon
     finally:
         daemon.end()
+    if daemon.killed:
+        raise DaemonError(
+            "the daemon did not end by itself and was killed; the end of its run log may be lost",
+            value=f"{END_DEADLINE_S:g} s after the signal",
+            action="recover the run log (smad log recover), and report this",
+        )

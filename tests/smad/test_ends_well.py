@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import signal
 import subprocess
@@ -12,8 +13,11 @@ import pytest
 
 from smad.cli import execute
 from smad.client import Client, NoAnswer
+from smad.client.endpoints import Connection, write_connection
+from smad.errors import DaemonError
 from smad.fmi.errors import FmiError
 from smad.fmi.unit_file import _identifier
+from smad.processes import daemon as processes
 from tests.smad.fakedaemon import FakeDaemon
 
 _CHILD = (
@@ -53,6 +57,26 @@ def test_who_asks_a_daemon_that_has_ended_hears_so_at_once(tmp_path: Path) -> No
             client.disarm()
     finally:
         client.close()
+
+
+def test_a_daemon_that_had_to_be_killed_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    at_pid = dict.fromkeys(("bench", "version", "command", "stop", "telemetry"), "x")
+    write_connection(tmp_path / "draft", Connection(pid=os.getpid(), **at_pid), 0o077)
+    ignoring = (
+        "import os, signal, time; signal.signal(signal.SIGINT, signal.SIG_IGN); "
+        f"os.replace({str(tmp_path / 'draft')!r}, {str(tmp_path / 'bench.json')!r}); "
+        "time.sleep(600)"
+    )
+    stubborn = functools.partial(processes.DaemonProcess, program=("-c", ignoring))
+    monkeypatch.setattr(processes, "DaemonProcess", stubborn)
+    monkeypatch.setattr(processes, "END_DEADLINE_S", 0.05)
+    with (
+        pytest.raises(DaemonError, match="did not end by itself and was killed"),
+        processes.running_daemon([], tmp_path),
+    ):
+        pass
 
 
 @pytest.mark.parametrize("name", ["/lib/evil", "../evil", "a/b", "", "a b", "a\n"])

@@ -501,3 +501,18 @@ async def test_one_client_that_floods_is_told_so_and_another_finds_room(tmp_path
         assert refused.value.data["limit"] == MOST_WAITING_EACH
         result_of(await rig.run_until(other))
         result_of(await rig.run_until(waiting[0]))
+
+
+async def test_a_daemon_closes_when_a_task_has_ended_and_nobody_was_told_yet(
+    tmp_path: Path,
+) -> None:
+    async def nothing() -> None:
+        return
+
+    async with rig_in(tmp_path) as rig:
+        rig.daemon.spawn("nothing", nothing())
+        await asyncio.sleep(0)
+        (task,) = rig.daemon._tasks
+        assert task.done()
+        await rig.daemon.close()
+        assert not rig.daemon._tasks
