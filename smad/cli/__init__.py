@@ -142,8 +142,19 @@ def root() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its status."""
+    _open_closed_streams()
     status = execute(sys.argv[1:] if arguments is None else arguments)
     sys.exit(status)
+
+
+def _open_closed_streams() -> None:
+    """Let a standard stream that was closed go nowhere.
+
+    A file that is opened would get its number, and with it what libraries print.
+    """
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
 
 
 def execute(arguments: Sequence[str]) -> int:

@@ -19,6 +19,12 @@ from smad.records.units import convert
 from smad.runlog.bounds import Together
 from smad.runlog.schema import CHANNELS
 
+RANGES: Mapping[str, tuple[float, float]] = {
+    "i_cmd": (0.0, 4.0), "i_applied": (0.0, 4.0), "duty": (0.0, 1.0), "i_meas": (-1.0, 6.0),
+    "v": (-1.0, 15.0), "rtd": (-20.0, 120.0), "displacement": (-25.0, 25.0), "force": (-1.0, 12.0),
+}  # fmt: skip
+"""Lowest and highest value that channels of the spring pair can have, by how their names begin."""
+
 
 class MappingFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A mapping file (TOML): `[csv]`, and `[columns."name in the file"]` with a rule each."""
@@ -87,6 +93,7 @@ def _converted(
         rule = assignment.rules[name]
         channel = CHANNELS[rule.channel]
         converted = convert(values * rule.scale + rule.offset, rule.unit, channel.unit)
+        converted = np.where(np.isinf(converted), np.nan, converted)
         if rule.hold:
             converted = held(converted)
         most = np.nanmax(converted, initial=0.0)

@@ -1,8 +1,9 @@
 """The head of a CSV file: what stands before the numbers, and which of it names the columns.
 
 Spreadsheets and loggers write a title, comments, `sep=;`, or a row of units around the names. The
-names are the first line that has as many cells as the first row of numbers; where that is the first
-line of all, they may stand in the last comment (as numpy's savetxt writes them).
+names are the last line that has as many cells as the first row of numbers, none of them a number
+(then a row of units may follow); where that row is the first line of all, they may stand in the
+last comment (as numpy's savetxt writes them).
 """
 
 from __future__ import annotations
@@ -78,16 +79,15 @@ def read_head(path: Path, file: TextIO, delimiter: str = "") -> Head:
     before = lines[:1] if first is None else lines[:first]
     delimiter = delimiter or _likely(path, before[-1], numbers)
     width = len(_cells(path, numbers, delimiter))
-    names_row = next(
-        (k for k, line in enumerate(before) if len(_cells(path, line, delimiter)) == width), 0
-    )
-    names, last = _cells(path, before[names_row], delimiter), before[names_row]
-    between = before[names_row + 1 :]
-    if len(between) == 1 and _are_units(units := _cells(path, between[0], delimiter), names):
-        last = between[0]
+    rows = [_cells(path, line, delimiter) for line in before]
+    wide = [k for k, row in enumerate(rows) if len(row) == width and all(map(_is_word, row))] or [0]
+    names_row, last = wide[-1], before[wide[-1]]
+    names = rows[names_row]
+    if len(wide) > 1 and wide[-2] == names_row - 1 and _are_units(names, rows[names_row - 1]):
+        names_row -= 1
         names = [
             f"{n} [{u}]" if u and not n.endswith("]") else n
-            for n, u in zip(names, (u.strip("[]()") for u in units), strict=True)
+            for n, u in zip(rows[names_row], (u.strip("[]()") for u in names), strict=True)
         ]
     _require_distinct(path, names, before[names_row].number)
     passed = tuple(
@@ -157,6 +157,11 @@ def _cells(path: Path, line: _Line, delimiter: str) -> list[str]:
         raise LogImportError(
             f"{path}, line {line.number}: {error}", action="write the names of the columns there"
         ) from None
+
+
+def _is_word(cell: str) -> bool:
+    """Whether a cell may be a name: no number."""
+    return not _NUMBER.match(cell)
 
 
 def _are_units(cells: Sequence[str], names: Sequence[str]) -> bool:

@@ -26,7 +26,16 @@ if TYPE_CHECKING:
 
 _UTF8 = "utf-8-sig"
 """UTF-8 with or without a byte order mark."""
-_NOTHING = ["", "nan", "NaN", "NAN", "NA", "null", "NULL", "None"]
+_NO_NUMBER = (
+    "nan", "+nan", "-nan", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#ind", "1.#inf", "-1.#inf",
+    "inf", "+inf", "-inf", "infinity", "-infinity", "na", "n/a", "#n/a", "<na>", "null", "none",
+    "#num!", "#div/0!", "#value!",
+)  # fmt: skip
+_NOTHING = ["", "NaN", "-NaN", *(c(w) for w in _NO_NUMBER for c in (str, str.upper, str.title))]
+"""What programs write where they have no number, infinity among it."""
+
+_NARROW_SPACES = "[\u00a0\u2009\u202f]"
+"""Spaces that spreadsheets group digits with, so that no line ends there."""
 
 
 class CsvFormat(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -156,6 +165,8 @@ class CsvTable:
 
         plain = compute.utf8_trim_whitespace(texts)
         decimal, thousands = self.form.decimal, self.form.thousands
+        if thousands == " ":
+            plain = compute.replace_substring_regex(plain, _NARROW_SPACES, thousands)
         if thousands:
             sign, point = re.escape(thousands), re.escape(decimal)
             grouped = rf"^[+-]?\d{{1,3}}({sign}\d{{3}})+({point}\d*)?$"
@@ -173,10 +184,7 @@ class CsvTable:
         except pa.ArrowInvalid:
             row, _ = _first_text(plain)
             self._refuse(name, before + row, texts[row].as_py())
-        infinite = np.flatnonzero(np.isinf(values))
-        if len(infinite):
-            self._refuse(name, before + int(infinite[0]), "an infinite number")
-        return values
+        return np.where(np.isinf(values), np.nan, values)
 
     def _require(
         self, name: str, texts: pyarrow.Array, before: int, sign: str, pattern: str

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smad.errors import LogImportError
-from smad.records.channels import MappingFile, channels_of
+from smad.records.channels import RANGES, MappingFile, channels_of
 from smad.records.column_names import Assignment
-from smad.records.readings import Declared, checked
+from smad.records.readings import Declared, beyond_range, checked_columns
 from smad.records.tables import open_table
 from smad.runlog.export import header_path
 from smad.runlog.header import RunHeader
@@ -24,9 +24,8 @@ from smad.runlog.writer import write_run
 
 _ROWS_AT_ONCE = 10_000
 _PLAUSIBLE = {"A": (-50.0, 50.0), "V": (-100.0, 100.0), "degC": (-60.0, 400.0), "1": (0.0, 1.0)}
-"""What a bench of this kind can show, by unit; narrower ranges are the diagnosis's."""
+"""What any bench of this kind can show, by unit; `RANGES` is what ours can."""
 _APPLIED = ("i_cmd", "i_applied", "duty")
-_SPARSE = 0.8
 
 
 @dataclass(frozen=True)
@@ -86,25 +85,34 @@ def _plausible(
 
     Raises LogImportError for a column that cannot be in its unit.
     """
-    out, notes = dict(columns), []
-    for name, column in columns.items():
-        unit = CHANNELS[name].unit
-        if unit in _PLAUSIBLE and CHANNELS[name].kind == "float":
-            low, high = _PLAUSIBLE[unit]
-            applied = name.startswith(_APPLIED)
-            declared = Declared(name=name, unit=unit, low=low, high=high, applied=applied)
-            checked_column = checked(column, declared, columns["t_s"])
-            if checked_column.refusal:
-                raise LogImportError(f"{source}: {checked_column.refusal}")
-            out[name] = checked_column.values
-            notes += [f"{note}; left empty" for note in checked_column.notes]
-        filled = float(np.mean(np.isfinite(out[name])))
-        if 0.0 < filled < _SPARSE:
-            notes.append(
-                f"{name} holds a number in {filled:.0%} of the rows; if it was logged on change, "
-                "give its column `hold = true` in the mapping file"
-            )
-    return out, notes
+    declared = {d.name: d for name in columns if (d := _declared(name, of_ours=True))}
+    driven = any(d.applied for d in declared.values())
+    # Without a recorded input, a reading may jump with one.
+    steady = None if driven else np.zeros(len(columns["t_s"]), dtype=bool)
+    t_s, checkable = columns["t_s"], {name: columns[name] for name in declared}
+    checked, remarks = checked_columns(checkable, list(declared.values()), t_s, steady)
+    notes = []
+    for remark in remarks:
+        if remark.kind == "out of range":
+            wide = _declared(remark.name, of_ours=False)
+            if wide is None or beyond_range(checked[remark.name], wide):
+                raise LogImportError(f"{source}: {remark.text}")
+            notes.append(f"{remark.text}; imported so, but no diagnosis takes it")
+        elif remark.kind != "empty":
+            after = f": {remark.advice}" if remark.advice else "; left empty"
+            notes.append(f"{remark.text}{after}")
+    return {**columns, **checked}, notes
+
+
+def _declared(name: str, *, of_ours: bool) -> Declared | None:
+    """What a channel can be, of our bench or of any; None where nothing is known."""
+    unit, kind = CHANNELS[name].unit, CHANNELS[name].kind
+    ours = next((r for begin, r in RANGES.items() if name.startswith(f"{begin}_")), None)
+    ends = (ours if of_ours else None) or _PLAUSIBLE.get(unit)
+    if ends is None or kind != "float":
+        return None
+    applied = name.startswith(_APPLIED)
+    return Declared(name=name, unit=unit, low=ends[0], high=ends[1], applied=applied)
 
 
 def _read_beside(source: Path) -> _Beside:

@@ -1,13 +1,15 @@
 """What in a column is no reading, and what cannot be in the unit that was declared.
 
-Four kinds of samples are taken out: codes that a sensor or a logger writes in place of a reading,
-single samples beyond the declared range, jumps that come back within two samples, and stretches in
-which a reading stays the same that is noisy beside them, or that moves and then jumps. A column
-that is beyond its range otherwise is refused, with the unit that it is likely to be in.
+Five kinds of samples are taken out: codes that a sensor or a logger writes in place of a reading,
+single samples beyond the declared range, jumps that come back within two samples, stretches at
+another value to which a reading leaps and comes back, and stretches in which a reading stays the
+same that is noisy beside them, or that moves and then jumps. A column that is beyond its range
+otherwise is refused, with the unit that it is likely to be in.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,8 +30,10 @@ CODES = (
 _HUGE = 1e9
 BEYOND = 0.02
 """Of a range, by which noise may carry a reading beyond its ends."""
-_JUMP, _JUMP_TIMES = 0.05, 20.0
-"""A jump is more than a twentieth of the range, and than so many usual steps."""
+_JUMP, _JUMP_TIMES, _USUAL = 0.05, 20.0, 0.95
+"""A jump is more than a twentieth of the range, and than so many steps that few exceed."""
+_DROPPED = 0.05
+"""Of a run, that a reading may be at a value which it leaps to and comes back from."""
 _FEW, _SHORT = 0.01, 3
 """Samples beyond a range that are so few, and so short, are no other unit."""
 _BITS = (8, 10, 12, 14, 16)
@@ -38,6 +42,12 @@ STUCK_SAMPLES, STUCK_CHANCE = 10, 1e-9
 _LEAP, _LEAP_CHANCE = 3.0, 1e-4
 """Times the largest step beside a stretch, that a reading jumps by where it was stuck; with that it
 may stay the same by chance so often."""
+_STEP, _NEAR = 0.05, 5
+"""An input steps by more than this of its range; so many samples around it a reading may jump."""
+_MOST_MISSING, _MOST_UNKNOWN = 0.2, 0.5
+"""Of a reading's samples, that may be missing; of an input's, that was not logged on change."""
+_HOLD = "give `hold = true` for it in the map if it was logged on change, or slower than the rest"
+_OPEN = "is its sensor open?"
 _LEVELS = 5
 """Values that a reading takes beside a stretch, at least: one with fewer may have no noise."""
 
@@ -82,6 +92,69 @@ class Checked:
     share: float
 
 
+@dataclass(frozen=True)
+class Remark:
+    """What is wrong with a column, and what to do about it (`advice`).
+
+    `kind` is "gaps" (of all columns together, `name` empty), "no reading", "out of range", "sparse"
+    or "empty".
+    """
+
+    kind: str
+    name: str
+    text: str
+    advice: str = ""
+
+
+def checked_columns(
+    columns: Mapping[str, Array],
+    declared: Sequence[Declared],
+    t_s: Array,
+    steady: Mask | None = None,
+) -> tuple[dict[str, Array], list[Remark]]:
+    """The columns, shape (n,) each, NaN where a sample is no reading, and what to remark on them.
+
+    Those that are not `declared` stay as they are. `steady` (n,): where no input steps nearby, by
+    default where none of these does; only there a jump that comes back is no reading.
+    """
+    out = {n: np.asarray(c, dtype=np.float64) for n, c in columns.items()}
+    n, remarks = len(t_s), list[Remark]()
+    gaps = {name: ~np.isfinite(c) for name, c in out.items()}
+    few = {name: g for name, g in gaps.items() if 0 < np.sum(g) <= _MOST_MISSING * n}
+    if few:
+        count = int(np.sum(np.logical_or.reduce(list(few.values()))))
+        text = f"{', '.join(few)} without a number in {count} of {n} samples"
+        remarks.append(Remark("gaps", "", text))
+    declared = [d for d in declared if d.name in out]
+    steady = _steady(out, declared) if steady is None else steady
+    for d in declared:
+        found = checked(out[d.name], d, t_s, steady)
+        out[d.name] = found.values
+        remarks += [Remark("no reading", d.name, note) for note in found.notes]
+        if found.refusal:
+            remarks.append(Remark("out of range", d.name, found.refusal))
+        known = int(np.sum(np.isfinite(found.values)))
+        least = 1.0 - (_MOST_UNKNOWN if d.applied else _MOST_MISSING)
+        if not known:
+            remarks.append(Remark("empty", d.name, f"{d.name} holds no number"))
+        elif known < least * n:
+            text = f"{d.name} holds a reading in {known} of {n} samples only"
+            advice = _OPEN if found.share > _MOST_MISSING and not d.applied else _HOLD
+            remarks.append(Remark("sparse", d.name, text, advice))
+    return out, remarks
+
+
+def _steady(columns: Mapping[str, Array], declared: Sequence[Declared]) -> Mask:
+    """Where no input steps within a few samples, shape (n,)."""
+    n = len(next(iter(columns.values()), ()))
+    stepping = np.zeros(n, dtype=bool)
+    for d in (d for d in declared if d.applied):
+        steps = np.abs(np.diff(columns[d.name], prepend=columns[d.name][:1]))
+        stepping |= ~(steps <= _STEP * d.span)
+    near = np.convolve(stepping, np.ones(2 * _NEAR + 1))[_NEAR : _NEAR + n]
+    return np.asarray(near < 0.5)
+
+
 def checked(values: Array, declared: Declared, t_s: Array, steady: Mask | None = None) -> Checked:
     """Check one column, shape (n,), NaN where nothing was recorded.
 
@@ -91,6 +164,7 @@ def checked(values: Array, declared: Declared, t_s: Array, steady: Mask | None =
     if not known.any():
         return Checked(values, (), "", 0.0)
     notes, bad = [], np.zeros(len(values), dtype=bool)
+    steady = np.zeros(len(values), dtype=bool) if steady is None else steady
     codes = _codes(values, known, declared)
     for code in np.unique(values[codes]):
         coded = codes & (values == code)
@@ -100,15 +174,16 @@ def checked(values: Array, declared: Declared, t_s: Array, steady: Mask | None =
     bad |= codes
     rest = known & ~bad & declared.beyond(values)
     if rest.any():
-        if np.mean(rest) > _FEW or _longest(rest) > _SHORT:
-            return Checked(values, tuple(notes), _refusal(values[known & ~bad], declared), 0.0)
+        if _too_many(rest):
+            refusal = _refusal(values[known & ~bad], declared)
+            return Checked(np.where(bad, np.nan, values), tuple(notes), refusal, 0.0)
         worst = values[rest][np.argmax(np.abs(values[rest]))]
         notes.append(
             f"{declared.name} is beyond {declared.range_words} in {_samples(rest, t_s)}, "
             f"up to {worst:g}"
         )
         bad |= rest
-    if not declared.applied and steady is not None:
+    if not declared.applied:
         jumps = _jumps(values, known & ~bad, declared) & steady
         if jumps.any():
             notes.append(
@@ -117,14 +192,23 @@ def checked(values: Array, declared: Declared, t_s: Array, steady: Mask | None =
             )
             bad |= jumps
     if not declared.applied:
-        for stays, how in _stuck(values, known & ~bad, steady):
+        for stays, how in _stuck(values, known & ~bad, steady, declared):
             notes.append(
                 f"{declared.name} stays at {values[stays[0]]:g} for {len(stays)} samples (from "
-                f"{t_s[stays[0]]:.6g} to {t_s[stays[-1]]:.6g} s) and {how}: stuck"
+                f"{t_s[stays[0]]:.6g} to {t_s[stays[-1]]:.6g} s){how}"
             )
             bad[stays] = True
     share = float(np.sum(bad) / np.sum(known))
     return Checked(np.where(bad, np.nan, values), tuple(notes), "", share)
+
+
+def beyond_range(values: Array, declared: Declared) -> bool:
+    """Whether values, shape (n,), are beyond the range in more than a few samples."""
+    return _too_many(np.isfinite(values) & declared.beyond(values))
+
+
+def _too_many(beyond: Mask) -> bool:
+    return bool(np.mean(beyond) > _FEW or _longest(beyond) > _SHORT)
 
 
 def _codes(values: Array, known: Mask, declared: Declared) -> Mask:
@@ -135,7 +219,7 @@ def _codes(values: Array, known: Mask, declared: Declared) -> Mask:
     if declared.applied:
         return np.asarray(coded)
     others = beyond & ~coded
-    if others.any() and np.ptp(values[others]) == 0.0 and np.mean(beyond) < 0.5:
+    if np.sum(others) > 1 and np.ptp(values[others]) == 0.0 and np.mean(beyond) < 0.5:
         coded |= others
     power_on = known & (values == 85.0) & ~beyond & (spelt(declared.unit) == "degC")
     if power_on.any() and not power_on[known & ~coded].all():
@@ -151,7 +235,7 @@ def _far(values: Array, good: Mask, declared: Declared) -> Mask:
 
 
 def _least_jump(good: Array, declared: Declared) -> float:
-    usual = float(np.quantile(np.abs(np.diff(good)), 0.99)) if len(good) > 1 else 0.0
+    usual = float(np.quantile(np.abs(np.diff(good)), _USUAL)) if len(good) > 1 else 0.0
     return max(_JUMP * declared.span, _JUMP_TIMES * usual)
 
 
@@ -166,18 +250,22 @@ def _jumps(values: Array, good: Mask, declared: Declared) -> Mask:
     return out
 
 
-def _stuck(values: Array, good: Mask, steady: Mask | None) -> list[tuple[Index, str]]:
+def _stuck(values: Array, good: Mask, steady: Mask, declared: Declared) -> list[tuple[Index, str]]:
     """Samples of each stretch in which a reading is stuck, and how that is known.
 
-    It is noisy on both sides; or it moves on both, and jumps afterwards although no input steps. A
-    reading at its lowest or highest may be clipped, one at 0 off, and one without noise at rest:
-    these are not stuck.
+    It leaps there and back; or is noisy on both sides; or it moves on both, and jumps afterwards
+    although no input steps. A reading at its lowest or highest may be clipped, one at 0 off, and
+    one without noise at rest: these are not stuck.
     """
     index = np.flatnonzero(good)
     y = values[index]
+    leap = _least_jump(y, declared) if len(np.unique(y)) > _LEVELS else np.inf
     out = []
     for start, stop in _same(y):
         n = stop - start
+        if _leaps_there_and_back(y, start, stop, leap) and steady[index[[start, stop]]].all():
+            out.append((index[start:stop], ", leaps there and back: no reading"))
+            continue
         if n < STUCK_SAMPLES or y[start] in (0.0, y.min(), y.max()):
             continue
         before, after = y[max(0, start - 2 * n) : start], y[stop : stop + 2 * n]
@@ -185,14 +273,20 @@ def _stuck(values: Array, good: Mask, steady: Mask | None) -> list[tuple[Index, 
         same = [(np.sum(np.diff(side) == 0.0) + 1.0) / (len(side) + 1.0) for side in sides]
         chance = max(same, default=1.0) ** (n - 1)
         if chance < STUCK_CHANCE and all(_noisy(side) for side in sides):
-            out.append((index[start:stop], "is noisy beside them"))
-        elif (
-            len(sides) == 2 and chance < _LEAP_CHANCE and steady is not None and steady[index[stop]]
-        ):
+            out.append((index[start:stop], " and is noisy beside them: stuck"))
+        elif len(sides) == 2 and chance < _LEAP_CHANCE and steady[index[stop]]:
             usual = max(np.abs(np.diff(side)).max() for side in sides)
             if abs(y[stop] - y[stop - 1]) > _LEAP * usual:
-                out.append((index[start:stop], "jumps afterwards"))
+                out.append((index[start:stop], " and jumps afterwards: stuck"))
     return out
+
+
+def _leaps_there_and_back(y: Array, start: int, stop: int, leap: float) -> bool:
+    """Whether a reading leaps to a value that it seldom has, and back to where it was."""
+    if not 0 < start < stop < len(y) or np.mean(y == y[start]) > _DROPPED:
+        return False
+    there, back = abs(y[start] - y[start - 1]), abs(y[stop] - y[start])
+    return bool(min(there, back) > max(leap, 2.0 * abs(y[stop] - y[start - 1])))
 
 
 def _same(y: Array) -> list[tuple[int, int]]:
@@ -251,7 +345,8 @@ def likely_unit(values: Array, declared: Declared) -> str:
         scale = declared.high / (2**bits - 1)
         give = f"`scale = {scale:.6g}`" if declared.applied else f"what makes them {declared.unit}"
         spreads[f"counts of {bits} bits? give {give}"] = high * scale
-    if low < 0.0 and not declared.beyond(-values).any():
+    signed = unit not in units_for("K")
+    if signed and low < 0.0 and not declared.beyond(-values).any():
         spreads["is its sign reversed? give `scale = -1`"] = -low
     if spreads:
         return max(spreads, key=lambda words: spreads[words])

@@ -12,20 +12,10 @@ import numpy as np
 
 from smad.diagnosis.plant import Array, Channel, Mask, Signal
 from smad.diagnosis.runs import GapRun, bridged
-from smad.records.readings import Checked, Declared, checked
+from smad.records.readings import Declared, checked_columns
 
 Say = Callable[..., None]
 """Notes a finding about the run at hand: `kind`, `text`, and by name whether it `refuses` it."""
-
-_STEP = 0.05
-"""Of an input's range, that it steps by."""
-_NEAR = 5
-"""Samples around a step in which a reading may jump."""
-_MOST_MISSING = 0.2
-"""Of a channel's samples, that may be missing or no reading."""
-_MOST_UNKNOWN = 0.5
-"""Of an input's samples, that may be missing where it was not logged on change."""
-_HOLD = "give `hold = true` for it in the map if it was logged on change, or slower than the rest"
 
 
 def readable(
@@ -37,46 +27,28 @@ def readable(
     """
     if not len(run.t_s):
         return run
-    n, steady = len(run.t_s), _steady(run, inputs)
-    given, measured = dict(run.inputs), dict(run.outputs)
-    _tell_gaps(run, say)
-    for s in inputs:
-        if s.name not in given:
-            continue
-        declared = Declared(name=s.name, unit=s.unit, low=s.low, high=s.high, applied=True)
-        found = checked(_floats(given[s.name]), declared, run.t_s)
-        given[s.name] = found.values
-        _tell(found, say)
-        known = int(np.sum(np.isfinite(found.values)))
-        if not known:
-            say("input broken", f"{s.name} holds no number", refuses=True)
-        elif known < _MOST_UNKNOWN * n:
-            text = f"{s.name} holds a number in {known} of {n} samples only: {_HOLD}"
-            say("input sparse", text, refuses=True)
-    for c in channels:
-        if c.name not in measured:
-            continue
-        declared = Declared(name=c.name, unit=c.unit, low=c.low, high=c.high)
-        found = checked(_floats(measured[c.name]), declared, run.t_s, steady)
-        _tell(found, say)
-        known = int(np.sum(np.isfinite(found.values)))
-        measured[c.name] = found.values
-        if 0 < known < (1.0 - _MOST_MISSING) * n:
-            why = "is its sensor open?" if found.share > _MOST_MISSING else _HOLD
-            text = f"{c.name} holds a reading in {known} of {n} samples only and is not used: {why}"
-            say("channel sparse", text)
-            del measured[c.name]
-    return replace(run, inputs=given, outputs=measured)
-
-
-def _tell_gaps(run: GapRun, say: Say) -> None:
-    """Say which columns hold no number in a few samples."""
-    gaps = {n: ~np.isfinite(_floats(c)) for n, c in {**run.inputs, **run.outputs}.items()}
-    few = {n: g for n, g in gaps.items() if 0 < np.sum(g) <= _MOST_MISSING * len(g)}
-    if few:
-        count = int(np.sum(np.logical_or.reduce(list(few.values()))))
-        text = f"{', '.join(few)} hold no number in {count} of {len(run.t_s)} samples"
-        say("gaps", f"{text}: these do not count")
+    declared = [
+        Declared(name=s.name, unit=s.unit, low=s.low, high=s.high, applied=isinstance(s, Signal))
+        for s in (*inputs, *channels)
+    ]
+    columns, remarks = checked_columns({**run.inputs, **run.outputs}, declared, run.t_s)
+    for remark in remarks:
+        applied, text = remark.name in run.inputs, remark.text
+        if remark.kind in ("gaps", "no reading"):
+            say(remark.kind, f"{text}; these do not count")
+        elif remark.kind == "out of range":
+            say(remark.kind, text, refuses=True)
+        elif applied:
+            advice = f": {remark.advice}" if remark.advice else ""
+            say("input unknown", f"{text}{advice}", refuses=True)
+        elif remark.kind == "sparse":
+            say("channel sparse", f"{text} and is not used: {remark.advice}")
+            del columns[remark.name]
+    return replace(
+        run,
+        inputs={n: columns[n] for n in run.inputs},
+        outputs={n: columns[n] for n in run.outputs if n in columns},
+    )
 
 
 def filled(run: GapRun) -> GapRun:
@@ -125,23 +97,6 @@ def up_to_first_hole(run: GapRun, row_s: float, say: Say) -> GapRun:
         f"up to {first:.6g} s, {first - t_s[0]:.3g} of its {run.duration_s:.3g} s",
     )
     return run.part(0, int(np.searchsorted(t_s, first, side="right")))
-
-
-def _tell(column: Checked, say: Say) -> None:
-    for note in column.notes:
-        say("no reading", f"{note}; these do not count")
-    if column.refusal:
-        say("out of range", column.refusal, refuses=True)
-
-
-def _steady(run: GapRun, inputs: Sequence[Signal]) -> Mask:
-    """Where no input steps within a few samples, shape (n,)."""
-    stepping = np.zeros(len(run.t_s), dtype=bool)
-    for s in inputs:
-        if s.name in run.inputs:
-            step = np.abs(np.diff(_floats(run.inputs[s.name]), prepend=run.inputs[s.name][0]))
-            stepping |= ~(step <= _STEP * (s.high - s.low))
-    return np.asarray(np.convolve(stepping, np.ones(2 * _NEAR + 1), mode="same") < 0.5)
 
 
 def _floats(column: Array) -> Array:

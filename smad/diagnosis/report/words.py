@@ -7,7 +7,7 @@ shows the same, and more on demand.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from smad.diagnosis.verdict import (
     CAUSES,
@@ -17,6 +17,7 @@ from smad.diagnosis.verdict import (
     REFUSED,
     UNEXPLAINED,
     Cause,
+    Finding,
     ParameterMoved,
     RivalGap,
     SignalGap,
@@ -39,9 +40,11 @@ def lines(verdict: Verdict) -> list[str]:
     """The verdict in plain words, the headline first; lines that begin with a space are tables."""
     v = verdict
     out = [v.headline]
-    out += [f"{f.run}: {f.text}" for f in v.findings if f.refuses or f.run == "all runs"]
+    first = [f for f in v.findings if f.refuses or f.run == "all runs"]
+    out += _by_text(first)
+    left_out = _by_text(f for f in v.findings if f not in first)
     if v.outcome == REFUSED:
-        return out
+        return [*out, *v.notes, *left_out]
     for cause in v.causes:
         out += cause_lines(cause)
     if not v.causes:
@@ -54,15 +57,14 @@ def lines(verdict: Verdict) -> list[str]:
     if v.unseen:
         out.append("these runs would not have shown (the page lists all of them)")
         out += [f"  {text}" for text in v.unseen[:_UNSEEN]]
-    return [*out, *v.notes, *_left_out(v)]
+    return [*out, *v.notes, *left_out]
 
 
-def _left_out(v: Verdict) -> list[str]:
-    """What of runs that are used was left out, or is doubtful in them; alike ones together."""
+def _by_text(findings: Iterable[Finding]) -> list[str]:
+    """What was refused, left out or is doubtful; what is alike in several runs once."""
     runs: dict[str, list[str]] = {}
-    for f in v.findings:
-        if not f.refuses and f.run != "all runs":
-            runs.setdefault(f.text, []).append(f.run)
+    for f in findings:
+        runs.setdefault(f.text, []).append(f.run)
     return [f"{', '.join(names)}: {text}" for text, names in runs.items()]
 
 

@@ -16,7 +16,7 @@ from smad.diagnosis.errors import GapError
 from smad.diagnosis.numerics.lag import lagged
 from smad.diagnosis.plant import Array, Channel, Mask, Signal, Traits
 from smad.diagnosis.runs import GapRun
-from smad.records.channels import MappingFile, read_channels
+from smad.records.channels import RANGES, MappingFile, read_channels
 from smad.records.readings import BEYOND
 from smad.records.tables import left_out
 from smad.runlog import schema
@@ -27,35 +27,36 @@ if TYPE_CHECKING:
     from smad.runlog.reader import Run
 
 INPUTS = (
-    Signal("i_applied_x_A", "A", 0.0, 4.0, power=2.0),
-    Signal("i_applied_y_A", "A", 0.0, 4.0, power=2.0),
-    Signal("duty_x", "1", 0.0, 1.0),
-    Signal("duty_y", "1", 0.0, 1.0),
+    Signal("i_applied_x_A", "A", *RANGES["i_applied"], power=2.0),
+    Signal("i_applied_y_A", "A", *RANGES["i_applied"], power=2.0),
+    Signal("duty_x", "1", *RANGES["duty"]),
+    Signal("duty_y", "1", *RANGES["duty"]),
 )
 _OPTIONAL_INPUTS = ("drain_x", "drain_y")
 _HIGHEST = {s.name: s.high for s in INPUTS}
 
 
-def _channel(stem: str, unit: str, span: tuple[float, float], side: str = "") -> Channel:
+def _channel(stem: str, unit: str, side: str = "") -> Channel:
     """A channel whose converter counts thousandths (of a temperature hundredths), noise of two."""
     quantum = 0.01 if unit == "degC" else 0.001
     named = {s: f"{stem}_{s}_{unit}" for s in "xy"}
     name = named.get(side, f"{stem}_{unit}")
+    low, high = RANGES[stem.removesuffix("_inlet").removesuffix("_ambient")]
     return Channel(
-        name=name, unit=unit, quantum=quantum, low=span[0], high=span[1], noise=2 * quantum,
+        name=name, unit=unit, quantum=quantum, low=low, high=high, noise=2 * quantum,
         side=side.upper(), twin=named["y" if side == "x" else "x"] if side else "",
         words=schema.CHANNELS[name].description,
     )  # fmt: skip
 
 
 CHANNELS = (
-    *(_channel("i_meas", "A", (-1.0, 6.0), s) for s in "xy"),
-    *(_channel("v", "V", (-1.0, 15.0), s) for s in "xy"),
-    *(_channel("rtd", "degC", (-20.0, 120.0), s) for s in "xy"),
-    _channel("rtd_inlet", "degC", (-20.0, 120.0)),
-    _channel("rtd_ambient", "degC", (-20.0, 120.0)),
-    _channel("displacement", "mm", (-25.0, 25.0)),
-    _channel("force", "N", (-1.0, 12.0)),
+    *(_channel("i_meas", "A", s) for s in "xy"),
+    *(_channel("v", "V", s) for s in "xy"),
+    *(_channel("rtd", "degC", s) for s in "xy"),
+    _channel("rtd_inlet", "degC"),
+    _channel("rtd_ambient", "degC"),
+    _channel("displacement", "mm"),
+    _channel("force", "N"),
 )
 TRAITS = Traits(
     day={

@@ -81,7 +81,7 @@ CASES = (
     Case(13, "the same, not told", "gap diagnose {folder}/pair.csv", 1,
          ("is not a number; got 0,01", "under [csv]", "--map of smad gap diagnose)")),
     Case(14, "an input logged on change", asked("change"), 3,
-         ("power_W holds a number in", "of 600 samples only", "`hold = true`")),
+         ("power_W holds a reading in", "of 600 samples only", "`hold = true`")),
     Case(14, "the same, with `hold = true`", asked("change", mapped="hold"), 0, (SEES,)),
     Case(15, "capital letters, and files that are passed over",
          "gap diagnose {folder}/capitals --fmu {folder}/heater.fmu --map {folder}/map.toml", 0,

@@ -37,6 +37,8 @@ ROWS = "0,20.5\n1,21.5\n"
         "time s,temp x degC\n" + ROWS,
         "Time,Temperature X\ns,°C\n" + ROWS,
         "Time,Temperature X\n[s],[°C]\n" + ROWS,
+        "Channel A,Channel B\nt_s,temp_x_degC\n" + ROWS,
+        "Run 3, a warm day\nTime,Temperature X\ns,°C\n" + ROWS,
     ],
 )
 def test_names_are_found_wherever_they_stand(text: str, tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from smad.records.readings import Declared, checked
+from smad.records.readings import Declared, checked, checked_columns
 
 T = np.arange(400) * 0.1
 WARM = Declared(name="T", unit="degC", low=-20.0, high=120.0)
@@ -68,6 +68,7 @@ def test_noise_beyond_the_end_of_a_range_is_none_of_it() -> None:
         (applied("A", 0.0, 4.0), 18.75, "in mA? say so, in the name of its column"),
         (applied("A", 0.0, 4.0), -0.05, "holds -4 to -0, declared 0 to 4 A: is its sign reversed?"),
         (applied("V", 0.0, 10.0), 12.7875, "counts of 10 bits? give `scale = 0.00977517`"),
+        (applied("degC", 0.0, 300.0), -3.0, "-240 to -0, declared 0 to 300 degC: does it go both"),
         (applied("rpm", 0.0, 10.0), 1e7, "correct the column, its unit, or the range"),
     ],
 )  # fmt: skip
@@ -113,6 +114,29 @@ def test_a_reading_that_may_well_stay_the_same_is_not_stuck(kind: str) -> None:
     assert checked(y, WARM, T).notes == ()
 
 
+@pytest.mark.parametrize(("value", "samples"), [(0.0, 3), (-3.0, 20), (119.0, 6)])
+def test_a_reading_that_leaps_to_a_value_and_back_was_none(value: float, samples: int) -> None:
+    y, steady = course(), np.ones(len(T), dtype=bool)
+    y[200 : 200 + samples] = value
+    found = checked(y, WARM, T, steady)
+    assert np.flatnonzero(np.isnan(found.values)).tolist() == list(range(200, 200 + samples))
+    end = 20 + (samples - 1) / 10
+    assert found.notes == (
+        f"T stays at {value:g} for {samples} samples (from 20 to {end:g} s), leaps there and back: "
+        "no reading",
+    )
+    # An input steps there: a relay may have switched.
+    steady[198:203] = False
+    assert checked(y, WARM, T, steady).notes == ()
+
+
+def test_codes_that_are_one_in_fifty_are_jumps_nevertheless() -> None:
+    y = course()
+    y[25::50] = -19.0
+    found = checked(y, WARM, T, np.ones(len(T), dtype=bool))
+    assert np.flatnonzero(np.isnan(found.values)).tolist() == list(range(25, len(T), 50))
+
+
 def rising(stuck: int, *, noise: float, quantum: float, start: int = 150) -> np.ndarray:
     """A plate that warms and cools at 5 Hz, its reading stuck for some samples."""
     rng = np.random.default_rng(3)
@@ -149,3 +173,11 @@ def test_a_reading_that_jumps_with_an_input_was_at_rest() -> None:
     steady = np.ones(300, dtype=bool)
     steady[165:176] = False
     assert checked(y, WARM, T[:300], steady).notes == ()
+
+
+def test_columns_of_five_samples_are_looked_at_as_long_ones_are() -> None:
+    declared = [applied("A", 0.0, 4.0), WARM]
+    columns = {"u": np.array([0.0, 0.0, 2.0, 2.0, np.nan]), "T": np.full(5, 20.0)}
+    checked_out, remarks = checked_columns(columns, declared, T[:5])
+    np.testing.assert_array_equal(checked_out["u"], columns["u"])
+    assert [r.text for r in remarks] == ["u without a number in 1 of 5 samples"]

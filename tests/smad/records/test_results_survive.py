@@ -53,6 +53,7 @@ def test_a_refused_diagnosis_has_a_status_of_its_own_and_writes_its_files(
         ("| true", ""),
         ("| head -1; exit ${PIPESTATUS[0]}", ""),
         (">&-", ""),
+        ("<&- >&- 2>&-", ""),
         ("2>&1 | true", ""),
         ("2> /dev/full", ""),
     ],

@@ -175,9 +175,15 @@ def test_a_value_has_the_decimals_that_its_deviation_leaves(
     assert with_unit(value, sd, unit) == said
 
 
-def test_why_a_run_was_refused_is_said_and_what_was_only_noted_is_not() -> None:
-    found = [Finding("a", "too short", "3 s long", True), Finding("b", "gaps", "two", False)]
-    assert lines(verdict(REFUSED, findings=found)) == ["no run can be used", "a: 3 s long"]
+def test_why_runs_were_refused_is_said_once_and_then_what_was_left_out_of_them() -> None:
+    found = [
+        Finding("a", "saturated channel", "at its end: not used", False),
+        Finding("a", "no channel", "none is left", True),
+        Finding("b", "no channel", "none is left", True),
+    ]
+    assert lines(verdict(REFUSED, findings=found)) == [
+        "no run can be used", "a, b: none is left", "a: at its end: not used",
+    ]  # fmt: skip
 
 
 def test_what_runs_say_that_repeat_good_ones_is_said_beside() -> None:
