@@ -113,8 +113,10 @@ def seconds_expected(bound: Bound) -> float:
     terms = forced * (1 + _TERMS_OF_STATE * states)
     signatures = sum(_LEVELS * len(e.parameters) for e in plain.effects)
     fits = _FITS * (len(plain.parameters) + 3)
-    runs = sum(len(g) for g in bound.groups)
-    return (terms + signatures + fits) * runs * bound.seconds
+    # What was timed is the first run; others may be far longer.
+    runs = [run for group in bound.groups for run in group]
+    samples = sum(len(run.t_s) for run in runs) / len(runs[0].t_s)
+    return (terms + signatures + fits) * samples * bound.seconds
 
 
 _TERMS_OF_STATE, _LEVELS, _FITS = 5, 6, 8
