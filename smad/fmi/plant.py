@@ -70,7 +70,7 @@ class FmuPlant:
         self.parameters = [_parameter(n, r, unit) for n, r in mapped.parameters.items()]
         self.effects = effects_of(mapped)
         self.window_s = mapped.window_s or 0.0
-        self._starts: dict[int, tuple[GapRun, Starts]] = {}
+        self._windows_of: dict[object, tuple[GapRun, list[Window]]] = {}
 
     def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
         """See `PlantModel`."""
@@ -150,15 +150,20 @@ class FmuPlant:
 
     def _windows(self, run: GapRun) -> list[Window]:
         """First and last sample of each window, and what the unit is set to before it."""
+        # A run that is pushed has other inputs, and the same times and readings.
+        whole = run if run.whole is None else run.whole
+        key = (id(run.t_s), id(whole.outputs), self.window_s)
+        if key not in self._windows_of:
+            # The run is kept as well, so that nothing else gets its number.
+            self._windows_of[key] = (run, self._cut(run, whole))
+        return self._windows_of[key][1]
+
+    def _cut(self, run: GapRun, whole: GapRun) -> list[Window]:
         fixed = {n: v for n, v in self._map.start.items() if not isinstance(v, str)}
         read = {n: v for n, v in self._map.start.items() if isinstance(v, str)}
-        whole = run if run.whole is None else run.whole
         if not read or not whole.outputs:
             return [(0, len(run.t_s), fixed)]
-        if id(whole) not in self._starts:
-            # The run is kept as well, so that nothing else gets its number.
-            self._starts[id(whole)] = (whole, Starts(whole, tuple(self._map.channels)))
-        starts = self._starts[id(whole)][1]
+        starts = Starts(whole, tuple(self._map.channels))
         edges = [0]
         if self.window_s > 0.0:
             number = np.floor((run.t_s - run.t_s[0]) / self.window_s + 1e-9)
