@@ -98,6 +98,12 @@ class Runner:
             out[:, k] = got_view
         return out
 
+    def replays(
+        self, values: Mapping[str, float], t_s: Array, rows: Array, fed: Sequence[Fed], times: int
+    ) -> tuple[list[Array], str]:
+        """The same replay so many times, and what the unit logged last."""
+        return [self.replay(values, t_s, rows, fed) for _ in range(times)], self.said
+
     @property
     def said(self) -> str:
         """What the unit logged last as an error or a warning."""

@@ -171,11 +171,8 @@ class SimulatedPlant:
         try:
             for a, b, start in self.windows(whole):
                 part = {n: v[a:b] for n, v in given.items()}
-                shown = (
-                    called(self.declared, whole.t_s[a:b], part, values, start)
-                    if self.processes is None
-                    else self.processes.called(whole.t_s[a:b], part, values, start)
-                )
+                play = self.play if self.processes is None else self.processes.called
+                shown = play(whole.t_s[a:b], part, dict(values), dict(start))
                 for name in self._signals:
                     out[name][a:b] = shown[name]
         except Exception as error:  # whatever somebody else's function does at some point
@@ -187,6 +184,16 @@ class SimulatedPlant:
                 self._failed(f"{c.name} runs away", values)
                 return {n: np.full(len(whole.t_s), np.nan) for n in self._signals}
         return out
+
+    def play(
+        self,
+        t_s: Array,
+        inputs: Mapping[str, Array],
+        values: Mapping[str, float],
+        start: Mapping[str, float],
+    ) -> dict[str, Array]:
+        """One call of the function; see `called`."""
+        return called(self.declared, t_s, inputs, values, start)
 
     def _failed(self, why: str, values: Mapping[str, float]) -> None:
         self.failures.failed += 1
