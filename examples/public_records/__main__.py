@@ -11,7 +11,6 @@ from examples.public_records.records import RECORDS, RecordError
 from smad.diagnosis.report.page import page_of
 from smad.diagnosis.report.words import lines
 from smad.report.page import write_page
-from smad.simulators import diagnose
 
 
 @click.command()
@@ -27,8 +26,10 @@ def main(name: str, folder: Path, html: Path | None, exchange: bool) -> None:
         asked = record.asked(folder)
     except RecordError as error:
         raise click.ClickException(str(error)) from error
+    if exchange and not asked.hold_out:
+        raise click.UsageError(f"{name} has no runs to judge on beside; leave --exchange out")
     fit, held = (asked.hold_out, asked.fit) if exchange else (asked.fit, asked.hold_out)
-    answer = diagnose(fit, record.simulator, hold_out=held)
+    answer = record.diagnosed(fit, held)
     click.echo("\n".join(lines(answer.verdict)))
     click.echo(f"{time.process_time():.0f} s of processor time")
     if html is not None:

@@ -1,4 +1,4 @@
-"""Public records of three benchmarks: where they are, whether they are what they were, as runs.
+"""Public records of four systems: where they are, whether they are what they were, as runs.
 
 None is in this repository. Each is fetched once into a folder, or put there by hand.
 """
@@ -11,8 +11,9 @@ import io
 import urllib.request
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.io import loadmat
@@ -21,10 +22,12 @@ from examples.public_records.emps import EMPS, LAP
 from examples.public_records.emps import STEP_S as SAMPLE_S
 from examples.public_records.silverbox import RATE_HZ, SILVERBOX
 from examples.public_records.tanks import STEP_S, TANKS
+from smad.diagnosis import Answer
 from smad.diagnosis.plant import Array
 from smad.diagnosis.runs import GapRun
 from smad.errors import SmadError
-from smad.simulators import Simulator
+from smad.simulators import Simulator, diagnose
+from smad.simulators.columns import Table
 
 _TIMEOUT_S = 60.0
 _SETTLING = 100
@@ -37,10 +40,18 @@ class RecordError(SmadError):
 
 @dataclass(frozen=True)
 class Asked:
-    """Runs to fit, and runs to judge on."""
+    """Runs to fit, and runs to judge on; without these each is judged by a model of the others."""
 
-    fit: list[GapRun]
-    hold_out: list[GapRun]
+    fit: list[Any]
+    hold_out: list[Any]
+
+
+@dataclass(frozen=True)
+class Mjcf:
+    """A MuJoCo model and the map of its parts."""
+
+    model: Path
+    map: Path
 
 
 @dataclass(frozen=True)
@@ -48,15 +59,26 @@ class Record:
     """Published files: where they are, their digests, their columns, and a simulator of them.
 
     `files` has the SHA-256 of each by its name, that of a text with line ends of one character,
-    since copies of both kinds are about. `runs` takes the columns of each file.
+    since copies of both kinds are about. They lie in one `archive`, or each at an address of its
+    own. `runs` takes the columns of each file.
     """
 
     page: str
     archive: str
     files: Mapping[str, str]
     columns: tuple[str, ...]
-    simulator: Simulator
+    simulator: Simulator | Mjcf
     runs: Callable[..., Asked]
+    addresses: Mapping[str, str] = field(default_factory=dict)
+
+    def diagnosed(self, fit: list[Any], hold_out: list[Any]) -> Answer:
+        """The answer for these runs of the record."""
+        of = self.simulator
+        if isinstance(of, Simulator):
+            return diagnose(fit, of, hold_out=hold_out)
+        from smad.simulators.mjcf.asked import diagnose_mjcf
+
+        return diagnose_mjcf(of.model, of.map, fit, hold_out=hold_out)
 
     def asked(self, folder: Path) -> Asked:
         """The runs of the files in `folder`, fetched if they are not there.
@@ -69,16 +91,22 @@ class Record:
         return self.runs(*(self._read(folder / name) for name in self.files))
 
     def _fetch(self, names: Sequence[str], folder: Path) -> None:
-        by_hand = f"put {' and '.join(names)} from the archive of {self.page} into {folder}"
         try:
-            with urllib.request.urlopen(self.archive, timeout=_TIMEOUT_S) as answer:
-                archive = zipfile.ZipFile(io.BytesIO(answer.read()))
-            members = {Path(n).name: n for n in archive.namelist()}
-            found = {name: archive.read(members[name]) for name in names}
+            if self.addresses:
+                found = {name: _fetched(self.addresses[name]) for name in names}
+            else:
+                archive = zipfile.ZipFile(io.BytesIO(_fetched(self.archive)))
+                members = {Path(n).name: n for n in archive.namelist()}
+                found = {name: archive.read(members[name]) for name in names}
         except (OSError, zipfile.BadZipFile, KeyError) as error:
-            why = f"{type(error).__name__} {error}".strip()
+            wanted = " and ".join(names)
+            source = f"the archive of {self.page}"
+            if self.addresses:
+                source = " and ".join(self.addresses[name] for name in names)
             raise RecordError(
-                f"{self.archive} gives no {' and '.join(names)}", value=why, action=by_hand
+                f"{self.archive or self.page} gives no {wanted}",
+                value=f"{type(error).__name__} {error}".strip(),
+                action=f"put {wanted} from {source} into {folder}",
             ) from error
         folder.mkdir(parents=True, exist_ok=True)
         for name, content in found.items():
@@ -104,6 +132,12 @@ class Record:
         at = [rows[0].index(c) for c in self.columns]
         values = np.array([[float(row[i]) for i in at] for row in rows[1:]])
         return dict(zip(self.columns, values.T, strict=True))
+
+
+def _fetched(address: str) -> bytes:
+    with urllib.request.urlopen(address, timeout=_TIMEOUT_S) as answer:
+        content: bytes = answer.read()
+    return content
 
 
 def _silverbox(columns: Mapping[str, Array]) -> Asked:
@@ -160,6 +194,23 @@ def _emps(plain: Mapping[str, Array], pulsed: Mapping[str, Array]) -> Asked:
     return Asked(laps("lap", plain), laps("lap with pulses", pulsed))
 
 
+def _pendulum(ddp: Mapping[str, Array], collocation: Mapping[str, Array]) -> Asked:
+    """Two swing-ups with trajectories of two planners, as they were recorded."""
+    runs = {"ddp": ddp, "direct collocation": collocation}
+    return Asked(
+        [
+            Table(name, c["time"], {n: y for n, y in c.items() if n != "time"})
+            for name, c in runs.items()
+        ],
+        [],
+    )
+
+
+_HERE = Path(__file__).parent
+_DFKI = "dfki-ric-underactuated-lab/torque_limited_simple_pendulum"
+_DFKI_FILES = (
+    f"https://raw.githubusercontent.com/{_DFKI}/ed17ea2d32a35ad944944ca03ef57693e2986732/results"
+)
 RECORDS = {
     "silverbox": Record(
         "https://www.nonlinearbenchmark.org/benchmarks/silverbox",
@@ -189,5 +240,24 @@ RECORDS = {
         ("vir", "qm", "gtau"),
         EMPS,
         _emps,
+    ),
+    "pendulum": Record(
+        f"https://github.com/{_DFKI}",
+        "",
+        {
+            "pendulum-ddp.csv": "14748fd189abae7b6392a016f2f0494b54bb2a8c014bc435a84b58dbecb2da35",
+            "pendulum-collocation.csv": (
+                "c3f990980169815b93ab37078780e13803327dcb6fc9e019f2d261b988cdaf8f"
+            ),
+        },
+        ("time", "position", "velocity", "torque"),
+        Mjcf(_HERE / "pendulum.xml", _HERE / "pendulum.toml"),
+        _pendulum,
+        {
+            "pendulum-ddp.csv": f"{_DFKI_FILES}/control_method_ddp/data_measured.csv",
+            "pendulum-collocation.csv": (
+                f"{_DFKI_FILES}/control_method_direct_collocation/data_measured.csv"
+            ),
+        },
     ),
 }

@@ -30,7 +30,12 @@ from smad.cli.gap_runs import (
     trust_option,
     uncut,
 )
-from smad.cli.gap_simulator import diagnosed_elsewhere, require_pairs, simulator_options
+from smad.cli.gap_simulator import (
+    diagnosed_elsewhere,
+    processes_option,
+    require_pairs,
+    simulator_options,
+)
 from smad.cli.output import FILE, json_option, print_json, progress
 from smad.files import named_output, require_writable
 
@@ -61,6 +66,7 @@ gap.add_command(plan_runs)
 @click.option("--html", "html_path", type=FILE, help="Write the report page here.")
 @click.option("--apply", "model_path", type=FILE, help="Write the better model here.")
 @simulator_options
+@processes_option
 def diagnose(
     *,
     runs: tuple[Path, ...],
@@ -77,6 +83,7 @@ def diagnose(
     mjcf: Path | None,
     map_path: Path | None,
     window_s: float | None,
+    processes: int,
 ) -> None:
     """Say where model and RUNs disagree, which effect or law is missing, and how much of the gap
     it explains.
@@ -99,6 +106,8 @@ def diagnose(
     require_pairs(fmu, mjcf, map_path)
     if fmu is not None and model_path is not None:
         raise click.UsageError("no model of a unit can be written; leave --apply out with --fmu")
+    if processes > 1 and not (fmu or mjcf):
+        raise click.UsageError("--processes is of --fmu and --mjcf; leave it out")
     with clean_errors():
         if map_path is not None and (fmu or mjcf):
             answer = diagnosed_elsewhere(
@@ -110,6 +119,7 @@ def diagnose(
                 mjcf=mjcf,
                 map_path=map_path,
                 window_s=window_s,
+                processes=processes,
             )
             asked = ""
         else:

@@ -45,6 +45,16 @@ def simulator_options(command: _F) -> _F:
     return command
 
 
+processes_option = click.option(
+    "--processes",
+    type=click.IntRange(1),
+    default=1,
+    show_default=True,
+    metavar="N",
+    help="With --mjcf or --fmu: replay in so many processes, for a model that takes long.",
+)
+
+
 def require_pairs(fmu: Path | None, mjcf: Path | None, map_path: Path | None) -> None:
     """Raise UsageError for options that do not belong together."""
     if fmu is not None and mjcf is not None:
@@ -69,6 +79,7 @@ def diagnosed_elsewhere(
     mjcf: Path | None,
     map_path: Path,
     window_s: float | None,
+    processes: int,
 ) -> Answer:
     """The answer for a simulator that is not ours."""
     with progress() as line:
@@ -83,12 +94,22 @@ def diagnosed_elsewhere(
                 hold_out=hold_out,
                 trusted=trusted,
                 window_s=window_s,
+                processes=processes,
                 progress=line.say,
+                announced=line.note,
             )
         from smad.fmi.asked import diagnose_unit
 
         assert fmu is not None
         warn_of(fmu)
         return diagnose_unit(
-            fmu, map_path, runs, good=good, hold_out=hold_out, trusted=trusted, progress=line.say
+            fmu,
+            map_path,
+            runs,
+            good=good,
+            hold_out=hold_out,
+            trusted=trusted,
+            processes=processes,
+            progress=line.say,
+            announced=line.note,
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smad.diagnosis import Answer, diagnose
+from smad.diagnosis.data.columns import filled
 from smad.diagnosis.errors import GapError, PlantMismatch
+from smad.diagnosis.places.bare import with_places
+from smad.diagnosis.plant import nominal_point
 from smad.diagnosis.runs import GapRun
 from smad.fmi.errors import FmiError
 from smad.fmi.map_file import ChannelRow, InputRow, Map, read_map
@@ -26,12 +30,16 @@ from smad.records.units import UNITS, convert, spelt, units_for
 from smad.runlog.bounds import require_bounded
 from smad.runlog.paths import names_of
 from smad.runlog.reader import read_run, recorded
+from smad.simulators.asking import announce, on_standard_error
 from smad.simulators.planning import Plan
+from smad.simulators.processes import in_processes
 from smad.simulators.rating import rate
 from smad.simulators.windows import choose_window
 
 _COARSE, _SHORT = 5.0, 2.0
 """Of the lag that a map names: a longest step, and a shortest run, that make sense."""
+_MOVED = 0.1
+"""Of the way to the middle of its range, a parameter for a replay that is timed."""
 Column = NDArray[np.float64]
 
 
@@ -43,13 +51,16 @@ def diagnose_unit(
     good: Sequence[Path] = (),
     hold_out: Sequence[Path] = (),
     trusted: Sequence[str] = (),
+    processes: int = 1,
     progress: Say = silent,
+    announced: Say = on_standard_error,
 ) -> Answer:
     """Where a unit and the runs disagree; as `smad.diagnosis.diagnose`.
 
-    `trusted` are paths, or names of files, of runs that the model's opinion does not refuse. The
-    unit runs for as long as the answer is kept, since its page replays. Raises FmiError for a unit
-    or a map that cannot be used, RunLogError for a run that cannot.
+    `trusted` are paths, or names of files, of runs that the model's opinion does not refuse. A
+    unit that takes long runs in `processes`; a long computation is `announced`. The unit runs for
+    as long as the answer is kept, since its page replays. Raises FmiError for a unit or a map that
+    cannot be used, RunLogError for a run that cannot.
     """
     mapped = read_map(map_path)
     plant = FmuPlant(open_unit(fmu), mapped)
@@ -61,9 +72,12 @@ def diagnose_unit(
     asked, known, held_out = ([read(p) for p in paths] for paths in (runs, good, hold_out))
     plant.window_s, why = 0.0, ""
     try:
-        if any(isinstance(v, str) for v in mapped.start.values()):
-            plant.window_s, why = choose_window(plant, asked, mapped.window_s)
-        answer = diagnose(asked, plant=plant, good=known, hold_out=held_out, progress=progress)
+        with in_processes(plant, processes):
+            every = [*asked, *known, *held_out]
+            announce(with_places(plant), every, _replay_s(plant, every[0]), processes, announced)
+            if any(isinstance(v, str) for v in mapped.start.values()):
+                plant.window_s, why = choose_window(plant, asked, mapped.window_s)
+            answer = diagnose(asked, plant=plant, good=known, hold_out=held_out, progress=progress)
     except (GapError, np.linalg.LinAlgError) as error:
         if not plant.failures.why or isinstance(error, PlantMismatch):
             raise
@@ -75,6 +89,17 @@ def diagnose_unit(
         ) from error
     notes = [*answer.verdict.notes, *([why] if why else []), *plant.failures.notes]
     return replace(answer, verdict=msgspec.structs.replace(answer.verdict, notes=notes))
+
+
+def _replay_s(plant: FmuPlant, run: GapRun) -> float:
+    """What a replay of a run takes; the first of all starts the unit, and is made twice."""
+    usable, point = filled(run), nominal_point(plant)
+    plant.simulate(point, usable)
+    first = plant.parameters[0]
+    moved = first.nominal + _MOVED * (0.5 * (first.low + first.high) - first.nominal)
+    began = time.perf_counter()
+    plant.simulate(replace(point, theta={**point.theta, first.name: moved}), usable)
+    return time.perf_counter() - began
 
 
 def plan_unit(fmu: Path, map_path: Path, inputs: Sequence[Path], *, within_s: float = 5.0) -> Plan:

@@ -6,6 +6,7 @@ import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from smad.fmi.map_file import ChannelRow, InputRow, Map, ParameterRow, TermRow, 
 from smad.fmi.running import Fed, Runner, shaped
 from smad.fmi.unit_file import UnitFile
 from smad.simulators.plant import Failures
+from smad.simulators.processes import Processes
 from smad.simulators.starts import Starts
 
 _KEPT = 64
@@ -44,8 +46,8 @@ class FmuPlant:
     terms.
 
     Raises FmiError for a map that does not fit the unit. Safe to call from several threads: the
-    unit runs once at a time, and what it gave for the latest points is kept, so that errors of a
-    reading do not run it again.
+    unit runs once at a time, in each of its `processes` if it has some, and what it gave for the
+    latest points is kept, so that errors of a reading do not run it again.
     """
 
     def __init__(self, unit: UnitFile, mapped: Map) -> None:
@@ -60,7 +62,7 @@ class FmuPlant:
         self._starts_anew = False
         self.failures = Failures()
         """Of replays: where the unit stopped before the end of a run."""
-        self.traits = Traits(shortest_s=mapped.shortest_s)
+        self.processes: Processes | None = None
         self._known: OrderedDict[object, Array] = OrderedDict()
         self.inputs = [Signal(n, r.unit, r.low, r.high) for n, r in mapped.inputs.items()]
         self.channels = [
@@ -70,7 +72,13 @@ class FmuPlant:
         self.parameters = [_parameter(n, r, unit) for n, r in mapped.parameters.items()]
         self.effects = effects_of(mapped)
         self.window_s = mapped.window_s or 0.0
-        self._starts: dict[int, tuple[GapRun, Starts]] = {}
+        self._windows_of: dict[object, tuple[GapRun, list[Window]]] = {}
+
+    @property
+    def traits(self) -> Traits:
+        """How long a run must be, and how many replays are worth asking for at once."""
+        together = self.processes.count if self.processes else 1
+        return Traits(shortest_s=self._map.shortest_s, together=together)
 
     def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
         """See `PlantModel`."""
@@ -93,12 +101,17 @@ class FmuPlant:
         windows = self._windows(run)
         key = (about.digest(), tuple(sorted(values.items())), tuple(map(repr, (*fed, *windows))))
         with self._lock:
-            if key not in self._known:
-                self._known[key] = self._replayed(values, run, rows, fed, windows)
-                while len(self._known) > _KEPT:
-                    self._known.popitem(last=False)
+            known = self._known.get(key)
+            if known is None and self.processes is None:
+                known = self._replayed(values, run, rows, fed, windows)
+        if known is None:
+            known = self._replayed(values, run, rows, fed, windows)
+        with self._lock:
+            self._known[key] = known
             self._known.move_to_end(key)
-            return self._known[key]
+            while len(self._known) > _KEPT:
+                self._known.popitem(last=False)
+        return known
 
     def _replayed(
         self,
@@ -109,9 +122,9 @@ class FmuPlant:
         windows: Sequence[Window],
     ) -> Array:
         """A replay in windows; the first is made twice, for a unit that does not start anew."""
-        course = self._in_windows(values, run, rows, fed, windows)
-        if not self._starts_anew:
-            again = self._in_windows(values, run, rows, fed, windows)
+        times = 1 if self._starts_anew else 2
+        course, *others = self._in_windows(values, run, rows, fed, windows, times=times)
+        for again in others:
             if not np.array_equal(course, again, equal_nan=True):
                 place = np.argwhere(course != again)[0]
                 raise FmiError(
@@ -132,33 +145,59 @@ class FmuPlant:
         rows: Array,
         fed: list[Fed],
         windows: Sequence[Window],
-    ) -> Array:
+        *,
+        times: int,
+    ) -> list[Array]:
         parts, why = [], ""
         self.failures.replays += 1
         for a, b, start in windows:
             given = {**start, **values}
-            part = self._runner.replay(given, run.t_s[a:b], rows[a:b], fed)
+            played, said = self._played(given, run.t_s[a:b], rows[a:b], fed, times)
+            part = played[0]
             if not np.isfinite(part).all():
                 k = a + int(np.argmin(np.isfinite(part).all(axis=0)))
                 words = ", ".join(f"{name} = {value:.6g}" for name, value in given.items())
-                said = f" ({self._runner.said})" if self._runner.said else ""
-                why = why or f"run {run.name} at {run.t_s[k]:.6g} s, with {words}{said}"
-            parts.append(part)
-        self.failures.failed += bool(why)
-        self.failures.why = self.failures.why or why
-        return np.concatenate(parts, axis=1)
+                last = f" ({said})" if said else ""
+                why = why or f"run {run.name} at {run.t_s[k]:.6g} s, with {words}{last}"
+            parts.append(played)
+        if why:
+            self.failures.failed += 1
+            self.failures.why = self.failures.why or why
+        return [np.concatenate(course, axis=1) for course in zip(*parts, strict=True)]
+
+    def play(self, *arguments: Any) -> tuple[list[Array], str]:
+        """Replays of the unit; see `Runner.replays`."""
+        return self._runner.replays(*arguments)
+
+    def _played(self, *arguments: Any) -> tuple[list[Array], str]:
+        if self.processes is None:
+            return self.play(*arguments)
+        try:
+            played: tuple[list[Array], str] = self.processes.called(*arguments)
+        except RuntimeError as error:
+            raise FmiError(
+                f"unit {self.name} does not run in processes",
+                value=str(error),
+                action="leave processes out",
+            ) from error
+        return played
 
     def _windows(self, run: GapRun) -> list[Window]:
         """First and last sample of each window, and what the unit is set to before it."""
+        # A run that is pushed has other inputs, and the same times and readings.
+        whole = run if run.whole is None else run.whole
+        key = (id(run.t_s), id(whole.outputs), self.window_s)
+        if key not in self._windows_of:
+            # The run is kept as well, so that nothing else gets its number.
+            self._windows_of[key] = (run, self._cut(run, whole))
+        return self._windows_of[key][1]
+
+    def _cut(self, run: GapRun, whole: GapRun) -> list[Window]:
         fixed = {n: v for n, v in self._map.start.items() if not isinstance(v, str)}
         read = {n: v for n, v in self._map.start.items() if isinstance(v, str)}
-        whole = run if run.whole is None else run.whole
         if not read or not whole.outputs:
             return [(0, len(run.t_s), fixed)]
-        if id(whole) not in self._starts:
-            # The run is kept as well, so that nothing else gets its number.
-            self._starts[id(whole)] = (whole, Starts(whole, tuple(self._map.channels)))
-        starts = self._starts[id(whole)][1]
+        starts = Starts(whole, tuple(self._map.channels))
         edges = [0]
         if self.window_s > 0.0:
             number = np.floor((run.t_s - run.t_s[0]) / self.window_s + 1e-9)

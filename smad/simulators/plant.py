@@ -83,7 +83,7 @@ class SimulatedPlant:
         self.effects: Sequence[Effect] = [*declared_effects, *self._transducers()]
         self._largest = {s.name: max(abs(s.low), abs(s.high)) for s in self.inputs}
         self._known: OrderedDict[object, Mapping[str, Array]] = OrderedDict()
-        self._windows: dict[tuple[int, float], tuple[GapRun, list[Window]]] = {}
+        self._windows: dict[object, tuple[GapRun, list[Window]]] = {}
 
     @property
     def traits(self) -> Traits:
@@ -148,8 +148,7 @@ class SimulatedPlant:
     ) -> Mapping[str, Array]:
         values = self.declared.values(point.theta, point.effects)
         key = (
-            id(whole),
-            self.window_s,
+            self._identity(whole),
             tuple(values.values()),
             *(hash(given[n].tobytes()) for n in sorted(given)),
         )
@@ -172,11 +171,8 @@ class SimulatedPlant:
         try:
             for a, b, start in self.windows(whole):
                 part = {n: v[a:b] for n, v in given.items()}
-                shown = (
-                    called(self.declared, whole.t_s[a:b], part, values, start)
-                    if self.processes is None
-                    else self.processes.called(whole.t_s[a:b], part, values, start)
-                )
+                play = self.play if self.processes is None else self.processes.called
+                shown = play(whole.t_s[a:b], part, dict(values), dict(start))
                 for name in self._signals:
                     out[name][a:b] = shown[name]
         except Exception as error:  # whatever somebody else's function does at some point
@@ -189,6 +185,16 @@ class SimulatedPlant:
                 return {n: np.full(len(whole.t_s), np.nan) for n in self._signals}
         return out
 
+    def play(
+        self,
+        t_s: Array,
+        inputs: Mapping[str, Array],
+        values: Mapping[str, float],
+        start: Mapping[str, float],
+    ) -> dict[str, Array]:
+        """One call of the function; see `called`."""
+        return called(self.declared, t_s, inputs, values, start)
+
     def _failed(self, why: str, values: Mapping[str, float]) -> None:
         self.failures.failed += 1
         if not self.failures.why:
@@ -196,9 +202,13 @@ class SimulatedPlant:
                 f"{n} = {v:.4g}" for n, v in values.items() if v
             )
 
+    def _identity(self, whole: GapRun) -> object:
+        """What a run's windows go by: one that is pushed has the same times and readings."""
+        return id(whole.t_s), id(whole.outputs), self.window_s
+
     def windows(self, whole: GapRun) -> list[Window]:
         """First and last sample of each window of a run, and where it begins."""
-        key = (id(whole), self.window_s)
+        key = self._identity(whole)
         if key not in self._windows:
             # The run is kept as well, so that nothing else gets its number.
             self._windows[key] = (whole, self._cut(whole))

@@ -1,4 +1,4 @@
-"""The function of a simulator in several processes, for one that takes long.
+"""A simulator in several processes, for one that takes long.
 
 They are forked from this one, so that a function of a notebook, or one made inside another, needs
 no module of its own.
@@ -6,70 +6,87 @@ no module of its own.
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from typing import Any, Protocol
 
-from smad.diagnosis.plant import Array
-from smad.simulators.calling import called
-from smad.simulators.declare import Simulator
 from smad.simulators.errors import SimulatorError
 
 
 class Processes:
-    """`count` processes that call the function; safe to ask from several threads.
+    """`count` processes that call the same function; safe to ask from several threads.
 
     Raises SimulatorError where this system forks no processes.
     """
 
-    def __init__(self, declared: Simulator, count: int) -> None:
+    def __init__(self, function: Callable[..., Any], count: int) -> None:
         if "fork" not in multiprocessing.get_all_start_methods():
             raise SimulatorError("this system forks no processes", action="leave processes out")
         self.count = count
         self._pool = ProcessPoolExecutor(
-            count, multiprocessing.get_context("fork"), initializer=_begin, initargs=(declared,)
+            count, multiprocessing.get_context("fork"), initializer=_begin, initargs=(function,)
         )
 
-    def called(
-        self,
-        t_s: Array,
-        inputs: Mapping[str, Array],
-        values: Mapping[str, float],
-        start: Mapping[str, float],
-    ) -> dict[str, Array]:
-        """As `smad.simulators.calling.called`. Raises RuntimeError for what the function raised."""
+    def called(self, *arguments: Any) -> Any:
+        """What the function returns. Raises RuntimeError for what it raised."""
         with warnings.catch_warnings():
             # Forking beside threads is what Python 3.12 warns of; ours hold no lock that a function
             # could want.
             warnings.simplefilter("ignore", DeprecationWarning)
-            asked = self._pool.submit(_call, t_s, dict(inputs), dict(values), dict(start))
-        outputs, why = asked.result()
+            asked = self._pool.submit(_call, *arguments)
+        returned, why = asked.result()
         if why:
             raise RuntimeError(why)
-        return outputs
+        return returned
 
     def close(self) -> None:
         """End the processes."""
         self._pool.shutdown(cancel_futures=True)
 
 
-_simulators: list[Simulator] = []
+class Separable(Protocol):
+    """A plant whose replays may be made in other processes."""
+
+    processes: Processes | None
+
+    def play(self, *arguments: Any) -> Any:
+        """A replay, from what can be sent to another process."""
+        ...
+
+
+@contextlib.contextmanager
+def in_processes(plant: Separable, count: int) -> Iterator[None]:
+    """A plant whose replays are made in so many processes; 1: in this one.
+
+    Raises SimulatorError for what is no count.
+    """
+    if count < 1:
+        raise SimulatorError("processes is no count", value=count, action="give 1 or more")
+    if count == 1:
+        yield
+        return
+    with contextlib.closing(Processes(plant.play, count)) as pool:
+        plant.processes = pool
+        try:
+            yield
+        finally:
+            plant.processes = None
+
+
+_functions: list[Callable[..., Any]] = []
 """In a process of the pool: what it calls."""
 
 
-def _begin(declared: Simulator) -> None:
-    _simulators[:] = [declared]
+def _begin(function: Callable[..., Any]) -> None:
+    _functions[:] = [function]
 
 
-def _call(
-    t_s: Array,
-    inputs: Mapping[str, Array],
-    values: Mapping[str, float],
-    start: Mapping[str, float],
-) -> tuple[dict[str, Array], str]:
-    """Outputs, or why there are none: exceptions of others need not survive the way back."""
+def _call(*arguments: Any) -> tuple[Any, str]:
+    """What is returned, or why nothing is: exceptions of others need not survive the way back."""
     try:
-        return called(_simulators[0], t_s, inputs, values, start), ""
+        return _functions[0](*arguments), ""
     except Exception as error:  # whatever somebody else's function does at some point
-        return {}, f"{type(error).__name__}: {error}"
+        return None, f"{type(error).__name__}: {error}"

@@ -16,7 +16,7 @@ from scipy.io import savemat
 from examples.public_records.__main__ import main
 from examples.public_records.emps import LAP
 from examples.public_records.emps import STEP_S as SAMPLE_S
-from examples.public_records.records import RECORDS, Asked, Record, RecordError
+from examples.public_records.records import RECORDS, Asked, Mjcf, Record, RecordError
 from examples.public_records.silverbox import RATE_HZ
 from examples.public_records.tanks import STEP_S
 from smad.diagnosis import Verdict
@@ -24,9 +24,13 @@ from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.runs import GapRun
 from smad.simulators import Simulator, diagnose
 from smad.simulators.bind import bind
+from smad.simulators.mjcf.asked import declare_mjcf
 from tests.smad.diagnosis.cases import strong
 
 TANKS, SILVERBOX, EMPS = RECORDS["tanks"], RECORDS["silverbox"], RECORDS["emps"]
+PENDULUM = RECORDS["pendulum"]
+FETCHED = Path(__file__).resolve().parents[2] / "public-records"
+"""Where `python -m examples.public_records` puts them, from the root."""
 PART = 1500
 """Samples of each Silverbox run that a test plays."""
 
@@ -238,6 +242,63 @@ def test_the_laps_of_a_drive_are_runs_and_show_the_rate_that_the_force_up_to_the
         # With the force of a sample later the drive would be ahead of the model in its ramps.
         ramps = np.gradient(there_and_back())
         assert abs(np.sum(off * ramps)) < 0.3 * np.sum(ramps**2)
+
+
+def pendulum_files(folder: Path) -> Record:
+    """Two files of a pendulum with dry friction of 0.15 N m; a torque is in force from its time."""
+    inertia, damping, dt = 0.6 * 0.5**2, 0.05, 0.002
+    for seed, name in enumerate(PENDULUM.files):
+        torque = 1.5 * multisine(1000, 8, seed)
+        angle = rate = 0.0
+        rows = []
+        for k in range(1000):
+            rows.append((k * dt, angle, rate, torque[k]))
+            rate += dt * (torque[k] - damping * rate - 0.3 * 9.81 * np.sin(angle)) / inertia
+            rate -= np.clip(rate, -dt * 0.15 / inertia, dt * 0.15 / inertia)
+            angle += dt * rate
+        head = ",".join(PENDULUM.columns)
+        np.savetxt(folder / name, rows, "%.9e", ",", header=head, comments="")
+    return as_published(PENDULUM, folder)
+
+
+def test_the_model_and_the_map_of_the_pendulum_replay_its_files(tmp_path: Path) -> None:
+    asked = pendulum_files(tmp_path).asked(tmp_path)
+    assert isinstance(PENDULUM.simulator, Mjcf)
+    declared, (tables,) = declare_mjcf(PENDULUM.simulator.model, PENDULUM.simulator.map, asked.fit)
+    bound = bind(declared, tables)
+    theta = {"mass_kg": 0.6, "length_m": 0.5, "damping": 0.05}
+    rubbing = {"hinge_dry_friction": {"size": 0.15}}
+    for run in bound.groups[0]:
+        angle = run.outputs["angle_rad"]
+        errors = [
+            np.std(bound.plant.simulate(ModelPoint(theta, effects), run)["angle_rad"] - angle)
+            for effects in (rubbing, {})
+        ]
+        assert errors[0] < 0.02 * np.std(angle)
+        assert errors[1] > 10.0 * errors[0]
+
+
+@pytest.mark.campaign
+@pytest.mark.skipif(
+    not all((FETCHED / name).exists() for name in PENDULUM.files),
+    reason="not fetched: python -m examples.public_records pendulum",
+)
+def test_friction_of_the_public_pendulum_comes_first_at_its_joint() -> None:
+    asked = PENDULUM.asked(FETCHED)
+    first, *_ = PENDULUM.diagnosed(asked.fit, asked.hold_out).verdict.causes
+    assert first.place == "input_hinge_torque"
+    assert first.name == "hinge_dry_friction"
+    (size,) = (v for v in first.values if v.name == "size")
+    assert 0.09 < size.value < 0.2
+
+
+def test_a_file_at_an_address_of_its_own_is_fetched_from_there(tmp_path: Path) -> None:
+    record = pendulum_files(tmp_path)
+    there = replace(record, addresses={n: (tmp_path / n).as_uri() for n in record.files})
+    assert len(there.asked(tmp_path / "fetched").fit) == 2
+    gone = replace(record, addresses={n: (tmp_path / "gone").as_uri() for n in record.files})
+    with pytest.raises(RecordError, match=r"put pendulum-ddp\.csv .*gone"):
+        gone.asked(tmp_path / "again")
 
 
 @pytest.mark.parametrize(

@@ -45,7 +45,9 @@ def diagnose_mjcf(
     hold_out: Any = (),
     trusted: Sequence[str] = (),
     window_s: float | None = None,
+    processes: int = 1,
     progress: Say = silent,
+    announced: Say | None = None,
 ) -> Answer:
     """Where a MuJoCo model and runs disagree; as `smad.simulators.diagnose`.
 
@@ -55,7 +57,7 @@ def diagnose_mjcf(
     fit, known, held_out = groups
     return diagnose(
         fit, declared, good=known, hold_out=held_out, trusted=trusted, window_s=window_s,
-        progress=progress,
+        processes=processes, progress=progress, announced=announced,
     )  # fmt: skip
 
 

@@ -246,7 +246,7 @@ class MujocoModel:
                 m, d, first[None], np.repeat(control, pieces, axis=0)[None, :steps],
                 control_spec=int(spec), skip_checks=False,
             )  # fmt: skip
-        if any(w.number for w in d.warning):
+        if d.warning.number.any():
             return {x.name: np.full(len(control), np.nan) for x in self._shown}
         # A state is that after its step, sensors are those before it.
         before = np.vstack([first, states[0][:-1]])[::pieces]

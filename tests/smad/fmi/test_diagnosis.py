@@ -20,6 +20,7 @@ from smad.fmi.errors import FmiError
 from smad.fmi.map_file import read_map
 from smad.fmi.plant import FmuPlant
 from smad.fmi.unit_file import MOST_BYTES, open_unit
+from smad.simulators.processes import in_processes
 from tests.smad.diagnosis.cases import strong
 from tests.smad.runlog.helpers import write_small_run
 
@@ -38,14 +39,16 @@ def plant_of(unit: Path, folder: Path, text: str = MAP) -> FmuPlant:
 
 
 def test_the_missing_radiation_of_a_heater_is_found_in_what_heats_it(
-    unit: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    unit: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("smad.simulators.asking._SLOW_S", 0.0)
     (tmp_path / "map.toml").write_text(MAP)
     runs = [str(run_file(tmp_path / f"{s}.csv", s, radiated=8.0)) for s in range(4)]
     ask = ["gap", "diagnose", *runs, "--fmu", str(unit), "--map", str(tmp_path / "map.toml")]
     assert execute([*ask, "--html", str(tmp_path / "gap.html")]) == 0
     said, warned = capfd.readouterr()
     assert f"smad: runs the code of {unit} as you; use units of those you trust\n" in warned
+    assert re.search(r"^a replay takes [\d.e-]+ s: about \d+ s in all", warned, re.MULTILINE)
     assert said.startswith("the simulator lacks something at the ")
     assert re.search(r"^  name   radiation", said, re.MULTILINE)
     before, after = re.findall(r"from ([\d.]+) to ([\d.]+) floors", said)[0]
@@ -95,6 +98,20 @@ def test_replays_do_not_depend_on_those_before_or_on_the_thread(unit: Path, tmp_
         again = list(pool.map(replay, points[::-1]))[::-1]
     for a, b in zip(once, again, strict=True):
         np.testing.assert_array_equal(a, b)
+
+
+def test_processes_replay_a_unit_as_one_does(unit: Path, tmp_path: Path) -> None:
+    here, there = plant_of(unit, tmp_path), plant_of(unit, tmp_path)
+    run = read_mapped(run_file(tmp_path / "a.csv", 1), read_map(tmp_path / "map.toml"))
+    points = [ModelPoint({"capacity_J_K": c}) for c in np.linspace(20.0, 40.0, 6)]
+    with in_processes(there, 2), ThreadPoolExecutor(2) as threads:
+        assert there.traits.together == 2
+        shown = list(threads.map(lambda point: there.simulate(point, run), points))
+    for point, other in zip(points, shown, strict=True):
+        alone = here.simulate(point, run)["temperature_degC"]
+        np.testing.assert_array_equal(alone, other["temperature_degC"])
+    # Its page replays afterwards, in this process.
+    assert np.isfinite(there.simulate(ModelPoint({}), run)["temperature_degC"]).all()
 
 
 def test_a_compiled_unit_without_python_gives_the_same(unit: Path, tmp_path: Path) -> None:
@@ -321,6 +338,7 @@ def test_a_unit_needs_its_map_and_is_written_no_model(
     for options, words in (
         (["--fmu", str(unit)], "--fmu and --map belong together"),
         ([*with_map, "--apply", "b.toml"], "no model of a unit can be written"),
+        (["--processes", "2"], "--processes is of --fmu and --mjcf"),
     ):
         assert execute(["gap", "diagnose", run, *options]) == 2
         (line,) = capfd.readouterr().err.splitlines()
@@ -340,4 +358,4 @@ def test_a_point_at_which_a_unit_stops_is_counted_and_said(tmp_path: Path) -> No
     assert plant.failures.notes == []
     plant.simulate(ModelPoint({"loss_W_K": 0.7}), run)
     (said,) = plant.failures.notes
-    assert re.match(r"1 of 4 replays gave no numbers.*dropped: run 0 at 0\.\d s, with .*0\.7", said)
+    assert re.match(r"1 of 3 replays gave no numbers.*dropped: run 0 at 0\.\d s, with .*0\.7", said)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import ANY
 
@@ -347,13 +348,13 @@ def test_models_that_explode_are_dropped_and_said() -> None:
 
 
 def test_a_slow_function_says_beforehand_how_long_the_whole_will_take(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     clock = iter(np.arange(0.0, 1e6, 1.0))
     monkeypatch.setattr("smad.simulators.checks.time.perf_counter", lambda: float(next(clock)))
     told: list[str] = []
     diagnose(RUNS, declared_heater(), progress=told.append)
-    assert re.match(r"a replay takes 1 s: about \d+ min in all", told[0])
+    assert re.match(r"smad: a replay takes 1 s: about \d+ min in all", capsys.readouterr().err)
     assert "choosing a window" in told
 
 
@@ -361,7 +362,7 @@ def test_the_time_that_is_told_is_near_the_replays_that_are_made() -> None:
     from smad.simulators.asking import seconds_expected
 
     bound = bind(declared_heater(), RUNS)
-    expected = seconds_expected(bound) / bound.seconds
+    expected = seconds_expected(bound.plant, bound.groups[0], 1.0)
     answer = diagnose(RUNS, declared_heater())
     assert answer.search is not None
     made = answer.search.question.model.plant.plain.failures.replays
@@ -401,6 +402,8 @@ def test_each_window_begins_from_the_readings_there() -> None:
     np.testing.assert_allclose(shown[at], run.outputs["angle_rad"][at], atol=3e-3)
     states = bound.plant.trajectory(ModelPoint({}), run)
     assert np.abs(states["angle_rad_rate"][at]).max() < 10.0
+    pushed = replace(run, inputs={n: c + 0.1 for n, c in run.inputs.items()})
+    assert plant.windows(pushed) is plant.windows(run)
 
 
 def test_windows_that_are_too_short_or_do_not_begin_from_readings_are_refused() -> None:

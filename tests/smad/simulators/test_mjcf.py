@@ -47,7 +47,8 @@ def test_friction_that_a_model_lacks_is_placed_named_and_sized_by_the_command(
     )  # fmt: skip
     better = tmp_path / "better.toml"
     status = execute(["gap", "diagnose", *map(str, runs), "--mjcf", str(model),
-                      "--map", str(mapped), "--apply", str(better)])  # fmt: skip
+                      "--map", str(mapped), "--apply", str(better),
+                      "--processes", "2"])  # fmt: skip
     assert status == 0
     assert "torque at joint hinge" in capsys.readouterr().out
     assert better.exists()
