@@ -4,13 +4,15 @@ Change: a two-sided cumulative sum (E. S. Page, Biometrika 41, 1954)
 
     S⁺_k = max(0, S⁺_{k−1} + u_k − K),   S⁻_k = max(0, S⁻_{k−1} − u_k − K),
 
-noticed when either exceeds H; it stays there until it has fallen to 0, which is when the series has
-come back. |u_k| ≤ C: one odd row is no change (J. M. Lucas and R. B. Crosier, Communications in
-Statistics 11, 1982). A row is a block or a run, each begun from rest, because the scatter that
-counts is that between them; samples or cycles within one scatter less (S. J. Janis, Is your process
-too good for its control limits?, ASQC 1990). With mean m and scatter s of the first n rows (y_k − m) / (s √(1+1/n))
-has Student's t distribution with n − 1 degrees of freedom while nothing changes; u_k is the normal
-deviate of the same probability, so that a scatter known from ten rows alone gives no false alarms.
+noticed when either exceeds H. It stays there until it falls to 0: the series has come back.
+|u_k| ≤ C, since an odd row is no change (J. M. Lucas, R. B. Crosier, Comm. Statist. 11, 1982).
+
+With mean m and scatter s of the first n rows (y_k − m) / (s √(1+1/n)) has Student's t distribution
+with n − 1 degrees of freedom while nothing changes; u_k is the normal deviate of the same
+probability, so that a scatter known from ten rows alone gives no false alarms. The scatter that
+counts is that between rows begun from rest, runs or blocks; cycles of one block differ less
+(S. J. Janis, Is your process too good for its control limits?, ASQC 1990).
+
 Forecast: the line y = a + b x by least squares since the change; it crosses the limit L at
 x = (L − a) / b, with Fieller's interval.
 """
