@@ -71,14 +71,15 @@ def main(arguments: Sequence[str]) -> int:
         return _INTERRUPTED
     except (MemoryError, OSError) as error:
         traceback.print_exc()
-        return SHORT if _is_used_up(error) else _INTERNAL
+        return SHORT if is_used_up(error) else _INTERNAL
     except Exception:
         traceback.print_exc()
         return _INTERNAL
     return STOPPED if _stopped_since(bench) else 0
 
 
-def _is_used_up(error: MemoryError | OSError) -> bool:
+def is_used_up(error: MemoryError | OSError) -> bool:
+    """Return whether the error says that this computer has no room, memory or files left."""
     return isinstance(error, MemoryError) or error.errno in _USED_UP
 
 

@@ -1,5 +1,6 @@
 """What the command line lets into a queue, and what it says of the rest."""
 
+import errno
 import json
 from pathlib import Path
 from types import SimpleNamespace
@@ -8,7 +9,7 @@ import pytest
 
 from smad.api import Reason
 from smad.cli import execute
-from smad.cli.queue_child import status_of
+from smad.cli.queue_child import is_used_up, status_of
 from smad.cli.queue_items import KINDS, items_of, obstacle_of
 from smad.client.errors import (
     BoardRefused,
@@ -187,3 +188,18 @@ def test_a_stop_a_fault_and_a_lost_daemon_have_exit_statuses_of_their_own(
     error: SmadError, status: int
 ) -> None:
     assert status_of(error) == status
+
+
+@pytest.mark.parametrize(
+    ("error", "used_up"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), True),
+        (OSError(errno.ENOMEM, "Cannot allocate memory"), True),
+        (MemoryError(), True),
+        (FileNotFoundError(errno.ENOENT, "No such file or directory"), False),
+    ],
+)
+def test_a_computer_that_is_used_up_differs_from_a_file_that_is_missing(
+    error: MemoryError | OSError, used_up: bool
+) -> None:
+    assert is_used_up(error) is used_up
