@@ -67,6 +67,10 @@ def _one_line(value: Any) -> str:
     return text
 
 
+class ComputerError(SmadError):
+    """This computer has no room, memory or time left for what was asked of it."""
+
+
 class MissingPartError(SmadError):
     """A part of smad that is installed by an extra is not here."""
 

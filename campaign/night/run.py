@@ -27,7 +27,7 @@ from campaign.night.report import MESSAGE_S, Found, Look, Met, late, rerun
 from campaign.rig import BAUD, DaemonRig, rig_config, start_daemon
 from smad.client import Client
 from smad.client.endpoints import FOLDER_VARIABLE
-from smad.config import HooksConfig, LinkConfig
+from smad.config import HooksConfig, LinkConfig, RecorderConfig
 from smad.errors import SmadError
 from smad.experiments.endurance.run import earlier_cycles
 from smad.processes.daemon import DaemonProcess
@@ -73,6 +73,8 @@ class NightRig(DaemonRig):
             folder,
             "the board in the daemon's process",
             link=LinkConfig(baud=BAUD, rate_hz=RATE_HZ, reconnect_interval_s=0.05),
+            # A minute of board time, as on a bench; the box goes by the wall clock.
+            recorder=RecorderConfig(folder=str(self.logs), black_box_s=60.0 / speed),
             hooks=HooksConfig(on_fault=note, on_stop=note, on_link_lost=note, on_queue_end=note),
         )
         self._seed = seed

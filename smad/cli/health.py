@@ -102,6 +102,7 @@ def _record(bench_health: Health) -> dict[str, object]:
             "then": trend.mean,
             "scatter": trend.scatter,
             "change": trend.change,
+            "came_back_at_cycles": [float(trend.x[back]) for _, back in trend.passed],
             "noticed_at_cycle": None if trend.noticed is None else float(trend.x[trend.noticed]),
             "forecast": bench_health.forecast(name),
         }

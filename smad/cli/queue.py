@@ -271,7 +271,7 @@ def run(*, until_paused: bool, folder: Path | None, bench: str) -> None:
     After a kill or a restart the item that ran is interrupted, its run log is recovered, and the
     queue is paused until a person resumes it.
     """
-    from smad.cli.queue_items import problem_of
+    from smad.cli.queue_items import obstacle_of
     from smad.client.signals import ended_by_signals
     from smad.queue.bench import BenchWatch
     from smad.queue.lease import RunnerLease
@@ -285,7 +285,7 @@ def run(*, until_paused: bool, folder: Path | None, bench: str) -> None:
             _started, folder=opened.folder.resolve(), bench=bench, descriptor=lease.descriptor
         )
         runner = Runner(
-            opened.store, RunnerParts(watch=watch, start=start, check=problem_of, say=_say)
+            opened.store, RunnerParts(watch=watch, start=start, check=obstacle_of, say=_say)
         )
         try:
             runner.begin()

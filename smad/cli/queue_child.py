@@ -7,6 +7,7 @@ to by the kernel, and killed if it does not.
 
 from __future__ import annotations
 
+import errno
 import sys
 import traceback
 from collections.abc import Sequence
@@ -17,17 +18,21 @@ from smad.api import Reason
 from smad.cli import root
 from smad.client import Client
 from smad.client.errors import NoAnswer, NoDaemon, Refused, Stopped
-from smad.errors import SmadError
+from smad.errors import ComputerError, SmadError
 from smad.experiments.errors import StoppedError, TrippedError
 from smad.processes.parent import end_group_with
-from smad.queue.machine import LOST, STOPPED, TRIPPED
+from smad.queue.machine import LOST, SHORT, STOPPED, TRIPPED
 
 _INTERRUPTED, _INTERNAL = 130, 70
 _REASONS = {
     Reason.STOPPED: STOPPED,
     Reason.NOT_ARMED: STOPPED,
+    # A lease ends when this process gets no turn for so long; the daemon then disarms.
+    Reason.NOT_IN_CONTROL: STOPPED,
     Reason.FAULTED: TRIPPED,
     Reason.NOT_CONNECTED: LOST,
+    Reason.NO_REPLY: LOST,
+    Reason.RECORDER: SHORT,
 }
 _STATUSES: tuple[tuple[type[SmadError], int], ...] = (
     (StoppedError, STOPPED),
@@ -35,7 +40,9 @@ _STATUSES: tuple[tuple[type[SmadError], int], ...] = (
     (TrippedError, TRIPPED),
     (NoDaemon, LOST),
     (NoAnswer, LOST),
+    (ComputerError, SHORT),
 )
+_USED_UP = (errno.ENOSPC, errno.EDQUOT, errno.ENOMEM, errno.EMFILE, errno.ENFILE, errno.EIO)
 
 
 def status_of(error: SmadError) -> int:
@@ -62,10 +69,18 @@ def main(arguments: Sequence[str]) -> int:
         return error.exit_code
     except click.Abort:
         return _INTERRUPTED
+    except (MemoryError, OSError) as error:
+        traceback.print_exc()
+        return SHORT if is_used_up(error) else _INTERNAL
     except Exception:
         traceback.print_exc()
         return _INTERNAL
     return STOPPED if _stopped_since(bench) else 0
+
+
+def is_used_up(error: MemoryError | OSError) -> bool:
+    """Return whether the error says that this computer has no room, memory or files left."""
+    return isinstance(error, MemoryError) or error.errno in _USED_UP
 
 
 def _stopped_since(bench: str) -> bool:

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from firmware_protocol.nearest import instead
-from smad.errors import SmadError
+from smad.errors import ComputerError, SmadError
 from smad.queue.errors import QueueError
+from smad.queue.machine import Obstacle
 
 if TYPE_CHECKING:
     from smad.config import Config
@@ -62,15 +63,15 @@ def items_of(kind: str, given: Sequence[str], folder: Path, repeat: int) -> list
     ]
 
 
-def problem_of(item: Item) -> str:
-    """Return why an item cannot start now; empty when nothing speaks against it."""
+def obstacle_of(item: Item) -> Obstacle | None:
+    """Return why an item cannot begin now; None when nothing speaks against it."""
     try:
         _checked(item.kind, item.words, Path(item.folder))
     except SmadError as error:
-        return str(error)
+        return Obstacle(str(error), of_computer=isinstance(error, ComputerError))
     except click.ClickException as error:
-        return error.format_message()
-    return ""
+        return Obstacle(error.format_message())
+    return None
 
 
 def whole_names(given: Sequence[str]) -> list[str]:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from firmware_protocol.enums import Fault
 from smad import api
 from smad.client import NotReady
 from smad.config import parse_config
@@ -23,7 +24,7 @@ from smad.control.commands import (
 )
 from smad.control.inforce import tune_of
 from smad.control.plan import Cooling, Do, Fixture, Mark, Pause, Plan, UntilDone
-from smad.errors import CommandError
+from smad.errors import CommandError, ComputerError
 from smad.experiments.driver import PARTS, Mounting, log_name
 from smad.experiments.errors import (
     BenchLacksError,
@@ -136,7 +137,7 @@ class LiveDriver:
                     action="make recorder.max_file_min or max_file_MB larger, and run it again",
                 )
             if recorder.error:
-                raise ExperimentError(
+                raise ComputerError(
                     f"run {plan.name} could not be recorded whole: {recorder.error}",
                     value=recorder.path,
                     action="make room on the disk, and run it again",
@@ -240,7 +241,9 @@ class LiveDriver:
         if motion.armed and motion.generation == self._generation:
             return
         fault = "no fault" if motion.fault is None else motion.fault.name
-        kind = StoppedError if motion.fault is None else TrippedError
+        # The emergency stop is latched as a fault, and is a person's stop all the same.
+        by_person = motion.fault is None or motion.fault.name == Fault.ESTOP_PRESSED.name
+        kind = StoppedError if by_person else TrippedError
         raise kind(
             f"run {plan.name}: the board left ARMED"
             + (f", {motion.ended}" if motion.ended else ""),

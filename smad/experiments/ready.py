@@ -14,7 +14,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from smad.errors import CommandError
+from smad.errors import CommandError, ComputerError
 from smad.extras import BROUGHT_BY, missing
 from smad.files import require_writable
 
@@ -61,6 +61,8 @@ def require_packages(extra: str) -> None:
 def require_logs(folder: Path, room_bytes: float) -> None:
     """Raise CommandError unless run logs that the daemon writes there can be read from here.
 
+    Raises ComputerError when there is too little room for them.
+
     A folder that is not there yet is made by the daemon; what counts then is where it will be.
     """
     there = next(place for place in (folder, *folder.parents) if _seen(place))
@@ -73,7 +75,7 @@ def require_logs(folder: Path, room_bytes: float) -> None:
         )
     free = shutil.disk_usage(there).free
     if free < room_bytes:
-        raise CommandError(
+        raise ComputerError(
             f"too little room for run logs in {folder}",
             value=f"{free / 1e6:.0f} MB free",
             limit=f"{room_bytes / 1e6:.0f} MB, for an hour of this bench",

@@ -36,9 +36,14 @@ class Health:
 
     @property
     def changed(self) -> list[Trend]:
-        """Trends with a change, the earliest noticed first."""
+        """Trends with a change that stands, the earliest noticed first."""
         noticed = [trend for trend in self.trends.values() if trend.noticed is not None]
         return sorted(noticed, key=lambda trend: float(trend.x[trend.noticed or 0]))
+
+    @property
+    def returned(self) -> list[Trend]:
+        """Trends that changed for a while and have come back."""
+        return [t for t in self.trends.values() if t.passed and t.noticed is None]
 
 
 def health_of(rows: Sequence[Row], limits: Mapping[str, float]) -> Health:
@@ -64,11 +69,13 @@ def headline(health: Health) -> str:
     """Return the state of the bench in one sentence."""
     if not health.trends:
         return f"{len(health.rows)} rows are too few: a trend needs {LEAST_ROWS} of one name"
+    returned = ", ".join(trend.name for trend in health.returned)
+    passed = f"; changed for a while and came back: {returned}" if returned else ""
     if not health.changed:
-        return f"nothing has changed in {len(health.rows)} rows"
+        return f"nothing has changed in {len(health.rows)} rows{passed}"
     first = health.changed[0]
     names = ", ".join(trend.name for trend in health.changed)
-    return f"changed: {names}; first noticed at cycle {first.x[first.noticed or 0]:.0f}"
+    return f"changed: {names}; first noticed at cycle {first.x[first.noticed or 0]:.0f}{passed}"
 
 
 def table(health: Health) -> Table:
@@ -90,13 +97,18 @@ def table(health: Health) -> Table:
                 trend.name,
                 f"{trend.mean:.4g} ± {trend.scatter:.2g}",
                 f"{np.mean(trend.y[-3:]):.4g}",
-                f"{trend.change:+.3g}" if trend.noticed is not None else "no",
+                f"{trend.change:+.3g}" if trend.noticed is not None else _passed(trend),
                 noticed,
                 "" if limit is None else f"{limit:g}",
                 reached,
             )
         )
     return Table(CHANGE_HEADER, rows)
+
+
+def _passed(trend: Trend) -> str:
+    ranges = (f"{trend.x[begin]:.0f} to {trend.x[back]:.0f}" for begin, back in trend.passed)
+    return f"from {', '.join(ranges)}" if trend.passed else "no"
 
 
 def page(health: Health, bench: str) -> Page:

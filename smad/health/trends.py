@@ -4,9 +4,15 @@ Change: a two-sided cumulative sum (E. S. Page, Biometrika 41, 1954)
 
     S⁺_k = max(0, S⁺_{k−1} + u_k − K),   S⁻_k = max(0, S⁻_{k−1} − u_k − K),
 
-told when either exceeds H. With mean m and scatter s of the first n rows (y_k − m) / (s √(1+1/n))
-has Student's t distribution with n − 1 degrees of freedom while nothing changes; u_k is the normal
-deviate of the same probability, so that a scatter known from ten rows alone gives no false alarms.
+noticed when either exceeds H. It stays there until it falls to 0: the series has come back.
+|u_k| ≤ C, since an odd row is no change (J. M. Lucas, R. B. Crosier, Comm. Statist. 11, 1982).
+
+With mean m and scatter s of the first n rows (y_k − m) / (s √(1+1/n)) has Student's t distribution
+with n − 1 degrees of freedom while nothing changes; u_k is the normal deviate of the same
+probability, so that a scatter known from ten rows alone gives no false alarms. The scatter that
+counts is that between rows begun from rest, runs or blocks; cycles of one block differ less
+(S. J. Janis, Is your process too good for its control limits?, ASQC 1990).
+
 Forecast: the line y = a + b x by least squares since the change; it crosses the limit L at
 x = (L − a) / b, with Fieller's interval.
 """
@@ -15,6 +21,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +34,8 @@ SLACK = 1.25
 """K: the mean of ten rows is itself uncertain by a third of s."""
 THRESHOLD = 7.0
 """H. With K: of series of 41 rows in which nothing changes about 3 in 1000 are told as changed."""
+CAP = 3.25
+"""C: with K and H, three rows far out are no change and four are."""
 LEAST_SCATTER = 1e-3
 """s is at least this share of the mean: readings have digits."""
 
@@ -35,6 +44,7 @@ LEAST_SCATTER = 1e-3
 class Trend:
     """One series. `noticed` is the place of the row at which a change was noticed, None: none.
 
+    `passed` are the rows at which earlier changes were noticed, and at which each had come back.
     `since` is the row from which the cumulative sum rose: about where the change began. `band` is
     mean ± 3 scatters of the reference. `slope` and its standard error are per unit of x, since the
     change or over all rows.
@@ -47,6 +57,7 @@ class Trend:
     scatter: float
     noticed: int | None
     since: int | None
+    passed: tuple[tuple[int, int], ...]
     slope: float
     slope_sd: float
 
@@ -78,7 +89,8 @@ def trend_of(name: str, x: Array, y: Array) -> Trend | None:
         return None
     mean = float(np.mean(y[:REFERENCE]))
     scatter = max(float(np.std(y[:REFERENCE], ddof=1)), LEAST_SCATTER * abs(mean), 1e-12)
-    noticed, since = _noticed(_deviates((y - mean) / scatter))
+    changes = _changes(_deviates((y - mean) / scatter))
+    noticed, since = next(((c.noticed, c.since) for c in changes if c.back is None), (None, None))
     part = slice(None) if since is None else slice(max(since - 1, 0), None)
     slope, slope_sd = _line(x[part], y[part])[1:3]
     return Trend(
@@ -89,6 +101,7 @@ def trend_of(name: str, x: Array, y: Array) -> Trend | None:
         scatter=scatter,
         noticed=noticed,
         since=since,
+        passed=tuple((c.noticed, c.back) for c in changes if c.back is not None),
         slope=slope,
         slope_sd=slope_sd,
     )
@@ -99,19 +112,36 @@ def _deviates(z: Array) -> Array:
 
     # Far out both ends are equally certain; infinity is no number to sum up.
     below = stdtr(REFERENCE - 1, -np.abs(z) / math.sqrt(1.0 + 1.0 / REFERENCE))
-    return np.asarray(-np.sign(z) * ndtri(np.maximum(below, 1e-15)), float)
+    return np.asarray(np.sign(z) * np.minimum(-ndtri(np.maximum(below, 1e-15)), CAP), float)
 
 
-def _noticed(u: Array) -> tuple[int | None, int | None]:
-    sums, began = [0.0, 0.0], [0, 0]
+class _Change(NamedTuple):
+    """Rows from which the sum rose, at which it exceeded H, and at which it had fallen to 0."""
+
+    since: int
+    noticed: int
+    back: int | None = None
+
+
+def _changes(u: Array) -> list[_Change]:
+    """Return the changes in their order; the last one may not have come back."""
+    sums, began, changes = [0.0, 0.0], [0, 0], list[_Change]()
+    side: int | None = None
+    """That of the change that has not come back."""
     for place in range(REFERENCE, len(u)):
-        for side, sign in enumerate((1.0, -1.0)):
-            if sums[side] == 0.0:
-                began[side] = place
-            sums[side] = max(0.0, sums[side] + sign * float(u[place]) - SLACK)
-            if sums[side] > THRESHOLD:
-                return place, began[side]
-    return None, None
+        for number, sign in enumerate((1.0, -1.0)):
+            if sums[number] == 0.0:
+                began[number] = place
+            sums[number] = max(0.0, sums[number] + sign * float(u[place]) - SLACK)
+        if side is not None and sums[side] == 0.0:
+            changes[-1] = changes[-1]._replace(back=place)
+            side = None
+        for number in (0, 1):
+            if side is None and sums[number] > THRESHOLD:
+                side = number
+                changes.append(_Change(began[number], place))
+            sums[number] = min(sums[number], THRESHOLD)
+    return changes
 
 
 def _line(x: Array, y: Array) -> tuple[float, float, float, float, Array]:

@@ -16,8 +16,9 @@ from msgspec import Struct
 from smad.queue.errors import QueueError
 from smad.queue.states import Arming, Item, Snapshot, State, Usage, moved
 
-STOPPED, TRIPPED, LOST = 3, 4, 5
-"""Exit statuses of an item's process: somebody stopped the bench; a fault; no daemon any more."""
+STOPPED, TRIPPED, LOST, SHORT = 3, 4, 5, 6
+"""Exit statuses of an item's process: the bench was stopped or taken away; a fault; daemon or board
+do not answer; this computer lacks disk, memory or time."""
 
 
 class StartItem(Struct, frozen=True):
@@ -54,6 +55,13 @@ class Readiness(Struct, frozen=True):
     trouble: str = ""
 
 
+class Obstacle(Struct, frozen=True):
+    """Why an item cannot begin. One `of_computer`, such as a full disk, would meet them all."""
+
+    text: str
+    of_computer: bool = False
+
+
 class Change(Struct, frozen=True, kw_only=True):
     """What to write, and what to do afterwards. `after` is the snapshot once it is written."""
 
@@ -74,7 +82,8 @@ ENDINGS: Mapping[int, Ending] = {
     0: Ending(State.DONE, pauses=False, reason=""),
     STOPPED: Ending(State.INTERRUPTED, pauses=True, reason="the bench was stopped"),
     TRIPPED: Ending(State.FAILED, pauses=True, reason="a fault or a limit stopped the bench"),
-    LOST: Ending(State.INTERRUPTED, pauses=True, reason="the daemon does not answer"),
+    LOST: Ending(State.INTERRUPTED, pauses=True, reason="the daemon or the board does not answer"),
+    SHORT: Ending(State.INTERRUPTED, pauses=True, reason="this computer has no room or memory"),
 }
 _ERROR = Ending(State.FAILED, pauses=False, reason="it ended with an error")
 _KILLED = Ending(State.INTERRUPTED, pauses=True, reason="its process was killed")
@@ -166,11 +175,11 @@ def step(
     now_unix_s: float,
     bench: Readiness,
     *,
-    refused: Mapping[int, str] | None = None,
+    obstacles: Mapping[int, Obstacle] | None = None,
 ) -> Change:
     """Return what happens now: an item begins, is ended by a limit, or the queue ends.
 
-    `refused` has the items that were looked at just now and cannot start, each with the reason.
+    `obstacles` are those of the items that were looked at just now and cannot begin.
     """
     if snapshot.mode == "paused":
         item = snapshot.running
@@ -188,8 +197,11 @@ def step(
         return _queue_ended(snapshot)
     if item.id not in snapshot.arming.items:
         return paused(snapshot, f"item {item.id} was added after the queue was armed")
-    if refused and item.id in refused:
-        failed = moved(item, State.FAILED, refused[item.id], ended_unix_s=now_unix_s)
+    obstacle = (obstacles or {}).get(item.id)
+    if obstacle is not None and obstacle.of_computer:
+        return paused(snapshot, f"item {item.id} cannot begin: {obstacle.text}")
+    if obstacle is not None:
+        failed = moved(item, State.FAILED, obstacle.text, ended_unix_s=now_unix_s)
         return Change(
             after=_with_items(snapshot, failed), items=(failed,), actions=(_item_ended(failed),)
         )

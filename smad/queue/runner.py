@@ -14,7 +14,7 @@ from smad.progress import Say, silent
 from smad.queue import machine
 from smad.queue.bench import View
 from smad.queue.errors import QueueError, StoreError
-from smad.queue.machine import Change, EndItem, StartItem, Tell
+from smad.queue.machine import Change, EndItem, Obstacle, StartItem, Tell
 from smad.queue.process import Process
 from smad.queue.states import Item, Snapshot, State, Usage
 from smad.queue.store import Store
@@ -29,7 +29,6 @@ KILL_AFTER_S = 30.0
 """An item that was asked to end, and does not, is killed after so long."""
 SAVE_WITHIN_S = 30.0
 """How long it is tried to close or recover a run log."""
-CANNOT_START = 126
 _BEFORE_S = 5.0
 """Clocks of files may lag behind ours."""
 
@@ -49,11 +48,11 @@ class Watch(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class RunnerParts:
-    """What the runner acts with. `check` returns why an item cannot start now, or nothing."""
+    """What the runner acts with. `check` returns why an item cannot begin now; None: it can."""
 
     watch: Watch
     start: Callable[[Item], Process]
-    check: Callable[[Item], str]
+    check: Callable[[Item], Obstacle | None]
     say: Say = silent
     wall_s: Callable[[], float] = time.time
     clock_s: Callable[[], float] = time.monotonic
@@ -138,12 +137,14 @@ class Runner:
             snapshot = self._armed_tick(snapshot, view)
         else:
             self._armed = False
-        refused = self._refused(snapshot)
+        obstacles = self._obstacles(snapshot)
         bench = view.bench
         if machine.candidate(snapshot) is not None:
             bench = self._by.watch.look(now=True).bench
         self._act(
-            self._store.change(lambda s: machine.step(s, self._by.wall_s(), bench, refused=refused))
+            self._store.change(
+                lambda s: machine.step(s, self._by.wall_s(), bench, obstacles=obstacles)
+            )
         )
 
     def _armed_tick(self, snapshot: Snapshot, view: View) -> Snapshot:
@@ -162,12 +163,12 @@ class Runner:
                 return change.after
         return snapshot
 
-    def _refused(self, snapshot: Snapshot) -> Mapping[int, str]:
+    def _obstacles(self, snapshot: Snapshot) -> Mapping[int, Obstacle]:
         item = machine.candidate(snapshot)
         if item is None or snapshot.arming is None or item.id not in snapshot.arming.items:
             return {}
-        why = self._by.check(item)
-        return {item.id: why} if why else {}
+        obstacle = self._by.check(item)
+        return {} if obstacle is None else {item.id: obstacle}
 
     def _meter(self) -> None:
         now_s = self._by.clock_s()
@@ -217,7 +218,7 @@ class Runner:
             why = f"its process cannot be begun: {error.strerror}"
             self._act(
                 self._store.change(
-                    lambda s: machine.ended(s, item.id, CANNOT_START, self._by.wall_s(), said=why)
+                    lambda s: machine.ended(s, item.id, machine.SHORT, self._by.wall_s(), said=why)
                 )
             )
 

@@ -114,7 +114,7 @@ def require_not_faulted(axis: Axis) -> None:
     fault = axis.watch.fault
     stopped = axis.watch.mode is BoardState.ESTOP
     raise Refusal(
-        Reason.FAULTED,
+        Reason.STOPPED if stopped else Reason.FAULTED,
         f"the board is in {'ESTOP' if stopped else 'FAULT'}",
         value=None if fault is None else fault.in_words(),
         action="power-cycle the board: nothing else ends ESTOP"

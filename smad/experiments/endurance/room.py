@@ -63,9 +63,11 @@ class Reserve:
     """
 
     def __init__(self, folder: Path, room: Room) -> None:
+        # The daemon makes the folder with its first log: what counts is the disk where it will be.
+        there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
         try:
-            free = shutil.disk_usage(folder).free
-            self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 (closed by `close`)
+            free = shutil.disk_usage(there).free
+            self._file = tempfile.TemporaryFile(dir=there)  # noqa: SIM115 (closed by `close`)
         except OSError as error:
             raise CommandError(
                 f"nothing can be written where the run logs go: {error.strerror}",

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 from sim_device.plant.models import Model
+from smad.api import Fault, Motion
 from smad.config import ControlConfig
 from smad.control.commands import (
     DriveCurrent,
@@ -21,7 +23,7 @@ from smad.control.commands import (
 from smad.control.plan import Do, Mark, Pause, Plan, UntilDone
 from smad.experiments.campaign import CampaignBench, run_campaign, run_on
 from smad.experiments.driver import PARTS, Mounting, log_name
-from smad.experiments.errors import BenchLacksError, ExperimentError, TrippedError
+from smad.experiments.errors import BenchLacksError, ExperimentError, StoppedError, TrippedError
 from smad.experiments.live import LiveDriver
 from smad.experiments.logs import LogDriver
 from smad.experiments.registry import EXPERIMENTS, make_experiment
@@ -185,6 +187,25 @@ def test_a_trip_during_a_run_is_told_with_its_fault_and_the_log_is_kept(tmp_path
         live.run(PLAN)
     assert live.log is not None
     assert read_run(live.log).duration_s > 0.5
+
+
+class Pressed(FakeClient):
+    """A client whose bench somebody stops by its emergency stop."""
+
+    def motion(self) -> Motion:
+        motion = super().motion()
+        fault = None if motion.fault is None else Fault(number=30, name="ESTOP_PRESSED")
+        return msgspec.structs.replace(motion, fault=fault)
+
+
+def test_an_emergency_stop_is_a_stop_by_somebody_and_not_a_fault_of_the_run(
+    tmp_path: Path,
+) -> None:
+    client = Pressed(tmp_path, fails_at_s=1.5)
+    live = LiveDriver(client, sleep=client.let_pass)
+    with pytest.raises(StoppedError, match="left ARMED; got FAULT, ESTOP_PRESSED"):
+        live.run(PLAN)
+    assert live.log is not None
 
 
 class Slow(FakeClient):

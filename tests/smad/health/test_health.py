@@ -53,6 +53,19 @@ def test_a_slow_loss_is_noticed_and_a_step_of_ten_scatters_within_a_few_rows() -
         assert 8000.0 < step.x[step.noticed] <= 10_000.0
 
 
+def test_three_odd_rows_are_no_change_and_a_longer_one_that_ends_has_come_back() -> None:
+    for seed in range(20):
+        odd = trend(10.0 + noise(seed) + 0.4 * ((X >= 8000.0) & (X < 9500.0)))
+        assert (odd.noticed, odd.passed) == (None, ())
+        longer = trend(10.0 + noise(seed) + 0.4 * ((X >= 8000.0) & (X < 11_000.0)))
+        assert longer.noticed is None
+        ((begin, back),) = longer.passed
+        assert X[begin] <= 10_000.0
+        assert 11_000.0 < X[back] <= 16_000.0
+    rows = [row(n, stroke_mm=float(y)) for n, y in enumerate(longer.y)]
+    assert "came back: standard: stroke_mm" in headline(health_of(rows, {}))
+
+
 def test_the_interval_of_a_forecast_holds_the_truth_in_about_95_of_100() -> None:
     held = []
     for seed in range(200):
@@ -136,14 +149,18 @@ def test_a_verdict_of_a_check_up_gives_parameters_floors_and_causes(tmp_path: Pa
         row_of_verdict(path)
 
 
-def test_each_fifty_cycles_of_an_endurance_run_are_a_row_once(tmp_path: Path) -> None:
-    text = "number,t_s,stroke_mm,force_max_N\n" + "".join(
-        f"{n},0,{10.0 - 0.01 * n},nan\n" for n in range(1, 121)
+def test_each_block_of_an_endurance_run_is_a_row_once_and_a_short_one_adds_its_cycles(
+    tmp_path: Path,
+) -> None:
+    text = "number,t_s,duration_s,stroke_mm,force_max_N\n" + "".join(
+        f"{n},{12.0 * n + 300.0 * (n > 40) + 300.0 * (n > 46)},12.0,{10.0 - 0.01 * n},nan\n"
+        for n in range(1, 121)
     )
     (tmp_path / "cycles.csv").write_text(text)
     rows = list(rows_of_cycles(tmp_path, set()))
-    assert [r.source for r in rows] == ["cycles.csv 1 to 50", "cycles.csv 51 to 100"]
-    assert rows[0].values == {"stroke_mm": Value(pytest.approx(9.745))}
+    assert [r.source for r in rows] == ["cycles.csv from 1", "cycles.csv from 47"]
+    assert [r.cycles for r in rows] == [40.0, 80.0]
+    assert rows[0].values == {"stroke_mm": Value(pytest.approx(9.77))}
     assert rows[0].unix_s < rows[1].unix_s
     assert list(rows_of_cycles(tmp_path, {r.source for r in rows})) == []
     (tmp_path / "cycles.csv").write_text(text + "121,to")

@@ -1,20 +1,37 @@
 """What the command line lets into a queue, and what it says of the rest."""
 
+import errno
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from smad.api import Reason
 from smad.cli import execute
-from smad.cli.queue_child import status_of
-from smad.cli.queue_items import KINDS, items_of, problem_of
-from smad.client.errors import NoAnswer, NoDaemon, NotReady, Stopped
-from smad.errors import SmadError
+from smad.cli.queue_child import is_used_up, status_of
+from smad.cli.queue_items import KINDS, items_of, obstacle_of
+from smad.client.errors import (
+    BoardRefused,
+    NoAnswer,
+    NoDaemon,
+    NotInControl,
+    NotReady,
+    Refused,
+    Stopped,
+)
+from smad.errors import ComputerError, SmadError
 from smad.experiments.errors import StoppedError, TrippedError
 from smad.queue import Queue, QueueError, machine
+from smad.queue.machine import Obstacle
 
 MOVES = '[[pieces]]\nkind = "step"\ndisplacement_mm = {mm}\nduration_s = 2.0\n'
+
+
+def said(obstacle: Obstacle | None) -> str:
+    assert obstacle is not None
+    assert not obstacle.of_computer
+    return obstacle.text
 
 
 @pytest.fixture
@@ -50,7 +67,7 @@ def test_every_kind_is_taken_and_what_is_simulated_needs_no_bench(folder: Path) 
     assert set(words) == set(KINDS)
     made = [items_of(kind, given, folder, 1)[0] for kind, given in words.items()]
     assert [item.on_bench for item in made] == [False, True, True, True]
-    assert [problem_of(item) for item in made] == [""] * 4
+    assert [obstacle_of(item) for item in made] == [None] * 4
 
 
 @pytest.mark.parametrize(
@@ -110,11 +127,24 @@ def test_an_item_whose_file_or_folder_has_gone_says_so_when_it_is_looked_at_agai
 ) -> None:
     (item,) = items_of("move", ["steps.toml"], folder, 1)
     (folder / "steps.toml").unlink()
-    assert "is not there" in problem_of(item)
+    assert "is not there" in said(obstacle_of(item))
     (folder / "other").mkdir()
     (moved,) = items_of("tune", [], folder / "other", 1)
     (folder / "other").rmdir()
-    assert "is gone" in problem_of(moved)
+    assert "is gone" in said(obstacle_of(moved))
+
+
+def test_a_full_disk_is_an_obstacle_of_the_computer_and_not_of_the_item(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (item,) = items_of("move", ["steps.toml"], folder, 1)
+    monkeypatch.setattr(
+        "smad.experiments.ready.shutil.disk_usage", lambda path: SimpleNamespace(free=1_000_000)
+    )
+    obstacle = obstacle_of(item)
+    assert obstacle is not None
+    assert obstacle.of_computer
+    assert "too little room for run logs" in obstacle.text
 
 
 def test_the_queue_in_python_checks_as_the_command_line_does(folder: Path) -> None:
@@ -146,6 +176,11 @@ def test_the_list_as_json_has_items_and_mode(
         (NoDaemon("x"), machine.LOST),
         (NoAnswer("x"), machine.LOST),
         (NotReady("x", reason=Reason.NOT_CONNECTED), machine.LOST),
+        (NotInControl("x", reason=Reason.NOT_IN_CONTROL), machine.STOPPED),
+        (BoardRefused("x", reason=Reason.NO_REPLY), machine.LOST),
+        (BoardRefused("x", reason=Reason.BOARD_REFUSED), 1),
+        (Refused("x", reason=Reason.RECORDER), machine.SHORT),
+        (ComputerError("x"), machine.SHORT),
         (SmadError("x"), 1),
     ],
 )
@@ -153,3 +188,18 @@ def test_a_stop_a_fault_and_a_lost_daemon_have_exit_statuses_of_their_own(
     error: SmadError, status: int
 ) -> None:
     assert status_of(error) == status
+
+
+@pytest.mark.parametrize(
+    ("error", "used_up"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), True),
+        (OSError(errno.ENOMEM, "Cannot allocate memory"), True),
+        (MemoryError(), True),
+        (FileNotFoundError(errno.ENOENT, "No such file or directory"), False),
+    ],
+)
+def test_a_computer_that_is_used_up_differs_from_a_file_that_is_missing(
+    error: MemoryError | OSError, used_up: bool
+) -> None:
+    assert is_used_up(error) is used_up

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from smad.queue import QueueError, machine
-from smad.queue.machine import EndItem, Readiness, StartItem, Tell
+from smad.queue.machine import EndItem, Obstacle, Readiness, StartItem, Tell
 from smad.queue.states import FOLLOWING, Arming, Budget, Item, Snapshot, State, Usage, moved
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -101,6 +101,7 @@ def test_a_bench_in_trouble_pauses_the_queue_before_an_item_begins() -> None:
         (machine.STOPPED, State.INTERRUPTED, "paused"),
         (machine.TRIPPED, State.FAILED, "paused"),
         (machine.LOST, State.INTERRUPTED, "paused"),
+        (machine.SHORT, State.INTERRUPTED, "paused"),
         (-9, State.INTERRUPTED, "paused"),
         (137, State.INTERRUPTED, "paused"),
     ],
@@ -194,7 +195,7 @@ def test_pausing_lets_the_item_go_on_to_its_end() -> None:
 
 def test_an_item_that_cannot_start_fails_and_the_next_one_begins() -> None:
     queue = armed(item(1), item(2))
-    change = machine.step(queue, NOW_S, READY, refused={1: "the baseline is gone"})
+    change = machine.step(queue, NOW_S, READY, obstacles={1: Obstacle("the baseline is gone")})
     assert change.after.item(1).state is State.FAILED
     assert change.after.item(1).reason == "the baseline is gone"
     assert machine.step(change.after, NOW_S, READY).after.running is not None

@@ -10,7 +10,7 @@ from smad.errors import DaemonError
 from smad.queue import machine
 from smad.queue.bench import View
 from smad.queue.errors import StoreError
-from smad.queue.machine import Change, Readiness
+from smad.queue.machine import Change, Obstacle, Readiness
 from smad.queue.runner import KILL_AFTER_S, SAVE_WITHIN_S, Runner, RunnerParts
 from smad.queue.states import Arming, Budget, Item, Snapshot, State, Usage
 from smad.queue.store import FILE, Store
@@ -55,7 +55,7 @@ class Night:
         self.view = View(generation=5, bench=Readiness(True), folder=str(folder))
         self.spent = Usage()
         self.processes: list[MadeProcess] = []
-        self.refusing: dict[int, str] = {}
+        self.obstacles: dict[int, Obstacle] = {}
         self.said: list[str] = []
         self.closed_logs = 0
         self.written_at_start: list[State] = []
@@ -67,7 +67,7 @@ class Night:
             RunnerParts(
                 watch=self,
                 start=self._start,
-                check=lambda item: self.refusing.get(item.id, ""),
+                check=lambda item: self.obstacles.get(item.id),
                 say=self.said.append,
                 wall_s=lambda: self.now_s + self.leap_s,
                 clock_s=lambda: self.now_s,
@@ -183,7 +183,9 @@ def test_a_stop_after_the_arming_and_before_the_first_item_pauses(night: Night) 
     assert night.queue.mode == "paused"
 
 
-@pytest.mark.parametrize("status", [machine.STOPPED, machine.LOST, machine.TRIPPED, -9])
+@pytest.mark.parametrize(
+    "status", [machine.STOPPED, machine.LOST, machine.TRIPPED, machine.SHORT, -9]
+)
 def test_an_item_that_a_stop_a_fault_or_a_kill_ended_pauses_the_queue(
     night: Night, status: int
 ) -> None:
@@ -248,10 +250,19 @@ def test_the_end_comes_although_the_wall_clock_was_set_back(night: Night) -> Non
 def test_an_item_is_looked_at_again_when_it_begins(night: Night) -> None:
     night.add(2)
     night.arm()
-    night.refusing[1] = "the baseline is gone"
+    night.obstacles[1] = Obstacle("the baseline is gone")
     night.tick(3)
     assert night.states() == [State.FAILED, State.RUNNING]
     assert night.queue.item(1).reason == "the baseline is gone"
+
+
+def test_a_disk_without_room_pauses_the_queue_and_fails_no_item(night: Night) -> None:
+    night.add(2)
+    night.arm()
+    night.obstacles[1] = Obstacle("too little room for run logs", of_computer=True)
+    night.tick(5)
+    assert night.states() == [State.QUEUED, State.QUEUED]
+    assert night.queue.reason == "item 1 cannot begin: too little room for run logs"
 
 
 def test_with_a_disk_that_cannot_be_written_nothing_begins_and_an_end_is_not_lost(
@@ -334,7 +345,7 @@ def test_a_log_that_nobody_noted_is_recovered_where_a_killed_daemon_recorded(
     assert path.with_name(f"{path.stem}.recovered.mcap").exists()
 
 
-def test_a_process_that_cannot_be_begun_fails_its_item(
+def test_a_process_that_cannot_be_begun_pauses_the_queue(
     night: Night, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(item: Item) -> MadeProcess:
@@ -344,7 +355,8 @@ def test_a_process_that_cannot_be_begun_fails_its_item(
     night.add()
     night.arm()
     night.tick(2)
-    assert night.states() == [State.FAILED]
+    assert night.states() == [State.INTERRUPTED]
+    assert night.queue.mode == "paused"
     assert "Cannot allocate memory" in night.queue.item(1).reason
 
 

@@ -153,8 +153,14 @@ def test_a_block_fits_one_file_of_the_run_log(recorder: dict[str, float], longes
 
 
 def test_a_folder_of_run_logs_that_cannot_be_written_is_told_before(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
     with pytest.raises(CommandError, match="where the run logs go"):
-        Reserve(tmp_path / "none", Room(2e6, 0.0, 0.0))
+        Reserve(tmp_path / "file" / "runs", Room(2e6, 0.0, 0.0))
+
+
+def test_room_is_reserved_for_a_folder_that_the_daemon_has_not_made_yet(tmp_path: Path) -> None:
+    Reserve(tmp_path / "runs", Room(400e3, 0.0, 0.0)).close()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_too_little_room_is_told_before_anything_moves(tmp_path: Path) -> None:
