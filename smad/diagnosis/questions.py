@@ -10,7 +10,7 @@ still gets wrong everywhere is not new.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -138,9 +138,10 @@ def changed(inquiry: Inquiry) -> Searched:
         start = good.final.fit.point
         known = known + covariance(question.evidence, good.final.fit, question.tau)[:n, :n]
     tied = np.asarray(np.linalg.inv(known))
-    return _searched(
-        inquiry.question(free_model(plant, start), inquiry.fit, inquiry.held_out, floors, tied)
-    )
+    new = inquiry.question(free_model(plant, start), inquiry.fit, inquiry.held_out, floors, tied)
+    # What the good runs leave above the noise is the model's form, and stands in these runs, too.
+    form = 1.0 - (inquiry.floors / floors)[counts > 0] ** 2
+    return _searched(replace(new, form_share=float(form.mean())))
 
 
 def _searched(question: Question, *, most: int = _MOST_CAUSES, exchange: bool = True) -> Searched:

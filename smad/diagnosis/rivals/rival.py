@@ -65,7 +65,7 @@ class Question:
     `effects` may be told; `places` are how many places there are. `tied` (p, p) is the precision of
     the parameters until other values of them are the answer; None: they are free from the start.
     `responses` are those of laws where they are known. `tau` (channels,) are correlation times in
-    rows.
+    rows. `form_share` is the share of the floors' squares that the error of the model's form makes.
     """
 
     evidence: Evidence
@@ -78,6 +78,7 @@ class Question:
     temper: Temper
     tau: Array
     say: Say
+    form_share: float = 0.0
 
     @property
     def judged(self) -> Evidence:
@@ -139,9 +140,15 @@ class Question:
 
     @property
     def independent_rows(self) -> float:
-        """Rows of a judged run and channel that count as independent of each other, on average."""
+        """Rows of a judged run and channel that count as independent of each other, on average.
+
+        A mean square has the variance of as many rows: of n in what is noise, of κ in what is the
+        error of the model's form, which is alike in all rows of a run.
+        """
         counts = self.judged.counts
-        return float((counts / self.tau)[counts > 0].mean())
+        n = float((counts / self.tau)[counts > 0].mean())
+        form = self.form_share
+        return 1.0 / ((1.0 - form) ** 2 / n + form**2 / self.temper.evidence)
 
     def ranked(self, rivals: Sequence[Rival], *, first: bool = False) -> list[Rival]:
         """Rivals with their probabilities, the likeliest first; `first`: nothing has entered."""
