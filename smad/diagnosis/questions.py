@@ -139,9 +139,10 @@ def changed(inquiry: Inquiry) -> Searched:
         known = known + covariance(question.evidence, good.final.fit, question.tau)[:n, :n]
     tied = np.asarray(np.linalg.inv(known))
     new = inquiry.question(free_model(plant, start), inquiry.fit, inquiry.held_out, floors, tied)
-    # What the good runs leave above the noise is the model's form, and stands in these runs, too.
+    # What the good runs leave above the noise is the model's form, and stands in these runs, too. A
+    # lead may come from any channel: the one with the largest share decides.
     form = 1.0 - (inquiry.floors / floors)[counts > 0] ** 2
-    return _searched(replace(new, form_share=float(form.mean())))
+    return _searched(replace(new, form_share=float(form.max())))
 
 
 def _searched(question: Question, *, most: int = _MOST_CAUSES, exchange: bool = True) -> Searched:

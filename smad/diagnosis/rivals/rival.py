@@ -65,7 +65,7 @@ class Question:
     `effects` may be told; `places` are how many places there are. `tied` (p, p) is the precision of
     the parameters until other values of them are the answer; None: they are free from the start.
     `responses` are those of laws where they are known. `tau` (channels,) are correlation times in
-    rows. `form_share` is the share of the floors' squares that the error of the model's form makes.
+    rows. `form_share` is the share of a floor's square that the error of the model's form makes at most.
     """
 
     evidence: Evidence
