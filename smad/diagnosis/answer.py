@@ -38,8 +38,6 @@ from smad.diagnosis.verdict import (
     headline_of,
 )
 
-QUIET_GAP = 1.35
-"""Floors over all signals that a right simulator leaves at most: floors are known to a third."""
 _ROWS = 8
 """Rivals of a table at most."""
 _LEAST_NAMED = 0.005
@@ -114,7 +112,7 @@ def _outcome(search: Searched, causes: Sequence[Cause]) -> str:
     """Causes, parameters, or quiet; unexplained where much is left and no rival takes it."""
     if causes:
         return CAUSES
-    if search.question.gap(search.final) > QUIET_GAP:
+    if search.question.gap(search.final) > search.question.quiet_gap:
         return UNEXPLAINED
     return PARAMETERS if search.moved else QUIET
 

@@ -23,8 +23,10 @@ from smad.diagnosis.rivals.score import (
     LAW,
     NOTHING,
     Temper,
+    effective_rows,
     log_scores,
     probabilities,
+    quiet_gap,
 )
 from smad.progress import Say
 
@@ -65,7 +67,7 @@ class Question:
     `effects` may be told; `places` are how many places there are. `tied` (p, p) is the precision of
     the parameters until other values of them are the answer; None: they are free from the start.
     `responses` are those of laws where they are known. `tau` (channels,) are correlation times in
-    rows. `form_share` is the share of a floor's square that the error of the model's form makes at most.
+    rows. `form_share` is the largest share of a floor's square that the model's form makes.
     """
 
     evidence: Evidence
@@ -140,15 +142,15 @@ class Question:
 
     @property
     def independent_rows(self) -> float:
-        """Rows of a judged run and channel that count as independent of each other, on average.
-
-        A mean square has the variance of as many rows: of n in what is noise, of κ in what is the
-        error of the model's form, which is alike in all rows of a run.
-        """
+        """Rows of a judged run and channel that count as independent of each other, on average."""
         counts = self.judged.counts
-        n = float((counts / self.tau)[counts > 0].mean())
-        form = self.form_share
-        return 1.0 / ((1.0 - form) ** 2 / n + form**2 / self.temper.evidence)
+        rows = float((counts / self.tau)[counts > 0].mean())
+        return effective_rows(rows, self.form_share, self.temper.evidence)
+
+    @property
+    def quiet_gap(self) -> float:
+        """Floors over all signals that nothing new leaves at most."""
+        return quiet_gap(self.form_share, self.temper.evidence)
 
     def ranked(self, rivals: Sequence[Rival], *, first: bool = False) -> list[Rival]:
         """Rivals with their probabilities, the likeliest first; `first`: nothing has entered."""

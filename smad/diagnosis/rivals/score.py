@@ -24,6 +24,10 @@ import numpy as np
 
 from smad.diagnosis.numerics.folds import Array
 
+_QUIET_SQUARE = 1.35**2
+"""Mean square in floors that noise alone leaves at most: floors are known to a third."""
+_FORM_RARELY = 0.01
+"""How often an error of form has a larger square than counts as quiet."""
 _RESAMPLED = 400
 _SEED = 20261125
 
@@ -62,6 +66,23 @@ def log_scores(squares: Array, counts: Array) -> Array:
     """
     v = squares / np.maximum(counts, 1.0)
     return np.asarray(-np.where(counts > 0, np.log(v + 1.0), 0.0).sum(axis=1))
+
+
+def effective_rows(rows: float, form_share: float, kappa: float) -> float:
+    """Independent rows of which a mean square is known as well as that of a run.
+
+    The floor's square is noise, of which `rows` are independent, and in the share `form_share` the
+    error of the model's form, of which κ are.
+    """
+    return 1.0 / ((1.0 - form_share) ** 2 / rows + form_share**2 / kappa)
+
+
+def quiet_gap(form_share: float, kappa: float) -> float:
+    """Floors over all signals that nothing new leaves at most, the errors of form among them."""
+    from scipy.special import chdtri
+
+    of_form = chdtri(kappa, _FORM_RARELY) / kappa
+    return float(np.sqrt((1.0 - form_share) * _QUIET_SQUARE + form_share * of_form))
 
 
 def probabilities(

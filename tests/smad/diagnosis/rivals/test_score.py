@@ -5,7 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS, Temper, probabilities
+from smad.diagnosis.rivals.score import (
+    EFFECT,
+    LAW,
+    NOTHING,
+    PARAMETERS,
+    Temper,
+    effective_rows,
+    probabilities,
+    quiet_gap,
+)
 
 TEMPER = Temper(evidence=1.6, nothing=5.5, parameters=0.1, effect=3.0, law=0.0)
 KINDS = (NOTHING, PARAMETERS, EFFECT, EFFECT, LAW)
@@ -60,3 +69,16 @@ def test_of_two_effects_that_explain_much_the_better_one_is_not_sure() -> None:
 def test_an_effect_that_explains_nothing_is_no_cause_however_soft_the_evidence_is() -> None:
     p = of((0.0, 0.0, 2.0, -0.5, 0.0))
     assert p[3] < 0.01 * p[2]
+
+
+def test_what_good_runs_leave_above_the_noise_counts_as_few_rows_however_long_a_run_is() -> None:
+    assert effective_rows(ROWS, 0.0, TEMPER.evidence) == pytest.approx(ROWS)
+    assert effective_rows(1000.0, 1.0, TEMPER.evidence) == pytest.approx(TEMPER.evidence)
+    assert effective_rows(ROWS, 0.1, TEMPER.evidence) > 0.7 * ROWS
+
+
+def test_an_error_of_form_may_leave_more_of_one_run_than_noise_may() -> None:
+    rng = np.random.default_rng(1)
+    of_form = rng.chisquare(2.5, 100_000) / 2.5
+    assert quiet_gap(0.0, 2.5) == pytest.approx(1.35)
+    assert np.mean(np.sqrt(of_form) > quiet_gap(1.0, 2.5)) == pytest.approx(0.01, abs=0.002)
