@@ -214,12 +214,13 @@ def _deviations(question: Question, fitted: Fit) -> Array:
 
 
 def _scores(question: Question, rivals: Sequence[Rival]) -> list[RivalScore]:
+    """The scores of the rivals that were compared."""
     return [
         RivalScore(
             kind=r.kind, name=r.name.removeprefix("law:"), places=list(r.places),
             gap=question.gap(r), scores=[float(x) for x in r.scores], log_prior=r.log_prior,
         )
-        for r in rivals
+        for r, refuted in zip(rivals, question.refuted(rivals), strict=True) if not refuted
     ]  # fmt: skip
 
 

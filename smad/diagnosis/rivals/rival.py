@@ -152,15 +152,26 @@ class Question:
         """Floors over all signals that nothing new leaves at most."""
         return quiet_gap(self.form_share, self.temper.evidence)
 
+    def refuted(self, rivals: Sequence[Rival]) -> list[bool]:
+        """Which rivals leave more than nothing new leaves, as long as another one does not.
+
+        Where floors hold an error of form κ is too soft to refute a simulator by its score.
+        """
+        above = [self.gap(r) > self.quiet_gap for r in rivals]
+        return above if self.form_share and not all(above) else [False] * len(above)
+
     def ranked(self, rivals: Sequence[Rival], *, first: bool = False) -> list[Rival]:
         """Rivals with their probabilities, the likeliest first; `first`: nothing has entered."""
+        refuted = self.refuted(rivals)
+        left = [r for r, out in zip(rivals, refuted, strict=True) if not out]
         p = probabilities(
-            np.array([r.scores for r in rivals]), [r.kind for r in rivals], self.temper,
+            np.array([r.scores for r in left]), [r.kind for r in left], self.temper,
             effects=len(self.effects), laws=self.places,
-            log_prior=np.array([r.log_prior for r in rivals]),
+            log_prior=np.array([r.log_prior for r in left]),
             whether=self.independent_rows if first else self.temper.evidence,
         )  # fmt: skip
-        made = [replace(r, probability=float(x)) for r, x in zip(rivals, p, strict=True)]
+        made = [replace(r, probability=float(x)) for r, x in zip(left, p, strict=True)]
+        made += [replace(r, probability=0.0) for r, out in zip(rivals, refuted, strict=True) if out]
         return sorted(made, key=lambda r: -r.probability)
 
     def log_weight(self, rival: Rival) -> float:

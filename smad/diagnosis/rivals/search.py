@@ -172,7 +172,8 @@ class _Search:
         if missing > _LIKELIER:
             gap = self.question.gap(self.current)
             for rival in ranked:
-                if rival.kind in (EFFECT, LAW) and self.question.gap(rival) < gap:
+                nearer = rival.probability > 0.0 and self.question.gap(rival) < gap
+                if rival.kind in (EFFECT, LAW) and nearer:
                     return rival
         return same[0] if same[0].kind == PARAMETERS and not self.moved else None
 
