@@ -70,7 +70,8 @@ def _say_undriven(run: GapRun, predicted: Mapping[str, Array], plant: PlantModel
     elif not moves(predicted) and not run.trusted:
         text = (
             f"no input ever changes, and {', '.join(moving)} move where the model stands still: "
-            f"were the inputs recorded? give --trust {run.name} if they were"
+            "were the inputs recorded, and does the model begin where the run does (start of a "
+            f"map)? give --trust {run.name} if so"
         )
         say("no excitation", text, refuses=True)
     else:
