@@ -25,11 +25,9 @@ from smad.fmi.unit_file import open_unit
 from smad.progress import Say, silent
 from smad.records.channels import held
 from smad.records.column_names import unit_in
-from smad.records.tables import is_table, left_out, open_table
+from smad.records.tables import left_out, read_columns, require_rising
 from smad.records.units import UNITS, convert, spelt, units_for
-from smad.runlog.bounds import require_bounded
 from smad.runlog.paths import names_of
-from smad.runlog.reader import read_run, recorded
 from smad.simulators.asking import announce, on_standard_error
 from smad.simulators.planning import Plan
 from smad.simulators.processes import in_processes
@@ -146,14 +144,7 @@ def read_mapped(path: Path, mapped: Map, *, measured: bool = True) -> GapRun:
 
 def _time_s(path: Path, column: Column, mapped: Map) -> Column:
     """The time in s, by the unit of the map or of the column's name; it must increase."""
-    back = np.flatnonzero(~(np.diff(column) > 0))
-    if back.size or not np.isfinite(column).all():
-        row = int(back[0]) + 1 if back.size else 0
-        raise FmiError(
-            f"{path}: time {mapped.time!r} does not increase at row {row + 1}",
-            value=float(column[row]),
-            action="sort the rows, and remove repeated ones",
-        )
+    require_rising(column, f"{path}: time {mapped.time!r}", FmiError)
     unit = mapped.time_unit or unit_in(mapped.time)
     if unit in units_for("s"):
         return convert(column, unit, "s")
@@ -199,18 +190,10 @@ def _columns(path: Path, mapped: Map) -> tuple[dict[str, Column], tuple[str, ...
     """Every column that the map names and the file has, with the time, and what was not read."""
     rows: dict[str, InputRow | ChannelRow] = {**mapped.inputs, **mapped.channels}
     wanted = [mapped.time, *(row.column or name for name, row in rows.items())]
-    notes: tuple[str, ...] = ()
-    if is_table(path):
-        require_bounded(path)
-        table = open_table(path, mapped.csv)
-        has, notes = table.names, table.notes
-        columns = dict(table.columns([n for n in dict.fromkeys(wanted) if n in has]))
-    else:
-        run = read_run(path)
-        notes = tuple(run.notes)
-        logged = {n: c for n, c in run.columns.items() if recorded(c).any()}
-        has = list(logged)
-        columns = {n: np.where(recorded(c), c, np.nan) for n, c in logged.items() if n in wanted}
+    read = read_columns(path, mapped.csv, wanted)
+    if broken := next(iter(read.unread.values()), ""):
+        raise FmiError(broken)
+    has, columns = read.names, read.numbers
     if mapped.time not in columns:
         raise FmiError(
             f"{path} has no time column {mapped.time!r}",
@@ -218,5 +201,4 @@ def _columns(path: Path, mapped: Map) -> tuple[dict[str, Column], tuple[str, ...
             action="name it in the map: time = …",
         )
     others = left_out([n for n in has if n not in wanted], ", which the map does not name")
-    floats = {n: np.asarray(column, dtype=np.float64) for n, column in columns.items()}
-    return floats, (*notes, *others)
+    return columns, (*read.notes, *others)

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from smad.errors import LogImportError
+from smad.errors import LogImportError, SmadError
 from smad.records.bag_table import is_bag, open_bag
 from smad.records.csv_table import CsvFormat, open_csv
 from smad.runlog.bounds import require_bounded
+from smad.runlog.reader import read_run, recorded
 
 if TYPE_CHECKING:
     import pyarrow
@@ -171,6 +172,64 @@ def open_table(path: Path, form: CsvFormat | None = None) -> ForeignTable:
     if twin is not None:
         raise LogImportError(f"{path}: two columns are named {twin!r}", action="rename one")
     return ParquetTable(path, names, about.num_rows)
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Columns of a table or a run log, (n,) each, NaN where nothing was recorded.
+
+    `names` are all that it has, `unread` says why a column is no numbers.
+    """
+
+    names: list[str]
+    numbers: dict[str, NDArray[np.float64]]
+    unread: dict[str, str]
+    notes: tuple[str, ...]
+
+
+def read_columns(
+    path: Path, form: CsvFormat | None = None, wanted: Iterable[str] | None = None
+) -> Columns:
+    """The columns `wanted`, by default all, of any file of one run.
+
+    Raises LogImportError and RunLogError for a file that cannot be read.
+    """
+    if not is_table(path):
+        run = read_run(path)
+        logged = {
+            n: np.where(recorded(c), c, np.nan) for n, c in run.columns.items() if recorded(c).any()
+        }
+        names = list(logged)
+        numbers = {n: logged[n] for n in names if wanted is None or n in wanted}
+        return Columns(names, numbers, {}, tuple(run.notes))
+    require_bounded(path)
+    table = open_table(path, form)
+    left = [n for n in table.names if wanted is None or n in wanted]
+    numbers, unread = dict[str, NDArray[np.float64]](), dict[str, str]()
+    while left:
+        try:
+            numbers |= dict(table.columns(left))
+            break
+        except LogImportError:
+            # One of them is no numbers: each by itself.
+            name, left = left[0], left[1:]
+            try:
+                numbers |= dict(table.columns([name]))
+            except LogImportError as error:
+                unread[name] = str(error)
+    return Columns(table.names, numbers, unread, table.notes)
+
+
+def require_rising(t_s: NDArray[np.float64], where: str, error: type[SmadError]) -> None:
+    """Raise the error for times, shape (n,), that are not known, or do not increase."""
+    back = np.flatnonzero(~(np.diff(t_s) > 0))
+    if back.size or not np.isfinite(t_s).all():
+        row = int(back[0]) + 1 if back.size else 0
+        raise error(
+            f"{where} does not increase at row {row + 1}",
+            value=float(t_s[row]),
+            action="sort the rows, remove repeated ones, or leave the run out",
+        )
 
 
 def _sizes(about: pyarrow.parquet.FileMetaData) -> dict[str, int]:

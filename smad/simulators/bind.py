@@ -23,7 +23,6 @@ from smad.simulators.columns import (
     tables_of,
 )
 from smad.simulators.declare import Simulator
-from smad.simulators.doubts import doubted_units
 from smad.simulators.errors import SimulatorError
 from smad.simulators.places import SavedPlaces, SimulatorPlaces
 from smad.simulators.plant import SimulatedPlant
@@ -89,7 +88,6 @@ def bind(
         channels=[_channel(declared, n, [r for group in runs for r in group]) for n in outputs],
         lag_s=_LAG_OF_CORRELATION * _correlation_s(outputs, every),
     )
-    said += doubted_units(plant, next(r for group in runs for r in group))
     kind = SavedPlaces if declared.save is not None else SimulatorPlaces
     return Bound(plant=kind(plant), groups=tuple(runs), said=tuple(said), seconds=seconds)
 

@@ -13,14 +13,11 @@ import numpy as np
 
 from smad.diagnosis.plant import Array
 from smad.diagnosis.runs import GapRun
-from smad.errors import LogImportError
 from smad.records.column_names import quantity_in, unit_in
 from smad.records.csv_table import CsvFormat
 from smad.records.readings import CODES
-from smad.records.tables import ForeignTable, is_table, left_out, open_table
+from smad.records.tables import left_out, read_columns, require_rising
 from smad.records.units import convert, units_for
-from smad.runlog.bounds import require_bounded
-from smad.runlog.reader import read_run, recorded
 from smad.simulators.errors import SimulatorError
 
 TIMES = ("t_s", "time_s", "time", "t", "timestamp_s")
@@ -134,39 +131,10 @@ def _tables(run: Any, name: str, time: str, form: CsvFormat | None) -> Iterable[
 
 
 def _of_file(path: Path, time: str, form: CsvFormat | None) -> Table:
-    unread: dict[str, str] = {}
-    notes: Sequence[str]
-    if is_table(path):
-        require_bounded(path)
-        table = open_table(path, form)
-        columns, unread = _numbers(table)
-        notes = (*table.notes, *left_out(list(unread), ", since they are not numbers"))
-    else:
-        run = read_run(path)
-        notes = run.notes
-        columns = {
-            n: np.where(recorded(c), c, np.nan) for n, c in run.columns.items() if recorded(c).any()
-        }
-    timed = _timed(path.stem, columns, str(path), time, unread)
+    read = read_columns(path, form)
+    notes = (*read.notes, *left_out(list(read.unread), ", since they are not numbers"))
+    timed = _timed(path.stem, read.numbers, str(path), time, read.unread)
     return replace(timed, path=str(path), notes=(*notes, *timed.notes))
-
-
-def _numbers(table: ForeignTable) -> tuple[dict[str, Array], dict[str, str]]:
-    """The columns of a table that are numbers, and why the others are not."""
-    columns: dict[str, Array] = {}
-    unread: dict[str, str] = {}
-    left = list(table.names)
-    while left:
-        try:
-            return columns | dict(table.columns(left)), unread
-        except LogImportError:
-            # One of them is no numbers: each by itself.
-            name, left = left[0], left[1:]
-            try:
-                columns |= dict(table.columns([name]))
-            except LogImportError as error:
-                unread[name] = str(error)
-    return columns, unread
 
 
 def _timed(
@@ -257,15 +225,10 @@ def run_of(
 
 def require_time(table: Table) -> None:
     """Raise SimulatorError for a time that does not increase, or too few samples."""
-    steps = np.diff(table.t_s)
-    back = np.flatnonzero(~(steps > 0))
-    if len(table.t_s) < 8 or back.size:
-        row = int(back[0]) + 1 if back.size else 0
+    require_rising(table.t_s, f"{table.name}: its time", SimulatorError)
+    if len(table.t_s) < 8:
         raise SimulatorError(
-            f"{table.name}: its time does not increase at row {row + 1}"
-            if back.size
-            else f"{table.name} has only {len(table.t_s)} samples",
-            action="sort the rows, remove repeated ones, or leave the run out",
+            f"{table.name} has only {len(table.t_s)} samples", action="leave the run out"
         )
 
 

@@ -15,7 +15,8 @@ import numpy as np
 
 from smad.diagnosis.data.columns import Say, filled, readable, up_to_first_hole
 from smad.diagnosis.data.contract import replayed, require_contract
-from smad.diagnosis.data.grid import LEAST_PERIODS, row_length_s
+from smad.diagnosis.data.doubts import doubted_units
+from smad.diagnosis.data.grid import LEAST_PERIODS, MOST_ROWS, row_length_s
 from smad.diagnosis.data.guards import without_repeats
 from smad.diagnosis.data.opinions import compare, used
 from smad.diagnosis.plant import PlantModel, traits_of
@@ -77,15 +78,12 @@ def row_of_admitted_s(runs: Sequence[GapRun], plant: PlantModel) -> float:
     """Length of a row that suits the runs as they will be admitted, up to their first hole.
 
     Shorter runs ask for shorter rows, and a shorter row is exceeded by more holes: both are looked
-    at in turn until the row becomes no shorter. Runs that are too short to be admitted have no say
-    beside others.
+    at in turn until the row becomes no shorter.
     """
     read = [readable(run, plant.inputs, plant.channels, _quiet) for run in runs]
-    least_s = traits_of(plant).shortest_s
 
     def cut(row_s: float) -> list[GapRun]:
-        short = [up_to_first_hole(run, row_s, _quiet) for run in read]
-        return [run for run in short if run.duration_s + run.dt_s >= least_s] or short
+        return [up_to_first_hole(run, row_s, _quiet) for run in read]
 
     row_s = row_length_s(read, plant)
     while (next_s := row_length_s(cut(row_s), plant)) < row_s:
@@ -168,6 +166,8 @@ def _admit_one(
     if run.outputs.keys() != given.outputs.keys():
         predicted = replayed(plant, run)
     compare(run, predicted, plant, period_s, say=say)
+    for text in doubted_units(plant, run, predicted):
+        say("unit doubted", text)
     return run, findings
 
 
@@ -182,9 +182,7 @@ def _require_length(
         by_rows = LEAST_PERIODS * period_s > traits_of(plant).shortest_s
         why = f": {LEAST_PERIODS} rows of {period_s:g} s" if by_rows else ""
         if by_rows and period_s > 1.5 * run.dt_s:
-            why += (
-                f", which suit longer runs beside it; ask without them, or --leave-out {run.name}"
-            )
+            why += f", so that all runs have at most {MOST_ROWS}; give fewer beside it"
         text = f"{run.duration_s:.1f} s long{cut}; at least {least_s:g} s are needed{why}"
         say("too short", text, refuses=True)
         return

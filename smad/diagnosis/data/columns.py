@@ -27,9 +27,10 @@ def readable(
     """
     if not len(run.t_s):
         return run
+    signals: list[Signal | Channel] = [*inputs, *channels]
     declared = [
         Declared(name=s.name, unit=s.unit, low=s.low, high=s.high, applied=isinstance(s, Signal))
-        for s in (*inputs, *channels)
+        for s in signals
     ]
     columns, remarks = checked_columns({**run.inputs, **run.outputs}, declared, run.t_s)
     for remark in remarks:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from smad.diagnosis.numerics.folds import Index
-from smad.diagnosis.plant import Array, Mask, PlantModel, Signal
+from smad.diagnosis.plant import Array, Mask, PlantModel, Signal, traits_of
 from smad.diagnosis.runs import GapRun, bridged
 
 PERIOD_S = 0.2
@@ -100,15 +100,18 @@ def thinned(run: GapRun, step_s: float, inputs: Sequence[Signal]) -> GapRun:
 def row_length_s(runs: Sequence[GapRun], plant: PlantModel) -> float:
     """Length of a row that suits these records, in whole samples.
 
-    A 10th of the usual correlation time of what is measured; so short that the usual run has a
-    quarter more rows than it must, so long that all runs together have at most `MOST_ROWS`.
-    Without a channel that moves, or without a run, it is that of the spring pair.
+    A 10th of the usual correlation time of what is measured; so short that the shortest run has a
+    quarter more rows than it must, so long that all runs together have at most `MOST_ROWS`. Runs
+    shorter than the plant's shortest have no say beside others. Without a channel that moves, or
+    without a run, it is that of the spring pair.
     """
     if not runs:
         return PERIOD_S
+    least_s = traits_of(plant).shortest_s
+    runs = [run for run in runs if run.duration_s + run.dt_s >= least_s] or runs
     usual = correlation_time_s(runs, plant)
     lengths_s = [run.duration_s for run in runs]
-    short_s = float(np.median(lengths_s)) / (_AMPLE * LEAST_PERIODS)
+    short_s = min(lengths_s) / (_AMPLE * LEAST_PERIODS)
     wanted_s = min(PERIOD_S if usual is None else usual / _ROWS, short_s)
     wanted_s = max(wanted_s, sum(lengths_s) / MOST_ROWS)
     sample_s = float(np.median([r.dt_s for r in runs]))

@@ -61,7 +61,7 @@ def _say_undriven(run: GapRun, predicted: Mapping[str, Array], plant: PlantModel
         return [
             c.name
             for c in plant.channels
-            if c.name in run.outputs and np.ptp(columns[c.name][run.good]) > _least_move(c)
+            if c.name in run.outputs and np.ptp(columns[c.name][run.good]) > least_move(c)
         ]
 
     moving = moves(run.outputs)
@@ -70,7 +70,8 @@ def _say_undriven(run: GapRun, predicted: Mapping[str, Array], plant: PlantModel
     elif not moves(predicted) and not run.trusted:
         text = (
             f"no input ever changes, and {', '.join(moving)} move where the model stands still: "
-            f"were the inputs recorded? give --trust {run.name} if they were"
+            "were the inputs recorded, and does the model begin where the run does (start of a "
+            f"map)? give --trust {run.name} if so"
         )
         say("no excitation", text, refuses=True)
     else:
@@ -81,7 +82,7 @@ def _say_undriven(run: GapRun, predicted: Mapping[str, Array], plant: PlantModel
         say("no excitation", text)
 
 
-def _least_move(channel: Channel) -> float:
+def least_move(channel: Channel) -> float:
     """A change that is no noise: twenty quanta, and three percent of the range."""
     return max(20 * channel.quantum, 0.03 * (channel.high - channel.low))
 
@@ -100,7 +101,7 @@ def _without_stuck(
         others = float(np.mean(same)) if len(same) else 1.0
         if stop - start < STUCK_SAMPLES or others ** (stop - start - 1) > STUCK_CHANCE:
             continue
-        if np.ptp(course[start:stop]) > _least_move(channel):
+        if np.ptp(course[start:stop]) > least_move(channel):
             say(
                 "stuck channel",
                 f"{channel.name} stays at {y[start]:g} {channel.unit} from "
@@ -130,7 +131,7 @@ def _fault_of(
     span = float(np.ptp(y))
     expected = float(np.ptp(predicted[name])) if name in predicted else 0.0
     dead = span < _CONSTANT_QUANTA * channel.quantum or span == 0.0
-    if dead and expected > _least_move(channel) and not run.trusted:
+    if dead and expected > least_move(channel) and not run.trusted:
         return "constant channel", (
             f"{name} stays at {float(np.median(y)):g} {channel.unit} while the inputs should move "
             f"it by {expected:.3g} {channel.unit}: it is not used"

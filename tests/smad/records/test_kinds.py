@@ -32,7 +32,7 @@ RIGHT: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
     "an input on change": (EVERY, ANY, ("holds a reading in", "`hold = true`")),
     "a slower channel": (EVERY, ANY, ("samples only", "`hold = true`")),
     "1.1 s long": (DIAGNOSED, ("refused",), ("s long; at least 8 s are needed",)),
-    "no input changes": (DIAGNOSED, ("refused",), ("were the inputs recorded?", "--trust")),
+    "no input changes": (DIAGNOSED, ("refused",), ("were the inputs recorded, and", "--trust")),
     "another run's reading": (("FMU map", "Python plant"), ("used",), ("shifted in time",)),
 }  # fmt: skip
 

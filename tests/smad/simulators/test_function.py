@@ -11,6 +11,7 @@ from unittest.mock import ANY
 import numpy as np
 import pytest
 
+from smad.diagnosis.data.admission import admit
 from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.report.words import lines
 from smad.diagnosis.runs import GapRun
@@ -474,9 +475,12 @@ def test_a_column_that_is_likely_to_be_in_another_unit_than_its_name_says_is_nam
     column: str, factor: float, offset: float, unit: str
 ) -> None:
     runs = [in_units(run, {column: (column, factor, offset)}) for run in RUNS[:2]]
-    doubts = [text for text in bind(declared_heater(), runs).said if text.startswith("is ")]
-    assert [text.split("?")[0] for text in doubts] == [f"is {column} in {unit}"]
-    assert not any(text.startswith("is ") for text in bind(declared_heater(), RUNS).said)
+    doubts = [
+        [f.text for f in admit(bound.groups[0], bound.plant, 0.1).findings if "?" in f.text]
+        for bound in (bind(declared_heater(), given) for given in (runs, RUNS[:2]))
+    ]
+    assert [text.split("?")[0] for text in doubts[0]] == [f"is {column} in {unit}"] * 2
+    assert doubts[1] == []
 
 
 def test_a_reading_beyond_a_declared_range_is_refused_with_the_likely_unit() -> None:

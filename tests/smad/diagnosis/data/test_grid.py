@@ -99,6 +99,25 @@ def test_a_run_of_a_hole_near_its_start_makes_no_row_shorter() -> None:
     assert row_of_admitted_s(torn, HeaterPlant()) == row_of_admitted_s(runs[:1], HeaterPlant())
 
 
+@pytest.mark.parametrize("short_s", [8.0, 12.0, 20.0])
+def test_a_run_much_shorter_than_those_beside_it_is_used(short_s: float) -> None:
+    plant = HeaterPlant()
+    runs = [recorded("sines", 1, duration_s=60.0), recorded("random", 2, duration_s=short_s)]
+    row_s = row_of_admitted_s(runs, plant)
+    assert len(admit(runs, plant, row_s).admitted) == 2
+    too_short = [*runs, recorded("random", 3, duration_s=3.0)]
+    assert row_of_admitted_s(too_short, plant) == row_s
+
+
+def test_a_run_that_would_cost_too_many_rows_of_the_others_is_left_out_with_a_word() -> None:
+    plant = HeaterPlant()
+    long = [recorded("random", seed, duration_s=900.0) for seed in range(2)]
+    runs = [*long, recorded("sines", 2, duration_s=8.0)]
+    found = admit(runs, plant, row_of_admitted_s(runs, plant))
+    assert len(found.admitted) == 2
+    assert "so that all runs have at most 6000; give fewer beside it" in found.findings[-1].text
+
+
 def test_noise_and_channels_that_stand_still_say_nothing_of_a_time_scale() -> None:
     run = recorded("random", 1, duration_s=60.0)
     rng = np.random.default_rng(0)
