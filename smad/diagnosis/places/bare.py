@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from itertools import pairwise
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from smad.diagnosis.plant import Array, ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
 
 READING, INPUT = "reading_", "input_"
-_PASSES = 6
+_PASSES = 4
 """Replays in which laws of inputs and the states that they go with are made to agree, at most."""
 _AGREED = 1e-3
 """Of a law's size, to which it agrees with the states that it goes with."""
@@ -28,6 +29,15 @@ _AGREED = 1e-3
 def with_places(plant: PlantModel) -> PlacesPlant:
     """The plant itself where it can be forced, else a plant that is the same with bare places."""
     return plant if isinstance(plant, Forceable) else BarePlaces(plant)
+
+
+@runtime_checkable
+class InWindows(Protocol):
+    """A plant that is replayed in windows, each from its readings."""
+
+    def seams(self, run: GapRun) -> Sequence[int]:
+        """The samples of a run, thinned or not, at which a window begins; 0 is the first."""
+        ...
 
 
 class BarePlaces:
@@ -160,11 +170,20 @@ class BarePlaces:
         return best
 
     def _states(self, run: GapRun, shown: Mapping[str, Array]) -> dict[str, Array]:
-        """Inputs, channels, their rates by central differences, and time."""
+        """Inputs, channels, their rates by central differences, and time.
+
+        Rates are not taken across the seams of a plant that is replayed in windows.
+        """
         out = {s.name: np.asarray(run.inputs[s.name], float) for s in self.plain.inputs}
+        seams = self.plain.seams(run) if isinstance(self.plain, InWindows) else [0]
+        edges = [*seams, len(run.t_s)]
         for c in self.plain.channels:
             out[c.name] = shown[c.name]
-            out[f"{c.name}_rate"] = np.gradient(shown[c.name], run.t_s)
+            rate = np.zeros(len(run.t_s))
+            for a, b in pairwise(edges):
+                if b - a > 1:
+                    rate[a:b] = np.gradient(shown[c.name][a:b], run.t_s[a:b])
+            out[f"{c.name}_rate"] = rate
         return out | {"time": run.t_s - run.t_s[0]}
 
 
