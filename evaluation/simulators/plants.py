@@ -138,7 +138,7 @@ def _tank_inputs(seed: int) -> dict[str, Array]:
         return np.repeat(rng.uniform(low, high, -(-SAMPLES // each)), each)[:SAMPLES]
 
     return {
-        "t_s": np.arange(SAMPLES) * 1.0, "flow_L_min": steps(5.0, 14.0, 60),
+        "t_s": np.arange(SAMPLES, dtype=np.float64), "flow_L_min": steps(5.0, 14.0, 60),
         "valve": steps(0.35, 0.65, 90), "dose_g_min": steps(5.0, 25.0, 45),
     }  # fmt: skip
 
