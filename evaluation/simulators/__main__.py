@@ -27,11 +27,15 @@ def side_by_side(*, plants: tuple[str, ...]) -> None:
 @main.command()
 @click.option("--cases", "count", type=click.IntRange(1), default=40, show_default=True)
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
-def rating(*, count: int, seed: int) -> None:
+@click.option("--plant", default="mixing tank", show_default=True, help="Or: heater.")
+def rating(*, count: int, seed: int, plant: str) -> None:
     """Rate causes by inputs, simulate them, and count what is found."""
+    from evaluation.simulators.plants import PLANTS
     from evaluation.simulators.rated import cases, shares
 
-    found = list(cases(count, seed, lambda text: click.echo(text, err=True)))
+    if plant not in PLANTS:
+        raise click.BadParameter(f"{plant!r} is none of {', '.join(PLANTS)}", param_hint="--plant")
+    found = list(cases(PLANTS[plant], count, seed, lambda text: click.echo(text, err=True)))
     click.echo("\n".join(shares(found)))
 
 

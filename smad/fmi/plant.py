@@ -192,6 +192,10 @@ class FmuPlant:
             self._windows_of[key] = (run, self._cut(run, whole))
         return self._windows_of[key][1]
 
+    def seams(self, run: GapRun) -> list[int]:
+        """The samples of a run, thinned or not, at which a window begins."""
+        return [a for a, _, _ in self._windows(run)]
+
     def _cut(self, run: GapRun, whole: GapRun) -> list[Window]:
         fixed = {n: v for n, v in self._map.start.items() if not isinstance(v, str)}
         read = {n: v for n, v in self._map.start.items() if isinstance(v, str)}

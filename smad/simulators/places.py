@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -46,18 +45,9 @@ class SimulatorPlaces(BarePlaces):
         return super().state_words(place, state)
 
     def _states(self, run: GapRun, shown: Mapping[str, Array]) -> dict[str, Array]:
-        """Those of a bare plant; rates are not taken across the seams of windows."""
-        out = {s.name: np.asarray(run.inputs[s.name], float) for s in self.plain.inputs}
-        out |= {n: np.asarray(run.inputs[n], float) for n in self.plain.declared.observed}
-        edges = [*self.plain.seams(run), len(run.t_s)]
-        for c in self.plain.channels:
-            out[c.name] = shown[c.name]
-            rate = np.zeros(len(run.t_s))
-            for a, b in pairwise(edges):
-                if b - a > 1:
-                    rate[a:b] = np.gradient(shown[c.name][a:b], run.t_s[a:b])
-            out[f"{c.name}_rate"] = rate
-        return out | {"time": run.t_s - run.t_s[0]}
+        """Those of a bare plant, and the observed columns."""
+        observed = self.plain.declared.observed
+        return super()._states(run, shown) | {n: np.asarray(run.inputs[n], float) for n in observed}
 
 
 class SavedPlaces(SimulatorPlaces):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from threading import Lock
 from types import MappingProxyType
@@ -23,7 +23,7 @@ from smad.diagnosis.plant import (
 )
 from smad.diagnosis.runs import GapRun
 from smad.simulators.calling import called
-from smad.simulators.declare import Simulator
+from smad.simulators.declare import Simulator, value_name
 from smad.simulators.processes import Processes
 from smad.simulators.starts import Starts
 from smad.simulators.transducers import Transduced, effects_of, transduced
@@ -38,20 +38,30 @@ Window = tuple[int, int, Mapping[str, float]]
 
 @dataclass
 class Failures:
-    """Replays that gave no numbers: how many, and why the first did."""
+    """Replays that gave no numbers: how many, and why the first did; and of each effect how many
+    gave numbers and how many did not."""
 
     replays: int = 0
     failed: int = 0
     why: str = ""
+    of_effects: dict[str, list[int]] = field(default_factory=dict)
+
+    def count(self, effects: Iterable[str], *, failed: bool) -> None:
+        """A replay with these effects."""
+        for name in effects:
+            self.of_effects.setdefault(name, [0, 0])[failed] += 1
 
     @property
     def notes(self) -> list[str]:
         """What is said of them in a verdict; nothing where there were none."""
         if not self.failed:
             return []
+        never = [n for n, (good, bad) in self.of_effects.items() if bad and not good]
+        lost = [f"no replay with {', '.join(never)} gave numbers: no rival"] if never else []
         return [
             f"{self.failed} of {self.replays} replays gave no numbers, and what they were of was "
-            f"dropped: {self.why}"
+            f"dropped: {self.why}",
+            *lost,
         ]
 
 
@@ -183,7 +193,16 @@ class SimulatedPlant:
             if not np.all(np.abs(out[c.name]) < bound):
                 self._failed(f"{c.name} runs away", values)
                 return {n: np.full(len(whole.t_s), np.nan) for n in self._signals}
+        self.failures.count(self._present(values), failed=False)
         return out
+
+    def _present(self, values: Mapping[str, float]) -> list[str]:
+        """The declared effects that a replay with these values has."""
+        strengths = [
+            (e.name, value_name(e, q)) for e in self.declared.effects for q in e.parameters
+            if q.strength
+        ]  # fmt: skip
+        return list({name for name, value in strengths if values[value]})
 
     def play(
         self,
@@ -197,6 +216,7 @@ class SimulatedPlant:
 
     def _failed(self, why: str, values: Mapping[str, float]) -> None:
         self.failures.failed += 1
+        self.failures.count(self._present(values), failed=True)
         if not self.failures.why:
             self.failures.why = f"{why} at " + ", ".join(
                 f"{n} = {v:.4g}" for n, v in values.items() if v

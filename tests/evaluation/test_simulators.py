@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
-from evaluation.simulators.rated import Case, cases, declared, inputs, shares
+from evaluation.simulators.plants import PLANTS, SAMPLES, RatedPlant
+from evaluation.simulators.rated import Case, cases, shares
 from evaluation.simulators.side_by_side import FRICTION_N_M, lines_of, made_run, side_by_side
 from smad.simulators.bind import bind
 
@@ -28,11 +30,22 @@ def test_the_function_places_the_hidden_friction_at_the_torque(tmp_path: Path) -
 
 
 def test_a_cause_that_is_rated_not_to_be_seen_is_simulated_at_its_most() -> None:
-    (hidden,) = cases(1, 0, lambda text: None)
-    plant = bind(declared(), {**inputs(0), "temperature_degC": np.zeros(600)}).plant
+    heater = PLANTS["heater"]
+    (hidden,) = cases(heater, 1, 0, lambda text: None)
+    played = {**heater.inputs(0), "temperature_degC": np.zeros(SAMPLES)}
+    plant = bind(heater.declared(), played).plant
     (effect,) = (e for e in plant.effects if e.name == hidden.effect)
     (q,) = effect.parameters
     assert (hidden.rating, hidden.size) == ("not", q.high)
+
+
+@pytest.mark.parametrize("plant", PLANTS.values(), ids=list(PLANTS))
+def test_every_cause_of_a_rated_plant_acts_where_the_plant_has_a_place(plant: RatedPlant) -> None:
+    played = {**plant.inputs(0), **{n: np.zeros(SAMPLES) for n in plant.readings}}
+    bound = bind(plant.declared(), played).plant
+    places = {p.name for p in bound.places}
+    assert all(e.places and set(e.places) <= places for e in bound.effects)
+    assert {q.name for q in bound.parameters} == set(plant.bench)
 
 
 def test_shares_are_of_each_rating_that_has_cases() -> None:

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from itertools import pairwise
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -20,12 +21,23 @@ from smad.diagnosis.runs import GapRun
 
 READING, INPUT = "reading_", "input_"
 _PASSES = 4
-"""Replays in which laws of inputs and the states that they go with are made to agree."""
+"""Replays in which laws of inputs and the states that they go with are made to agree, at most."""
+_AGREED = 1e-3
+"""Of a law's size, to which it agrees with the states that it goes with."""
 
 
 def with_places(plant: PlantModel) -> PlacesPlant:
     """The plant itself where it can be forced, else a plant that is the same with bare places."""
     return plant if isinstance(plant, Forceable) else BarePlaces(plant)
+
+
+@runtime_checkable
+class InWindows(Protocol):
+    """A plant that is replayed in windows, each from its readings."""
+
+    def seams(self, run: GapRun) -> Sequence[int]:
+        """The samples of a run, thinned or not, at which a window begins; 0 is the first."""
+        ...
 
 
 class BarePlaces:
@@ -102,10 +114,8 @@ class BarePlaces:
         if not point.laws:
             return out
         inputs = [law for law in point.laws if law.place.startswith(INPUT)]
-        for _ in range(_PASSES if inputs else 0):
-            states = self._states(run, out)
-            more = {x.place.removeprefix(INPUT): _value(x, states, run) for x in inputs}
-            out = dict(self.plain.simulate(bare, _pushed(run, more), fast=fast))
+        if inputs:
+            out = self._agreed(bare, run, out, inputs, fast=fast)
         states = self._states(run, out)
         for law in point.laws:
             if law.place.startswith(READING):
@@ -113,13 +123,79 @@ class BarePlaces:
                 out[channel] = out[channel] + _value(law, states, run)
         return out
 
+    def _agreed(
+        self,
+        point: ModelPoint,
+        run: GapRun,
+        out: dict[str, Array],
+        laws: Sequence[Law],
+        *,
+        fast: bool,
+    ) -> dict[str, Array]:
+        """The replay in which laws of inputs agree best with the states that they go with.
+
+        A law over what it moves itself, such as a drag, need not converge by repetition: the next
+        series is that of Anderson, of which the last few residuals leave least.
+        """
+        names = sorted({law.place.removeprefix(INPUT) for law in laws})
+
+        def series(shown: Mapping[str, Array]) -> Array:
+            states, more = self._states(run, shown), dict.fromkeys(names, np.zeros(len(run.t_s)))
+            for law in laws:
+                name = law.place.removeprefix(INPUT)
+                more[name] = more[name] + _value(law, states, run)
+            return np.concatenate([more[n] for n in names])
+
+        pushed = series(out)
+        tried: list[Array] = []
+        residuals: list[Array] = []
+        best, least = out, np.inf
+        for _ in range(_PASSES):
+            parts = np.split(pushed, len(names))
+            shown = dict(self.plain.simulate(
+                point, _pushed(run, dict(zip(names, parts, strict=True))), fast=fast
+            ))  # fmt: skip
+            asked = series(shown)
+            if not np.isfinite(asked).all():
+                return best if tried else shown
+            residual = asked - pushed
+            size = float(np.linalg.norm(residual))
+            if size < least:
+                best, least = shown, size
+            if size <= _AGREED * float(np.linalg.norm(asked)):
+                break
+            tried.append(asked)
+            residuals.append(residual)
+            pushed = _mixed(tried, residuals)
+        return best
+
     def _states(self, run: GapRun, shown: Mapping[str, Array]) -> dict[str, Array]:
-        """Inputs, channels, their rates by central differences, and time."""
+        """Inputs, channels, their rates by central differences, and time.
+
+        Rates are not taken across the seams of a plant that is replayed in windows.
+        """
         out = {s.name: np.asarray(run.inputs[s.name], float) for s in self.plain.inputs}
+        seams = self.plain.seams(run) if isinstance(self.plain, InWindows) else [0]
+        edges = [*seams, len(run.t_s)]
         for c in self.plain.channels:
             out[c.name] = shown[c.name]
-            out[f"{c.name}_rate"] = np.gradient(shown[c.name], run.t_s)
+            rate = np.zeros(len(run.t_s))
+            for a, b in pairwise(edges):
+                if b - a > 1:
+                    rate[a:b] = np.gradient(shown[c.name][a:b], run.t_s[a:b])
+            out[f"{c.name}_rate"] = rate
         return out | {"time": run.t_s - run.t_s[0]}
+
+
+def _mixed(tried: Sequence[Array], residuals: Sequence[Array]) -> Array:
+    """The next series of Anderson's mixing (1965): of the sums of those tried, with weights that
+    add up to 1, the one whose residual is least."""
+    steps = np.array([residuals[-1] - r for r in residuals[:-1]])
+    if not len(steps):
+        return tried[-1]
+    weights = np.linalg.lstsq(steps.T, residuals[-1], rcond=None)[0]
+    back = np.array([tried[-1] - x for x in tried[:-1]])
+    return np.asarray(tried[-1] - weights @ back)
 
 
 def _value(law: Law, states: Mapping[str, Array], run: GapRun) -> Array:

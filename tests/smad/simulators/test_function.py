@@ -348,6 +348,23 @@ def test_models_that_explode_are_dropped_and_said() -> None:
     assert re.search(r"\d+ of \d+ replays gave no numbers.*dropped: .*burst", said)
 
 
+def test_an_effect_with_which_no_model_runs_is_said_to_be_no_rival() -> None:
+    plant = bind(declared_heater(), RUNS[:1]).plant.plain
+
+    def broken(t, inputs, values, start):
+        if values["slow_sensor"] > 0.0:
+            raise FloatingPointError("it burst")
+        return heater(t, inputs, values, start)
+
+    plant.declared = replace(plant.declared, function=broken)
+    ((run,),) = bind(declared_heater(), RUNS[:1]).groups
+    for point in (ModelPoint({}), ModelPoint({}, {"slow_sensor": {"size": 2.0}})):
+        plant.simulate(point, run)
+    dropped, no_rival = plant.failures.notes
+    assert re.match(r"1 of 3 replays gave no numbers.*it burst at .*slow_sensor = 2", dropped)
+    assert no_rival == "no replay with slow_sensor gave numbers: no rival"
+
+
 def test_a_slow_function_says_beforehand_how_long_the_whole_will_take(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

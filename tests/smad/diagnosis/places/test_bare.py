@@ -15,7 +15,9 @@ from smad.diagnosis.places.responses import candidate_laws, responses
 from smad.diagnosis.plant import ModelPoint, nominal_point
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
+from smad.simulators.bind import bind
 from tests.smad.diagnosis.heater_plant import NOMINAL, HeaterPlant, make_inputs, simulated
+from tests.smad.simulators.systems import declared_pendulum, pendulum_run
 
 HEATER = HeaterPlant()
 PLANT = with_places(HEATER)
@@ -93,6 +95,21 @@ def test_a_law_of_an_input_that_goes_with_the_output_is_made_to_agree_with_it() 
     key = "temp_l_degC"
     assert np.abs(wanted[key] - plain[key]).max() > 1.0
     np.testing.assert_allclose(shown[key], wanted[key], rtol=0, atol=1e-3)
+
+
+def test_a_law_over_what_it_moves_itself_is_made_to_agree_with_it_where_repetition_runs_away() -> (
+    None
+):
+    """A torque against the rate of a pendulum, near its resonance, is damping."""
+    ((run,),) = (bound := bind(declared_pendulum(), [pendulum_run(0, seconds=8.0)])).groups
+    slope = 0.3
+    point = ModelPoint({"damping": 0.03})
+    law = Law("input_torque_N_m", "both", (line("angle_rad_rate", -slope, -20.0, 20.0),))
+    shown, wanted, plain = (
+        bound.plant.simulate(p, run)["angle_rad"]
+        for p in (replace(point, laws=(law,)), ModelPoint({"damping": 0.03 + slope}), point)
+    )
+    assert np.std(shown - wanted) < 0.1 * np.std(plain - wanted)
 
 
 @pytest.mark.parametrize(
