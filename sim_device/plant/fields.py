@@ -23,14 +23,14 @@ class Field:
 
 FIELDS: tuple[Field, ...] = (
     Field("wire_diameter", "d_s", "m", 1e-5, 5e-3, "diameter of the SMA wire"),
-    Field("coil_diameter", "D_s", "m", 1e-3, 5e-2, "mean diameter of the spring's coils"),
+    Field("coil_diameter", "D_s", "m", 1e-4, 5e-2, "mean diameter of the spring's coils"),
     Field("tube_diameter", "d_t", "m", 1e-4, 2e-2, "inner diameter of the silicone tube"),
     Field("coils", "N", "1", 1, 200, "number of coils of one spring"),
     Field("modulus_martensite", "G_M", "Pa", 1e9, 4e10, "shear modulus of martensite"),
     Field("modulus_austenite", "G_A", "Pa", 1e9, 8e10, "shear modulus of austenite"),
     Field("stress_start", "τ_s", "Pa", 1e6, 5e8, "shear stress at which detwinning starts"),
     Field("stress_finish", "τ_f", "Pa", 1e6, 1e9, "shear stress at which detwinning is complete"),
-    Field("max_deflection", "δ_L", "m", 1e-3, 0.3, "deflection of complete detwinning"),
+    Field("max_deflection", "δ_L", "m", 1e-4, 0.3, "deflection of complete detwinning"),
     Field("austenite_start", "A_S", "K", 250, 400, "austenite start temperature, no stress"),
     Field("austenite_finish", "A_F", "K", 250, 420, "austenite finish temperature, no stress"),
     Field("martensite_start", "M_S", "K", 240, 400, "martensite start temperature, no stress"),

@@ -17,6 +17,8 @@ from sim_device.plant.parameters import ParameterSet, spring_factors
 from smad.errors import SmadError
 
 DT_S = 0.02
+STEP_K = 0.5
+"""A spring that heats faster than STEP_K in DT_S is computed in shorter steps."""
 HOT_FRACTION, COLD_FRACTION = 0.02, 0.9
 """Martensite left of a spring that counts as heated through, and of one that counts as cooled."""
 LONGEST_S = 900.0
@@ -57,7 +59,7 @@ _WORDS = (
     ("force_rest_N", "least tension", "{:.3f} N"),
     ("stress_MPa", "largest shear stress", "{:.0f} MPa"),
     ("period_s", "period, to and fro", "{:.1f} s"),
-    ("heating_s", "of which one spring heats through in", "{:.1f} s"),
+    ("heating_s", "of which one spring heats through in", "{:.2g} s"),
     ("power_W", "mean electrical power", "{:.2f} W"),
     ("peak_power_W", "largest", "{:.2f} W"),
     ("peak_degC", "hottest wire", "{:.0f} °C"),
@@ -79,14 +81,15 @@ def design_cycle(
     parameters = scaled(base, geometry)
     laws = pitch_law(geometry) if cooling == "air" else ()
     plant = Plant(parameters, cooling=cooling, laws=laws)
+    heating_step_s = min(DT_S, STEP_K / _heating_K_per_s(parameters, current_A))
     c1 = spring_factors(parameters)[0]
     seen = _Seen()
     for _ in range(CYCLES):
         seen = _Seen()
         for heated in (0, 1):
-            _half(plant, heated, current_A, seen)
+            _half(plant, heated, current_A, heating_step_s, seen)
     wire_m = math.pi * parameters["coil_diameter"] * parameters["coils"]
-    section = 0.25 * math.pi * parameters["wire_diameter"] ** 2
+    section = _section_m2(parameters)
     return Design(
         stroke_mm=0.5e3 * (seen.high_m - seen.low_m),
         force_hot_N=seen.most_N,
@@ -101,6 +104,17 @@ def design_cycle(
         stress_MPa=1e-6 * c1 * seen.most_N,
         peak_degC=seen.peak_K - 273.15,
     )
+
+
+def _section_m2(parameters: ParameterSet) -> float:
+    return 0.25 * math.pi * parameters["wire_diameter"] ** 2
+
+
+def _heating_K_per_s(parameters: ParameterSet, current_A: float) -> float:
+    """Rise of a wire that loses no heat: β_s (I/A_c)² / (ρ_s C_h)."""
+    density_A_per_m2 = current_A / _section_m2(parameters)
+    capacity = parameters["density"] * parameters["heat_capacity_heating"]
+    return parameters["resistivity"] * density_A_per_m2**2 / capacity
 
 
 @dataclass
@@ -118,11 +132,12 @@ class _Seen:
     peak_K: float = 0.0
 
 
-def _half(plant: Plant, heated: int, current_A: float, seen: _Seen) -> None:
+def _half(plant: Plant, heated: int, current_A: float, step_s: float, seen: _Seen) -> None:
     """One spring heats through and cools again; what it does goes into `seen`."""
     drive_A = (current_A, 0.0) if heated == 0 else (0.0, current_A)
     heating = _Phase(
         Drive(drive_A),
+        step_s,
         heated,
         lambda xi: xi <= HOT_FRACTION,
         "does not heat through",
@@ -131,6 +146,7 @@ def _half(plant: Plant, heated: int, current_A: float, seen: _Seen) -> None:
     duty = (1.0, 0.0) if heated == 0 else (0.0, 1.0)
     cooling = _Phase(
         Drive((0.0, 0.0), duty),
+        DT_S,
         heated,
         lambda xi: xi >= COLD_FRACTION,
         "does not cool",
@@ -146,6 +162,7 @@ class _Phase:
     """A drive that is held until the martensite fraction of one spring is as wanted."""
 
     drive: Drive
+    step_s: float
     spring: int
     done: Callable[[float], bool]
     failure: str
@@ -162,11 +179,11 @@ def _run(plant: Plant, phase: _Phase, seen: _Seen) -> float:
                 value=f"{plant.truth.T_K[phase.spring] - 273.15:.1f} °C",
                 action=phase.action,
             )
-        plant.advance(phase.drive, DT_S)
-        elapsed_s += DT_S
+        plant.advance(phase.drive, phase.step_s)
+        elapsed_s += phase.step_s
         now = plant.truth
         power_W = current_A * current_A * now.resistance_Ohm[phase.spring]
-        seen.energy_J += power_W * DT_S
+        seen.energy_J += power_W * phase.step_s
         seen.peak_W = max(seen.peak_W, power_W)
         seen.high_m = max(seen.high_m, now.displacement_m)
         seen.low_m = min(seen.low_m, now.displacement_m)

@@ -28,6 +28,14 @@ def test_a_computed_number_that_is_not_near_names_what_is_missing() -> None:
             assert number.missing, number.what
 
 
+def test_the_heats_that_d_states_fit_the_times_of_k_better_and_those_of_d_worse() -> None:
+    for number in NUMBERS:
+        if number.with_heats is not None:
+            assert number.ratio is not None
+            further = abs(number.with_heats() / number.value - 1.0) > abs(number.ratio - 1.0)
+            assert further == (number.source == "D"), number.what
+
+
 def test_the_law_of_the_pitch_gives_what_it_was_fitted_to() -> None:
     for number in NUMBERS:
         if number.fitted:

@@ -38,6 +38,13 @@ def test_turns_that_touch_cool_more_slowly_in_air() -> None:
     assert closed.period_s > 1.3 * open_.period_s
 
 
+def test_a_wire_that_heats_in_milliseconds_is_switched_off_as_soon_as_it_is_austenite() -> None:
+    thin = Geometry(wire_mm=0.1, coil_mm=1.0, turns=20)
+    made = design_cycle(A, thin, current_A=2.0, cooling="air")
+    assert made.heating_s < 5e-3
+    assert made.peak_degC < 50.0
+
+
 def test_a_current_that_does_not_heat_through_is_said() -> None:
     with pytest.raises(DesignError, match="does not heat through within 900 s"):
         design_cycle(A, PAPER, current_A=0.1)
