@@ -33,7 +33,7 @@ LEAST_ROWS = REFERENCE + 2
 SLACK = 1.25
 """K: the mean of ten rows is itself uncertain by a third of s."""
 THRESHOLD = 7.0
-"""H. With K: of series of 41 rows in which nothing changes about 3 in 1000 are told as changed."""
+"""H. With K and C: of series of 41 rows in which nothing changes 1 in 1000 changes or comes back."""
 CAP = 3.25
 """C: with K and H, three rows far out are no change and four are."""
 LEAST_SCATTER = 1e-3
