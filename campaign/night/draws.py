@@ -18,6 +18,8 @@ TROUBLES: Mapping[str, str] = {
     "kill hooks": "the hooks are killed",
 }
 """What goes wrong -> in words."""
+ENDS_NOTHING = "kill hooks"
+"""This one ends no item; one that ends afterwards was ended by something else."""
 
 
 class Trouble(NamedTuple):

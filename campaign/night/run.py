@@ -22,7 +22,7 @@ from typing import Literal
 import psutil
 
 from campaign.night.daemon import FIFO
-from campaign.night.draws import Trouble, troubles
+from campaign.night.draws import ENDS_NOTHING, Trouble, troubles
 from campaign.night.report import MESSAGE_S, Found, Look, Met, late, rerun
 from campaign.rig import BAUD, DaemonRig, rig_config, start_daemon
 from smad.client import Client
@@ -357,6 +357,8 @@ class Night:
         """
         snapshot, ended = self._queue.snapshot(), set[int]()
         for met in self.found.met:
+            if met.kind == ENDS_NOTHING:
+                continue
             interrupted = snapshot.item(met.item).state in (State.INTERRUPTED, State.FAILED)
             met.paused = interrupted and met.item not in ended
             ended.add(met.item)

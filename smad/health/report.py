@@ -9,7 +9,7 @@ from datetime import datetime
 import numpy as np
 
 from smad.health.record import Row
-from smad.health.trends import LEAST_ROWS, Forecast, Trend, forecast, trend_of
+from smad.health.trends import LEAST_ROWS, LEAST_SITTINGS, Forecast, Trend, forecast, trend_of
 from smad.report.page import Block, Page, Picture, Section, Table, Text
 
 CHANGE_HEADER = ("what", "then", "now", "changed", "noticed at cycle", "limit", "reached at cycle")
@@ -59,7 +59,8 @@ def health_of(rows: Sequence[Row], limits: Mapping[str, float]) -> Health:
             place for place, row in enumerate(rows) if row.group == group and name in row.values
         ]
         y = np.array([rows[place].values[name].value for place in places])
-        trend = trend_of(f"{group}: {name}", behind[places], y)
+        unix_s = np.array([rows[place].unix_s for place in places])
+        trend = trend_of(f"{group}: {name}", behind[places], y, unix_s)
         if trend is not None:
             trends[trend.name] = trend
     return Health(tuple(rows), trends, limits)
@@ -68,7 +69,10 @@ def health_of(rows: Sequence[Row], limits: Mapping[str, float]) -> Health:
 def headline(health: Health) -> str:
     """Return the state of the bench in one sentence."""
     if not health.trends:
-        return f"{len(health.rows)} rows are too few: a trend needs {LEAST_ROWS} of one name"
+        return (
+            f"{len(health.rows)} rows are too few: a trend needs {LEAST_ROWS} of one name and "
+            f"sitting, or {LEAST_SITTINGS} sittings"
+        )
     returned = ", ".join(trend.name for trend in health.returned)
     passed = f"; changed for a while and came back: {returned}" if returned else ""
     if not health.changed:

@@ -9,9 +9,13 @@ noticed when either exceeds H. It stays there until it falls to 0: the series ha
 
 With mean m and scatter s of the first n rows (y_k − m) / (s √(1+1/n)) has Student's t distribution
 with n − 1 degrees of freedom while nothing changes; u_k is the normal deviate of the same
-probability, so that a scatter known from ten rows alone gives no false alarms. The scatter that
-counts is that between rows begun from rest, runs or blocks; cycles of one block differ less
-(S. J. Janis, Is your process too good for its control limits?, ASQC 1990).
+probability, so that a scatter known from few rows gives no false alarms.
+
+Rows of one sitting differ less than sittings do, as samples of a subgroup do in a control chart
+(S. J. Janis, Is your process too good for its control limits?, ASQC 1990). So a row is judged by
+those of its sitting, and a sitting's median by those of sittings before it: from the third on, as
+nothing is known of two (self-starting: D. M. Hawkins, The Statistician 36, 1987). A change within a
+sitting stands while the medians of all later ones are beyond its band, too.
 
 Forecast: the line y = a + b x by least squares since the change; it crosses the limit L at
 x = (L − a) / b, with Fieller's interval.
@@ -20,7 +24,9 @@ x = (L − a) / b, with Fieller's interval.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -30,10 +36,15 @@ Array = NDArray[np.float64]
 REFERENCE = 10
 """The first so many rows are the bench as it was."""
 LEAST_ROWS = REFERENCE + 2
+SITTING_GAP_S = 6 * 3600.0
+"""After such a pause water, room and zeros of sensors may be others: another sitting."""
+LEAST_SITTINGS = 4
+_KNOWN_SITTINGS = 2
+"""The first that is judged is the next."""
 SLACK = 1.25
 """K: the mean of ten rows is itself uncertain by a third of s."""
 THRESHOLD = 7.0
-"""H. With K: of series of 41 rows in which nothing changes about 3 in 1000 are told as changed."""
+"""H. With K and C: of series of 41 rows in which nothing changes 1 in 1000 changes."""
 CAP = 3.25
 """C: with K and H, three rows far out are no change and four are."""
 LEAST_SCATTER = 1e-3
@@ -81,16 +92,24 @@ class Forecast:
     high: float
 
 
-def trend_of(name: str, x: Array, y: Array) -> Trend | None:
-    """Return the trend of a series with x rising; None below `LEAST_ROWS`."""
+def trend_of(name: str, x: Array, y: Array, unix_s: Array | None = None) -> Trend | None:
+    """Return the trend of a series with x and time rising; None with too few rows and sittings.
+
+    Without `unix_s` all rows are of one sitting.
+    """
+    unix_s = np.zeros_like(x) if unix_s is None else unix_s
     finite = np.isfinite(x) & np.isfinite(y)
-    x, y = x[finite], y[finite]
-    if len(y) < LEAST_ROWS:
+    x, y, unix_s = x[finite], y[finite], unix_s[finite]
+    sittings = _sittings(unix_s)
+    charts = [_within(y, sittings, number) for number in range(len(sittings))]
+    chart = _between(y, sittings) if len(sittings) >= LEAST_SITTINGS else None
+    known = [c for c in (chart, *charts) if c is not None]
+    if not known:
         return None
-    mean = float(np.mean(y[:REFERENCE]))
-    scatter = max(float(np.std(y[:REFERENCE], ddof=1)), LEAST_SCATTER * abs(mean), 1e-12)
-    changes = _changes(_deviates((y - mean) / scatter))
-    noticed, since = next(((c.noticed, c.since) for c in changes if c.back is None), (None, None))
+    mean, scatter, _ = known[0]
+    changes = sorted(change for c in known for change in c.changes)
+    first = min((c for c in changes if c.back is None), key=lambda c: c.noticed, default=None)
+    since = None if first is None else first.since
     part = slice(None) if since is None else slice(max(since - 1, 0), None)
     slope, slope_sd = _line(x[part], y[part])[1:3]
     return Trend(
@@ -99,20 +118,12 @@ def trend_of(name: str, x: Array, y: Array) -> Trend | None:
         y=y,
         mean=mean,
         scatter=scatter,
-        noticed=noticed,
+        noticed=None if first is None else first.noticed,
         since=since,
         passed=tuple((c.noticed, c.back) for c in changes if c.back is not None),
         slope=slope,
         slope_sd=slope_sd,
     )
-
-
-def _deviates(z: Array) -> Array:
-    from scipy.special import ndtri, stdtr
-
-    # Far out both ends are equally certain; infinity is no number to sum up.
-    below = stdtr(REFERENCE - 1, -np.abs(z) / math.sqrt(1.0 + 1.0 / REFERENCE))
-    return np.asarray(np.sign(z) * np.minimum(-ndtri(np.maximum(below, 1e-15)), CAP), float)
 
 
 class _Change(NamedTuple):
@@ -121,26 +132,96 @@ class _Change(NamedTuple):
     since: int
     noticed: int
     back: int | None = None
+    sign: int = 1
+
+
+class _Chart(NamedTuple):
+    """Mean and scatter of the reference, and the changes in their order, as places of rows."""
+
+    mean: float
+    scatter: float
+    changes: tuple[_Change, ...]
+
+
+def _sittings(unix_s: Array) -> list[slice]:
+    begins = [0, *(np.flatnonzero(np.diff(unix_s) > SITTING_GAP_S) + 1).tolist(), len(unix_s)]
+    return [slice(begin, end) for begin, end in pairwise(begins) if end > begin]
+
+
+def _within(y: Array, sittings: Sequence[slice], number: int) -> _Chart | None:
+    """Return the chart of the rows of one sitting, whose last change later sittings may end."""
+    sitting = sittings[number]
+    rows = y[sitting]
+    if len(rows) < LEAST_ROWS:
+        return None
+    mean, scatter = _reference(rows[:REFERENCE])
+    changes = [
+        change._replace(
+            since=change.since + sitting.start,
+            noticed=change.noticed + sitting.start,
+            back=None if change.back is None else change.back + sitting.start,
+        )
+        for change in _changes(_deviates(rows, REFERENCE))
+    ]
+    if changes and changes[-1].back is None:
+        for later in sittings[number + 1 :]:
+            if changes[-1].sign * (float(np.median(y[later])) - mean) <= 3.0 * scatter:
+                changes[-1] = changes[-1]._replace(back=later.stop - 1)
+                break
+    return _Chart(mean, scatter, tuple(changes))
+
+
+def _between(y: Array, sittings: Sequence[slice]) -> _Chart:
+    """Return the chart of the sittings' medians."""
+    medians = np.array([np.median(y[sitting]) for sitting in sittings])
+    return _Chart(
+        *_reference(medians[:REFERENCE]),
+        tuple(
+            change._replace(
+                since=sittings[change.since].start,
+                noticed=sittings[change.noticed].stop - 1,
+                back=None if change.back is None else sittings[change.back].stop - 1,
+            )
+            for change in _changes(_deviates(medians, _KNOWN_SITTINGS))
+        ),
+    )
+
+
+def _reference(y: Array) -> tuple[float, float]:
+    """Return mean and scatter."""
+    mean = float(np.mean(y))
+    return mean, max(float(np.std(y, ddof=1)), LEAST_SCATTER * abs(mean), 1e-12)
+
+
+def _deviates(y: Array, known: int) -> Array:
+    """Return u of each value by those before it, ten at most; 0 for the first `known` ones."""
+    from scipy.special import ndtri, stdtr
+
+    u = np.zeros(len(y))
+    for place in range(known, len(y)):
+        n = min(place, REFERENCE)
+        mean, scatter = _reference(y[:n])
+        t = (y[place] - mean) / (scatter * math.sqrt(1.0 + 1.0 / n))
+        # Far out both ends are equally certain; infinity is no number to sum up.
+        below = max(float(stdtr(n - 1, -abs(t))), 1e-15)
+        u[place] = math.copysign(min(-float(ndtri(below)), CAP), t)
+    return u
 
 
 def _changes(u: Array) -> list[_Change]:
     """Return the changes in their order; the last one may not have come back."""
-    sums, began, changes = [0.0, 0.0], [0, 0], list[_Change]()
-    side: int | None = None
-    """That of the change that has not come back."""
-    for place in range(REFERENCE, len(u)):
-        for number, sign in enumerate((1.0, -1.0)):
-            if sums[number] == 0.0:
-                began[number] = place
-            sums[number] = max(0.0, sums[number] + sign * float(u[place]) - SLACK)
-        if side is not None and sums[side] == 0.0:
+    sums, began, changes = {1: 0.0, -1: 0.0}, {1: 0, -1: 0}, list[_Change]()
+    for place, deviate in enumerate(u):
+        for sign in (1, -1):
+            if sums[sign] == 0.0:
+                began[sign] = place
+            sums[sign] = max(0.0, sums[sign] + sign * float(deviate) - SLACK)
+        if changes and changes[-1].back is None and sums[changes[-1].sign] == 0.0:
             changes[-1] = changes[-1]._replace(back=place)
-            side = None
-        for number in (0, 1):
-            if side is None and sums[number] > THRESHOLD:
-                side = number
-                changes.append(_Change(began[number], place))
-            sums[number] = min(sums[number], THRESHOLD)
+        for sign in (1, -1):
+            if sums[sign] > THRESHOLD and (not changes or changes[-1].back is not None):
+                changes.append(_Change(began[sign], place, sign=sign))
+            sums[sign] = min(sums[sign], THRESHOLD)
     return changes
 
 

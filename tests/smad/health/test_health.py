@@ -66,6 +66,41 @@ def test_three_odd_rows_are_no_change_and_a_longer_one_that_ends_has_come_back()
     assert "came back: standard: stroke_mm" in headline(health_of(rows, {}))
 
 
+def in_sittings(seed: int, shifts: list[float], rows: int = 12) -> Trend | None:
+    """Twelve rows a day, which scatter by 0.02, while days scatter by 0.1, and by `shifts`."""
+    draw = np.random.default_rng(seed)
+    days = 10.0 + draw.normal(0.0, 0.1, len(shifts)) + shifts
+    y = (days[:, None] + draw.normal(0.0, 0.02, (len(shifts), rows))).ravel()
+    unix_s = (86_400.0 * np.arange(len(shifts))[:, None] + 600.0 * np.arange(rows)).ravel()
+    return trend_of("stroke_mm", np.arange(len(y), dtype=float), y, unix_s)
+
+
+def test_days_that_differ_more_than_the_runs_of_one_are_no_change() -> None:
+    for days in (2, 3, 20):
+        trends = [in_sittings(seed, [0.0] * days) for seed in range(100)]
+        assert sum(found is not None and found.noticed is not None for found in trends) <= 1
+
+
+def test_a_loss_that_stays_is_noticed_over_the_scatter_of_days() -> None:
+    for seed in range(20):
+        found = in_sittings(seed, [0.0] * 12 + [-0.6] * 8)
+        assert found is not None
+        assert found.noticed is not None
+        assert 12 <= found.noticed // 12 <= 17
+
+
+def test_a_change_within_a_day_stands_while_the_days_after_it_do_not_come_back() -> None:
+    draw = np.random.default_rng(1)
+    day = 10.0 + draw.normal(0.0, 0.02, 24) - 0.5 * (np.arange(24) >= 14)
+    unix_s = np.concatenate([600.0 * np.arange(24), 86_400.0 + 600.0 * np.arange(12)])
+    for level, stands in ((9.5, True), (10.0, False)):
+        y = np.concatenate([day, level + draw.normal(0.0, 0.02, 12)])
+        found = trend_of("stroke_mm", np.arange(36.0), y, unix_s)
+        assert found is not None
+        assert (found.noticed is not None) is stands
+        assert bool(found.passed) is not stands
+
+
 def test_the_interval_of_a_forecast_holds_the_truth_in_about_95_of_100() -> None:
     held = []
     for seed in range(200):
@@ -83,7 +118,9 @@ def test_without_a_slope_nothing_is_forecast_nor_for_a_limit_that_lies_behind() 
 def test_too_few_rows_make_no_trend() -> None:
     assert trend_of("a", X[: REFERENCE + 1], X[: REFERENCE + 1]) is None
     few = health_of([row(1, stroke_mm=1.0)], {})
-    assert headline(few) == "1 rows are too few: a trend needs 12 of one name"
+    assert headline(few) == (
+        "1 rows are too few: a trend needs 12 of one name and sitting, or 4 sittings"
+    )
     assert "<table" not in render(page(few, "bench"))
 
 
