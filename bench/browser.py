@@ -17,8 +17,8 @@ from urllib.request import urlopen
 
 from smad.client.endpoints import FOLDER_VARIABLE
 from smad.config import Config, LinkConfig, RecorderConfig, TelemetryConfig, config_to_toml
+from smad.processes.boards import BOARDS
 from smad.processes.daemon import DaemonProcess
-from smad.processes.simulated_board import BAUDS
 from smad.processes.simulator import simulated_bench
 
 _ENDS_WITHIN_S = 120.0
@@ -65,7 +65,7 @@ def running_daemon(folder: Path, *sim: str, rate_hz: Any = 100) -> Iterator[Daem
     rate = ("--rate", str(rate_hz))
     with simulated_bench([*rate, *sim], folder / "tty", waiting=lambda text: None) as port:
         config = Config(
-            link=LinkConfig(port=port, rate_hz=rate_hz, baud=BAUDS["python"]),
+            link=LinkConfig(port=port, rate_hz=rate_hz, baud=BOARDS["python"].baud),
             recorder=RecorderConfig(folder=str(folder / "runs"), automatic=False),
             telemetry=TelemetryConfig(endpoint=""),
         )

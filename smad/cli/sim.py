@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 import msgspec
@@ -14,11 +13,8 @@ from smad.cli import complete
 from smad.cli.output import FILE, PATH, Finite
 from smad.cli.simulated import effect_lines
 from smad.cli.tables import print_columns
-from smad.processes.boards import SimulatorError, build, faults_of, rate_of
+from smad.processes.boards import BOARDS, SimulatorError, build, faults_of, rate_of
 from smad.processes.simulator import READY
-
-if TYPE_CHECKING:
-    pass
 
 SEED_STEP = 100_003
 """Between the seeds of two axes: their noise must not be the same."""
@@ -61,7 +57,7 @@ SEED_STEP = 100_003
 )
 @click.option(
     "--firmware",
-    type=click.Choice(["python", "host", "avr"]),
+    type=click.Choice([*BOARDS]),
     default="python",
     help="The board: Python, the C firmware as a process, or its chip emulated.",
 )

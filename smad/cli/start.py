@@ -12,6 +12,7 @@ import click
 
 from smad.cli.output import PATH
 from smad.errors import ConfigError
+from smad.processes.boards import BOARDS
 
 if TYPE_CHECKING:
     from smad.config import Config
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--firmware",
-    type=click.Choice(["python", "host", "avr"]),
+    type=click.Choice([*BOARDS]),
     default="python",
     help="With --sim: the board, see smad sim --help.",
 )
