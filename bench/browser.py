@@ -142,9 +142,9 @@ def credentials_of(link: str) -> tuple[str, str]:
     """Open a link as a browser does; return the cookie and the key that come with the page."""
     with urlopen(link) as answer:
         cookie = answer.headers["Set-Cookie"].partition(";")[0]
-        found = re.search(r'name="smad-key" content="([^"]*)"', answer.read().decode())
-    assert found is not None, "the page has no place for a key"
-    return cookie, found[1]
+        match = re.search(r'name="smad-key" content="([^"]*)"', answer.read().decode())
+    assert match is not None, "the page has no place for a key"
+    return cookie, match[1]
 
 
 @contextlib.contextmanager

@@ -90,9 +90,9 @@ def scores() -> Figure:
     names = []
     for place, name in enumerate(reversed(SHOWN)):
         text, cases = values[name]
-        found = _INTERVAL.fullmatch(text)
-        assert found is not None
-        value, low, high = map(float, found.groups())
+        match = _INTERVAL.fullmatch(text)
+        assert match is not None
+        value, low, high = map(float, match.groups())
         axes.plot([low, high], [place, place], color=in_print("main"))
         axes.plot(value, place, "o", color=in_print("main"))
         names.append(f"{name} (n = {cases})")
