@@ -206,9 +206,12 @@ def night(
     if folder.exists() and any(folder.iterdir()):
         raise CommandError("the folder is not empty", value=str(folder), action="name a new one")
     asked = Asked(
-        hours=hours, seed=seed, speed=speed, longest_h=wall_hours,
+        hours=hours,
+        seed=seed,
+        speed=speed,
+        longest_h=wall_hours,
         troubles=max(1, round(2.0 * hours)) if troubles is None else troubles,
-    )  # fmt: skip
+    )
     with ended_by_signals(), progress() as line:
         night = run_night(folder.absolute(), asked, line.say)
         line.done()

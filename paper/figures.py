@@ -41,9 +41,11 @@ def cycle() -> Figure:
     """Displacement against the temperature of each spring: X heats, X cools, Y heats, Y cools."""
     plant = Plant(load_parameters("A"))
     phases = [
-        ((CURRENT_A, 0.0), (0.0, 0.0), 0, 0.02), ((0.0, 0.0), (1.0, 0.0), 0, 0.98),
-        ((0.0, CURRENT_A), (0.0, 0.0), 1, 0.02), ((0.0, 0.0), (0.0, 1.0), 1, 0.98),
-    ]  # fmt: skip
+        ((CURRENT_A, 0.0), (0.0, 0.0), 0, 0.02),
+        ((0.0, 0.0), (1.0, 0.0), 0, 0.98),
+        ((0.0, CURRENT_A), (0.0, 0.0), 1, 0.02),
+        ((0.0, 0.0), (0.0, 1.0), 1, 0.98),
+    ]
     rows = []
     for i_A, duty, spring, fraction in phases * 2:
         below = fraction < 0.5

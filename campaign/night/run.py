@@ -105,9 +105,12 @@ class NightRig(DaemonRig):
                 with (self.folder / f"{name}.log").open("ab") as log:
                     self.children[name] = subprocess.Popen(
                         [sys.executable, "-m", "smad", *words],
-                        stdin=subprocess.DEVNULL, stdout=log, stderr=log, cwd=self.folder,
+                        stdin=subprocess.DEVNULL,
+                        stdout=log,
+                        stderr=log,
+                        cwd=self.folder,
                         start_new_session=True,
-                    )  # fmt: skip
+                    )
 
     def kill(self, *names: str) -> None:
         """Kill parts at once: daemon, runner, hooks, item."""

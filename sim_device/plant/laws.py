@@ -127,9 +127,12 @@ def terms_over(
             raise InputError(f"support of {state} is {low:g} to {high:g}; give finite low <= high")
         if high - low > 1e-9 * max(abs(low), abs(high)):
             lines[state] = Factor(
-                state=state, low=low, high=high, centre=0.5 * (low + high),
+                state=state,
+                low=low,
+                high=high,
+                centre=0.5 * (low + high),
                 scale=0.5 * (high - low),
-            )  # fmt: skip
+            )
     terms = [Term(name="constant", coefficient=0.0)]
 
     def add(name: str, order: int, *factors: Factor) -> None:
