@@ -10,7 +10,7 @@ import click
 import msgspec
 
 from smad.cli import complete
-from smad.cli.output import FILE, PATH, Finite
+from smad.cli.output import FILE, PATH, Finite, config_option
 from smad.cli.simulated import effect_lines
 from smad.cli.tables import print_columns
 from smad.processes.boards import BOARDS, SimulatorError, build, faults_of, rate_of
@@ -21,13 +21,7 @@ SEED_STEP = 100_003
 
 
 @click.command()
-@click.option(
-    "--config",
-    "path",
-    type=PATH,
-    envvar="SMAD_CONFIG",
-    help="Configuration file (smad config show).",
-)
+@config_option
 @click.option("--speed", type=float, help="Board time over wall time; 10 is ten times faster.")
 @click.option("--rate", type=click.Choice(["100", "250", "500"]), help="Samples per second.")
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Seed of all noise.")
