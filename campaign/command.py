@@ -201,11 +201,11 @@ def night(
     without an item, or a run log was lost.
     """
     from campaign.night import report as night_report
-    from campaign.night.run import Asked, run_night
+    from campaign.night.run import NightOptions, run_night
 
     if folder.exists() and any(folder.iterdir()):
         raise CommandError("the folder is not empty", value=str(folder), action="name a new one")
-    asked = Asked(
+    asked = NightOptions(
         hours=hours,
         seed=seed,
         speed=speed,

@@ -152,7 +152,7 @@ class NightRig(DaemonRig):
 class Night:
     """One night, look by look."""
 
-    def __init__(self, rig: NightRig, queue: Queue, *, asked: Asked, say: Say) -> None:
+    def __init__(self, rig: NightRig, queue: Queue, *, asked: NightOptions, say: Say) -> None:
         self.result = NightResult(asked.seed)
         self._rig = rig
         self._queue = queue
@@ -384,7 +384,7 @@ class Night:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Asked:
+class NightOptions:
     """Hours of board time, seed, bounds: board over wall time, and hours of the wall clock."""
 
     hours: float
@@ -394,7 +394,7 @@ class Asked:
     longest_h: float
 
 
-def run_night(folder: Path, asked: Asked, say: Say) -> NightResult:
+def run_night(folder: Path, asked: NightOptions, say: Say) -> NightResult:
     """Run one night in an empty folder, and leave its queue, run logs and words there.
 
     Raises SmadError when its processes do not come up, or something is waited for in vain.

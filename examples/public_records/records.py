@@ -36,7 +36,7 @@ class RecordError(SmadError):
 
 
 @dataclass(frozen=True)
-class Asked:
+class SplitRuns:
     """Runs to fit, and runs to judge on."""
 
     fit: list[GapRun]
@@ -56,9 +56,9 @@ class Record:
     files: Mapping[str, str]
     columns: tuple[str, ...]
     simulator: Simulator
-    runs: Callable[..., Asked]
+    runs: Callable[..., SplitRuns]
 
-    def asked(self, folder: Path) -> Asked:
+    def asked(self, folder: Path) -> SplitRuns:
         """The runs of the files in `folder`, fetched if they are not there.
 
         Raises RecordError where they cannot be fetched, or are not those that were published.
@@ -106,7 +106,7 @@ class Record:
         return dict(zip(self.columns, values.T, strict=True))
 
 
-def _silverbox(columns: Mapping[str, Array]) -> Asked:
+def _silverbox(columns: Mapping[str, Array]) -> SplitRuns:
     """Two of the ten multisines to fit; to judge on, a later one, and noise that grows beyond them.
 
     Each begins and ends where nothing is played.
@@ -118,26 +118,26 @@ def _silverbox(columns: Mapping[str, Array]) -> Asked:
         u, y = (columns[c][start:stop] for c in ("V1", "V2"))
         return GapRun(name, t_s, {"input_V": u}, {"output_V": y}, valid)
 
-    return Asked(
+    return SplitRuns(
         [run("multisine 1", 40577, 49271), run("multisine 2", 49271, 57963)],
         [run("multisine 9", 110110, 118801), run("growing noise", 0, 40577)],
     )
 
 
-def _tanks(columns: Mapping[str, Array]) -> Asked:
+def _tanks(columns: Mapping[str, Array]) -> SplitRuns:
     """The estimation record to fit, the test record to judge on, as they were published."""
 
     def run(name: str, pump: Array, level: Array) -> GapRun:
         t_s = np.arange(len(pump)) * STEP_S
         return GapRun(name, t_s, {"pump_V": pump}, {"level_V": level})
 
-    return Asked(
+    return SplitRuns(
         [run("estimation", columns["uEst"], columns["yEst"])],
         [run("test", columns["uVal"], columns["yVal"])],
     )
 
 
-def _emps(plain: Mapping[str, Array], pulsed: Mapping[str, Array]) -> Asked:
+def _emps(plain: Mapping[str, Array], pulsed: Mapping[str, Array]) -> SplitRuns:
     """The laps of the record to fit, those with pulses of force to judge on, as was published.
 
     A lap has every speed both ways. In half of one, a law over what the force was some time ago
@@ -157,7 +157,7 @@ def _emps(plain: Mapping[str, Array], pulsed: Mapping[str, Array]) -> Asked:
             found.append(GapRun(f"{name} {i + 1}", t_s, {"force_N": u}, {"position_rate": y}))
         return found
 
-    return Asked(laps("lap", plain), laps("lap with pulses", pulsed))
+    return SplitRuns(laps("lap", plain), laps("lap with pulses", pulsed))
 
 
 RECORDS = {
