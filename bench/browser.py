@@ -17,8 +17,8 @@ from urllib.request import urlopen
 
 from smad.client.endpoints import FOLDER_VARIABLE
 from smad.config import Config, LinkConfig, RecorderConfig, TelemetryConfig, config_to_toml
+from smad.processes.boards import BOARDS
 from smad.processes.daemon import DaemonProcess
-from smad.processes.simulated_board import BAUDS
 from smad.processes.simulator import simulated_bench
 
 _ENDS_WITHIN_S = 120.0
@@ -65,7 +65,7 @@ def running_daemon(folder: Path, *sim: str, rate_hz: Any = 100) -> Iterator[Daem
     rate = ("--rate", str(rate_hz))
     with simulated_bench([*rate, *sim], folder / "tty", waiting=lambda text: None) as port:
         config = Config(
-            link=LinkConfig(port=port, rate_hz=rate_hz, baud=BAUDS["python"]),
+            link=LinkConfig(port=port, rate_hz=rate_hz, baud=BOARDS["python"].baud),
             recorder=RecorderConfig(folder=str(folder / "runs"), automatic=False),
             telemetry=TelemetryConfig(endpoint=""),
         )
@@ -142,9 +142,9 @@ def credentials_of(link: str) -> tuple[str, str]:
     """Open a link as a browser does; return the cookie and the key that come with the page."""
     with urlopen(link) as answer:
         cookie = answer.headers["Set-Cookie"].partition(";")[0]
-        found = re.search(r'name="smad-key" content="([^"]*)"', answer.read().decode())
-    assert found is not None, "the page has no place for a key"
-    return cookie, found[1]
+        match = re.search(r'name="smad-key" content="([^"]*)"', answer.read().decode())
+    assert match is not None, "the page has no place for a key"
+    return cookie, match[1]
 
 
 @contextlib.contextmanager

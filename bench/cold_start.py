@@ -43,7 +43,7 @@ def pythons() -> dict[tuple[int, int], str]:
         for line in tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["classifiers"]
         if "Python :: 3." in line
     )
-    found: dict[tuple[int, int], str] = {}
+    by_version: dict[tuple[int, int], str] = {}
     pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
     for minor in range(OLDEST[1], newest + 1):
         name = f"python3.{minor}"
@@ -53,9 +53,9 @@ def pythons() -> dict[tuple[int, int], str]:
                 [str(place), "-c", _VERSION], capture_output=True, text=True, check=False
             )
             if done.stdout.split() == ["3", str(minor)]:
-                found[3, minor] = str(place)
+                by_version[3, minor] = str(place)
                 break
-    return found
+    return by_version
 
 
 def processor_s() -> float:

@@ -61,8 +61,8 @@ def step_us(config: ControlConfig) -> float:
     controller.step(given[0])
     controller.command(follow)
     began = time.perf_counter()
-    for one in given[1:]:
-        setpoint_of(controller.step(one), t_ref_us=one.t_us)
+    for piece in given[1:]:
+        setpoint_of(controller.step(piece), t_ref_us=piece.t_us)
     return (time.perf_counter() - began) / (STEPS - 1) * 1e6
 
 

@@ -104,9 +104,9 @@ class Result:
 
     def add(self, steps: Pairs, lateness: list[Pairs], figures: dict[str, float]) -> None:
         """Take in one run: its steps, what each sentinel saw, its figures."""
-        kept = unmasked(steps, lateness)
-        self.runs_ns.append(kept)
-        self.masked += len(steps) - len(kept)
+        answered = unmasked(steps, lateness)
+        self.runs_ns.append(answered)
+        self.masked += len(steps) - len(answered)
         self.late_ns += [late for pairs in lateness for _, late in pairs]
         for name, value in figures.items():
             self.figures.setdefault(name, []).append(value)
@@ -160,12 +160,12 @@ def unmasked(steps: Pairs, lateness: list[Pairs]) -> list[int]:
     ends: list[int] = []
     for _, last in bad:
         ends.append(max(last, ends[-1]) if ends else last)
-    kept = []
+    unmasked_steps = []
     for read, took in steps:
-        at = bisect_right(starts, read + took) - 1
-        if begin <= read <= end and not (at >= 0 and ends[at] >= read):
-            kept.append(took)
-    return kept
+        before = bisect_right(starts, read + took) - 1
+        if begin <= read <= end and not (before >= 0 and ends[before] >= read):
+            unmasked_steps.append(took)
+    return unmasked_steps
 
 
 def measure(

@@ -63,9 +63,9 @@ def table_of_steps() -> Iterator[str]:
         ]
         best = [0.0] * len(made)
         for _ in range(TURNS):
-            for at, make in enumerate(made):
+            for place, make in enumerate(made):
                 env = make()
-                best[at] = max(best[at], steps_per_s(env, size, steps))
+                best[place] = max(best[place], steps_per_s(env, size, steps))
                 env.close()
         ratio = max(best[1:]) / best[0]
         yield "".join([f"{size:5}", *(f"{rate:12.0f}" for rate in best), f"{ratio:8.1f}"])

@@ -49,7 +49,7 @@ def rows() -> list[Row]:
     # Beginnings as long as those that tell how coarse replays may be: the pace stays the same.
     shorter, _, _ = _seconds(some, [r.part(0, 2 * len(r.t_s) // 3) for r in runs])
     fewer, _, _ = _seconds(replace(some, only=some.only[:13] if some.only else None), runs)
-    one, solver = _replay_s(some, runs[0])
+    one_s, solver = _replay_s(some, runs[0])
     return [
         Row(f"diagnosis, {RUNS} runs of {RUN_S:g} s, {CANDIDATES} candidates", whole, "s"),
         Row("  processor time of it", cpu, "s"),
@@ -57,8 +57,8 @@ def rows() -> list[Row]:
         Row("  peak memory of the process", _peak_MB(), "MB"),
         Row("runs of 50 s (ratio to whole; linear is 0.67)", shorter, "s", shorter / whole),
         Row("13 of 25 candidates (ratio to whole; linear is 0.5)", fewer, "s", fewer / whole),
-        Row("one replay of one run", 1e3 * one, "ms"),
-        Row("same replays by solve_ivp, estimated", solver * evaluations, "s", solver / one),
+        Row("one replay of one run", 1e3 * one_s, "ms"),
+        Row("same replays by solve_ivp, estimated", solver * evaluations, "s", solver / one_s),
     ]
 
 

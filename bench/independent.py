@@ -88,9 +88,9 @@ class IndependentPairs:
 
     def reset(self, *, seed: Sequence[int]) -> tuple[npt.NDArray[np.float32], dict[str, Any]]:
         """Begin all episodes, one seed each."""
-        self._boards, self._at = Boards(self.num_envs), 0
+        self._boards, self._step = Boards(self.num_envs), 0
         self._rng = np.random.default_rng(list(seed))
-        begun = [self._begun(np.random.default_rng(one)) for one in seed]
+        begun = [self._begun(np.random.default_rng(each)) for each in seed]
         self.days, inputs, wanted, states = zip(*begun, strict=True)
         self.inputs, self._references = np.array(inputs), np.array(wanted)
         self._parameters = np.array([day.vector() for day in self.days])
@@ -122,7 +122,7 @@ class IndependentPairs:
         self._read = STEPS * np.round(noisy / STEPS)
 
     def _observed(self) -> npt.NDArray[np.float32]:
-        ahead = self._references[:, [self._at, self._at + self._ahead]]
+        ahead = self._references[:, [self._step, self._step + self._ahead]]
         seen = np.column_stack([self._read[:, _SHOWN], ahead])
         return np.clip(seen.astype(np.float32), signals.LOW, signals.HIGH)
 
@@ -132,15 +132,15 @@ class IndependentPairs:
         wanted = signals.driven("demand", actions, self.num_envs)
         self.inputs[:, :2] = self._boards.regulate(wanted[:, :2], _DT_US, every)
         self.inputs[:, 2:4] = wanted[:, 2:]
-        self._at += 1
+        self._step += 1
         self._pass()
         seen = self._observed()
         t_cC = np.rint(seen[:, 2:4] * 100.0).astype(np.int64)
         i_mA = np.rint(seen[:, 6:8] * 1e3).astype(np.int64)
         stopped = self._boards.observe(t_cC, i_mA, _DT_US, every) != 0
-        missed = 2.0 * references.REACH_mm * (self.steps - self._at + 1)
+        missed = 2.0 * references.REACH_mm * (self.steps - self._step + 1)
         rewards = np.where(stopped, -missed, -np.abs(seen[:, 0] - seen[:, -2]))
-        return seen, rewards, stopped, np.full(self.num_envs, self._at >= self.steps), {}
+        return seen, rewards, stopped, np.full(self.num_envs, self._step >= self.steps), {}
 
     def close(self) -> None:
         """There is nothing to give back."""

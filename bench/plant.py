@@ -182,11 +182,11 @@ def parallel_rows(inputs: Inputs, sets: int) -> Iterator[Row]:
     )
     with ThreadPoolExecutor(2) as threads:
         many.replay(threads)
-        one = best_of(2, many.replay, time.perf_counter)
+        seconds = best_of(2, many.replay, time.perf_counter)
         two = best_of(2, lambda: many.replay(threads), time.perf_counter)
     span = float(inputs.t_s[-1])
-    yield Row(f"{sets} sets of {span:.0f} s, one thread", one, "s")
-    yield Row(f"{sets} sets of {span:.0f} s, two threads", two, "s", one / two, "one thread")
+    yield Row(f"{sets} sets of {span:.0f} s, one thread", seconds, "s")
+    yield Row(f"{sets} sets of {span:.0f} s, two threads", two, "s", seconds / two, "one thread")
 
 
 _PLAIN = """
@@ -287,10 +287,10 @@ def rows(sets: int = SETS) -> list[Row]:
     ]
 
 
-def table(found: list[Row]) -> str:
+def table(rows: list[Row]) -> str:
     """The rows as text."""
     lines = [f"{'':44}{'value':>12}  {'':6}{'ratio':>8}"]
-    for row in found:
+    for row in rows:
         ratio = "" if row.ratio is None else f"{row.ratio:8.1f} x {row.against}"
         lines.append(f"{row.name:44}{row.value:12.3f}  {row.unit:6}{ratio}")
     return "\n".join(lines)

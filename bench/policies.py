@@ -67,10 +67,10 @@ class Withheld:
 
 def benches(count: int) -> Iterator[Withheld]:
     """Benches, each from its number."""
-    for at in range(count):
-        name, share = EFFECTS[at % len(EFFECTS)]
+    for start in range(count):
+        name, share = EFFECTS[start % len(EFFECTS)]
         active = withheld.Active(name, share * withheld.BY_NAME[name].limit)
-        yield Withheld(at + 1, another_bench(np.random.default_rng([at, 46])), active)
+        yield Withheld(start + 1, another_bench(np.random.default_rng([start, 46])), active)
 
 
 def ranges_by_hand() -> dict[str, tuple[float, float]]:
@@ -93,9 +93,9 @@ def diagnosed(bench: Withheld, path: Path) -> str:
     the verdict."""
     if not path.exists():
         runs = []
-        for at, family in enumerate(FOR_FITTING[:RUNS]):
-            seed = 100 * bench.number + at
-            made = record(bench.bench, (bench.active,), family, seed, seconds=RUN_S, number=at)
+        for number, family in enumerate(FOR_FITTING[:RUNS]):
+            seed = 100 * bench.number + number
+            made = record(bench.bench, (bench.active,), family, seed, seconds=RUN_S, number=number)
             table = path.with_name(f"{bench.number}-{family}.parquet")
             files.write_run(table, made.log)
             runs.append(replace(read_gap_run(table), name=family))
@@ -157,7 +157,7 @@ class Table:
             self.searched(f"{bench.number}-posterior", model=better, randomise="posterior"),
         )
         return {
-            name: [tried(np.array(one), bench) for one in weights]
+            name: [tried(np.array(row), bench) for row in weights]
             for name, weights in zip(SIMULATORS, policies, strict=True)
         }
 
@@ -190,8 +190,8 @@ def main(count: int, seeds: int, generations: int, folder: Path | None) -> None:
         place = Path(made) if folder is None else folder
         place.mkdir(parents=True, exist_ok=True)
         table = Table(search=Search(generations=generations), seeds=seeds, folder=place, pool=pool)
-        for one in table.lines(count):
-            print(one, flush=True)
+        for line in table.lines(count):
+            print(line, flush=True)
     print(f"mm, mean ± standard deviation over seeds (all: over benches and seeds); {seeds} seeds,")
     print(f"{generations} generations; {time.perf_counter() - begun_s:.0f} s")
 

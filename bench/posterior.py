@@ -30,7 +30,7 @@ MEASURED = ("water_temperature", "ambient_temperature")
 def off(number: int) -> dict[str, float]:
     """Of each parameter of a bench: estimate less truth, in posterior standard deviations."""
     plant, rng = SmaPlant(), np.random.default_rng([number, 146])
-    own = [
+    strengths = [
         q
         for q in plant.parameters
         if q.name in plant.parameter_set.names and q.name not in MEASURED
@@ -40,27 +40,29 @@ def off(number: int) -> dict[str, float]:
             q.name: float(
                 np.clip(q.nominal + SPREAD * q.prior_sd * rng.standard_normal(), q.low, q.high)
             )
-            for q in own
+            for q in strengths
         }
         try:
             runs = [
-                recorded(family, plant, ModelPoint(values), 10 * number + at, duration_s=RUN_S)
-                for at, family in enumerate(FAMILIES)
+                recorded(
+                    family, plant, ModelPoint(values), 10 * number + run_number, duration_s=RUN_S
+                )
+                for run_number, family in enumerate(FAMILIES)
             ]
         except PlantError:
             # No pair can be built of these.
             continue
         break
-    told = diagnose(runs, plant=plant).verdict.parameters
-    truth = {q.name: values.get(q.name, q.before) for q in told}
-    return {q.name: (q.after - truth[q.name]) / max(q.sd, 1e-12) for q in told}
+    fitted = diagnose(runs, plant=plant).verdict.parameters
+    truth = {q.name: values.get(q.name, q.before) for q in fitted}
+    return {q.name: (q.after - truth[q.name]) / max(q.sd, 1e-12) for q in fitted}
 
 
-def lines(found: dict[str, Array]) -> Iterator[str]:
+def lines(errors: dict[str, Array]) -> Iterator[str]:
     """A line a parameter, then all together."""
-    whole = np.concatenate(list(found.values()))
+    whole = np.concatenate(list(errors.values()))
     yield f"{'parameter':24}{'rms':>8}{'in ±1.96':>10}"
-    for name, z in (*found.items(), ("all", whole)):
+    for name, z in (*errors.items(), ("all", whole)):
         yield f"{name:24}{np.sqrt(np.mean(z**2)):8.2f}{np.mean(np.abs(z) < 1.96):10.2f}"
     yield f"all: median of |z| {np.median(np.abs(whole)):.2f}; of a normal distribution 0.67"
 
@@ -76,8 +78,8 @@ def main(benches: int) -> None:
             f"bench {number}: rms {np.sqrt(np.mean(np.square(list(each[-1].values())))):.2f}",
             flush=True,
         )
-    for one in lines({name: np.array([z[name] for z in each]) for name in each[0]}):
-        print(one)
+    for line in lines({name: np.array([z[name] for z in each]) for name in each[0]}):
+        print(line)
 
 
 if __name__ == "__main__":

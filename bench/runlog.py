@@ -176,8 +176,8 @@ def _writing(folder: Path) -> list[Measured]:
     with FileIO(folder / "ours.mcap", "xb") as file:
         ours = McapFile(file)
         before = time.thread_time()
-        for at in range(0, _ROWS_WRITTEN, _ROWS_A_FLUSH):
-            ours.write_chunk(packed[at : at + _ROWS_A_FLUSH])
+        for first_row in range(0, _ROWS_WRITTEN, _ROWS_A_FLUSH):
+            ours.write_chunk(packed[first_row : first_row + _ROWS_A_FLUSH])
         ours_us = (time.thread_time() - before) / _ROWS_WRITTEN * 1e6
     with (folder / "theirs.mcap").open("xb") as plain:
         theirs = Writer(plain, chunk_size=2**40)

@@ -72,9 +72,9 @@ def main() -> int:
                 )  # fmt: skip
                 return np.asarray(shown[SHOWN])
 
-            took_s, found = seconds(run)
+            took_s, outputs = seconds(run)
             shutil.rmtree(unpacked)
-            worst = max(worst, float(np.abs(found - expected).max() / np.ptp(expected)))
+            worst = max(worst, float(np.abs(outputs - expected).max() / np.ptp(expected)))
             print(
                 f"unit of FMI {version}.0    {took_s * 1e3:7.1f} ms in fmpy, "
                 f"{unit.stat().st_size / 1e3:.0f} kB, needs {needs(unit, folder)}"

@@ -227,8 +227,8 @@ def stretch(client: Client, seconds: float) -> dict[str, float]:
     lost = after.counts.missed + after.counts.skipped - before.missed - before.skipped
     refused = after.counts.setpoints_refused - before.setpoints_refused
     # Of a refused setpoint there is no age, nor of one that never came.
-    held = sum(event.time_s >= began_s and event.text == _HELD for event in after.events)
-    more = {"lost": float(lost), "refused": float(refused), "held": float(held)}
+    holds = sum(event.time_s >= began_s and event.text == _HELD for event in after.events)
+    more = {"lost": float(lost), "refused": float(refused), "held": float(holds)}
     return {**{name: getattr(age, name) for name in FIGURES}, **more}
 
 
@@ -288,7 +288,10 @@ def main(pairs: int, seconds: float, rate: str, reader: str, busy: int) -> None:
             closed, opened = measure(folder, pairs, seconds, reader)
     rows = []
     for figure in (*FIGURES, *_COUNTED):
-        without, with_page = [one[figure] for one in closed], [one[figure] for one in opened]
+        without, with_page = (
+            [figures[figure] for figures in closed],
+            [figures[figure] for figures in opened],
+        )
         differences = [b - a for a, b in zip(without, with_page, strict=True)]
         rows.append(
             (
@@ -310,7 +313,7 @@ def main(pairs: int, seconds: float, rate: str, reader: str, busy: int) -> None:
         ("frames", "frames (or samples) a second"),
         ("kB", "kB a second to the page or viewer"),
     ):
-        click.echo(f"{statistics.median(one[figure] for one in opened):.1f} {what}")
+        click.echo(f"{statistics.median(figures[figure] for figures in opened):.1f} {what}")
 
 
 if __name__ == "__main__":

@@ -37,11 +37,11 @@ def row(driver: Any, server: psutil.Process, board_s: float) -> tuple[str, ...]:
     """What the page and its server hold now."""
     driver.execute_cdp_cmd("HeapProfiler.collectGarbage", {})
     elements = driver.execute_script("return document.getElementsByTagName('*').length")
-    held = server.memory_info().rss
+    before = server.memory_info().rss
     return (
         f"{board_s / 3600:.2f}",
         f"{frames_drawn(driver):.0f}",
-        f"{held / 2**20:.1f}",
+        f"{before / 2**20:.1f}",
         f"{heap_MiB(driver):.1f}",
         f"{elements}",
     )
@@ -55,7 +55,7 @@ def main(minutes: float, speed: float, rows: int) -> None:
     """Keep a page open, and print what it and its server hold."""
     if missing := what_is_missing():
         raise SystemExit(missing)
-    found = []
+    sizes = []
     pace = ("--speed", f"{speed:g}", "--paced-by-host")
     with tempfile.TemporaryDirectory(prefix="smad-view-") as name:
         folder = Path(name)
@@ -71,9 +71,9 @@ def main(minutes: float, speed: float, rows: int) -> None:
             server = psutil.Process(page.process.pid)
             for number in range(1, rows + 1):
                 time.sleep(60.0 * minutes / rows)
-                found.append(row(driver, server, client.motion().board_time_s))
-                click.echo(f"{number} of {rows}: {', '.join(found[-1])}", err=True)
-    click.echo(text_table(Table(_HEAD, found, numeric=frozenset(range(len(_HEAD))))))
+                sizes.append(row(driver, server, client.motion().board_time_s))
+                click.echo(f"{number} of {rows}: {', '.join(sizes[-1])}", err=True)
+    click.echo(text_table(Table(_HEAD, sizes, numeric=frozenset(range(len(_HEAD))))))
 
 
 if __name__ == "__main__":

@@ -201,14 +201,17 @@ def night(
     without an item, or a run log was lost.
     """
     from campaign.night import report as night_report
-    from campaign.night.run import Asked, run_night
+    from campaign.night.run import NightOptions, run_night
 
     if folder.exists() and any(folder.iterdir()):
         raise CommandError("the folder is not empty", value=str(folder), action="name a new one")
-    asked = Asked(
-        hours=hours, seed=seed, speed=speed, longest_h=wall_hours,
+    asked = NightOptions(
+        hours=hours,
+        seed=seed,
+        speed=speed,
+        longest_h=wall_hours,
         troubles=max(1, round(2.0 * hours)) if troubles is None else troubles,
-    )  # fmt: skip
+    )
     with ended_by_signals(), progress() as line:
         night = run_night(folder.absolute(), asked, line.say)
         line.done()

@@ -75,7 +75,7 @@ class ChipTwins(Twins):
         symbols = _symbols(OUTPUT / "smad-mega.elf")
         speeds = symbols["now"][0] + _offset_of_speeds(folder)
         words = (symbols["last_time_us"][0], speeds, speeds + 4)
-        watches = [word for at in words for word in ("--watch", hex(at & 0xFFFF))]
+        watches = [word for address in words for word in ("--watch", hex(address & 0xFFFF))]
         super().__init__([*program, *watches], folder, seed)
 
     def power_up(self) -> None:
@@ -127,10 +127,10 @@ class ChipTwins(Twins):
         sizes = (len(build(ear.session, ear.token)) for ear in self.ears)
         if self._chip_us() + max(sizes) * BYTE_us + HANDLED_us > self.now_us + LAST_us:
             self.sample()
-        one, two = (build(ear.session, ear.token) for ear in self.ears)
-        self.c.step(0, two)
-        self.c.step(len(two) * BYTE_us + HANDLED_us)
-        self.python.receive(one, self.c.watched[0])
+        first, second = (build(ear.session, ear.token) for ear in self.ears)
+        self.c.step(0, second)
+        self.c.step(len(second) * BYTE_us + HANDLED_us)
+        self.python.receive(first, self.c.watched[0])
         self._listen()
         self._await_keys()
 
@@ -168,30 +168,32 @@ class ChipTwins(Twins):
         for waiting, ear in zip(self._waiting, self.ears, strict=True):
             for message in ear.take():
                 waiting[type(message)].append(message)
-        one, two = self._waiting
-        found: list[str] = []
-        for kind in {**one, **two}:
-            while one[kind] and two[kind]:
-                p, q = one[kind].popleft(), two[kind].popleft()
-                found += [
+        first, second = self._waiting
+        differing: list[str] = []
+        for kind in {**first, **second}:
+            while first[kind] and second[kind]:
+                p, q = first[kind].popleft(), second[kind].popleft()
+                differing += [
                     f"{kind.__name__}.{name}: Python {getattr(p, name)}, C {getattr(q, name)}"
                     for name in p.__struct_fields__
                     if getattr(p, name) != getattr(q, name)
                 ]
-            for who, waiting in (("Python", one), ("C", two)):
+            for who, waiting in (("Python", first), ("C", second)):
                 if len(waiting[kind]) > LATE_MOST:
-                    found.append(f"{kind.__name__}: {LATE_MOST + 1} that only {who} sent")
-        return found + self._pins()
+                    differing.append(f"{kind.__name__}: {LATE_MOST + 1} that only {who} sent")
+        return differing + self._pins()
 
     def last_differences(self) -> list[str]:
         """Return what is still different when nothing more happens."""
         self.sample()
         self._run_to(PERIOD_us - SHOWN_BEFORE_us)
         self._listen()
-        found = self.differences()
+        differing = self.differences()
         for who, waiting in zip(("Python", "C"), self._waiting, strict=True):
-            found += [f"{kind.__name__}: only {who} sent it" for kind in waiting if waiting[kind]]
-        return found
+            differing += [
+                f"{kind.__name__}: only {who} sent it" for kind in waiting if waiting[kind]
+            ]
+        return differing
 
     def _await_keys(self) -> None:
         """Run the chip until it has given a session and a token as often as the Python board."""

@@ -71,9 +71,9 @@ def compare(port: str, events: int, seed: int) -> Verdict:
                 latched = s.latched
                 done = ", ".join((verdict.events - before).elements()) or "nothing"
                 latest.append(f"  {twins.now_us} us, {state}: {done}")
-                found = twins.differences()
-                if found:
-                    verdict.differences = [*found, "before that:", *latest]
+                differing = twins.differences()
+                if differing:
+                    verdict.differences = [*differing, "before that:", *latest]
             verdict.differences = verdict.differences or twins.last_differences()
         finally:
             twins.close()

@@ -88,15 +88,18 @@ def replay(program: Sequence[str], board: RecordedBoard) -> list[Counted]:
 def _counted(host: Sequence[Outputs], chip: Sequence[Outputs]) -> list[Counted]:
     counted = []
     ears = FrameDecoder(), FrameDecoder()
-    for number, (one, two) in enumerate(zip(host, chip, strict=True)):
-        told = [
+    for number, (host_value, chip_value) in enumerate(zip(host, chip, strict=True)):
+        lines = [
             [frame for frame in ear.feed(out.data) if frame.type != wire.Ident.info.number]
-            for ear, out in zip(ears, (one, two), strict=True)
+            for ear, out in zip(ears, (host_value, chip_value), strict=True)
         ]
-        pins = [(out.t_us, out.current_mA, out.pump, out.gate, out.drain) for out in (one, two)]
-        if told[0] != told[1] or pins[0] != pins[1]:
-            raise BenchError(f"step {number}: host port and Cortex-M4 differ: {pins}, {told}")
-        messages = [CODEC.unpack(frame.type, frame.payload) for frame in told[1]]
+        pins = [
+            (out.t_us, out.current_mA, out.pump, out.gate, out.drain)
+            for out in (host_value, chip_value)
+        ]
+        if lines[0] != lines[1] or pins[0] != pins[1]:
+            raise BenchError(f"step {number}: host port and Cortex-M4 differ: {pins}, {lines}")
+        messages = [CODEC.unpack(frame.type, frame.payload) for frame in lines[1]]
         state = next((m for m in messages if isinstance(m, wire.State)), None)
-        counted.append(Counted(state, two.sample_cycles, two.watched[0]))
+        counted.append(Counted(state, chip_value.sample_cycles, chip_value.watched[0]))
     return counted

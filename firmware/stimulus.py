@@ -161,13 +161,13 @@ class Stimulus:
         elif kind == 1 and self._last is not None:
             self._deliver("repeat", self._last, keep=False)
         elif kind == 2 and self._last is not None:
-            build, at, bit = self._last, rng.random(), 1 << rng.randrange(8)
+            build, place, bit = self._last, rng.random(), 1 << rng.randrange(8)
 
             def flipped(session: int, token: int) -> bytes:
                 # Of no session: which check finds the flip depends on the bytes, and each board
                 # has a session and a token of its own.
                 data = bytearray(build(0, 0))
-                data[int(at * len(data))] ^= bit
+                data[int(place * len(data))] ^= bit
                 return bytes(data) + b"\x00"
 
             self._deliver("flip", flipped, keep=False)
@@ -248,7 +248,7 @@ class Stimulus:
         self._mend.append((self._tick + self.rng.choice((2, 30, 700)), mend))
 
     def _mend_due(self) -> None:
-        due = [mend for at, mend in self._mend if at <= self._tick]
+        due = [mend for tick, mend in self._mend if tick <= self._tick]
         self._mend = [entry for entry in self._mend if entry[0] > self._tick]
         for mend in due:
             mend()

@@ -147,9 +147,9 @@ class Twins:
 
     def deliver(self, build: Build, at_us: int) -> None:
         """Hand the bytes of one event to both boards at the same board time."""
-        one, two = (build(ear.session, ear.token) for ear in self.ears)
-        self.python.receive(one, at_us)
-        self.c.receive(two, at_us)
+        first, second = (build(ear.session, ear.token) for ear in self.ears)
+        self.python.receive(first, at_us)
+        self.c.receive(second, at_us)
         self._listen()
 
     def sample(self, *, missed: int = 0) -> None:
@@ -171,7 +171,7 @@ class Twins:
     def differences(self) -> list[str]:
         """Return what the boards said or do differently since the last call, one line each."""
         python, c = (ear.take() for ear in self.ears)
-        found = [
+        differing = [
             f"{type(p).__name__}.{name}: Python {getattr(p, name)}, C {getattr(q, name, None)}"
             for p, q in zip(python, c, strict=False)
             if p != q
@@ -180,8 +180,8 @@ class Twins:
         ]
         if len(python) != len(c):
             names = ([type(message).__name__ for message in said] for said in (python, c))
-            found.append("messages: Python {}, C {}".format(*names))
-        return found + self._pins()
+            differing.append("messages: Python {}, C {}".format(*names))
+        return differing + self._pins()
 
     def last_differences(self) -> list[str]:
         """Return what is still different when nothing more happens."""

@@ -60,11 +60,11 @@ class Download:
 class Reader:
     """How the host reads its board: by its own table, or by the board's once that is known."""
 
-    def __init__(self, own: Codec, own_description: dict[str, Any]) -> None:
-        self.codec: Codec | ForeignCodec = own
+    def __init__(self, host_codec: Codec, host_description: dict[str, Any]) -> None:
+        self.codec: Codec | ForeignCodec = host_codec
         self.understood = True
-        self._own = own
-        self._own_description = own_description
+        self._host_codec = host_codec
+        self._host_description = host_description
         self._download: Download | None = None
 
     def read(self, frame: Frame, stats: HostLinkStats) -> Message | None:
@@ -72,7 +72,7 @@ class Reader:
         if not self.codec.knows(frame.type):
             stats.unknown_types += 1
             return None
-        if not self.understood and not self._own.layouts[frame.type].cls.info.frozen:
+        if not self.understood and not self._host_codec.layouts[frame.type].cls.info.frozen:
             stats.not_understood += 1
             return None
         try:
@@ -99,9 +99,9 @@ class Reader:
             description = self._download.add(piece)
             if description is None:
                 return None
-            self.codec = ForeignCodec(description, self._own)
+            self.codec = ForeignCodec(description, self._host_codec)
             self.understood = True
-            lines = differences(self._own_description, description)
+            lines = differences(self._host_description, description)
         except SchemaError as error:
             lines = (str(error),)
         self._download = None

@@ -18,8 +18,11 @@ def nearest(name: str, known: Iterable[str], at_most: int = 2) -> list[str]:
     asked = name.lower().replace("-", "_")
     matches = difflib.get_close_matches(asked, by_lower, n=at_most, cutoff=_LIKE)
     likeness = [difflib.SequenceMatcher(None, spelling, asked).ratio() for spelling in matches]
-    return [by_lower[spelling] for spelling, like in zip(matches, likeness, strict=True)
-            if like > likeness[0] - _NEAR]  # fmt: skip
+    return [
+        by_lower[spelling]
+        for spelling, like in zip(matches, likeness, strict=True)
+        if like > likeness[0] - _NEAR
+    ]
 
 
 def instead(name: str, known: Iterable[str], where: str = "") -> str:

@@ -105,14 +105,14 @@ def decompress(blob: bytes) -> dict[str, Any]:
     return description
 
 
-def differences(own: dict[str, Any], other: dict[str, Any]) -> tuple[str, ...]:
+def differences(host: dict[str, Any], other: dict[str, Any]) -> tuple[str, ...]:
     """Return what differs, one line each: `STATE.tick: host has …, board has …`.
 
     A message or enumeration that one side lacks altogether is one line. Raises SchemaError if a
     description is not made as `describe` makes it.
     """
     try:
-        mine, theirs = _grouped(own), _grouped(other)
+        mine, theirs = _grouped(host), _grouped(other)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise SchemaError(f"the board's description is damaged: {error!r}") from None
     lines: list[str] = []

@@ -151,13 +151,13 @@ class TimeSync:
             slack_us += LARGEST_DRIFT * abs(exchange.board_us - fit.board_ref_us)
         return abs(exchange.host_us - fit.host_us(exchange.board_us)) > slack_us
 
-    def _line(self, kept: list[Exchange]) -> ClockFit:
-        weights = [1.0 / (1.0 + max(0, exchange.round_trip_us)) ** 2 for exchange in kept]
-        weighted = list(zip(weights, kept, strict=True))
+    def _line(self, exchanges: list[Exchange]) -> ClockFit:
+        weights = [1.0 / (1.0 + max(0, exchange.round_trip_us)) ** 2 for exchange in exchanges]
+        weighted = list(zip(weights, exchanges, strict=True))
         total = sum(weights)
         board_ref = sum(w * e.board_us for w, e in weighted) / total
         host_ref = sum(w * e.host_us for w, e in weighted) / total
-        times = [exchange.board_us for exchange in kept]
+        times = [exchange.board_us for exchange in exchanges]
         drift = 0.0
         if max(times) - min(times) >= RATE_SPAN_US:
             # The fit is of the difference of the clocks: its small numbers keep their digits.
@@ -171,7 +171,7 @@ class TimeSync:
             board_ref_us=board_ref,
             host_ref_us=host_ref,
             drift=drift,
-            round_trip_us=min(exchange.round_trip_us for exchange in kept),
+            round_trip_us=min(exchange.round_trip_us for exchange in exchanges),
             exchanges=len(self._window),
             locked=len(self._window) >= LOCK_EXCHANGES,
             # A fitted rate says it all. Until then a board that runs 40 times as fast as the host's

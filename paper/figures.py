@@ -41,9 +41,11 @@ def cycle() -> Figure:
     """Displacement against the temperature of each spring: X heats, X cools, Y heats, Y cools."""
     plant = Plant(load_parameters("A"))
     phases = [
-        ((CURRENT_A, 0.0), (0.0, 0.0), 0, 0.02), ((0.0, 0.0), (1.0, 0.0), 0, 0.98),
-        ((0.0, CURRENT_A), (0.0, 0.0), 1, 0.02), ((0.0, 0.0), (0.0, 1.0), 1, 0.98),
-    ]  # fmt: skip
+        ((CURRENT_A, 0.0), (0.0, 0.0), 0, 0.02),
+        ((0.0, 0.0), (1.0, 0.0), 0, 0.98),
+        ((0.0, CURRENT_A), (0.0, 0.0), 1, 0.02),
+        ((0.0, 0.0), (0.0, 1.0), 1, 0.98),
+    ]
     rows = []
     for i_A, duty, spring, fraction in phases * 2:
         below = fraction < 0.5
@@ -90,9 +92,9 @@ def scores() -> Figure:
     names = []
     for place, name in enumerate(reversed(SHOWN)):
         text, cases = values[name]
-        found = _INTERVAL.fullmatch(text)
-        assert found is not None
-        value, low, high = map(float, found.groups())
+        match = _INTERVAL.fullmatch(text)
+        assert match is not None
+        value, low, high = map(float, match.groups())
         axes.plot([low, high], [place, place], color=in_print("main"))
         axes.plot(value, place, "o", color=in_print("main"))
         names.append(f"{name} (n = {cases})")

@@ -36,8 +36,11 @@ def make_parser() -> argparse.ArgumentParser:
     add("--clock-start", type=int, default=0, metavar="US", help="board time at power-up")
     add("--symlink", type=Path, help="also make this symlink to the tty; removed at the end")
     add("--transport", default="pty", help="pty, or fd:N for one end of an inherited socket pair")
-    add("--paced-by-host", action="store_true",
-        help="once armed, wait for the setpoint that answers each STATE")  # fmt: skip
+    add(
+        "--paced-by-host",
+        action="store_true",
+        help="once armed, wait for the setpoint that answers each STATE",
+    )
     add("--host-timeout", type=float, default=2.0, metavar="S",
         help="wall time after which a silent host is left behind (default 2)")  # fmt: skip
     add("--max-seconds", type=float, metavar="S", help="end after so much wall time")

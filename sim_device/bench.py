@@ -46,6 +46,8 @@ class SimulatedBench:
     axis_name: of the axis whose board it is, stored in its parameters; empty: none is stored.
     """
 
+    board_type: type[Board] = Board
+
     def __init__(
         self,
         *,
@@ -248,7 +250,7 @@ class SimulatedBench:
 
     def _power_up(self, cause: ResetCause, start_us: int) -> Board:
         self._boots += 1
-        return Board(
+        return self.board_type(
             fixture=self._fixture,
             rate_hz=self._rate_hz,
             seed=self._seed,

@@ -7,6 +7,7 @@ with each sample, and the current and duty it wants are in `outputs`. One axis.
 from __future__ import annotations
 
 import random
+from collections.abc import Mapping
 
 from firmware_protocol import messages as wire
 from firmware_protocol.board import BoardSession
@@ -76,6 +77,8 @@ class Board:
     compiled limits are used and the board goes to FAULT.
     """
 
+    capabilities: Mapping[str, int] = CAPABILITIES
+
     def __init__(
         self,
         *,
@@ -112,7 +115,7 @@ class Board:
                 reset_cause=cause,
                 first_fault=0,
                 axes=1,
-                capabilities=CAPABILITIES[fixture],
+                capabilities=self.capabilities[fixture],
                 state_rate_hz=self.rate_hz,
                 baud=BAUD,
                 uid=random.Random(seed).randbytes(12),

@@ -34,7 +34,7 @@ class Line:
     split: int = 0
     """Deliver at most so many bytes a call; 0 for all."""
     delay_us: int = 0
-    held: bytearray = field(default_factory=bytearray)
+    withheld: bytearray = field(default_factory=bytearray)
     late: list[tuple[int, bytes]] = field(default_factory=list)
     spoilt: bool = False
     """Set by `spoil`; while False bytes pass untouched."""
@@ -51,13 +51,13 @@ class Line:
             return data
         if self.lost:
             return b""
-        self.held += data
+        self.withheld += data
         if self.stalled:
             return b""
-        data = bytes(self.held)
-        self.held.clear()
+        data = bytes(self.withheld)
+        self.withheld.clear()
         if self.split and len(data) > self.split:
-            self.held += data[self.split :]
+            self.withheld += data[self.split :]
             data = data[: self.split]
         if self.duplicate or self.swap:
             data = self._shuffle_frames(data)

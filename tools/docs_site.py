@@ -37,6 +37,8 @@ _WORKER = "https://unpkg.com/iframe-worker/shim"
 _FROM_ELSEWHERE = re.compile(r"""<(?:script|link|img|iframe)[^>]+(?:src|href)=["']?https?:[^>]*>""")
 _SOURCE = {place: source for source, place in OUTSIDE.items()}
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#\s]+)(#[^)\s]*)?\)")
+_PICTURE = re.compile(r'((?:src|srcset)=")docs/')
+"""In a `<picture>` of README, which shows another file in a dark page."""
 _EQUATION = re.compile(
     r'<(div|span) class="arithmatex">\\([\[(])(.*?)\\[\])]</\1>', re.DOTALL
 )  # as pymdownx.arithmatex marks them
@@ -83,7 +85,7 @@ def on_page_markdown(markdown: str, *, page: Any, config: Any, files: Files) -> 
         way = posixpath.relpath(goal, posixpath.dirname(place) or ".")
         return f"{picture}[{text}]({way}{anchor or ''})"
 
-    return _LINK.sub(with_place, markdown)
+    return _PICTURE.sub(r"\1", _LINK.sub(with_place, markdown))
 
 
 def on_page_content(content: str, *, page: Any, **_: Any) -> str:
@@ -163,9 +165,6 @@ def site_css() -> str:
         ".md-typeset__table { display: block; }\n"
         # What is wider than a phone scrolls by itself; a shadow at an edge says that there is more.
         f"{_WIDE} {{ overflow-x: auto; {_SHADOWS} }}\n"
-        # A drawing on white would glare in a dark page. Hues stay as the legends have them.
-        "[data-md-color-scheme=slate] img[src$='.svg'] "
-        "{ filter: invert(0.88) hue-rotate(180deg); border-radius: .3rem; }\n"
         "@media print { pre, pre code { white-space: pre-wrap; overflow-wrap: anywhere; } }\n"
     )
 

@@ -17,6 +17,11 @@ from smad.robot import Robot
 from smad.runlog.reader import Run, read_axes
 
 FOLDER = Path(__file__).resolve().parents[1] / "docs/img"
+DARK = (
+    "<style>@media (prefers-color-scheme: dark) "
+    "{ svg { filter: invert(0.88) hue-rotate(180deg) } }</style>"
+)
+"""White would glare in a dark page. Hues stay as the legend has them."""
 
 
 def picture(run: Run) -> str:
@@ -66,7 +71,8 @@ def main() -> None:
     runs = read_axes(newest)
     several = "" not in runs
     output = arguments.output or FOLDER / ("six-axes.svg" if several else "demo.svg")
-    output.write_text((circles(runs) if several else picture(runs[""])) + "\n")
+    drawing = circles(runs) if several else picture(runs[""])
+    output.write_text(drawing.replace("</title>", f"</title>{DARK}", 1) + "\n")
     print(f"{output} from {newest}")
 
 

@@ -85,7 +85,7 @@ class _Ran:
 
     bench: WatchedBench
     start_us: int
-    told: str
+    reported: str
     """The first fault that clients were told of, of the board or the host; empty if none was."""
     by_host: bool
     """Whether that was a limit of the host."""
@@ -134,7 +134,7 @@ def _run(
             return _Ran(
                 bench=bench,
                 start_us=start_us,
-                told=first.get("name", ""),
+                reported=first.get("name", ""),
                 by_host=first.get("by") == "host",
                 running=rig.axis.session.state is HostState.RUNNING,
             )
@@ -255,8 +255,8 @@ def _outcome(case: Case, ran: _Ran, injections: list[Injection]) -> Outcome:
             (onset_us - start_us) * 1e-6,
             (until_us - start_us) * 1e-6,
         ),
-        first_fault=ran.told if ran.by_host else by_board,
-        told_fault=ran.told,
+        first_fault=ran.reported if ran.by_host else by_board,
+        told_fault=ran.reported,
         safe_after_s=None if safe_us is None else (safe_us - onset_us) * 1e-6,
         energy_J=energy_J,
         energy_after_safe_J=trace.heat_J[-1] - trace.heat_at(until_us),

@@ -24,8 +24,8 @@ _KERNEL = "sim_device.plant.kernel"
 _COMPILED = [
     _KERNEL,
     *(
-        f"{_KERNEL}.{found.stem}"
-        for found in (Path(__file__).parents[2] / "sim_device/plant/kernel").glob("*.py")
+        f"{_KERNEL}.{module.stem}"
+        for module in (Path(__file__).parents[2] / "sim_device/plant/kernel").glob("*.py")
     ),
 ]
 """numba compiles these from their bytecode, which has to stay as it is."""

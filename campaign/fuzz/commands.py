@@ -8,8 +8,8 @@ from typing import Any
 
 import msgspec
 
-from campaign.fuzz.desk import CLIENTS, desk, discard
 from campaign.fuzz.program import require
+from campaign.fuzz.served_bench import CLIENTS, discard, served_bench
 from firmware_protocol.events import HostState
 from smad.api import LARGEST_MESSAGE, Reason
 from smad.control.commands import Tune
@@ -75,7 +75,7 @@ def _checked(text: bytes) -> _Reply:
 
 
 async def _perform(lines: list[bytes], armed: bool) -> None:
-    bench = await desk()
+    bench = await served_bench()
     if armed != (bench.state is HostState.RUNNING):
         await bench.ask(CLIENTS[0], "arm" if armed else "disarm")
     replies: list[bytes] = []

@@ -25,10 +25,10 @@ class Program:
 
     def __init__(self, data: bytes) -> None:
         self._data = data
-        self._at = 0
+        self._position = 0
 
     def __bool__(self) -> bool:
-        return self._at < len(self._data)
+        return self._position < len(self._data)
 
     def u8(self) -> int:
         """Return the next byte."""
@@ -41,12 +41,12 @@ class Program:
 
     def take(self, count: int) -> bytes:
         """Return the next `count` bytes, filled up with zeros."""
-        piece = self._data[self._at : self._at + count]
-        self._at += count
+        piece = self._data[self._position : self._position + count]
+        self._position += count
         return piece.ljust(count, b"\0")
 
     def rest(self) -> bytes:
         """Return what is left."""
-        piece = self._data[self._at :]
-        self._at = len(self._data)
+        piece = self._data[self._position :]
+        self._position = len(self._data)
         return piece

@@ -41,11 +41,11 @@ _NOTE = "said once"
 
 @dataclass(frozen=True)
 class Attack:
-    """One way to do harm. `begin` does it and returns what was tried; the words must be told."""
+    """One way to do harm. `begin` does it and returns what was tried; `message` must be logged."""
 
     name: str
     begin: Callable[[HostileRig], str]
-    told: str
+    message: str
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Result:
 
     name: str
     tried: str
-    told: bool
+    logged: bool
     carried_out: int
     """Commands of the attacker that the daemon carried out."""
     missed: int
@@ -69,7 +69,7 @@ class Result:
     def failures(self) -> list[str]:
         """What should not have been, in words; empty when the daemon stood it."""
         tests = {
-            "it was not told": not self.told,
+            "it was not logged": not self.logged,
             "it was carried out": self.carried_out != 0,
             "samples were missed": self.missed != 0,
             "the bench was disarmed": not self.still_armed,
@@ -249,7 +249,7 @@ def _carry_out(rig: HostileRig, attack: Attack) -> Result:
     rig.forget_journal()
     tried = attack.begin(rig)
     with contextlib.suppress(SmadError):
-        rig.wait("it was told", lambda: rig.journal_says(attack.told))
+        rig.wait("it was logged", lambda: rig.journal_says(attack.message))
     # Lines that nobody speaks on are closed after a while.
     with contextlib.suppress(SmadError):
         rig.wait(
@@ -262,7 +262,7 @@ def _carry_out(rig: HostileRig, attack: Attack) -> Result:
     return Result(
         name=attack.name,
         tried=tried,
-        told=rig.journal_says(attack.told),
+        logged=rig.journal_says(attack.message),
         carried_out=0,
         missed=after.counts.missed - before.counts.missed,
         still_armed=after.motion.armed and after.motion.fault is None,
@@ -289,7 +289,7 @@ def _too_many(name: str, logged: Sequence[str]) -> int:
 
 
 _HEADER = (
-    "attack", "tried", "carried out", "told", "missed", "age p99 ms", "age max ms",
+    "attack", "tried", "carried out", "logged", "missed", "age p99 ms", "age max ms",
     "slowest answer ms", "memory MiB", "left open", "",
 )  # fmt: skip
 
@@ -301,7 +301,7 @@ def table_of(results: Sequence[Result]) -> Table:
             h.name,
             h.tried,
             str(h.carried_out),
-            "yes" if h.told else "NO",
+            "yes" if h.logged else "NO",
             str(h.missed),
             f"{h.age_p99_us / 1e3:.1f}",
             f"{h.age_max_us / 1e3:.1f}",

@@ -41,7 +41,7 @@ class Met:
 
 
 @dataclass
-class Found:
+class NightResult:
     """What a night gave. `looks` are by what was looked at, in MB."""
 
     seed: int
@@ -50,13 +50,13 @@ class Found:
     met: list[Met] = field(default_factory=list)
     states: Counter[str] = field(default_factory=Counter)
     visits: int = 0
-    told: int = 0
+    messages: int = 0
     cycles: int = 0
     failures: list[str] = field(default_factory=list)
     looks: dict[str, list[Look]] = field(default_factory=dict)
 
 
-def late(night: Found) -> list[str]:
+def late(night: NightResult) -> list[str]:
     """Return the troubles that paused the queue and whose word did not come in time."""
     return [
         f"{met.kind} at {met.at_s:.0f} s: "
@@ -66,7 +66,7 @@ def late(night: Found) -> list[str]:
     ]
 
 
-def troubles_table(night: Found) -> Table:
+def troubles_table(night: NightResult) -> Table:
     """Return a row for each trouble."""
     rows = [
         (
@@ -107,7 +107,7 @@ def slope_of(looks: Sequence[Look]) -> Slope | None:
     return Slope(float(amount[-1]), float(np.polyfit(at_h, amount, 1)[0]), float(np.ptp(at_h)))
 
 
-def week_table(night: Found) -> Table:
+def week_table(night: NightResult) -> Table:
     """Return what each amount comes to in a week at its slope."""
     rows = []
     for name, looks in night.looks.items():
@@ -128,14 +128,14 @@ def week_table(night: Found) -> Table:
     return Table(header, rows, numeric=frozenset({1, 2, 3, 4}))
 
 
-def facts(night: Found) -> str:
+def facts(night: NightResult) -> str:
     """Return the night in a line."""
     speed = night.board_h / night.wall_h if night.wall_h else 0.0
     states = ", ".join(f"{count} {state}" for state, count in sorted(night.states.items()))
     return (
         f"seed {night.seed}: {night.board_h:.2f} h of board time in {night.wall_h:.2f} h "
         f"({speed:.1f} times real time); items: {states}; {night.cycles} endurance cycles; "
-        f"{len(night.met)} troubles, {night.visits} visits of a person, {night.told} words"
+        f"{len(night.met)} troubles, {night.visits} visits of a person, {night.messages} messages"
     )
 
 

@@ -23,7 +23,7 @@ import psutil
 
 from campaign.night.daemon import FIFO
 from campaign.night.draws import ENDS_NOTHING, Trouble, troubles
-from campaign.night.report import MESSAGE_S, Found, Look, Met, late, rerun
+from campaign.night.report import MESSAGE_S, Look, Met, NightResult, late, rerun
 from campaign.rig import BAUD, DaemonRig, rig_config, start_daemon
 from smad.client import Client
 from smad.client.endpoints import FOLDER_VARIABLE
@@ -107,9 +107,12 @@ class NightRig(DaemonRig):
                 with (self.folder / f"{name}.log").open("ab") as log:
                     self.children[name] = subprocess.Popen(
                         [sys.executable, "-m", "smad", *words],
-                        stdin=subprocess.DEVNULL, stdout=log, stderr=log, cwd=self.folder,
+                        stdin=subprocess.DEVNULL,
+                        stdout=log,
+                        stderr=log,
+                        cwd=self.folder,
                         start_new_session=True,
-                    )  # fmt: skip
+                    )
 
     def kill(self, *names: str) -> None:
         """Kill parts at once: daemon, runner, hooks, item."""
@@ -151,8 +154,8 @@ class NightRig(DaemonRig):
 class Night:
     """One night, look by look."""
 
-    def __init__(self, rig: NightRig, queue: Queue, *, asked: Asked, say: Say) -> None:
-        self.found = Found(asked.seed)
+    def __init__(self, rig: NightRig, queue: Queue, *, asked: NightOptions, say: Say) -> None:
+        self.result = NightResult(asked.seed)
         self._rig = rig
         self._queue = queue
         self._seconds = asked.hours * 3600.0
@@ -166,7 +169,7 @@ class Night:
         self._hot_since_s: float | None = None
         self._client: Client | None = None
 
-    def run(self) -> Found:
+    def run(self) -> NightResult:
         """Carry the night out, until its time is over and the last item has ended."""
         began_s = time.monotonic()
         end_s = began_s + self._longest_s
@@ -182,10 +185,10 @@ class Night:
         self._note_paused()
         self._queue.pause(now=True)
         self._until(lambda: self._queue.snapshot().running is None, "the last item ends")
-        self.found.board_h = self._board_s / 3600.0
-        self.found.wall_h = (time.monotonic() - began_s) / 3600.0
+        self.result.board_h = self._board_s / 3600.0
+        self.result.wall_h = (time.monotonic() - began_s) / 3600.0
         self._judge()
-        return self.found
+        return self.result
 
     def _fill(self) -> None:
         """Queue as much as the night can take."""
@@ -237,7 +240,7 @@ class Night:
         if status.motion.armed and snapshot.running is None and snapshot.mode == "paused":
             self._hot_since_s = self._hot_since_s or now_s
             if now_s - self._hot_since_s > HOT_S:
-                self.found.failures.append(f"armed without an item at {self._board_s:.0f} s")
+                self.result.failures.append(f"armed without an item at {self._board_s:.0f} s")
                 self._hot_since_s = now_s
         else:
             self._hot_since_s = None
@@ -260,7 +263,7 @@ class Night:
         self._say(f"{self._board_s:.0f} of {self._seconds:.0f} s, {done} of {len(ended)} items")
 
     def _note(self, name: str, at_h: float, process: int, size: float) -> None:
-        self.found.looks.setdefault(name, []).append(Look(at_h, process, size / 1e6))
+        self.result.looks.setdefault(name, []).append(Look(at_h, process, size / 1e6))
 
     def _meet(self, trouble: Trouble) -> None:
         """Let a trouble come, and wait for its word and for what the queue makes of it."""
@@ -268,7 +271,7 @@ class Night:
         if running is None:
             return
         met = Met(self._board_s, trouble.kind, running.id, running.words[1])
-        self.found.met.append(met)
+        self.result.met.append(met)
         met_unix_s = time.time()
         self._bring(trouble.kind)
         deadline_s = time.monotonic() + MESSAGE_S + 1.0
@@ -336,7 +339,7 @@ class Night:
                 if motion.mode == "SAFE" and snapshot.running is None:
                     proposal = self._queue.propose(time.time() + 12 * 3600.0, Budget())
                     self._queue.confirm(proposal.code)
-                    self.found.visits += 1
+                    self.result.visits += 1
                     return True
             return False
 
@@ -356,7 +359,7 @@ class Night:
         Of several that met one item, the first did.
         """
         snapshot, ended = self._queue.snapshot(), set[int]()
-        for met in self.found.met:
+        for met in self.result.met:
             if met.kind == ENDS_NOTHING:
                 continue
             interrupted = snapshot.item(met.item).state in (State.INTERRUPTED, State.FAILED)
@@ -364,11 +367,11 @@ class Night:
             ended.add(met.item)
 
     def _judge(self) -> None:
-        night, rig = self.found, self._rig
+        night, rig = self.result, self._rig
         snapshot = self._queue.snapshot()
         items = snapshot.items
         night.states.update(item.state.value for item in items)
-        night.told = len(_lines(rig.words))
+        night.messages = len(_lines(rig.words))
         begun = "\n".join(_lines(rig.folder / "runner.log"))
         for number, times in rerun(begun, [item.id for item in items]).items():
             night.failures.append(f"item {number} ran {times} times")
@@ -385,7 +388,7 @@ class Night:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Asked:
+class NightOptions:
     """Hours of board time, seed, bounds: board over wall time, and hours of the wall clock."""
 
     hours: float
@@ -395,7 +398,7 @@ class Asked:
     longest_h: float
 
 
-def run_night(folder: Path, asked: Asked, say: Say) -> Found:
+def run_night(folder: Path, asked: NightOptions, say: Say) -> NightResult:
     """Run one night in an empty folder, and leave its queue, run logs and words there.
 
     Raises SmadError when its processes do not come up, or something is waited for in vain.

@@ -139,8 +139,9 @@ DRAWN: dict[str, Drawn] = {
     "heat": Drawn(3.0, _heat),
     "current": Drawn(3.0, _current),
     "inputs": Drawn(0.5, _inputs),
-    "stage": Drawn(0.2, lambda rng: MoveStage(stage_mm=round(rng.uniform(0.0, 5.0), 2),
-                                              rate_mm_per_s=5.0)),
+    "stage": Drawn(
+        0.2, lambda rng: MoveStage(stage_mm=round(rng.uniform(0.0, 5.0), 2), rate_mm_per_s=5.0)
+    ),
     "idle": Drawn(1.0, lambda rng: Idle()),
     "tune": Drawn(1.0, _tune),
     "params.list": Drawn(0.3, lambda rng: api.ListParams()),
@@ -153,7 +154,7 @@ DRAWN: dict[str, Drawn] = {
     "record.last": Drawn(0.2, lambda rng: api.RecordLast(seconds=rng.uniform(1.0, 60.0))),
     "control.take": Drawn(0.3, lambda rng: api.TakeControl(name="soak", lease_s=60.0)),
     "control.release": Drawn(0.5, lambda rng: api.ReleaseControl()),
-}  # fmt: skip
+}
 """By method. ESTOP and the end of the run log come at their own times, not by chance."""
 
 

@@ -48,7 +48,7 @@ class Usage:
 
 
 @dataclass
-class Found:
+class StageResult:
     """What a stage gave. Times in s; `faults` are those that the board latched, in their order."""
 
     stage: Stage

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from campaign.soak.found import LOOKING, Found, Usage
+from campaign.soak.found import LOOKING, StageResult, Usage
 from smad.report.page import Table
 from smad.version import VERSION
 
@@ -35,7 +35,7 @@ class Check:
     ok: bool
 
 
-def checks(result: Found) -> list[Check]:
+def checks(result: StageResult) -> list[Check]:
     """Every check of a stage."""
     early, late = parts_of(result.usage)
     growth = [
@@ -68,7 +68,7 @@ def checks(result: Found) -> list[Check]:
     ]
 
 
-def orders(result: Found) -> list[str]:
+def orders(result: StageResult) -> list[str]:
     """The acknowledged commands that were more than looking, by method."""
     return [method for method, _ in result.commands.commands if method not in LOOKING]
 
@@ -79,13 +79,13 @@ def parts_of(usage: Sequence[Usage]) -> tuple[list[Usage], list[Usage]]:
     return list(usage[tenth : 2 * tenth]), list(usage[-tenth:])
 
 
-def table_of(result: Found) -> Table:
+def table_of(result: StageResult) -> Table:
     """The checks as a table."""
     rows = [(c.name, c.found, c.allowed, "ok" if c.ok else "FAILED") for c in checks(result)]
     return Table(_HEADER, rows, numeric=frozenset({1, 2}))
 
 
-def facts(result: Found) -> str:
+def facts(result: StageResult) -> str:
     """What went on, in a line."""
     speed = result.board_s / result.wall_s if result.wall_s else 0.0
     return (
@@ -98,7 +98,7 @@ def facts(result: Found) -> str:
     )
 
 
-def json_of(results: Sequence[Found]) -> str:
+def json_of(results: Sequence[StageResult]) -> str:
     """Everything, as JSON text."""
     stages = [
         {

@@ -25,7 +25,7 @@ from campaign.rig import BAUD, DaemonRig, rig_config, start_daemon
 from campaign.scripted_client import ScriptedClient
 from campaign.soak.bench import READY
 from campaign.soak.draws import SAFE_ONLY, draw_command
-from campaign.soak.found import Found, Logged, Stage, Usage, not_logged
+from campaign.soak.found import Logged, Stage, StageResult, Usage, not_logged
 from smad import api
 from smad.client.endpoints import read_connection
 from smad.client.wire import subscribe
@@ -108,7 +108,7 @@ class Soak:
     def __init__(self, rig: SoakRig, stage: Stage, seed: int, say: Say) -> None:
         connection = read_connection(rig.folder / "bench.json")
         assert connection is not None
-        self.found = Found(stage, seed)
+        self.result = StageResult(stage, seed)
         self._rig = rig
         self._stage = stage
         self._say = say
@@ -120,7 +120,7 @@ class Soak:
         self._slow = subscribe(self._context, connection.telemetry, b"", queue=1)
         self._fault = ""
 
-    def run(self) -> Found:
+    def run(self) -> StageResult:
         """Run the stage to its end, and leave the daemon ready to be ended."""
         began_s = time.monotonic()
         self._order(api.StartRecording(name="soak"))
@@ -133,8 +133,8 @@ class Soak:
             self._pour()
             time.sleep(_TURN_S)
         self._finish()
-        self.found.wall_s = time.monotonic() - began_s
-        return self.found
+        self.result.wall_s = time.monotonic() - began_s
+        return self.result
 
     def close(self) -> None:
         """Give the sockets back."""
@@ -163,10 +163,10 @@ class Soak:
     def _now_s(self) -> float:
         status = self._caller.call(api.GetStatus()).result
         self._take_counts(status)
-        return self.found.board_s
+        return self.result.board_s
 
     def _take_counts(self, status: dict[str, Any]) -> None:
-        stage_result, counts = self.found, status["counts"]
+        stage_result, counts = self.result, status["counts"]
         stage_result.samples, stage_result.missed = counts["samples"], counts["missed"]
         stage_result.skipped, stage_result.losses = counts["skipped"], status["link"]["losses"]
         stage_result.board_s = stage_result.samples / self._stage.rate_hz
@@ -189,13 +189,13 @@ class Soak:
             # Parameters are set and saved only here, where it never stays for long.
             if self._rng.random() < 0.5:
                 self._order(draw_command(self._rng, SAFE_ONLY))
-            self.found.armings += self._order(api.Arm())
+            self.result.armings += self._order(api.Arm())
         self._order(draw_command(self._rng))
 
     def _unplug(self) -> None:
         seconds, renamed = self._rng.uniform(0.05, 2.0), self._rng.randint(0, 1)
         self._rig.inject(f"unplug@0:seconds={seconds:.3f},renamed={renamed}")
-        self.found.reconnects += 1
+        self.result.reconnects += 1
 
     def _begin_flood(self) -> None:
         self._to_flood += self._stage.flood
@@ -231,13 +231,13 @@ class Soak:
     def _read_slowly(self) -> None:
         if self._slow.poll(0):
             self._slow.recv_multipart()
-            self.found.telemetry_read += 1
+            self.result.telemetry_read += 1
 
     def _look(self) -> None:
         # What is held while the port is away, or the black box is written, is no measure of growth.
         self._wait(lambda status: status["link"]["state"] not in _AWAY and not self._writes())
-        self.found.usage.append(usage_of(self._rig.daemon.process.pid, self.found.board_s))
-        self._say(f"{self._stage.name}: {self.found.board_s:.0f} s")
+        self.result.usage.append(usage_of(self._rig.daemon.process.pid, self.result.board_s))
+        self._say(f"{self._stage.name}: {self.result.board_s:.0f} s")
 
     def _writes(self) -> bool:
         """Whether the black box's file is open; one that is left open ends the soak's patience."""
@@ -245,7 +245,7 @@ class Soak:
         return any(file.resolve().parent.name == BLACK_BOX for file in open_files.iterdir())
 
     def _finish(self) -> None:
-        stage_result = self.found
+        stage_result = self.result
         while self._to_flood:
             self._pour()
         self._flood.drain_all()
@@ -270,7 +270,7 @@ def usage_of(process: int, at_s: float) -> Usage:
     )
 
 
-def run_stage(stage: Stage, seed: int, say: Say) -> Found:
+def run_stage(stage: Stage, seed: int, say: Say) -> StageResult:
     """Run one stage with processes of its own, and read back what it logged.
 
     Raises SmadError when the processes cannot be brought up, or do not answer any more.
@@ -292,7 +292,7 @@ def run_stage(stage: Stage, seed: int, say: Say) -> Found:
     return stage_result
 
 
-def read_back(stage_result: Found, runs: Path) -> None:
+def read_back(stage_result: StageResult, runs: Path) -> None:
     """Compare the run logs in `runs` with what was seen and acknowledged."""
     logged: list[Logged] = []
     for path in sorted(runs.glob("*.mcap")):

@@ -39,14 +39,15 @@ _EFFECTS = {
     "quadratic_drag": _size("drag with the square of the speed", "N s²/m²", 4000.0),
     "drag_along": _size("drag that grows along the axis", "N s/m²", 2000.0, low=-2000.0),
     "axis_spring": _size("a force that grows along the axis", "N/m", 200.0, low=-200.0),
-    "screw_ripple": _size("a force that goes with the turn of the screw", "N", 40.0,
-                          phase_rad=(0.0, -np.pi, np.pi)),
+    "screw_ripple": _size(
+        "a force that goes with the turn of the screw", "N", 40.0, phase_rad=(0.0, -np.pi, np.pi)
+    ),
     "drive_bend": _size("a drive gain that changes with the force", "1/N²", 2e-5, low=-2e-5),
     "drive_dead_zone": _size("no force below a command", "N", 40.0),
     "drive_lag": _size("the force follows late", "s", 0.05),
     "encoder_play": _size("play between screw and encoder", "m", 1e-3),
     "encoder_lag": _size("the motion is shown late", "s", 0.05),
-}  # fmt: skip
+}
 
 
 def _drive(t, inputs, values, start):

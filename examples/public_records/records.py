@@ -39,7 +39,7 @@ class RecordError(SmadError):
 
 
 @dataclass(frozen=True)
-class Asked:
+class SplitRuns:
     """Runs to fit, and runs to judge on; without these each is judged by a model of the others."""
 
     fit: list[Any]
@@ -68,7 +68,7 @@ class Record:
     files: Mapping[str, str]
     columns: tuple[str, ...]
     simulator: Simulator | Mjcf
-    runs: Callable[..., Asked]
+    runs: Callable[..., SplitRuns]
     addresses: Mapping[str, str] = field(default_factory=dict)
 
     def diagnosed(self, fit: list[Any], hold_out: list[Any]) -> Answer:
@@ -80,7 +80,7 @@ class Record:
 
         return diagnose_mjcf(of.model, of.map, fit, hold_out=hold_out)
 
-    def asked(self, folder: Path) -> Asked:
+    def asked(self, folder: Path) -> SplitRuns:
         """The runs of the files in `folder`, fetched if they are not there.
 
         Raises RecordError where they cannot be fetched, or are not those that were published.
@@ -140,7 +140,7 @@ def _fetched(address: str) -> bytes:
     return content
 
 
-def _silverbox(columns: Mapping[str, Array]) -> Asked:
+def _silverbox(columns: Mapping[str, Array]) -> SplitRuns:
     """Two of the ten multisines to fit; to judge on, a later one, and noise that grows beyond them.
 
     Each begins and ends where nothing is played.
@@ -152,26 +152,26 @@ def _silverbox(columns: Mapping[str, Array]) -> Asked:
         u, y = (columns[c][start:stop] for c in ("V1", "V2"))
         return GapRun(name, t_s, {"input_V": u}, {"output_V": y}, valid)
 
-    return Asked(
+    return SplitRuns(
         [run("multisine 1", 40577, 49271), run("multisine 2", 49271, 57963)],
         [run("multisine 9", 110110, 118801), run("growing noise", 0, 40577)],
     )
 
 
-def _tanks(columns: Mapping[str, Array]) -> Asked:
+def _tanks(columns: Mapping[str, Array]) -> SplitRuns:
     """The estimation record to fit, the test record to judge on, as they were published."""
 
     def run(name: str, pump: Array, level: Array) -> GapRun:
         t_s = np.arange(len(pump)) * STEP_S
         return GapRun(name, t_s, {"pump_V": pump}, {"level_V": level})
 
-    return Asked(
+    return SplitRuns(
         [run("estimation", columns["uEst"], columns["yEst"])],
         [run("test", columns["uVal"], columns["yVal"])],
     )
 
 
-def _emps(plain: Mapping[str, Array], pulsed: Mapping[str, Array]) -> Asked:
+def _emps(plain: Mapping[str, Array], pulsed: Mapping[str, Array]) -> SplitRuns:
     """The laps of the record to fit, those with pulses of force to judge on, as was published.
 
     A lap has every speed both ways. In half of one, a law over what the force was some time ago
@@ -191,13 +191,13 @@ def _emps(plain: Mapping[str, Array], pulsed: Mapping[str, Array]) -> Asked:
             found.append(GapRun(f"{name} {i + 1}", t_s, {"force_N": u}, {"position_rate": y}))
         return found
 
-    return Asked(laps("lap", plain), laps("lap with pulses", pulsed))
+    return SplitRuns(laps("lap", plain), laps("lap with pulses", pulsed))
 
 
-def _pendulum(ddp: Mapping[str, Array], collocation: Mapping[str, Array]) -> Asked:
+def _pendulum(ddp: Mapping[str, Array], collocation: Mapping[str, Array]) -> SplitRuns:
     """Two swing-ups with trajectories of two planners, as they were recorded."""
     runs = {"ddp": ddp, "direct collocation": collocation}
-    return Asked(
+    return SplitRuns(
         [
             Table(name, c["time"], {n: y for n, y in c.items() if n != "time"})
             for name, c in runs.items()

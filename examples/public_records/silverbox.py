@@ -54,9 +54,12 @@ def _circuit(t, inputs, values, start):
 
 
 SILVERBOX = simulator(
-    _circuit, name="Silverbox", parameters=_PARAMETERS, effects=_EFFECTS,
+    _circuit,
+    name="Silverbox",
+    parameters=_PARAMETERS,
+    effects=_EFFECTS,
     shortest_s=1.0,  # its resonance goes through 68 periods in a second
-)  # fmt: skip
+)
 
 
 @numba.njit(nogil=True)

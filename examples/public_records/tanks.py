@@ -23,8 +23,9 @@ _PUMP, _SENSOR = ("input_pump_V",), ("reading_level_V",)
 
 
 def _size(title, unit, high, *, low=0.0, places=(), **shapes) -> Missing:
-    return Missing(typical=high / 4, low=low, high=high, title=title, unit=unit, shapes=shapes,
-                   places=places)  # fmt: skip
+    return Missing(
+        typical=high / 4, low=low, high=high, title=title, unit=unit, shapes=shapes, places=places
+    )
 
 
 _EFFECTS = {

@@ -42,25 +42,25 @@ def macro(cls: type[Message]) -> str:
 
 def enums_of(codec: Codec) -> list[type[enum.IntEnum] | type[enum.IntFlag]]:
     """Return every enumeration that a field uses, by name."""
-    found = {
+    by_name = {
         kind.__name__: kind
         for cls in codec.messages
         for field in fields_of(cls)
         for kind in (field.enum, field.wire.bits)
         if kind is not None
     }
-    return [found[name] for name in sorted(found)]
+    return [by_name[name] for name in sorted(by_name)]
 
 
 def checked_enums(codec: Codec) -> list[type[enum.IntEnum]]:
     """Return the enumerations whose codes are checked on reception."""
-    found = {
+    by_name = {
         field.enum.__name__: field.enum
         for cls in codec.messages
         for field in fields_of(cls)
         if field.enum is not None and not has_unknown(field.enum)
     }
-    return [found[name] for name in sorted(found)]
+    return [by_name[name] for name in sorted(by_name)]
 
 
 def declared(field: Field) -> str:

@@ -35,14 +35,14 @@ def fill(text: str, codec: Codec) -> str:
 
     Raises SchemaError for a marker that names no table, or a table without a marker.
     """
-    found = [name for _, name, _ in _MARKED.findall(text)]
-    unknown, missing = set(found) - set(TABLES), set(TABLES) - set(found)
+    markers = [name for _, name, _ in _MARKED.findall(text)]
+    unknown, missing = set(markers) - set(TABLES), set(TABLES) - set(markers)
     if unknown or missing:
         raise SchemaError(
             f"docs/protocol.md: markers without a table: {sorted(unknown) or 'none'}, "
             f"tables without a marker: {sorted(missing) or 'none'}"
         )
-    return _MARKED.sub(lambda found: found[1] + TABLES[found[2]](codec) + found[3], text)
+    return _MARKED.sub(lambda match: match[1] + TABLES[match[2]](codec) + match[3], text)
 
 
 def table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:

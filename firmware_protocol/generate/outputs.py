@@ -54,10 +54,10 @@ def _blob(source: Path, text: bytes) -> bytes | None:
     """
     if not source.exists():
         return None
-    found = re.search(r"smad_schema\[[^\]]*\] = \{([^}]*)\}", source.read_text(encoding="utf-8"))
-    if found is None:
+    match = re.search(r"smad_schema\[[^\]]*\] = \{([^}]*)\}", source.read_text(encoding="utf-8"))
+    if match is None:
         return None
-    blob = bytes(int(number, 16) for number in re.findall(r"0x[0-9a-f]{2}", found[1]))
+    blob = bytes(int(number, 16) for number in re.findall(r"0x[0-9a-f]{2}", match[1]))
     try:
         return blob if zlib.decompress(blob) == text else None
     except zlib.error:

@@ -31,8 +31,8 @@ def fill(text: str) -> str:
 
     Raises DocumentError for a marker that names nothing, or a part without a marker.
     """
-    found = [name for _, name, _ in _MARKED.findall(text)]
-    unknown, missing = set(found) - set(PARTS) - OF_THE_HOST, set(PARTS) - set(found)
+    markers = [name for _, name, _ in _MARKED.findall(text)]
+    unknown, missing = set(markers) - set(PARTS) - OF_THE_HOST, set(PARTS) - set(markers)
     if unknown or missing:
         raise DocumentError(
             f"docs/safety.md: markers that name nothing: {sorted(unknown) or 'none'}, "

@@ -97,8 +97,11 @@ LIMITS: dict[str, Range] = {
 }
 
 RECORDS: dict[str, dict[str, Range]] = {
-    "Measurements": MEASUREMENTS, "Command": COMMAND, "Memory": MEMORY, "Limits": LIMITS,
-}  # fmt: skip
+    "Measurements": MEASUREMENTS,
+    "Command": COMMAND,
+    "Memory": MEMORY,
+    "Limits": LIMITS,
+}
 
 ARGUMENTS: dict[str, Range] = {
     "k": CHANNEL, "now_us": TIME, "trigger": Range(0, 9), "fault": Range(1, max(Fault)),
@@ -109,9 +112,12 @@ ARGUMENTS: dict[str, Range] = {
 """Of the arguments that are numbers, by name."""
 
 RESULTS: dict[str, Range] = {
-    "saturated": I32, "resistance_mohm": OHMS, "of_duty": Range(0, 10_000),
-    "loss_mW": Range(-10_000_000, 10_000_000), "power_mW": Range(0, POWER_MOST_mW),
-}  # fmt: skip
+    "saturated": I32,
+    "resistance_mohm": OHMS,
+    "of_duty": Range(0, 10_000),
+    "loss_mW": Range(-10_000_000, 10_000_000),
+    "power_mW": Range(0, POWER_MOST_mW),
+}
 RESULT = Range(0, 63)
 """Of every other function that returns a number: codes and verdicts."""
 

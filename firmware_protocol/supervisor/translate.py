@@ -178,7 +178,7 @@ class Translator:
         if within.holds(value.span):
             return value
         self.saturated.add(name)
-        return typed.held(value, within)
+        return typed.within_range(value, within)
 
     def _note(self, name: str, span: Range) -> None:
         self._spans[name] = span
@@ -219,13 +219,13 @@ class Translator:
             case ast.Subscript(value=ast.Name(id=table), slice=row) if (
                 table in self._names.row_tables
             ):
-                at = f"{name}_at"
+                position = f"{name}_at"
                 self._note(name, self._names.row_tables[table])
-                self._note(at, Range(0, 32_767))
+                self._note(position, Range(0, 32_767))
                 index = self._expression(row).text
                 start, end_text = (f"{table}_START[{index}{more}]" for more in ("", " + 1"))
-                head = f"{pad}for ({at} = {start}; {at} < {end_text}; {at}++) {{"
-                fetch = f"{inner}{name} = {table}[{at}];"
+                head = f"{pad}for ({position} = {start}; {position} < {end_text}; {position}++) {{"
+                fetch = f"{inner}{name} = {table}[{position}];"
                 return [head, fetch, *self._loop(body, depth + 1), f"{pad}}}"]
         raise self._error(source, "a loop over something that is neither range() nor a table row")
 
@@ -340,8 +340,8 @@ class Translator:
                 table in self._names.function_tables
             ):
                 passed = self._passed(node, self._names.function_tables[table])
-                at = self._expression(index).text
-                return Expression(f"{table}[{at}]({passed})", "uint8_t", RESULT)
+                entry = self._expression(index).text
+                return Expression(f"{table}[{entry}]({passed})", "uint8_t", RESULT)
         raise self._error(node, "a call of something that is not translated")
 
     def _passed(self, node: ast.Call, names: tuple[str, ...]) -> str:

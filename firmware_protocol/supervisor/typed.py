@@ -58,17 +58,17 @@ def binary(left: Expression, op: ast.operator, right: Expression) -> Expression:
     """Return `left op right`."""
     span = _span(left.span, op, right.span)
     kind = counted_as(left.span, right.span, span)
-    one, two = left.as_kind(kind), right.as_kind(kind)
+    first, second = left.as_kind(kind), right.as_kind(kind)
     power = right.span.low.bit_length() - 1
     if isinstance(op, ast.FloorDiv) and right.span == (1 << power, 1 << power):
-        return Expression(f"({one} >> {power})", kind, span)
+        return Expression(f"({first} >> {power})", kind, span)
     if isinstance(op, ast.LShift):
         # As a product: shifting a negative number to the left is undefined.
-        return Expression(f"({one} * (({kind})1 << {right.text}))", kind, span)
+        return Expression(f"({first} * (({kind})1 << {right.text}))", kind, span)
     if isinstance(op, ast.FloorDiv):
         bits = kind.removeprefix("int").removesuffix("_t")
-        return Expression(f"{PREFIX}div{bits}({one}, {two})", kind, span)
-    return Expression(f"({one} {_SYMBOL[type(op)]} {two})", kind, span)
+        return Expression(f"{PREFIX}div{bits}({first}, {second})", kind, span)
+    return Expression(f"({first} {_SYMBOL[type(op)]} {second})", kind, span)
 
 
 def _span(left: Range, op: ast.operator, right: Range) -> Range:
@@ -104,12 +104,12 @@ def compared(left: Expression, symbol: str, right: Expression) -> Expression:
 
 def extreme(name: str, arguments: list[Expression]) -> Expression:
     """Return `min` or `max` of two."""
-    one, two = arguments
+    first, second = arguments
     pick = min if name == "min" else max
-    span = Range(pick(one.span.low, two.span.low), pick(one.span.high, two.span.high))
-    kind = counted_as(one.span, two.span)
+    span = Range(pick(first.span.low, second.span.low), pick(first.span.high, second.span.high))
+    kind = counted_as(first.span, second.span)
     bits = kind.removeprefix("int").removesuffix("_t")
-    text = f"{PREFIX}{name}{bits}({one.as_kind(kind)}, {two.as_kind(kind)})"
+    text = f"{PREFIX}{name}{bits}({first.as_kind(kind)}, {second.as_kind(kind)})"
     return Expression(text, kind, span)
 
 
@@ -140,7 +140,7 @@ def followed(arguments: list[Expression]) -> Expression:
     return Expression(f"{PREFIX}follow({text})", "int32_t", span)
 
 
-def held(value: Expression, within: Range) -> Expression:
+def within_range(value: Expression, within: Range) -> Expression:
     """Return the value, held at the ends of a range."""
     kind = counted_as(value.span, within)
     bits = kind.removeprefix("int").removesuffix("_t")

@@ -27,7 +27,7 @@ class FirmwareBench(SimulatedBench):
     """
 
     board: FirmwareBoard  # type: ignore[assignment]
-    board_type: type[FirmwareBoard] = FirmwareBoard
+    board_type: type[FirmwareBoard] = FirmwareBoard  # type: ignore[assignment]
 
     def __init__(
         self, program: Sequence[str], *, store_path: Path | None = None, **options: Any

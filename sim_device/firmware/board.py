@@ -242,7 +242,7 @@ class ChipBoard(FirmwareBoard):
     def __init__(self, program: Sequence[str], path: Path, **options: Any) -> None:
         self._inbox = bytearray()
         self._unseen_us = 0
-        self._told = False
+        self._state_sent = False
         super().__init__(program, path, **options)
 
     def receive(self, data: bytes, now_us: int) -> None:
@@ -260,13 +260,13 @@ class ChipBoard(FirmwareBoard):
         data = bytes(self._inbox[:MOST_BYTES])
         del self._inbox[:MOST_BYTES]
         self._unseen_us += dt_us
-        if self._unseen_us >= self.period_us or self._told:
+        if self._unseen_us >= self.period_us or self._state_sent:
             codes = self.seen(readings, self._unseen_us * 1e-6)
             self._unseen_us = 0
         else:
             codes = replace(self._codes, encoder=self.hardware.encoder_at(readings))
         self.step(dt_us, data, codes)
-        self._told = self.line.states > before
+        self._state_sent = self.line.states > before
         state = self.line.state
         if state is None or self.line.states == before:
             return None

@@ -93,12 +93,14 @@ _WRAPPED = (
 _QEMU = replace(
     _M4,
     flags=(
-        *_M4.flags, "-Wl,--defsym=flash_at=0", *(f"-Wl,--wrap={name}" for name in _WRAPPED),
+        *_M4.flags,
+        "-Wl,--defsym=flash_at=0",
+        *(f"-Wl,--wrap={name}" for name in _WRAPPED),
         "-DREG(address)=(*(volatile uint32_t *)(0x20100000u + ((address) & 0x3FFFFu)))",
     ),
     sources=(*_M4.sources, SOURCES / "qemu"),
     output="smad-qemu.elf",
-)  # fmt: skip
+)
 PORTS: dict[str, Port] = {
     "host": Port("gcc libc6-dev", (_HOST,), ("smad-firmware-host",)),
     "cortex-m": Port("gcc-arm-none-eabi", (_M4,)),

@@ -10,7 +10,7 @@ from typing import Literal, get_args
 from sim_device.plant.errors import ModelError
 from sim_device.plant.kernel.model import ANTAGONISTIC, BLOCKED, STRETCH
 from sim_device.plant.parameters import ParameterSet, initial_detwinned, spring_factors
-from sim_device.plant.water import GRAVITY, at, real_water
+from sim_device.plant.water import GRAVITY, interpolated, real_water
 
 Variant = Literal["extended", "printed"]
 Fixture = Literal["antagonistic", "stretch", "blocked"]
@@ -128,7 +128,7 @@ def water_heat_capacity() -> float:
     Also for the printed variant, which needs it only with effect water_warming: its polynomials
     would give 66 % more.
     """
-    water = at(real_water(), 300.0)
+    water = interpolated(real_water(), 300.0)
     return float(water.rho[0] * water.cp[0])
 
 

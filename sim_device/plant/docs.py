@@ -50,8 +50,8 @@ def effects_list() -> str:
 
 
 def _needs(needs: Sequence[tuple[str, tuple[str, ...]]]) -> str:
-    told = ", ".join(f"{option} {' or '.join(known)}" for option, known in needs)
-    return f"; needs {told}" if told else ""
+    options = ", ".join(f"{option} {' or '.join(known)}" for option, known in needs)
+    return f"; needs {options}" if options else ""
 
 
 def places_table() -> str:

@@ -67,7 +67,7 @@ def moved(model: Model, values: Mapping[str, float]) -> Model | None:
     """The model with other values, each within its range; None where no plant can be built so."""
     parameters: dict[str, float] = {}
     mounting = dict(model.mounting)
-    effects = {name: dict(own) for name, own in model.effects.items()}
+    effects = {name: dict(strengths) for name, strengths in model.effects.items()}
     for name, value in values.items():
         table, _, key = name.partition(".")
         if table == "parameters":

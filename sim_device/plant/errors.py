@@ -31,7 +31,7 @@ class SolverError(PlantError):
     """The kernel gave up; carries the time and the state at which it did."""
 
     def __init__(self, message: str, *, time_s: float, state: dict[str, float]) -> None:
-        held = ", ".join(f"{key} = {value:.6g}" for key, value in state.items())
-        super().__init__(f"{message} at t = {time_s:.6g} s with {held}")
+        values = ", ".join(f"{key} = {value:.6g}" for key, value in state.items())
+        super().__init__(f"{message} at t = {time_s:.6g} s with {values}")
         self.time_s = time_s
         self.state = state

@@ -36,8 +36,11 @@ diameters between them and with their square."""
 PITCH_MOST = 6.0
 """So many wire diameters apart was it measured."""
 _LIMITS_MM = {
-    "wire": (0.01, 5.0), "coil": (0.05, 50.0), "pitch": (0.0, 50.0), "tube": (0.02, 20.0),
-}  # fmt: skip
+    "wire": (0.01, 5.0),
+    "coil": (0.05, 50.0),
+    "pitch": (0.0, 50.0),
+    "tube": (0.02, 20.0),
+}
 _TURNS = (1.0, 200.0)
 
 

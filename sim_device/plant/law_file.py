@@ -29,8 +29,11 @@ def laws_as_tables(laws: Sequence[Law]) -> list[dict[str, Any]]:
                     "order": term.order,
                     "factors": [
                         {
-                            "state": f.state, "kind": f.kind, "lag_s": f.lag_s,
-                            "centre": f.centre, "scale": f.scale,
+                            "state": f.state,
+                            "kind": f.kind,
+                            "lag_s": f.lag_s,
+                            "centre": f.centre,
+                            "scale": f.scale,
                         }
                         for f in term.factors
                     ],
@@ -39,7 +42,7 @@ def laws_as_tables(laws: Sequence[Law]) -> list[dict[str, Any]]:
             ],
         }
         for law in laws
-    ]  # fmt: skip
+    ]
 
 
 def laws_from_tables(raw: object) -> tuple[Law, ...]:
@@ -139,10 +142,13 @@ def laws_as_toml(tables: Sequence[Mapping[str, Any]]) -> list[str]:
         for term in law["terms"]:
             factors = ", ".join(_inline(factor) for factor in term["factors"])
             lines += [
-                "", "[[laws.terms]]", f"name = {quoted(term['name'])}",
-                f"coefficient = {term['coefficient']!r}", f"order = {term['order']}",
+                "",
+                "[[laws.terms]]",
+                f"name = {quoted(term['name'])}",
+                f"coefficient = {term['coefficient']!r}",
+                f"order = {term['order']}",
                 f"factors = [{factors}]",
-            ]  # fmt: skip
+            ]
     return lines
 
 

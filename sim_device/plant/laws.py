@@ -94,12 +94,12 @@ def joined(laws: Iterable[Law]) -> tuple[Law, ...]:
     """
     terms: dict[tuple[str, str], dict[str, Term]] = {}
     for law in laws:
-        own = terms.setdefault((law.place, law.side), {})
+        by_name = terms.setdefault((law.place, law.side), {})
         for term in law.terms:
-            known = own.get(term.name)
+            known = by_name.get(term.name)
             more = 0.0 if known is None else known.coefficient
-            own[term.name] = replace(term, coefficient=term.coefficient + more)
-    return tuple(Law(*key, tuple(own.values())) for key, own in terms.items())
+            by_name[term.name] = replace(term, coefficient=term.coefficient + more)
+    return tuple(Law(*key, tuple(by_name.values())) for key, by_name in terms.items())
 
 
 def terms_over(
@@ -127,9 +127,12 @@ def terms_over(
             raise InputError(f"support of {state} is {low:g} to {high:g}; give finite low <= high")
         if high - low > 1e-9 * max(abs(low), abs(high)):
             lines[state] = Factor(
-                state=state, low=low, high=high, centre=0.5 * (low + high),
+                state=state,
+                low=low,
+                high=high,
+                centre=0.5 * (low + high),
                 scale=0.5 * (high - low),
-            )  # fmt: skip
+            )
     terms = [Term(name="constant", coefficient=0.0)]
 
     def add(name: str, order: int, *factors: Factor) -> None:
@@ -150,8 +153,8 @@ def terms_over(
             for lag_s in LAGS_S:
                 add(f"{state}_lag{lag_s:g}", 3, replace(line, lag_s=lag_s))
     if products:
-        for (one, line), (other, second) in combinations(lines.items(), 2):
-            add(f"{one}_x_{other}", 3, line, second)
+        for (first, line), (other, second) in combinations(lines.items(), 2):
+            add(f"{first}_x_{other}", 3, line, second)
     return tuple(terms)
 
 
@@ -162,8 +165,8 @@ def own_states(place_name: str, side: str, states: Mapping[str, Array]) -> dict[
     is seen from X. Those that the trajectory lacks are left out.
     """
     entry = place(place_name)
-    own, other = ("y", "x") if side == "y" else ("x", "y")
-    sign = -1.0 if own == "y" else 1.0
+    this, other = ("y", "x") if side == "y" else ("x", "y")
+    sign = -1.0 if this == "y" else 1.0
     seen: dict[str, Array] = {}
     for state in entry.states:
         if state.startswith("other_"):
@@ -175,7 +178,7 @@ def own_states(place_name: str, side: str, states: Mapping[str, Array]) -> dict[
         elif state == "reading_rate":
             key = f"{place_name}_rate.{side}"
         else:
-            key = f"{state}.{own}"
+            key = f"{state}.{this}"
         if key in states:
             flips = state in ("displacement", "velocity") and sign < 0.0
             values = np.asarray(states[key], dtype=np.float64)
@@ -326,5 +329,5 @@ def law_table(laws: Sequence[Law]) -> Array:
 def unit_of_state(place_name: str, state: str) -> str:
     """Unit of a state of a place; readings have the channel's."""
     known = next(entry for entry in STATES if entry.name == state)
-    own = place(place_name).unit
-    return {"reading": own, "reading_rate": f"{own}/s"}.get(state, known.unit)
+    unit = place(place_name).unit
+    return {"reading": unit, "reading_rate": f"{unit}/s"}.get(state, known.unit)

@@ -150,13 +150,13 @@ class PlantArray:
         read: Array = self.rows[:, SENSED] + self._next_noise(which) * self._sigma
         return read
 
-    def kept(self, which: Flags) -> tuple[Array, Array, Array]:
+    def copied(self, which: Flags) -> tuple[Array, Array, Array]:
         """A copy of what the state of some plants is."""
         return self.rows[which].copy(), self._rings[which].copy(), self._memory[which].copy()
 
-    def restore(self, which: Flags, kept: tuple[Array, Array, Array]) -> None:
-        """Put plants back to what `kept` copied."""
-        self.rows[which], self._rings[which], self._memory[which] = kept
+    def restore(self, which: Flags, copied: tuple[Array, Array, Array]) -> None:
+        """Put plants back to what `copied` copied."""
+        self.rows[which], self._rings[which], self._memory[which] = copied
         self.statuses[which] = k.OK
 
     def _next_noise(self, which: Flags | None = None) -> Array:

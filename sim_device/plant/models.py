@@ -108,8 +108,8 @@ def write_model(path: str | Path, model: Model) -> None:
 def quantities(model: Model) -> dict[str, float]:
     """All values of a model by the names that a covariance uses, SI."""
     values = {f"parameters.{name}": model.parameters[name] for name in model.parameters.names}
-    for name, own in model.effects.items():
-        values |= {f"effects.{name}.{key}": value for key, value in own.items()}
+    for name, strengths in model.effects.items():
+        values |= {f"effects.{name}.{key}": value for key, value in strengths.items()}
     for law in model.laws:
         values |= {n: t.coefficient for n, t in zip(law.names, law.terms, strict=True)}
     return values | {f"mounting.{name}": model.mounting.get(name, 0.0) for name in MOUNTING}

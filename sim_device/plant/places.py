@@ -107,10 +107,10 @@ def _pair(name: str, label: str, unit: str, scale: float, *channels: str) -> Pla
 
 
 def _reading(name: str, label: str, unit: str, scale: float, channel: str) -> Place:
-    own = "{side}" in channel
+    sided = "{side}" in channel
     return Place(
-        name=name, label=label, unit=unit, scale=scale, sides=SPRINGS if own else SHARED,
-        states=(*(_OWN if own else _OF_BOTH), *_READ), channels=(channel,), reading=True,
+        name=name, label=label, unit=unit, scale=scale, sides=SPRINGS if sided else SHARED,
+        states=(*(_OWN if sided else _OF_BOTH), *_READ), channels=(channel,), reading=True,
     )  # fmt: skip
 
 
@@ -177,7 +177,7 @@ def keys_of(name: str, side: str) -> tuple[Key, ...]:
     if side in entry.sides:
         return ((name, side),)
     if side == BOTH:
-        return tuple((name, own) for own in entry.sides)
+        return tuple((name, each) for each in entry.sides)
     allowed = ", ".join(dict.fromkeys((*entry.sides, BOTH)))
     raise InputError(f"place {name} has no side {side!r}; give one of {allowed}")
 

@@ -23,9 +23,12 @@ _REASONS = {
     k.NOT_FINITE: "the state is no longer finite",
 }
 NOISE_OF_READINGS = (
-    *("noise_current",) * 2, *("noise_voltage",) * 2, *("noise_temperature",) * 4,
-    "noise_displacement", "noise_force",
-)  # fmt: skip
+    *("noise_current",) * 2,
+    *("noise_voltage",) * 2,
+    *("noise_temperature",) * 4,
+    "noise_displacement",
+    "noise_force",
+)
 """Parameter with the noise of each number of SENSED."""
 # Where the numbers of the state and of the drive stand in their rows.
 SENSED = slice(

@@ -80,27 +80,27 @@ class Plants:
         depend on; a call that was broken off goes on where it was. Raises PlantError for a model
         that cannot be set up.
         """
-        kept = None if folder is None else _Folder(Path(folder))
+        stored = None if folder is None else _Folder(Path(folder))
         results: list[list[Result]] = [[{} for _ in self.runs] for _ in self.models]
         tasks, done = [], 0
 
-        def take(pairs: Sequence[_Pair], found: Sequence[Result]) -> None:
+        def take(pairs: Sequence[_Pair], answers: Sequence[Result]) -> None:
             nonlocal done
-            for (i, j), result in zip(pairs, found, strict=True):
+            for (i, j), result in zip(pairs, answers, strict=True):
                 results[i][j] = result
             done += len(pairs)
             if progress is not None:
                 progress(done, self.size)
 
         for pairs in self._pairs():
-            found = None if kept is None else kept.find(self._digest(pairs), len(pairs))
-            if found is None:
+            answers = None if stored is None else stored.find(self._digest(pairs), len(pairs))
+            if answers is None:
                 tasks.append(pairs)
             else:
-                take(pairs, found)
+                take(pairs, answers)
         for pairs, made in self._made(tasks, executor):
-            if kept is not None:
-                kept.keep(self._digest(pairs), made)
+            if stored is not None:
+                stored.keep(self._digest(pairs), made)
             take(pairs, made)
         return results
 
@@ -134,7 +134,7 @@ class Plants:
                 future.cancel()
 
     def _part(self, pairs: Sequence[_Pair]) -> _Part:
-        used_models, used_runs = (sorted({pair[at] for pair in pairs}) for at in (0, 1))
+        used_models, used_runs = (sorted({pair[position] for pair in pairs}) for position in (0, 1))
         place_m, place_r = ({v: n for n, v in enumerate(u)} for u in (used_models, used_runs))
         return _Part(
             [self.models[i] for i in used_models],
@@ -145,16 +145,16 @@ class Plants:
         )
 
     def _digest(self, pairs: Sequence[_Pair]) -> str:
-        told = hashlib.sha256()
-        told.update(
+        digest = hashlib.sha256()
+        digest.update(
             json.dumps(
                 [kernel.text_digest(), self.outputs, self.dt_s, self.keep.__module__,
                  self.keep.__qualname__]
             ).encode()
         )  # fmt: skip
         for i, j in pairs:
-            told.update(self._model_digests[i] + self._run_digests[j])
-        return told.hexdigest()[:32]
+            digest.update(self._model_digests[i] + self._run_digests[j])
+        return digest.hexdigest()[:32]
 
     @cached_property
     def _model_digests(self) -> list[bytes]:
@@ -194,18 +194,18 @@ def _replayed(part: _Part, keep: Keep) -> list[Result]:
             replay = Replay(inputs, variant=model.variant, outputs=part.outputs)
             ready[j, model.variant] = replay
         try:
-            found = replay.run(model.parameters, model.effects, model.laws, dt_s=part.dt_s)
+            outputs = replay.run(model.parameters, model.effects, model.laws, dt_s=part.dt_s)
         except SolverError:
-            found = {name: np.full(inputs.t_s.size, np.nan) for name in part.outputs}
-        results.append(keep(found))
+            outputs = {name: np.full(inputs.t_s.size, np.nan) for name in part.outputs}
+        results.append(keep(outputs))
     return results
 
 
 def _run_digest(run: Inputs) -> bytes:
-    told = hashlib.sha256()
+    digest = hashlib.sha256()
     for series in (run.t_s, run.rows, run.inlet_K, run.ambient_K):
-        told.update(b"-" if series is None else np.ascontiguousarray(series).tobytes())
-    return told.digest()
+        digest.update(b"-" if series is None else np.ascontiguousarray(series).tobytes())
+    return digest.digest()
 
 
 class _Folder:
@@ -223,8 +223,8 @@ class _Folder:
             with np.load(self._path(digest), allow_pickle=False) as file:
                 results: list[Result] = [{} for _ in range(count)]
                 for key in file.files:
-                    at, _, name = key.partition(":")
-                    results[int(at)][name] = file[key]
+                    number, _, name = key.partition(":")
+                    results[int(number)][name] = file[key]
                 return results
         except (OSError, ValueError, IndexError, EOFError, zipfile.BadZipFile):
             # Not there, or cut short: it is made again.

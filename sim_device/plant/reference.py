@@ -22,7 +22,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from sim_device.plant.parameters import ParameterSet, initial_detwinned
-from sim_device.plant.water import at, real_water
+from sim_device.plant.water import interpolated, real_water
 
 Array = npt.NDArray[np.float64]
 CURVE_WIDTH = 1e-6
@@ -213,7 +213,7 @@ class Reference:
         section = math.pi * d**2 / 4
         mass = v["density"] * section
         annulus = math.pi * (v["tube_diameter"] ** 2 - d**2) / 4
-        at_300 = at(real_water(), 300.0)
+        at_300 = interpolated(real_water(), 300.0)
         per_volume = float(at_300.rho[0] * at_300.cp[0])
         m = np.array(
             [

@@ -125,9 +125,9 @@ class Inputs:
         time = _checked("t_s", self.t_s, (n,))
         backward = np.flatnonzero(np.diff(time) <= 0.0)
         if backward.size:
-            at = int(backward[0])
+            row = int(backward[0])
             raise InputError(
-                f"t_s does not increase at sample {at + 1}: {time[at + 1]} s after {time[at]} s"
+                f"t_s does not increase at sample {row + 1}: {time[row + 1]} s after {time[row]} s"
             )
         rows = np.zeros((n, 7))
         rows[:, 0:2] = _checked("i_A", self.i_A, (n, 2), 0.0, math.inf)

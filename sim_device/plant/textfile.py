@@ -31,8 +31,8 @@ def parsed(path: Path, language: str, parse: Callable[[str], Any]) -> Any:
 def beside(path: Path, name: str) -> Path | None:
     """Return the file of that name beside `path`, None if there is none."""
     try:
-        found = path.parent / name
-        return found if found.exists() else None
+        file = path.parent / name
+        return file if file.exists() else None
     except (OSError, ValueError):
         # Too long for a file name, or with a zero byte in it.
         return None
@@ -40,7 +40,7 @@ def beside(path: Path, name: str) -> Path | None:
 
 def quoted(text: str) -> str:
     """Return `text` as a TOML string."""
-    return '"' + _ESCAPED.sub(lambda found: f"\\u{ord(found[0]):04x}", text) + '"'
+    return '"' + _ESCAPED.sub(lambda match: f"\\u{ord(match[0]):04x}", text) + '"'
 
 
 def _text(path: Path) -> str:

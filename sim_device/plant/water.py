@@ -68,7 +68,7 @@ def printed_water() -> Water:
     return Water(T, rho, prandtl * k / mu, k, mu, beta)
 
 
-def at(water: Water, T_K: float) -> Water:
+def interpolated(water: Water, T_K: float) -> Water:
     """The properties at one temperature, by a cubic through the four nodes around it.
 
     Raises ValueError outside of the table.

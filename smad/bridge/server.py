@@ -49,7 +49,7 @@ class Seat:
         self._connection = connection
         self._waiting: deque[bytes] = deque()
         self._filled = asyncio.Event()
-        self._told = 0
+        self._reported = 0
 
     async def read(self) -> None:
         """Answer the viewer until it goes away."""
@@ -93,8 +93,8 @@ class Seat:
         news: list[str | bytes] = [*self.viewer.changed()]
         if why_away:
             news.append(status(ERROR, why_away))
-        if self.lost > self._told:
-            lost, self._told = self.lost - self._told, self.lost
+        if self.lost > self._reported:
+            lost, self._reported = self.lost - self._reported, self.lost
             news.append(status(WARNING, f"{lost} messages dropped: this viewer reads too slowly"))
         with contextlib.suppress(ConnectionClosed):
             for message in news:

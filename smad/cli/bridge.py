@@ -7,7 +7,7 @@ import contextlib
 
 import click
 
-from smad.cli.output import bench_option
+from smad.cli.output import bench_option, tcp_port_option
 
 
 @click.group()
@@ -16,12 +16,7 @@ def bridge() -> None:
 
 
 @bridge.command()
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65535),
-    default=8765,
-    help="TCP port on this machine; 0 takes any.",
-)
+@tcp_port_option(8765)
 @bench_option
 def foxglove(port: int, bench: str) -> None:
     """Serve Foxglove and Lichtblick until ctrl-C, on this machine only.

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from smad.cli.output import PATH, Progress
+from smad.processes.boards import BOARDS
 
 
 @click.command()
@@ -17,7 +18,7 @@ from smad.cli.output import PATH, Progress
 @click.option(
     "--firmware",
     "boards",
-    type=click.Choice(["python", "host", "avr"]),
+    type=click.Choice([*BOARDS]),
     default=["python"],
     multiple=True,
     help="The board, see smad sim --help; give it again for another one beside it.",

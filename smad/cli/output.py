@@ -84,6 +84,25 @@ def checked(command: C, typed: Mapping[str, str]) -> C:
     return command
 
 
+config_option = click.option(
+    "--config",
+    "path",
+    type=PATH,
+    envvar="SMAD_CONFIG",
+    help="Configuration file (smad config show).",
+)
+
+
+def tcp_port_option(usual: int) -> Callable[[F], F]:
+    """Return the option of a server's port."""
+    return click.option(
+        "--port",
+        type=click.IntRange(0, 65535),
+        default=usual,
+        help="TCP port on this machine; 0 takes any.",
+    )
+
+
 bench_option = click.option(
     "--bench",
     default="bench",

@@ -5,33 +5,23 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 import msgspec
 
 from smad.cli import complete
-from smad.cli.output import FILE, PATH, Finite
+from smad.cli.output import FILE, PATH, Finite, config_option
 from smad.cli.simulated import effect_lines
 from smad.cli.tables import print_columns
-from smad.processes.boards import SimulatorError, build, faults_of, rate_of
+from smad.processes.boards import BOARDS, SimulatorError, build, faults_of, rate_of
 from smad.processes.simulator import READY
-
-if TYPE_CHECKING:
-    pass
 
 SEED_STEP = 100_003
 """Between the seeds of two axes: their noise must not be the same."""
 
 
 @click.command()
-@click.option(
-    "--config",
-    "path",
-    type=PATH,
-    envvar="SMAD_CONFIG",
-    help="Configuration file (smad config show).",
-)
+@config_option
 @click.option("--speed", type=float, help="Board time over wall time; 10 is ten times faster.")
 @click.option("--rate", type=click.Choice(["100", "250", "500"]), help="Samples per second.")
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Seed of all noise.")
@@ -61,7 +51,7 @@ SEED_STEP = 100_003
 )
 @click.option(
     "--firmware",
-    type=click.Choice(["python", "host", "avr"]),
+    type=click.Choice([*BOARDS]),
     default="python",
     help="The board: Python, the C firmware as a process, or its chip emulated.",
 )

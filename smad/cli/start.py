@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import PATH
+from smad.cli.output import PATH, config_option
 from smad.errors import ConfigError
+from smad.processes.boards import BOARDS
 
 if TYPE_CHECKING:
     from smad.config import Config
@@ -22,13 +23,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.option("--port", help="Serial device of the board, best /dev/serial/by-id/….")
 @click.option("--sim", "simulated", is_flag=True, help="Start a simulated bench and use it.")
-@click.option(
-    "--config",
-    "path",
-    type=PATH,
-    envvar="SMAD_CONFIG",
-    help="Configuration file (smad config show).",
-)
+@config_option
 @click.option("--bench", help="Name of the bench, where there are several.")
 @click.option("--rate", type=click.Choice(["100", "250", "500"]), help="Samples per second.")
 @click.option("--baud", type=int, help="Bits per second of the serial line.")
@@ -44,7 +39,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--firmware",
-    type=click.Choice(["python", "host", "avr"]),
+    type=click.Choice([*BOARDS]),
     default="python",
     help="With --sim: the board, see smad sim --help.",
 )

@@ -8,19 +8,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import bench_option
+from smad.cli.output import bench_option, tcp_port_option
 
 if TYPE_CHECKING:
     from smad.view.server import Links
 
 
 @click.command()
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65535),
-    default=8787,
-    help="TCP port on this machine; 0 takes any.",
-)
+@tcp_port_option(8787)
 @click.option("--no-browser", is_flag=True, help="Only print the links.")
 @click.option("--watch-only", is_flag=True, help="Give no link that commands the bench.")
 @bench_option

@@ -78,7 +78,7 @@ class DisplacementMode:
             config.hold.reversal_A, config.hold.reversal_smooth_s, config.cooling.urgent_A
         )
         self._config = config
-        self._kept: KeptPair | None = None
+        self._pair: KeptPair | None = None
         self._turned = False
         self._urgent_A = config.cooling.urgent_A
         self._u_A = 0.0
@@ -155,7 +155,7 @@ class DisplacementMode:
                 push_A = forced * self._limit_A if advice.push else 0.0
         if hold.quiet:
             if not was_quiet:
-                self._kept = None
+                self._pair = None
                 self._turned = False
                 self._pi.preset(self._u_A, followed_m)
             return self._hold_still(followed_m, sample, dt_s)
@@ -170,8 +170,8 @@ class DisplacementMode:
         warm_degC = (sample.rtd_degC[0], sample.rtd_degC[1])
         blind = math.isnan(sum(warm_degC))
         if blind:
-            self._kept = None
-        if self._kept is None:
+            self._pair = None
+        if self._pair is None:
             # The error alone decides: what flows in the spring to be let go would delay it.
             direction = self._direction.step(pi.kp * followed_m, dt_s)
             self._turned = self._turned or direction != before
@@ -180,7 +180,7 @@ class DisplacementMode:
             there = abs(followed_m) <= 0.5 * self._hold.band_m
             if blind or not (there and (self._hold.arrived or self._turned)):
                 return self._arrive(followed_m, direction, before, dt_s)
-            self._kept = KeptPair(
+            self._pair = KeptPair(
                 config.hold,
                 self._limit_A,
                 config.anti_windup_time_s,
@@ -188,7 +188,7 @@ class DisplacementMode:
                 now_A=self._u_A,
                 error_m=followed_m,
             )
-        i_A = self._kept.step(followed_m, warm_degC, dt_s)
+        i_A = self._pair.step(followed_m, warm_degC, dt_s)
         # What goes on when the quiet ends.
         self._u_A = i_A[0] - i_A[1]
         pi.preset(self._u_A, followed_m)

@@ -87,7 +87,7 @@ class Episodes:
         self._times: Array = np.arange(task.steps + ahead + 1, dtype=np.float64) * self._dt_s
         references.drawn(task.reference, np.random.default_rng(0), self._times)
         self._references = np.zeros((size, self._times.size))
-        self.at = np.zeros(size, dtype=np.int64)
+        self.step_number = np.zeros(size, dtype=np.int64)
         self._every = np.arange(size)
         self._seen = np.zeros((size, len(signals.NAMES)))
         self._true_m = self.plants.column("shared.displacement")
@@ -108,7 +108,7 @@ class Episodes:
         self._references[i] = self._positions(wanted, rng)
         self.plants.put(i, setup, seed=int(rng.integers(2**32)))
         self.boards.begin(i)
-        self.at[i] = 0
+        self.step_number[i] = 0
 
     def _positions(self, wanted: Any, rng: np.random.Generator) -> Array:
         if isinstance(wanted, str) or callable(wanted):
@@ -143,7 +143,7 @@ class Episodes:
         shown[:, 6:8] = rows[:, 0:2]
         shown[:, 8:10] = rows[:, 2:4]
         self._seen[which, : shown.shape[1]] = np.rint(shown / signals.STEPS) * signals.STEPS
-        moment = self.at[which]
+        moment = self.step_number[which]
         self._seen[which, -2] = self._references[which, moment]
         self._seen[which, -1] = self._references[which, moment + self._ahead]
 
@@ -163,7 +163,7 @@ class Episodes:
             self._advance_only(going)
         else:
             self.plants.advance(self._dt_s)
-        self.at[every] += 1
+        self.step_number[every] += 1
         solved = self.plants.statuses == 0
         good = every[solved[every]]
         if good.size:
@@ -173,7 +173,7 @@ class Episodes:
 
     def _advance_only(self, going: Flags) -> None:
         """Advance the plants that go on; the others are put back as they were."""
-        finished_plants = self.plants.kept(~going)
+        finished_plants = self.plants.copied(~going)
         self.plants.advance(self._dt_s)
         self.plants.restore(~going, finished_plants)
 
@@ -186,10 +186,10 @@ class Episodes:
         rewards = -np.abs(self._seen[:, 0] - self._seen[:, -2])
         stopped = faults != 0
         # Whoever is stopped misses all that is left, by the whole reach to either side.
-        left = self.task.steps - self.at
+        left = self.task.steps - self.step_number
         rewards = np.where(stopped, -2.0 * references.REACH_mm * (left + 1), rewards)
         rewards = np.where(going, rewards, 0.0)
-        ended = (self.at >= self.task.steps) | ~solved
+        ended = (self.step_number >= self.task.steps) | ~solved
         return Stepped(
             observations=self.observations(),
             rewards=rewards,

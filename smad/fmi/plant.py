@@ -234,14 +234,14 @@ class FmuPlant:
             size = point.effects.get(name, {}).get("size", 0.0)
             if size == 0.0:
                 continue
-            at = self._rows.index(term.variable)
+            place = self._rows.index(term.variable)
             if term.of in self._map.channels:
-                fed.append(_fed(at, list(self._map.channels).index(term.of), size, term))
+                fed.append(_fed(place, list(self._map.channels).index(term.of), size, term))
             elif term.of:
                 x = (given[term.of] - term.zero) / term.span
-                rows[:, at] += size * shaped(x, term.shape, term.power)
+                rows[:, place] += size * shaped(x, term.shape, term.power)
             else:
-                rows[:, at] += size
+                rows[:, place] += size
         return rows, fed
 
     def regimes(self, run: GapRun, side: str) -> dict[str, Mask]:

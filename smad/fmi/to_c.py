@@ -355,8 +355,8 @@ class _Body:
         text, kind = self._expression(node.value)
         match kind.kind, node.slice:
             case "table", ast.Tuple(elts=[row, column]):
-                at = (self._expression(each)[0] for each in (row, column))
-                return "{0}.at[({1}) * {0}.columns + {2}]".format(text, *at), DOUBLE
+                indices = (self._expression(each)[0] for each in (row, column))
+                return "{0}.at[({1}) * {0}.columns + {2}]".format(text, *indices), DOUBLE
             case "tuple", ast.Constant(value=int(n)):
                 return f"{text}._{n}", kind.parts[n]
             case "pointer", ast.Constant(value=0):

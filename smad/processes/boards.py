@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,8 +14,17 @@ if TYPE_CHECKING:
     from sim_device.bench import SimulatedBench
     from smad.config import Config
 
-MEGA_RATE_HZ = 100
-"""The most that the firmware of the Mega takes; see docs/firmware.md."""
+
+@dataclass(frozen=True, kw_only=True)
+class BoardType:
+    """A board that `--firmware` names. `baud`: what it says it has; a pseudo-terminal takes any."""
+
+    baud: int
+    most_rate_hz: int = 500
+    has_store: bool = False
+    """Whether it has a parameter memory in a file."""
+    bench: Callable[[], Callable[..., SimulatedBench]]
+    """Returns what makes a bench with it; imports that only when it is asked."""
 
 
 class SimulatorError(SmadError):
@@ -30,12 +39,14 @@ def faults_of(faults: tuple[str, ...], axis: str) -> tuple[str, ...]:
 
 
 def rate_of(rate_hz: int, firmware: str) -> int:
-    if firmware == "avr" and rate_hz > MEGA_RATE_HZ:
+    """Return the rate. Raises SimulatorError where the board has not the time for it."""
+    most_rate_hz = BOARDS[firmware].most_rate_hz
+    if rate_hz > most_rate_hz:
         raise SimulatorError(
-            "the Mega has not the time for so many samples a second",
+            "the board has not the time for so many samples a second",
             value=rate_hz,
-            limit=MEGA_RATE_HZ,
-            action="take --rate 100, or --firmware host",
+            limit=most_rate_hz,
+            action=f"take --rate {most_rate_hz}, or --firmware host",
         )
     return rate_hz
 
@@ -55,12 +66,11 @@ def build(
     """Return the bench that the configuration describes, with the plant of a model file if given.
 
     `effects` are added to those of configuration or model, in place of one of the same name.
-    `firmware`: "python", or a port of the C firmware, with its parameter memory in `store_path`.
+    `firmware` is a name of `BOARDS`; `store_path` the parameter memory of the C firmware.
     `axis` is the name that its board stores, if any.
 
     Raises BenchError and PlantError.
     """
-    from sim_device.bench import SimulatedBench
     from sim_device.faults import parse_injection
     from sim_device.plant.effects.registry import from_text
     from sim_device.plant.models import built_in, read_model
@@ -72,18 +82,36 @@ def build(
     else:
         model = read_model(model_path)
     model = model.with_effects(dict(from_text(text) for text in effects))
-    make = SimulatedBench if firmware == "python" else _with_firmware(firmware, store_path)
-    return make(
+    board = BOARDS[firmware]
+    store = {"store_path": store_path} if board.has_store else {}
+    return board.bench()(
         **model.physics,
         fixture=plant.fixture,
         rate_hz=rate_hz,
         seed=seed,
         faults=[parse_injection(text) for text in faults],
         axis_name=axis,
+        **store,
     )
 
 
-def _with_firmware(port: str, store_path: Path | None) -> Callable[..., SimulatedBench]:
+def _python() -> Callable[..., SimulatedBench]:
+    from sim_device.bench import SimulatedBench
+
+    return SimulatedBench
+
+
+def _firmware(port: str) -> Callable[..., SimulatedBench]:
     from sim_device.firmware.bench import firmware_bench
 
-    return functools.partial(firmware_bench, port, store_path=store_path)
+    return partial(firmware_bench, port)
+
+
+BOARDS = {
+    "python": BoardType(baud=921_600, bench=_python),
+    "host": BoardType(baud=921_600, has_store=True, bench=partial(_firmware, "host")),
+    "avr": BoardType(
+        baud=500_000, most_rate_hz=100, has_store=True, bench=partial(_firmware, "avr")
+    ),
+}
+"""The boards by the name that `--firmware` takes."""

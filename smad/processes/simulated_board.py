@@ -12,11 +12,9 @@ import msgspec
 from smad.client.endpoints import default_folder, prepare_folder
 from smad.config import Config, replaced
 from smad.errors import ConfigError
+from smad.processes.boards import BOARDS
 from smad.processes.simulator import simulated_bench
 from smad.progress import Say
-
-BAUDS = {"python": 921_600, "host": 921_600, "avr": 500_000}
-"""What the simulated board says it has; a pseudo-terminal takes any."""
 
 
 @contextlib.contextmanager
@@ -49,7 +47,7 @@ def simulated_board(
         config = replaced(config, "realtime", fifo_priority=0)
     symlink = folder / f"{config.daemon.bench}.tty"
     with simulated_bench(words, symlink, waiting=waiting) as port:
-        config = replaced(config, "link", port=port, baud=BAUDS[firmware])
+        config = replaced(config, "link", port=port, baud=BOARDS[firmware].baud)
         placed = [msgspec.structs.replace(a, port=f"{port}.{a.name}") for a in config.axes]
         yield msgspec.structs.replace(config, axes=tuple(placed)), parameter_text
 

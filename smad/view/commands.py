@@ -210,7 +210,7 @@ class Control:
 
     def __init__(self, client: AsyncClient) -> None:
         self._client = client
-        self.held = False
+        self.has_control = False
         self.armed = False
         """Armed under it, and not yet seen to be stopped."""
         # A renewal that is on its way must not take back what was given away meanwhile.
@@ -220,19 +220,19 @@ class Control:
         """Take it. Raises NotInControl while somebody else has it."""
         async with self._one_at_a_time:
             await self._client.take_control(HOLDER, LEASE_S)
-            self.held = True
+            self.has_control = True
 
     async def renew(self) -> None:
         """Renew it, if this page has it. Raises NotInControl when somebody else has it by now."""
         async with self._one_at_a_time:
-            if self.held:
+            if self.has_control:
                 await self._client.take_control(HOLDER, LEASE_S)
 
     async def release(self) -> None:
         """Give it back, if this page has it."""
         async with self._one_at_a_time:
-            if self.held:
-                self.held = self.armed = False
+            if self.has_control:
+                self.has_control = self.armed = False
                 await self._client.release_control()
 
 

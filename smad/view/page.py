@@ -245,13 +245,13 @@ class Page:
 
     async def _renew(self) -> None:
         control = self._control
-        if control is None or not control.held:
+        if control is None or not control.has_control:
             return
         try:
             # Control is for driving: once somebody has ended that, it is anybody's again.
             await (control.release() if self._is_over(control) else control.renew())
         except SmadError:
-            control.held = False
+            control.has_control = False
 
     def _is_over(self, control: commands.Control) -> bool:
         return (
@@ -297,7 +297,7 @@ class Page:
         if self._unconfirmed_s is None and news:
             self._version, self._silent = source.version, silent
             self._unconfirmed_s = source.clock_s()
-            ours = self._control is not None and self._control.held
+            ours = self._control is not None and self._control.has_control
             yield _encode(status_message(source, self._axis, ours=ours)).decode()
             yield from self._other_news()
         if self._frames < IN_FLIGHT and not silent and self._shows.live:

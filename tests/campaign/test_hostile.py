@@ -17,7 +17,7 @@ from smad.report.page import text_table
 STOOD = Result(
     name="stranger's key",
     tried="20 disarms",
-    told=True,
+    logged=True,
     carried_out=0,
     missed=0,
     still_armed=True,
@@ -54,7 +54,7 @@ def test_an_attack_does_not_wait_on_a_line_that_was_refused() -> None:
 @pytest.mark.parametrize(
     ("harmed", "says"),
     [
-        (replace(STOOD, told=False), "it was not told"),
+        (replace(STOOD, logged=False), "it was not logged"),
         (replace(STOOD, carried_out=1), "it was carried out"),
         (replace(STOOD, missed=1), "samples were missed"),
         (replace(STOOD, still_armed=False), "the bench was disarmed"),

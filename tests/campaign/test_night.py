@@ -11,9 +11,9 @@ from campaign.night.daemon import BoardInLoop
 from campaign.night.draws import TROUBLES, troubles
 from campaign.night.report import (
     WEEK_H,
-    Found,
     Look,
     Met,
+    NightResult,
     facts,
     late,
     rerun,
@@ -36,7 +36,7 @@ def test_every_kind_of_trouble_comes_before_any_comes_again_and_in_order() -> No
 
 
 def test_a_word_is_late_only_where_the_queue_paused() -> None:
-    found = Found(1)
+    found = NightResult(1)
     found.met = [
         Met(1.0, "stop", 1, "moves", "stopped", 0.5, paused=True),
         Met(2.0, "kill item", 2, "moves", "killed", 6.5, paused=True),
@@ -59,7 +59,7 @@ def test_the_slope_is_that_of_the_longest_life_without_its_beginning() -> None:
     assert slope.per_h == pytest.approx(2.0, rel=1e-6)
     assert slope.amount == pytest.approx(103.8)
     assert slope_of(other) is None
-    found = Found(1, looks={"memory": [*filling, *steady], "short": other})
+    found = NightResult(1, looks={"memory": [*filling, *steady], "short": other})
     rows = week_table(found).rows
     assert rows[0][-1] == f"{103.8 + 2.0 * WEEK_H:.0f}"
     assert rows[1][2] == "too short"
@@ -71,7 +71,7 @@ def test_an_item_that_began_twice_is_found_and_one_whose_number_it_begins_with_i
 
 
 def test_the_facts_are_in_a_line() -> None:
-    found = Found(3, board_h=8.0, wall_h=1.0, cycles=50)
+    found = NightResult(3, board_h=8.0, wall_h=1.0, cycles=50)
     found.states.update(["done", "done", "interrupted"])
     assert "8.0 times real time" in facts(found)
     assert "items: 2 done, 1 interrupted" in facts(found)

@@ -48,8 +48,10 @@ def test_pairs_share_a_row_and_groups_end_with_all() -> None:
     run = run_of(pair, other, WENT_ON)
     assert [row.name for row in by_fault(run.results)] == ["two at once", "leak"]
     assert [(row.name, row.count) for row in by_group(run.results)] == [
-        ("pair", 2), ("actuator", 1), ("all", 3),
-    ]  # fmt: skip
+        ("pair", 2),
+        ("actuator", 1),
+        ("all", 3),
+    ]
 
 
 def test_a_failure_is_told_with_what_was_injected() -> None:

@@ -10,12 +10,12 @@ import pytest
 from campaign.command import execute
 from campaign.scripted_client import Acknowledged
 from campaign.soak.draws import DRAWN, draw_command
-from campaign.soak.found import LOOKING, Found, Stage, Usage, not_logged
+from campaign.soak.found import LOOKING, Stage, StageResult, Usage, not_logged
 from campaign.soak.report import checks
 from smad import api
 
 USAGE = [Usage(10.0 * n, 40.0, 28, 6) for n in range(100)]
-GOOD = Found(
+GOOD = StageResult(
     stage=Stage(100, 60.0),
     seed=1,
     board_s=60.0,

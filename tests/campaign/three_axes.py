@@ -146,8 +146,10 @@ def main(arguments: Sequence[str]) -> int:
         found.append(asyncio.run(run_case(row, 1)))
         one = found[-1]
         told = "; ".join(one.wrongs) or "good"
-        print(f"{one.row:<28} {one.scene:<9} {'stopped' if one.stopped else 'went on':<8} {told}",
-              flush=True)  # fmt: skip
+        print(
+            f"{one.row:<28} {one.scene:<9} {'stopped' if one.stopped else 'went on':<8} {told}",
+            flush=True,
+        )
     stopped = [one.others_after_s for one in found if one.stopped]
     if stopped:
         print(

@@ -62,6 +62,9 @@ def test_a_notebook_is_committed_without_output(path: Path) -> None:
 def test_the_simulator_of_the_notebook_is_the_one_of_the_page() -> None:
     page = (ROOT / "docs/your-simulator.md").read_text()
     script, *_ = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
-    cells = [c.source for c in read(ROOT / "examples/notebooks/own_simulator.ipynb").cells
-             if c.cell_type == "code"]  # fmt: skip
+    cells = [
+        c.source
+        for c in read(ROOT / "examples/notebooks/own_simulator.ipynb").cells
+        if c.cell_type == "code"
+    ]
     assert "".join(cells).replace("\n", "").startswith(script.replace("\n", ""))

@@ -53,8 +53,11 @@ def test_the_equations_of_the_physics_are_set(site: Path) -> None:
 def test_what_is_no_equation_is_left_alone(site: Path) -> None:
     pages = {page: page.read_text() for page in site.rglob("*.html")}
     with_equations = {page.name for page, text in pages.items() if "<math" in text}
-    sources = {page.with_suffix(".html").name for page in (ROOT / "docs").rglob("*.md")
-               if BLOCK.search(page.read_text())}  # fmt: skip
+    sources = {
+        page.with_suffix(".html").name
+        for page in (ROOT / "docs").rglob("*.md")
+        if BLOCK.search(page.read_text())
+    }
     assert with_equations == sources
 
 

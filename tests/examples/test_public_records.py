@@ -16,7 +16,7 @@ from scipy.io import savemat
 from examples.public_records.__main__ import main
 from examples.public_records.emps import LAP
 from examples.public_records.emps import STEP_S as SAMPLE_S
-from examples.public_records.records import RECORDS, Asked, Mjcf, Record, RecordError
+from examples.public_records.records import RECORDS, Mjcf, Record, RecordError, SplitRuns
 from examples.public_records.silverbox import RATE_HZ
 from examples.public_records.tanks import STEP_S
 from smad.diagnosis import Verdict
@@ -147,8 +147,8 @@ def emps_files(folder: Path, effects: Mapping[str, Mapping[str, float]]) -> Reco
     return as_published(EMPS, folder)
 
 
-def parts(asked: Asked) -> Asked:
-    return Asked(*([r.part(0, PART) for r in runs] for runs in (asked.fit, asked.hold_out)))
+def parts(asked: SplitRuns) -> SplitRuns:
+    return SplitRuns(*([r.part(0, PART) for r in runs] for runs in (asked.fit, asked.hold_out)))
 
 
 def test_an_overflow_put_into_the_tanks_is_placed_at_what_the_pump_does(tmp_path: Path) -> None:

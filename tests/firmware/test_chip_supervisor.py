@@ -31,8 +31,10 @@ def compiled(folder: Path) -> Path:
     command = ["avr-gcc", "-mmcu=atmega2560", "-DF_CPU=16000000UL", "-std=gnu99", "-O3", *names]
     subprocess.run(
         [*command, f"-I{c_peer.FOLDER}", *map(str, sources), "-o", str(program)],
-        check=True, capture_output=True, text=True,
-    )  # fmt: skip
+        check=True,
+        capture_output=True,
+        text=True,
+    )
     return program
 
 

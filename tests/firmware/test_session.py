@@ -155,8 +155,10 @@ def test_parameters_are_set_within_their_range_and_only_where_it_is_safe(make: M
         value = loop.request(wire.ParamGet(0, row.number))
         assert isinstance(value, wire.ParamValue)
         assert (value.value, value.minimum, value.maximum) == (
-            row.default, row.minimum, row.maximum,
-        )  # fmt: skip
+            row.default,
+            row.minimum,
+            row.maximum,
+        )
     too_much = loop.request(wire.ParamSet(0, LIMIT, 4001))
     assert error_of(too_much) is ErrorCode.OUT_OF_RANGE
     assert isinstance(too_much, wire.Error)

@@ -54,8 +54,11 @@ def test_golden_messages_mean_the_same_in_c_and_in_python(peer: CPeer) -> None:
         assert CODEC.frame(message, row["seq"], row["session"]) == frame
         [words], counters = peer.feed(frame)
         assert words[:4] == [
-            str(row["number"]), str(row["seq"]), str(row["session"]), row["payload"],
-        ]  # fmt: skip
+            str(row["number"]),
+            str(row["seq"]),
+            str(row["session"]),
+            row["payload"],
+        ]
         assert words[4:-1] == values(message)
         assert words[-1] == f"repacked={row['frame']}"
         assert counters == [1, 0, 0, 0, 0]
@@ -117,9 +120,12 @@ def test_damaged_streams_give_the_same_frames_and_counters_in_c_and_in_python(pe
         found, counters = peer.feed(bytes(data))
         assert [words[3] for words in found] == [frame.payload.hex() for frame in expected]
         assert counters == [
-            stats.frames, stats.length_errors, stats.cobs_errors, stats.crc_errors,
+            stats.frames,
+            stats.length_errors,
+            stats.cobs_errors,
+            stats.crc_errors,
             stats.dropped_bytes,
-        ]  # fmt: skip
+        ]
 
 
 def test_a_code_that_is_unknown_or_a_length_that_is_wrong_is_bad_in_c_too(peer: CPeer) -> None:

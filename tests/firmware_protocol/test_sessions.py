@@ -341,7 +341,7 @@ def test_parameters_are_read_set_and_saved_in_safe_only() -> None:
         (m.ParamGet(3, 1), ErrorCode.NO_SUCH_AXIS, 3, 0),
         (m.Disarm(1), ErrorCode.NO_SUCH_AXIS, 1, 0),
     ],
-)  # fmt: skip
+)
 def test_a_refusal_carries_the_code_the_value_and_the_limit(
     message: m.Message, code: ErrorCode, value: int, limit: int
 ) -> None:

@@ -414,8 +414,11 @@ def running(*options: str, **popen: object) -> Iterator[tuple[subprocess.Popen[s
     """Run `python -m sim_device`; give the process and the port's name."""
     process = subprocess.Popen(
         [sys.executable, "-m", "sim_device", "--max-seconds", "280", *options],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **popen,
-    )  # fmt: skip
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **popen,
+    )
     try:
         assert process.stdout is not None
         said = process.stdout.readline()
@@ -571,8 +574,10 @@ def test_bad_options_end_with_one_line_and_a_status(
 def test_a_program_with_a_bad_option_ends_with_one_line_and_a_status() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "sim_device", "--symlink", "/no/such/folder/tty"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 2
     (line,) = done.stderr.strip().splitlines()
     assert "cannot make the symlink" in line
@@ -581,8 +586,10 @@ def test_a_program_with_a_bad_option_ends_with_one_line_and_a_status() -> None:
 def test_the_faults_can_be_listed() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "sim_device", "--list-faults"],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     assert "sensor_open" in done.stdout
     assert "unplug" in done.stdout
 

@@ -56,8 +56,9 @@ def by_sim(path: Path, monkeypatch: pytest.MonkeyPatch) -> Plant:
 def by_run(path: Path, monkeypatch: pytest.MonkeyPatch) -> Plant:
     seen = drivers_of(monkeypatch)
     options = {"seed": 0, "lacking": (), "save_logs": None, "config_file": None, "jobs": 1}
-    monkeypatch.setattr("smad.experiments.campaign.run_campaign", lambda e, bench, m, **_: (
-        bench.driver(), None)[1])  # fmt: skip
+    monkeypatch.setattr(
+        "smad.experiments.campaign.run_campaign", lambda e, bench, m, **_: (bench.driver(), None)[1]
+    )
     run._simulated(
         run._experiments(["resistance"], []), run.simulated_model(model_file=path), options
     )
@@ -108,9 +109,10 @@ def drivers_of(monkeypatch: pytest.MonkeyPatch) -> list[Model]:
 
 
 @pytest.mark.parametrize(
-    "door", [by_sim, by_run, by_gap_next, by_unit, by_environment, by_apply],
+    "door",
+    [by_sim, by_run, by_gap_next, by_unit, by_environment, by_apply],
     ids=lambda door: door.__name__.removeprefix("by_"),
-)  # fmt: skip
+)
 def test_a_plant_of_every_door_is_the_plant_of_the_model(
     door: object, path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -93,7 +93,7 @@ class Effect:
         """Every parameter at its typical value."""
         return {parameter.name: parameter.typical for parameter in self.parameters}
 
-    def at(self, level: float) -> dict[str, float]:
+    def at_level(self, level: float) -> dict[str, float]:
         """Typical values with every strength times `level`; shapes as they are."""
         return {
             parameter.name: parameter.typical * (level if parameter.is_strength else 1.0)

@@ -45,8 +45,8 @@ def effect(name: str) -> Effect:
     try:
         return _BY_NAME[name]
     except KeyError:
-        told = instead(name, _BY_NAME, "smad gap effects lists them")
-        raise EffectError(f"effect {name!r} is not in the registry; {told}") from None
+        hint = instead(name, _BY_NAME, "smad gap effects lists them")
+        raise EffectError(f"effect {name!r} is not in the registry; {hint}") from None
 
 
 def resolve(effects: EffectValues) -> Resolved:
@@ -79,8 +79,8 @@ def from_text(text: str) -> tuple[str, dict[str, float]]:
 def _complete(entry: Effect, values: Mapping[str, float]) -> dict[str, float]:
     for name in values:
         if entry.parameter(name) is None:
-            told = instead(name, [parameter.name for parameter in entry.parameters])
-            raise EffectError(f"effect {entry.name} has no parameter {name!r}; {told}")
+            hint = instead(name, [parameter.name for parameter in entry.parameters])
+            raise EffectError(f"effect {entry.name} has no parameter {name!r}; {hint}")
     chosen = {}
     for parameter in entry.parameters:
         value = values.get(parameter.name)

@@ -55,23 +55,23 @@ def remember_transformation(s: Spring, w: SpringWork, p: Constants, e: Effects, 
     for i in range(parts):
         m, c = memory_of(i, parts, s), work_of(i, parts, w)
         xi_old = m.xi_S + m.xi_T
-        own = c.xi_S + c.xi_T - xi_old
+        change = c.xi_S + c.xi_T - xi_old
         m.xi_S = c.xi_S
         m.xi_T = c.xi_T
         before = s.T_wire + e.front * s.wire_off[i]
         s.cell_rate[i] = (c.T_wire - before) / dt
-        w.cells[i].own_rise = rise_by_latent_heat(own, w) * own
+        w.cells[i].own_rise = rise_by_latent_heat(change, w) * change
         released += w.cells[i].own_rise / parts
         T = c.T_wire - w.T_shift
         if e.unified > 0.0:
             a = heating_progress(T, hot, p)
-            remember_turns(m, xi_old + own, a, cooling_progress(T, cold, p))
+            remember_turns(m, xi_old + change, a, cooling_progress(T, cold, p))
             continue
         m.heating.progress = progress_a(T, tau, p, e.spread * p.per_A_range)
         m.stress_progress = progress_b(T, tau, p)
         m.cooling.progress = progress_c(T, p)
-        if own != 0.0:
-            direction = -1.0 if own < 0.0 else 1.0
+        if change != 0.0:
+            direction = -1.0 if change < 0.0 else 1.0
             if direction != m.direction:
                 m.direction = direction
                 m.xi_turn = xi_old

@@ -59,9 +59,9 @@ def _homes() -> list[Path]:
     chosen = vars(config)["CACHE_DIR"]
     if chosen:
         return [Path(chosen) / "smad-kernel"]
-    own = hashlib.sha256(str(PACKAGE).encode()).hexdigest()[:12]
+    digest = hashlib.sha256(str(PACKAGE).encode()).hexdigest()[:12]
     root = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    return [PACKAGE / "__pycache__", Path(root) / "smad" / own]
+    return [PACKAGE / "__pycache__", Path(root) / "smad" / digest]
 
 
 def _writable(folder: Path) -> bool:

@@ -63,16 +63,16 @@ def remaining_spread(progress: float, spread: float) -> float:
 @inlined
 def remaining_with_tails(progress: float, e: Effects) -> tuple[float, float]:
     """What is left at a progress, and its slope: the cosine, in part a logistic curve."""
-    own = remaining(progress)
-    slope = remaining_slope(own)
+    share = remaining(progress)
+    slope = remaining_slope(share)
     tails = e.tails
     if tails > 0.0:
         beyond = progress - 0.5
         z = math.exp(-TAIL_RATE * abs(beyond))
         left = z / (1.0 + z)
-        own += tails * ((left if beyond > 0.0 else 1.0 - left) - own)
+        share += tails * ((left if beyond > 0.0 else 1.0 - left) - share)
         slope += tails * (-TAIL_RATE * left / (1.0 + z) - slope)
-    return own + LEAST_LEFT, slope
+    return share + LEAST_LEFT, slope
 
 
 @entry
@@ -102,11 +102,11 @@ def interpolate_outer_curve(progress: float, curve: Row) -> tuple[float, float]:
     # Known not to be negative, it is not looked at again for each of the four places.
     cell = min(max(cell, 0), CURVE_CELLS - 1)
     x = where - cell
-    at = 2 * cell
-    first = curve[at + 1]
-    rise = curve[at + 2] - curve[at]
-    bend = 3.0 * rise - 2.0 * first - curve[at + 3]
-    twist = first + curve[at + 3] - 2.0 * rise
-    left = curve[at] + x * (first + x * (bend + x * twist))
+    node = 2 * cell
+    first = curve[node + 1]
+    rise = curve[node + 2] - curve[node]
+    bend = 3.0 * rise - 2.0 * first - curve[node + 3]
+    twist = first + curve[node + 3] - 2.0 * rise
+    left = curve[node] + x * (first + x * (bend + x * twist))
     slope = (first + x * (2.0 * bend + x * 3.0 * twist)) * CURVE_CELLS_PER_UNIT
     return left, slope

@@ -162,7 +162,7 @@ def solve_sliding_pair(
     mounted = stretch_of_tendon(p.F0, e)[0]
     for n in range(ITERATIONS):
         set_tension(F, wx, model)
-        found = solve_spring(x, wx, model)
+        solved = solve_spring(x, wx, model)
         stretch, stretch_F = stretch_of_tendon(F, e)
         reach = wx.deflection + stretch - mounted
         reach_F = wx.deflection_by_F + stretch_F
@@ -173,7 +173,7 @@ def solve_sliding_pair(
             other = 0.0
             other_F = 0.0
         set_tension(other, wy, model)
-        if not (solve_spring(y, wy, model) and found):
+        if not (solve_spring(y, wy, model) and solved):
             return -1.0, 0.0, 0.0
         stretch, stretch_F = stretch_of_tendon(other, e)
         miss = reach + wy.deflection + stretch - mounted - 2.0 * p.delta_0

@@ -62,31 +62,31 @@ def reading_at(slot: int, seen: Sensed) -> float:
 def state_at(which: int, slot: int, state: State) -> float:
     """A state as the place of a slot sees it, by its number in `places.STATES`."""
     of_y = is_of_y(slot)
-    own = state.y if of_y else state.x
+    side = state.y if of_y else state.x
     other = state.x if of_y else state.y
     g = state.shared
     sign = -1.0 if of_y else 1.0
     value = 0.0
     if which == 0:
-        value = own.T_wire
+        value = side.T_wire
     elif which == 1:
-        value = own.T_water
+        value = side.T_water
     elif which == 2:
-        value = own.current
+        value = side.current
     elif which == 3:
-        value = own.duty
+        value = side.duty
     elif which == 4:
-        value = own.memory.xi_S + own.memory.xi_T
+        value = side.memory.xi_S + side.memory.xi_T
     elif which == 5:
-        value = own.tension
+        value = side.tension
     elif which == 6:
         value = sign * g.displacement
     elif which == VELOCITY:
         value = sign * g.speed
     elif which == 8:
-        value = own.T_wire_rate
+        value = side.T_wire_rate
     elif which == 9:
-        value = own.fraction_rate
+        value = side.fraction_rate
     elif which == 10:
         value = other.T_wire
     elif which == 11:
@@ -94,7 +94,7 @@ def state_at(which: int, slot: int, state: State) -> float:
     elif which == 12:
         value = g.time
     elif which == 13:
-        value = own.cycles
+        value = side.cycles
     elif which == 14:
         value = other.current
     elif which == 15:
@@ -135,17 +135,22 @@ def evaluate_term(
     by_velocity = 0.0
     now = state.shared.time
     for n in range(int(laws[i, FACTORS])):
-        at = FIRST_FACTOR + FACTOR_COLUMNS * n
-        which = int(laws[i, at])
+        column = FIRST_FACTOR + FACTOR_COLUMNS * n
+        which = int(laws[i, column])
         x = state_at(which, slot, state)
-        lag = laws[i, at + 1]
+        lag = laws[i, column + 1]
         if lag > 0.0:
             if memory[i, BEGUN] > 0.0:
                 before = memory[i, LAGGED + n]
                 x = before + (x - before) * (1.0 - math.exp(-(now - memory[i, WHEN]) / lag))
             memory[i, LAGGED + n] = x
         f, slope = evaluate_factor(
-            x, laws[i, at + 2], laws[i, at + 3], laws[i, at + 4], laws[i, at + 5], laws[i, at + 6]
+            x,
+            laws[i, column + 2],
+            laws[i, column + 3],
+            laws[i, column + 4],
+            laws[i, column + 5],
+            laws[i, column + 6],
         )
         if which != VELOCITY or lag > 0.0:
             slope = 0.0

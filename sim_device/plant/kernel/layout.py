@@ -77,8 +77,8 @@ def places(layout: type, path: str = "") -> dict[str, int]:
         offset += begin
     fields = (dtype.fields or {}).items()
     return {
-        name: (offset + at) // _NUMBER.itemsize
-        for name, (kind, at, *_) in fields
+        name: (offset + start) // _NUMBER.itemsize
+        for name, (kind, start, *_) in fields
         if kind == _NUMBER
     }
 

@@ -36,15 +36,15 @@ def advance_many(
     """
     for i in range(first, last):
         j = i + 1
-        own = counts[i]
+        n_laws = counts[i]
         statuses[i] = advance(
             states[i:j],
             works[i:j],
             models[i:j],
             rings[i],
             table,
-            laws[i, :own],
-            memory[i, :own],
+            laws[i, :n_laws],
+            memory[i, :n_laws],
             dt,
             steps,
         )

@@ -74,9 +74,9 @@ def read_rtd(s: Spring, T_air: float, e: Effects, dt: float) -> float:
         given = T
         if dt > 0.0:
             # Of what changes evenly over the sample.
-            kept = math.exp(-dt / e.rtd_lag)
-            behind = (T - s.rtd_given) * e.rtd_lag / dt * (1.0 - kept)
-            T = T - behind + (s.rtd_lagged - s.rtd_given) * kept
+            remaining = math.exp(-dt / e.rtd_lag)
+            behind = (T - s.rtd_given) * e.rtd_lag / dt * (1.0 - remaining)
+            T = T - behind + (s.rtd_lagged - s.rtd_given) * remaining
         s.rtd_given = given
         s.rtd_lagged = T
     return T

@@ -138,8 +138,8 @@ def solve_part_temperatures(s: Spring, w: SpringWork, model: Model) -> bool:
         steep = 1.0
         for i in range(parts):
             m, c = memory_of(i, parts, s), work_of(i, parts, w)
-            own = share * rise_by_latent_heat(change_of(m, c), w)
-            steep += (own - lam) * c.xi_by_T / (1.0 - own * c.xi_by_T) * each
+            rise = share * rise_by_latent_heat(change_of(m, c), w)
+            steep += (rise - lam) * c.xi_by_T / (1.0 - rise * c.xi_by_T) * each
         base = safeguarded_newton_step(n < trusted, base, miss, last, steep, low, high)
         last = miss
     return False
@@ -188,10 +188,10 @@ def step_spring(s: Spring, w: SpringWork, model: Model) -> None:
     for i in range(parts):
         m, c = memory_of(i, parts, s), work_of(i, parts, w)
         change = change_of(m, c)
-        own = share * rise_by_latent_heat(change, w)
-        miss = c.T_wire - own * change - base - share * s.wire_off[i]
+        rise = share * rise_by_latent_heat(change, w)
+        miss = c.T_wire - rise * change - base - share * s.wire_off[i]
         worst = max(worst, abs(miss))
-        part = (lam - own) / (1.0 - own * c.xi_by_T) * each
+        part = (lam - rise) / (1.0 - rise * c.xi_by_T) * each
         coupled += part * c.xi_by_T
         pulled -= part * c.xi_by_T * miss
         forced += part * c.xi_by_F
@@ -202,14 +202,14 @@ def step_spring(s: Spring, w: SpringWork, model: Model) -> None:
     for i in range(parts):
         m, c = memory_of(i, parts, s), work_of(i, parts, w)
         change = change_of(m, c)
-        own = share * rise_by_latent_heat(change, w)
-        eased = 1.0 / (1.0 - own * c.xi_by_T)
-        T_F = (base_F + own * c.xi_by_F) * eased
+        rise = share * rise_by_latent_heat(change, w)
+        eased = 1.0 / (1.0 - rise * c.xi_by_T)
+        T_F = (base_F + rise * c.xi_by_F) * eased
         c.T_by_F = T_F
         xi_F += (c.xi_by_F + c.xi_by_T * T_F) * each
         xs_F += (c.xi_S_by_F + c.xi_S_by_T * T_F) * each
         if rough:
-            miss = c.T_wire - own * change - base - share * s.wire_off[i]
+            miss = c.T_wire - rise * change - base - share * s.wire_off[i]
             own_step = (step - miss) * eased
             if model.x.unified > 0.0:
                 target = base + step + share * s.wire_off[i]
@@ -232,15 +232,15 @@ def solve_spring(s: Spring, w: SpringWork, model: Model) -> bool:
     In the end held in brackets; False when they are not found. Fractions, deflection and its slope
     go to the scratch.
     """
-    found = True
+    solved = True
     for n in range(NEWTON_STEPS + 1):
         if n == NEWTON_STEPS:
-            found = solve_part_temperatures(s, w, model)
+            solved = solve_part_temperatures(s, w, model)
         step_spring(s, w, model)
         if w.miss == 0.0:
             return True
     w.miss = 0.0
-    return found
+    return solved
 
 
 @inlined

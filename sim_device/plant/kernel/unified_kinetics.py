@@ -74,34 +74,34 @@ def copy_lines(w: SpringWork, other: SpringWork) -> None:
 
 
 @inlined
-def curve_at_begin(own: Leg, known: Curve, curve: Sequence[float]) -> float:
+def curve_at_begin(leg: Leg, known: Curve, curve: Sequence[float]) -> float:
     """The outer curve where a leg began, worked out once in a substep when it is needed."""
     if known.begin < 0.0:
-        known.begin = interpolate_outer_curve(own.progress, curve)[0]
+        known.begin = interpolate_outer_curve(leg.progress, curve)[0]
     return float(known.begin)
 
 
 @inlined
-def curve_at_turn(own: Leg, known: Curve, curve: Sequence[float]) -> float:
+def curve_at_turn(leg: Leg, known: Curve, curve: Sequence[float]) -> float:
     """The same where such a leg turned last."""
     if known.turn < 0.0:
-        known.turn = interpolate_outer_curve(own.turned_at[0], curve)[0]
+        known.turn = interpolate_outer_curve(leg.turned_at[0], curve)[0]
     return float(known.turn)
 
 
 @inlined
 def remaining_on_branch(
-    now: float, x: float, own: Leg, other: Leg, known: Curve, curve: Sequence[float], e: Effects
+    now: float, x: float, leg: Leg, other: Leg, known: Curve, curve: Sequence[float], e: Effects
 ) -> tuple[float, float]:
     """What is left of a fraction `x` at progress `now`, and its slope.
 
     The outer curve, scaled to pass through `x` at the furthest progress so far and through the
-    points where such legs turned before (`own`), so that every loop closes, a ripple's too. Effect
+    points where such legs turned before (`leg`), so that every loop closes, a ripple's too. Effect
     minor_loop raises the share of the way that is left: by `kappa` as in the paper's kinetics, the
     share that had not transformed when the leg began being kept in `other`, and by the share that
     rests until the outer curve itself is reached.
     """
-    begin = curve_at_begin(own, known, curve)
+    begin = curve_at_begin(leg, known, curve)
     now_left, now_slope = interpolate_outer_curve(now, curve)
     # Curves with tails cross: what lies beyond the outer curve already goes along beside it.
     beyond = max(1.0, x / begin)
@@ -109,17 +109,17 @@ def remaining_on_branch(
     target = 0.0
     began = 0.0
     for level in range(TURNS):
-        point = own.turned_at[level]
+        point = leg.turned_at[level]
         began = other.left_there[level] if other.turned_at[level] < PROGRESS_HIGH else 0.0
         if point >= PROGRESS_HIGH:
             break
-        if own.progress < point:
+        if leg.progress < point:
             if level == 0:
-                there = curve_at_turn(own, known, curve)
+                there = curve_at_turn(leg, known, curve)
             else:
                 there = interpolate_outer_curve(point, curve)[0]
             if begin > there:
-                value = own.left_there[level]
+                value = leg.left_there[level]
                 target = there
                 if now < point:
                     break
@@ -179,9 +179,9 @@ def unified_fractions(
             xs_T += w.detwinned * grown_T
             xs_F += w.detwinned * grown_F + w.detwinned_by_F * more
             # Where both lines are passed in one substep, of what has gone a part comes back.
-            kept = left / (1.0 - xi)
-            xi_T = kept * xi_T + grown_T
-            xi_F = kept * xi_F + grown_F
+            share_left = left / (1.0 - xi)
+            xi_T = share_left * xi_T + grown_T
+            xi_F = share_left * xi_F + grown_F
             xs += w.detwinned * more
             xi = 1.0 - left
     if w.detwinned * xi > xs:
@@ -224,7 +224,7 @@ def pop_turn(leg: Leg) -> None:
 
 
 @inlined
-def follow_leg(x: float, end: float, progress: float, back: float, own: Leg, other: Leg) -> bool:
+def follow_leg(x: float, end: float, progress: float, back: float, leg: Leg, other: Leg) -> bool:
     """One substep of a leg on which `x` falls; True when it turns out to have ended before.
 
     `own.progress` is the furthest progress of the leg, `other.progress` that on the way back from
@@ -232,22 +232,22 @@ def follow_leg(x: float, end: float, progress: float, back: float, own: Leg, oth
     however small: a threshold here would make what follows jump with the parameters. Of more turns
     than there is room for the innermost loop is forgotten.
     """
-    if progress > own.progress:
-        own.progress = progress
+    if progress > leg.progress:
+        leg.progress = progress
         other.progress = back
     elif back > other.progress:
         other.progress = back
     if x > end:
-        if own.turned_at[TURNS - 1] < PROGRESS_HIGH:
-            pop_turn(own)
+        if leg.turned_at[TURNS - 1] < PROGRESS_HIGH:
+            pop_turn(leg)
             pop_turn(other)
-        push_turn(own, own.progress, end)
-        own.progress = progress
+        push_turn(leg, leg.progress, end)
+        leg.progress = progress
         return True
     for _ in range(TURNS):
-        if own.turned_at[0] >= PROGRESS_HIGH or own.progress < own.turned_at[0]:
+        if leg.turned_at[0] >= PROGRESS_HIGH or leg.progress < leg.turned_at[0]:
             break
-        pop_turn(own)
+        pop_turn(leg)
         pop_turn(other)
     return False
 

@@ -25,7 +25,7 @@ from smad.daemon.stops import LONGEST_STOP_US, BoardStop
 
 
 @dataclass(frozen=True)
-class ArmOrder:
+class ArmingRequest:
     """Which axes are to be armed, in which generation that was asked, and by whom."""
 
     axes: Sequence[Axis]
@@ -52,53 +52,53 @@ class ArmCommand:
         self._arming = bench.stops.arming
         self._now_us = bench.services.clocks.us
 
-    async def arm(self, order: ArmOrder, details: dict[str, Any]) -> None:
+    async def arm(self, request: ArmingRequest, details: dict[str, Any]) -> None:
         """Arm these axes. Raises Refusal, told with the axis, once every axis asked is off.
 
         The run log, which begins once all boards have given a token, keeps `details`.
         """
         await first_samples(self._stops.boards)
-        self._stops.begin_arming(order.boards, order.generation)
+        self._stops.begin_arming(request.boards, request.generation)
         try:
-            await self._carry_out(order, details)
+            await self._carry_out(request, details)
         except BaseException as error:
-            stopped = self._take_back(order, error)
+            stopped = self._take_back(request, error)
             if isinstance(error, Exception):
                 await _until_off(stopped, error)
             raise
         finally:
             self._arming.end()
 
-    async def _carry_out(self, order: ArmOrder, details: dict[str, Any]) -> None:
+    async def _carry_out(self, request: ArmingRequest, details: dict[str, Any]) -> None:
         bench = self._bench
-        tokens = await self._tokens(order)
+        tokens = await self._tokens(request)
         if bench.config.recorder.automatic and not bench.recorder.recording:
             await bench.recorder.start("", by_command=False)
-        self._require_wanted(order)
+        self._require_wanted(request)
         bench.services.say("command", "arm", details)
         bench.services.say("arm", "arming", {})
-        bench.dead_man.watch(order.names, order.caller.client, self._now_us())
-        for board in order.boards:
+        bench.dead_man.watch(request.names, request.caller.client, self._now_us())
+        for board in request.boards:
             board.arming()
         self._arming.confirm()
         await self._all_of(
-            order,
+            request,
             Send.ARM_CONFIRM,
             lambda axis: ArmConfirm(axis.config.link.axis, tokens[axis.name]),
             _took,
         )
-        for axis in order.axes:
+        for axis in request.axes:
             with axis.naming_axis():
-                await axis.stop.until_armed(order.generation)
-        self._require_wanted(order)
+                await axis.stop.until_armed(request.generation)
+        self._require_wanted(request)
 
-    async def _tokens(self, order: ArmOrder) -> Mapping[str, int]:
-        for axis in order.axes:
+    async def _tokens(self, request: ArmingRequest) -> Mapping[str, int]:
+        for axis in request.axes:
             await parameters_read(axis)
-        self._require_wanted(order)
-        self._require_armable(order.axes)
-        self._bench.groups.forget(order.names)
-        for axis in order.axes:
+        self._require_wanted(request)
+        self._require_armable(request.axes)
+        self._bench.groups.forget(request.names)
+        for axis in request.axes:
             axis.controller.command(Idle())
         tokens: dict[str, int] = {}
 
@@ -109,18 +109,18 @@ class ArmCommand:
 
         self._arming.ask()
         await self._all_of(
-            order,
+            request,
             Send.ARM_REQUEST,
             lambda axis: ArmRequest(axis.config.link.axis, axis.watch.parameters.crc),
             granted,
         )
-        self._require_wanted(order)
+        self._require_wanted(request)
         return tokens
 
-    def _require_wanted(self, order: ArmOrder) -> None:
+    def _require_wanted(self, request: ArmingRequest) -> None:
         """Raise Refusal when a stop came, or who asked is not in control any more."""
-        self._stops.require(order.generation, order.boards)
-        self._bench.lease.check(order.caller.lease, self._now_us())
+        self._stops.require(request.generation, request.boards)
+        self._bench.lease.check(request.caller.lease, self._now_us())
         attempt = self._arming.attempt
         if attempt is None or attempt.failed:
             raise Refusal(
@@ -140,9 +140,9 @@ class ArmCommand:
 
     async def _all_of(
         self,
-        order: ArmOrder,
+        request: ArmingRequest,
         what: Send,
-        request: Callable[[Axis], Message],
+        message: Callable[[Axis], Message],
         answered: Callable[[Axis, Message], None],
     ) -> None:
         """Ask every board that the machine names, at once. Raises the first Refusal, with the axis.
@@ -151,10 +151,10 @@ class ArmCommand:
         """
         to_send = {name for name, send in self._arming.take_sends() if send is what}
         futures: dict[asyncio.Future[Message], Axis] = {}
-        for axis in order.axes:
+        for axis in request.axes:
             if axis.name in to_send:
                 with axis.naming_axis():
-                    futures[axis.requests.start(request(axis))] = axis
+                    futures[axis.requests.start(message(axis))] = axis
         waiting: Iterable[asyncio.Future[Message]] = futures
         while waiting:
             done, waiting = await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
@@ -162,7 +162,7 @@ class ArmCommand:
                 with futures[future].naming_axis():
                     answered(futures[future], future.result())
 
-    def _take_back(self, order: ArmOrder, error: BaseException) -> Sequence[Axis]:
+    def _take_back(self, request: ArmingRequest, error: BaseException) -> Sequence[Axis]:
         """Stop every axis that was asked; return the axes that a refusal has to wait for.
 
         Once a board may have been armed, that is a stop like any other, of all that its failures
@@ -173,8 +173,8 @@ class ArmCommand:
         if not attempt.confirming:
             self._arming.fail()
             self._stops.send()
-            return order.axes
-        boards = {board.label for stop in order.boards for board in stop.stopped_with}
+            return request.axes
+        boards = {board.label for board_stop in request.boards for board in board_stop.stopped_with}
         stopped = [axis for axis in self._bench.axes.values() if axis.name in boards]
         if not attempt.failed:
             cause = error.cause if isinstance(error, Refusal) else repr(error)

@@ -28,7 +28,7 @@ from smad.control.commands import (
     Tune,
 )
 from smad.daemon.axis import Axis
-from smad.daemon.command.arming import ArmCommand, ArmOrder
+from smad.daemon.command.arming import ArmCommand, ArmingRequest
 from smad.daemon.command.bench import Bench
 from smad.daemon.command.conditions import (
     not_connected,
@@ -150,7 +150,9 @@ class Service:
     async def _armed(
         self, axes: Sequence[Axis], generation: int, caller: Caller, params: api.Arm
     ) -> api.Motion:
-        await self._arm_command.arm(ArmOrder(axes, generation, caller), _details(params, caller))
+        await self._arm_command.arm(
+            ArmingRequest(axes, generation, caller), _details(params, caller)
+        )
         return self._status.motion(axes)
 
     def disarm(self, params: api.Disarm, caller: Caller) -> Coroutine[Any, Any, api.Motion]:

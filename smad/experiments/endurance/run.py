@@ -192,12 +192,12 @@ def take_over_killed(logs: Path, profile: Profile, folder: Path, first: int) -> 
     Returns how many; `first` is the number after the last one that is known.
     """
     name = profile.plan(first, 1).name
-    found = sorted(
+    recorded = sorted(
         path
         for path in (*logs.glob(f"*-{name}{SUFFIX}"), *logs.glob(f"*-{name}.recovered{SUFFIX}"))
         if not recovered_path(path).exists()
     )
-    return take_over(found[-1], profile, folder, first) if found else 0
+    return take_over(recorded[-1], profile, folder, first) if recorded else 0
 
 
 def _check(asked: Endurance, ended: Ended, check: Callable[[int], Judgement]) -> None:

@@ -122,7 +122,7 @@ class _Plans:
     """A driver that carries nothing out."""
 
     def __init__(self) -> None:
-        self.found: list[Any] = []
+        self.plans: list[Any] = []
 
     def parts(self) -> frozenset[str]:
         from smad.experiments.driver import PARTS
@@ -133,7 +133,7 @@ class _Plans:
         return None
 
     def run(self, plan: Any) -> Any:
-        self.found.append(plan)
+        self.plans.append(plan)
         raise _Planned
 
 
@@ -147,10 +147,7 @@ def plan(ask: requests.Plan) -> list[requests.Preview]:
             experiment.conduct(trial, driver)
         except _Planned:
             continue
-    return [
-        preview.planned(found_plan, ask.limits, ask.handover_rate_mm_per_s)
-        for found_plan in driver.found
-    ]
+    return [preview.planned(plan, ask.limits, ask.handover_rate_mm_per_s) for plan in driver.plans]
 
 
 HANDLERS: Mapping[type[requests.ReaderRequest], Callable[[Any], Any]] = {

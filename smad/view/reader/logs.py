@@ -88,11 +88,11 @@ class Follower:
         self._path = path
         self._topic = schema.row_topic(axis).encode()
         self._rows_id = 0
-        self._at = len(MCAP0_MAGIC)
+        self._position = len(MCAP0_MAGIC)
         self._places: list[tuple[int, int]] = []
         self._begin_s: list[float] = []
         self._end_s: list[float] = []
-        self._kept: list[Envelopes] = []
+        self._folded: list[Envelopes] = []
         self._kept_chunks = 0
         self._seen: set[int] = set()
         self.marks: list[Mark] = []
@@ -111,10 +111,10 @@ class Follower:
         """Find the chunks that were written since. Raises OSError."""
         size = self._path.stat().st_size
         with self._path.open("rb") as file:
-            while self._at + RECORD_HEAD.size <= size:
-                file.seek(self._at)
+            while self._position + RECORD_HEAD.size <= size:
+                file.seek(self._position)
                 opcode, length = RECORD_HEAD.unpack(file.read(RECORD_HEAD.size))
-                end = self._at + RECORD_HEAD.size + length
+                end = self._position + RECORD_HEAD.size + length
                 if opcode == 0 or end > size or opcode == Opcode.DATA_END:
                     break
                 if opcode == Opcode.CHANNEL:
@@ -123,16 +123,16 @@ class Follower:
                         self._rows_id = number
                 if opcode == Opcode.CHUNK:
                     begin_ns, end_ns = _TIMES.unpack(file.read(_TIMES.size))
-                    self._places.append((self._at + RECORD_HEAD.size, length))
+                    self._places.append((self._position + RECORD_HEAD.size, length))
                     self._begin_s.append(begin_ns * _NS)
                     self._end_s.append(end_ns * _NS)
-                self._at = end
+                self._position = end
 
     def between(self, from_s: float, to_s: float) -> Envelopes:
         """Return rows between two times, or half-seconds where that suffices. Raises OSError."""
         if to_s - from_s > KEPT_S * MOST_BUCKETS:
             self._keep()
-            envelopes = joined(self._kept) if self._kept else of_rows(np.empty(0), _no_rows())
+            envelopes = joined(self._folded) if self._folded else of_rows(np.empty(0), _no_rows())
         else:
             # Chunks are in the order of their times, but for what a step of a clock does.
             begin = int(np.searchsorted(self._end_s, from_s, "left"))
@@ -147,10 +147,10 @@ class Follower:
         while self._kept_chunks < len(self._places):
             t, y = self._rows(self._kept_chunks, len(self._places), ROWS_AT_ONCE)
             if t.size:
-                self._kept.append(of_rows(t, y).folded(KEPT_S))
+                self._folded.append(of_rows(t, y).folded(KEPT_S))
             self._kept_chunks = self._read_to
-        if len(self._kept) > 1:
-            self._kept = [joined(self._kept)]
+        if len(self._folded) > 1:
+            self._folded = [joined(self._folded)]
 
     def _rows(self, begin: int, end: int, most: float = np.inf) -> tuple[Array, Array]:
         """Times and values of the rows of some chunks; stops after the one that makes it `most`."""

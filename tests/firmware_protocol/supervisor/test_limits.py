@@ -121,15 +121,19 @@ def test_every_fault_is_explained_with_cause_and_remedy(fault: Fault) -> None:
 def test_the_generated_files_are_not_stale() -> None:
     assert stale() == []
     assert {path.name for path in generated()} == {
-        "smad_supervisor.h", "smad_supervisor.c", "safety.md",
-    }  # fmt: skip
+        "smad_supervisor.h",
+        "smad_supervisor.c",
+        "safety.md",
+    }
 
 
 def test_the_check_mode_is_quiet_about_fresh_files() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "firmware_protocol.supervisor.generate", "--check"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert (done.returncode, done.stderr) == (0, "")
 
 

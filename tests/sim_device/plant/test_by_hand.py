@@ -10,7 +10,7 @@ import pytest
 
 from sim_device.plant import load_parameters
 from sim_device.plant.parameters import initial_detwinned, spring_factors
-from sim_device.plant.water import at, real_water
+from sim_device.plant.water import interpolated, real_water
 from tests.sim_device.plant.test_facts import time_to
 
 STEP_S = 0.02
@@ -50,7 +50,7 @@ def fraction_of_x(p, T):
 
 def film(p, T, T_water):
     """Eqs (19)-(21) in still water, per metre of wire."""
-    water = at(real_water(), 0.5 * (T + T_water))
+    water = interpolated(real_water(), 0.5 * (T + T_water))
     rho, cp, k, mu, beta = (
         float(column[0]) for column in (water.rho, water.cp, water.k, water.mu, water.beta)
     )
@@ -64,7 +64,7 @@ def film(p, T, T_water):
 def seconds_to_322_K(p, amps):
     section = math.pi / 4 * p["wire_diameter"] ** 2
     mass = p["density"] * section
-    cold = at(real_water(), 300.0)
+    cold = interpolated(real_water(), 300.0)
     annulus = math.pi / 4 * (p["tube_diameter"] ** 2 - p["wire_diameter"] ** 2)
     stored = p["warming_share"] * annulus * float(cold.rho[0] * cold.cp[0])
     T, T_water, x, steps = 300.0, 300.0, 1.0, 0

@@ -40,11 +40,14 @@ def test_draws_have_the_mean_and_the_covariance_of_the_file(tmp_path: Path) -> N
     drawn = [draw(model, rng) for _ in range(400)]
     values = np.array(
         [
-            [m.parameters["martensite_start"], m.effects["rtd_lag"]["tau_s"],
-             m.mounting["side_resistance"]]
+            [
+                m.parameters["martensite_start"],
+                m.effects["rtd_lag"]["tau_s"],
+                m.mounting["side_resistance"],
+            ]
             for m in drawn
         ]
-    )  # fmt: skip
+    )
     mean = [model.parameters["martensite_start"], 0.8, 0.0]
     deviation = np.sqrt(np.diag(MATRIX))
     assert np.all(np.abs(values.mean(axis=0) - mean) < 4.0 * deviation / 20.0)
@@ -73,7 +76,7 @@ def test_a_draw_is_the_same_for_the_same_seed_and_keeps_to_the_ranges(tmp_path: 
         ('names = ["parameters.resistivity"]\nmatrix = [[nan]]', "not finite"),
         ('names = ["parameters.resistivity"]\nmatrix = [["1"]]', "numbers only"),
         ('names = ["parameters.resistivity"]\nmatrix = []', "a row for each name"),
-        ('names = []\nmatrix = []', "names must be given"),
+        ("names = []\nmatrix = []", "names must be given"),
         (
             'names = ["parameters.resistivity", "parameters.density"]\n'
             "matrix = [[1.0], [2.0, 1.0]]",
@@ -86,7 +89,7 @@ def test_a_draw_is_the_same_for_the_same_seed_and_keeps_to_the_ranges(tmp_path: 
         ),
         ('names = ["parameters.resistivity"]\nmatrix = [[1.0]]\nextra = 1', "unknown key 'extra'"),
     ],
-)  # fmt: skip
+)
 def test_a_covariance_that_is_none_is_refused_in_a_line(
     tmp_path: Path, table: str, said: str
 ) -> None:

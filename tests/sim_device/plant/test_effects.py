@@ -87,7 +87,7 @@ def test_an_entry_is_complete(name):
 def test_zero_strength_is_bit_identical_to_the_plant_without_the_effect(name, bare):
     inputs, plain = bare
     variant = variant_of(name)
-    out = simulate(P, inputs, variant=variant, effects={name: effect(name).at(0.0)})
+    out = simulate(P, inputs, variant=variant, effects={name: effect(name).at_level(0.0)})
     for output in OUTPUTS:
         np.testing.assert_array_equal(out[output], plain[variant][output])
 
@@ -154,7 +154,7 @@ def test_a_stronger_effect_changes_more(bare):
     for name in ("driver_gain", "rtd_lag", "tube_friction", "flow_shortfall", "minor_loop"):
         changes = []
         for level in (0.5, 1.0, 2.0):
-            out = simulate(P, inputs, effects={name: effect(name).at(level)})
+            out = simulate(P, inputs, effects={name: effect(name).at_level(level)})
             changes.append(sum(change(out, plain["extended"], signal) for signal in SIGNALS))
         assert changes[0] < changes[1] < changes[2]
 
@@ -284,7 +284,7 @@ def test_an_effect_given_twice_is_refused():
 def test_an_effect_that_cannot_act_in_this_plant_is_refused(name, options):
     with pytest.raises(EffectError, match=f"{name} needs"):
         Plant(P, effects={name: {}}, **options)
-    Plant(P, effects={name: effect(name).at(0.0)}, **options)
+    Plant(P, effects={name: effect(name).at_level(0.0)}, **options)
 
 
 def test_without_effects_all_terms_are_zero():

@@ -5,7 +5,7 @@ import pytest
 
 from sim_device.plant import Drive, Inputs, Plant, load_parameters, simulate
 from sim_device.plant.segment import segment_angle_deg, segment_displacement_m
-from sim_device.plant.water import at, real_water
+from sim_device.plant.water import interpolated, real_water
 from tests.sim_device.plant.cases import setup_of
 
 ZERO_C = 273.15
@@ -32,7 +32,7 @@ def test_reynolds_number_at_full_flow_is_84():
     parameters = load_parameters("A")
     d, d_t = parameters["wire_diameter"], parameters["tube_diameter"]
     speed = parameters["flow_max"] / (np.pi * (d_t**2 - d**2) / 4)
-    nu = at(real_water(), 300.0).nu[0]
+    nu = interpolated(real_water(), 300.0).nu[0]
     assert speed * (d_t - d) / nu == pytest.approx(84.23, rel=2e-3)
 
 

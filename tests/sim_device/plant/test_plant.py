@@ -92,8 +92,11 @@ def test_flow_follows_the_duty():
 def test_more_flow_cools_faster_and_still_water_cools_more_than_air():
     left = {}
     for name, duty, cooling in (
-        ("full", 1.0, "water"), ("half", 0.5, "water"), ("still", 0.0, "water"), ("air", 0.0, "air")
-    ):  # fmt: skip
+        ("full", 1.0, "water"),
+        ("half", 0.5, "water"),
+        ("still", 0.0, "water"),
+        ("air", 0.0, "air"),
+    ):
         plant = Plant(QUIET, cooling=cooling, temperature_K=330.0)
         run(plant, Drive(pump_duty=(duty, 0.0)), 4.0)
         left[name] = plant.truth.T_K[0] - 300.0

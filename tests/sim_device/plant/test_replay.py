@@ -129,9 +129,12 @@ def test_a_fed_current_ignores_the_driver_but_a_command_does_not(inputs):
 def test_recorded_inlet_and_ambient_replace_those_of_the_set(inputs):
     n = inputs.t_s.size
     warm = Inputs(
-        inputs.t_s, inputs.i_A, inputs.pump_duty,
-        inlet_K=np.full(n, 303.0), ambient_K=np.linspace(300, 301, n),
-    )  # fmt: skip
+        inputs.t_s,
+        inputs.i_A,
+        inputs.pump_duty,
+        inlet_K=np.full(n, 303.0),
+        ambient_K=np.linspace(300, 301, n),
+    )
     out = simulate(P, warm)
     np.testing.assert_allclose(out["rtd_inlet_degC"], 29.85)
     assert out["rtd_ambient_degC"][-1] == pytest.approx(27.85)

@@ -22,7 +22,7 @@ OF_Y = [name for name in OUTPUTS if "_y_" in name or name.endswith("_y")]
 @cache
 def replayed(name=None, level=1.0, y_share=None, fixture="blocked"):
     """A replay with an effect at a level. Blocked, the springs do not know of each other."""
-    effects = {} if name is None else {name: effect(name).at(level)}
+    effects = {} if name is None else {name: effect(name).at_level(level)}
     if name is not None:
         del effects[name][Y_SHARE.name]
         if y_share is not None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim_device.plant import load_parameters
-from sim_device.plant.water import at, printed_water, real_water
+from sim_device.plant.water import interpolated, printed_water, real_water
 from tests.sim_device.plant.cases import setup_of
 
 PROPERTIES = {"rho": "D", "cp": "C", "k": "L", "mu": "V", "beta": "ISOBARIC_EXPANSION_COEFFICIENT"}
@@ -15,7 +15,7 @@ PROPERTIES = {"rho": "D", "cp": "C", "k": "L", "mu": "V", "beta": "ISOBARIC_EXPA
 def test_the_table_agrees_with_iapws_between_its_nodes(name, T_K):
     CoolProp = pytest.importorskip("CoolProp.CoolProp")
     exact = CoolProp.PropsSI(PROPERTIES[name], "T", T_K, "P", 101325, "Water")
-    assert getattr(at(real_water(), T_K), name)[0] == pytest.approx(exact, rel=6e-6)
+    assert getattr(interpolated(real_water(), T_K), name)[0] == pytest.approx(exact, rel=6e-6)
 
 
 def test_the_committed_table_is_what_the_script_makes():
@@ -38,8 +38,8 @@ def test_the_committed_table_is_what_the_script_makes():
 )
 def test_the_printed_polynomials_are_as_wrong_as_documented(name, errors):
     for T_K, percent in zip((300.0, 325.0, 350.0), errors, strict=True):
-        printed = getattr(at(printed_water(), T_K), name)[0]
-        real = getattr(at(real_water(), T_K), name)[0]
+        printed = getattr(interpolated(printed_water(), T_K), name)[0]
+        real = getattr(interpolated(real_water(), T_K), name)[0]
         assert 100 * (printed / real - 1) == pytest.approx(percent, abs=0.9)
 
 
@@ -49,7 +49,9 @@ def test_the_kernel_film_coefficient_is_the_correlation_at_the_film_temperature(
     parameters = load_parameters("A")
     setup = setup_of(parameters, variant)
     T, T_water = 318.4, 303.1
-    water = at(real_water() if variant == "extended" else printed_water(), 0.5 * (T + T_water))
+    water = interpolated(
+        real_water() if variant == "extended" else printed_water(), 0.5 * (T + T_water)
+    )
     d, d_t = parameters["wire_diameter"], parameters["tube_diameter"]
     D = d_t - d
     nu, alpha, pr = water.nu[0], water.diffusivity[0], water.prandtl[0]
@@ -66,4 +68,4 @@ def test_the_kernel_film_coefficient_is_the_correlation_at_the_film_temperature(
 
 def test_temperatures_beyond_the_table_are_refused():
     with pytest.raises(ValueError, match="280"):
-        at(real_water(), 270.0)
+        interpolated(real_water(), 270.0)

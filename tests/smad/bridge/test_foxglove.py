@@ -106,12 +106,15 @@ def test_parameters_are_read_and_followed_but_not_set() -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        "", "[]", '{"op":"advertise","channels":[]}', "\x00",
+        "",
+        "[]",
+        '{"op":"advertise","channels":[]}',
+        "\x00",
         '{"op":"subscribe","subscriptions":[{"id":1}]}',
         '{"op":"subscribe","subscriptions":[{"id":-1,"channelId":1}]}',
         '{"op":"subscribe","subscriptions":[{"id":1,"channelId":99}]}',
     ],
-)  # fmt: skip
+)
 def test_what_is_not_offered_or_not_understood_is_said(text: str) -> None:
     (answer,) = viewer().receive(text)
     assert json.loads(answer)["op"] == "status"

@@ -59,9 +59,12 @@ def test_an_axis_of_a_client_names_itself_and_a_mapping_begins_together(
         bench.disarm()
     asked = [(one["method"], one.get("axis")) for one in daemon.asked]
     assert asked == [
-        ("move", "yaw-1"), ("arm", ["pitch-1", "yaw-1"]), ("together", None),
-        ("move", "pitch-2"), ("disarm", None),
-    ]  # fmt: skip
+        ("move", "yaw-1"),
+        ("arm", ["pitch-1", "yaw-1"]),
+        ("together", None),
+        ("move", "pitch-2"),
+        ("disarm", None),
+    ]
     moves = daemon.asked[2]["params"]["moves"]
     assert [len(moves[axis]) for axis in ("pitch-1", "yaw-1", "pitch-2")] == [1, 2, 1]
     assert daemon.asked[3]["params"]["queue"], "the rest of a long one follows"

@@ -522,9 +522,11 @@ def test_what_is_generated_of_the_documentation_is_not_stale() -> None:
 
 
 def test_logs_are_those_of_the_bench_whose_daemon_runs(
-    daemon: FakeDaemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    daemon: FakeDaemon,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     elsewhere, here = tmp_path / "elsewhere", tmp_path / "here"
     for folder in (elsewhere, here / "runs"):
         folder.mkdir(parents=True)
@@ -540,9 +542,11 @@ def test_logs_are_those_of_the_bench_whose_daemon_runs(
 
 
 def test_without_a_daemon_logs_are_those_of_the_current_folder(
-    nobody: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    nobody: None,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     (tmp_path / "runs").mkdir()
     write_small_run(tmp_path / "runs/mine.mcap", 20)
     monkeypatch.chdir(tmp_path)

@@ -66,9 +66,11 @@ def conducted(*_: Any, trial: bool) -> Session:
 
 
 def test_gains_are_shown_kept_and_applied_only_when_asked(
-    bench: Noting, monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
+    bench: Noting,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     monkeypatch.setattr("smad.experiments.tuning.tune_displacement", conducted)
     assert execute(["tune", "--yes", "--no-trial"]) == 0
     assert bench.done == ["disarmed"]
@@ -84,9 +86,11 @@ def test_gains_are_shown_kept_and_applied_only_when_asked(
 
 
 def test_gains_that_did_worse_in_the_trial_are_neither_applied_nor_kept(
-    bench: Noting, monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
+    bench: Noting,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     found = conducted(trial=False).tuned
     now, new = (Trial(r2, 0.0, 9.0, 30.0, 2) for r2 in (0.99, 0.98))
     monkeypatch.setattr(

@@ -106,11 +106,14 @@ def quiet_outputs(y_degC: float = 45.0) -> list[Output]:
     cooler_K = [0.0] * 400 + [2.0] * 100
     return [
         controller.step(
-            sample(k, displacement_m=1e-3 * at_mm[k],
-                   rtd_degC=(50.0 - cooler_K[k], y_degC - cooler_K[k], 26.85, 26.85))
+            sample(
+                k,
+                displacement_m=1e-3 * at_mm[k],
+                rtd_degC=(50.0 - cooler_K[k], y_degC - cooler_K[k], 26.85, 26.85),
+            )
         )
         for k in range(1, 500)
-    ]  # fmt: skip
+    ]
 
 
 def test_a_spring_that_has_to_let_go_is_not_left_to_cool() -> None:

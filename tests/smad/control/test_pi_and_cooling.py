@@ -82,8 +82,11 @@ def test_water_stops_at_once_when_its_spring_is_to_heat(mode: str) -> None:
 def test_proportional_duty_is_the_demand_over_four_amperes() -> None:
     pump = Pump(CoolingConfig(mode="proportional"))
     assert [pump.step(demand, False, DT_S) for demand in (0.0, 1.0, 4.0, 9.0)] == [
-        0.0, 0.25, 1.0, 1.0
-    ]  # fmt: skip
+        0.0,
+        0.25,
+        1.0,
+        1.0,
+    ]
 
 
 def test_mode_off_never_runs_the_pump() -> None:

@@ -99,8 +99,11 @@ def test_a_board_that_somebody_else_armed_is_not_ours_to_drive() -> None:
 def test_time_begins_with_the_first_sample_and_stands_still_when_the_boards_goes_back() -> None:
     time = BoardTime()
     assert [time.since_first(t) for t in (1_000_000, 1_010_000, 500, 10_500)] == [
-        0, 10_000, 10_000, 20_000
-    ]  # fmt: skip
+        0,
+        10_000,
+        10_000,
+        20_000,
+    ]
 
 
 def test_an_output_becomes_the_nearest_setpoint() -> None:

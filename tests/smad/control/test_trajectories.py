@@ -137,7 +137,7 @@ def test_after_the_last_piece_the_reference_stays() -> None:
         (Ramp(displacement_mm=10.0, rate_mm_per_s=60.0), "rate_mm_per_s", 60.0),
         (Chirp(amplitude_mm=5.0, start_Hz=0.1, end_Hz=5.0, duration_s=9.0), "end_Hz", 5.0),
     ],
-)  # fmt: skip
+)
 def test_a_piece_beyond_a_limit_is_refused_with_field_value_and_limit(
     piece: Trajectory, field: str, value: float
 ) -> None:

@@ -68,9 +68,11 @@ def test_vector_and_single_environments_give_the_same_bits_over_several_episodes
     tmp_path: Path,
 ) -> None:
     options: dict[str, Any] = {
-        "model": posterior(tmp_path / "better.toml"), "randomise": "posterior", "episode_s": 0.4,
+        "model": posterior(tmp_path / "better.toml"),
+        "randomise": "posterior",
+        "episode_s": 0.4,
         "reference": "levels",
-    }  # fmt: skip
+    }
     many = gymnasium.make_vec(smad.envs.NAME, num_envs=17, **options)
     single = gymnasium.vector.SyncVectorEnv(
         [lambda: gymnasium.make(smad.envs.NAME, **options)] * 17

@@ -42,10 +42,12 @@ def test_the_policy_treats_the_springs_alike() -> None:
     swapped = seen.copy()
     at = {name: i for i, name in enumerate(NAMES)}
     mirrored = (
-        ("displacement_mm", "displacement_mm", -1.0), ("reference_mm", "reference_mm", -1.0),
+        ("displacement_mm", "displacement_mm", -1.0),
+        ("reference_mm", "reference_mm", -1.0),
         ("reference_ahead_mm", "reference_ahead_mm", -1.0),
-        ("rtd_x_degC", "rtd_y_degC", 1.0), ("rtd_y_degC", "rtd_x_degC", 1.0),
-    )  # fmt: skip
+        ("rtd_x_degC", "rtd_y_degC", 1.0),
+        ("rtd_y_degC", "rtd_x_degC", 1.0),
+    )
     for here, _, _ in mirrored:
         seen[at[here]] = 0.3 * (1 + at[here])
     for here, there, sign in mirrored:

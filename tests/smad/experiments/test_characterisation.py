@@ -36,8 +36,10 @@ RECOVERED = {
 @pytest.fixture(scope="module")
 def campaign() -> CampaignResult:
     """The three on a bench of other parameters, analysed starting from the nominal set."""
-    settings = {"fig4-stretch": {"rate_mm_per_s": 3.0, "settle_s": 5.0},
-                "fig5-block": {"heating_K_per_s": 0.8, "bottom_degC": 38.0}}  # fmt: skip
+    settings = {
+        "fig4-stretch": {"rate_mm_per_s": 3.0, "settle_s": 5.0},
+        "fig5-block": {"heating_K_per_s": 0.8, "bottom_degC": 38.0},
+    }
     experiments = [make_experiment(name, settings.get(name)) for name in NAMES]
     return run_on(experiments, driver(given()), NOMINAL)
 

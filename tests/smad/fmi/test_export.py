@@ -36,9 +36,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module", params=[3, 2], ids=["fmi3", "fmi2"])
 def unit(model: Path, request: pytest.FixtureRequest) -> Path:
     name = f"model{request.param}.fmu"
-    return export_unit(
-        read_model(model), model.with_name(name), version=request.param
-    ).path  # fmt: skip
+    return export_unit(read_model(model), model.with_name(name), version=request.param).path
 
 
 def a_run(parameters: ParameterSet, n: int = 601) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -166,8 +164,9 @@ def test_the_binary_needs_nothing_but_the_c_library(unit: Path, tmp_path: Path) 
     assert needed <= {"libm.so.6", "libc.so.6"}
 
 
-def test_a_parameter_that_is_set_before_the_start_counts(unit: Path, model: Path,
-                                                         tmp_path: Path) -> None:  # fmt: skip
+def test_a_parameter_that_is_set_before_the_start_counts(
+    unit: Path, model: Path, tmp_path: Path
+) -> None:
     parameters = read_model(model).parameters.replace(density=6000.0)
     t_s, inputs = a_run(parameters, 101)
     expected = replayed(parameters, t_s, inputs)["rtd_x_degC"]

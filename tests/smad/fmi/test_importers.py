@@ -69,8 +69,11 @@ def test_the_unit_gives_the_same_in_an_importer_that_is_not_python(
     )[-1]
     done = subprocess.run(
         [sys.executable, "-c", script, str(unit), *SHOWN],
-        capture_output=True, text=True, cwd=tmp_path, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=False,
+    )
     (line,) = [line for line in done.stdout.splitlines() if line.startswith("shown")] or [done]
     found = [float(number) for number in str(line).split()[1:]]
     assert found == pytest.approx([expected[name] for name in SHOWN], rel=1e-9)

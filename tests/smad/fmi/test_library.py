@@ -63,7 +63,9 @@ def test_what_the_library_lacks_asks_for_numba(built: Path) -> None:
 def test_without_numba_and_library_a_plant_asks_for_numba() -> None:
     done = subprocess.run(
         [sys.executable, "-c", f"{WITHOUT_NUMBA}Plant(load_parameters('A'))"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 1
     assert "ModuleNotFoundError: numba is not installed" in done.stderr

@@ -154,14 +154,19 @@ def test_the_tracking_of_a_log_is_the_distance_of_the_tip_from_its_circle(tmp_pa
             rows.append((row, axis, at_s))
     marks = [
         Event(host_time_s=begun_s + t, kind="note", text=text)
-        for t, text in ((0.0, "circle of segment-1"), (4.0, "circle of together"),
-                        (8.0, "circles end"))
-    ]  # fmt: skip
+        for t, text in (
+            (0.0, "circle of segment-1"),
+            (4.0, "circle of together"),
+            (8.0, "circles end"),
+        )
+    ]
     write_run(path, RunHeader(axes=FOUR), [*marks, *rows])
     found = list(trackings(read_axes(path), robot()))
     assert [(t.segment, t.phase) for t in found] == [
-        ("segment-1", "segment-1"), ("segment-1", TOGETHER), ("segment-2", TOGETHER),
-    ]  # fmt: skip
+        ("segment-1", "segment-1"),
+        ("segment-1", TOGETHER),
+        ("segment-2", TOGETHER),
+    ]
     assert found[0].rms_deg == pytest.approx(1.0)
     assert found[2].most_deg == pytest.approx(0.0, abs=1e-9)
     assert [row[2] for row in table(found).rows] == ["1.00", "1.00", "0.00"]

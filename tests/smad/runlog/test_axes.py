@@ -23,10 +23,13 @@ BEGUN_S = 1_700_000_000.0
 
 def written(path: Path) -> Path:
     """Two boards whose clocks began 50 s apart, one twice as fast, its first sample later."""
-    rows = [(Row(t_s=k * 0.01, displacement_mm=float(k)), "pitch-1", BEGUN_S + k * 0.01)
-            for k in range(10)]  # fmt: skip
-    rows += [(Row(t_s=50.0 + k * 0.02, tick=k), "yaw-1", BEGUN_S + 0.035 + k * 0.02)
-             for k in range(3)]  # fmt: skip
+    rows = [
+        (Row(t_s=k * 0.01, displacement_mm=float(k)), "pitch-1", BEGUN_S + k * 0.01)
+        for k in range(10)
+    ]
+    rows += [
+        (Row(t_s=50.0 + k * 0.02, tick=k), "yaw-1", BEGUN_S + 0.035 + k * 0.02) for k in range(3)
+    ]
     header = RunHeader(source="sim", axes=NAMES, started_unix_s=BEGUN_S)
     write_run(path, header, [Event(host_time_s=BEGUN_S, kind="note", text="begun"), *rows])
     return path
@@ -89,8 +92,10 @@ def test_the_export_is_a_file_an_axis_or_one_with_prefixed_names(tmp_path: Path)
 
 
 def test_an_axis_becomes_a_log_of_its_own_with_its_own_configuration(tmp_path: Path) -> None:
-    config = "".join(f'[[axes]]\nname = "{name}"\ntravel_mm = {mm}\n'
-                     for name, mm in zip(NAMES, (3.0, 4.0), strict=True))  # fmt: skip
+    config = "".join(
+        f'[[axes]]\nname = "{name}"\ntravel_mm = {mm}\n'
+        for name, mm in zip(NAMES, (3.0, 4.0), strict=True)
+    )
     path = tmp_path / "run.mcap"
     header = RunHeader(
         axes=NAMES,

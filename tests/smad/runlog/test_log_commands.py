@@ -36,11 +36,14 @@ def folder(tmp_path: Path) -> Path:
 def test_list_has_a_line_for_each_run(folder: Path) -> None:
     lines = output("list", "--folder", folder).splitlines()
     assert [line.split()[0] for line in lines] == [
-        "file", "20261120-050709-first.mcap", "20261120-060000-second.mcap",
-    ]  # fmt: skip
+        "file",
+        "20261120-050709-first.mcap",
+        "20261120-060000-second.mcap",
+    ]
     assert [run["rows"] for run in json.loads(output("list", "--folder", folder, "--json"))] == [
-        100, 300,
-    ]  # fmt: skip
+        100,
+        300,
+    ]
 
 
 @pytest.mark.parametrize("jump_s", [-7200.0, 0.0, 3600.0])

@@ -87,8 +87,11 @@ def test_metadata_of_another_program_is_kept_and_nonsense_does_no_harm() -> None
     assert header.seed is None
     assert header.source == "unknown"
     assert header.extra == {
-        "operator": "somebody", "seed": "not a number", "source": "elsewhere", "gains": "[1]",
-    }  # fmt: skip
+        "operator": "somebody",
+        "seed": "not a number",
+        "source": "elsewhere",
+        "gains": "[1]",
+    }
 
 
 def test_the_versions_of_a_run_are_those_installed() -> None:

@@ -185,8 +185,11 @@ def test_cycles_are_counted_from_lowest_point_to_lowest_point() -> None:
     loop(feed, 70.0)
     moments, _ = feed.tiers[0].moments_since(0, (0,))
     assert moments.cycle[-1] == 10
-    turns = [t for t, a, b in zip(moments.t[1:], moments.cycle, moments.cycle[1:], strict=False)
-             if a != b]  # fmt: skip
+    turns = [
+        t
+        for t, a, b in zip(moments.t[1:], moments.cycle, moments.cycle[1:], strict=False)
+        if a != b
+    ]
     # A minimum of the sine is at three quarters of a period; the motion has to rise by 0.3 mm.
     assert all((t - EPOCH_S) % 7.0 == pytest.approx(5.25 + 0.62, abs=0.05) for t in turns)
 
@@ -216,6 +219,8 @@ def test_a_span_is_taken_from_the_finest_buckets_that_reach_back_to_it() -> None
     for n in range(2 * 3600 * 5):
         feed.add(EPOCH_S + n / 5, (1.0,))
     end_s = EPOCH_S + 2 * 3600
-    widths = [feed.tier_for(end_s - ago_s, end_s - ago_s + 20.0).bucket_s
-              for ago_s in (30.0, 2500.0, 5000.0)]  # fmt: skip
+    widths = [
+        feed.tier_for(end_s - ago_s, end_s - ago_s + 20.0).bucket_s
+        for ago_s in (30.0, 2500.0, 5000.0)
+    ]
     assert widths == [1 / 30, 1 / 3, 4.0]

@@ -261,9 +261,12 @@ def test_a_failing_block_keeps_what_was_written(tmp_path: Path) -> None:
     bench.run = second_fails  # type: ignore[method-assign]
     with pytest.raises(ExperimentError, match="stopped"):
         endure(
-            Endurance(profile=PROFILE, cycles=6, check_every=2), bench, tmp_path, NO_ROOM,
+            Endurance(profile=PROFILE, cycles=6, check_every=2),
+            bench,
+            tmp_path,
+            NO_ROOM,
             check=lambda number: Judgement("", 0.0),
-        )  # fmt: skip
+        )
     assert earlier_cycles(tmp_path) == 2
 
 

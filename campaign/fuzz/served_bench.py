@@ -2,7 +2,7 @@
 
 Made once and used for many inputs, because a handshake takes longer than most of them. What a
 client can set is put back by the client's own commands; an input that leaves anything else changed
-costs the next one a new desk.
+costs the next one a new bench.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _NOWHERE = "/dev/null/runs"
 Send = Callable[[bytes], None]
 
 
-class Desk:
+class ServedBench:
     """A connected bench and a daemon; only within a running loop."""
 
     def __init__(self) -> None:
@@ -117,19 +117,19 @@ class Desk:
         self._receive(data, at_us)
 
 
-_desks: list[Desk] = []
+_benches: list[ServedBench] = []
 
 
-async def desk() -> Desk:
-    """Return the desk of this process, a new one if there is none."""
-    if not _desks:
-        made = Desk()
+async def served_bench() -> ServedBench:
+    """Return the bench of this process, a new one if there is none."""
+    if not _benches:
+        made = ServedBench()
         await made.connect()
-        _desks.append(made)
-    return _desks[0]
+        _benches.append(made)
+    return _benches[0]
 
 
 async def discard() -> None:
-    """Let the next input have a desk of its own."""
-    while _desks:
-        await _desks.pop().close()
+    """Let the next input have a bench of its own."""
+    while _benches:
+        await _benches.pop().close()
