@@ -257,26 +257,27 @@ def read_recorded(path: Path, together: Together | None = None) -> tuple[GapRun,
     GapError for an input or a channel that cannot be what it is declared to be.
     """
     run, log = _read(path, together)
-    notes: list[str] = []
-
-    def say(kind: str, text: str, *, refuses: bool = False) -> None:
-        if refuses:
-            raise GapError(f"{path}: {text}")
-        notes.append(text)
-
-    run = filled(up_to_first_hole(readable(run, INPUTS, CHANNELS, say), PERIOD_S, say))
-    return replace(run, notes=(*run.notes, *notes)), log
+    used, notes, refused = _usable(run)
+    if refused:
+        raise GapError(f"{path}: {refused[0]}")
+    return replace(used, notes=(*run.notes, *notes)), log
 
 
 def usable(run: GapRun) -> GapRun | None:
     """The run up to its first hole without what is no reading; None where columns are refused."""
-    refused: list[str] = []
+    used, _, refused = _usable(run)
+    return None if refused else used
+
+
+def _usable(run: GapRun) -> tuple[GapRun, list[str], list[str]]:
+    """The run up to its first hole without what is no reading; what was left out, and refused."""
+    said: dict[bool, list[str]] = {False: [], True: []}
 
     def say(kind: str, text: str, *, refuses: bool = False) -> None:
-        refused.extend([text] if refuses else [])
+        said[refuses].append(text)
 
-    readable_run = filled(up_to_first_hole(readable(run, INPUTS, CHANNELS, say), PERIOD_S, say))
-    return None if refused else readable_run
+    used = filled(up_to_first_hole(readable(run, INPUTS, CHANNELS, say), PERIOD_S, say))
+    return used, said[False], said[True]
 
 
 def _read(
