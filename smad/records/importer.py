@@ -72,7 +72,7 @@ def import_table(
         path=target,
         rows=len(columns["t_s"]),
         channel_of={name: rule.channel for name, rule in assignment.rules.items()},
-        ignored=assignment.ignored,
+        ignored=[name or "one without a name" for name in assignment.ignored],
         missing=[name for name in CHANNELS if name not in columns],
         notes=[*named.notes, *words(holes_in(columns["t_s"].tolist())), *notes],
     )

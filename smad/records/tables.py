@@ -37,7 +37,8 @@ def left_out(names: Sequence[str], why: str = "") -> tuple[str, ...]:
     if not names:
         return ()
     more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-    return (f"columns left out{why}: {', '.join(names[:_MOST_NAMED])}{more}",)
+    named = ", ".join(name or "one without a name" for name in names[:_MOST_NAMED])
+    return (f"columns left out{why}: {named}{more}",)
 
 
 _MOST_DIGITS_BYTES = 64

@@ -8,7 +8,7 @@ import pytest
 from smad.errors import LogImportError
 from smad.records.channels import Channels, channels_of, held
 from smad.records.csv_table import CsvFormat
-from smad.records.tables import open_table
+from smad.records.tables import left_out, open_table
 
 
 def read(folder: Path, text: str | bytes, **form: str) -> Channels:
@@ -50,6 +50,10 @@ def test_names_are_found_wherever_they_stand(text: str, tmp_path: Path) -> None:
 def test_a_title_that_was_passed_over_is_told(tmp_path: Path) -> None:
     found = read(tmp_path, "Measured by Ada\nt_s,temp_x_degC\n" + ROWS)
     assert found.notes == ("line 1 is no line of names: Measured by Ada",)
+
+
+def test_a_column_without_a_name_is_told_so() -> None:
+    assert left_out(["", "b"]) == ("columns left out: one without a name, b",)
 
 
 def test_a_file_without_names_is_refused_with_its_first_numbers(tmp_path: Path) -> None:
