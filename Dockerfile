@@ -1,6 +1,6 @@
 # smad from its checkout, with what README's two commands need.
 #   docker build -t smad . && docker run --rm -it smad make demo
-# Debian 12 is what the tests run on.
+# Debian 12 is what the tests run on; its buildah builds this, too: buildah bud -t smad .
 FROM debian:bookworm-slim
 
 RUN apt-get update \
