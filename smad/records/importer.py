@@ -23,7 +23,10 @@ from smad.runlog.schema import CHANNELS, Event, LinkSample, Record, Row
 from smad.runlog.writer import write_run
 
 _ROWS_AT_ONCE = 10_000
-_PLAUSIBLE = {"A": (-50.0, 50.0), "V": (-100.0, 100.0), "degC": (-60.0, 400.0), "1": (0.0, 1.0)}
+_PLAUSIBLE = {
+    "A": (-50.0, 50.0), "V": (-100.0, 100.0), "degC": (-60.0, 400.0), "1": (0.0, 1.0),
+    "mm": (-500.0, 500.0), "N": (-500.0, 500.0),
+}  # fmt: skip
 """What any bench of this kind can show, by unit; `RANGES` is what ours can."""
 _APPLIED = ("i_cmd", "i_applied", "duty")
 
