@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from smad.errors import LogImportError
 from smad.records.channels import RANGES, MappingFile, channels_of
 from smad.records.column_names import Assignment
-from smad.records.readings import Declared, beyond_range, checked_columns
+from smad.records.readings import Declared, beyond_range, checked, checked_columns
 from smad.records.tables import open_table
 from smad.runlog.export import header_path
 from smad.runlog.header import RunHeader
@@ -92,19 +92,23 @@ def _plausible(
     driven = any(d.applied for d in declared.values())
     # Without a recorded input, a reading may jump with one.
     steady = None if driven else np.zeros(len(columns["t_s"]), dtype=bool)
-    t_s, checkable = columns["t_s"], {name: columns[name] for name in declared}
-    checked, remarks = checked_columns(checkable, list(declared.values()), t_s, steady)
-    notes = []
+    t_s, notes = columns["t_s"], []
+    for name, ours in declared.items():
+        wide = _declared(name, of_ours=False)
+        beyond_ours = wide is not None and beyond_range(columns[name], ours)
+        if wide is not None and beyond_ours and not beyond_range(columns[name], wide):
+            declared[name] = wide
+            text = checked(columns[name], ours, t_s, steady).refusal
+            notes.append(f"{text}; imported so, but no diagnosis takes it")
+    checkable = {name: columns[name] for name in declared}
+    readings, remarks = checked_columns(checkable, list(declared.values()), t_s, steady)
     for remark in remarks:
         if remark.kind == "out of range":
-            wide = _declared(remark.name, of_ours=False)
-            if wide is None or beyond_range(checked[remark.name], wide):
-                raise LogImportError(f"{source}: {remark.text}")
-            notes.append(f"{remark.text}; imported so, but no diagnosis takes it")
-        elif remark.kind != "empty":
+            raise LogImportError(f"{source}: {remark.text}")
+        if remark.kind != "empty":
             after = f": {remark.advice}" if remark.advice else "; left empty"
             notes.append(f"{remark.text}{after}")
-    return {**columns, **checked}, notes
+    return {**columns, **readings}, notes
 
 
 def _declared(name: str, *, of_ours: bool) -> Declared | None:
