@@ -24,6 +24,8 @@ READY = "ready"
 _ARMED_WAIT_S = 10.0
 _UNARMED_WAIT_S = 0.5
 """A host without a session answers no STATE; the board must go on for it to be greeted."""
+_SILENT_PERIOD_S = 0.05
+"""From one sample to the next then: a host that only got no turn of the processor misses none."""
 
 
 class SoakBench(SimulatedBench):
@@ -68,7 +70,7 @@ class PatientServer(Server):
             self._answering = True
             return False
         if not self._answering:
-            return False
+            return self._clock() < self._sampled_s + _SILENT_PERIOD_S
         if self._clock() < self._sampled_s + _UNARMED_WAIT_S:
             return True
         self._answering = False
