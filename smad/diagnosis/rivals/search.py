@@ -156,7 +156,7 @@ class _Search:
         elif not self.moved and (free := self._freed()) is not None:
             same.append(free)
         rivals = [*same, *self._rivals(self.current, first=first)]
-        ranked = question.ranked(rivals, first=not self.parts)
+        ranked = question.ranked(rivals, first=first)
         entered = self._entering(ranked)
         if first and self.moved and entered is None and _same(ranked)[0].kind == NOTHING:
             self.moved = False
