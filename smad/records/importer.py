@@ -95,8 +95,9 @@ def _plausible(
     t_s, notes = columns["t_s"], []
     for name, ours in declared.items():
         wide = _declared(name, of_ours=False)
-        beyond_ours = wide is not None and beyond_range(columns[name], ours)
-        if wide is not None and beyond_ours and not beyond_range(columns[name], wide):
+        if wide is None or not beyond_range(columns[name], ours):
+            continue
+        if not beyond_range(columns[name], wide):
             declared[name] = wide
             text = checked(columns[name], ours, t_s, steady).refusal
             notes.append(f"{text}; imported so, but no diagnosis takes it")

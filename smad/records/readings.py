@@ -128,18 +128,18 @@ def checked_columns(
     declared = [d for d in declared if d.name in out]
     steady = _steady(out, declared) if steady is None else steady
     for d in declared:
-        found = checked(out[d.name], d, t_s, steady)
-        out[d.name] = found.values
-        remarks += [Remark("no reading", d.name, note) for note in found.notes]
-        if found.refusal:
-            remarks.append(Remark("out of range", d.name, found.refusal))
-        known = int(np.sum(np.isfinite(found.values)))
+        column = checked(out[d.name], d, t_s, steady)
+        out[d.name] = column.values
+        remarks += [Remark("no reading", d.name, note) for note in column.notes]
+        if column.refusal:
+            remarks.append(Remark("out of range", d.name, column.refusal))
+        known = int(np.sum(np.isfinite(column.values)))
         least = 1.0 - (_MOST_UNKNOWN if d.applied else _MOST_MISSING)
         if not known:
             remarks.append(Remark("empty", d.name, f"{d.name} holds no number"))
         elif known < least * n:
             text = f"{d.name} holds a reading in {known} of {n} samples only"
-            advice = _OPEN if found.share > _MOST_MISSING and not d.applied else _HOLD
+            advice = _OPEN if column.share > _MOST_MISSING and not d.applied else _HOLD
             remarks.append(Remark("sparse", d.name, text, advice))
     return out, remarks
 

@@ -147,7 +147,7 @@ class BarePlaces:
             return np.concatenate([more[n] for n in names])
 
         pushed = series(out)
-        tried: list[Array] = []
+        images: list[Array] = []
         residuals: list[Array] = []
         best, least = out, np.inf
         for _ in range(_PASSES):
@@ -155,18 +155,18 @@ class BarePlaces:
             shown = dict(self.plain.simulate(
                 point, _pushed(run, dict(zip(names, parts, strict=True))), fast=fast
             ))  # fmt: skip
-            asked = series(shown)
-            if not np.isfinite(asked).all():
-                return best if tried else shown
-            residual = asked - pushed
+            image = series(shown)
+            if not np.isfinite(image).all():
+                return best if images else shown
+            residual = image - pushed
             size = float(np.linalg.norm(residual))
             if size < least:
                 best, least = shown, size
-            if size <= _AGREED * float(np.linalg.norm(asked)):
+            if size <= _AGREED * float(np.linalg.norm(image)):
                 break
-            tried.append(asked)
+            images.append(image)
             residuals.append(residual)
-            pushed = _mixed(tried, residuals)
+            pushed = _mixed(images, residuals)
         return best
 
     def _states(self, run: GapRun, shown: Mapping[str, Array]) -> dict[str, Array]:
@@ -187,15 +187,15 @@ class BarePlaces:
         return out | {"time": run.t_s - run.t_s[0]}
 
 
-def _mixed(tried: Sequence[Array], residuals: Sequence[Array]) -> Array:
-    """The next series of Anderson's mixing (1965): of the sums of those tried, with weights that
+def _mixed(images: Sequence[Array], residuals: Sequence[Array]) -> Array:
+    """The next series of Anderson's mixing (1965): of the images of those tried, with weights that
     add up to 1, the one whose residual is least."""
     steps = np.array([residuals[-1] - r for r in residuals[:-1]])
     if not len(steps):
-        return tried[-1]
+        return images[-1]
     weights = np.linalg.lstsq(steps.T, residuals[-1], rcond=None)[0]
-    back = np.array([tried[-1] - x for x in tried[:-1]])
-    return np.asarray(tried[-1] - weights @ back)
+    back = np.array([images[-1] - x for x in images[:-1]])
+    return np.asarray(images[-1] - weights @ back)
 
 
 def _value(law: Law, states: Mapping[str, Array], run: GapRun) -> Array:

@@ -163,14 +163,14 @@ class Question:
     def ranked(self, rivals: Sequence[Rival], *, first: bool = False) -> list[Rival]:
         """Rivals with their probabilities, the likeliest first; `first`: nothing has entered."""
         refuted = self.refuted(rivals)
-        left = [r for r, out in zip(rivals, refuted, strict=True) if not out]
+        compared = [r for r, out in zip(rivals, refuted, strict=True) if not out]
         p = probabilities(
-            np.array([r.scores for r in left]), [r.kind for r in left], self.temper,
+            np.array([r.scores for r in compared]), [r.kind for r in compared], self.temper,
             effects=len(self.effects), laws=self.places,
-            log_prior=np.array([r.log_prior for r in left]),
+            log_prior=np.array([r.log_prior for r in compared]),
             whether=self.independent_rows if first else self.temper.evidence,
         )  # fmt: skip
-        made = [replace(r, probability=float(x)) for r, x in zip(left, p, strict=True)]
+        made = [replace(r, probability=float(x)) for r, x in zip(compared, p, strict=True)]
         made += [replace(r, probability=0.0) for r, out in zip(rivals, refuted, strict=True) if out]
         return sorted(made, key=lambda r: -r.probability)
 
