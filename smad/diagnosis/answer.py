@@ -219,6 +219,7 @@ def _scores(question: Question, rivals: Sequence[Rival]) -> list[RivalScore]:
         RivalScore(
             kind=r.kind, name=r.name.removeprefix("law:"), places=list(r.places),
             gap=question.gap(r), scores=[float(x) for x in r.scores], log_prior=r.log_prior,
+            near=question.near(r),
         )
         for r, refuted in zip(rivals, question.refuted(rivals), strict=True) if not refuted
     ]  # fmt: skip

@@ -84,10 +84,14 @@ def question_of(
 ) -> Question:
     """A question with the constants' temper; every place of the plant may be asked for a law."""
     places: PlacesPlant = model.plant  # type: ignore[assignment]
+    tau = np.full(evidence.channels, _CORRELATED)
+    if tied is not None:
+        rows = (evidence.counts / tau)[evidence.counts > 0]
+        model = replace(model, rows_as_one=max(float(rows.mean()) / c.evidence, 1.0))
     return Question(
         evidence=evidence, held_out=held_out, model=model, tied=tied, effects=tuple(effects),
         responses=responses, places=len(places.places), say=say,
-        tau=np.full(evidence.channels, _CORRELATED),
+        tau=tau,
         temper=temper_of(c, free=tied is None),
     )  # fmt: skip
 

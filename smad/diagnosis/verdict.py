@@ -122,7 +122,8 @@ class RivalScore(msgspec.Struct, frozen=True, kw_only=True):
     """What the probability of a rival is made of, so that constants are fitted without a replay.
 
     `scores` are those of `rivals/score.py`, one for each judged run, `log_prior` that of where its
-    parameters are, `gap` what it leaves of the judged runs in floors.
+    parameters are, `gap` what it leaves of the judged runs in floors; `near`: nothing that could be
+    told in any signal.
     """
 
     kind: str
@@ -131,6 +132,7 @@ class RivalScore(msgspec.Struct, frozen=True, kw_only=True):
     gap: float
     scores: list[float]
     log_prior: float
+    near: bool = False
 
 
 class Cause(msgspec.Struct, frozen=True, kw_only=True):

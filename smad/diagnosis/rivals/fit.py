@@ -148,16 +148,18 @@ def averages_hide(evidence: Evidence, reference: Reference, model: Model, x: Arr
     return bool(np.sum((averaged - exact) ** 2) > _HIDDEN**2 * np.sum(exact**2))
 
 
-def weights(evidence: Evidence, left: Array, tau: Array) -> Array:
-    """What each row's square counts, (n,): 1/((v_c + 1) τ_c), 0 where it is not valid."""
-    of_channel = 1.0 / ((evidence.variances(left) + 1.0) * tau)
+def weights(evidence: Evidence, left: Array, tau: Array, alike: float = 1.0) -> Array:
+    """What each row's square counts, (n,): 1/((v_c + alike) τ_c), 0 where it is not valid."""
+    of_channel = 1.0 / ((evidence.variances(left) + alike) * tau)
     return np.asarray(of_channel[evidence.channel_of_row] * evidence.valid)
 
 
-def objective(evidence: Evidence, model: Model, x: Array, left: Array, tau: Array) -> float:
-    """F, see the module; `tau` (channels,) are correlation times in rows."""
+def objective(
+    evidence: Evidence, model: Model, x: Array, left: Array, tau: Array, *, alike: float = 1.0
+) -> float:
+    """F, see the module, with `alike` in place of 1; `tau` (channels,) are in rows."""
     mean, precision = model.prior
-    likelihood = evidence.counts.sum(axis=0) / tau @ np.log(evidence.variances(left) + 1.0)
+    likelihood = evidence.counts.sum(axis=0) / tau @ np.log(evidence.variances(left) + alike)
     return float(likelihood + (x - mean) @ precision @ (x - mean))
 
 
@@ -179,6 +181,7 @@ class _Descent:
     shift: tuple[Array, ...]
     tau: Array
     weight: Array
+    alike: float
 
     def at(self, x: Array) -> _Stand | None:
         """A stand at coordinates `x`; None where the model cannot run."""
@@ -191,7 +194,7 @@ class _Descent:
     def valued(self, stand: _Stand) -> _Stand:
         """The stand with F by these weights."""
         left = self.evidence.freed(stand.left, self.weight)
-        value = objective(self.evidence, self.model, stand.x, left, self.tau)
+        value = objective(self.evidence, self.model, stand.x, left, self.tau, alike=self.alike)
         return replace(stand, value=value)
 
     def lessened(self, stand: _Stand, slopes: Array) -> _Stand:
@@ -227,8 +230,12 @@ def fit(
     *,
     tau: Array,
     rounds: int = _ROUNDS,
+    alike: float = 1.0,
 ) -> Fit | None:
     """Fit a model from `start`; None where it cannot run there.
+
+    Channels that leave less than `alike`, a mean square in floors, count alike. Above 1 it leads
+    past local minima of F, in which one channel has been given up.
 
     Predictions are those of averaged inputs shifted by what exact replays of the `reference` differ
     by. Slopes are the reference's, and where it has none made where the fit begins. Each step
@@ -239,7 +246,8 @@ def fit(
     shift = reference.shift
     if model.quick:
         shift = tuple(np.zeros_like(s) for s in shift)
-    even = _Descent(evidence=evidence, model=model, shift=shift, tau=tau, weight=evidence.valid)
+    even = _Descent(evidence=evidence, model=model, shift=shift, tau=tau, weight=evidence.valid,
+                    alike=alike)  # fmt: skip
     stand = even.at(np.clip(start, low, high))
     if stand is None:
         return None
@@ -248,7 +256,7 @@ def fit(
     slopes = np.concatenate([reference.slopes, slopes_at(evidence, model, stand.x, unknown)])
     corrected = False
     for _ in range(rounds):
-        descent = replace(even, weight=weights(evidence, stand.left, tau))
+        descent = replace(even, weight=weights(evidence, stand.left, tau, alike))
         begun = descent.valued(stand)
         stand = descent.lessened(begun, slopes)
         if begun.value - stand.value >= _ENOUGH:
@@ -320,7 +328,7 @@ def covariance(evidence: Evidence, fitted: Fit, tau: Array) -> Array:
     """
     tau = np.maximum(tau, evidence.correlation_rows(fitted.left))
     J = evidence.weighted(weights(evidence, fitted.left, tau))(fitted.slopes)
-    _, precision = fitted.model.prior
+    _, precision = replace(fitted.model, rows_as_one=1.0).prior
     return np.asarray(np.linalg.inv(J @ J.T + precision + _RIDGE * np.eye(len(precision))))
 
 

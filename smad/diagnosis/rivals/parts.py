@@ -105,6 +105,11 @@ class EffectPart:
         """The coordinates of the effect's values."""
         return np.array([values[q.name] / q.scale for q in self.effect.parameters])
 
+    def weaker(self, p: Array, share: float) -> Array:
+        """Coordinates of a share of the strength that the effect has at `p`, of the same shape."""
+        strengths = [q.strength for q in self.effect.parameters]
+        return np.where(strengths, share * p, p)
+
     def values(self, p: Array) -> dict[str, float]:
         """The effect's values at coordinates `p`."""
         pairs = zip(self.effect.parameters, p, strict=True)
@@ -156,7 +161,8 @@ class Model:
     """Coordinates x (k,): parameters in prior standard deviations from `start`, then the parts'.
 
     `parameter_mean` and `parameter_precision` (p, p) are the normal prior of the parameters in
-    these coordinates.
+    these coordinates. `rows_as_one` is how many rows of a fit a score counts as one: a fit counts
+    the prior as much more, so that it finds what the score prefers.
     """
 
     plant: PlantModel
@@ -164,6 +170,7 @@ class Model:
     parameter_mean: Array
     parameter_precision: Array
     parts: tuple[Part, ...] = ()
+    rows_as_one: float = 1.0
 
     @property
     def parameters(self) -> int:
@@ -199,7 +206,7 @@ class Model:
         mean = np.concatenate([self.parameter_mean, *(m for m, _ in of_parts)])
         precision = np.zeros((len(mean), len(mean)))
         n = self.parameters
-        precision[:n, :n] = self.parameter_precision
+        precision[:n, :n] = self.rows_as_one * self.parameter_precision
         at = np.arange(n, len(mean))
         precision[at, at] = np.concatenate([np.zeros(0), *(p for _, p in of_parts)])
         return mean, precision

@@ -8,8 +8,10 @@ evidence are counted for each run and channel, whatever its length,
     w(rival) = prior(rival) · exp(−κ/2 · Σ_rc log(v_rc + 1)).
 
 *Whether* anything is missing compares rivals with the simulator without a further part. That one
-may be right, so that every independent row counts (κ₀) until something has entered. *Which* cause
-it is compares models that are all wrong in form: κ is small. There a rival also counts by how
+may be right, and what is right is not beaten: until something has entered every independent row
+counts (κ₀) against it. For it they count only where it leaves nothing that could be told: what
+leaves more is wrong in form, too. *Which* cause it is compares models that are all wrong in form: κ
+is small. There a rival also counts by how
 surely it leaves less than the simulator without a part: what explains nothing is no cause. Both are
 averaged over resampled runs (BayesBag, Huggins and Miller 2023): what hangs on one run is not sure.
 """
@@ -94,10 +96,12 @@ def probabilities(
     laws: int,
     log_prior: Array,
     whether: float,
+    sound: bool,
 ) -> Array:
     """Probability of each rival, (rivals,), from `scores` (rivals, runs).
 
-    `whether` is κ₀, the evidence of a run and channel for whether anything is missing.
+    `whether` is κ₀, the evidence of a run and channel for whether anything is missing; `sound`: the
+    simulator without a further part leaves nothing that could be told.
     `effects` and `laws` are how many of each kind might have been asked: a prior is shared by all
     of them, asked or not, and by as many as the spring pair has. `log_prior` (rivals,) is that of
     where each one's parameters are: what imitates an effect by moving them far is less likely than
@@ -114,13 +118,16 @@ def probabilities(
     ])  # fmt: skip
     total = _draws(scores.shape[1]) @ scores.T
     of_which, of_whether = 0.5 * temper.evidence, 0.5 * whether
-    log_weight = prior + of_whether * total
     part = np.isin(kinds, (EFFECT, LAW))
+    log_weight = prior + of_whether * total
     if part.all() or not part.any():
         return np.asarray(_shares(log_weight).mean(axis=0))
     lead = total[:, part] - total[:, ~part].max(axis=1, keepdims=True)
     which = prior[part] + of_which * lead + _log_sigmoid(of_whether * lead)
-    log_odds = _log_sum(log_weight[:, part]) - _log_sum(log_weight[:, ~part])
+    behind = of_whether if sound else of_which
+    missing = prior[part] + np.where(lead > 0.0, of_whether, behind) * lead
+    level = of_whether * total[:, ~part].max(axis=1, keepdims=True)
+    log_odds = _log_sum(missing) - _log_sum(log_weight[:, ~part] - level)
     out = np.empty_like(total)
     out[:, part] = np.exp(_log_sigmoid(log_odds)) * _shares(which)
     out[:, ~part] = np.exp(_log_sigmoid(-log_odds)) * _shares(log_weight[:, ~part])

@@ -102,7 +102,8 @@ class _Search:
     """The state of a search: what has entered so far.
 
     `current` has all of it; `moved` says whether the parameters are free, or tied to where they
-    were. Responses of laws are made once, where they are first asked for.
+    were. Responses of laws are made once, where they are first asked for. `imitated` are the best
+    effects of the step in which other values of the parameters entered.
     """
 
     question: Question
@@ -114,6 +115,7 @@ class _Search:
     moved: bool
     responses: Responses | None
     exchange: bool
+    imitated: tuple[Rival, ...] = ()
 
     @classmethod
     def begun(cls, question: Question, exchange: bool) -> _Search | None:
@@ -162,6 +164,8 @@ class _Search:
             self.moved = False
         if entered is not None:
             self.moved |= entered.kind == PARAMETERS
+            effects = sorted((r for r in ranked if r.kind == EFFECT), key=question.log_weight)
+            self.imitated = tuple(effects[-_POLISHED:]) if entered.kind == PARAMETERS else ()
             self.current = self._exchanged(entered) if self.exchange else entered
         return Step(rivals=tuple(ranked), entered=entered)
 
@@ -170,9 +174,9 @@ class _Search:
         same = _same(ranked)
         missing = 1.0 - sum(r.probability for r in same)
         if missing > _LIKELIER:
-            gap = self.question.gap(self.current)
+            score = self.current.scores.sum()
             for rival in ranked:
-                nearer = rival.probability > 0.0 and self.question.gap(rival) < gap
+                nearer = rival.probability > 0.0 and rival.scores.sum() > score
                 if rival.kind in (EFFECT, LAW) and nearer:
                     return rival
         return same[0] if same[0].kind == PARAMETERS and not self.moved else None
@@ -202,9 +206,9 @@ class _Search:
                 continue
             candidates = self._screened(base)
             gain = max((s.gain for s in candidates if s.part.name == name), default=0.0)
-            fits = _Fits(question, self.nominal)
+            fits = _Fits(question, self.nominal, moved=self.moved)
             for s in [s for s in candidates if s.gain > gain][:_SCREENED]:
-                fits.begin(EFFECT, s.reference, s.part, s.coordinates)
+                fits.begin(EFFECT, s.reference, s.part, np.r_[s.reference.x, s.coordinates])
             ranked = question.ranked([replace(current, kind=EFFECT, name=name), *fits.rivals()])
             if ranked[0].name != name and question.gap(ranked[0]) < question.gap(current):
                 current = ranked[0]
@@ -234,14 +238,20 @@ class _Search:
         here = None if current.fit is None else rebased(e, current.fit)
         if here is None:
             return []
-        fits = _Fits(question, self.nominal)
+        fits = _Fits(question, self.nominal, moved=self.moved)
         references = [here]
-        if first and question.tied is None:
+        if self.moved and not self.parts:
             # Where the parameters have moved to imitate an effect it is hidden.
             references.append(replace(self.nominal, model=here.model))
         for reference in references:
             for s in self._screened(reference)[:_SCREENED]:
-                fits.begin(EFFECT, reference, s.part, s.coordinates)
+                fits.begin(EFFECT, reference, s.part, np.r_[reference.x, s.coordinates])
+        for rival in self.imitated:
+            # The parameters took what the effect takes: begin with half of each.
+            if rival.fit is not None and isinstance(part := rival.fit.model.parts[-1], EffectPart):
+                k = len(here.x)
+                half = part.weaker(rival.fit.x[k:], 0.5)
+                fits.begin(EFFECT, here, part, np.r_[0.5 * (here.x + rival.fit.x[:k]), half])
         rivals = fits.rivals()
         best = max(rivals, key=lambda r: r.scores.sum(), default=None)
         if best is not None and question.near(best):
@@ -250,10 +260,10 @@ class _Search:
         space = LawSpace.at(e, here, question.tau, self.responses, question.say)
         self.responses = space.responses
         present = {part.name for part in here.model.parts}
-        laws = _Fits(question, self.nominal, least=fits.least)
+        laws = _Fits(question, self.nominal, moved=self.moved, least=fits.least)
         for law in space.selected()[:_LAWS]:
             if law.part.name not in present:
-                laws.begin(LAW, here, law.part, law.coordinates)
+                laws.begin(LAW, here, law.part, np.r_[here.x, law.coordinates])
         return rivals + laws.rivals()
 
 
@@ -265,20 +275,22 @@ def _same(ranked: Sequence[Rival]) -> list[Rival]:
 class _Fits:
     """Fits that compete: a few rounds for all, the best go on to their end.
 
-    `least` is the least F of a fit so far.
+    `moved`: parameters are free, and may be far from where their slopes were made. `least` is the
+    least F of a fit so far.
     """
 
-    def __init__(self, question: Question, nominal: Reference, least: float = float("inf")) -> None:
+    def __init__(
+        self, question: Question, nominal: Reference, *, moved: bool, least: float = float("inf")
+    ) -> None:
         self.least = least
-        self._question, self._nominal = question, nominal
+        self._question, self._nominal, self._moved = question, nominal, moved
         self._found: dict[str, tuple[str, Fit]] = {}
 
-    def begin(self, kind: str, reference: Reference, part: Part, coordinates: Array) -> None:
+    def begin(self, kind: str, reference: Reference, part: Part, start: Array) -> None:
         """A few rounds of a part beside a reference; the better of two of one name stays."""
         question = self._question
         question.say(f"fitting {part.name}")
         model = reference.model.with_parts([*reference.model.parts, part])
-        start = np.r_[reference.x, coordinates]
         if isinstance(part, EffectPart) and averages_hide(
             question.evidence, reference, model, start
         ):
@@ -298,9 +310,8 @@ class _Fits:
         for name in _best(fits)[:_POLISHED]:
             if fits[name].objective < self.least + _WITHIN:
                 near.append(name)
-                # Parameters that are tied stay where their slopes hold.
                 fits[name] = polished(question.evidence, fits[name], question.tau,
-                                      fresh=question.tied is None)  # fmt: skip
+                                      fresh=self._moved)  # fmt: skip
                 self.least = min(self.least, fits[name].objective)
         kinds = {name: kind for name, (kind, _) in self._found.items()}
         scored = {name: question.rival(kinds[name], name, f) for name, f in fits.items()}

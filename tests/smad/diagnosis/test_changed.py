@@ -75,3 +75,9 @@ def test_a_single_known_good_run_is_said_to_be_too_few() -> None:
     found = ask(bank(OTHER, GAIN)[:2], good=good()[:1])
     (text,) = (f.text for f in found.findings if f.kind == "few runs")
     assert "a single known-good run" in text
+
+
+def test_an_effect_is_named_where_parameters_have_moved_far_as_well() -> None:
+    found = ask(bank({**OTHER, "ha_W_K": 0.66}, GAIN)[:2], good=good())
+    assert [c.name for c in found.causes] == ["driver_gain"]
+    assert found.causes[0].values[0].value == pytest.approx(0.05, abs=0.005)
