@@ -20,6 +20,7 @@ from evaluation.plant.layout import (
     FORCE_Y,
     GLANCE,
     HELD_DOWN,
+    HOSE_SOFT,
     HOT,
     LAG_A,
     LAG_B,
@@ -30,9 +31,13 @@ from evaluation.plant.layout import (
     PUMP,
     PUMP_ON,
     RAMPED,
+    RELIEVED,
     RETURN_WARM,
     RING_DUTY_X,
     RING_LENGTH,
+    RINGING,
+    RINGING_RATE,
+    RTD_B,
     SETPOINT,
     SETTLED,
     SPEED,
@@ -78,8 +83,15 @@ TUGGED = slot("tugged_trimmer")
 SETPOINT_GROUND = slot("setpoint_ground")
 UNDER_TENDON = slot("hose_under_tendon")
 SINKING = slot("sinking_level")
+TAPERS = slot("tapering_guard")
+RINGS_ON = slot("ringing_loop")
+OVERLAPPING = slot("overlapping_pulses")
+SOFTENING = slot("softening_hose")
+RELIEF = slot("relief_valve")
 
 CURRENT_LIMIT_A = 4.0
+RING_RAD_S, RING_DAMPING = 2.0 * math.pi * 1.2, 0.12
+RELIEF_OPENS, RELIEF_CLOSES = 0.7, 0.45  # of the full flow
 PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
 
 
@@ -145,6 +157,15 @@ def current(
         i *= max(0.1, 1.0 + e[s, TUGGED] * drawn_in / 5e-3)
     if e[1 - s, SETPOINT_GROUND] > 0.0:
         i = max(i - e[1 - s, SETPOINT_GROUND] * side[1 - s, PUMP], 0.0)
+    if e[s, TAPERS] > 0.0:
+        i *= max(0.1, 1.0 - e[s, TAPERS] * max(side[s, RTD_B] - 40.0, 0.0) / 10.0)
+    if e[0, OVERLAPPING] > 0.0:
+        i -= e[0, OVERLAPPING] * min(i, side[1 - s, AMPERE])
+    if e[s, RINGS_ON] > 0.0:
+        off = RING_RAD_S * (i - side[s, RINGING]) - 2.0 * RING_DAMPING * side[s, RINGING_RATE]
+        side[s, RINGING_RATE] += dt * RING_RAD_S * off
+        side[s, RINGING] += dt * side[s, RINGING_RATE]
+        i = max(i + e[s, RINGS_ON] * (side[s, RINGING] - i), 0.0)
     side[s, LAG_A] = approach(side[s, LAG_A], i, dt, p[DRIVER_LAG])
     slow = e[s, SLOW_DRIVER]
     if slow <= 0.0:
@@ -206,6 +227,14 @@ def flow(
         slow = 10.0 if share > side[s, TIRED] else 25.0
         side[s, TIRED] = approach(side[s, TIRED], share, dt, slow)
         share *= 1.0 - min(e[s, MEMBRANE], 0.95) * min(side[s, TIRED], 1.0)
+    if e[s, SOFTENING] > 0.0:
+        share *= 1.0 - min(e[s, SOFTENING], 0.95) * min(max(side[s, HOSE_SOFT], 0.0), 1.0)
+    if e[s, RELIEF] > 0.0:
+        if share > RELIEF_OPENS:
+            side[s, RELIEVED] = approach(side[s, RELIEVED], 1.0, dt, 0.3)
+        elif share < RELIEF_CLOSES:
+            side[s, RELIEVED] = approach(side[s, RELIEVED], 0.0, dt, 0.3)
+        share *= 1.0 - min(e[s, RELIEF], 0.95) * side[s, RELIEVED]
     full = p[FULL_FLOW] * (p[Y_FLOW] if s == 1 else 1.0)
     return float(full * share)
 

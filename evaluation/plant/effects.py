@@ -18,6 +18,7 @@ SIGNED = frozenset(
         "pump_bourdon", "galvanic_clip", "rtd_warmup", "bracket_growth", "cell_shock",
         "hall_zero_drift", "motor_beside_sensor", "sliding_clip", "flexed_lead", "squeezed_rtd",
         "encoder_in_field", "attracting_turns",
+        "tugged_trimmer", "rtd_joints", "counted_motors", "dragged_cable",
     )
 ) | sealed.SIGNED  # fmt: skip
 """Effects whose magnitude may be negative."""

@@ -15,6 +15,7 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMBIENT,
     AMPERE,
+    BASE,
     CELL_WIDTH,
     CELLS,
     COLDEST,
@@ -43,6 +44,7 @@ from evaluation.plant.layout import (
     RTD_A,
     RTD_B,
     RTD_BEFORE,
+    SCANNED,
     SEEN_BEFORE,
     SIDE_WIDTH,
     SINK_WARM,
@@ -115,6 +117,8 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, RTD_B] = water_degC
     side[:, RTD_BEFORE] = water_degC
     side[:, SEEN_BEFORE] = water_degC
+    side[:, SCANNED] = water_degC
+    pair[BASE] = water_degC
     side[:, STEM] = 0.3 * water_degC + 0.7 * ambient_degC
     pair[FORCE_X] = pair[FORCE_Y] = 1.2
     quiet = np.zeros(8)

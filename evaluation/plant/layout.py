@@ -86,8 +86,19 @@ CELL_WIDTH = PLAY + PLAYS
     FATIGUED,
     SEEN_BEFORE,
     SLEEVED,
+    RINGING,
+    RINGING_RATE,
+    GREATEST_LOAD,
+    GASSING,
+    GAS_COAT,
+    HOSE_SOFT,
+    RELIEVED,
+    PLUME,
+    SCANNED,
+    WALKED,
+    YIELDING,
     SIDE_WIDTH,
-) = range(63)
+) = range(74)
 
 (
     TIME,
@@ -122,8 +133,13 @@ CELL_WIDTH = PLAY + PLAYS
     MISCOUNTED,
     CARRIED,
     RUN_DRY,
+    BASE,
+    SWING,
+    SWING_RATE,
+    UNBOLTED,
+    STRETCHING,
     PAIR_WIDTH,
-) = range(33)
+) = range(38)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256

@@ -42,15 +42,25 @@ from evaluation.plant.layout import (
     SPEED,
     SPONGE,
     TAUT_BEFORE,
-    TIME,
     TURNED,
+    WALKED,
     WORK_DONE,
+    YIELDING,
     T,
     W,
     X,
 )
 from evaluation.plant.parameters import index
 from evaluation.plant.phase import TURN_ONSET, TURN_POWER, TURN_SCALE, turned_by
+from evaluation.plant.rarer import WALKING
+from evaluation.plant.tendon import (
+    PLIES_N,
+    AXLE_m,
+    carried_axle,
+    hung_and_stopped,
+    longer_tendon,
+    swing,
+)
 
 Array = NDArray[np.float64]
 
@@ -64,9 +74,7 @@ FULL_FLOW = index("flow_W_K")
 
 FRICTION_IN_TUBE = slot("tube_friction")
 DRAG = slot("viscous_drag")
-COMPLIANCE = slot("tendon_compliance")
 PARALLEL = slot("tube_stiffness")
-CREEP = slot("tendon_log_creep")
 COILS_TOUCH = slot("coil_contact")
 BOURDON = slot("pump_bourdon")
 DRIFT = slot("transformation_drift")
@@ -84,18 +92,15 @@ GRIPPING = slot("gripping_hose")
 ANNEALING = slot("annealed_spring")
 SOFTENING = slot("cyclic_softening")
 ATTRACTING = slot("attracting_turns")
-PLIES = slot("plied_tendon")
 BENT_GUIDE = slot("bent_guide")
 TWO_PHASES = slot("two_phase_softening")
 SHRUNK_SLEEVE = slot("shrunk_sleeve")
-LOOSE_AXLE = slot("loose_axle")
 RUNS_DRY = slot("drying_bearing")
+YIELDS = slot("yielding_austenite")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
 COILS_CLOSE_m = 0.020
-PLIES_N = 0.2  # change of tension over which the friction between plies turns round
-AXLE_m = 8e-4  # travel over which the tendon carries a loose axle from one end of its play on
 DETENT_m = 2.5e-3  # how far from its rest a magnet holds the tendon hardest
 
 
@@ -119,6 +124,11 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     side[s, GROWN] += e[s, ANCHOR] * 1e-3 * side[s, GIVEN_WAY]
     side[s, GROWN] += e[s, CRIMP_CREEPS] * 1e-3 * side[s, CRIMP]
     side[s, GROWN] -= e[s, SHRINKING] * 1e-3 * side[s, SHRUNK]
+    side[s, GROWN] += e[s, WALKING] * 1e-3 * side[s, WALKED]
+    if e[s, YIELDS] > 0.0:
+        side[s, YIELDING] = 0.0
+        for i in range(CELLS):
+            side[s, YIELDING] += e[s, YIELDS] * 1e-3 * (1.0 - cells[s, i, FRACTION]) / CELLS
     if e[s, MOBILE] > 0.0:
         total *= 1.0 + e[s, MOBILE] * side[s, RATE] / (side[s, RATE] + 0.03)
     if e[s, SOFTENING] > 0.0:
@@ -142,6 +152,10 @@ def deflection(s: int, force: float, p: Array, cells: Array, side: Array) -> tup
         rate = left * p[TURN_POWER] * power / excess * p[STRESS] / p[TURN_SCALE]
     length = side[s, COMPLIANT] * force + side[s, GROWN]
     slope = side[s, COMPLIANT]
+    if side[s, YIELDING] > 0.0:
+        over = max(force - 1.4, 0.0) / 0.3
+        length += side[s, YIELDING] * over * over
+        slope += side[s, YIELDING] * 2.0 * over / 0.3
     for i in range(CELLS):
         share = side[s, FREE_STRAIN] * cells[s, i, FRACTION]
         if turned > cells[s, i, TURNED]:
@@ -195,38 +209,6 @@ def pull(
     force += e[s, ATTRACTING] * (side[s, AMPERE] / 4.0) ** 2
     force += e[s, SHRUNK_SLEEVE] * side[s, SLEEVED]
     return force, slope
-
-
-@compiled
-def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
-    """How much longer the tendon is than at assembly (m), and its slope in force."""
-    stretch = 0.0
-    slope = 0.0
-    tension = max(force, 0.0)
-    if e[0, COMPLIANCE] > 0.0:
-        scale = e[0, COMPLIANCE] * 1e-3 / math.log(4.1)
-        stretch += scale * (math.log(1.0 + tension / 0.4) - math.log(4.1))
-        slope += scale / (0.4 + tension)
-    if e[0, CREEP] > 0.0:
-        scale = e[0, CREEP] * 1e-3 * math.log(1.0 + pair[TIME] / 3.0)
-        stretch += scale * tension
-        slope += scale
-    if e[0, PLIES] > 0.0:
-        rubbed = pair[PLIED] + (force - pair[TAUT_BEFORE]) / PLIES_N
-        stretch += 1e-3 * e[0, PLIES] * min(max(rubbed, -1.0), 1.0)
-        if abs(rubbed) < 1.0:
-            slope += 1e-3 * e[0, PLIES] / PLIES_N
-    return stretch, slope
-
-
-@compiled
-def carried_axle(moved: float, e: Array, pair: Array) -> tuple[float, float]:
-    """How much longer a loose axle makes the tendon (m), and its slope in the move (1)."""
-    if e[0, LOOSE_AXLE] <= 0.0:
-        return 0.0, 0.0
-    at = pair[CARRIED] + moved / AXLE_m
-    scale = 1e-3 * e[0, LOOSE_AXLE]
-    return scale * min(max(at, -1.0), 1.0), scale / AXLE_m if abs(at) < 1.0 else 0.0
 
 
 @compiled
@@ -297,7 +279,8 @@ def resisting(
         scale = e[0, RUNS_DRY] * (1.0 - math.exp(-pair[RUN_DRY] / 0.04))
         total += scale * v / (abs(v) + 1.0)
         slope += scale / (abs(v) + 1.0) ** 2 / dt / 5e-4
-    return total, slope, bristle
+    hung, stiff = hung_and_stopped(x, e, pair)
+    return total + hung, slope + stiff, bristle
 
 
 @compiled
@@ -341,6 +324,7 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     pair[TAUT_BEFORE] = force_y
     pair[CARRIED] = min(max(pair[CARRIED] + (x - before) / AXLE_m, -1.0), 1.0)
     pair[RUN_DRY] += abs(x - before)
+    swing(x, e, pair, dt)
     if e[0, GREASE] > 0.0:
         stirred = (1.0 - pair[SHEARED]) * abs(pair[SPEED]) / 4e-3
         pair[SHEARED] = min(pair[SHEARED] + dt * (stirred - pair[SHEARED] / 8.0), 1.0)

@@ -9,20 +9,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.plant.compiled import compiled
+from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
+    BASE,
     CELLS,
     COLDEST,
     FLOW,
     FLUSHED,
+    FORCE_X,
+    FORCE_Y,
     FRACTION,
     FRETTED,
+    GAS_COAT,
+    GASSING,
+    GREATEST_LOAD,
+    HOSE_SOFT,
     SHUNT,
     SLEEVED,
     SPEED,
+    STRETCHING,
     TIME,
     TURNED,
+    WALKED,
     T,
     W,
     X,
@@ -50,7 +60,19 @@ DEEP_COOLED = slot("deep_cooled")
 HAMMERED = slot("hammered_variants")
 SHRUNK_SLEEVE = slot("shrunk_sleeve")
 FRETTING = slot("fretted_crimp")
+FRAYING = slot("fraying_lead")
+GAS = slot("boiling_out_gas")
+ELECTROLYSIS = slot("electrolysis_gas")
+SOFT_HOSE = slot("softening_hose")
+SHARED_BASE = slot("shared_base")
+SEATED = slot("seated_end")
+MATRIX = slot("stiff_matrix")
+GRADED = slot("graded_wire")
+SLIP_BANDS = slot("warm_slip_bands")
+WALKING = slot("walking_anchor")
 
+BASE_J_K = 20.0
+GAS_COMES_K, GAS_GOES_K = 4.0, 1.5  # of wire over water
 LAMP_S, LAMP_ON = 24.0, 0.375  # how often a lamp comes on, and for what share of that
 
 
@@ -78,8 +100,12 @@ def elsewhere(
     shone = e[0, LAMP] if turn - math.floor(turn) < LAMP_ON else 0.0
     ampere = side[1 - s, AMPERE]
     induced = e[1 - s, INDUCED] * ampere * max(4.0 - ampere, 0.0) / 4.0
+    tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
+    rows[0, TO_CLAMP] += e[s, SEATED] * min(max((tension - 1.24) / 0.4, 0.0), 1.0)
+    base = e[0, SHARED_BASE] / CELLS
     for i in range(CELLS):
         rows[i, HEAT_WIRE] += induced / CELLS
+        rows[i, HEAT_WATER] += base * (pair[BASE] - cells[s, i, W])
         rows[i, TO_CLAMP] += e[s, ROD] * gripped / CELLS
         rows[i, HEAT_WATER] += (dripping * (warm - cells[s, i, W]) + shone) / CELLS
 
@@ -92,10 +118,16 @@ def odd_shifts(
     eased = e[s, SHAKEN] * share
     length = 1.0 + (pair[X] if s == 1 else -pair[X]) / 25e-3
     bent = e[s, BENT] * (length * length - 1.0)
+    drawn_in = pair[STRETCHING] if s == 0 else -pair[STRETCHING]
+    banded = e[s, SLIP_BANDS] * drawn_in / (abs(drawn_in) + 2e-3)
     for i in range(CELLS):
         further = (cells[s, i, TURNED] - p[AT_START]) / 0.05
         rows[i, SHIFT_HEAT] += e[s, TURNED_RESISTS] * further - eased + bent
         rows[i, SHIFT_COOL] += eased + bent
+        uneven = e[s, GRADED] * (2.0 * i / (CELLS - 1.0) - 1.0)
+        both = uneven + e[s, MATRIX] * (0.5 - cells[s, i, FRACTION]) + banded
+        rows[i, SHIFT_HEAT] += both
+        rows[i, SHIFT_COOL] += both
 
 
 @compiled
@@ -119,3 +151,33 @@ def age(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
         for i in range(CELLS):
             warmth += cells[s, i, T] / CELLS
         side[s, SLEEVED] = max(side[s, SLEEVED], min(max(warmth - 36.0, 0.0) / 15.0, 1.0))
+
+
+@compiled
+def wear(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
+    """Update what loads, gas, hoses, a base and an anchor remember of a tick of spring `s`."""
+    tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
+    if e[s, FRAYING] > 0.0:
+        side[s, GREATEST_LOAD] = max(side[s, GREATEST_LOAD], tension)
+    if e[s, GAS] > 0.0:
+        across = 0.0
+        for i in range(CELLS):
+            across += (cells[s, i, T] - cells[s, i, W]) / CELLS
+        if across > GAS_COMES_K:
+            side[s, GASSING] = approach(side[s, GASSING], 1.0, dt, 0.5)
+        elif across < GAS_GOES_K:
+            side[s, GASSING] = approach(side[s, GASSING], 0.0, dt, 2.0)
+    if e[s, ELECTROLYSIS] > 0.0:
+        coat = approach(side[s, GAS_COAT], side[s, AMPERE] / 4.0, dt, 4.0)
+        side[s, GAS_COAT] = coat * math.exp(-dt * side[s, FLOW] / p[FULL_FLOW] / 1.5)
+    if e[s, SOFT_HOSE] > 0.0:
+        warm = (cells[s, CELLS - 1, W] - 27.0) / 10.0
+        side[s, HOSE_SOFT] = approach(side[s, HOSE_SOFT], warm, dt, 5.0)
+    if e[0, SHARED_BASE] > 0.0:
+        for i in range(CELLS):
+            into = e[0, SHARED_BASE] / CELLS * (cells[s, i, W] - pair[BASE])
+            pair[BASE] += dt * into / BASE_J_K
+    if e[s, SLIP_BANDS] > 0.0 and (s == 1 or e[1, SLIP_BANDS] <= 0.0):
+        pair[STRETCHING] = approach(pair[STRETCHING], pair[SPEED], dt, 0.5)
+    if e[s, WALKING] > 0.0:
+        side[s, WALKED] += dt * side[s, FLOW] / p[FULL_FLOW] / 5.0

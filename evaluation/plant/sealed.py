@@ -4,93 +4,89 @@ Where a forcing at another place would leave less than one floor of ten, that pl
 The load cell is beside X, so that a force between the springs has one place.
 """
 
-from evaluation.plant.effect import FLOW, TUBE, Effect
+from evaluation.plant.effect import FLOW, Effect
 
 EFFECTS: tuple[Effect, ...] = (
-    Effect("tugged_trimmer", "sealed", "electrical", "1", 0.00777, 0.3, "driven_current",
-           "displacement current",
-           "a heater's lead tugs at its driver's trimmer: I[1 + e y/5 mm], y its own contraction"),
-    Effect("setpoint_ground", "sealed", "electrical", "A", 0.0261, 0.8, "driven_current",
-           "other_duty",
-           "the other pump's motor lifts a driver's ground: I − e w ≥ 0, w the motor's speed",
-           "across"),
-    Effect("fretted_crimp", "sealed", "electrical", "ohm", 0.0112, 0.4, "resistance",
-           "velocity time",
-           "a crimp frets as the tendon moves: R + e(1 − exp(−∫|dx|/30 mm))", "one"),
-    Effect("lead_in_outlet", "sealed", "electrical", "ohm", 0.00841, 0.25,
-           "resistance reading_voltage", "water wire",
-           "a thin copper lead lies in its tube's outlet: R + e ΔT_w/20 K, and its heat there"),
-    Effect("tarnished_crimp", "sealed", "electrical", "V", 0.0193, 0.6,
-           "reading_voltage resistance", "current reading",
-           "a tarnished crimp within the sense clips drops nearly the same at any current: "
-           "V + e I/(I + 0.5 A)"),
-    Effect("other_pump_shakes", "sealed", "thermal", "1", 0.419, 12.0, "film", "other_duty",
-           "the other pump's pulses shake a coil in its water: film[1 + e q], q the other flow's "
-           "share", "across"),
-    Effect("hose_under_tendon", "sealed", "thermal", "1", 0.177, 0.95, FLOW, "force duty",
-           "a taut tendon presses on a hose: flow[1 − e k], k from 0 at 1.24 N to 1 at 1.64 N",
+    Effect("tapering_guard", "sealed", "electrical", "1", 0.0189, 0.9, "driven_current",
+           "wire current",
+           "a guard in the driver tapers with its RTD: I[1 − e(T_RTD − 40 °C)⁺/10 K]"),
+    Effect("ringing_loop", "sealed", "electrical", "1", 0.0213, 0.8, "driven_current", "current",
+           "a current loop rings: I + e(r − I), r the current through an oscillator of 1.2 Hz, "
+           "damping 0.12"),
+    Effect("overlapping_pulses", "sealed", "electrical", "1", 0.0294, 0.6, "driven_current",
+           "other_current current",
+           "bridges that switch in step saturate their choke: each current − e min(I, J)", "both"),
+    Effect("fraying_lead", "sealed", "electrical", "ohm", 0.00457, 0.3,
+           "resistance reading_voltage", "force",
+           "strands of a lead tear under the largest load yet: R + e(F_max − 1.3 N)⁺/0.3 N",
            "one"),
-    Effect("sinking_level", "sealed", "thermal", "1", 0.313, 1.5, FLOW,
-           "duty other_duty time",
-           "the vessel runs low: flow(1 − e l), l gains both flows' share each 20 s and loses "
-           "itself in 50 s", "both"),
-    Effect("warm_cartridge", "sealed", "thermal", "K", 3.14, 20.0, "inlet_water heat_into_water",
-           "duty time",
-           "a warm filter behind the inlet's sensor is flushed cool: T_in + e exp(−∫q dt/6 s), q "
-           "the flow's share"),
-    Effect("drawn_again", "sealed", "thermal", "1", 0.163, 0.9, "inlet_water heat_into_water",
-           "water wire duty",
-           "a coaxial fitting leaks from outlet to inlet: T_in + e(T_out − T_in)"),
-    Effect("pressed_tube", "sealed", "thermal", "1", 2.79, 40.0, "heat_into_water",
-           "force water",
-           "a taut spring presses its tube on the base: loss(1 + e k), k from 0 at 1.24 N to 1 at "
-           "1.64 N",
-           "one"),
-    Effect("metal_yoke", "sealed", "thermal", "W/K", 0.0689, 1.5, "heat_into_wire heat_into_water",
-           "other_wire wire",
-           "a metal yoke joins the springs' outlet ends: + e(T_other − T) between those",
+    Effect("coil_in_field", "sealed", "electrical", "V", 0.0297, 0.8, "reading_voltage", "velocity",
+           "a magnet beside the coil induces in it as it moves: V + e v/5 mm/s, v that of its own "
+           "contraction"),
+    Effect("boiling_out_gas", "sealed", "thermal", "1", 0.414, 8.0, "film", "wire water",
+           "gas leaves the water on hot wire and stirs: film(1 + e b), b → 1 in 0.5 s from 4 K "
+           "between them on, → 0 in 2 s below 1.5 K"),
+    Effect("electrolysis_gas", "sealed", "thermal", "1", 0.656, 8.0, "film", "current duty",
+           "current splits water at the wire: film/(1 + e c), c, the gas on it, → I/4 A in 4 s, "
+           "swept off in 1.5 s by full flow"),
+    Effect("softening_hose", "sealed", "thermal", "1", 0.176, 0.95, FLOW, "water duty",
+           "a suction hose at the outlet softens with warmth: flow(1 − e w), w ≤ 1 → the outlet's "
+           "ΔT_w/10 K in 5 s", "one"),
+    Effect("relief_valve", "sealed", "thermal", "1", 0.205, 0.95, FLOW, "duty",
+           "a relief valve opens above 0.7 of the full flow and closes below 0.45: flow(1 − e) "
+           "while open"),
+    Effect("return_beside_intake", "sealed", "thermal", "1", 0.245, 3.0,
+           "inlet_water heat_into_water", "other_wire other_duty duty",
+           "one tube returns its water beside the other's intake: T_in + e p, p gains "
+           "q(T_out − T_in) each 5 s, q the returning flow's share, and fades in 40 s", "across"),
+    Effect("shared_base", "sealed", "thermal", "W/K", 0.05, 2.0, "heat_into_water",
+           "water other_wire time",
+           "both tubes lie on a base of 20 J/K: + e(T_base − T_w) in each", "both"),
+    Effect("seated_end", "sealed", "thermal", "W/K", 0.0335, 0.6, "heat_into_wire", "force wire",
+           "a taut wire seats its inlet's end in the clamp: − e k(T − T_room) there, k from 0 at "
+           "1.24 N to 1 at 1.64 N"),
+    Effect("scanned_rtd", "sealed", "sensors", "s", 1.2, 8.0, "reading_rtd",
+           "reading_rate wire_rate reading wire",
+           "a scanner comes to each RTD once in e and shows its last value until then"),
+    Effect("dirty_strip", "sealed", "sensors", "mm", 1.27, 5.8, "reading_displacement",
+           "displacement reading",
+           "dirt hides lines of the encoder's strip: over 6 mm round c it counts e less", "both"),
+    Effect("damped_cell", "sealed", "sensors", "N", 0.174, 1.2, "reading_force", "velocity",
+           "oil in the load cell carries a part that grows with speed: F − e v/5 mm/s", "both"),
+    Effect("loose_bolt", "sealed", "sensors", "N", 0.0676, 0.6, "reading_force", "force reading",
+           "the load cell's bolt shifts: F − e from 1.45 N on, until below 1.28 N, in 0.2 s",
            "both"),
-    Effect("rtd_joints", "sealed", "sensors", "K", 1.89, 15.0, "reading_rtd", "duty water wire",
-           "an RTD's two joints of unlike metals lie at the tube's ends: T + e(T_out − T_in)/10 K, "
-           "of its wire there"),
-    Effect("fatigued_rtd", "sealed", "sensors", "K", 3.0, 20.0, "reading_rtd",
-           "time wire reading",
-           "cycling cracks the joints of a two-wire RTD: T + e(1 − exp(−∫|dT|/60 K))", "one"),
-    Effect("counted_motors", "sealed", "sensors", "mm/s", 0.0365, 0.25, "reading_displacement",
-           "duty other_duty time",
-           "the encoder counts the pump motors' sparks: x + e∫(w_x + w_y)dt, w a motor's speed",
-           "both"),
-    Effect("dragged_cable", "sealed", "sensors", "N", 0.0605, 0.4, "reading_force",
+    Effect("magnet_near_hall", "sealed", "sensors", "A", 0.0235, 0.5, "reading_current",
            "displacement",
-           "the load cell's cable is dragged along by the tendon: F + e x/5 mm", "both"),
-    Effect("amplifier_near_rail", "sealed", "sensors", "1", 0.0226, 0.9, "reading_current",
-           "current reading",
-           "a current amplifier bends near its rail: i − e(i − 2.5 A)⁺"),
-    Effect("electron_wind", "sealed", "phase", "K", 1.23, 8.0, "transformation_shift",
-           "current",
-           "current itself eases the transformation: A_s − e I/4 A, M_s + e I/4 A"),
-    Effect("deep_cooled", "sealed", "phase", "K", 1.07, 10.0, "transformation_shift",
-           "wire fraction",
-           "martensite that was cooled further turns back later: A_s + e(34 °C − T_min)⁺/5 K, "
-           "T_min the lowest since ξ < ½"),
-    Effect("two_phase_softening", "sealed", "phase", "1", 0.142, 1.2, "recoverable_strain",
-           "fraction force",
-           "a mixture of phases is softer than either: elastic deflection[1 + 4e ξ(1 − ξ)]"),
-    Effect("hammered_variants", "sealed", "phase", "1", 0.133, 0.5, "recoverable_strain",
-           "duty fraction time",
-           "a pump's pulses turn martensite further: turned share + e∫q dt/10 s, q the flow's "
-           "share, until it forms anew"),
-    Effect("shrunk_sleeve", "sealed", "mechanics", "N", 0.121, 0.8, TUBE, "wire time",
-           "a shrinkable sleeve draws a spring in for good: it pulls e m more, m the most of "
-           "(T − 36 °C)⁺/15 K ≤ 1 so far"),
-    Effect("loose_axle", "sealed", "mechanics", "mm", 1.25, 8.0, "recoverable_strain",
+           "a magnet on the tendon nears both current sensors: i + e[(1 − x/25 mm)⁻² − 1]",
+           "both"),
+    Effect("stiff_matrix", "sealed", "phase", "K", 4.57, 18.0, "transformation_shift", "fraction",
+           "what has transformed strains the rest: both thresholds + e(½ − ξ)"),
+    Effect("graded_wire", "sealed", "phase", "K", 1.28, 8.0, "transformation_shift",
+           "constant fraction wire",
+           "nickel is unevenly spread: both thresholds − e at the inlet's end to + e at the "
+           "outlet's", "one"),
+    Effect("warm_slip_bands", "sealed", "phase", "K", 1.41, 10.0, "transformation_shift",
+           "velocity",
+           "fast stretching warms slip bands within: both thresholds − e v/(|v| + 2 mm/s), v its "
+           "own stretching, over 0.5 s"),
+    Effect("yielding_austenite", "sealed", "phase", "mm", 1.07, 12.0, "recoverable_strain",
+           "force fraction",
+           "stressed austenite turns martensitic here and there: deflection + e(1 − ξ)"
+           "[(F − 1.4 N)⁺/0.3 N]²"),
+    Effect("swinging_reel", "sealed", "mechanics", "N", 0.132, 0.9, "force_cell_on_x",
            "velocity displacement",
-           "the tendon carries a pulley's loose axle along: it is longer by e b, b by dx/0.8 mm "
-           "within ±1", "both"),
-    Effect("drying_bearing", "sealed", "mechanics", "N", 0.156, 0.9, "force_cell_on_x",
-           "velocity time",
-           "a bearing's oil is rubbed away: e(1 − exp(−∫|dx|/40 mm)) v/(|v| + 0.5 mm/s)", "both"),
+           "a reel on soft cords swings after the tendon at 0.2 Hz, damping 0.15: against x by "
+           "e(x − s)/5 mm, s its swing", "both"),
+    Effect("rubber_buffer", "sealed", "mechanics", "N", 0.024, 0.5, "force_cell_on_x",
+           "displacement",
+           "the tendon's clip meets a buffer 2 mm off the middle: it pushes back by "
+           "e[(|x| − 2 mm)⁺/2 mm]^1.5, on one side", "both"),
+    Effect("walking_anchor", "sealed", "mechanics", "mm", 1.18, 6.0, "recoverable_strain",
+           "duty time",
+           "its pump's pulses walk a spring's anchor along: deflection + e∫q dt/5 s, q the "
+           "flow's share", "one"),
 )  # fmt: skip
 
-SIGNED = frozenset(("tugged_trimmer", "rtd_joints", "counted_motors", "dragged_cable"))
+SIGNED = frozenset(("coil_in_field", "magnet_near_hall", "graded_wire"))
 """Those whose magnitude may be negative."""

@@ -49,6 +49,7 @@ from evaluation.plant.layout import (
     RTD_A,
     RTD_B,
     RTD_BEFORE,
+    SCANNED,
     SEEN_BEFORE,
     SHUNT,
     SHUNT_WARM,
@@ -59,6 +60,7 @@ from evaluation.plant.layout import (
     STEM,
     TIME,
     TURNED,
+    UNBOLTED,
     T,
     W,
     X,
@@ -120,6 +122,12 @@ FATIGUE = slot("fatigued_rtd")
 COUNTS_MOTORS = slot("counted_motors")
 DRAGGED_CABLE = slot("dragged_cable")
 NEAR_RAIL = slot("amplifier_near_rail")
+MOVING_EMF = slot("coil_in_field")
+SCANNER = slot("scanned_rtd")
+DIRT = slot("dirty_strip")
+OIL = slot("damped_cell")
+LOOSE_BOLT = slot("loose_bolt")
+MAGNET = slot("magnet_near_hall")
 
 TURN_mm = 13.0
 GUIDE_m = 3e-4  # travel over which the friction of the load cell's guide builds up
@@ -184,6 +192,11 @@ def rtd(
         slow = e[s, RIPPLE_FILTER] * side[s, AMPERE] / 4.0
         side[s, AVERAGED] = approach(side[s, AVERAGED], reading, dt, slow)
         reading = side[s, AVERAGED]
+    if e[s, SCANNER] > 0.0:
+        turn = pair[TIME] / e[s, SCANNER] + 0.5 * s
+        if math.floor(turn) != math.floor(turn - dt / e[s, SCANNER]):
+            side[s, SCANNED] = reading
+        reading = side[s, SCANNED]
     return float(reading)
 
 
@@ -226,6 +239,10 @@ def travel(seen_mm: float, dt: float, e: Array, cells: Array, side: Array, pair:
         pair[MISCOUNTED] += dt * (side[0, PUMP] + side[1, PUMP])
         reading += e[0, COUNTS_MOTORS] * pair[MISCOUNTED]
     reading += e[0, IN_FIELD] * (side[0, AMPERE] - side[1, AMPERE]) / 4.0
+    if e[0, DIRT] > 0.0:
+        middle = 6.0 * (e[2, DIRT] - 0.5)
+        hidden = min(max((seen_mm - middle) / 6.0, -0.5), 0.5)
+        reading -= e[0, DIRT] * (hidden + middle / 6.0)
     if e[0, WIDE_INDEX] > 0.0:
         off = seen_mm - 6.0 * (e[2, WIDE_INDEX] - 0.5)
         if abs(off) > 1.0:
@@ -264,6 +281,13 @@ def load(
             side[s, HOSE] = approach(side[s, HOSE], side[s, FLOW] / p[FULL_FLOW], dt, 0.4)
         reading += e[0, HOSES] * (side[0, HOSE] - 0.6 * side[1, HOSE])
     reading += e[0, DRAGGED_CABLE] * pair[X] / 5e-3
+    reading -= e[0, OIL] * pair[SPEED] / 5e-3
+    if e[0, LOOSE_BOLT] > 0.0:
+        if seen_N > 1.45:
+            pair[UNBOLTED] = approach(pair[UNBOLTED], 1.0, dt, 0.2)
+        elif seen_N < 1.28:
+            pair[UNBOLTED] = approach(pair[UNBOLTED], 0.0, dt, 0.2)
+        reading -= e[0, LOOSE_BOLT] * pair[UNBOLTED]
     reading *= 1.0 - e[0, BRIDGE_SAGS] * (side[0, PUMP] + side[1, PUMP])
     for s in range(2):
         ampere = side[s, AMPERE]
@@ -300,10 +324,13 @@ def read(
         out[s] -= min(e[s, NEAR_RAIL], 0.95) * max(out[s] - 2.5, 0.0)
         out[s] += e[0, HALL_DRIFT] * pair[BOARD]
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
+        nearness = 1.0 / (1.0 - min(max(pair[X], -0.02), 0.02) / 25e-3)
+        out[s] += e[0, MAGNET] * (nearness * nearness - 1.0)
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
         if e[s, TARNISHED] > 0.0:
             out[2 + s] += e[s, TARNISHED] * side[s, AMPERE] / (side[s, AMPERE] + 0.5)
+        out[2 + s] += e[s, MOVING_EMF] * (pair[SPEED] if s == 0 else -pair[SPEED]) / 5e-3
         if e[s, GALVANIC] != 0.0:
             side[s, CLIP] = approach(side[s, CLIP], cells[s, CELLS - 1, T] - 27.0, dt, 4.0)
             out[2 + s] += e[s, GALVANIC] * side[s, CLIP] / 20.0

@@ -27,6 +27,9 @@ from evaluation.plant.layout import (
     FORCE_Y,
     FRACTION,
     FRETTED,
+    GAS_COAT,
+    GASSING,
+    GREATEST_LOAD,
     HEATED_FROM,
     HEATING,
     INNER_STRESS,
@@ -56,18 +59,27 @@ from evaluation.plant.phase import WEIGHT, falling, turned_by
 from evaluation.plant.rarer import (
     BENT,
     DRIPPING,
+    ELECTROLYSIS,
+    FRAYING,
+    GAS,
+    GRADED,
     INDUCED,
     LAMP,
     LEADS,
+    MATRIX,
     PEAK,
     ROD,
+    SEATED,
     SHAKEN,
+    SHARED_BASE,
+    SLIP_BANDS,
     SWEATING,
     TURNED_RESISTS,
     age,
     elsewhere,
     odd_heat,
     odd_shifts,
+    wear,
 )
 from evaluation.plant.thermal import (
     FILM,
@@ -179,6 +191,10 @@ def resistance(
         hotter = e[s, LEAD_IN_OUTLET] * max(cells[s, CELLS - 1, W] - 27.0, 0.0) / 20.0
         heat[CELLS - 1] += hotter
         total += hotter
+    if e[s, FRAYING] > 0.0:
+        torn = e[s, FRAYING] * max(side[s, GREATEST_LOAD] - 1.3, 0.0) / 0.3
+        heat[0] += torn
+        total += torn
     if e[s, CRACK] > 0.0:
         heat[CELLS - 1] += e[s, CRACK] * side[s, OPENED]
         total += e[s, CRACK] * side[s, OPENED]
@@ -224,6 +240,8 @@ def coefficients(
     if e[s, ON_THE_WALL] > 0.0:
         tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
         reach /= 1.0 + e[s, ON_THE_WALL] * max((1.5 - tension) / 0.3, 0.0)
+    reach *= 1.0 + e[s, GAS] * side[s, GASSING]
+    reach /= 1.0 + e[s, ELECTROLYSIS] * side[s, GAS_COAT]
     still = p[STATIC] / CELLS * (1.0 + e[s, SWIRLING] * side[s, SWIRL])
     for i in range(CELLS):
         row = rows[i]
@@ -253,12 +271,14 @@ def coefficients(
     rows[CELLS - 1, TO_CLAMP] = 0.5 * e[s, COLD_ENDS]
     if e[s, SWEATING] > 0.0 or e[1 - s, LEADS] > 0.0 or e[s, PEAK] > 0.0:
         odd_heat(s, e, cells, side, rows)
-    if e[s, ROD] > 0.0 or max(e[1 - s, DRIPPING], e[1 - s, INDUCED], e[0, LAMP]) > 0.0:
+    beside = max(e[1 - s, DRIPPING], e[1 - s, INDUCED], e[0, LAMP], e[0, SHARED_BASE])
+    if beside > 0.0 or e[s, ROD] > 0.0 or e[s, SEATED] > 0.0:
         elsewhere(s, p, e, cells, side, pair, rows)
     if e[0, YOKE] > 0.0:
         warmer = cells[1 - s, CELLS - 1, T] - cells[s, CELLS - 1, T]
         rows[CELLS - 1, HEAT_WIRE] += e[0, YOKE] * warmer
-    if e[s, TURNED_RESISTS] > 0.0 or e[s, SHAKEN] > 0.0 or e[s, BENT] > 0.0:
+    moved = max(e[s, TURNED_RESISTS], e[s, SHAKEN], e[s, BENT], e[s, MATRIX], e[s, SLIP_BANDS])
+    if moved > 0.0 or e[s, GRADED] != 0.0:
         odd_shifts(s, share, p, e, cells, pair, rows)
     return float(CELLS * p[CONDUCTION] + p[MIXING] * side[s, FLOW] * CELLS / 6.0)
 
@@ -370,6 +390,7 @@ def tube(
         pair[RESERVOIR] += e[s, RESERVOIR_WARMS] * gained / 400.0
     remember(s, stress, p, e, cells, side, dt)
     age(s, p, e, cells, side, pair, dt)
+    wear(s, p, e, cells, side, pair, dt)
     warmth = amperes * amperes
     side[s, CONTACT] = approach(side[s, CONTACT], warmth / 16.0, dt, 8.0)
     side[s, SHUNT] = approach(side[s, SHUNT], warmth / 16.0, dt, 10.0)

@@ -18,6 +18,7 @@ from evaluation.plant.layout import (
     FLOW,
     FLUSHED,
     HOSE_WARM,
+    PLUME,
     POCKET,
     RESERVOIR,
     SINK_WARM,
@@ -35,6 +36,7 @@ HOSES_TOUCH = slot("hoses_side_by_side")
 CHILLER = slot("cycling_chiller")
 CARTRIDGE = slot("warm_cartridge")
 DRAWN_AGAIN = slot("drawn_again")
+RETURNING = slot("return_beside_intake")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
@@ -97,4 +99,8 @@ def entering(
         source += e[s, CARTRIDGE] * math.exp(-side[s, FLUSHED] / 6.0)
     if e[s, DRAWN_AGAIN] > 0.0:
         source += e[s, DRAWN_AGAIN] * (cells[s, CELLS - 1, W] - source)
+    if e[1 - s, RETURNING] > 0.0:
+        returned = side[1 - s, FLOW] / 0.55 * (cells[1 - s, CELLS - 1, W] - source)
+        side[s, PLUME] += dt * (returned / 5.0 - side[s, PLUME] / 40.0)
+        source += e[1 - s, RETURNING] * side[s, PLUME]
     return float(source)

@@ -1,0 +1,82 @@
+"""The tendon between the springs: how much longer it grows, and what hangs on it or stops it."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluation.plant.compiled import compiled
+from evaluation.plant.effects import slot
+from evaluation.plant.layout import CARRIED, PLIED, SWING, SWING_RATE, TAUT_BEFORE, TIME
+
+Array = NDArray[np.float64]
+
+COMPLIANCE = slot("tendon_compliance")
+CREEP = slot("tendon_log_creep")
+PLIES = slot("plied_tendon")
+LOOSE_AXLE = slot("loose_axle")
+SWINGING = slot("swinging_reel")
+BUFFER = slot("rubber_buffer")
+
+PLIES_N = 0.2  # change of tension over which the friction between plies turns round
+AXLE_m = 8e-4  # travel over which the tendon carries a loose axle from one end of its play on
+SWING_RAD_S, SWING_DAMPING = 2.0 * math.pi * 0.2, 0.15
+SWUNG_m = 5e-3
+BUFFER_m = 2e-3  # how far off the middle a buffer stands, and how deep it is
+
+
+@compiled
+def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
+    """How much longer the tendon is than at assembly (m), and its slope in force."""
+    stretch = 0.0
+    slope = 0.0
+    tension = max(force, 0.0)
+    if e[0, COMPLIANCE] > 0.0:
+        scale = e[0, COMPLIANCE] * 1e-3 / math.log(4.1)
+        stretch += scale * (math.log(1.0 + tension / 0.4) - math.log(4.1))
+        slope += scale / (0.4 + tension)
+    if e[0, CREEP] > 0.0:
+        scale = e[0, CREEP] * 1e-3 * math.log(1.0 + pair[TIME] / 3.0)
+        stretch += scale * tension
+        slope += scale
+    if e[0, PLIES] > 0.0:
+        rubbed = pair[PLIED] + (force - pair[TAUT_BEFORE]) / PLIES_N
+        stretch += 1e-3 * e[0, PLIES] * min(max(rubbed, -1.0), 1.0)
+        if abs(rubbed) < 1.0:
+            slope += 1e-3 * e[0, PLIES] / PLIES_N
+    return stretch, slope
+
+
+@compiled
+def carried_axle(moved: float, e: Array, pair: Array) -> tuple[float, float]:
+    """How much longer a loose axle makes the tendon (m), and its slope in the move (1)."""
+    if e[0, LOOSE_AXLE] <= 0.0:
+        return 0.0, 0.0
+    at = pair[CARRIED] + moved / AXLE_m
+    scale = 1e-3 * e[0, LOOSE_AXLE]
+    return scale * min(max(at, -1.0), 1.0), scale / AXLE_m if abs(at) < 1.0 else 0.0
+
+
+@compiled
+def hung_and_stopped(x: float, e: Array, pair: Array) -> tuple[float, float]:
+    """Force against `x` (N) of what hangs on the tendon and of what stops it, and its slope."""
+    total = 0.0
+    slope = 0.0
+    if e[0, SWINGING] > 0.0:
+        total += e[0, SWINGING] * (x - pair[SWING]) / SWUNG_m
+        slope += e[0, SWINGING] / SWUNG_m
+    if e[0, BUFFER] > 0.0:
+        way = 1.0 if e[2, BUFFER] < 0.5 else -1.0
+        deep = max(way * x / BUFFER_m - 1.0, 0.0)
+        total += way * e[0, BUFFER] * deep**1.5
+        slope += e[0, BUFFER] * 1.5 * math.sqrt(deep) / BUFFER_m
+    return total, slope
+
+
+@compiled
+def swing(x: float, e: Array, pair: Array, dt: float) -> None:
+    """Let what hangs on the tendon at `x` swing on for a tick."""
+    if e[0, SWINGING] > 0.0:
+        off = SWING_RAD_S * (x - pair[SWING]) - 2.0 * SWING_DAMPING * pair[SWING_RATE]
+        pair[SWING_RATE] += dt * SWING_RAD_S * off
+        pair[SWING] += dt * pair[SWING_RATE]
