@@ -88,7 +88,7 @@ class CaseRivals:
             np.array([r.scores for r in self.rivals]), [r.kind for r in self.rivals], temper,
             effects=self.effects, laws=self.laws,
             log_prior=np.array([r.log_prior for r in self.rivals]), whether=self.independent_rows,
-            sound=any(r.near for r in self.rivals if r.kind in (NOTHING, PARAMETERS)),
+            near=[r.near for r in self.rivals],
         )  # fmt: skip
 
     def places_of(self, p: Array) -> dict[str, float]:

@@ -95,10 +95,11 @@ def judged(
     c = constants or shipped()
     placed = with_places(plant)
     pairs = paired(placed, reference, runs)
+    known = np.diag(day_variance(placed)) + reference.parameter_covariance(placed)
     question = question_of(
         free_model(placed, reference.point), pairs.evidence(),
         [e for e in plant.effects if e.name not in exclude], c, progress,
-        tied=np.diag(1.0 / day_variance(placed)), responses=pairs.responses,
+        tied=np.asarray(np.linalg.inv(known)), responses=pairs.responses,
     )  # fmt: skip
     search = searched(question, most=_MOST_CAUSES)
     if search is None:

@@ -32,7 +32,7 @@ from smad.progress import Say
 _MOST_CAUSES = 3
 _MOST_OF_GOOD = 2
 """What the simulator lacks on the good runs is a floor for the rest: two causes take most of it."""
-_CORRELATED = 16.0
+CORRELATED = 16.0
 """Rows that an error of the model's form is correlated over: as many count as one."""
 DAY = 0.05
 """How far a parameter may be from where good runs have it, in prior standard deviations."""
@@ -84,10 +84,9 @@ def question_of(
 ) -> Question:
     """A question with the constants' temper; every place of the plant may be asked for a law."""
     places: PlacesPlant = model.plant  # type: ignore[assignment]
-    tau = np.full(evidence.channels, _CORRELATED)
+    tau = np.full(evidence.channels, CORRELATED)
     if tied is not None:
-        rows = (evidence.counts / tau)[evidence.counts > 0]
-        model = replace(model, rows_as_one=max(float(rows.mean()) / c.evidence, 1.0))
+        model = tempered(model, evidence, c)
     return Question(
         evidence=evidence, held_out=held_out, model=model, tied=tied, effects=tuple(effects),
         responses=responses, places=len(places.places), say=say,
@@ -110,6 +109,12 @@ def free_model(plant: PlacesPlant, start: ModelPoint) -> Model:
     return Model(
         plant=plant, start=start, parameter_mean=np.zeros(n), parameter_precision=np.eye(n)
     )
+
+
+def tempered(model: Model, evidence: Evidence, c: Constants) -> Model:
+    """The model whose fit counts the prior as much more as a score counts fewer rows."""
+    rows = float((evidence.counts / CORRELATED)[evidence.counts > 0].mean())
+    return replace(model, rows_as_one=max(rows / c.evidence, 1.0))
 
 
 def day_variance(plant: PlacesPlant) -> Array:

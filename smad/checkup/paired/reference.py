@@ -9,17 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smad.checkup.paired.floor import Deviation, Floor, repeat_floor
+from smad.diagnosis.constants import shipped
 from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.data.played import (
     Played,
     predictions,
-    reference_point,
     slopes,
 )
 from smad.diagnosis.data.rows import Binned, bin_numbers, binned, offset_s, require_like_inputs
+from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses, responses
 from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, nominal_point, traits_of
+from smad.diagnosis.questions import CORRELATED, free_model, tempered
+from smad.diagnosis.rivals.evidence import Evidence, Trial
+from smad.diagnosis.rivals.fit import fitted, reference_at
 from smad.diagnosis.runs import GapRun
 from smad.progress import Say, silent
 
@@ -58,6 +62,27 @@ class Reference:
     floor: Floor
     repeats: int
     responses: Responses
+
+    def parameter_covariance(self, plant: PlantModel) -> Array:
+        """How well the good runs say where the parameters are, (p, p), in prior deviations.
+
+        What the model leaves of them counts as noise.
+        """
+        runs = self.runs
+        off = [np.where(r.valid, r.mean - r.base, 0.0) for r in runs]
+        rows = sum(r.valid.sum(axis=0) for r in runs)
+        square = sum((x**2).sum(axis=0) for x in off) / np.maximum(rows, 1)
+        sd = np.sqrt((square + least_sd(plant) ** 2) * CORRELATED)
+        X = np.concatenate(
+            [(np.where(r.valid, r.slopes, 0.0) / sd).reshape(len(r.slopes), -1) for r in runs],
+            axis=1,
+        )
+        return np.asarray(np.linalg.inv(X @ X.T + np.eye(len(X))))
+
+
+def least_sd(plant: PlantModel) -> Array:
+    """The smallest standard deviation of a row that is believed, (channels,)."""
+    return np.array([max(c.quantum / 12**0.5, 0.5 * c.noise) for c in plant.channels])
 
 
 def carried(
@@ -112,15 +137,12 @@ def reference_from(
 
     Raises PairingError when the runs of a group do not have the same inputs.
     """
-    least = np.array([max(c.quantum / 12**0.5, 0.5 * c.noise) for c in plant.channels])
+    least = least_sd(plant)
     repeated = [_on_one_grid(plant, group) for group in groups]
     played = [r.played for r in repeated]
     progress("reference model")
     means = [r.mean(r.values) for r in repeated]
-    point = reference_point(
-        plant, nominal_point(plant), played,
-        measured=[m for m, _ in means], valid=[n > 0 for _, n in means], least=least,
-    )  # fmt: skip
+    point = _fitted_point(plant, played, means, least)
     progress("slopes of the parameters")
     J = slopes(plant, point, played)
     base = predictions(plant, point, played)
@@ -155,6 +177,24 @@ def reference_from(
         ),
         responses=responses(plant, point, played, progress=progress),
     )
+
+
+def _fitted_point(
+    plant: PlacesPlant, played: Sequence[Played], means: Sequence[tuple[Array, Array]], least: Array
+) -> ModelPoint:
+    """The parameters that leave least of the means of good runs, fitted as those of any rival."""
+    trials = [
+        Trial(played=p, target=mean, rows=RunRows(
+            sd=np.broadcast_to(least, mean.shape), valid=count > 0,
+            day=np.zeros((0, *mean.shape)), day_sd=np.zeros(0), rho=np.zeros(len(least)),
+        ))
+        for p, (mean, count) in zip(played, means, strict=True)
+    ]  # fmt: skip
+    evidence = Evidence(trials=tuple(trials))
+    model = tempered(free_model(plant, nominal_point(plant)), evidence, shipped())
+    nominal = reference_at(evidence, model, np.zeros(model.parameters))
+    made = nominal and fitted(evidence, nominal, np.full(evidence.channels, CORRELATED))
+    return made.point if made else model.start
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""What the model says of runs: predictions on the grid, slopes of parameters, a reference point."""
+"""What the model says of runs: predictions on the grid, and slopes of parameters."""
 
 from __future__ import annotations
 
@@ -12,18 +12,14 @@ from smad.diagnosis.data.rows import bin_numbers
 from smad.diagnosis.numerics.threads import each
 from smad.diagnosis.plant import (
     Array,
-    Mask,
     ModelPoint,
     PlantModel,
     Signal,
-    moved_parameters,
     traits_of,
 )
 from smad.diagnosis.runs import GapRun
 
 _THETA_STEP = 0.1
-_ROUNDS = 3
-_FORM = 0.02
 _PIECES = 5
 _COARSE = 2
 
@@ -132,41 +128,3 @@ def slopes(plant: PlantModel, point: ModelPoint, runs: Sequence[Played]) -> list
             for j, (new, old) in enumerate(zip(moved_outputs, base, strict=True)):
                 out[j][i] = (new - old) * (q.prior_sd / step)
     return out
-
-
-def reference_point(
-    plant: PlantModel,
-    start: ModelPoint,
-    runs: Sequence[Played],
-    *,
-    measured: Sequence[Array],
-    valid: Sequence[Mask],
-    least: Array,
-) -> ModelPoint:
-    """Parameters fitted to the mean of the good runs (Gauss-Newton with their priors).
-
-    The model's form is trusted to a fiftieth of each channel's excursion.
-    """
-    span = np.max([np.ptp(np.where(v, m, m.mean(axis=0)), axis=0)
-                   for m, v in zip(measured, valid, strict=True)], axis=0)  # fmt: skip
-    sd = np.maximum(least, _FORM * span) * 4.0
-    parameters = plant.parameters
-    offset = np.zeros(len(parameters))
-    best, best_cost = start, np.inf
-    for _ in range(_ROUNDS + 1):
-        point = ModelPoint(moved_parameters(plant, start, offset), start.effects)
-        base = predictions(plant, point, runs, exact=True)
-        if not finite(base):
-            break
-        r = np.concatenate([(np.where(v, m - b, 0.0) / sd).ravel()
-                            for m, v, b in zip(measured, valid, base, strict=True)])  # fmt: skip
-        cost = float(r @ r + offset @ offset)
-        if cost >= best_cost:
-            break
-        best, best_cost = point, cost
-        J = np.concatenate(
-            [(np.where(v, s, 0.0) / sd).reshape(len(parameters), -1)
-             for s, v in zip(slopes(plant, point, runs), valid, strict=True)], axis=1)  # fmt: skip
-        A = J @ J.T + np.eye(len(parameters))
-        offset = offset + np.linalg.solve(A, J @ r - offset)
-    return best

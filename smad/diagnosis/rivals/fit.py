@@ -305,6 +305,17 @@ def polished(evidence: Evidence, fitted: Fit, tau: Array, *, fresh: bool = True)
     return fitted
 
 
+def fitted(evidence: Evidence, reference: Reference, tau: Array) -> Fit | None:
+    """The model of a reference fitted from there on to its end; None where it cannot run.
+
+    It begins by least squares: all channels count alike that leave less than the loudest.
+    """
+    anew = replace(reference, slopes=reference.slopes[:0])
+    loudest = float(evidence.variances(evidence.left(reference.exact)).max())
+    begun = fit(evidence, reference.model, reference.x, anew, tau=tau, alike=max(loudest, 1.0))
+    return polished(evidence, replace(begun, objective=np.inf), tau) if begun else None
+
+
 def leave_out(evidence: Evidence, fitted: Fit, tau: Array) -> tuple[Array, ...]:
     """Coordinates without each fold, one Gauss–Newton step from those of all rows."""
     model, x = fitted.model, fitted.x

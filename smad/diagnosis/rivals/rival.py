@@ -16,13 +16,12 @@ from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Effect, ModelPoint
 from smad.diagnosis.rivals.evidence import Evidence
-from smad.diagnosis.rivals.fit import Fit, Reference, fit, leave_out, polished, replayed, weights
+from smad.diagnosis.rivals.fit import Fit, Reference, fit, fitted, leave_out, replayed, weights
 from smad.diagnosis.rivals.parts import Model
 from smad.diagnosis.rivals.score import (
     EFFECT,
     LAW,
     NOTHING,
-    PARAMETERS,
     Temper,
     effective_rows,
     log_scores,
@@ -98,17 +97,9 @@ class Question:
                      log_prior=fitted.model.log_prior(fitted.x))  # fmt: skip
 
     def fitted(self, kind: str, name: str, reference: Reference) -> Rival | None:
-        """The model of a reference fitted from there on to its end, as a rival.
-
-        It begins by least squares: all channels count alike that leave less than the loudest.
-        """
-        e = self.evidence
-        anew = replace(reference, slopes=reference.slopes[:0])
-        loudest = float(e.variances(e.left(reference.exact)).max())
-        made = fit(e, reference.model, reference.x, anew, tau=self.tau, alike=max(loudest, 1.0))
-        if made is None:
-            return None
-        return self.rival(kind, name, polished(e, replace(made, objective=np.inf), self.tau))
+        """The model of a reference fitted from there on to its end, as a rival."""
+        made = fitted(self.evidence, reference, self.tau)
+        return None if made is None else self.rival(kind, name, made)
 
     def parameters_kept_if_likelier(
         self, rival: Rival | None, kind: str, name: str, free: Fit, nominal: Reference
@@ -175,7 +166,7 @@ class Question:
             effects=len(self.effects), laws=self.places,
             log_prior=np.array([r.log_prior for r in compared]),
             whether=self.independent_rows if first else self.temper.evidence,
-            sound=any(self.near(r) for r in compared if r.kind in (NOTHING, PARAMETERS)),
+            near=[self.near(r) for r in compared],
         )  # fmt: skip
         made = [replace(r, probability=float(x)) for r, x in zip(compared, p, strict=True)]
         made += [replace(r, probability=0.0) for r, out in zip(rivals, refuted, strict=True) if out]

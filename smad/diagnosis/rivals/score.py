@@ -9,11 +9,11 @@ evidence are counted for each run and channel, whatever its length,
 
 *Whether* anything is missing compares rivals with the simulator without a further part. That one
 may be right, and what is right is not beaten: until something has entered every independent row
-counts (κ₀) against it. For it they count only where it leaves nothing that could be told: what
-leaves more is wrong in form, too. *Which* cause it is compares models that are all wrong in form: κ
-is small. There a rival also counts by how
-surely it leaves less than the simulator without a part: what explains nothing is no cause. Both are
-averaged over resampled runs (BayesBag, Huggins and Miller 2023): what hangs on one run is not sure.
+counts (κ₀) against it. For it they count only where it leaves nothing that could be told, and only
+against rivals that leave more: what leaves more is wrong in form. *Which* cause it is compares
+models that are all wrong in form: κ is small. There a rival also counts by how surely it leaves
+less than the simulator without a part: what explains nothing is no cause. Both are averaged over
+resampled runs (BayesBag, Huggins and Miller 2023): what hangs on one run is not sure.
 """
 
 from __future__ import annotations
@@ -96,12 +96,12 @@ def probabilities(
     laws: int,
     log_prior: Array,
     whether: float,
-    sound: bool,
+    near: Sequence[bool],
 ) -> Array:
     """Probability of each rival, (rivals,), from `scores` (rivals, runs).
 
-    `whether` is κ₀, the evidence of a run and channel for whether anything is missing; `sound`: the
-    simulator without a further part leaves nothing that could be told.
+    `whether` is κ₀, the evidence of a run and channel for whether anything is missing; `near` says
+    which rivals leave nothing that could be told.
     `effects` and `laws` are how many of each kind might have been asked: a prior is shared by all
     of them, asked or not, and by as many as the spring pair has. `log_prior` (rivals,) is that of
     where each one's parameters are: what imitates an effect by moving them far is less likely than
@@ -124,7 +124,8 @@ def probabilities(
         return np.asarray(_shares(log_weight).mean(axis=0))
     lead = total[:, part] - total[:, ~part].max(axis=1, keepdims=True)
     which = prior[part] + of_which * lead + _log_sigmoid(of_whether * lead)
-    behind = of_whether if sound else of_which
+    sound = np.asarray(near)
+    behind = np.where(sound[~part].any() & ~sound[part], of_whether, of_which)
     missing = prior[part] + np.where(lead > 0.0, of_whether, behind) * lead
     level = of_whether * total[:, ~part].max(axis=1, keepdims=True)
     log_odds = _log_sum(missing) - _log_sum(log_weight[:, ~part] - level)

@@ -88,7 +88,8 @@ def searched(question: Question, *, most: int, exchange: bool = True) -> Searche
         done = step.entered is None or question.near(search.current)
     if not search.parts and not search.moved:
         search.current = configured
-    if question.gap(search.current) > question.gap(parameters) and search.parts:
+    worse = question.gap(search.current) > question.gap(parameters)
+    if search.parts and worse and not question.near(search.current):
         # What leaves more of the judged runs than parameters alone is not told, whatever it is.
         search.current, search.moved = parameters, True
     return Searched(

@@ -18,21 +18,26 @@ from smad.diagnosis.rivals.score import (
 
 TEMPER = Temper(evidence=1.6, nothing=5.5, parameters=0.1, effect=3.0, law=0.0)
 KINDS = (NOTHING, PARAMETERS, EFFECT, EFFECT, LAW)
+NEAR = (True, True, False, False, False)
 RUNS, ROWS = 8, 23.0
 """Runs that judge, and independent rows of each run and channel."""
 
 
-def of(leads: tuple[float, ...], whether: float = ROWS, sound: bool = True) -> list[float]:
+def of(
+    leads: tuple[float, ...], whether: float = ROWS, near: tuple[bool, ...] = NEAR
+) -> list[float]:
     """Probabilities of rivals whose scores over all runs lead the first one by so much."""
     scores = np.array([[lead / RUNS] * RUNS for lead in leads])
-    p = probabilities(scores, KINDS, TEMPER, effects=41, laws=20, whether=whether, sound=sound,
+    p = probabilities(scores, KINDS, TEMPER, effects=41, laws=20, whether=whether, near=near,
                       log_prior=np.zeros(len(KINDS)))  # fmt: skip
     return [float(x) for x in p]
 
 
-def missing(leads: tuple[float, ...], whether: float = ROWS, sound: bool = True) -> float:
+def missing(
+    leads: tuple[float, ...], whether: float = ROWS, near: tuple[bool, ...] = NEAR
+) -> float:
     """The probability that anything is missing."""
-    return sum(of(leads, whether, sound)[2:])
+    return sum(of(leads, whether, near)[2:])
 
 
 @pytest.mark.parametrize("leads", [(0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 3.0, 9.0, -2.0, 700.0)])
@@ -46,10 +51,13 @@ def test_a_small_lead_in_every_run_is_noticed_where_every_row_counts_and_not_whe
     assert missing(small, whether=TEMPER.evidence) < 0.1
 
 
-def test_what_leaves_more_than_parameters_is_still_possible_where_they_leave_much_too() -> None:
+@pytest.mark.parametrize("near", [(False,) * 5, (False, True, True, False, False)])
+def test_what_leaves_a_little_more_than_parameters_is_possible_where_both_leave_much_or_nothing(
+    near: tuple[bool, ...],
+) -> None:
     behind = (0.0, 20.0, 19.0, 0.0, 0.0)
     assert missing(behind) < 1e-3
-    assert missing(behind, sound=False) > 0.1
+    assert missing(behind, near=near) > 0.1
 
 
 def test_what_leads_by_chance_is_not_noticed() -> None:
@@ -60,8 +68,8 @@ def test_a_lead_that_hangs_on_one_run_is_less_sure_than_the_same_lead_in_every_r
     even, one = np.zeros((2, RUNS)), np.zeros((2, RUNS))
     even[1], one[1, 0] = 2.0 / RUNS, 2.0
     of_parts = [
-        probabilities(x, (NOTHING, EFFECT), TEMPER, effects=41, laws=20, whether=ROWS, sound=True,
-                      log_prior=np.zeros(2))[1]
+        probabilities(x, (NOTHING, EFFECT), TEMPER, effects=41, laws=20, whether=ROWS,
+                      near=(True, False), log_prior=np.zeros(2))[1]
         for x in (even, one)
     ]  # fmt: skip
     assert of_parts[1] < 0.75 < of_parts[0]
