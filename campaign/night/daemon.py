@@ -20,6 +20,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from sim_device.bench import SimulatedBench
+from sim_device.board import WRAP
 from sim_device.faults import parse_injection
 from sim_device.pty import HEATING
 from smad.config import load_config
@@ -106,7 +107,7 @@ class BoardInLoop:
     def _wants_setpoint(self) -> bool:
         board = self.bench.board
         heats = board.last_mode in HEATING and board.state in HEATING
-        return heats and board.now_us != board.sp_ref_us
+        return heats and (board.now_us - board.sp_ref_us) % WRAP != 0
 
     def _send(self, data: bytes) -> None:
         if self._end is not None and data:
