@@ -69,6 +69,13 @@ class BoardInLoop:
         """Break something with the next sample."""
         self.bench.faults.add(replace(parse_injection(text), at_us=self.bench.now_us))
 
+    @property
+    def wants_setpoint(self) -> bool:
+        """Whether it heats and its last sample has no answer yet."""
+        board = self.bench.board
+        heats = board.last_mode in HEATING and board.state in HEATING
+        return heats and (board.now_us - board.sp_ref_us) % WRAP != 0
+
     def _step(self) -> None:
         self._send(self.bench.step())
         now_s = time.monotonic()
@@ -95,7 +102,7 @@ class BoardInLoop:
             return
         self.bench.receive(data, self.bench.now_us)
         self._send(self.bench.data_to_send())
-        if not self._wants_setpoint() and not self._answering:
+        if not self.wants_setpoint and not self._answering:
             self._answering = True
             if self._timer is not None:
                 self._timer.cancel()
@@ -103,11 +110,6 @@ class BoardInLoop:
             self._timer = (
                 loop.call_later(wait_s, self._step) if wait_s > 0.0 else loop.call_soon(self._step)
             )
-
-    def _wants_setpoint(self) -> bool:
-        board = self.bench.board
-        heats = board.last_mode in HEATING and board.state in HEATING
-        return heats and (board.now_us - board.sp_ref_us) % WRAP != 0
 
     def _send(self, data: bytes) -> None:
         if self._end is not None and data:

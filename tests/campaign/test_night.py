@@ -21,6 +21,7 @@ from campaign.night.report import (
     troubles_table,
     week_table,
 )
+from firmware_protocol import messages as wire
 from sim_device.bench import SimulatedBench
 from smad.errors import PortError
 
@@ -95,6 +96,19 @@ async def test_a_board_in_the_loop_waits_for_its_host_and_goes_on_once_it_has_sp
         await asyncio.sleep(0)
     assert os.read(transport.fileno(), 4096)
     transport.close()
+
+
+def test_a_board_in_the_loop_sees_its_hosts_answer_also_after_its_clock_has_wrapped() -> None:
+    bench = SimulatedBench(rate_hz=100, seed=1, clock_start_us=2**32 - 200_000)
+    board = BoardInLoop(bench, speed=50.0)
+    bench.arm()
+    for _ in range(40):
+        state = bench.step_typed(None)
+        assert board.wants_setpoint
+        answer = wire.Setpoint(0, state.t_us, (500, 0), (0, 0), 0, 100)
+        bench.board.apply_setpoint(answer, 1, 0, bench.board.now_us)
+        assert not board.wants_setpoint
+    assert state.t_us < 2**31
 
 
 async def test_a_board_that_is_unplugged_cannot_be_opened_until_it_is_plugged_in() -> None:
