@@ -33,7 +33,7 @@ def row_of(path: Path) -> Row | None:
     Raises RunLogError when it cannot be read.
     """
     run = read_run(path)
-    if run.cut_short or run.being_written or len(run) < LEAST_SAMPLES:
+    if run.cut_short or run.cut_by or run.being_written or len(run) < LEAST_SAMPLES:
         return None
     values = dict(_values(run))
     if not values:
