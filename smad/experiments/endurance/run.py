@@ -227,5 +227,5 @@ def _append(path: Path, cycles: list[Cycle]) -> None:
 def _shown(value: float) -> str:
     if not isinstance(value, float):
         return str(value)
-    # Board time of a week has more digits in front of the point.
+    # Board time of weeks has more digits in front of the point.
     return f"{value:.6g}" if abs(value) < 1e5 else f"{value:.2f}"
