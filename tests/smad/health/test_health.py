@@ -228,6 +228,15 @@ def test_a_run_that_is_too_short_or_was_stopped_gives_no_row(tmp_path: Path) -> 
         assert (row_of(tmp_path / f"{name}.mcap") is not None) is gives
 
 
+def test_a_run_without_a_name_is_compared_with_none_and_its_cycles_count(tmp_path: Path) -> None:
+    for name, compared in (("run", False), ("steps-2", True)):
+        write_log(tmp_path / f"{name}.mcap", 2000, name=name)
+        found = row_of(tmp_path / f"{name}.mcap")
+        assert found is not None
+        assert found.cycles == pytest.approx(20.0, abs=1.0)
+        assert ("stroke_mm" in found.values) is compared
+
+
 def test_the_cycles_of_an_endurance_run_count_once(tmp_path: Path) -> None:
     write_log(tmp_path / "block.mcap", 2000, name="endurance-0000001")
     (tmp_path / "alone").mkdir()
