@@ -42,7 +42,7 @@ class BoardInLoop:
 
     def __init__(self, bench: SimulatedBench, speed: float) -> None:
         self.bench = bench
-        self._period_s = bench.period_us * 1e-6 / speed
+        self._speed = speed
         self._plugged = True
         self._end: socket.socket | None = None
         self._due_s = 0.0
@@ -70,6 +70,14 @@ class BoardInLoop:
         self.bench.faults.add(replace(parse_injection(text), at_us=self.bench.now_us))
 
     @property
+    def period_s(self) -> float:
+        """Wall time from sample to sample: on a bench's clock while an arming can be confirmed."""
+        supervisor = self.bench.board.supervisor
+        offered_us = self.bench.board.now_us - supervisor.memory.token_us
+        offered = supervisor.memory.token_valid and offered_us <= supervisor.limits.token_us
+        return self.bench.period_us * 1e-6 / (1.0 if offered else self._speed)
+
+    @property
     def wants_setpoint(self) -> bool:
         """Whether it heats and its last sample has no answer yet."""
         board = self.bench.board
@@ -79,9 +87,9 @@ class BoardInLoop:
     def _step(self) -> None:
         self._send(self.bench.step())
         now_s = time.monotonic()
-        self._due_s += self._period_s
+        self._due_s += self.period_s
         if now_s - self._due_s > _LATE_S:
-            self._due_s = now_s + self._period_s
+            self._due_s = now_s + self.period_s
         loop = asyncio.get_running_loop()
         waits = self._end is not None and self._answering
         self._answering = False
