@@ -20,6 +20,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from sim_device.bench import SimulatedBench
+from sim_device.board import WRAP
 from sim_device.faults import parse_injection
 from sim_device.pty import HEATING
 from smad.config import load_config
@@ -41,7 +42,7 @@ class BoardInLoop:
 
     def __init__(self, bench: SimulatedBench, speed: float) -> None:
         self.bench = bench
-        self._period_s = bench.period_us * 1e-6 / speed
+        self._speed = speed
         self._plugged = True
         self._end: socket.socket | None = None
         self._due_s = 0.0
@@ -68,12 +69,27 @@ class BoardInLoop:
         """Break something with the next sample."""
         self.bench.faults.add(replace(parse_injection(text), at_us=self.bench.now_us))
 
+    @property
+    def period_s(self) -> float:
+        """Wall time from sample to sample: on a bench's clock while an arming can be confirmed."""
+        supervisor = self.bench.board.supervisor
+        offered_us = self.bench.board.now_us - supervisor.memory.token_us
+        offered = supervisor.memory.token_valid and offered_us <= supervisor.limits.token_us
+        return self.bench.period_us * 1e-6 / (1.0 if offered else self._speed)
+
+    @property
+    def wants_setpoint(self) -> bool:
+        """Whether it heats and its last sample has no answer yet."""
+        board = self.bench.board
+        heats = board.last_mode in HEATING and board.state in HEATING
+        return heats and (board.now_us - board.sp_ref_us) % WRAP != 0
+
     def _step(self) -> None:
         self._send(self.bench.step())
         now_s = time.monotonic()
-        self._due_s += self._period_s
+        self._due_s += self.period_s
         if now_s - self._due_s > _LATE_S:
-            self._due_s = now_s + self._period_s
+            self._due_s = now_s + self.period_s
         loop = asyncio.get_running_loop()
         waits = self._end is not None and self._answering
         self._answering = False
@@ -94,7 +110,7 @@ class BoardInLoop:
             return
         self.bench.receive(data, self.bench.now_us)
         self._send(self.bench.data_to_send())
-        if not self._wants_setpoint() and not self._answering:
+        if not self.wants_setpoint and not self._answering:
             self._answering = True
             if self._timer is not None:
                 self._timer.cancel()
@@ -102,11 +118,6 @@ class BoardInLoop:
             self._timer = (
                 loop.call_later(wait_s, self._step) if wait_s > 0.0 else loop.call_soon(self._step)
             )
-
-    def _wants_setpoint(self) -> bool:
-        board = self.bench.board
-        heats = board.last_mode in HEATING and board.state in HEATING
-        return heats and board.now_us != board.sp_ref_us
 
     def _send(self, data: bytes) -> None:
         if self._end is not None and data:

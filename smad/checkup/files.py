@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from smad.checkup.series import cut_in
 from smad.diagnosis.data.guards import same_recording
 from smad.diagnosis.data.rows import binned, edges_s, input_difference, offset_s
 from smad.diagnosis.errors import PairingError
@@ -113,7 +112,7 @@ def _found(path: Path, together: Together | None) -> RunFile:
     require_columns(path, run)
     if log is None:
         return RunFile.of(path, run)
-    return replace(RunFile.of(path, run), board=log.header.board.get("uid", ""), cut=cut_in(log))
+    return replace(RunFile.of(path, run), board=log.header.board.get("uid", ""), cut=log.cut_by)
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,7 @@ from smad.checkup.errors import BaselineError
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.errors import SmadError
 from smad.progress import Say
-from smad.runlog.reader import Run, read_run
-from smad.runlog.schema import CUT
+from smad.runlog.reader import read_run
 
 _STATE = "series.json"
 
@@ -143,13 +142,7 @@ def finished(folders: Sequence[Path], programme: Programme) -> list[Path]:
 
 def cut_by(log: Path) -> str:
     """What cut a recorded run, "stopped by …"; empty for a run that came to its end."""
-    return cut_in(read_run(log))
-
-
-def cut_in(run: Run) -> str:
-    """What cut a run that was read, "stopped by …"; empty for one that came to its end."""
-    said = (event.text for event in run.events)
-    return next((text.removeprefix(CUT) for text in said if text.startswith(CUT)), "")
+    return read_run(log).cut_by
 
 
 def _whole(log: Path) -> bool:

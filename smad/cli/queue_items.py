@@ -114,7 +114,7 @@ def _checked(kind: str, words: Sequence[str], folder: Path) -> bool:
 
             read_moves(folder / given["path"]).require_within(_config(given["bench"]))
         sim = bool(given.get("sim"))
-        _check_disk(folder, sim=sim)
+        _check_disk(folder if sim else recording_folder(given["bench"]) or folder, sim=sim)
     return sim
 
 
@@ -155,8 +155,21 @@ def _check_baseline(context: click.Context, folder: Path) -> None:
                 )
 
 
+def recording_folder(bench: str) -> Path | None:
+    """Return where the daemon records; None while none answers."""
+    from smad.client import Client
+    from smad.errors import DaemonError
+
+    try:
+        with Client(bench, timeout_s=1.0) as client:
+            folder = client.status().recorder.folder
+    except DaemonError:
+        return None
+    return Path(folder) if folder else None
+
+
 def _check_disk(folder: Path, *, sim: bool) -> None:
     from smad.experiments.ready import BYTES_A_ROW, ROOM_S, require_logs
 
-    # At the usual rate; the command itself looks again where the daemon records.
+    # At the usual rate; the command itself looks again.
     require_logs(folder, 0.0 if sim else BYTES_A_ROW * 100 * ROOM_S)

@@ -121,13 +121,16 @@ class LiveDriver:
             if client.status().recorder.recording:
                 client.stop_recording()
             client.start_recording(log_name(plan), plan.repeats)
+            cut = ""
             try:
                 self._carry_out_armed(plan)
-            except StoppedError as error:
-                client.note(f"{CUT}{error.cause}"[:500])
+            except BaseException as error:
+                cut = _cut_by(error)
                 raise
             finally:
                 client.idle()
+                if cut:
+                    client.note(f"{CUT}{cut}"[:500])
                 recorder = client.stop_recording()
                 self.log = extract(recorder.path, client.name)
             if part_path(Path(recorder.path), 2).exists():
@@ -316,3 +319,10 @@ def _require_whole(plan: Plan, motion: api.Motion) -> None:
             f"run {plan.name} was ended: {motion.ended}",
             action="what was recorded until then is kept",
         )
+
+
+def _cut_by(error: BaseException) -> str:
+    """What cut a run; empty for an error that leaves what was recorded until then good."""
+    if isinstance(error, StoppedError):
+        return error.cause
+    return "" if isinstance(error, Exception) else "the program was ended"

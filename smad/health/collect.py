@@ -5,7 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import msgspec
+
 from smad.errors import RunLogError
+from smad.experiments.endurance.profile import NAME as ENDURANCE
+from smad.experiments.endurance.run import CYCLES_FILE
 from smad.health.cycles import rows_of_cycles
 from smad.health.errors import HealthError
 from smad.health.measure import new_rows
@@ -26,10 +30,14 @@ def collect(folder: Path, verdicts: Sequence[Path], *, say: Say, progress: Say) 
     written = (*verdicts, *sorted(folder.glob("queue/item-*.json")))
     rows = [row_of_verdict(path) for path in written if str(path) not in known]
     rows += rows_of_cycles(folder, known)
+    counted = (folder / CYCLES_FILE).exists()
     for path, row in new_rows(folder, known):
         progress(f"reading {path.name}")
         if isinstance(row, RunLogError):
             say(f"left out: {row}")
+        elif row is not None and counted and row.group == ENDURANCE:
+            # The statistics of its cycles have counted them.
+            rows.append(msgspec.structs.replace(row, cycles=0.0))
         elif row is not None:
             rows.append(row)
     append(folder / FILE, rows)

@@ -13,6 +13,7 @@ from smad.config import bench_in
 from smad.errors import RunLogError
 from smad.health.record import Row, Value
 from smad.queue.meter import Meter
+from smad.runlog.paths import UNNAMED
 from smad.runlog.reader import Run, read_run
 from smad.runlog.schema import Row as Sample
 
@@ -30,19 +31,22 @@ _DIGITS = re.compile(r"[-_]?\d+$")
 def row_of(path: Path) -> Row | None:
     """Return the row of a run log; None for one that was cut, is written, or shows nothing.
 
+    A run without a name may be of anything: its row has its cycles, and no values to compare.
+
     Raises RunLogError when it cannot be read.
     """
     run = read_run(path)
-    if run.cut_short or run.being_written or len(run) < LEAST_SAMPLES:
+    if run.cut_short or run.cut_by or run.being_written or len(run) < LEAST_SAMPLES:
         return None
-    values = dict(_values(run))
-    if not values:
+    unnamed = run.header.name in ("", UNNAMED)
+    values = {} if unnamed else dict(_values(run))
+    if not (unnamed or values):
         return None
     return Row(
         unix_s=run.header.started_unix_s or path.stat().st_mtime,
         kind="run",
         source=path.name,
-        group=_DIGITS.sub("", run.header.name) or "run",
+        group=_DIGITS.sub("", run.header.name) or UNNAMED,
         bench=bench_in(run.header.configuration),
         cycles=cycles_of(run.columns),
         values=values,

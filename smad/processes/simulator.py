@@ -69,7 +69,7 @@ def _wait_until_ready(child: subprocess.Popen[str], waiting: Say) -> None:
     if child.poll() is None:
         child.kill()
     _, complaint = child.communicate()
-    last = complaint.strip().splitlines()[-1:] or ["it said nothing"]
+    last = complaint.strip().splitlines()[-1:] or [f"it said nothing within {START_DEADLINE_S:g} s"]
     raise DaemonError(
         f"the simulated bench did not start: {last[0].removeprefix('smad: ')}",
         action="run smad sim by itself to see why",

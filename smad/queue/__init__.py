@@ -5,5 +5,6 @@
 
 from smad.queue.errors import QueueError
 from smad.queue.queue import Queue
+from smad.queue.states import Budget
 
-__all__ = ["Queue", "QueueError"]
+__all__ = ["Budget", "Queue", "QueueError"]

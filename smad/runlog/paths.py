@@ -10,6 +10,8 @@ from pathlib import Path
 from smad.errors import RunLogError
 
 SUFFIX = ".mcap"
+UNNAMED = "run"
+"""What a run is called that was given no name."""
 _BESIDE = (".header.json", ".html", ".json", ".toml")
 """What smad itself writes beside runs."""
 _NAMED = 8
@@ -86,4 +88,4 @@ def passed_over(folder: Path, there: Sequence[Path], read: Sequence[Path]) -> st
 
 
 def _file_name(name: str) -> str:
-    return re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-.")[:_LONGEST_NAME] or "run"
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-.")[:_LONGEST_NAME] or UNNAMED

@@ -25,6 +25,7 @@ from smad.runlog.holes import HOLES, RECOVERED_METADATA_NAME
 from smad.runlog.scan import Damage, NotMcapError, no_progress, scan
 from smad.runlog.schema import (
     CHANNELS,
+    CUT,
     EVENT_TOPIC,
     LINK_TOPIC,
     MISSING_INTEGER,
@@ -76,6 +77,12 @@ class Run:
     def duration_s(self) -> float:
         """Board time that the rows cover; a restart of the board begins it anew."""
         return board_duration_s(self.columns["t_s"])
+
+    @property
+    def cut_by(self) -> str:
+        """What cut the run, "stopped by …"; empty for one that came to its end."""
+        said = (event.text for event in self.events)
+        return next((text.removeprefix(CUT) for text in said if text.startswith(CUT)), "")
 
     @property
     def missing(self) -> list[str]:

@@ -21,6 +21,9 @@ from campaign.night.report import (
     troubles_table,
     week_table,
 )
+from firmware_protocol import messages as wire
+from firmware_protocol.enums import BoardState
+from firmware_protocol.supervisor import ArmRequested, Link
 from sim_device.bench import SimulatedBench
 from smad.errors import PortError
 
@@ -95,6 +98,35 @@ async def test_a_board_in_the_loop_waits_for_its_host_and_goes_on_once_it_has_sp
         await asyncio.sleep(0)
     assert os.read(transport.fileno(), 4096)
     transport.close()
+
+
+def test_a_board_in_the_loop_sees_its_hosts_answer_also_after_its_clock_has_wrapped() -> None:
+    bench = SimulatedBench(rate_hz=100, seed=1, clock_start_us=2**32 - 200_000)
+    board = BoardInLoop(bench, speed=50.0)
+    bench.arm()
+    for _ in range(40):
+        state = bench.step_typed(None)
+        assert board.wants_setpoint
+        answer = wire.Setpoint(0, state.t_us, (500, 0), (0, 0), 0, 100)
+        bench.board.apply_setpoint(answer, 1, 0, bench.board.now_us)
+        assert not board.wants_setpoint
+    assert state.t_us < 2**31
+
+
+def test_a_board_in_the_loop_gives_its_host_the_time_of_a_bench_to_confirm_an_arming() -> None:
+    bench = SimulatedBench(rate_hz=100, seed=1)
+    board = BoardInLoop(bench, speed=50.0)
+    bench.arm()
+    assert board.period_s == pytest.approx(0.01 / 50.0)
+    bench.disarm()
+    while bench.board.state is not BoardState.SAFE:
+        bench.step_typed(None)
+    bench.board.command(ArmRequested(Link(), bench.board.commands.new_token()), bench.board.now_us)
+    paces = []
+    for _ in range(300):
+        bench.step_typed(None)
+        paces.append(board.period_s)
+    assert paces == pytest.approx([0.01] * 200 + [0.01 / 50.0] * 100)
 
 
 async def test_a_board_that_is_unplugged_cannot_be_opened_until_it_is_plugged_in() -> None:

@@ -16,13 +16,12 @@ from smad.daemon.errors import Refusal
 from smad.daemon.realtime import step_below_loop
 from smad.errors import RunLogError
 from smad.runlog.header import RunHeader
-from smad.runlog.paths import new_run_path
+from smad.runlog.paths import UNNAMED, new_run_path
 from smad.runlog.schema import Event, LinkSample, Record, Row
 from smad.runlog.writer import RunWriter
 
 _BYTES_PER_MB = 1e6
 _S_PER_MIN = 60.0
-_PLAIN_NAME = "run"
 
 
 class Recorder:
@@ -101,7 +100,7 @@ class Recorder:
                     raise _is_open(self._path)
             loop = asyncio.get_running_loop()
             self._writer = await loop.run_in_executor(
-                self._worker, self._create, name or _PLAIN_NAME, repeats
+                self._worker, self._create, name or UNNAMED, repeats
             )
             self._by_command = by_command
             self._path = str(self._writer.paths[0])

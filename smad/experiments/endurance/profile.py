@@ -9,6 +9,8 @@ from smad.control.commands import Follow, Hold, HoldTemperature, Ramp, Trajector
 from smad.control.plan import Action, Do, Plan, UntilDone
 from smad.experiments.errors import ExperimentError
 
+NAME = "endurance"
+"""How the run logs of its blocks are called, with the number of the first cycle."""
 LATE_S = 60.0
 CYCLES_A_COMMAND = 50
 """Four pieces each: well below the thousand that one command may have."""
@@ -63,7 +65,7 @@ class Profile:
 
     def plan(self, first: int, count: int) -> Plan:
         """Return the plan of a block: `count` cycles from number `first` on."""
-        name = f"endurance-{first:07d}"
+        name = f"{NAME}-{first:07d}"
         if self.quantity == "displacement":
             return Plan(name, (*self._moves(count), self._wait(count)))
         return Plan(name, tuple(action for _ in range(count) for action in self._heating()))

@@ -225,4 +225,7 @@ def _append(path: Path, cycles: list[Cycle]) -> None:
 
 
 def _shown(value: float) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    if not isinstance(value, float):
+        return str(value)
+    # Board time of weeks has more digits in front of the point.
+    return f"{value:.6g}" if abs(value) < 1e5 else f"{value:.2f}"

@@ -228,6 +228,21 @@ def test_a_trip_that_comes_before_a_command_is_told_with_its_fault_too(tmp_path:
     assert client.tunes[-1].kp_A_per_mm == ControlConfig().kp_A_per_mm
 
 
+def test_a_run_whose_program_is_ended_is_no_example_of_anything(tmp_path: Path) -> None:
+    client = FakeClient(tmp_path)
+
+    def let_pass(seconds: float) -> None:
+        client.let_pass(seconds)
+        if client.recording:
+            raise SystemExit(143)
+
+    live = LiveDriver(client, sleep=let_pass)
+    with pytest.raises(SystemExit):
+        live.run(PLAN)
+    assert live.log is not None
+    assert read_run(live.log).cut_by == "the program was ended"
+
+
 def test_springs_mounted_in_another_way_are_refused_before_anything_moves(tmp_path: Path) -> None:
     client = FakeClient(tmp_path)
     live = LiveDriver(client, sleep=client.let_pass)

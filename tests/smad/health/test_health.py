@@ -1,11 +1,13 @@
 """The record of a bench, its trends, and what is forecast."""
 
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from smad.cli import execute
+from smad.health.collect import collect
 from smad.health.cycles import rows_of_cycles
 from smad.health.errors import HealthError
 from smad.health.measure import row_of
@@ -13,8 +15,11 @@ from smad.health.record import FILE, Row, Value, append, read
 from smad.health.report import headline, health_of, page, table
 from smad.health.trends import REFERENCE, Trend, forecast, trend_of
 from smad.health.verdicts import row_of_verdict
+from smad.progress import silent
 from smad.report.page import render
 from smad.runlog.header import RunHeader
+from smad.runlog.schema import CUT, Event
+from smad.runlog.schema import Row as Sample
 from smad.runlog.writer import write_run
 
 from . import ageing
@@ -207,12 +212,42 @@ def test_each_block_of_an_endurance_run_is_a_row_once_and_a_short_one_adds_its_c
         list(rows_of_cycles(tmp_path, set()))
 
 
-def test_a_run_that_is_too_short_gives_no_row(tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    from smad.runlog.schema import Row as Sample
+def write_log(path: Path, samples: int, *, name: str = "run", cut: bool = False) -> None:
+    records = [
+        Sample(t_s=0.01 * n, displacement_mm=5.0 * math.sin(0.02 * math.pi * n))
+        for n in range(samples)
+    ]
+    note = Event(t_s=1.0, kind="note", text=f"{CUT}stopped by disarm of a client")
+    write_run(path, RunHeader(name=name), [*records, note] if cut else records)
 
-    write_run(path, RunHeader(name="run"), [Sample(t_s=0.01 * n) for n in range(10)])
-    assert row_of(path) is None
+
+def test_a_run_that_is_too_short_or_was_stopped_gives_no_row(tmp_path: Path) -> None:
+    for name, samples, cut, gives in (("a", 10, False, False), ("b", 200, True, False),
+                                      ("c", 200, False, True)):  # fmt: skip
+        write_log(tmp_path / f"{name}.mcap", samples, cut=cut)
+        assert (row_of(tmp_path / f"{name}.mcap") is not None) is gives
+
+
+def test_a_run_without_a_name_is_compared_with_none_and_its_cycles_count(tmp_path: Path) -> None:
+    for name, compared in (("run", False), ("steps-2", True)):
+        write_log(tmp_path / f"{name}.mcap", 2000, name=name)
+        found = row_of(tmp_path / f"{name}.mcap")
+        assert found is not None
+        assert found.cycles == pytest.approx(20.0, abs=1.0)
+        assert ("stroke_mm" in found.values) is compared
+
+
+def test_the_cycles_of_an_endurance_run_count_once(tmp_path: Path) -> None:
+    write_log(tmp_path / "block.mcap", 2000, name="endurance-0000001")
+    (tmp_path / "alone").mkdir()
+    write_log(tmp_path / "alone/block.mcap", 2000, name="endurance-0000001")
+    (tmp_path / "cycles.csv").write_text(
+        "number,t_s,duration_s,stroke_mm\n" + "".join(f"{n},{n},1.0,10.0\n" for n in range(1, 21))
+    )
+    for folder, cycles in ((tmp_path, [20.0, 0.0]), (tmp_path / "alone", [20.0])):
+        collect(folder, [], say=silent, progress=silent)
+        rows = sorted(read(folder / FILE), key=lambda row: row.kind)
+        assert [row.cycles for row in rows] == [pytest.approx(n, abs=1.0) for n in cycles]
 
 
 def test_a_standard_run_gives_stroke_cooling_and_resistance(tmp_path: Path) -> None:

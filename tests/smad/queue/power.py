@@ -125,11 +125,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=5)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--folder", type=Path)
+    parser.add_argument("--folder", type=Path, default=Path("power"))
     parser.add_argument("--write", nargs=2, metavar=("FOLDER", "SYNCHRONOUS"))
     options = parser.parse_args()
     if options.write:
         write(Path(options.write[0]), options.write[1])
+    options.folder.mkdir(parents=True, exist_ok=True)
     losses = [lose_power(options.folder, options.seed + n) for n in range(options.trials)]
     lost = sum(loss.lost for loss in losses)
     print(

@@ -147,6 +147,20 @@ def test_a_full_disk_is_an_obstacle_of_the_computer_and_not_of_the_item(
     assert "too little room for run logs" in obstacle.text
 
 
+def test_the_disk_that_counts_is_that_on_which_the_daemon_records(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorded = folder / "recorded"
+    recorded.mkdir()
+    monkeypatch.setattr("smad.cli.queue_items.recording_folder", lambda bench: recorded)
+    monkeypatch.setattr(
+        "smad.experiments.ready.shutil.disk_usage",
+        lambda path: SimpleNamespace(free=1_000_000 if path == recorded else 10**12),
+    )
+    with pytest.raises(ComputerError, match="recorded"):
+        items_of("move", ["steps.toml"], folder, 1)
+
+
 def test_the_queue_in_python_checks_as_the_command_line_does(folder: Path) -> None:
     with Queue(folder / "runs") as queue:
         (item,) = queue.add("move", "steps.toml")

@@ -22,6 +22,7 @@ from smad.experiments.endurance.profile import Profile
 from smad.experiments.endurance.room import REST_S, Reserve, Room, longest_block_s, room_for
 from smad.experiments.endurance.run import (
     CYCLES_FILE,
+    BlockDriver,
     Ended,
     Endurance,
     Judgement,
@@ -33,6 +34,7 @@ from smad.experiments.endurance.statistics import Cycle, bounds, cycles_of
 from smad.experiments.errors import ExperimentError
 from smad.experiments.recording import Recording
 from smad.experiments.virtual import VirtualDriver
+from smad.health.cycles import rows_of_cycles
 from smad.runlog.reader import read_run
 
 PROFILE = Profile(low=-3.0, high=3.0, rate=2.0, dwell_s=0.5)
@@ -192,8 +194,24 @@ class Virtual:
         return self.driver.run(plan)
 
 
-def carried_out(folder: Path, bench: Virtual, **asked: object) -> Ended:
+def carried_out(folder: Path, bench: BlockDriver, **asked: object) -> Ended:
     return endure(Endurance(profile=PROFILE, **asked), bench, folder, NO_ROOM)  # type: ignore[arg-type]
+
+
+class AfterWeeks:
+    """A bench whose board has run for two weeks."""
+
+    log = None
+
+    def run(self, plan: Plan) -> Recording:
+        recorded = columns([6.0] * 25)
+        return Recording({**recorded, "t_s": recorded["t_s"] + 1_209_600.0}, {})
+
+
+def test_a_block_after_weeks_of_board_time_is_one_row_of_health(tmp_path: Path) -> None:
+    carried_out(tmp_path, AfterWeeks(), cycles=24)
+    (row,) = rows_of_cycles(tmp_path, set())
+    assert row.cycles == 24.0
 
 
 def test_a_run_in_virtual_time_has_all_its_cycles_and_keeps_every_third_in_full(
