@@ -87,8 +87,8 @@ class CaseRivals:
         return probabilities(
             np.array([r.scores for r in self.rivals]), [r.kind for r in self.rivals], temper,
             effects=self.effects, laws=self.laws,
-            log_prior=np.array([r.log_prior for r in self.rivals]), whether=self.independent_rows,
-            near=[r.near for r in self.rivals],
+            log_prior=np.array([r.log_prior for r in self.rivals]), rows=self.independent_rows,
+            near=[r.near for r in self.rivals], first=True,
         )  # fmt: skip
 
     def places_of(self, p: Array) -> dict[str, float]:

@@ -165,7 +165,7 @@ class Question:
             np.array([r.scores for r in compared]), [r.kind for r in compared], self.temper,
             effects=len(self.effects), laws=self.places,
             log_prior=np.array([r.log_prior for r in compared]),
-            whether=self.independent_rows if first else self.temper.evidence,
+            rows=self.independent_rows, first=first,
             near=[self.near(r) for r in compared],
         )  # fmt: skip
         made = [replace(r, probability=float(x)) for r, x in zip(compared, p, strict=True)]

@@ -7,13 +7,13 @@ evidence are counted for each run and channel, whatever its length,
 
     w(rival) = prior(rival) · exp(−κ/2 · Σ_rc log(v_rc + 1)).
 
-*Whether* anything is missing compares rivals with the simulator without a further part. That one
-may be right, and what is right is not beaten: until something has entered every independent row
-counts (κ₀) against it. For it they count only where it leaves nothing that could be told, and only
-against rivals that leave more: what leaves more is wrong in form. *Which* cause it is compares
-models that are all wrong in form: κ is small. There a rival also counts by how surely it leaves
-less than the simulator without a part: what explains nothing is no cause. Both are averaged over
-resampled runs (BayesBag, Huggins and Miller 2023): what hangs on one run is not sure.
+*Whether* anything is missing compares rivals with the simulator without a further part. Every
+independent row counts (κ₀) between one that leaves nothing that could be told and one that leaves
+more; and until something has entered, against the simulator, which may be right: what is right is
+not beaten. *Which* cause it is compares models that are all wrong in form: κ is small. There a
+rival also counts by how surely it leaves less than the simulator without a part: what explains
+nothing is no cause. Both are averaged over resampled runs (BayesBag, Huggins and Miller 2023): what
+hangs on one run is not sure.
 """
 
 from __future__ import annotations
@@ -95,13 +95,14 @@ def probabilities(
     effects: int,
     laws: int,
     log_prior: Array,
-    whether: float,
+    rows: float,
     near: Sequence[bool],
+    first: bool,
 ) -> Array:
     """Probability of each rival, (rivals,), from `scores` (rivals, runs).
 
-    `whether` is κ₀, the evidence of a run and channel for whether anything is missing; `near` says
-    which rivals leave nothing that could be told.
+    `rows` is κ₀, the independent rows of a run and channel; `near` says which rivals leave nothing
+    that could be told; `first`: nothing has entered yet.
     `effects` and `laws` are how many of each kind might have been asked: a prior is shared by all
     of them, asked or not, and by as many as the spring pair has. `log_prior` (rivals,) is that of
     where each one's parameters are: what imitates an effect by moving them far is less likely than
@@ -117,18 +118,24 @@ def probabilities(
         for kind in kinds
     ])  # fmt: skip
     total = _draws(scores.shape[1]) @ scores.T
-    of_which, of_whether = 0.5 * temper.evidence, 0.5 * whether
+    of_which, of_rows = 0.5 * temper.evidence, 0.5 * rows
     part = np.isin(kinds, (EFFECT, LAW))
-    log_weight = prior + of_whether * total
+    of_same = of_rows if first else of_which
+    log_weight = prior + of_same * total
     if part.all() or not part.any():
         return np.asarray(_shares(log_weight).mean(axis=0))
-    lead = total[:, part] - total[:, ~part].max(axis=1, keepdims=True)
-    which = prior[part] + of_which * lead + _log_sigmoid(of_whether * lead)
-    sound = np.asarray(near)
-    behind = np.where(sound[~part].any() & ~sound[part], of_whether, of_which)
-    missing = prior[part] + np.where(lead > 0.0, of_whether, behind) * lead
-    level = of_whether * total[:, ~part].max(axis=1, keepdims=True)
-    log_odds = _log_sum(missing) - _log_sum(log_weight[:, ~part] - level)
+    best = total[:, ~part].max(axis=1, keepdims=True)
+    lead = total[:, part] - best
+    which = prior[part] + of_which * lead + _log_sigmoid(of_same * lead)
+    sound, alone = np.asarray(near)[part], np.asarray(near)[~part].any()
+    counted = np.where(
+        lead > 0.0,
+        np.where(sound & ~alone, of_rows, of_same),
+        np.where(alone & ~sound, of_rows, of_which),
+    )
+    log_odds = _log_sum(prior[part] + counted * lead) - _log_sum(
+        log_weight[:, ~part] - of_same * best
+    )
     out = np.empty_like(total)
     out[:, part] = np.exp(_log_sigmoid(log_odds)) * _shares(which)
     out[:, ~part] = np.exp(_log_sigmoid(-log_odds)) * _shares(log_weight[:, ~part])

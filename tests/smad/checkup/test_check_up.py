@@ -41,6 +41,8 @@ from smad.runlog.writer import write_run
 
 from .short import PLANT, SHORT, played
 
+LAG = {"rtd_lag": {"tau_s": 0.1, "y_share": 1.0}}
+
 
 @pytest.fixture(scope="module")
 def reference() -> Reference:
@@ -88,7 +90,7 @@ def test_the_budget_goes_down_to_the_floor(reference: Reference) -> None:
 
 
 def test_the_page_shows_rivals_values_and_what_is_told(reference: Reference) -> None:
-    now = played(20, {"rtd_lag": {"tau_s": 0.1, "y_share": 1.0}})
+    now = played(20, LAG)
     found = judged(PLANT, reference, [(now, "short")])
     page = render(page_of(found.answer, facts=[("baseline", "somewhere")]))
     for words in (
@@ -101,9 +103,9 @@ def test_the_page_shows_rivals_values_and_what_is_told(reference: Reference) -> 
 
 
 def test_two_causes_are_named_together(reference: Reference) -> None:
-    both = {"force_offset": {"offset_N": 0.1}, "rtd_lag": {"tau_s": 0.1, "y_share": 1.0}}
+    both = {"driver_gain": {"gain": 0.06, "y_share": 1.0}, **LAG}
     verdict = checked(PLANT, reference, [(played(13, both), "short")])
-    assert sorted(named(verdict)) == ["force_offset", "rtd_lag"]
+    assert sorted(named(verdict)) == ["driver_gain", "rtd_lag"]
 
 
 def test_what_no_effect_explains_has_a_place_and_no_name(reference: Reference) -> None:

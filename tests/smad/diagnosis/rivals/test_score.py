@@ -24,20 +24,20 @@ RUNS, ROWS = 8, 23.0
 
 
 def of(
-    leads: tuple[float, ...], whether: float = ROWS, near: tuple[bool, ...] = NEAR
+    leads: tuple[float, ...], *, near: tuple[bool, ...] = NEAR, first: bool = True
 ) -> list[float]:
     """Probabilities of rivals whose scores over all runs lead the first one by so much."""
     scores = np.array([[lead / RUNS] * RUNS for lead in leads])
-    p = probabilities(scores, KINDS, TEMPER, effects=41, laws=20, whether=whether, near=near,
-                      log_prior=np.zeros(len(KINDS)))  # fmt: skip
+    p = probabilities(scores, KINDS, TEMPER, effects=41, laws=20, rows=ROWS, near=near,
+                      first=first, log_prior=np.zeros(len(KINDS)))  # fmt: skip
     return [float(x) for x in p]
 
 
 def missing(
-    leads: tuple[float, ...], whether: float = ROWS, near: tuple[bool, ...] = NEAR
+    leads: tuple[float, ...], *, near: tuple[bool, ...] = NEAR, first: bool = True
 ) -> float:
     """The probability that anything is missing."""
-    return sum(of(leads, whether, near)[2:])
+    return sum(of(leads, near=near, first=first)[2:])
 
 
 @pytest.mark.parametrize("leads", [(0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 3.0, 9.0, -2.0, 700.0)])
@@ -48,7 +48,7 @@ def test_probabilities_sum_to_one(leads: tuple[float, ...]) -> None:
 def test_a_small_lead_in_every_run_is_noticed_where_every_row_counts_and_not_where_few_do() -> None:
     small = (0.0, 0.0, 1.0, 0.0, 0.0)
     assert missing(small) > 0.9
-    assert missing(small, whether=TEMPER.evidence) < 0.1
+    assert missing(small, first=False) < 0.1
 
 
 @pytest.mark.parametrize("near", [(False,) * 5, (False, True, True, False, False)])
@@ -60,6 +60,12 @@ def test_what_leaves_a_little_more_than_parameters_is_possible_where_both_leave_
     assert missing(behind, near=near) > 0.1
 
 
+def test_what_leaves_nothing_beside_what_leaves_more_is_noticed_in_every_step() -> None:
+    lead = (0.0, 0.0, 4.0, 0.0, 0.0)
+    assert missing(lead, near=(False,) * 5, first=False) < 0.5
+    assert missing(lead, near=(False, False, True, False, False), first=False) > 0.9
+
+
 def test_what_leads_by_chance_is_not_noticed() -> None:
     assert missing((0.0, 0.1, 0.1, 0.05, 0.1)) < 0.1
 
@@ -68,8 +74,8 @@ def test_a_lead_that_hangs_on_one_run_is_less_sure_than_the_same_lead_in_every_r
     even, one = np.zeros((2, RUNS)), np.zeros((2, RUNS))
     even[1], one[1, 0] = 2.0 / RUNS, 2.0
     of_parts = [
-        probabilities(x, (NOTHING, EFFECT), TEMPER, effects=41, laws=20, whether=ROWS,
-                      near=(True, False), log_prior=np.zeros(2))[1]
+        probabilities(x, (NOTHING, EFFECT), TEMPER, effects=41, laws=20, rows=ROWS,
+                      near=(True, False), first=True, log_prior=np.zeros(2))[1]
         for x in (even, one)
     ]  # fmt: skip
     assert of_parts[1] < 0.75 < of_parts[0]
