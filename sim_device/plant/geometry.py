@@ -154,6 +154,18 @@ def _force_at(base: ParameterSet, strain: float) -> float:
     return 0.5 * (low + high)
 
 
+def section_m2(parameters: ParameterSet) -> float:
+    """Cross-section of the wire."""
+    return 0.25 * math.pi * parameters["wire_diameter"] ** 2
+
+
+def heating_K_per_s(parameters: ParameterSet, current_A: float) -> float:
+    """Rise of a wire that loses no heat: β_s (I/A_c)² / (ρ_s C_h)."""
+    density_A_per_m2 = current_A / section_m2(parameters)
+    capacity = parameters["density"] * parameters["heat_capacity_heating"]
+    return parameters["resistivity"] * density_A_per_m2**2 / capacity
+
+
 def pitch_factor(pitch_mm: float, wire_mm: float) -> float:
     """Factor on the film of a straight wire in still air, for a coil of that pitch.
 

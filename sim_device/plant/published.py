@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
-from sim_device.plant.geometry import Geometry, pitch_law, scaled
+from sim_device.plant.geometry import Geometry, heating_K_per_s, pitch_law, scaled
 from sim_device.plant.parameters import ParameterSet, load_parameters
 from sim_device.plant.plant import Plant
 from sim_device.plant.records import Drive
@@ -48,7 +48,14 @@ _ALLOYS = {
     "90 °C": (88.0, 98.0, 72.0, 62.0),
 }
 """A_S, A_F, M_S, M_F without stress, °C."""
-_COIL_OF_WIRE_MM = 2.0  # a straight wire has none; only lengths depend on it, which cancel
+_SPRINGS_OF_L = {
+    0.5: (0.79, 4.3, 20.0, 4.0),
+    1.0: (0.41, 1.1, 40.0, 16.0),
+    2.0: (0.17, 0.27, 50.0, 60.0),
+}
+"""Wire, mm: ohms of the spring, ohms a metre of the wire, largest stroke, mm, current, A."""
+_LONG_MM_OF_L = 50.0
+_LONGEST_S = 300.0
 _HEATED, _COOLED = 0.05, 0.875  # martensite: contracted; all but the last 0.5 % of 4 % strain back
 
 
@@ -124,32 +131,86 @@ def heated_in_air(
 
 
 @cache
-def wire_in_air(
-    wire_mm: float, current_A: float, alloy: str, heats_of_d: bool = False
+def relaxing(
+    geometry: Geometry,
+    current_A: float,
+    alloy: str,
+    *,
+    heats_of_d: bool = False,
+    in_water: bool = False,
 ) -> tuple[float, float]:
-    """How long a straight unloaded wire takes to contract, and then to relax, in still air, s.
+    """How long an unloaded spring takes to contract, and then to relax without current, s.
 
-    Infinite where the current does not heat it through.
+    In still air, or in a bath: water that stays at the room's temperature, as in the variant
+    "printed", with the wire's diameter for the film. Infinite where the current does not heat it
+    through.
     """
-    geometry = Geometry(wire_mm=wire_mm, coil_mm=_COIL_OF_WIRE_MM, turns=20)
-    base = scaled(_base(heats_of_d), geometry)
+    room_K = _ZERO_C + _ROOM_C_OF_D
+    parameters = _with_alloy(scaled(_base(heats_of_d), geometry), alloy, room_K)
+    if in_water:
+        parameters = parameters.replace(tube_diameter=2.0 * parameters["wire_diameter"])
     plant = Plant(
-        _with_alloy(base, alloy, _ZERO_C + _ROOM_C_OF_D), cooling="air", fixture="stretch"
+        parameters,
+        variant="printed" if in_water else "extended",
+        cooling="water" if in_water else "air",
+        fixture="stretch",
+        laws=() if in_water else pitch_law(geometry),
     )
-    phases: list[tuple[Drive, Callable[[float], bool]]] = [
-        (Drive((current_A, 0.0)), lambda xi: xi <= _HEATED),
-        (Drive(), lambda xi: xi >= _COOLED),
+    step_s = 0.025 * geometry.wire_mm
+    rise_K_per_s = heating_K_per_s(parameters, current_A)
+    phases: list[tuple[Drive, float, Callable[[float], bool]]] = [
+        (Drive((current_A, 0.0)), min(step_s, 0.5 / rise_K_per_s), lambda xi: xi <= _HEATED),
+        (Drive(), step_s, lambda xi: xi >= _COOLED),
     ]
     times_s = []
-    for drive, done in phases:
-        step_s, taken_s = 5e-3, 0.0
+    for drive, dt_s, done in phases:
+        taken_s = 0.0
         while not done(plant.truth.xi[0]):
-            if taken_s > 30.0:
+            if taken_s > _LONGEST_S:
                 return math.inf, math.inf
-            plant.advance(drive, step_s)
-            taken_s += step_s
+            plant.advance(drive, dt_s)
+            taken_s += dt_s
         times_s.append(taken_s)
     return times_s[0], times_s[1]
+
+
+def wire(wire_mm: float) -> Geometry:
+    """A straight wire: its coil and turns decide lengths only, which cancel."""
+    return Geometry(wire_mm=wire_mm, coil_mm=10.0 * wire_mm, turns=20)
+
+
+def _spring_of_l(wire_mm: float) -> Geometry:
+    """A spring of L: ten wires outside, 50 mm long, turns by its resistance a metre of its wire."""
+    coil_mm = 9.0 * wire_mm
+    spring_Ohm, wire_Ohm_per_m, _, _ = _SPRINGS_OF_L[wire_mm]
+    turns = 1e3 * spring_Ohm / wire_Ohm_per_m / (math.pi * coil_mm)
+    return Geometry(
+        wire_mm=wire_mm, coil_mm=coil_mm, turns=turns, pitch_mm=_LONG_MM_OF_L / turns - wire_mm
+    )
+
+
+def _force_of_l(wire_mm: float) -> Callable[[], float]:
+    """Force of the hot spring, stretched from its free length by the largest stroke stated, N."""
+
+    def force_N() -> float:
+        *_, stroke_mm, current_A = _SPRINGS_OF_L[wire_mm]
+        parameters = scaled(_base(False), _spring_of_l(wire_mm))
+        plant = Plant(
+            _with_alloy(parameters, "90 °C", _ZERO_C + _ROOM_C_OF_D),
+            cooling="air",
+            fixture="stretch",
+        )
+        drive = Drive((current_A, 0.0), stage_m=1e-3 * stroke_mm)
+        while plant.truth.xi[0] > _HEATED:
+            plant.advance(drive, 0.02)
+        return plant.truth.spring_force_N[0]
+
+    return force_N
+
+
+def _relaxing_of_l(wire_mm: float, *, in_water: bool) -> Callable[[], float]:
+    current_A = _SPRINGS_OF_L[wire_mm][3] * (10.0 if in_water else 1.0)
+    return lambda: relaxing(_spring_of_l(wire_mm), current_A, "90 °C", in_water=in_water)[1]
 
 
 def resistance_per_m(wire_mm: float) -> float:
@@ -164,6 +225,11 @@ def _section_m2(wire_mm: float) -> float:
 def _stated_per_m(wire_mm: float) -> tuple[float, float]:
     martensite, austenite = (rho / _section_m2(wire_mm) for rho in _RESISTIVITY_OF_D)
     return martensite, austenite
+
+
+def _phases_over_one_another() -> float:
+    """Resistance of the hot spring over that of the cold one: the plant has one resistivity."""
+    return 1.0
 
 
 def _parameter(name: str) -> Callable[[], float]:
@@ -206,20 +272,20 @@ NUMBERS: tuple[Published, ...] = (
     Published(what="resistance, 0.51 mm wire", source="D", value=4.3, unit="Ω/m",
               ours=lambda: resistance_per_m(0.508), stated=_stated_per_m(0.508)),
     Published(what="0.15 mm, 70 °C alloy: contracts at 0.4 A in", source="D", value=1.0, unit="s",
-              ours=lambda: wire_in_air(0.1524, 0.4, "70 °C")[0],
-              with_heats=lambda: wire_in_air(0.1524, 0.4, "70 °C", True)[0],
+              ours=lambda: relaxing(wire(0.1524), 0.4, "70 °C")[0],
+              with_heats=lambda: relaxing(wire(0.1524), 0.4, "70 °C", heats_of_d=True)[0],
               missing="D states one current for both alloys"),
     Published(what="0.15 mm, 90 °C alloy: contracts at 0.4 A in", source="D", value=1.0, unit="s",
-              ours=lambda: wire_in_air(0.1524, 0.4, "90 °C")[0],
-              with_heats=lambda: wire_in_air(0.1524, 0.4, "90 °C", True)[0]),
+              ours=lambda: relaxing(wire(0.1524), 0.4, "90 °C")[0],
+              with_heats=lambda: relaxing(wire(0.1524), 0.4, "90 °C", heats_of_d=True)[0]),
     Published(what="0.15 mm, 70 °C alloy: relaxes in", source="D", value=2.0, unit="s",
-              ours=lambda: wire_in_air(0.1524, 0.4, "70 °C")[1],
-              with_heats=lambda: wire_in_air(0.1524, 0.4, "70 °C", True)[1]),
+              ours=lambda: relaxing(wire(0.1524), 0.4, "70 °C")[1],
+              with_heats=lambda: relaxing(wire(0.1524), 0.4, "70 °C", heats_of_d=True)[1]),
     Published(what="0.15 mm, 90 °C alloy: relaxes in", source="D", value=1.2, unit="s",
-              ours=lambda: wire_in_air(0.1524, 0.4, "90 °C")[1],
-              with_heats=lambda: wire_in_air(0.1524, 0.4, "90 °C", True)[1]),
+              ours=lambda: relaxing(wire(0.1524), 0.4, "90 °C")[1],
+              with_heats=lambda: relaxing(wire(0.1524), 0.4, "90 °C", heats_of_d=True)[1]),
     Published(what="0.076 mm, 70 °C alloy: contracts at 0.1 A in", source="D", value=1.0, unit="s",
-              ours=lambda: wire_in_air(0.0762, 0.1, "70 °C")[0],
+              ours=lambda: relaxing(wire(0.0762), 0.1, "70 °C")[0],
               missing="the air film of thin wires"),
     Published(what="specific heat", source="D", value=_SPECIFIC_HEAT_OF_D, unit="J/(kg K)",
               ours=_parameter("heat_capacity_heating"), missing=_HEAT),
@@ -234,63 +300,63 @@ NUMBERS: tuple[Published, ...] = (
     Published(what="response at 3 A", source="C", value=26.0, unit="s",
               missing="the copper core; its dimensions"),
     Published(what="force, 0.5 mm spring", source="L", value=2.5, unit="N",
-              stated=(2.0, 3.0), missing="not computed yet"),
+              stated=(2.0, 3.0), ours=_force_of_l(0.5)),
     Published(what="force, 1 mm spring", source="L", value=9.0, unit="N",
-              stated=(8.0, 10.0), missing="not computed yet"),
+              stated=(8.0, 10.0), ours=_force_of_l(1.0)),
     Published(what="force, 2 mm spring", source="L", value=27.5, unit="N",
-              stated=(25.0, 30.0), missing="not computed yet"),
+              stated=(25.0, 30.0), ours=_force_of_l(2.0)),
     Published(what="0.5 mm spring relaxes in air in", source="L", value=10.0, unit="s",
-              stated=(5.0, 15.0), missing="not computed yet"),
+              stated=(5.0, 15.0), ours=_relaxing_of_l(0.5, in_water=False)),
     Published(what="1 mm spring relaxes in air in", source="L", value=25.0, unit="s",
-              stated=(20.0, 30.0), missing="not computed yet"),
+              stated=(20.0, 30.0), ours=_relaxing_of_l(1.0, in_water=False)),
     Published(what="2 mm spring relaxes in air in", source="L", value=60.0, unit="s",
-              missing="not computed yet"),
+              ours=_relaxing_of_l(2.0, in_water=False)),
     Published(what="0.5 mm spring relaxes in water in", source="L", value=1.0, unit="s",
-              missing="not computed yet"),
+              ours=_relaxing_of_l(0.5, in_water=True)),
     Published(what="1 mm spring relaxes in water in", source="L", value=2.5, unit="s",
-              stated=(2.0, 3.0), missing="not computed yet"),
+              stated=(2.0, 3.0), ours=_relaxing_of_l(1.0, in_water=True)),
     Published(what="2 mm spring relaxes in water in", source="L", value=6.0, unit="s",
-              stated=(5.0, 7.0), missing="not computed yet"),
+              stated=(5.0, 7.0), ours=_relaxing_of_l(2.0, in_water=True)),
     Published(what="1 mm spring relaxes behind a fan in", source="L", value=11.5, unit="s",
               stated=(8.0, 15.0), missing=_NO_FLOW),
     Published(what="stroke, 1 mm spring", source="L", value=35.0, unit="mm",
               stated=(30.0, 40.0), missing="its load is not stated"),
     Published(what="2 mm wire at 15 A contracts in", source="L", value=35.3, unit="s",
-              missing="not computed yet"),
+              ours=lambda: relaxing(wire(2.0), 15.0, "90 °C")[0]),
     Published(what="resistance, austenite over martensite", source="L", value=0.94, unit="",
-              missing="not computed yet"),
+              ours=_phases_over_one_another),
     Published(what="resistance, austenite over martensite", source="D", value=1.25, unit="",
-              missing="not computed yet"),
+              ours=_phases_over_one_another),
     Published(what="resistance, 0.025 mm wire", source="M", value=1425.0, unit="Ω/m",
-              missing="not computed yet"),
+              ours=lambda: resistance_per_m(0.0254)),
     Published(what="resistance, 0.2 mm wire", source="M", value=29.0, unit="Ω/m",
-              stated=_stated_per_m(0.2032), missing="not computed yet"),
+              stated=_stated_per_m(0.2032), ours=lambda: resistance_per_m(0.2032)),
     Published(what="0.025 mm, 70 °C: contracts at 45 mA in", source="M", value=1.0, unit="s",
-              missing="not computed yet"),
+              ours=lambda: relaxing(wire(0.0254), 0.045, "70 °C")[0]),
     Published(what="0.025 mm, 70 °C: relaxes in", source="M", value=0.18, unit="s",
-              missing="not computed yet"),
+              ours=lambda: relaxing(wire(0.0254), 0.1, "70 °C")[1]),
     Published(what="0.025 mm, 90 °C: relaxes in", source="M", value=0.15, unit="s",
-              missing="not computed yet"),
+              ours=lambda: relaxing(wire(0.0254), 0.1, "90 °C")[1]),
     Published(what="0.076 mm, 70 °C: relaxes in", source="M", value=0.8, unit="s",
-              stated=(0.5, 0.8), missing="not computed yet"),
+              stated=(0.5, 0.8), ours=lambda: relaxing(wire(0.0762), 0.2, "70 °C")[1]),
     Published(what="0.1 mm, 70 °C: relaxes in", source="M", value=1.1, unit="s",
-              missing="not computed yet"),
+              ours=lambda: relaxing(wire(0.1016), 0.3, "70 °C")[1]),
     Published(what="0.1 mm, 90 °C: relaxes in", source="M", value=0.9, unit="s",
-              missing="not computed yet"),
+              ours=lambda: relaxing(wire(0.1016), 0.3, "90 °C")[1]),
     Published(what="0.2 mm, 70 °C: contracts at 0.66 A in", source="M", value=1.0, unit="s",
-              missing="not computed yet"),
+              ours=lambda: relaxing(wire(0.2032), 0.66, "70 °C")[0]),
     Published(what="0.2 mm, 70 °C: relaxes in", source="M", value=3.2, unit="s",
-              missing="not computed yet"),
+              ours=lambda: relaxing(wire(0.2032), 0.66, "70 °C")[1]),
     Published(what="0.25 mm, 70 °C: relaxes in", source="M", value=5.4, unit="s",
-              missing="not computed yet"),
+              ours=lambda: relaxing(wire(0.254), 1.0, "70 °C")[1]),
     Published(what="0.51 mm, 90 °C: contracts at 4 A in", source="L", value=1.0, unit="s",
-              missing="not computed yet"),
+              ours=lambda: relaxing(wire(0.508), 4.0, "90 °C")[0]),
     Published(what="0.51 mm, 90 °C: relaxes in", source="L", value=14.0, unit="s",
-              missing="not computed yet"),
+              ours=lambda: relaxing(wire(0.508), 4.0, "90 °C")[1]),
     Published(what="specific heat", source="H", value=450.0, unit="J/(kg K)",
-              missing="not computed yet"),
+              ours=_parameter("heat_capacity_heating")),
     Published(what="latent heat", source="H", value=1.97e4, unit="J/kg",
-              stated=(1.5e4, 1.97e4), missing="not computed yet"),
+              stated=(1.5e4, 1.97e4), ours=_parameter("latent_heating")),
 )  # fmt: skip
 
 

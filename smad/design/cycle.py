@@ -12,7 +12,13 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 from sim_device.plant import Drive, Plant
-from sim_device.plant.geometry import Geometry, pitch_law, scaled
+from sim_device.plant.geometry import (
+    Geometry,
+    heating_K_per_s,
+    pitch_law,
+    scaled,
+    section_m2,
+)
 from sim_device.plant.parameters import ParameterSet, spring_factors
 from smad.errors import SmadError
 
@@ -81,7 +87,7 @@ def design_cycle(
     parameters = scaled(base, geometry)
     laws = pitch_law(geometry) if cooling == "air" else ()
     plant = Plant(parameters, cooling=cooling, laws=laws)
-    heating_step_s = min(DT_S, STEP_K / _heating_K_per_s(parameters, current_A))
+    heating_step_s = min(DT_S, STEP_K / heating_K_per_s(parameters, current_A))
     c1 = spring_factors(parameters)[0]
     seen = _Seen()
     for _ in range(CYCLES):
@@ -89,7 +95,7 @@ def design_cycle(
         for heated in (0, 1):
             _half(plant, heated, current_A, heating_step_s, seen)
     wire_m = math.pi * parameters["coil_diameter"] * parameters["coils"]
-    section = _section_m2(parameters)
+    section = section_m2(parameters)
     return Design(
         stroke_mm=0.5e3 * (seen.high_m - seen.low_m),
         force_hot_N=seen.most_N,
@@ -104,17 +110,6 @@ def design_cycle(
         stress_MPa=1e-6 * c1 * seen.most_N,
         peak_degC=seen.peak_K - 273.15,
     )
-
-
-def _section_m2(parameters: ParameterSet) -> float:
-    return 0.25 * math.pi * parameters["wire_diameter"] ** 2
-
-
-def _heating_K_per_s(parameters: ParameterSet, current_A: float) -> float:
-    """Rise of a wire that loses no heat: β_s (I/A_c)² / (ρ_s C_h)."""
-    density_A_per_m2 = current_A / _section_m2(parameters)
-    capacity = parameters["density"] * parameters["heat_capacity_heating"]
-    return parameters["resistivity"] * density_A_per_m2**2 / capacity
 
 
 @dataclass
