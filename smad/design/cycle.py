@@ -13,9 +13,10 @@ from dataclasses import asdict, dataclass
 
 from sim_device.plant import Drive, Plant
 from sim_device.plant.geometry import (
+    CoilFilm,
     Geometry,
+    coil_film,
     heating_K_per_s,
-    pitch_law,
     scaled,
     section_m2,
 )
@@ -85,8 +86,8 @@ def design_cycle(
     a spring that takes longer than LONGEST_S, ParameterError for parameters out of range.
     """
     parameters = scaled(base, geometry)
-    laws = pitch_law(geometry) if cooling == "air" else ()
-    plant = Plant(parameters, cooling=cooling, laws=laws)
+    film = coil_film(geometry) if cooling == "air" else CoilFilm(laws=(), effects={})
+    plant = Plant(parameters, cooling=cooling, **film)
     heating_step_s = min(DT_S, STEP_K / heating_K_per_s(parameters, current_A))
     c1 = spring_factors(parameters)[0]
     seen = _Seen()
