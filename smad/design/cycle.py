@@ -21,7 +21,7 @@ from sim_device.plant.geometry import (
     section_m2,
 )
 from sim_device.plant.parameters import ParameterSet, spring_factors
-from smad.errors import SmadError
+from smad.design.checked import DesignError, anneals_s, outside, refuse_impossible
 
 DT_S = 0.02
 STEP_K = 0.5
@@ -33,13 +33,12 @@ LONGEST_S = 900.0
 CYCLES = 2
 
 
-class DesignError(SmadError):
-    """A pair that cannot make its stroke."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Design:
-    """What a pair gives. Stroke is half the way from end to end; power the mean of both springs."""
+    """What a pair gives. Stroke is half the way from end to end; power the mean of both springs.
+
+    outside: what lies outside the range in which the model was checked.
+    """
 
     stroke_mm: float
     force_hot_N: float
@@ -53,6 +52,8 @@ class Design:
     mass_g: float
     stress_MPa: float
     peak_degC: float
+    anneals_s: float
+    outside: tuple[str, ...]
 
     def rows(self) -> list[tuple[str, str]]:
         """Quantity and value, as a table shows them."""
@@ -70,6 +71,7 @@ _WORDS = (
     ("power_W", "mean electrical power", "{:.2f} W"),
     ("peak_power_W", "largest", "{:.2f} W"),
     ("peak_degC", "hottest wire", "{:.0f} °C"),
+    ("anneals_s", "500 °C, if the current stays on, not before", "{:.2g} s"),
     ("resistance_Ohm", "resistance of a spring", "{:.3f} Ω"),
     ("wire_m", "wire of a spring", "{:.3f} m"),
     ("mass_g", "mass of a spring", "{:.3f} g"),
@@ -83,9 +85,11 @@ def design_cycle(
 
     base: the alloy, and what is not scaled (`sim_device.plant.geometry`). cooling: "water" in the
     tube at full flow while a spring cools, or "air", where the pitch counts. Raises DesignError for
-    a spring that takes longer than LONGEST_S, ParameterError for parameters out of range.
+    a spring that takes longer than LONGEST_S and for what cannot be, ParameterError for parameters
+    out of range.
     """
     parameters = scaled(base, geometry)
+    refuse_impossible(parameters, geometry, current_A)
     film = coil_film(geometry) if cooling == "air" else CoilFilm(laws=(), effects={})
     plant = Plant(parameters, cooling=cooling, **film)
     heating_step_s = min(DT_S, STEP_K / heating_K_per_s(parameters, current_A))
@@ -110,6 +114,8 @@ def design_cycle(
         mass_g=1e3 * parameters["density"] * section * wire_m,
         stress_MPa=1e-6 * c1 * seen.most_N,
         peak_degC=seen.peak_K - 273.15,
+        anneals_s=anneals_s(parameters, current_A),
+        outside=outside(parameters, geometry, current_A, 1e-6 * c1 * seen.most_N),
     )
 
 
