@@ -83,7 +83,9 @@ def published() -> Figure:
     names = [f"{number.what} ({number.source})" for number in reversed(shown)]
     axes.set_yticks(range(len(shown)), names, fontsize=6)
     axes.set_xlim(0.0, 2.0)
-    axes.set_xlabel("simulated over published; squares: fitted; bars: the interval that the source states")
+    axes.set_xlabel(
+        "simulated over published; squares: fitted; bars: the interval that the source states"
+    )
     return figure
 
 
