@@ -63,7 +63,7 @@ format: $(VENV)/.test-installed  ## format the code
 wheel: $(VENV)/.test-installed  ## build the wheel: dist/smad-*.whl
 	@$(UV) build --quiet --wheel --python $(PY)
 
-cold: wheel  ## run the demo from the wheel with nothing installed, on the oldest and newest Python here
+cold: wheel  ## run the demo from the wheel with nothing installed, on every supported Python here
 	@$(PY) -m bench.cold_start dist/smad-*.whl
 
 paper: $(VENV)/.installed  ## draw the figures of paper/paper.md

@@ -71,16 +71,21 @@ def cycle() -> Figure:
 def published() -> Figure:
     """Ratio of what the plant gives to what was published, a point for each number."""
     shown = [n for n in NUMBERS if n.ratio is not None and not math.isinf(n.ratio)]
-    figure, (axes,) = new_figure(1, 1, width_in=8.0, height_in=4.2)
+    figure, (axes,) = new_figure(1, 1, width_in=8.0, height_in=6.4)
     axes.axvspan(1.0 - NEAR, 1.0 + NEAR, color=in_print("raised"))
     for place, number in enumerate(reversed(shown)):
         mark = "o" if not number.fitted else "s"
         fill = in_print("x") if not number.fitted else "none"
+        if number.stated is not None:
+            bounds = [bound / number.value for bound in number.stated]
+            axes.plot(bounds, [place, place], color=in_print("main"), linewidth=3, alpha=0.3)
         axes.plot(number.ratio, place, mark, color=in_print("x"), markerfacecolor=fill)
     names = [f"{number.what} ({number.source})" for number in reversed(shown)]
-    axes.set_yticks(range(len(shown)), names, fontsize=7)
-    axes.set_xlim(0.0, 1.6)
-    axes.set_xlabel("simulated over published; squares: fitted")
+    axes.set_yticks(range(len(shown)), names, fontsize=6)
+    axes.set_xlim(0.0, 2.0)
+    axes.set_xlabel(
+        "simulated over published; squares: fitted; bars: the interval that the source states"
+    )
     return figure
 
 

@@ -79,6 +79,8 @@ def design(
         made = design_cycle(base, geometry, current_A=current_A, cooling=cooling)
     except PlantError as error:
         raise SmadError(str(error)) from error
+    for said in made.outside:
+        click.echo(f"outside what was checked: {said}", err=True)
     if page is not None:
         write_page(design_page(made, geometry, base.title, current_A, cooling), page)
     if as_json:

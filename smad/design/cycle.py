@@ -12,9 +12,16 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 from sim_device.plant import Drive, Plant
-from sim_device.plant.geometry import Geometry, pitch_law, scaled
+from sim_device.plant.geometry import (
+    CoilFilm,
+    Geometry,
+    coil_film,
+    heating_K_per_s,
+    scaled,
+    section_m2,
+)
 from sim_device.plant.parameters import ParameterSet, spring_factors
-from smad.errors import SmadError
+from smad.design.checked import DesignError, anneals_s, outside, refuse_impossible
 
 DT_S = 0.02
 STEP_K = 0.5
@@ -26,13 +33,12 @@ LONGEST_S = 900.0
 CYCLES = 2
 
 
-class DesignError(SmadError):
-    """A pair that cannot make its stroke."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Design:
-    """What a pair gives. Stroke is half the way from end to end; power the mean of both springs."""
+    """What a pair gives. Stroke is half the way from end to end; power the mean of both springs.
+
+    outside: what lies outside the range in which the model was checked.
+    """
 
     stroke_mm: float
     force_hot_N: float
@@ -46,6 +52,8 @@ class Design:
     mass_g: float
     stress_MPa: float
     peak_degC: float
+    anneals_s: float
+    outside: tuple[str, ...]
 
     def rows(self) -> list[tuple[str, str]]:
         """Quantity and value, as a table shows them."""
@@ -63,6 +71,7 @@ _WORDS = (
     ("power_W", "mean electrical power", "{:.2f} W"),
     ("peak_power_W", "largest", "{:.2f} W"),
     ("peak_degC", "hottest wire", "{:.0f} °C"),
+    ("anneals_s", "500 °C, if the current stays on, not before", "{:.2g} s"),
     ("resistance_Ohm", "resistance of a spring", "{:.3f} Ω"),
     ("wire_m", "wire of a spring", "{:.3f} m"),
     ("mass_g", "mass of a spring", "{:.3f} g"),
@@ -76,12 +85,14 @@ def design_cycle(
 
     base: the alloy, and what is not scaled (`sim_device.plant.geometry`). cooling: "water" in the
     tube at full flow while a spring cools, or "air", where the pitch counts. Raises DesignError for
-    a spring that takes longer than LONGEST_S, ParameterError for parameters out of range.
+    a spring that takes longer than LONGEST_S and for what cannot be, ParameterError for parameters
+    out of range.
     """
     parameters = scaled(base, geometry)
-    laws = pitch_law(geometry) if cooling == "air" else ()
-    plant = Plant(parameters, cooling=cooling, laws=laws)
-    heating_step_s = min(DT_S, STEP_K / _heating_K_per_s(parameters, current_A))
+    refuse_impossible(parameters, geometry, current_A)
+    film = coil_film(geometry) if cooling == "air" else CoilFilm(laws=(), effects={})
+    plant = Plant(parameters, cooling=cooling, **film)
+    heating_step_s = min(DT_S, STEP_K / heating_K_per_s(parameters, current_A))
     c1 = spring_factors(parameters)[0]
     seen = _Seen()
     for _ in range(CYCLES):
@@ -89,7 +100,7 @@ def design_cycle(
         for heated in (0, 1):
             _half(plant, heated, current_A, heating_step_s, seen)
     wire_m = math.pi * parameters["coil_diameter"] * parameters["coils"]
-    section = _section_m2(parameters)
+    section = section_m2(parameters)
     return Design(
         stroke_mm=0.5e3 * (seen.high_m - seen.low_m),
         force_hot_N=seen.most_N,
@@ -103,18 +114,9 @@ def design_cycle(
         mass_g=1e3 * parameters["density"] * section * wire_m,
         stress_MPa=1e-6 * c1 * seen.most_N,
         peak_degC=seen.peak_K - 273.15,
+        anneals_s=anneals_s(parameters, current_A),
+        outside=outside(parameters, geometry, current_A, 1e-6 * c1 * seen.most_N),
     )
-
-
-def _section_m2(parameters: ParameterSet) -> float:
-    return 0.25 * math.pi * parameters["wire_diameter"] ** 2
-
-
-def _heating_K_per_s(parameters: ParameterSet, current_A: float) -> float:
-    """Rise of a wire that loses no heat: β_s (I/A_c)² / (ρ_s C_h)."""
-    density_A_per_m2 = current_A / _section_m2(parameters)
-    capacity = parameters["density"] * parameters["heat_capacity_heating"]
-    return parameters["resistivity"] * density_A_per_m2**2 / capacity
 
 
 @dataclass

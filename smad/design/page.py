@@ -27,6 +27,13 @@ def design_page(
         facts=[],
         sections=[
             Section("What it gives", [Table(_HEADER, design.rows())]),
-            Section("For this geometry", [Table(_HEADER, sizes), Text(_ALLOY, kind="note")]),
+            Section(
+                "For this geometry",
+                [
+                    Table(_HEADER, sizes),
+                    *(Text(f"Outside what was checked: {said}.") for said in design.outside),
+                    Text(_ALLOY, kind="note"),
+                ],
+            ),
         ],
     )

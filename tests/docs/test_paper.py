@@ -1,16 +1,17 @@
 """The paper: figures come from its command, numbers from their source, each citation is listed."""
 
+import json
 import re
 import subprocess
 import sys
 from pathlib import Path
 
 from sim_device.plant.effects.registry import EFFECTS
-from sim_device.plant.published import near_of
+from sim_device.plant.published import inside_of, near_of
 
 FOLDER = Path(__file__).resolve().parents[2] / "paper"
 TEXT = (FOLDER / "paper.md").read_text()
-NUMBERS = {10: "Ten", 16: "sixteen", 42: "forty-two"}
+NUMBERS = {7: "seven", 11: "eleven", 22: "Twenty-two", 42: "forty-two"}
 
 
 def test_the_command_draws_the_figures_that_the_paper_shows(tmp_path: Path) -> None:
@@ -23,7 +24,15 @@ def test_the_command_draws_the_figures_that_the_paper_shows(tmp_path: Path) -> N
 def test_its_numbers_are_those_of_the_code() -> None:
     near, judged = near_of()
     assert f"{NUMBERS[near]} of {NUMBERS[judged]} lie within 20 %" in TEXT
+    inside, stated = inside_of()
+    assert f"{NUMBERS[inside]} of {NUMBERS[stated]} in the interval" in TEXT
     assert f"{NUMBERS[len(EFFECTS)]} candidate effects" in TEXT
+    scores = json.loads((FOLDER.parent / "evaluation/results/sealed-check-ups.json").read_text())
+    benches, _, _ = scores["notes"][0].partition(" of the independent plant")
+    assert f"the scores of {benches}" in TEXT
+    rows = {name: value for name, value, *_ in scores["tables"]["Scores, check-up"]["rows"]}
+    share = float(rows["place right first, unlisted"].split()[0])
+    assert f"right first in {share:.0%}".replace("%", " %") in TEXT
 
 
 def test_each_reference_is_cited_and_each_citation_is_a_reference() -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from sim_device.plant import load_parameters
 from sim_device.plant.errors import ParameterError
-from sim_device.plant.geometry import Geometry, load_geometry, pitch_factor, pitch_law, scaled
+from sim_device.plant.geometry import Geometry, coil_film, load_geometry, pitch_factor, scaled
 from sim_device.plant.parameters import initial_detwinned, spring_factors
 
 A = load_parameters("A")
@@ -43,11 +43,13 @@ def test_closer_turns_lose_less_and_the_factor_rests_where_it_was_not_measured()
     assert pitch_factor(40.0, 0.5) == pitch_factor(3.0, 0.5)
 
 
-def test_a_straight_wire_has_no_law_of_the_pitch() -> None:
-    assert pitch_law(OWN) == ()
-    (law,) = pitch_law(Geometry(wire_mm=0.5, coil_mm=3.5, turns=12, pitch_mm=0.0))
+def test_a_straight_wire_has_its_film_and_a_coil_one_that_grows_with_the_difference() -> None:
+    assert coil_film(OWN) == {"laws": (), "effects": {}}
+    film = coil_film(Geometry(wire_mm=0.5, coil_mm=3.5, turns=12, pitch_mm=0.0))
+    (law,) = film["laws"]
     assert law.place == "film"
     assert law.terms[0].coefficient == pytest.approx(pitch_factor(0.0, 0.5) - 1.0)
+    assert film["effects"]["convection_exponent"]["exponent"] > 0.0
 
 
 def test_a_file_holds_a_geometry_and_its_base(tmp_path: Path) -> None:

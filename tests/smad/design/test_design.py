@@ -8,7 +8,8 @@ import pytest
 from sim_device.plant import load_parameters
 from sim_device.plant.geometry import Geometry
 from smad.cli import execute
-from smad.design.cycle import DesignError, design_cycle
+from smad.design.checked import DesignError
+from smad.design.cycle import design_cycle
 
 A = load_parameters("A")
 PAPER = Geometry(wire_mm=0.75, coil_mm=6.5, turns=20)
@@ -21,6 +22,7 @@ def test_the_springs_of_set_a_make_the_stroke_and_force_of_the_paper() -> None:
     assert made.resistance_Ohm == pytest.approx(0.758, rel=0.01)
     assert made.wire_m == pytest.approx(0.408, rel=0.01)
     assert made.power_W < made.peak_power_W
+    assert made.outside == ()
 
 
 def test_twice_the_turns_make_twice_the_stroke_with_the_same_force() -> None:
@@ -68,6 +70,11 @@ def test_the_command_prints_a_table_or_json_and_writes_a_page(
         (["nowhere.toml"], "nowhere.toml"),
         (["--current", "0.05"], "does not heat through"),
         (["--html", "nowhere/design.html"], "there is no folder nowhere"),
+        (["--turns", "0"], "turns: 0 is outside 1 to 200"),
+        (["--coil", "0.5"], "coil_mm: 0.5 mm is less than two wires of 0.75 mm"),
+        (["--prestrain", "0.05"], "more prestrain than martensite recovers; got prestrain 0.05"),
+        (["--tube", "7"], "the tube around the wire does not fit into the coil"),
+        (["--wire", "0.1", "--coil", "1", "--current", "20"], "the wire melts within 10 ms"),
     ],
 )
 def test_what_cannot_be_designed_is_said_in_one_line(
@@ -76,3 +83,31 @@ def test_what_cannot_be_designed_is_said_in_one_line(
     assert execute(["design", *arguments]) == 1
     (line,) = capfd.readouterr().err.splitlines()
     assert words in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "starts"),
+    [
+        (
+            ["--wire", "1.2", "--coil", "6.5", "--current", "40"],
+            ["wire 1.2 mm", "coil over wire 5.42", "current density 35.4 A/mm²"],
+        ),
+        (
+            ["--current", "40"],
+            [
+                "current density 90.5 A/mm²",
+                "current 40 A: needs 30.3 V, the supply has 12",
+                "current 40 A: left on, it may anneal the wire after 0.22 s",
+            ],
+        ),
+    ],
+)
+def test_what_lies_outside_the_checked_range_is_said_beside_the_table(
+    arguments: list[str], starts: list[str], capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert execute(["design", *arguments, "--json"]) == 0
+    out, err = capfd.readouterr()
+    said = json.loads(out)["outside"]
+    assert len(said) == len(starts)
+    assert all(text.startswith(start) for text, start in zip(said, starts, strict=True))
+    assert err.splitlines() == [f"outside what was checked: {text}" for text in said]
