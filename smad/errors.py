@@ -4,8 +4,6 @@ A message has four parts: what went wrong (`cause`), with which `value`, against
 what to do next (`action`). Parts that do not apply are left out, never padded.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 _LONGEST_VALUE = 120

@@ -1,7 +1,5 @@
 """What a long computation is told to report to, by what it reports."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 Say = Callable[[str], None]

@@ -3,8 +3,6 @@
 Whatever goes wrong ends in one line on standard error and a non-zero status, never a traceback.
 """
 
-from __future__ import annotations
-
 import errno
 import importlib
 import os

@@ -1,7 +1,5 @@
 """`smad arm`, `disarm`, `estop`, `clear`, `heat`, `current`, `pump`, `idle`."""
 
-from __future__ import annotations
-
 import click
 
 from firmware_protocol.nearest import instead

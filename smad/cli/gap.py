@@ -1,7 +1,5 @@
 """`smad gap`: where simulator and bench disagree, because of what, and how much of it goes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

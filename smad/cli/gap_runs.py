@@ -1,7 +1,5 @@
 """Runs on the command line of the diagnosis: files, patterns and folders, several to an option."""
 
-from __future__ import annotations
-
 import glob
 from collections.abc import Sequence
 from pathlib import Path

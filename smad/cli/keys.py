@@ -1,7 +1,5 @@
 """`smad keys`: a key pair for a client on another machine."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`smad log layouts`: layouts of the bench for other programs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

@@ -1,7 +1,5 @@
 """`smad model`: what is done with a model file beside simulating it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

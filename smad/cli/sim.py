@@ -1,7 +1,5 @@
 """`smad sim`: the simulated bench alone, behind a pseudo-terminal."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Mapping
 from pathlib import Path

@@ -4,8 +4,6 @@ The client reads the same names, so they stand in one place. The folder's mode s
 command: nobody but its owner, unless the administrator opened it to a group.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import stat

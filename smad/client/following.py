@@ -4,8 +4,6 @@ A client like any other. The telemetry is emptied thirty times a second instead 
 sample by sample: the process wakes less often than samples come.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """An axis of a bench that has several, and the segments of a robot on them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Annotated, Literal
 

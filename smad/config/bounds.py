@@ -1,7 +1,5 @@
 """A value that its type does not allow, told without the words of a schema. Pure."""
 
-from __future__ import annotations
-
 import re
 
 _BOUND = re.compile(r"Expected `(?:float|int)` (?P<side>[<>]=?) (?P<limit>[-+.0-9e]+)")

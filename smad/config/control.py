@@ -1,7 +1,5 @@
 """Sections of the control loops and of the host's limits; see `smad.config.model`."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from msgspec import Meta, field

@@ -1,7 +1,5 @@
 """The section `[hooks]`: commands that are told of what happens."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from msgspec import Meta

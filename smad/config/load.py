@@ -1,7 +1,5 @@
 """TOML text to a checked `Config`; every refusal names the key, the value and what is allowed."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

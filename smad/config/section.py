@@ -1,7 +1,5 @@
 """What every table of the configuration is, and what the host may ask of a board."""
 
-from __future__ import annotations
-
 from msgspec import Struct
 
 from firmware_protocol.supervisor.host import host_limits

@@ -5,8 +5,6 @@ limits are tighter and are checked when the controller takes the command. Both r
 field, the value and the limit.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import msgspec

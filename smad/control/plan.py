@@ -3,8 +3,6 @@
 The same plan runs in virtual time (`smad.control.runner`) and on a daemon (`smad.experiments`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -18,8 +18,6 @@ its methods take what was asked or heard, `take_sends` has what is to be sent. A
 through every interleaving of two axes and two clients on lines that lose and delay.
 """
 
-from __future__ import annotations
-
 import enum
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field

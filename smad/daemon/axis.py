@@ -3,8 +3,6 @@
 Nothing here knows how many axes there are. The one of a bench without `[[axes]]` has no name.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager

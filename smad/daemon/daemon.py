@@ -4,8 +4,6 @@ Everything runs on one loop. What follows a sample (`_publish`) and what no samp
 (`_housekeep`) comes in small pieces between samples.
 """
 
-from __future__ import annotations
-
 import asyncio
 import secrets
 import time

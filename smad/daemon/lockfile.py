@@ -4,8 +4,6 @@ The kernel drops an flock with its process, so nothing is left over after a cras
 stays, and says who holds it.
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import os

@@ -1,7 +1,5 @@
 """The demo's numbers and pictures, from its run log alone."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What the demo does to the bench: a ±10 mm step cycle, then a 2 mm sinusoid of 7 s."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The demo's job on a simulated bench, with its daemon beside us."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 from pathlib import Path

@@ -3,8 +3,6 @@
 No framework: enough for an example, and for the table of `bench.policies`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol

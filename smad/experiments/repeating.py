@@ -1,7 +1,5 @@
 """A recorded run as inputs that can be played again, with what must agree before they are."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path

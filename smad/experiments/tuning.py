@@ -1,7 +1,5 @@
 """A tuning session: the experiment and both trials carried out by a driver, as experiments are."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from smad.config import ControlConfig

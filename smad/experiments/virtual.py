@@ -1,7 +1,5 @@
 """Plans in virtual time, on the simulated bench."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Mapping
 from pathlib import Path

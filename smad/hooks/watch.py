@@ -1,7 +1,5 @@
 """Looks at the bench and at its queue four times a second, and lets hooks know what happened."""
 
-from __future__ import annotations
-
 import contextlib
 import shutil
 import time

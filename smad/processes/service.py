@@ -1,7 +1,5 @@
 """The service files, and their installation below the root of the system."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Panels as one figure for print: width of a column, type of 8 points, a light ground."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

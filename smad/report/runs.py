@@ -1,7 +1,5 @@
 """Run logs as panels: the strips of the live page, whole runs, one over the other."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """What is in a folder of runs, from head and end of each file. Without numpy."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

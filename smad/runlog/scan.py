@@ -4,8 +4,6 @@ The summary at the end of a file is not used: a log that was cut has none. A dam
 skipped and told; a file that ends in mid-record is read up to there.
 """
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Callable, Iterator

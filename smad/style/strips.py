@@ -4,8 +4,6 @@ Pure. A page gets both as they are. `STRIPS` is also what the log's page, the te
 layouts of other viewers show; a live page shows any of `CHANNELS` in any strip.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from operator import attrgetter

@@ -1,7 +1,5 @@
 """From a message to its reply: at once, or when the board has answered."""
 
-from __future__ import annotations
-
 import asyncio
 import inspect
 from collections.abc import Callable, Coroutine

@@ -1,7 +1,5 @@
 """SIGHUP: the list of keys that may command over TCP is read anew, and nothing else."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from typing import Any

@@ -3,8 +3,6 @@
 Any bytes give a call, a reply, or nothing where none is due; never an exception.
 """
 
-from __future__ import annotations
-
 import functools
 import json
 import re

@@ -4,8 +4,6 @@
 says whether that is stale, and ends with status 1 if so.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from pathlib import Path

@@ -4,8 +4,6 @@ Before each message the serial port is looked at, so that a sample never waits f
 command in hand; and commands wait while the daemon uses more than a share of a core.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import time

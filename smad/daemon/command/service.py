@@ -4,8 +4,6 @@ Methods that only look or that the controller takes at the next sample return at
 the board has to agree to are coroutines.
 """
 
-from __future__ import annotations
-
 from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from typing import Any
 

@@ -3,8 +3,6 @@
 Everything is learnt anew in each session; nothing is carried over a reconnection.
 """
 
-from __future__ import annotations
-
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 

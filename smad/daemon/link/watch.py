@@ -3,8 +3,6 @@
 A session always begins as a watcher's: nothing is armed, whatever was before.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 from typing import Any

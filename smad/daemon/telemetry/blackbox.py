@@ -5,8 +5,6 @@ list of blocks, which costs the loop nothing, however much is kept. It is writte
 rows at a time, so that the control loop waits for neither the disk nor the interpreter.
 """
 
-from __future__ import annotations
-
 import asyncio
 import threading
 from collections import deque

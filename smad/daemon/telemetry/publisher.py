@@ -3,8 +3,6 @@
 A subscriber that does not read loses samples; the sequence number shows it, and the loop does not.
 """
 
-from __future__ import annotations
-
 import asyncio
 
 import msgspec

@@ -1,7 +1,5 @@
 """The run log of the daemon: opened and closed away from the loop, fed from it without waiting."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor

@@ -10,8 +10,6 @@ it must, and no slowing down would ever bring them back. So stamps that have bee
 `MOST_AHEAD_S` for `AHEAD_FOR_S` return to the host's clock in one step.
 """
 
-from __future__ import annotations
-
 SETTLING_S = 10.0
 """A small error is gone, but for a third, after so long."""
 

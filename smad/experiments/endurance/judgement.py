@@ -1,7 +1,5 @@
 """A check-up after so many cycles, as a command of its own, and what its JSON says."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

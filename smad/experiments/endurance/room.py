@@ -1,7 +1,5 @@
 """What an endurance run takes on the disk: told before it begins, and reserved."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile

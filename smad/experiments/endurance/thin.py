@@ -1,7 +1,5 @@
 """A run log with every n-th cycle in full and nothing of the rest."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Sequence

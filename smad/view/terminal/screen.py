@@ -1,7 +1,5 @@
 """What `smad status --watch` shows: lines of text that fit a terminal. Pure."""
 
-from __future__ import annotations
-
 import textwrap
 import time
 from collections import deque

@@ -1,7 +1,5 @@
 """`smad status`: everything about the bench in lines. Pure."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 
