@@ -170,12 +170,17 @@ def ready_client(bench: str, *, extra: str = "") -> Iterator[Client]:
         yield connected
 
 
-def leased_driver(connected: Client, who: str, lease_s: float, say: Say) -> LeasedDriver:
-    """What carries plans out on the bench of a client, armed for each under a lease of `who`."""
+def leased_driver(
+    connected: Client, who: str, lease_s: float, say: Say, **mounted: Any
+) -> LeasedDriver:
+    """What carries plans out on the bench of a client, armed for each under a lease of `who`.
+
+    `mounted`: fixture and cooling, as `LiveDriver` takes them.
+    """
     from smad.experiments.leased import LeasedDriver
     from smad.experiments.live import LiveDriver
 
-    live = LiveDriver(connected, progress=say)
+    live = LiveDriver(connected, progress=say, **mounted)
     return LeasedDriver(connected, live, lease_s=lease_s, progress=say, who=who)
 
 

@@ -15,6 +15,7 @@ from smad.cli.output import (
     axis_option,
     json_option,
     lease_option,
+    leased_driver,
     print_json,
     progress,
     ready_client,
@@ -235,19 +236,12 @@ def _live(
     experiments: Sequence[Experiment[Any]], model: ParameterSet, options: dict[str, Any]
 ) -> tuple[CampaignResult, Facts]:
     from smad.experiments.campaign import run_on
-    from smad.experiments.leased import LeasedDriver
-    from smad.experiments.live import LiveDriver
 
     with ready_client(options["bench"], extra="report") as connected, progress() as line:
-        driver = LiveDriver(
-            connected,
-            fixture=options["fixture"],
-            cooling="air" if options["air"] else "water",
-            progress=line.say,
-        )
-        leased = LeasedDriver(connected, driver, lease_s=options["lease"], progress=line.say)
+        mounted = {"fixture": options["fixture"], "cooling": "air" if options["air"] else "water"}
+        driver = leased_driver(connected, "smad run", options["lease"], line.say, **mounted)
         try:
-            result = run_on(experiments, leased, model, line.say)
+            result = run_on(experiments, driver, model, line.say)
         finally:
             connected.disarm()
     return result, [("bench", options["bench"])]
