@@ -3,12 +3,12 @@
 import re
 import tomllib
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import msgspec
 
 from firmware_protocol.nearest import instead
-from smad.config.bounds import in_words
+from smad.config.bounds import in_words, value_at
 from smad.config.describe import find_section
 from smad.config.model import Config
 from smad.config.template import config_to_toml
@@ -112,7 +112,7 @@ def _refuse(message: str, text: str, source: str) -> NoReturn:
         raise ConfigError(f"{source}: {place}{in_words(cause)}") from None
     raise ConfigError(
         f"{source}: {path} is not allowed",
-        value=_value_at(text, section_name, name),
+        value=value_at(tomllib.loads(text), f"{section_name}.{name}"),
         limit=key.allowed,
         action=f"correct it ({key.description})",
     ) from None
@@ -125,10 +125,3 @@ def _refuse_unknown(name: str, path: str, source: str) -> NoReturn:
         f"{source}: unknown key {f'{path}.{name}'.lstrip('.')}",
         action=instead(name, known, _HELP),
     ) from None
-
-
-def _value_at(text: str, section: str, name: str) -> Any:
-    value: Any = tomllib.loads(text)
-    for part in re.findall(r"[^.\[\]]+", f"{section}.{name}"):
-        value = value[int(part) if isinstance(value, list) else part]
-    return value

@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 import msgspec
 from msgspec import Meta, Struct
 
-from smad.config.bounds import field_and_words
+from smad.config.bounds import field_and_words, value_at
 from smad.errors import CommandError
 
 LONGEST_SAMPLES = 1500
@@ -318,21 +318,7 @@ def decoded(fields: Any) -> ModeCommand:
         field, words = field_and_words(str(refused))
         raise CommandError(
             f"the command is not valid: {f'{field}: ' if field else ''}{words}",
-            value=_value_at(fields, str(refused)),
+            value=value_at(fields, field),
             action="nothing was changed",
         ) from None
     return command
-
-
-def _value_at(fields: Any, message: str) -> Any:
-    """What stands at the path that msgspec's message ends with (`… at `$.a[2].b``)."""
-    _, _, path = message.rpartition("`$")
-    value = fields
-    for part in path.rstrip("`").replace("[", ".").replace("]", "").split("."):
-        if not part:
-            continue
-        try:
-            value = value[int(part)] if part.isdigit() else value[part]
-        except (KeyError, IndexError, TypeError):
-            return None
-    return value
