@@ -4,6 +4,8 @@ A message has four parts: what went wrong (`cause`), with which `value`, against
 what to do next (`action`). Parts that do not apply are left out, never padded.
 """
 
+import contextlib
+from collections.abc import Iterator
 from typing import Any
 
 _LONGEST_VALUE = 120
@@ -63,6 +65,18 @@ def _one_line(value: Any) -> str:
     if len(text) > _LONGEST_VALUE:
         text = text[: _LONGEST_VALUE - 1] + "…"
     return text
+
+
+@contextlib.contextmanager
+def refused_by_system(
+    kind: type[SmadError], cause: str, *, value: Any = None, limit: Any = None, action: str
+) -> Iterator[None]:
+    """Raise `kind` in place of an OSError of the block, with the system's reason after `cause`."""
+    try:
+        yield
+    except OSError as error:
+        reason = f"{cause}: {error.strerror or error}"
+        raise kind(reason, value=value, limit=limit, action=action) from error
 
 
 class ComputerError(SmadError):

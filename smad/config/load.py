@@ -12,7 +12,7 @@ from smad.config.bounds import in_words, value_at
 from smad.config.describe import find_section
 from smad.config.model import Config
 from smad.config.template import config_to_toml
-from smad.errors import ConfigError
+from smad.errors import ConfigError, refused_by_system
 
 _LARGEST_FILE_BYTES = 1_000_000
 _PATH = re.compile(r"^(?P<cause>.*) - at `\$\.?(?P<path>[^`]*)`$", re.DOTALL)
@@ -26,14 +26,9 @@ def load_config(path: str | Path) -> Config:
     Raises ConfigError when the file cannot be read or holds anything that is not allowed.
     """
     path = Path(path)
-    try:
-        with path.open("rb") as file:
-            data = file.read(_LARGEST_FILE_BYTES + 1)
-    except OSError as error:
-        raise ConfigError(
-            f"cannot read configuration {path}: {error.strerror}",
-            action="check the path given to --config",
-        ) from error
+    cause, action = f"cannot read configuration {path}", "check the path given to --config"
+    with refused_by_system(ConfigError, cause, action=action), path.open("rb") as file:
+        data = file.read(_LARGEST_FILE_BYTES + 1)
     if len(data) > _LARGEST_FILE_BYTES:
         raise ConfigError(
             f"{path} is too large to be a configuration",

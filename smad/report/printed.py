@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from smad.errors import CommandError, SmadError
+from smad.errors import CommandError, SmadError, refused_by_system
 from smad.extras import part
 from smad.files import replacing, require_writable
 from smad.report.panels import Panel, Panels
@@ -62,15 +62,10 @@ def write_figure(panels: Panels, path: Path, *, width_mm: float = 85.0) -> Path:
         ):
             _draw(axes, panel)
         figure.axes[-1].set_xlabel(panels.x_label)
-        try:
-            with replacing(path) as partial:
-                figure.savefig(partial, format=kind, dpi=PNG_DPI, metadata=_without_date(kind))
-        except OSError as error:
-            raise SmadError(
-                f"the figure cannot be written ({error.strerror})",
-                value=str(path),
-                action="name another file, or make room",
-            ) from None
+        cause, action = "the figure cannot be written", "name another file, or make room"
+        refused = refused_by_system(SmadError, cause, value=str(path), action=action)
+        with refused, replacing(path) as partial:
+            figure.savefig(partial, format=kind, dpi=PNG_DPI, metadata=_without_date(kind))
     return path
 
 
