@@ -31,6 +31,11 @@ class SmadError(Exception):
         self.limit = limit
         self.action = action
 
+    @property
+    def parts(self) -> dict[str, Any]:
+        """All but the cause, for an error that is raised in its place."""
+        return {"value": self.value, "limit": self.limit, "action": self.action}
+
     def __reduce__(self) -> tuple[Any, ...]:
         # Worker processes hand errors back pickled; keyword-only arguments need help there.
         return (_rebuild, (type(self), self.cause, self.value, self.limit, self.action))

@@ -29,7 +29,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 PATH = click.Path(path_type=Path)
 FILE = click.Path(dir_okay=False, path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
-"""Types of options and arguments: anything, no folder, no file."""
+EXISTING = click.Path(exists=True, dir_okay=False, path_type=Path)
+"""Types of options and arguments: anything, no folder, no file, a file that is there."""
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 wait_option = click.option(

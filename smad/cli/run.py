@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,6 +31,13 @@ if TYPE_CHECKING:
     from smad.experiments.campaign import CampaignResult
 
 ALL = "all"
+_OTHERS = {
+    "repeat": "smad.cli.repeat",
+    "six-axes": "smad.cli.six_axes",
+    "moves": "smad.cli.run_moves",
+    "endurance": "smad.cli.run_endurance",
+}
+"""Commands under the name of this one, and their modules."""
 
 
 class _Run(click.Command):
@@ -43,19 +51,10 @@ class _Run(click.Command):
         **extra: Any,
     ) -> click.Context:
         """Return the context of the one that is meant."""
-        if args and args[0] in ("repeat", "six-axes", "moves", "endurance"):
-            from smad.cli.repeat import repeat
-            from smad.cli.run_endurance import endurance
-            from smad.cli.run_moves import moves
-            from smad.cli.six_axes import six_axes
-
-            others: dict[str, click.Command] = {
-                "repeat": repeat,
-                "six-axes": six_axes,
-                "moves": moves,
-                "endurance": endurance,
-            }
-            return others[args[0]].make_context(f"{info_name} {args[0]}", args[1:], parent, **extra)
+        if args and args[0] in _OTHERS:
+            name = args[0].replace("-", "_")
+            other: click.Command = getattr(importlib.import_module(_OTHERS[args[0]]), name)
+            return other.make_context(f"{info_name} {args[0]}", args[1:], parent, **extra)
         return super().make_context(info_name, args, parent, **extra)
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING
 
 import click
 
 from smad.cli import complete
-from smad.cli.output import note
+from smad.cli.output import F, note
 from smad.errors import SmadError
 from smad.processes.boards import BOARDS
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from sim_device.plant.models import Model
 
 sim_option = click.option("--sim", is_flag=True, help="On a simulated bench in virtual time.")
-F = TypeVar("F", bound=Callable[..., Any])
 
 
 def effects_option(about: str) -> Callable[[F], F]:

@@ -91,18 +91,10 @@ def start(
         return _run(
             config, serial_openers(config) if fd is None else socket_openers(config, fd), options
         )
-    if port is not None:
-        raise ConfigError(
-            "--port and --sim exclude each other",
-            value=port,
-            action="choose the board or the simulated bench",
-        )
-    if baud is not None:
-        raise ConfigError(
-            "--baud and --sim exclude each other: a pseudo-terminal takes any",
-            value=baud,
-            action="leave --baud out",
-        )
+    for option, given in (("--port", port), ("--baud", baud)):
+        if given is not None:
+            cause, action = f"{option} and --sim exclude each other", "choose board or simulation"
+            raise ConfigError(cause, value=given, action=action)
     from smad.cli.output import progress
     from smad.processes.simulated_board import simulated_board
 

@@ -87,12 +87,7 @@ class Repeat:
         try:
             require_playable(self.command, config.control.current_limit_A)
         except CommandError as error:
-            raise RepeatError(
-                f"{self.name}: {error.cause}",
-                value=error.value,
-                limit=error.limit,
-                action=error.action,
-            ) from None
+            raise RepeatError(f"{self.name}: {error.cause}", **error.parts) from None
         limits = config.limits
         for reading, highest, where in (
             ("displacement_mm", limits.displacement_max_mm, "limits.displacement_max_mm"),

@@ -368,13 +368,7 @@ class Service:
         try:
             await box.write(params.seconds)
         except RunLogError as error:
-            raise Refusal(
-                Reason.RECORDER,
-                error.cause,
-                value=error.value,
-                limit=error.limit,
-                action=error.action,
-            ) from error
+            raise Refusal(Reason.RECORDER, error.cause, **error.parts) from error
         return self._status.recorder()
 
     def control_take(self, params: api.TakeControl, caller: Caller) -> api.Control:

@@ -154,13 +154,7 @@ class Recorder:
                 max_file_s=config.max_file_min * _S_PER_MIN,
             )
         except RunLogError as error:
-            raise Refusal(
-                Reason.RECORDER,
-                error.cause,
-                value=error.value,
-                limit=error.limit,
-                action=error.action,
-            ) from error
+            raise Refusal(Reason.RECORDER, error.cause, **error.parts) from error
 
 
 def _is_open(path: str) -> Refusal:
