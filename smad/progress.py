@@ -1,4 +1,4 @@
-"""What a long computation is told to report to, by what it reports."""
+"""What a long computation reports its progress to."""
 
 from collections.abc import Callable
 

@@ -33,7 +33,7 @@ Params = Mapping[str, Mapping[str, float]]
 
 
 class Follower(Protocol):
-    """Who is told of a bench. An axis is told by its name, the only one by the empty name."""
+    """Receives what happens on a bench. An axis has its name, the only one the empty name."""
 
     def configured(self, config: Config) -> None:
         """The daemon answers, with this configuration."""

@@ -1,4 +1,4 @@
-"""The section `[hooks]`: commands that are told of what happens."""
+"""The section `[hooks]`: commands that run when something happens."""
 
 from typing import Annotated
 

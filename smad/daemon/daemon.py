@@ -198,7 +198,7 @@ class Daemon:
         task.add_done_callback(self._task_done)
 
     def fail(self, name: str, error: BaseException) -> None:
-        """A part died: no step is taken any more, and whoever waits for `failure` is told."""
+        """A part died: no step is taken any more, and `failure` is set."""
         for axis in self.axes.values():
             axis.control.stepping = False
         if not self.failure.done():

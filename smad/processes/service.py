@@ -13,7 +13,7 @@ PLACES: Mapping[str, str] = {
 }
 """File beside this module -> folder under the root of the system."""
 PROGRAM = "/opt/smad/bin/smad"
-"""What the units start, until it is told another place."""
+"""What the units start where `content` gets no other program."""
 
 
 def content(name: str, program: str) -> str:

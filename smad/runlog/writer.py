@@ -39,7 +39,7 @@ class RunWriter:
 
     `append` and `close` belong to one thread. Nothing that happens to the disk raises there: it is
     found in `error`, and the rows that did not reach the file are counted in `dropped`. A record
-    that cannot be encoded is left out, and told in `bad_record`.
+    that cannot be encoded is left out, and reported in `bad_record`.
 
     The thread runs at the priority of whoever creates the writer, less one: create it after the
     real-time measures are taken, or a busy machine can suspend it while it holds the interpreter.
@@ -107,7 +107,7 @@ class RunWriter:
     def close(self, timeout_s: float = 10.0) -> None:
         """Write what is queued, the summary, and close. Returns at the latest after `timeout_s`.
 
-        A disk that hangs beyond that is told in `error`; the file then has no summary, and reads
+        A disk that hangs beyond that is reported in `error`; the file then has no summary, and reads
         as a log that was cut.
         """
         self._stop.set()

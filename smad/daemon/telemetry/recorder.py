@@ -37,7 +37,7 @@ class Recorder:
         wall_clock: Callable[[], float],
     ) -> None:
         self._config = config
-        # A client may be in another folder than the daemon: what it is told is absolute.
+        # A client may be in another folder than the daemon: its path is absolute.
         self._folder = Path(config.folder).absolute()
         self._header = header
         self._wall_clock = wall_clock
@@ -64,7 +64,7 @@ class Recorder:
         return self._writer is not None and not self._by_command
 
     def status(self) -> RecorderStatus:
-        """Return what a client is told."""
+        """Return the state of the run log, as a client gets it."""
         writer = self._writer
         if writer is not None:
             self._dropped = writer.dropped

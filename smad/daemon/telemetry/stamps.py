@@ -17,7 +17,7 @@ MOST_RATE = 0.1
 """No step is stretched or shortened by a larger share of itself."""
 
 GAP_S = 0.1
-"""Stamps that are behind by more than this jump forward. So long a stall is told as a warning."""
+"""Stamps that are behind by more than this jump forward. Such a stall is reported as a warning."""
 
 MOST_AHEAD_S = 10.0
 """Stamps that are ahead by less wait for the host's clock, at nine tenths of their pace."""
