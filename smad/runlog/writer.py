@@ -107,8 +107,8 @@ class RunWriter:
     def close(self, timeout_s: float = 10.0) -> None:
         """Write what is queued, the summary, and close. Returns at the latest after `timeout_s`.
 
-        A disk that hangs beyond that is reported in `error`; the file then has no summary, and reads
-        as a log that was cut.
+        A disk that hangs beyond that is reported in `error`; the file then has no summary, and
+        reads as a log that was cut.
         """
         self._stop.set()
         self._thread.join(timeout_s)

@@ -123,7 +123,7 @@ class BlackBox:
         return bool(self._why) and self._wall_clock() >= self._due_s
 
     async def write_wanted(self) -> None:
-        """Write what was wanted; a disk that does not take it is reported, and the daemon goes on."""
+        """Write what was wanted; a disk that refuses is reported, and the daemon goes on."""
         self._why = ""
         try:
             await self.write(self.keep_s)
