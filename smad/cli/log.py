@@ -211,7 +211,7 @@ def split(path: Path | None, folder: str) -> None:
     type=click.FloatRange(40.0, 400.0),
     default=85.0,
     metavar="MM",
-    help="Width of the figure: one column of a journal; two are some 175.",
+    help="Width of the figure; a column of a journal is about 85, two are 175.",
 )
 @_axis
 def plot(
