@@ -93,8 +93,8 @@ def start(
         )
     for option, given in (("--port", port), ("--baud", baud)):
         if given is not None:
-            cause, action = f"{option} and --sim exclude each other", "choose board or simulation"
-            raise ConfigError(cause, value=given, action=action)
+            cause = f"{option} and --sim exclude each other"
+            raise ConfigError(cause, value=given, action=f"leave {option} out, or --sim")
     from smad.cli.output import progress
     from smad.processes.simulated_board import simulated_board
 

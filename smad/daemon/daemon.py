@@ -81,7 +81,7 @@ class Daemon:
             self.say,
             arming,
             on_begin=self._on_stop_begun,
-            on_failure=self._on_failure,
+            on_failure=lambda why: self.black_box.want(why),  # noqa: PLW0108 (made below)
         )
         dependencies = AxisDependencies(
             services, self.stops, config.turns(), {}, self._guarded, self._on_finished
@@ -249,9 +249,6 @@ class Daemon:
             work(*arguments)
         except Exception as error:
             self.fail(name, error)
-
-    def _on_failure(self, why: str) -> None:
-        self.black_box.want(why)
 
     def _on_stop_begun(self, stopped: Sequence[BoardStop]) -> None:
         names = [board.label for board in stopped]

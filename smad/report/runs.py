@@ -156,7 +156,7 @@ def page_of(runs: Sequence[RunPart]) -> Page:
         Section("Panels", [panels_of(runs, caption)]),
         Section("Runs", [_facts(runs), *_notes(runs)]),
         *(
-            Section(_events_title(drawn, several), [_events(drawn)])
+            Section(f"Events of {drawn.label}" if several else "Events", [_events(drawn)])
             for drawn in runs
             if drawn.run.events
         ),
@@ -187,10 +187,6 @@ def digest(path: Path) -> str:
             return hashlib.file_digest(file, "sha256").hexdigest()[:_DIGEST]
     except OSError:
         return ""
-
-
-def _events_title(drawn: RunPart, several: bool) -> str:
-    return f"Events of {drawn.label}" if several else "Events"
 
 
 def _facts(runs: Iterable[RunPart]) -> Table:

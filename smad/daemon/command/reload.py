@@ -27,7 +27,9 @@ def reread_keys(
     except ConfigError as error:
         return f"SIGHUP: the list of keys stays as it was: {error}"
     others = (
-        "" if _same_but_keys(running, new_config) else "; what else has changed waits for a restart"
+        ""
+        if _without_keys(running) == _without_keys(new_config)
+        else "; what else has changed waits for a restart"
     )
     if doorkeeper is None:
         return f"SIGHUP: commands over TCP are off, so there is no list of keys{others}"
@@ -45,10 +47,6 @@ def has_terminal() -> bool:
     except OSError:
         return False
     return True
-
-
-def _same_but_keys(before: Config, after: Config) -> bool:
-    return _without_keys(before) == _without_keys(after)
 
 
 def _without_keys(config: Config) -> dict[str, Any]:

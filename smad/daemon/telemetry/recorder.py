@@ -15,7 +15,7 @@ from smad.daemon.realtime import step_below_loop
 from smad.errors import RunLogError
 from smad.runlog.header import RunHeader
 from smad.runlog.paths import new_run_path
-from smad.runlog.schema import Event, LinkSample, Record, Row
+from smad.runlog.schema import Event, LinkSample, Row
 from smad.runlog.writer import RunWriter
 
 _BYTES_PER_MB = 1e6
@@ -131,15 +131,12 @@ class Recorder:
 
     def note(self, record: Event | LinkSample) -> None:
         """Record something beside the samples; never waits."""
-        self._append(record)
+        if self._writer is not None:
+            self._writer.append(record)
 
     def close(self) -> None:
         """End the worker."""
         self._worker.shutdown(wait=False)
-
-    def _append(self, record: Record) -> None:
-        if self._writer is not None:
-            self._writer.append(record)
 
     def _create(self, name: str, repeats: str) -> RunWriter:
         config = self._config
