@@ -26,11 +26,8 @@ def reread_keys(
         new_config = reread()
     except ConfigError as error:
         return f"SIGHUP: the list of keys stays as it was: {error}"
-    others = (
-        ""
-        if _without_keys(running) == _without_keys(new_config)
-        else "; what else has changed waits for a restart"
-    )
+    same = _without_keys(running) == _without_keys(new_config)
+    others = "" if same else "; what else has changed waits for a restart"
     if doorkeeper is None:
         return f"SIGHUP: commands over TCP are off, so there is no list of keys{others}"
     if not new_config.daemon.tcp.enabled:

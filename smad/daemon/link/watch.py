@@ -78,11 +78,8 @@ class BoardWatch:
                 self._incompatible(event)
             case FaultReported(report):
                 self.fault = fault_of(report)
-                self._say(
-                    "fault",
-                    f"the board stopped: {self.fault.in_words()}",
-                    structs.asdict(self.fault),
-                )
+                text = f"the board stopped: {self.fault.in_words()}"
+                self._say("fault", text, structs.asdict(self.fault))
             case BoardRestarted(ident):
                 cause = "" if ident is None else f" ({ident.reset_cause.name.lower()})"
                 self._disconnected(f"the board restarted{cause}; it is not armed any more")
