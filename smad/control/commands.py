@@ -35,6 +35,9 @@ Temperature = Annotated[float, Meta(ge=0.0, le=120.0)]
 
 Recorded = tuple[Annotated[float, Meta(ge=-1000.0, le=1000.0)] | None, ...]
 """What a sensor showed at each row; None where it showed nothing."""
+Watched = Annotated[
+    Recorded, Meta(max_length=LONGEST_INPUTS, description="recorded; empty: not watched")
+]
 
 
 class Piece(Struct, tag_field="kind", frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -235,18 +238,10 @@ class FollowInputs(Command, tag="inputs", frozen=True, kw_only=True):
         tuple[bool, ...],
         Meta(max_length=LONGEST_INPUTS, description="drain the tube of spring Y; empty: never"),
     ] = ()
-    displacement_mm: Annotated[
-        Recorded, Meta(max_length=LONGEST_INPUTS, description="recorded; empty: not watched")
-    ] = ()
-    rtd_x_degC: Annotated[
-        Recorded, Meta(max_length=LONGEST_INPUTS, description="recorded; empty: not watched")
-    ] = ()
-    rtd_y_degC: Annotated[
-        Recorded, Meta(max_length=LONGEST_INPUTS, description="recorded; empty: not watched")
-    ] = ()
-    force_N: Annotated[
-        Recorded, Meta(max_length=LONGEST_INPUTS, description="recorded; empty: not watched")
-    ] = ()
+    displacement_mm: Watched = ()
+    rtd_x_degC: Watched = ()
+    rtd_y_degC: Watched = ()
+    force_N: Watched = ()
     queue: Annotated[
         bool, Meta(description="go on where the rows that run end, instead of beginning anew")
     ] = False
