@@ -43,10 +43,14 @@ def status(watch: bool, as_json: bool, bench: str) -> None:
 
 
 def _print(facts: Iterable[str]) -> None:
-    """Print labelled lines; on a terminal, what is too wide goes on below its text."""
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else sys.maxsize
     for line in facts:
-        click.echo(click.wrap_text(line, width, subsequent_indent=labelled("", "")))
+        click.echo(folded(line, width))
+
+
+def folded(line: str, width: int) -> str:
+    """Return a labelled line in lines of at most `width`: the text goes on below itself."""
+    return click.wrap_text(line, width, subsequent_indent=labelled("", ""))
 
 
 def _watch(bench_client: Client) -> None:
