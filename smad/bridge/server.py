@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import functools
 import time
 from collections import deque
 from collections.abc import AsyncIterator, Iterable
@@ -153,6 +154,9 @@ class Bridge:
         for seat in self._seats:
             seat.put(seat.viewer.messages(channel, time_ns, body))
 
+    def _said(self, seat: Seat, _: asyncio.Task[None]) -> None:
+        del self._saying[seat]
+
     def news(self, why_away: str) -> None:
         """Tell the viewers of new parameters, of losses, and once why the bench is away."""
         again = why_away == self._away
@@ -162,7 +166,7 @@ class Bridge:
             if seat not in self._saying:
                 task = asyncio.create_task(seat.say("" if again else why_away))
                 self._saying[seat] = task
-                task.add_done_callback(lambda _, seat=seat: self._saying.pop(seat))
+                task.add_done_callback(functools.partial(self._said, seat))
 
 
 @contextlib.asynccontextmanager

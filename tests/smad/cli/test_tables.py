@@ -107,6 +107,6 @@ def test_a_line_of_the_status_goes_on_below_its_text() -> None:
     line = labelled("link", "ttyACM0, 115200 baud, 100 Hz, 3213 samples, 0 missed, 0 skipped")
     first, second = folded(line, 60).splitlines()
     assert first.startswith("link        ttyACM0")
-    assert second.startswith(" " * 12) and second[12] != " "
+    assert second.index(second.strip()) == 12
     assert max(len(first), len(second)) <= 60
     assert folded(line, 200) == line
