@@ -1,5 +1,7 @@
 """The page of a design."""
 
+from __future__ import annotations
+
 from dataclasses import asdict
 
 from sim_device.plant.geometry import Geometry
