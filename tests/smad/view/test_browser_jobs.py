@@ -23,6 +23,7 @@ from .browsing import (
     click,
     in_a_browser,
     is_live,
+    shown_generation,
     text_of,
     until,
 )
@@ -110,6 +111,8 @@ def test_a_diagnosis_that_the_page_begins_ends_in_its_report(page: Any, run: str
 def test_stop_is_as_quick_and_the_job_goes_on(bench: BrowsedBench, run: str, page: Any) -> None:
     # Other tests share the processors: the best of a few says what the page itself takes.
     alone = latencies_ms(bench.folder, page, "idle", STOPS)
+    # A job that is begun before the page has shown the last stop is refused, as it should be.
+    until(page, lambda d: shown_generation(d) == bench.client.motion().generation)
     press(page, run, "Diagnose")
     until(page, lambda d: state_of_job(d) == "running")
     taken = latencies_ms(bench.folder, page, "idle", STOPS)
