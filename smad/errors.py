@@ -4,8 +4,8 @@ A message has four parts: what went wrong (`cause`), with which `value`, against
 what to do next (`action`). Parts that do not apply are left out, never padded.
 """
 
-from __future__ import annotations
-
+import contextlib
+from collections.abc import Iterator
 from typing import Any
 
 _LONGEST_VALUE = 120
@@ -30,6 +30,11 @@ class SmadError(Exception):
         self.value = value
         self.limit = limit
         self.action = action
+
+    @property
+    def parts(self) -> dict[str, Any]:
+        """All but the cause, for an error that is raised in its place."""
+        return {"value": self.value, "limit": self.limit, "action": self.action}
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Worker processes hand errors back pickled; keyword-only arguments need help there.
@@ -65,6 +70,18 @@ def _one_line(value: Any) -> str:
     if len(text) > _LONGEST_VALUE:
         text = text[: _LONGEST_VALUE - 1] + "…"
     return text
+
+
+@contextlib.contextmanager
+def refused_by_system(
+    kind: type[SmadError], cause: str, *, value: Any = None, limit: Any = None, action: str
+) -> Iterator[None]:
+    """Raise `kind` in place of an OSError of the block, with the system's reason after `cause`."""
+    try:
+        yield
+    except OSError as error:
+        reason = f"{cause}: {error.strerror or error}"
+        raise kind(reason, value=value, limit=limit, action=action) from error
 
 
 class ComputerError(SmadError):

@@ -1,7 +1,5 @@
 """The parts of smad that are installed by an extra, and what to say where one is missing."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Mapping, Sequence
 from typing import Any

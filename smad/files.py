@@ -1,13 +1,11 @@
 """Files that a person names: checked before the work, and written whole or not at all."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from smad.errors import CommandError
+from smad.errors import CommandError, refused_by_system
 
 
 def require_writable(output: Path) -> None:
@@ -50,13 +48,11 @@ def replacing(path: Path) -> Iterator[Path]:
 @contextlib.contextmanager
 def named_output(path: Path) -> Iterator[Path]:
     """As `replacing`, for a file that a command was asked for. Raises CommandError."""
-    try:
-        with replacing(path) as partial:
-            yield partial
-    except OSError as error:
-        raise CommandError(
-            f"cannot write {path}: {error.strerror or error}", action="make room, or name another"
-        ) from error
+    refused = refused_by_system(
+        CommandError, f"cannot write {path}", action="make room, or name another"
+    )
+    with refused, replacing(path) as partial:
+        yield partial
 
 
 def write_whole(path: Path, data: bytes | str) -> None:

@@ -1,7 +1,5 @@
 """What Jupyter shows of our records: tables in HTML, everything in them escaped. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from html import escape
 

@@ -1,6 +1,4 @@
-"""What a long computation is told to report to, by what it reports."""
-
-from __future__ import annotations
+"""What a long computation reports its progress to."""
 
 from collections.abc import Callable
 

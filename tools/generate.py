@@ -13,7 +13,7 @@ GENERATORS = (
     "sim_device.plant.docs",
     "firmware.generate",
     "tools.blocking_client",
-    "smad.daemon.command.schema",
+    "tools.commands_schema",
     "tools.reference",
     "evaluation.results.page",
 )

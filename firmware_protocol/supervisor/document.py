@@ -138,12 +138,11 @@ def _host() -> str:
 
 def _faults() -> str:
     """Number, name and unit of every fault; cause and remedy are what `smad faults` prints."""
-    faults = [
-        f"{int(fault)} {fault.name}{f' ({text.unit})' if text.unit else ''}"
+    return "".join(
+        f"{int(fault)}. {fault.name}{f' ({text.unit})' if text.unit else ''}\n"
         for fault, text in FAULT_TEXTS.items()
         if fault
-    ]
-    return f"{', '.join(faults)}.\n"
+    )
 
 
 PARTS: dict[str, Callable[[], str]] = {

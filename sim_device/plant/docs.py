@@ -71,7 +71,7 @@ def places_table() -> str:
 
 def states_list() -> str:
     """Every state that a law may depend on."""
-    return "; ".join(
+    return "  \n".join(
         f"`{s.name}` {s.label}{f', {s.unit}' if s.unit not in ('', '1') else ''}" for s in STATES
     )
 

@@ -3,8 +3,6 @@
 Those of motions are in `smad.control.commands`.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal
 
 import msgspec

@@ -1,7 +1,5 @@
 """Why a command is refused, and how long a message may be."""
 
-from __future__ import annotations
-
 import enum
 from typing import Annotated, Any
 

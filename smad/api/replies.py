@@ -282,7 +282,7 @@ class Status(AxisStatus, frozen=True, kw_only=True):
 
         row, motion, recorder = self.sample, self.motion, self.recorder
         readings = [
-            (name, "" if row is None else _reading(getattr(row, column), form))
+            (name, "" if (value := getattr(row, column, None)) is None else form.format(value))
             for name, column, form in _READINGS
         ]
         rows = [
@@ -308,10 +308,6 @@ _READINGS = (
     ("pump X", "duty_x", "{:.0%}"),
     ("pump Y", "duty_y", "{:.0%}"),
 )
-
-
-def _reading(value: float | None, form: str) -> str:
-    return "" if value is None else form.format(value)
 
 
 class ConfigText(Struct, frozen=True, kw_only=True):

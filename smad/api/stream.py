@@ -1,7 +1,5 @@
 """The published samples, and under which topic."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from msgspec import Meta

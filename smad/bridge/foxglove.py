@@ -6,8 +6,6 @@ subscribes to some, and each message then goes out once for each of its subscrip
 can be read and followed, not set.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Annotated, Any, NamedTuple

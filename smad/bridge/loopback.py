@@ -1,7 +1,5 @@
 """What the servers of pages and viewers share: a socket on this machine, and no noise."""
 
-from __future__ import annotations
-
 import logging
 import os
 import socket

@@ -1,7 +1,5 @@
 """The viewers: a WebSocket for each, a bounded queue of data for each. Loopback only."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import functools

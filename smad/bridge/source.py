@@ -1,7 +1,5 @@
 """The bench, as a client sees it, in the messages of a run log."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Protocol
 

@@ -3,8 +3,6 @@
 Whatever goes wrong ends in one line on standard error and a non-zero status, never a traceback.
 """
 
-from __future__ import annotations
-
 import errno
 import importlib
 import os
@@ -21,40 +19,15 @@ from smad.extras import missing
 from smad.processes.oom import prefer_as_oom_victim
 from smad.version import VERSION
 
-COMMANDS: Mapping[str, str] = {
-    "demo": "smad.cli.demo:demo",
-    "design": "smad.cli.design:design",
-    "start": "smad.cli.start:start",
-    "sim": "smad.cli.sim:sim",
-    "status": "smad.cli.status:status",
-    "view": "smad.cli.view:view",
-    "bridge": "smad.cli.bridge:bridge",
-    "arm": "smad.cli.drive:arm",
-    "disarm": "smad.cli.drive:disarm",
-    "estop": "smad.cli.drive:estop",
-    "clear": "smad.cli.drive:clear",
-    "move": "smad.cli.move:move",
-    "heat": "smad.cli.drive:heat",
-    "current": "smad.cli.drive:current",
-    "pump": "smad.cli.drive:pump",
-    "idle": "smad.cli.drive:idle",
-    "robot": "smad.cli.robot:robot",
-    "params": "smad.cli.params:params",
-    "record": "smad.cli.record:record",
-    "link": "smad.cli.link:link",
-    "config": "smad.cli.config:config",
-    "faults": "smad.cli.faults:faults",
-    "keys": "smad.cli.keys:keys",
-    "service": "smad.cli.service:service",
-    "log": "smad.cli.log:log",
-    "run": "smad.cli.run:run",
-    "tune": "smad.cli.tune:tune",
-    "queue": "smad.cli.queue:queue",
-    "hooks": "smad.cli.hooks:hooks",
-    "health": "smad.cli.health:health",
-    "gap": "smad.cli.gap:gap",
-    "model": "smad.cli.model:model",
-    "docs": "smad.cli.docs:docs",
+_OF_DRIVE = ("arm", "disarm", "estop", "clear", "heat", "current", "pump", "idle")
+_NAMES = (
+    "demo", "design", "start", "sim", "status", "view", "bridge", "arm", "disarm", "estop", "clear",
+    "move", "heat", "current", "pump", "idle", "robot", "params", "record", "link", "config",
+    "faults", "keys", "service", "log", "run", "tune", "queue", "hooks", "health", "gap", "model",
+    "docs",
+)  # fmt: skip
+COMMANDS: dict[str, str] = {
+    name: f"smad.cli.{'drive' if name in _OF_DRIVE else name}:{name}" for name in _NAMES
 }
 """Every command and where it lives; `smad status` would feel the import of numpy or matplotlib."""
 

@@ -1,7 +1,5 @@
 """`smad bridge`: the live bench in other viewers."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 

@@ -3,8 +3,6 @@
 Each function has the signature that click wants, and offers nothing where its table cannot be read.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path

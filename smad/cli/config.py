@@ -1,7 +1,5 @@
 """`smad config`: show the configuration, and check a file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

@@ -1,7 +1,5 @@
 """`smad demo`: the main job on a simulated bench, from arming to the page with the plots."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

@@ -1,7 +1,5 @@
 """`smad design`: what a pair of springs of a given geometry can do."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

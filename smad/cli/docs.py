@@ -1,7 +1,5 @@
 """`smad docs`: the pages that messages refer to, where there is no clone at hand."""
 
-from __future__ import annotations
-
 import click
 
 

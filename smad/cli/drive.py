@@ -1,11 +1,9 @@
 """`smad arm`, `disarm`, `estop`, `clear`, `heat`, `current`, `pump`, `idle`."""
 
-from __future__ import annotations
-
 import click
 
-from firmware_protocol.nearest import instead
-from smad.cli import complete
+from firmware_protocol.enums import Fault
+from smad.cli.faults import fault_argument
 from smad.cli.output import (
     NEGATIVE,
     axis_option,
@@ -51,22 +49,6 @@ def estop(bench: str) -> None:
     click.echo("ESTOP sent: everything is off until you switch the board off and on again")
 
 
-def _fault(ctx: click.Context, param: click.Parameter, value: str | None) -> int | None:
-    """Return the number of a fault given by name or number."""
-    from firmware_protocol.enums import Fault
-
-    if value is None:
-        return None
-    by_name = {fault.name.lower(): fault.value for fault in Fault if fault}
-    number = by_name.get(value.lower().replace("-", "_"))
-    if number is None and value.isdecimal() and int(value) in by_name.values():
-        number = int(value)
-    if number is None:
-        suggestion = instead(value, by_name, "smad faults list shows them")
-        raise click.BadParameter(f"there is no fault {value!r}; {suggestion}", ctx, param)
-    return number
-
-
 def _duty(ctx: click.Context, param: click.Parameter, value: str) -> float:
     """Return the share of full power: given as 0 to 1, or as a percentage with its sign."""
     try:
@@ -81,9 +63,9 @@ def _duty(ctx: click.Context, param: click.Parameter, value: str) -> float:
 
 
 @click.command()
-@click.argument("fault", callback=_fault, required=False, shell_complete=complete.faults)
+@fault_argument
 @axis_option
-def clear(bench: str, fault: int | None) -> None:
+def clear(bench: str, fault: Fault | None) -> None:
     """Acknowledge the latched fault; FAULT (a name or number) clears only that one.
 
     Works once its cause is gone and the springs are cold.

@@ -1,19 +1,30 @@
 """`smad faults`: what a fault means, and what to do about it."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import click
 
+from firmware_protocol.enums import Fault
 from firmware_protocol.nearest import instead
 from smad.cli import complete
 from smad.cli.output import bench_option, client
 from smad.cli.tables import print_columns
-from smad.errors import CommandError
 
-if TYPE_CHECKING:
-    from firmware_protocol.enums import Fault
+
+def _named(ctx: click.Context, param: click.Parameter, value: str | None) -> Fault | None:
+    """Return the fault that is given by name or number."""
+    if value is None:
+        return None
+    wanted = value.upper().replace("-", "_")
+    for fault in Fault:
+        if fault and wanted in (fault.name, str(int(fault))):
+            return fault
+    names = [fault.name.lower() for fault in Fault if fault]
+    suggestion = instead(value, names, "smad faults list shows them")
+    raise click.BadParameter(f"there is no fault {value!r}; {suggestion}", ctx, param)
+
+
+fault_argument = click.argument(
+    "fault", callback=_named, required=False, shell_complete=complete.faults
+)
 
 
 @click.group()
@@ -22,48 +33,28 @@ def faults() -> None:
 
 
 @faults.command()
-@click.argument("name", required=False, shell_complete=complete.faults)
+@fault_argument
 @bench_option
-def explain(name: str | None, bench: str) -> None:
-    """Explain a fault by NAME or number; without one, the fault that is latched now."""
-    from firmware_protocol.enums import Fault
-
-    if name is None:
+def explain(fault: Fault | None, bench: str) -> None:
+    """Explain a FAULT by name or number; without one, the fault that is latched now."""
+    if fault is None:
         with client(bench) as bench_client:
             latched = bench_client.motion().fault
         if latched is None:
             click.echo("no fault is latched")
             return
         click.echo(f"latched: {latched.in_words()}")
-        _print(Fault(latched.number))
-        return
-    _print(_fault(name))
+        fault = Fault(latched.number)
+    _print(fault)
 
 
 @faults.command("list")
 def list_command() -> None:
     """List every fault with its number."""
-    from firmware_protocol.enums import Fault
     from firmware_protocol.supervisor.faults import FAULT_TEXTS
 
-    rows = [(str(int(fault)), fault.name, FAULT_TEXTS[fault].cause) for fault in Fault]
+    rows = [(str(int(fault)), fault.name, FAULT_TEXTS[fault].cause) for fault in Fault if fault]
     print_columns(("number", "name", "cause"), rows, numeric=(0,))
-
-
-def _fault(name: str) -> Fault:
-    from firmware_protocol.enums import Fault
-
-    wanted = name.upper().replace("-", "_")
-    for fault in Fault:
-        if wanted in (fault.name, str(int(fault))):
-            return fault
-    raise CommandError(
-        "there is no fault of this name or number",
-        value=name,
-        action=instead(
-            name, [f.name.lower() for f in Fault if f], "smad faults list shows them all"
-        ),
-    )
 
 
 def _print(fault: Fault) -> None:

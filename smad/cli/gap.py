@@ -1,7 +1,5 @@
 """`smad gap`: where simulator and bench disagree, because of what, and how much of it goes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click
@@ -36,10 +34,8 @@ from smad.cli.gap_simulator import (
     require_pairs,
     simulator_options,
 )
-from smad.cli.output import FILE, json_option, print_json, progress
+from smad.cli.output import EXISTING, FILE, json_option, print_json, progress
 from smad.files import named_output, require_writable
-
-_RUN = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 
 @click.group()
@@ -147,7 +143,7 @@ def diagnose(
 
 
 @gap.command()
-@click.argument("verdict", type=_RUN)
+@click.argument("verdict", type=EXISTING)
 @click.option("--out", type=FILE, required=True, help="The model file to write.")
 @click.option(
     "--first", type=click.IntRange(0), help="Only this many causes; 0: the parameters alone."
@@ -199,7 +195,7 @@ def effects(*, variant: str, as_json: bool) -> None:
 
 @gap.command()
 @runs_argument
-@click.option("--model", "model_path", required=True, type=_RUN, help="Model file of --apply.")
+@click.option("--model", "model_path", required=True, type=EXISTING, help="Model file of --apply.")
 @params_option
 @variant_option
 @json_option

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING
 
 import click
 
 from smad.cli.gap_print import print_verdict, write_verdict
-from smad.cli.output import FILE, FOLDER, Progress, axis_option, progress, ready_client
+from smad.cli.output import FILE, FOLDER, F, Progress, axis_option, progress, ready_client
 from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
 from smad.files import named_output, require_writable
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from smad.checkup.inquiry import Report
     from smad.checkup.series import Player
 
-_F = TypeVar("_F", bound=Callable[..., Any])
 _programme = click.option(
     "--programme", "programme_folder", type=FOLDER, help="A programme in place of the package's."
 )
@@ -26,7 +25,7 @@ _NOW = 1000
 """What a simulated bench adds to its seed after the commissioning, whose repeats count from 1."""
 
 
-def _bench_options(command: _F) -> _F:
+def _bench_options(command: F) -> F:
     for option in (axis_option, _programme, seed_option, sim_option):
         command = option(command)
     return command

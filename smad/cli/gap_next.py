@@ -17,14 +17,21 @@ from smad.cli.gap_print import (
     variant_option,
 )
 from smad.cli.gap_runs import ManyRuns, good_option, hold_out_option, some_runs_argument, uncut
-from smad.cli.output import FOLDER, PATH, bench_option, leased_driver, progress, ready_client
+from smad.cli.output import (
+    EXISTING,
+    FOLDER,
+    PATH,
+    bench_option,
+    leased_driver,
+    progress,
+    ready_client,
+)
 from smad.cli.simulated import effect_option, seed_option, simulated_model
 from smad.files import shown
 
 if TYPE_CHECKING:
     from sim_device.plant.models import Model
 
-_RUN = click.Path(exists=True, dir_okay=False, path_type=Path)
 _OFFERS = 4
 
 
@@ -42,7 +49,9 @@ _OFFERS = 4
     "--baseline", type=FOLDER, help="Recommend a run to repeat after a check-up, in place of RUNs."
 )
 @click.option("--sim", is_flag=True, help="With --run: in virtual time instead of on the bench.")
-@click.option("--model", "model_path", type=_RUN, help="With --sim: model of the simulated bench.")
+@click.option(
+    "--model", "model_path", type=EXISTING, help="With --sim: model of the simulated bench."
+)
 @effect_option
 @click.option(
     "--folder", type=PATH, default=Path("runs"), help="With --sim: where the run log goes."

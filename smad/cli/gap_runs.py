@@ -1,7 +1,5 @@
 """Runs on the command line of the diagnosis: files, patterns and folders, several to an option."""
 
-from __future__ import annotations
-
 import glob
 from collections.abc import Sequence
 from pathlib import Path
@@ -62,7 +60,7 @@ def _files(value: str, ctx: click.Context, param: click.Parameter) -> list[Path]
 
 
 def _in_folder(folder: Path) -> list[Path]:
-    """The run logs of a folder, or its tables where it has none; files passed over are told."""
+    """The run logs of a folder, or its tables where it has none; files passed over are named."""
     from smad.records.tables import is_table
 
     there = sorted(p for p in folder.iterdir() if p.is_file())
@@ -130,7 +128,7 @@ good_option = click.option(
 
 
 def uncut(good: Sequence[Path]) -> tuple[Path, ...]:
-    """The good runs without those that a stop cut, each of which is told of.
+    """The good runs without those that a stop cut, each of which is named.
 
     Raises BadParameter when there were some and none is left.
     """
@@ -143,7 +141,7 @@ def uncut(good: Sequence[Path]) -> tuple[Path, ...]:
         try:
             cut = cut_by(path) if path.suffix.lower() == SUFFIX else ""
         except SmadError:
-            # What is wrong with it is told when its rows are read.
+            # What is wrong with it is reported when its rows are read.
             cut = ""
         if cut:
             note(left_out(path, cut))

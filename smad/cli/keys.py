@@ -1,14 +1,12 @@
 """`smad keys`: a key pair for a client on another machine."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 
 import click
 
 from smad.cli.output import PATH
-from smad.errors import ConfigError
+from smad.errors import ConfigError, refused_by_system
 
 
 @click.command()
@@ -22,13 +20,9 @@ def keys(path: Path) -> None:
     import zmq
 
     public, secret = zmq.curve_keypair()
-    try:
+    action = "choose another file; keys are never overwritten"
+    with refused_by_system(ConfigError, f"cannot write {path}", action=action):
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
-    except OSError as error:
-        raise ConfigError(
-            f"cannot write {path}: {error.strerror}",
-            action="choose another file; keys are never overwritten",
-        ) from error
     with os.fdopen(descriptor, "wb") as file:
         file.write(b"public " + public + b"\nsecret " + secret + b"\n")
     click.echo(f"{path} written; only you can read it")

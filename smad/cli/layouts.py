@@ -1,13 +1,11 @@
 """`smad log layouts`: layouts of the bench for other programs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click
 
 from smad.cli.output import FOLDER
-from smad.errors import RunLogError
+from smad.errors import RunLogError, refused_by_system
 from smad.files import write_whole
 
 _HOW = """\
@@ -25,18 +23,12 @@ def layouts(folder: Path, axes: tuple[str, ...]) -> None:
     """
     from smad.view.layouts import layouts as contents
 
-    try:
+    cause, action = "cannot write the layouts", "name another FOLDER"
+    with refused_by_system(RunLogError, cause, value=str(folder), action=action):
         folder.mkdir(parents=True, exist_ok=True)
         written = contents(axes)
         for name, content in written.items():
             write_whole(folder / name, content)
-    except OSError as error:
-        raise RunLogError(
-            f"cannot write the layouts: {error.strerror}",
-            value=str(folder),
-            limit="a folder that can be written",
-            action="name another FOLDER",
-        ) from error
     for name in written:
         click.echo(folder / name)
     click.echo(_HOW)

@@ -1,7 +1,5 @@
 """`smad link`: how well the line to the board works."""
 
-from __future__ import annotations
-
 import time
 
 import click

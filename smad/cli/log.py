@@ -8,7 +8,6 @@ import os
 import shlex
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -211,7 +210,7 @@ def split(path: Path | None, folder: str) -> None:
     type=click.FloatRange(40.0, 400.0),
     default=85.0,
     metavar="MM",
-    help="Width of the figure: one column of a journal; two are some 175.",
+    help="Width of the figure; a column of a journal is about 85, two are 175.",
 )
 @_axis
 def plot(
@@ -339,11 +338,13 @@ def _print_notes(notes: Sequence[str]) -> None:
 
 
 def _overview_cells(run: Overview) -> tuple[str, ...]:
+    from smad.runlog.header import date_of
+
     return (
         Path(run.path).name,
         run.name,
         run.source,
-        _date(run.started_unix_s),
+        date_of(run.started_unix_s),
         "" if run.rows is None else str(run.rows),
         "" if run.duration_s is None else f"{run.duration_s:.1f} s",
         f"{run.size_bytes / 1e6:.2f} MB",
@@ -352,12 +353,14 @@ def _overview_cells(run: Overview) -> tuple[str, ...]:
 
 
 def _print_summary(run: RunSummary) -> None:
+    from smad.runlog.header import date_of
+
     rate = "" if run.rate_hz is None else f" at {run.rate_hz:g} Hz"
     facts = [
         ("file", run.path),
         ("name", run.name),
         ("source", run.source),
-        ("started", _date(run.started_unix_s)),
+        ("started", date_of(run.started_unix_s)),
         ("rows", f"{run.rows} in {run.duration_s:.2f} s{rate}"),
         ("axis", str(run.axis)),
         ("seed", "" if run.seed is None else str(run.seed)),
@@ -384,13 +387,3 @@ def _print_summary(run: RunSummary) -> None:
         for event in run.events[-_EVENTS_SHOWN:]:
             when = "" if event.t_s is None else f"{event.t_s:.3f} s"
             click.echo(f"{when:>12}  {event.kind:<8} {event.text}")
-
-
-def _date(unix_s: float) -> str:
-    if not unix_s:
-        return ""
-    try:
-        return datetime.fromtimestamp(unix_s).astimezone().strftime("%Y-%m-%d %H:%M:%S")
-    except (OverflowError, ValueError, OSError):
-        # A damaged header, or another program's, may hold what no calendar does.
-        return f"{unix_s:g} s"

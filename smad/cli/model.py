@@ -1,14 +1,11 @@
 """`smad model`: what is done with a model file beside simulating it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click
 
-from smad.cli import complete
 from smad.cli.output import FILE, PATH
-from smad.cli.simulated import simulated_model
+from smad.cli.simulated import effects_option, simulated_model
 from smad.errors import SmadError
 
 
@@ -20,14 +17,7 @@ def model() -> None:
 @model.command()
 @click.argument("source", metavar="[MODEL]", required=False, type=PATH)
 @click.option("--params", default="A", help="Without MODEL: parameter file, or A, B, conserving.")
-@click.option(
-    "--effect",
-    "effects",
-    multiple=True,
-    metavar="NAME[:P=V,…]",
-    shell_complete=complete.effects,
-    help="Add an effect, or replace the model's of that name.",
-)
+@effects_option("Add an effect, or replace the model's of that name.")
 @click.option(
     "--fixture",
     type=click.Choice(["antagonistic", "stretch", "blocked"]),

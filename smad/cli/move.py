@@ -1,7 +1,5 @@
 """`smad move`: trajectories of the displacement loop, a command for each kind of piece."""
 
-from __future__ import annotations
-
 import contextlib
 import inspect
 from collections.abc import Mapping

@@ -29,7 +29,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 PATH = click.Path(path_type=Path)
 FILE = click.Path(dir_okay=False, path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
-"""Types of options and arguments: anything, no folder, no file."""
+EXISTING = click.Path(exists=True, dir_okay=False, path_type=Path)
+"""Types of options and arguments: anything, no folder, no file, a file that is there."""
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 wait_option = click.option(
@@ -170,12 +171,17 @@ def ready_client(bench: str, *, extra: str = "") -> Iterator[Client]:
         yield connected
 
 
-def leased_driver(connected: Client, who: str, lease_s: float, say: Say) -> LeasedDriver:
-    """What carries plans out on the bench of a client, armed for each under a lease of `who`."""
+def leased_driver(
+    connected: Client, who: str, lease_s: float, say: Say, **mounted: Any
+) -> LeasedDriver:
+    """What carries plans out on the bench of a client, armed for each under a lease of `who`.
+
+    `mounted`: fixture and cooling, as `LiveDriver` takes them.
+    """
     from smad.experiments.leased import LeasedDriver
     from smad.experiments.live import LiveDriver
 
-    live = LiveDriver(connected, progress=say)
+    live = LiveDriver(connected, progress=say, **mounted)
     return LeasedDriver(connected, live, lease_s=lease_s, progress=say, who=who)
 
 

@@ -1,7 +1,5 @@
 """The pages of the documentation that belong to this installation, which messages refer to."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from smad.errors import SmadError

@@ -1,7 +1,5 @@
 """`smad params`: the parameters stored on the board."""
 
-from __future__ import annotations
-
 import click
 
 from smad.api import READ_AS, Param

@@ -1,7 +1,5 @@
 """Numbers with units on the command line: `5`, `5mm`, `2000mA`, `60C`."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

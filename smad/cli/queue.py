@@ -6,21 +6,19 @@ import functools
 import os
 import sys
 import time
-from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import FOLDER, bench_option, json_option, print_json
+from smad.cli.output import FOLDER, F, bench_option, json_option, print_json
 
 if TYPE_CHECKING:
     from smad.queue import Queue
     from smad.queue.process import ItemProcess
     from smad.queue.states import Arming, Item, Snapshot
 
-F = TypeVar("F", bound=Callable[..., Any])
 _ANYTHING = {"ignore_unknown_options": True, "allow_interspersed_args": False}
 
 _folder_option = click.option(

@@ -5,8 +5,6 @@ which pauses the queue, from a refusal, which does not. It ends with its parent,
 to by the kernel, and killed if it does not.
 """
 
-from __future__ import annotations
-
 import errno
 import sys
 import traceback

@@ -1,7 +1,5 @@
 """`smad record`: begin, end and annotate a run log."""
 
-from __future__ import annotations
-
 import click
 
 from smad.cli.output import bench_option, client

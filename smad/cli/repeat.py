@@ -1,7 +1,5 @@
 """`smad run repeat`: the inputs of a recorded run again, on a bench or in virtual time."""
 
-from __future__ import annotations
-
 import contextlib
 from pathlib import Path
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ from smad.cli.output import (
     axis_option,
     json_option,
     lease_option,
+    leased_driver,
     print_json,
     progress,
     ready_client,
@@ -29,6 +31,13 @@ if TYPE_CHECKING:
     from smad.experiments.campaign import CampaignResult
 
 ALL = "all"
+_OTHERS = {
+    "repeat": "smad.cli.repeat",
+    "six-axes": "smad.cli.six_axes",
+    "moves": "smad.cli.run_moves",
+    "endurance": "smad.cli.run_endurance",
+}
+"""Commands under the name of this one, and their modules."""
 
 
 class _Run(click.Command):
@@ -42,19 +51,10 @@ class _Run(click.Command):
         **extra: Any,
     ) -> click.Context:
         """Return the context of the one that is meant."""
-        if args and args[0] in ("repeat", "six-axes", "moves", "endurance"):
-            from smad.cli.repeat import repeat
-            from smad.cli.run_endurance import endurance
-            from smad.cli.run_moves import moves
-            from smad.cli.six_axes import six_axes
-
-            others: dict[str, click.Command] = {
-                "repeat": repeat,
-                "six-axes": six_axes,
-                "moves": moves,
-                "endurance": endurance,
-            }
-            return others[args[0]].make_context(f"{info_name} {args[0]}", args[1:], parent, **extra)
+        if args and args[0] in _OTHERS:
+            name = args[0].replace("-", "_")
+            other: click.Command = getattr(importlib.import_module(_OTHERS[args[0]]), name)
+            return other.make_context(f"{info_name} {args[0]}", args[1:], parent, **extra)
         return super().make_context(info_name, args, parent, **extra)
 
 
@@ -235,19 +235,12 @@ def _live(
     experiments: Sequence[Experiment[Any]], model: ParameterSet, options: dict[str, Any]
 ) -> tuple[CampaignResult, Facts]:
     from smad.experiments.campaign import run_on
-    from smad.experiments.leased import LeasedDriver
-    from smad.experiments.live import LiveDriver
 
     with ready_client(options["bench"], extra="report") as connected, progress() as line:
-        driver = LiveDriver(
-            connected,
-            fixture=options["fixture"],
-            cooling="air" if options["air"] else "water",
-            progress=line.say,
-        )
-        leased = LeasedDriver(connected, driver, lease_s=options["lease"], progress=line.say)
+        mounted = {"fixture": options["fixture"], "cooling": "air" if options["air"] else "water"}
+        driver = leased_driver(connected, "smad run", options["lease"], line.say, **mounted)
         try:
-            result = run_on(experiments, leased, model, line.say)
+            result = run_on(experiments, driver, model, line.say)
         finally:
             connected.disarm()
     return result, [("bench", options["bench"])]

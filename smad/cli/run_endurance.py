@@ -93,9 +93,9 @@ def endurance(**options: Any) -> None:
     """Cycle between two displacements or temperatures until a limit ends it.
 
     Each block, at most three quarters of the longest time armed or of one file, begins from rest
-    and has a run log of its own. FOLDER/cycles.csv has the statistics of every cycle. What it takes
-    on the disk is told and reserved before. A stop, a fault, or a check-up that fails ends it;
-    --go-on is for a person who looked; it counts what a killed run had recorded.
+    and has a run log of its own. FOLDER/cycles.csv has the statistics of every cycle. The
+    room that it takes on the disk is printed and reserved first. A stop, a fault, or a check-up
+    that fails ends it. Look at the bench before --go-on, which counts what a killed run recorded.
     """
     from smad.experiments.endurance.room import longest_block_s, room_for
     from smad.experiments.endurance.run import earlier_cycles, endure, take_over_killed

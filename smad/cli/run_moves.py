@@ -1,7 +1,5 @@
 """`smad run moves`: trajectories of a TOML file, armed, recorded and disarmed by one command."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

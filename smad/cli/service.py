@@ -1,7 +1,5 @@
 """`smad service`: the files that let systemd and udev look after a bench."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

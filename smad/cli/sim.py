@@ -1,7 +1,5 @@
 """`smad sim`: the simulated bench alone, behind a pseudo-terminal."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,11 +7,10 @@ from pathlib import Path
 import click
 import msgspec
 
-from smad.cli import complete
 from smad.cli.output import FILE, PATH, Finite, config_option
-from smad.cli.simulated import effect_lines
+from smad.cli.simulated import board_options, effect_lines, effects_option
 from smad.cli.tables import print_columns
-from smad.processes.boards import BOARDS, SimulatorError, build, faults_of, rate_of
+from smad.processes.boards import SimulatorError, build, faults_of, rate_of
 from smad.processes.simulator import READY
 
 SEED_STEP = 100_003
@@ -22,9 +19,6 @@ SEED_STEP = 100_003
 
 @click.command()
 @config_option
-@click.option("--speed", type=float, help="Board time over wall time; 10 is ten times faster.")
-@click.option("--rate", type=click.Choice(["100", "250", "500"]), help="Samples per second.")
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Seed of all noise.")
 @click.option("--symlink", type=PATH, help="A lasting name for the port.")
 @click.option(
     "--model",
@@ -32,29 +26,10 @@ SEED_STEP = 100_003
     type=PATH,
     help="Model file of smad gap diagnose --apply, in place of the configured plant.",
 )
-@click.option(
-    "--effect",
-    "effects",
-    multiple=True,
-    metavar="NAME[:PARAM=VALUE,…]",
-    shell_complete=complete.effects,
-    help="An effect of smad gap effects that the bench has; typical strength without values.",
+@effects_option(
+    "An effect of smad gap effects that the bench has; typical strength without values."
 )
-@click.option("--axes", type=click.IntRange(1, 6), help="Number of boards, a port for each.")
-@click.option("--paced-by-host", is_flag=True, help="Wait, within bounds, for each setpoint.")
-@click.option(
-    "--fault",
-    "faults",
-    multiple=True,
-    metavar="NAME@S[:KEY=VALUE,…]",
-    help="A fault to inject; --fault list lists them.",
-)
-@click.option(
-    "--firmware",
-    type=click.Choice([*BOARDS]),
-    default="python",
-    help="The board: Python, the C firmware as a process, or its chip emulated.",
-)
+@board_options("")
 @click.option(
     "--store",
     "store_path",
@@ -63,14 +38,6 @@ SEED_STEP = 100_003
 )
 @click.option("--for", "seconds", type=Finite(min=0), metavar="S", help="End after this time.")
 @click.option("--transport", default="pty", help="pty, or fd:N,… (sockets).")
-@click.option(
-    "--patience",
-    type=click.IntRange(1, 1000),
-    default=1,
-    hidden=True,
-    help="With --paced-by-host: wait so many times as long for a setpoint.",
-)
-@click.option("--parent", type=int, hidden=True, help="End when this process does.")
 def sim(
     *,
     path: Path | None,

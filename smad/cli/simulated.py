@@ -2,28 +2,84 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import functools
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from smad.cli import complete
-from smad.cli.output import note
+from smad.cli.output import F, note
 from smad.errors import SmadError
+from smad.processes.boards import BOARDS
 
 if TYPE_CHECKING:
     from sim_device.plant.models import Model
 
 sim_option = click.option("--sim", is_flag=True, help="On a simulated bench in virtual time.")
-effect_option = click.option(
-    "--effect",
-    "effects",
-    multiple=True,
-    metavar="NAME[:P=V,…]",
-    shell_complete=complete.effects,
-    help="With --sim: an effect that the simulated bench has.",
-)
+
+
+def effects_option(about: str) -> Callable[[F], F]:
+    """Return the option --effect, which may be repeated, of a simulated bench."""
+    return click.option(
+        "--effect",
+        "effects",
+        multiple=True,
+        metavar="NAME[:P=V,…]",
+        shell_complete=complete.effects,
+        help=about,
+    )
+
+
+effect_option = effects_option("With --sim: an effect that the simulated bench has.")
+
+
+def board_options(lead: str) -> Callable[[F], F]:
+    """Return the options of the boards that `smad sim` runs, and `smad start --sim` begins.
+
+    `lead` begins the help of each.
+    """
+
+    def about(text: str) -> str:
+        return lead + text if lead else text[0].upper() + text[1:]
+
+    number = click.IntRange(0, 2**32 - 1)
+    options = (
+        click.option(
+            "--rate", type=click.Choice(["100", "250", "500"]), help="Samples per second."
+        ),
+        click.option("--axes", type=click.IntRange(1, 6), help=about("number of boards.")),
+        click.option("--speed", type=float, help=about("board time over wall time.")),
+        click.option("--seed", type=number, help=about("seed of all noise.")),
+        click.option(
+            "--paced-by-host", is_flag=True, help=about("the board waits for each setpoint.")
+        ),
+        click.option(
+            "--fault",
+            "faults",
+            multiple=True,
+            metavar="NAME@S[:KEY=VALUE,…]",
+            help=about("a fault to inject; smad sim --fault list lists them."),
+        ),
+        click.option(
+            "--firmware",
+            type=click.Choice([*BOARDS]),
+            default="python",
+            help=about("the board: Python, the C firmware as a process, or its chip emulated."),
+        ),
+        # With --paced-by-host both ends wait so many times as long for each other.
+        click.option("--patience", type=click.IntRange(1, 1000), default=1, hidden=True),
+        # End when this process does.
+        click.option("--parent", type=int, hidden=True),
+    )
+
+    def add(command: F) -> F:
+        return functools.reduce(lambda made, option: option(made), reversed(options), command)
+
+    return add
+
+
 seed_option = click.option(
     "--seed", type=click.IntRange(0, 2**32 - 1), default=0, help="With --sim: seed of all noise."
 )

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import click
 
 from smad.cli.output import PATH, config_option
+from smad.cli.simulated import board_options
 from smad.errors import ConfigError
-from smad.processes.boards import BOARDS
 
 if TYPE_CHECKING:
     from smad.config import Config
@@ -25,34 +25,11 @@ if TYPE_CHECKING:
 @click.option("--sim", "simulated", is_flag=True, help="Start a simulated bench and use it.")
 @config_option
 @click.option("--bench", help="Name of the bench, where there are several.")
-@click.option("--rate", type=click.Choice(["100", "250", "500"]), help="Samples per second.")
 @click.option("--baud", type=int, help="Bits per second of the serial line.")
-@click.option("--axes", type=click.IntRange(1, 6), help="With --sim: number of boards.")
 @click.option("--without-missing", is_flag=True, help="Start even if some boards are missing.")
-@click.option("--speed", type=float, help="With --sim: board time over wall time.")
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="With --sim: seed of all noise.")
-@click.option(
-    "--paced-by-host", is_flag=True, help="With --sim: the board waits for each setpoint."
-)
-@click.option(
-    "--fault", "faults", multiple=True, help="With --sim: a fault to inject; see smad sim --help."
-)
-@click.option(
-    "--firmware",
-    type=click.Choice([*BOARDS]),
-    default="python",
-    help="With --sim: the board, see smad sim --help.",
-)
+@board_options("With --sim: ")
 @click.option("--fd", hidden=True, help="Inherited sockets instead of ports: N,… by axis.")
-@click.option(
-    "--patience",
-    type=click.IntRange(1, 1000),
-    default=1,
-    hidden=True,
-    help="With --paced-by-host: both ends wait so many times as long for each other.",
-)
 @click.option("--trace", "trace_path", type=PATH, hidden=True)
-@click.option("--parent", type=int, hidden=True, help="End when this process does.")
 @click.option("--no-realtime", is_flag=True, help="Do not ask for real-time measures.")
 def start(
     *,
@@ -114,18 +91,10 @@ def start(
         return _run(
             config, serial_openers(config) if fd is None else socket_openers(config, fd), options
         )
-    if port is not None:
-        raise ConfigError(
-            "--port and --sim exclude each other",
-            value=port,
-            action="choose the board or the simulated bench",
-        )
-    if baud is not None:
-        raise ConfigError(
-            "--baud and --sim exclude each other: a pseudo-terminal takes any",
-            value=baud,
-            action="leave --baud out",
-        )
+    for option, given in (("--port", port), ("--baud", baud)):
+        if given is not None:
+            cause = f"{option} and --sim exclude each other"
+            raise ConfigError(cause, value=given, action=f"leave {option} out, or --sim")
     from smad.cli.output import progress
     from smad.processes.simulated_board import simulated_board
 

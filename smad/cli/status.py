@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import click
@@ -35,10 +36,21 @@ def status(watch: bool, as_json: bool, bench: str) -> None:
             if as_json:
                 print_json(now, indent=-1)
             else:
-                click.echo("\n".join((*lines(now), *_other_benches(now.bench))))
+                _print((*lines(now), *_other_benches(now.bench)))
             if not watch:
                 return
             time.sleep(_REFRESH_S)
+
+
+def _print(facts: Iterable[str]) -> None:
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else sys.maxsize
+    for line in facts:
+        click.echo(folded(line, width))
+
+
+def folded(line: str, width: int) -> str:
+    """Return a labelled line in lines of at most `width`: the text goes on below itself."""
+    return click.wrap_text(line, width, subsequent_indent=labelled("", ""))
 
 
 def _watch(bench_client: Client) -> None:

@@ -12,6 +12,7 @@ from smad.cli.output import (
     FILE,
     axis_option,
     json_option,
+    lease_option,
     leased_driver,
     print_json,
     progress,
@@ -41,13 +42,7 @@ if TYPE_CHECKING:
     help="Write the section of the configuration to a new file.",
 )
 @json_option
-@click.option(
-    "--lease",
-    type=click.FloatRange(1.0, 600.0),
-    default=2.0,
-    metavar="S",
-    help="Disarm after this time without a message from here.",
-)
+@lease_option
 @click.option("--yes", is_flag=True, help="Do not ask before the bench is armed and heated.")
 @axis_option
 def tune(

@@ -1,7 +1,5 @@
 """Arm a bench as soon as its board allows it: the clocks agree, and the springs are cold."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """The sockets of the client for asyncio; every wait has a deadline."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import AsyncGenerator
 

@@ -3,8 +3,6 @@
 The blocking one is this file without its `await`s, see asynchronous.py.
 """
 
-from __future__ import annotations
-
 import time
 from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator, Callable, Sequence

@@ -1,7 +1,5 @@
 """The sockets of the blocking client: no threads, no background work; every wait has a deadline."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Generator
 from typing import Any

@@ -3,8 +3,6 @@
 Written by `python -m tools.blocking_client` from commands.py: edit that.
 """
 
-from __future__ import annotations
-
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence

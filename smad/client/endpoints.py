@@ -4,8 +4,6 @@ The client reads the same names, so they stand in one place. The folder's mode s
 command: nobody but its owner, unless the administrator opened it to a group.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import stat
@@ -15,7 +13,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
-from smad.errors import DaemonError
+from smad.errors import DaemonError, refused_by_system
 
 FOLDER_VARIABLE = "SMAD_RUNTIME_DIR"
 SYSTEM_FOLDER = Path("/run/smad")
@@ -117,14 +115,12 @@ def prepare_folder(folder: Path) -> int:
     Raises DaemonError when the folder cannot be used, or belongs to someone else and is open to
     all: whoever can write there could pose as the daemon.
     """
-    try:
+    action = "set daemon.ipc_dir, or SMAD_RUNTIME_DIR, to a folder you own"
+    with refused_by_system(
+        DaemonError, f"cannot use the folder {folder} for sockets", action=action
+    ):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         status = folder.stat()
-    except OSError as error:
-        raise DaemonError(
-            f"cannot use the folder {folder} for sockets: {error.strerror}",
-            action="set daemon.ipc_dir, or SMAD_RUNTIME_DIR, to a folder you own",
-        ) from error
     mode = stat.S_IMODE(status.st_mode)
     if mode & 0o002 or status.st_uid not in (os.getuid(), 0):
         raise DaemonError(
@@ -153,14 +149,10 @@ def write_connection(path: Path, connection: Connection, umask: int) -> None:
     """Write the connection file in one piece. Raises DaemonError when that is not possible."""
     draft = path.with_suffix(".json.new")
     text = msgspec.json.format(msgspec.json.encode(connection), indent=2) + b"\n"
-    try:
+    action = "remove what is in its place, or set daemon.ipc_dir to a folder of your own"
+    with refused_by_system(DaemonError, f"cannot write the connection file {path}", action=action):
         write_anew(draft, text, umask)
         draft.replace(path)
-    except OSError as error:
-        raise DaemonError(
-            f"cannot write the connection file {path}: {error.strerror}",
-            action="remove what is in its place, or set daemon.ipc_dir to a folder of your own",
-        ) from error
 
 
 def read_connection(path: Path) -> Connection | None:

@@ -1,7 +1,5 @@
 """What a client raises: the daemon is not there, does not answer, or refuses."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from smad.api import ErrorData, Reason

@@ -4,8 +4,6 @@ A client like any other. The telemetry is emptied thirty times a second instead 
 sample by sample: the process wakes less often than samples come.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 from collections.abc import Mapping
@@ -35,7 +33,7 @@ Params = Mapping[str, Mapping[str, float]]
 
 
 class Follower(Protocol):
-    """Who is told of a bench. An axis is told by its name, the only one by the empty name."""
+    """Receives what happens on a bench. An axis has its name, the only one the empty name."""
 
     def configured(self, config: Config) -> None:
         """The daemon answers, with this configuration."""

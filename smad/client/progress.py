@@ -1,7 +1,5 @@
 """When a wait for a motion is over, or will never be. Pure: time is an argument."""
 
-from __future__ import annotations
-
 from smad.api import Motion
 from smad.client.errors import NoAnswer, Stopped
 

@@ -4,8 +4,6 @@ It is renewed while the thread that armed lives, also during a long computation.
 killed, or stopped by SIGSTOP, renews nothing, and the daemon disarms.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import sys

@@ -1,7 +1,5 @@
 """Signals that end a program, made to end it as ctrl-C does."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import threading

@@ -1,7 +1,5 @@
 """What both clients share: requests and replies as bytes, and where the daemon is."""
 
-from __future__ import annotations
-
 import functools
 import math
 import os

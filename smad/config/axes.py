@@ -1,13 +1,11 @@
 """An axis of a bench that has several, and the segments of a robot on them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from smad.config.section import HOST, Section
+from smad.config.section import HOST, Section, about, above
 from smad.errors import ConfigError
 
 DEGREES_PER_MM = 6.25
@@ -28,35 +26,31 @@ class AxisConfig(Section, frozen=True, kw_only=True):
     name: Annotated[
         str, Meta(pattern=r"^[A-Za-z0-9_-]{1,32}\Z", description="what the axis is called")
     ]
-    port: Annotated[str, Meta(description="device of its board, best /dev/serial/by-id/…")] = ""
-    rate_hz: Annotated[
-        Literal[100, 250, 500] | None, Meta(description="samples per second; link.rate_hz")
-    ] = None
-    kp_A_per_mm: Annotated[
-        _Gain | None, Meta(description="proportional gain; control.kp_A_per_mm")
-    ] = None
-    ki_A_per_mm_s: Annotated[
-        _Gain | None, Meta(description="integral gain; control.ki_A_per_mm_s")
-    ] = None
+    port: Annotated[str, about("device of its board, best /dev/serial/by-id/…")] = ""
+    rate_hz: Annotated[Literal[100, 250, 500] | None, about("samples per second; link.rate_hz")] = (
+        None
+    )
+    kp_A_per_mm: Annotated[_Gain | None, about("proportional gain; control.kp_A_per_mm")] = None
+    ki_A_per_mm_s: Annotated[_Gain | None, about("integral gain; control.ki_A_per_mm_s")] = None
     current_limit_A: Annotated[
         Annotated[float, Meta(ge=0.0, le=HOST.current_mA / 1000)] | None,
-        Meta(description="largest current in a spring; control.current_limit_A"),
+        about("largest current in a spring; control.current_limit_A"),
     ] = None
     travel_mm: Annotated[
         Annotated[float, Meta(ge=0.1, le=50.0)] | None,
-        Meta(description="travel of the tendon either way; limits.displacement_max_mm"),
+        about("travel of the tendon either way; limits.displacement_max_mm"),
     ] = None
     temperature_max_degC: Annotated[
         Annotated[float, Meta(ge=30.0, le=HOST.temperature_cC / 100)] | None,
-        Meta(description="hottest spring; limits.temperature_max_degC"),
+        about("hottest spring; limits.temperature_max_degC"),
     ] = None
     coupling: Annotated[
         tuple[Annotated[float, Meta(ge=-10.0, le=10.0)], ...],
-        Meta(description="travel of this tendon for 1 mm of each axis in order; empty: its own"),
+        about("travel of this tendon for 1 mm of each axis in order; empty: its own"),
     ] = ()
     fault_holds: Annotated[
         Literal["all", "own"],
-        Meta(description="what a fault, a limit or a lost link of this axis stops"),
+        about("what a fault, a limit or a lost link of this axis stops"),
     ] = "all"
 
 
@@ -80,18 +74,16 @@ class SegmentConfig(Section, frozen=True, kw_only=True):
     ]
     pitch: Annotated[str, Meta(min_length=1, description="axis that turns it up and down")]
     yaw: Annotated[str, Meta(min_length=1, description="axis that turns it to the sides")]
-    gain_deg_per_mm: Annotated[
-        float, Meta(gt=0.0, le=1000.0, description="angle for 1 mm of the tendon")
-    ] = DEGREES_PER_MM
-    limit_deg: Annotated[
-        float, Meta(gt=0.0, le=180.0, description="largest angle of either joint, either way")
-    ] = 25.0
+    gain_deg_per_mm: Annotated[float, above(0.0, 1000.0, "angle for 1 mm of the tendon")] = (
+        DEGREES_PER_MM
+    )
+    limit_deg: Annotated[float, above(0.0, 180.0, "largest angle of either joint, either way")] = (
+        25.0
+    )
     pitch_sign: Annotated[
-        Literal[1, -1], Meta(description="sign of the angle for a positive displacement")
+        Literal[1, -1], about("sign of the angle for a positive displacement")
     ] = 1
-    yaw_sign: Annotated[
-        Literal[1, -1], Meta(description="sign of the angle for a positive displacement")
-    ] = 1
+    yaw_sign: Annotated[Literal[1, -1], about("sign of the angle for a positive displacement")] = 1
 
 
 def coupling_of(axes: Sequence[AxisConfig]) -> list[list[float]]:

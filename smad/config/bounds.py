@@ -1,8 +1,7 @@
 """A value that its type does not allow, told without the words of a schema. Pure."""
 
-from __future__ import annotations
-
 import re
+from typing import Any
 
 _BOUND = re.compile(r"Expected `(?:float|int)` (?P<side>[<>]=?) (?P<limit>[-+.0-9e]+)")
 _KIND = re.compile(r"Expected `(?P<wanted>[a-z]+)`, got `(?P<given>[a-z]+)`")
@@ -35,6 +34,16 @@ def field_and_words(message: str) -> tuple[str, str]:
     """Return where msgspec found a value that is not allowed (`a[2].b`, or empty), and why."""
     cause, _, path = message.partition(" - at `$")
     return path.rstrip("`").removeprefix("."), in_words(cause)
+
+
+def value_at(value: Any, path: str) -> Any:
+    """Return what stands at such a path in a value of JSON; None where there is nothing."""
+    for part in filter(None, path.replace("[", ".").replace("]", "").split(".")):
+        try:
+            value = value[int(part)] if isinstance(value, list | tuple) else value[part]
+        except (KeyError, IndexError, TypeError, ValueError):
+            return None
+    return value
 
 
 def without_mark(text: bytes) -> bytes:

@@ -1,12 +1,10 @@
 """Sections of the control loops and of the host's limits; see `smad.config.model`."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
-from msgspec import Meta, field
+from msgspec import field
 
-from smad.config.section import HOST, Section
+from smad.config.section import HOST, Section, about, above, between
 
 
 class CoolingConfig(Section, frozen=True, kw_only=True):
@@ -14,30 +12,24 @@ class CoolingConfig(Section, frozen=True, kw_only=True):
 
     mode: Annotated[
         Literal["switch", "proportional", "off"],
-        Meta(description="full on and off with hysteresis; duty by demand; or no water at all"),
+        about("full on and off with hysteresis; duty by demand; or no water at all"),
     ] = "switch"
     on_threshold_A: Annotated[
-        float, Meta(ge=0.0, le=4.0, description="demand on the pulling spring that starts the pump")
+        float, between(0.0, 4.0, "demand on the pulling spring that starts the pump")
     ] = 0.2
-    off_threshold_A: Annotated[
-        float, Meta(ge=0.0, le=4.0, description="demand below which the pump stops")
-    ] = 0.05
-    min_on_s: Annotated[float, Meta(ge=0.0, le=60.0, description="shortest time on")] = 0.2
-    min_off_s: Annotated[
-        float, Meta(ge=0.0, le=60.0, description="shortest time off (heating needs no wait)")
-    ] = 0.2
-    switch_duty: Annotated[
-        float, Meta(ge=0.0, le=1.0, description="pump duty while on, in mode switch")
-    ] = 1.0
+    off_threshold_A: Annotated[float, between(0.0, 4.0, "demand below which the pump stops")] = 0.05
+    min_on_s: Annotated[float, between(0.0, 60.0, "shortest time on")] = 0.2
+    min_off_s: Annotated[float, between(0.0, 60.0, "shortest time off (heating needs no wait)")] = (
+        0.2
+    )
+    switch_duty: Annotated[float, between(0.0, 1.0, "pump duty while on, in mode switch")] = 1.0
     full_duty_current_A: Annotated[
-        float, Meta(ge=0.1, le=4.0, description="demand that means duty 1, in mode proportional")
+        float, between(0.1, 4.0, "demand that means duty 1, in mode proportional")
     ] = 4.0
     after_heat_s: Annotated[
-        float, Meta(ge=0.0, le=60.0, description="water waits so long after its spring was heated")
+        float, between(0.0, 60.0, "water waits so long after its spring was heated")
     ] = 0.1
-    urgent_A: Annotated[
-        float, Meta(ge=0.0, le=4.0, description="demand that waits for no shortest time")
-    ] = 1.0
+    urgent_A: Annotated[float, between(0.0, 4.0, "demand that waits for no shortest time")] = 1.0
 
     def __post_init__(self) -> None:
         Section.__post_init__(self)
@@ -52,106 +44,84 @@ class HoldConfig(Section, frozen=True, kw_only=True):
     """A quiet hold: once the reference rests and is reached, nothing is switched."""
 
     band_mm: Annotated[
-        float, Meta(ge=0.0, le=1.0, description="full width about the reference: no error within")
+        float, between(0.0, 1.0, "full width about the reference: no error within")
     ] = 0.01
     near_bands: Annotated[
         float,
-        Meta(ge=0.5, le=1000.0, description="quiet within so many bands, until twice as far off"),
+        between(0.5, 1000.0, "quiet within so many bands, until twice as far off"),
     ] = 5.0
-    settled_s: Annotated[
-        float, Meta(ge=0.0, le=60.0, description="quiet after so long within them")
-    ] = 0.3
+    settled_s: Annotated[float, between(0.0, 60.0, "quiet after so long within them")] = 0.3
     smooth_s: Annotated[
         float,
-        Meta(ge=0.0, le=10.0, description="time constant that smooths error and temperatures"),
+        between(0.0, 10.0, "time constant that smooths error and temperatures"),
     ] = 0.2
-    ease_s: Annotated[
-        float, Meta(ge=0.1, le=600.0, description="on arrival the integral fades so")
-    ] = 5.0
+    ease_s: Annotated[float, between(0.1, 600.0, "on arrival the integral fades so")] = 5.0
     arrive_s: Annotated[
         float,
-        Meta(ge=0.0, le=600.0, description="so long after, both springs are kept as warm as then"),
+        between(0.0, 600.0, "so long after, both springs are kept as warm as then"),
     ] = 5.0
     kept_A_per_K: Annotated[
-        float, Meta(ge=0.0, le=100.0, description="proportional gain on a kept temperature")
+        float, between(0.0, 100.0, "proportional gain on a kept temperature")
     ] = 0.5
-    kept_A_per_K_s: Annotated[
-        float, Meta(ge=0.0, le=100.0, description="integral gain on a kept temperature")
-    ] = 0.1
+    kept_A_per_K_s: Annotated[float, between(0.0, 100.0, "integral gain on a kept temperature")] = (
+        0.1
+    )
     kept_K_per_mm: Annotated[
-        float, Meta(ge=0.0, le=1000.0, description="kept temperatures move apart by the error")
+        float, between(0.0, 1000.0, "kept temperatures move apart by the error")
     ] = 30.0
-    kept_K_per_mm_s: Annotated[
-        float, Meta(ge=0.0, le=1000.0, description="and by its integral")
-    ] = 10.0
+    kept_K_per_mm_s: Annotated[float, between(0.0, 1000.0, "and by its integral")] = 10.0
     reversal_A: Annotated[
-        float, Meta(ge=0.0, le=4.0, description="demand on the other spring that turns to it")
+        float, between(0.0, 4.0, "demand on the other spring that turns to it")
     ] = 0.3
     reversal_smooth_s: Annotated[
-        float, Meta(ge=0.0, le=1.0, description="time constant that smooths that demand")
+        float, between(0.0, 1.0, "time constant that smooths that demand")
     ] = 0.03
 
 
 class TemperatureConfig(Section, frozen=True, kw_only=True):
     """PI control that holds one spring at a temperature."""
 
-    kp_A_per_K: Annotated[float, Meta(ge=0.0, le=100.0, description="proportional gain")] = 0.5
-    ki_A_per_K_s: Annotated[float, Meta(ge=0.0, le=100.0, description="integral gain")] = 0.02
+    kp_A_per_K: Annotated[float, between(0.0, 100.0, "proportional gain")] = 0.5
+    ki_A_per_K_s: Annotated[float, between(0.0, 100.0, "integral gain")] = 0.02
     pump_above_K: Annotated[
-        float, Meta(ge=0.0, le=100.0, description="so far above the target, the pump cools")
+        float, between(0.0, 100.0, "so far above the target, the pump cools")
     ] = 2.0
 
 
 class FeedforwardConfig(Section, frozen=True, kw_only=True):
     """The inverse of the model, for reversals begun in time. The defaults are parameter set A."""
 
-    enabled: Annotated[bool, Meta(description="use it from the start; `tune` changes it")] = False
+    enabled: Annotated[bool, about("use it from the start; `tune` changes it")] = False
     wire_capacity_J_per_m_K: Annotated[
-        float, Meta(gt=0.0, le=1000.0, description="heat capacity of the wire, per metre")
+        float, above(0.0, 1000.0, "heat capacity of the wire, per metre")
     ] = 1.328
     water_capacity_J_per_m_K: Annotated[
-        float, Meta(gt=0.0, le=1000.0, description="heat capacity of the water that warms")
+        float, above(0.0, 1000.0, "heat capacity of the water that warms")
     ] = 6.276
-    film_still_W_per_m_K: Annotated[
-        float, Meta(gt=0.0, le=1000.0, description="wire to water, pump off")
-    ] = 3.2
-    film_flow_W_per_m_K: Annotated[
-        float, Meta(gt=0.0, le=1000.0, description="wire to water, pump on")
-    ] = 20.0
+    film_still_W_per_m_K: Annotated[float, above(0.0, 1000.0, "wire to water, pump off")] = 3.2
+    film_flow_W_per_m_K: Annotated[float, above(0.0, 1000.0, "wire to water, pump on")] = 20.0
     flow_W_per_m_K: Annotated[
-        float, Meta(gt=0.0, le=1000.0, description="carried off by the water at full duty")
+        float, above(0.0, 1000.0, "carried off by the water at full duty")
     ] = 1.346
-    loss_W_per_m_K: Annotated[
-        float, Meta(ge=0.0, le=100.0, description="lost from the tube to the air")
-    ] = 0.05
-    heat_W_per_m_A2: Annotated[
-        float, Meta(gt=0.0, le=1000.0, description="heat of 1 A in a metre of wire")
-    ] = 1.856
-    austenite_start_degC: Annotated[
-        float, Meta(ge=-50.0, le=150.0, description="A_S without stress")
-    ] = 28.0
-    slope_austenite_MPa_per_K: Annotated[float, Meta(gt=0.0, le=100.0, description="C_A")] = 8.0
-    martensite_start_degC: Annotated[
-        float, Meta(ge=-50.0, le=150.0, description="M_S without stress")
-    ] = 35.0
-    slope_martensite_MPa_per_K: Annotated[float, Meta(gt=0.0, le=100.0, description="C_M")] = 4.6
+    loss_W_per_m_K: Annotated[float, between(0.0, 100.0, "lost from the tube to the air")] = 0.05
+    heat_W_per_m_A2: Annotated[float, above(0.0, 1000.0, "heat of 1 A in a metre of wire")] = 1.856
+    austenite_start_degC: Annotated[float, between(-50.0, 150.0, "A_S without stress")] = 28.0
+    slope_austenite_MPa_per_K: Annotated[float, above(0.0, 100.0, "C_A")] = 8.0
+    martensite_start_degC: Annotated[float, between(-50.0, 150.0, "M_S without stress")] = 35.0
+    slope_martensite_MPa_per_K: Annotated[float, above(0.0, 100.0, "C_M")] = 4.6
     stress_start_MPa: Annotated[
-        float, Meta(ge=0.0, le=1000.0, description="stress at which detwinning starts")
+        float, between(0.0, 1000.0, "stress at which detwinning starts")
     ] = 58.0
     stress_MPa_per_N: Annotated[
-        float, Meta(gt=0.0, le=10_000.0, description="shear stress of 1 N of tension, C1")
+        float, above(0.0, 10_000.0, "shear stress of 1 N of tension, C1")
     ] = 45.86
     inlet_degC: Annotated[
-        float, Meta(ge=0.0, le=60.0, description="water at the inlet, where no sensor measures it")
+        float, between(0.0, 60.0, "water at the inlet, where no sensor measures it")
     ] = 26.85
-    fill_time_s: Annotated[
-        float, Meta(gt=0.0, le=600.0, description="to fill a drained tube at full duty")
-    ] = 4.66
-    drain_time_s: Annotated[
-        float, Meta(gt=0.0, le=600.0, description="time constant of draining")
-    ] = 1.0
+    fill_time_s: Annotated[float, above(0.0, 600.0, "to fill a drained tube at full duty")] = 4.66
+    drain_time_s: Annotated[float, above(0.0, 600.0, "time constant of draining")] = 1.0
     drain_ratio: Annotated[
-        float, Meta(gt=0.0, le=1.0, description="water that draining leaves, over a full tube")
+        float, above(0.0, 1.0, "water that draining leaves, over a full tube")
     ] = 0.05
 
 
@@ -159,38 +129,34 @@ class RepeatConfig(Section, frozen=True, kw_only=True):
     """How far a repeated run may leave the recorded one before it is ended."""
 
     displacement_mm: Annotated[
-        float, Meta(gt=0.0, le=50.0, description="between displacement and the recorded one")
+        float, above(0.0, 50.0, "between displacement and the recorded one")
     ] = 4.0
     temperature_K: Annotated[
-        float, Meta(gt=0.0, le=100.0, description="between a spring and its recorded temperature")
+        float, above(0.0, 100.0, "between a spring and its recorded temperature")
     ] = 8.0
-    force_N: Annotated[
-        float, Meta(gt=0.0, le=100.0, description="between tendon force and the recorded one")
-    ] = 1.0
-    for_s: Annotated[
-        float, Meta(ge=0.0, le=60.0, description="a reading may be further off for so long")
-    ] = 0.5
+    force_N: Annotated[float, above(0.0, 100.0, "between tendon force and the recorded one")] = 1.0
+    for_s: Annotated[float, between(0.0, 60.0, "a reading may be further off for so long")] = 0.5
 
 
 class ControlConfig(Section, frozen=True, kw_only=True):
     """PI control on displacement: the demand heats the spring that has to pull."""
 
-    kp_A_per_mm: Annotated[float, Meta(ge=0.0, le=1000.0, description="proportional gain")] = 28.0
-    ki_A_per_mm_s: Annotated[float, Meta(ge=0.0, le=1000.0, description="integral gain")] = 23.0
+    kp_A_per_mm: Annotated[float, between(0.0, 1000.0, "proportional gain")] = 28.0
+    ki_A_per_mm_s: Annotated[float, between(0.0, 1000.0, "integral gain")] = 23.0
     current_limit_A: Annotated[
         float,
-        Meta(ge=0.0, le=HOST.current_mA / 1000, description="largest current in a spring"),
+        between(0.0, HOST.current_mA / 1000, "largest current in a spring"),
     ] = 4.0
     anti_windup_time_s: Annotated[
         float,
-        Meta(ge=0.01, le=100.0, description="how fast the integral follows a saturated output"),
+        between(0.01, 100.0, "how fast the integral follows a saturated output"),
     ] = 0.5
     handover_rate_mm_per_s: Annotated[
         float,
-        Meta(ge=0.01, le=100.0, description="reference speed between two queued trajectories"),
+        between(0.01, 100.0, "reference speed between two queued trajectories"),
     ] = 5.0
     drain_before_heating: Annotated[
-        bool, Meta(description="let the water out of a tube while its spring is heated")
+        bool, about("let the water out of a tube while its spring is heated")
     ] = False
     hold: HoldConfig = field(default_factory=HoldConfig)
     cooling: CoolingConfig = field(default_factory=CoolingConfig)
@@ -204,33 +170,25 @@ class LimitsConfig(Section, frozen=True, kw_only=True):
 
     temperature_max_degC: Annotated[
         float,
-        Meta(
-            ge=30.0,
-            le=HOST.temperature_cC / 100,
-            description="hottest spring; current goes to 0 above it",
-        ),
+        between(30.0, HOST.temperature_cC / 100, "hottest spring; current goes to 0 above it"),
     ] = 80.0
     displacement_max_mm: Annotated[
         float,
-        Meta(ge=0.1, le=50.0, description="largest displacement either way, and largest reference"),
+        between(0.1, 50.0, "largest displacement either way, and largest reference"),
     ] = 15.0
-    force_max_N: Annotated[float, Meta(ge=0.1, le=100.0, description="largest tendon force")] = 10.0
+    force_max_N: Annotated[float, between(0.1, 100.0, "largest tendon force")] = 10.0
     on_time_max_s: Annotated[
         float,
-        Meta(ge=1.0, le=HOST.on_time_s, description="longest time armed without a new arming"),
+        between(1.0, HOST.on_time_s, "longest time armed without a new arming"),
     ] = 3600.0
     current_rate_max_A_per_s: Annotated[
         float,
-        Meta(
-            ge=0.1,
-            le=HOST.current_slew_mA_per_ms,
-            description="fastest rise of a current setpoint",
-        ),
+        between(0.1, HOST.current_slew_mA_per_ms, "fastest rise of a current setpoint"),
     ] = 400.0
     reference_rate_max_mm_per_s: Annotated[
         float,
-        Meta(ge=0.01, le=1000.0, description="fastest ramp or sinusoid a command may ask for"),
+        between(0.01, 1000.0, "fastest ramp or sinusoid a command may ask for"),
     ] = 50.0
     temperature_rate_max_K_per_s: Annotated[
-        float, Meta(ge=0.1, le=1000.0, description="faster than this is a broken sensor")
+        float, between(0.1, 1000.0, "faster than this is a broken sensor")
     ] = 50.0

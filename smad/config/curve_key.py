@@ -1,7 +1,5 @@
 """What a CURVE key looks like as text (Z85, https://rfc.zeromq.org/spec/32/). Pure."""
 
-from __future__ import annotations
-
 KEY_CHARACTERS = 40
 _DIGITS = "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=^!/*?&<>()[]{}@%$#"
 _VALUES = {digit: value for value, digit in enumerate(_DIGITS)}

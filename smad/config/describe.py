@@ -3,8 +3,6 @@
 The commented default file, the table in the guide and the limits in error messages come from here.
 """
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Forms, the command line, the configuration's errors and the generated reference read types here.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import msgspec

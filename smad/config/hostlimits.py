@@ -1,7 +1,5 @@
 """The configuration's limits that the board has as well: the host's may only be tighter."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from operator import attrgetter
 from typing import NamedTuple

@@ -1,20 +1,18 @@
 """TOML text to a checked `Config`; every refusal names the key, the value and what is allowed."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import msgspec
 
 from firmware_protocol.nearest import instead
-from smad.config.bounds import in_words
+from smad.config.bounds import in_words, value_at
 from smad.config.describe import find_section
 from smad.config.model import Config
 from smad.config.template import config_to_toml
-from smad.errors import ConfigError
+from smad.errors import ConfigError, refused_by_system
 
 _LARGEST_FILE_BYTES = 1_000_000
 _PATH = re.compile(r"^(?P<cause>.*) - at `\$\.?(?P<path>[^`]*)`$", re.DOTALL)
@@ -28,14 +26,9 @@ def load_config(path: str | Path) -> Config:
     Raises ConfigError when the file cannot be read or holds anything that is not allowed.
     """
     path = Path(path)
-    try:
-        with path.open("rb") as file:
-            data = file.read(_LARGEST_FILE_BYTES + 1)
-    except OSError as error:
-        raise ConfigError(
-            f"cannot read configuration {path}: {error.strerror}",
-            action="check the path given to --config",
-        ) from error
+    cause, action = f"cannot read configuration {path}", "check the path given to --config"
+    with refused_by_system(ConfigError, cause, action=action), path.open("rb") as file:
+        data = file.read(_LARGEST_FILE_BYTES + 1)
     if len(data) > _LARGEST_FILE_BYTES:
         raise ConfigError(
             f"{path} is too large to be a configuration",
@@ -114,7 +107,7 @@ def _refuse(message: str, text: str, source: str) -> NoReturn:
         raise ConfigError(f"{source}: {place}{in_words(cause)}") from None
     raise ConfigError(
         f"{source}: {path} is not allowed",
-        value=_value_at(text, section_name, name),
+        value=value_at(tomllib.loads(text), f"{section_name}.{name}"),
         limit=key.allowed,
         action=f"correct it ({key.description})",
     ) from None
@@ -127,10 +120,3 @@ def _refuse_unknown(name: str, path: str, source: str) -> NoReturn:
         f"{source}: unknown key {f'{path}.{name}'.lstrip('.')}",
         action=instead(name, known, _HELP),
     ) from None
-
-
-def _value_at(text: str, section: str, name: str) -> Any:
-    value: Any = tomllib.loads(text)
-    for part in re.findall(r"[^.\[\]]+", f"{section}.{name}"):
-        value = value[int(part) if isinstance(value, list) else part]
-    return value

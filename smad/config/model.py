@@ -23,7 +23,7 @@ from smad.config.axes import (
 from smad.config.control import ControlConfig, LimitsConfig
 from smad.config.curve_key import KEY_CHARACTERS, is_curve_key
 from smad.config.hooks import HooksConfig
-from smad.config.section import HOST, Section
+from smad.config.section import HOST, Section, about, between
 from smad.errors import ConfigError
 
 
@@ -31,49 +31,41 @@ class LinkConfig(Section, frozen=True, kw_only=True):
     """The serial link to the board."""
 
     port: Annotated[
-        str, Meta(description="device of the board, best /dev/serial/by-id/…; empty: ask for it")
+        str, about("device of the board, best /dev/serial/by-id/…; empty: ask for it")
     ] = ""
-    baud: Annotated[int, Meta(ge=9600, le=12_000_000, description="bits per second")] = 115200
-    rate_hz: Annotated[
-        Literal[100, 250, 500], Meta(description="samples, and control steps, per second")
-    ] = 100
+    baud: Annotated[int, between(9600, 12_000_000, "bits per second")] = 115200
+    rate_hz: Annotated[Literal[100, 250, 500], about("samples, and control steps, per second")] = (
+        100
+    )
     axis: Annotated[
         int,
-        Meta(
-            ge=0,
-            le=15,
-            description="which antagonistic pair of the board to drive; several boards: `[[axes]]`",
-        ),
+        between(0, 15, "which antagonistic pair of the board to drive; several boards: `[[axes]]`"),
     ] = 0
     setpoint_ttl_ms: Annotated[
         int,
-        Meta(
-            ge=20,
-            le=HOST.setpoint_ttl_ms,
-            description="the board holds current 0 after so long without one",
-        ),
+        between(20, HOST.setpoint_ttl_ms, "the board holds current 0 after so long without one"),
     ] = 100
     connect_timeout_s: Annotated[
-        float, Meta(ge=0.1, le=60.0, description="give up on the first handshake after so long")
+        float, between(0.1, 60.0, "give up on the first handshake after so long")
     ] = 5.0
     reconnect_interval_s: Annotated[
-        float, Meta(ge=0.05, le=60.0, description="wait between two attempts to reopen the port")
+        float, between(0.05, 60.0, "wait between two attempts to reopen the port")
     ] = 0.5
 
 
 class TcpConfig(Section, frozen=True, kw_only=True):
     """Commands from other machines, encrypted (CURVE) and only for the keys listed."""
 
-    enabled: Annotated[bool, Meta(description="listen on TCP as well as on ipc")] = False
+    enabled: Annotated[bool, about("listen on TCP as well as on ipc")] = False
     host: Annotated[str, Meta(min_length=1, description="address to listen on")] = "127.0.0.1"
-    command_port: Annotated[int, Meta(ge=1024, le=65535, description="TCP port, commands")] = 5581
-    stop_port: Annotated[int, Meta(ge=1024, le=65535, description="TCP port, stop channel")] = 5582
+    command_port: Annotated[int, between(1024, 65535, "TCP port, commands")] = 5581
+    stop_port: Annotated[int, between(1024, 65535, "TCP port, stop channel")] = 5582
     secret_key_file: Annotated[
-        str, Meta(description="file with the server's CURVE keys; empty: in the ipc folder")
+        str, about("file with the server's CURVE keys; empty: in the ipc folder")
     ] = ""
     allowed_keys: Annotated[
         tuple[str, ...],
-        Meta(description="public keys (Z85, 40 characters) of the clients let in"),
+        about("public keys (Z85, 40 characters) of the clients let in"),
     ] = ()
 
     def __post_init__(self) -> None:
@@ -94,9 +86,7 @@ class TcpConfig(Section, frozen=True, kw_only=True):
 class DaemonConfig(Section, frozen=True, kw_only=True):
     """Where the daemon answers commands, and when it stops by itself."""
 
-    ipc_dir: Annotated[
-        str, Meta(description="folder of sockets and lock; empty: $XDG_RUNTIME_DIR/smad")
-    ] = ""
+    ipc_dir: Annotated[str, about("folder of sockets and lock; empty: $XDG_RUNTIME_DIR/smad")] = ""
     bench: Annotated[
         str,
         Meta(
@@ -106,10 +96,10 @@ class DaemonConfig(Section, frozen=True, kw_only=True):
     ] = "bench"
     dead_man_lease_s: Annotated[
         float,
-        Meta(ge=0.0, le=3600.0, description="disarm when the arming client is silent; 0: never"),
+        between(0.0, 3600.0, "disarm when the arming client is silent; 0: never"),
     ] = 0.0
     command_queue: Annotated[
-        int, Meta(ge=1, le=100_000, description="commands waiting before clients are held back")
+        int, between(1, 100_000, "commands waiting before clients are held back")
     ] = 1000
     tcp: TcpConfig = field(default_factory=TcpConfig)
 
@@ -117,15 +107,13 @@ class DaemonConfig(Section, frozen=True, kw_only=True):
 class TelemetryConfig(Section, frozen=True, kw_only=True):
     """The stream for PlotJuggler and other viewers."""
 
-    enabled: Annotated[bool, Meta(description="publish samples")] = True
+    enabled: Annotated[bool, about("publish samples")] = True
     endpoint: Annotated[
-        str, Meta(description="tcp://host:port to publish on as well as on ipc; empty: ipc only")
+        str, about("tcp://host:port to publish on as well as on ipc; empty: ipc only")
     ] = "tcp://127.0.0.1:9872"
-    every_nth_sample: Annotated[
-        int, Meta(ge=1, le=1000, description="1 publishes all, 10 every tenth")
-    ] = 1
+    every_nth_sample: Annotated[int, between(1, 1000, "1 publishes all, 10 every tenth")] = 1
     high_water_mark: Annotated[
-        int, Meta(ge=1, le=1_000_000, description="samples kept for a slow viewer, then dropped")
+        int, between(1, 1_000_000, "samples kept for a slow viewer, then dropped")
     ] = 1000
 
 
@@ -133,62 +121,52 @@ class RecorderConfig(Section, frozen=True, kw_only=True):
     """The run log."""
 
     folder: Annotated[str, Meta(min_length=1, description="where the logs go")] = "runs"
-    automatic: Annotated[bool, Meta(description="record from arming to disarming")] = True
-    max_file_MB: Annotated[
-        float, Meta(ge=1.0, le=100_000.0, description="start a new file at this size")
-    ] = 512.0
-    max_file_min: Annotated[
-        float, Meta(ge=0.1, le=60.0, description="start a new file after so many minutes")
-    ] = 60.0
-    flush_interval_s: Annotated[
-        float, Meta(ge=0.05, le=10.0, description="what a crash can cost at most")
-    ] = 0.25
+    automatic: Annotated[bool, about("record from arming to disarming")] = True
+    max_file_MB: Annotated[float, between(1.0, 100_000.0, "start a new file at this size")] = 512.0
+    max_file_min: Annotated[float, between(0.1, 60.0, "start a new file after so many minutes")] = (
+        60.0
+    )
+    flush_interval_s: Annotated[float, between(0.05, 10.0, "what a crash can cost at most")] = 0.25
     queue_rows: Annotated[
-        int, Meta(ge=100, le=1_000_000, description="rows kept for a slow disk, then dropped")
+        int, between(100, 1_000_000, "rows kept for a slow disk, then dropped")
     ] = 20_000
     black_box_s: Annotated[
         float,
-        Meta(ge=0.0, le=600.0, description="kept in memory, written after a fault; 0: nothing"),
+        between(0.0, 600.0, "kept in memory, written after a fault; 0: nothing"),
     ] = 60.0
 
 
 class RealtimeConfig(Section, frozen=True, kw_only=True):
     """Measures for a steady loop. Each is taken where granted; `smad status` says which."""
 
-    fifo_priority: Annotated[
-        int, Meta(ge=0, le=95, description="SCHED_FIFO priority; 0: ordinary scheduling")
-    ] = 80
-    lock_memory: Annotated[bool, Meta(description="keep all memory resident (mlockall)")] = True
+    fifo_priority: Annotated[int, between(0, 95, "SCHED_FIFO priority; 0: ordinary scheduling")] = (
+        80
+    )
+    lock_memory: Annotated[bool, about("keep all memory resident (mlockall)")] = True
     timer_slack_ns: Annotated[
-        int, Meta(ge=1, le=50_000_000, description="how late the kernel may fire a timer")
+        int, between(1, 50_000_000, "how late the kernel may fire a timer")
     ] = 1
-    freeze_gc: Annotated[
-        bool, Meta(description="collect garbage only while idle, never during a step")
-    ] = True
+    freeze_gc: Annotated[bool, about("collect garbage only while idle, never during a step")] = True
     hold_cpu_latency: Annotated[
-        bool, Meta(description="keep the processor out of deep sleep (/dev/cpu_dma_latency)")
+        bool, about("keep the processor out of deep sleep (/dev/cpu_dma_latency)")
     ] = False
 
 
 class PlantConfig(Section, frozen=True, kw_only=True):
     """The simulated bench of `smad start --sim` and `smad sim`."""
 
-    parameter_file: Annotated[
-        str, Meta(description="TOML parameter file; empty: the built-in set A")
-    ] = ""
+    parameter_file: Annotated[str, about("TOML parameter file; empty: the built-in set A")] = ""
     variant: Annotated[
-        Literal["extended", "printed"], Meta(description="thermal model: with tube water, or not")
+        Literal["extended", "printed"], about("thermal model: with tube water, or not")
     ] = "extended"
     fixture: Annotated[
-        Literal["antagonistic", "stretch", "blocked"], Meta(description="how springs are mounted")
+        Literal["antagonistic", "stretch", "blocked"], about("how springs are mounted")
     ] = "antagonistic"
-    seed: Annotated[int, Meta(ge=0, le=2**32 - 1, description="of all noise")] = 0
-    speed_ratio: Annotated[
-        float, Meta(ge=0.01, le=100.0, description="board time over wall time")
-    ] = 1.0
+    seed: Annotated[int, between(0, 2**32 - 1, "of all noise")] = 0
+    speed_ratio: Annotated[float, between(0.01, 100.0, "board time over wall time")] = 1.0
     effects: Annotated[
         dict[str, dict[str, Annotated[float, Meta(ge=-1e12, le=1e12)]]],
-        Meta(description="effects switched on: a table each, [plant.effects.NAME]"),
+        about("effects switched on: a table each, [plant.effects.NAME]"),
     ] = field(default_factory=dict)
 
 

@@ -1,7 +1,5 @@
 """A configuration as TOML text."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from operator import attrgetter
 from typing import Any

@@ -1,7 +1,5 @@
 """A small TOML file that a person wrote, as a checked record."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TypeVar
 

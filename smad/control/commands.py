@@ -5,14 +5,12 @@ limits are tighter and are checked when the controller takes the command. Both r
 field, the value and the limit.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import msgspec
 from msgspec import Meta, Struct
 
-from smad.config.bounds import field_and_words
+from smad.config.bounds import field_and_words, value_at
 from smad.errors import CommandError
 
 LONGEST_SAMPLES = 1500
@@ -37,6 +35,9 @@ Temperature = Annotated[float, Meta(ge=0.0, le=120.0)]
 
 Recorded = tuple[Annotated[float, Meta(ge=-1000.0, le=1000.0)] | None, ...]
 """What a sensor showed at each row; None where it showed nothing."""
+Watched = Annotated[
+    Recorded, Meta(max_length=LONGEST_INPUTS, description="recorded; empty: not watched")
+]
 
 
 class Piece(Struct, tag_field="kind", frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -237,18 +238,10 @@ class FollowInputs(Command, tag="inputs", frozen=True, kw_only=True):
         tuple[bool, ...],
         Meta(max_length=LONGEST_INPUTS, description="drain the tube of spring Y; empty: never"),
     ] = ()
-    displacement_mm: Annotated[
-        Recorded, Meta(max_length=LONGEST_INPUTS, description="recorded; empty: not watched")
-    ] = ()
-    rtd_x_degC: Annotated[
-        Recorded, Meta(max_length=LONGEST_INPUTS, description="recorded; empty: not watched")
-    ] = ()
-    rtd_y_degC: Annotated[
-        Recorded, Meta(max_length=LONGEST_INPUTS, description="recorded; empty: not watched")
-    ] = ()
-    force_N: Annotated[
-        Recorded, Meta(max_length=LONGEST_INPUTS, description="recorded; empty: not watched")
-    ] = ()
+    displacement_mm: Watched = ()
+    rtd_x_degC: Watched = ()
+    rtd_y_degC: Watched = ()
+    force_N: Watched = ()
     queue: Annotated[
         bool, Meta(description="go on where the rows that run end, instead of beginning anew")
     ] = False
@@ -320,21 +313,7 @@ def decoded(fields: Any) -> ModeCommand:
         field, words = field_and_words(str(refused))
         raise CommandError(
             f"the command is not valid: {f'{field}: ' if field else ''}{words}",
-            value=_value_at(fields, str(refused)),
+            value=value_at(fields, field),
             action="nothing was changed",
         ) from None
     return command
-
-
-def _value_at(fields: Any, message: str) -> Any:
-    """What stands at the path that msgspec's message ends with (`… at `$.a[2].b``)."""
-    _, _, path = message.rpartition("`$")
-    value = fields
-    for part in path.rstrip("`").replace("[", ".").replace("]", "").split("."):
-        if not part:
-            continue
-        try:
-            value = value[int(part)] if part.isdigit() else value[part]
-        except (KeyError, IndexError, TypeError):
-            return None
-    return value

@@ -1,7 +1,5 @@
 """The controller of one axis: one step for each sample, in any mode, within the host limits."""
 
-from __future__ import annotations
-
 import msgspec
 
 from smad.config import ControlConfig, LimitsConfig, TemperatureConfig

@@ -1,7 +1,5 @@
 """When the pump of a spring runs: a switch with hysteresis, or duty by demand."""
 
-from __future__ import annotations
-
 from smad.config import CoolingConfig
 
 

@@ -1,7 +1,5 @@
 """What stops a plan that runs."""
 
-from __future__ import annotations
-
 from smad.errors import SmadError
 
 

@@ -11,8 +11,6 @@ estimate of the water, and the reversal begins that much before the reference as
 the dead time the new spring gets full current, then PI control goes on in the new direction.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

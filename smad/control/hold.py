@@ -13,8 +13,6 @@ the other spring was needed, both are kept at the temperatures that they have wh
 small (`KeptPair`): temperature is under control also where the displacement says nothing.
 """
 
-from __future__ import annotations
-
 import math
 
 from smad.config import HoldConfig

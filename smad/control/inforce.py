@@ -1,7 +1,5 @@
 """Gains and options in force, as the command that sets them."""
 
-from __future__ import annotations
-
 import msgspec
 
 from smad.config import ControlConfig

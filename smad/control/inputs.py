@@ -1,7 +1,5 @@
 """Recorded inputs played again, tick by tick, as long as the bench answers as it did then."""
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_right
 from collections import deque

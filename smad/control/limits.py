@@ -1,7 +1,5 @@
 """What the host refuses to exceed, whatever the mode asks for. Tighter than the board's limits."""
 
-from __future__ import annotations
-
 import enum
 import math
 from dataclasses import dataclass

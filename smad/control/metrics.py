@@ -1,7 +1,5 @@
 """How well a run went: tracking R², step response, peaks. For recorded arrays, not for the loop."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """What each mode asks for, sample by sample. The controller owns limits, time and mode changes."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Protocol

@@ -1,7 +1,5 @@
 """PI control with bounds and anti-windup, for displacement (signed current) and temperature."""
 
-from __future__ import annotations
-
 
 class PI:
     """`output = feedforward + kp·error + integral`, held within [low, high].

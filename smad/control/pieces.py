@@ -1,7 +1,5 @@
 """Commands cut into such as fit one message. Needs nothing of the controller: clients import it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

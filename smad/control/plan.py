@@ -3,8 +3,6 @@
 The same plan runs in virtual time (`smad.control.runner`) and on a daemon (`smad.experiments`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 
@@ -52,7 +50,7 @@ Action = Do | UntilDone | Pause | Mark
 class Plan:
     """One run, from rest, of springs mounted as `fixture` and `cooling` say (air: no module).
 
-    `repeats` is told in the run's header: the run whose inputs it plays again.
+    `repeats` stands in the run's header: the run whose inputs it plays again.
     """
 
     name: str

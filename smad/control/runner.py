@@ -5,8 +5,6 @@ daemon around them. Nothing here reads a clock, so the same bench, controller an
 run to the last bit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol

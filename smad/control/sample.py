@@ -1,7 +1,5 @@
 """What the board measured, in SI units, and the time since the first sample."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

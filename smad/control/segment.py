@@ -1,7 +1,5 @@
 """MINIR-II end segment: degrees as a unit of displacement."""
 
-from __future__ import annotations
-
 from smad.config import axes
 
 DEGREES_PER_MM = axes.DEGREES_PER_MM

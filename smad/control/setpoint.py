@@ -1,7 +1,5 @@
 """An output of the controller as the SETPOINT that goes to the board."""
 
-from __future__ import annotations
-
 from firmware_protocol.enums import SetpointFlag
 from firmware_protocol.messages import Setpoint
 from smad.control.controller import Output

@@ -5,8 +5,6 @@ the hand-over to it, can be checked and placed at once. Nothing but one function
 the control step. Displacements are in metres here; the commands are in millimetres.
 """
 
-from __future__ import annotations
-
 import math
 import random
 from bisect import bisect_right

@@ -7,7 +7,7 @@ Rules:
    new session has disarmed it and a sample shows it, or when it got no setpoint for as long as its
    own watchdog takes. Nothing is known of an axis when the daemon starts.
 2. An arming is whole or it is taken back: when one of its axes is refused, is late or is stopped,
-   every axis that was asked is stopped, and the refusal is told once all of them are off.
+   every axis that was asked is stopped, and the refusal is sent once all of them are off.
 3. A stop that is open on any axis refuses arming on every axis, and any stop ends an arming that is
    under way. A stop is open until all its axes are off and its reply is sent.
 4. Every stop begins a generation, which carries the daemon's boot id: what was asked for in an
@@ -17,8 +17,6 @@ Rules:
 its methods take what was asked or heard, `take_sends` has what is to be sent. A test drives both
 through every interleaving of two axes and two clients on lines that lose and delay.
 """
-
-from __future__ import annotations
 
 import enum
 from collections.abc import Iterable, Mapping, Sequence

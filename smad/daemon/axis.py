@@ -3,13 +3,12 @@
 Nothing here knows how many axes there are. The one of a bench without `[[axes]]` has no name.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+
+from msgspec import structs
 
 from firmware_protocol.events import (
     BoardRestarted,
@@ -213,8 +212,7 @@ class Axis:
     def _tell_of_host_stop(self) -> None:
         fault = self.host_stop.new_reason()
         if fault is not None:
-            data: dict[str, Any] = {name: getattr(fault, name) for name in fault.__struct_fields__}
-            self.services.say("fault", f"the host stopped: {in_full(fault)}", data)
+            self.services.say("fault", f"the host stopped: {in_full(fault)}", structs.asdict(fault))
             self.stop.fails(f"a limit of the host: {fault.name}")
 
     def _report_departure(self) -> None:

@@ -4,8 +4,6 @@ Nothing here waits. The step is read → session → sample → controller → s
 sample is worth to others (telemetry, run log) comes after the write, from a bounded queue.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Everything runs on one loop. What follows a sample (`_publish`) and what no samp
 (`_housekeep`) comes in small pieces between samples.
 """
 
-from __future__ import annotations
-
 import asyncio
 import secrets
 import time
@@ -83,7 +81,7 @@ class Daemon:
             self.say,
             arming,
             on_begin=self._on_stop_begun,
-            on_failure=self._on_failure,
+            on_failure=lambda why: self.black_box.want(why),  # noqa: PLW0108 (made below)
         )
         dependencies = AxisDependencies(
             services, self.stops, config.turns(), {}, self._guarded, self._on_finished
@@ -200,7 +198,7 @@ class Daemon:
         task.add_done_callback(self._task_done)
 
     def fail(self, name: str, error: BaseException) -> None:
-        """A part died: no step is taken any more, and whoever waits for `failure` is told."""
+        """A part died: no step is taken any more, and `failure` is set."""
         for axis in self.axes.values():
             axis.control.stepping = False
         if not self.failure.done():
@@ -251,9 +249,6 @@ class Daemon:
             work(*arguments)
         except Exception as error:
             self.fail(name, error)
-
-    def _on_failure(self, why: str) -> None:
-        self.black_box.want(why)
 
     def _on_stop_begun(self, stopped: Sequence[BoardStop]) -> None:
         names = [board.label for board in stopped]

@@ -1,7 +1,5 @@
 """What the daemon raises on purpose: a refused command, and the ends it can come to."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -3,8 +3,6 @@
 Buckets are logarithmic with 32 steps to the octave, so a percentile is right within 2.2 percent.
 """
 
-from __future__ import annotations
-
 from array import array
 
 from smad.api import Percentiles

@@ -1,7 +1,5 @@
 """A motion that a limit of the host ended: told as a fault, and kept until a person clears it."""
 
-from __future__ import annotations
-
 from firmware_protocol.enums import Channel, Fault
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
 from firmware_protocol.supervisor.limits import LIMIT_ROWS

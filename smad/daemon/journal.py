@@ -3,8 +3,6 @@
 A thread prints, because a terminal that does not read must not hold the loop up.
 """
 
-from __future__ import annotations
-
 import queue
 import sys
 import threading

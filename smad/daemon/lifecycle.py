@@ -4,8 +4,6 @@ However it ends, the last line says what happened to the bench, and the exit sta
 that was asked for: 0 after a signal, 70 when a part of the daemon died.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import os

@@ -4,14 +4,12 @@ The kernel drops an flock with its process, so nothing is left over after a cras
 stays, and says who holds it.
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import os
 from pathlib import Path
 
-from smad.errors import DaemonError
+from smad.errors import DaemonError, refused_by_system
 
 _SHARED_FOLDERS = (Path("/run/lock"), Path("/var/lock"))
 
@@ -30,13 +28,9 @@ class LockFile:
         Raises `BlockingIOError` when another process holds it (`holder()` says which), and
         `DaemonError` when the file cannot be used.
         """
-        try:
+        action = "check the folder's permissions, or remove a stale file"
+        with refused_by_system(DaemonError, f"cannot use the lock file {self.path}", action=action):
             fd = _open(self.path, self._mode)
-        except OSError as error:
-            raise DaemonError(
-                f"cannot use the lock file {self.path}: {error.strerror}",
-                action="check the folder's permissions, or remove a stale file",
-            ) from error
         try:
             fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

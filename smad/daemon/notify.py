@@ -1,7 +1,5 @@
 """sd_notify: tells systemd that the daemon is ready, alive, and what it is doing."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import socket

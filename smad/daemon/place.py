@@ -4,8 +4,6 @@ A cleaner of /tmp, or a hand, may remove the folder while the daemon runs. Open 
 without the names nobody new could stop the bench.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable
 from contextlib import nullcontext

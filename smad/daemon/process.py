@@ -1,7 +1,5 @@
 """What the process gives its daemon."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 from contextlib import nullcontext

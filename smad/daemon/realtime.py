@@ -6,8 +6,6 @@ too, one step below; those that it starts later inherit it. ZeroMQ's own thread,
 the interpreter, stays ordinary: it is started before.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import ctypes.util

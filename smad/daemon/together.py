@@ -4,8 +4,6 @@ All are checked before any begins. They begin at one instant of the host, each a
 of its board. A group that is queued begins when the slowest of its axes has ended what it does.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
 

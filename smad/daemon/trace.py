@@ -3,8 +3,6 @@
 Pairs of 64-bit nanoseconds (the machine's monotonic clock), in memory until the end.
 """
 
-from __future__ import annotations
-
 from array import array
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The demo's numbers and pictures, from its run log alone."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,7 +14,7 @@ from smad.demo.job import AMPLITUDE_MM, CYCLES, PERIOD_S, STEP_MM
 from smad.report.page import Page, Section, Table, Text, write_page
 from smad.report.panels import Panels, followed
 from smad.report.runs import panels_of, provenance, shown
-from smad.runlog.reader import Run, read_run
+from smad.runlog.reader import Run
 
 Array = NDArray[np.float64]
 Rows = list[tuple[str, str]]
@@ -146,8 +144,3 @@ def _seconds(value: float) -> str:
 
 def _spread(part: Percentiles) -> str:
     return ", ".join(f"{us / 1e3:.2f}" for us in (part.p50_us, part.p99_us, part.p999_us)) + " ms"
-
-
-def load(path: str) -> Run:
-    """Return the demo's run."""
-    return read_run(path)

@@ -1,7 +1,5 @@
 """What the demo does to the bench: a ±10 mm step cycle, then a 2 mm sinusoid of 7 s."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,6 +18,8 @@ AMPLITUDE_MM = 2.0
 PERIOD_S = 7.0
 CYCLES = 4
 ARM_DEADLINE_S = 120.0
+_CAUSES = ("silent", "stopped", "lost", "restarted")
+"""Words of an event that is the cause of a stop, and does not follow from it."""
 
 CYCLE: tuple[Trajectory, ...] = (
     Step(displacement_mm=STEP_MM, duration_s=DWELL_S),
@@ -95,11 +95,7 @@ def naming_cause(client: Client) -> Iterator[None]:
 def _why(client: Client) -> str:
     """What the daemon's journal says last of what stopped the bench; empty: nothing."""
     with contextlib.suppress(SmadError):
-        words = [entry.text for entry in client.status().events if _says_why(entry.text)]
+        events = [entry.text for entry in client.status().events]
+        words = [text for text in events if any(cause in text for cause in _CAUSES)]
         return words[-1] if words else ""
     return ""
-
-
-def _says_why(text: str) -> bool:
-    """Whether an event is the cause of a stop, and not what follows from it."""
-    return any(word in text for word in ("silent", "stopped", "lost", "restarted"))

@@ -1,7 +1,5 @@
 """The demo's job on a simulated bench, with its daemon beside us."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 from pathlib import Path
@@ -13,7 +11,7 @@ from smad.demo.figures import Rows
 from smad.demo.job import measured, naming_cause, run_cycle
 from smad.processes.daemon import running_daemon
 from smad.progress import Say
-from smad.runlog.reader import Run
+from smad.runlog.reader import Run, read_run
 
 SPEED = 40
 PATIENCE = 60
@@ -50,5 +48,5 @@ def play(folder: Path, seed: int, board: str, say: Say) -> tuple[Run, Rows]:
             Client(folder=sockets, timeout_s=CLIENT_TIMEOUT_S) as client,
         ):
             real = measured(client, REAL_TIME_S, say)
-    run = figures.load(done.path)
+    run = read_run(done.path)
     return run, figures.table(run, done.status, real)

@@ -1,7 +1,5 @@
 """A policy on a bench: through a client, under all limits of board and host, logged as a run."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager

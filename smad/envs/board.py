@@ -4,8 +4,6 @@ The limits are the board's own table. Of its checks those stand here that a good
 the others are about broken parts, which an environment does not have.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

@@ -1,7 +1,5 @@
 """Many spring pairs in episodes: what one environment and a vector of them share."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass

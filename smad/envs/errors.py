@@ -1,7 +1,5 @@
 """Errors of the environments."""
 
-from __future__ import annotations
-
 from smad.errors import SmadError
 
 

@@ -1,7 +1,5 @@
 """Which plants an environment draws: one model, ranges by hand, or what a diagnosis left open."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 

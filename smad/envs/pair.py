@@ -1,7 +1,5 @@
 """`smad/SpringPair-v0`: the bench as a Gymnasium environment."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import gymnasium

@@ -1,7 +1,5 @@
 """A small picture of the pair, drawn with numpy alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

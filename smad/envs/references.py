@@ -1,7 +1,5 @@
 """What is to be tracked: references drawn for an episode."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

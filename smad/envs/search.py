@@ -3,8 +3,6 @@
 No framework: enough for an example, and for the table of `bench.policies`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -19,10 +17,14 @@ Array = npt.NDArray[np.float64]
 _U, _X, _Y, _INLET, _NOW, _AHEAD = (
     NAMES.index(name)
     for name in (
-        "displacement_mm", "rtd_x_degC", "rtd_y_degC", "rtd_inlet_degC", "reference_mm",
+        "displacement_mm",
+        "rtd_x_degC",
+        "rtd_y_degC",
+        "rtd_inlet_degC",
+        "reference_mm",
         "reference_ahead_mm",
     )
-)  # fmt: skip
+)
 _WARM_K = 20.0
 WEIGHTS = ("error", "ahead", "position", "warmth", "water at rest", "water by demand", "by warmth")
 """What each weight of the policy is for."""

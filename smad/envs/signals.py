@@ -1,7 +1,5 @@
 """What an agent sees and does, as one table each; the same in an environment and on a bench."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Many spring pairs as one vector environment: one kernel call for each thread."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Wrappers: the angle of the robot's end segment in place of the displacement."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import gymnasium

@@ -1,7 +1,5 @@
 """What an experiment is, and what it finds."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

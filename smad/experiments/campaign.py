@@ -1,7 +1,5 @@
 """Several experiments at once, in virtual time: trials spread over processes, then the analyses."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Mapping, Sequence

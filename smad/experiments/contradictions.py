@@ -1,7 +1,5 @@
 """Facts of the paper that cannot hold together; rows of "paper against here" refer to them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 CONTRADICTIONS: Mapping[str, str] = {

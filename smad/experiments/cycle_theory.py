@@ -4,8 +4,6 @@ Independent of the plant's solver: only the printed equations, with the third ξ
 left out (it is spurious) and Eq. (12) taken as the characteristic curve itself.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 An experiment sees only `Driver`, so it cannot tell them apart.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path

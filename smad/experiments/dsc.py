@@ -1,7 +1,5 @@
 """Fig. 2: transformation temperatures, heat capacity and latent heats from a calorimeter's file."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What goes wrong with an experiment, said so that the user can act on it."""
 
-from __future__ import annotations
-
 from smad.errors import SmadError
 
 

@@ -1,7 +1,5 @@
 """Estimates with intervals from resampling, and the parameter file that they make."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Fig. 10: heating at 1 A to 322 K in still water, then cooling with the pump."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar

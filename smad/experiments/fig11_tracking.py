@@ -1,7 +1,5 @@
 """Fig. 11: a sinusoid of 2 mm and 7 s, with water and in air."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar
 

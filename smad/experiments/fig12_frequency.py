@@ -1,7 +1,5 @@
 """Fig. 12: the largest frequency that is followed, for each amplitude."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Figs 13 and 14: ±4 mm of the springs turn the robot's end segment by ±25°."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar
 

@@ -1,7 +1,5 @@
 """Fig. 4: a spring stretched cold and warm gives the moduli and the detwinning stresses."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar

@@ -1,7 +1,5 @@
 """Fig. 5: a spring heated and cooled between fixed ends gives the slopes C_A and C_M."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Fig. 9: a cycle of ±10 mm steps, force against deflection."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar

@@ -1,7 +1,5 @@
 """The constants of the inverse model from a parameter file, as the controller takes them."""
 
-from __future__ import annotations
-
 from sim_device.plant.parameters import ParameterSet
 from smad.config import Config, ControlConfig, FeedforwardConfig, config_to_toml
 

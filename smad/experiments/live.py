@@ -154,7 +154,7 @@ class LiveDriver:
         try:
             self._carry_out(plan)
         except NotReady:
-            # A stop came before what was sent; a fault is told by its name.
+            # A stop came before what was sent; a fault is reported by its name.
             self._require_armed(plan, client.motion())
             raise
         except CommandError:

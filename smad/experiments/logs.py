@@ -1,7 +1,5 @@
 """Plans that were carried out before: the recordings come from run logs, not from a bench."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A file of moves: trajectories that one arming plays, as TOML."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """The experiments by name. Each module is imported only when its experiment is asked for."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Mapping
 from typing import Any

@@ -27,7 +27,7 @@ def repeat_simulated(
 ) -> Path:
     """Play a run on the nominal simulated bench in virtual time; return its new run log.
 
-    `say` is told where it is recorded when it ends early. Raises RepeatError, ExperimentError.
+    `say` gets the path of the log when it ends early. Raises RepeatError, ExperimentError.
     """
     recorded.require_fit(Config())
     plan = recorded.plan(name)

@@ -1,7 +1,5 @@
 """A recorded run as inputs that can be played again, with what must agree before they are."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,12 +87,7 @@ class Repeat:
         try:
             require_playable(self.command, config.control.current_limit_A)
         except CommandError as error:
-            raise RepeatError(
-                f"{self.name}: {error.cause}",
-                value=error.value,
-                limit=error.limit,
-                action=error.action,
-            ) from None
+            raise RepeatError(f"{self.name}: {error.cause}", **error.parts) from None
         limits = config.limits
         for reading, highest, where in (
             ("displacement_mm", limits.displacement_max_mm, "limits.displacement_max_mm"),

@@ -1,7 +1,5 @@
 """The page of a campaign: one table "paper against here", contradictions, and a section each."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from dataclasses import asdict

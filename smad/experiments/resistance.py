@@ -1,7 +1,5 @@
 """Resistance at room temperature: the resistivity β_s by Eq. (27)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, ClassVar

@@ -1,7 +1,5 @@
 """Tracking a sinusoid: the run, its score, and the controls that are compared."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, TypeVar

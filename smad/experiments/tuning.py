@@ -1,7 +1,5 @@
 """A tuning session: the experiment and both trials carried out by a driver, as experiments are."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from smad.config import ControlConfig
@@ -59,12 +57,7 @@ def tune_displacement(driver: Driver, config: ControlConfig, *, trial: bool = Tr
     Raises TuningError with the reason when the bench cannot be tuned, and what the driver raises
     when the bench stops.
     """
-    lacks = [part for part in NEEDED if part not in driver.parts()]
-    if lacks:
-        raise TuningError(
-            f"the bench has no reading of {lacks[0]}",
-            action="connect the sensor; without it nothing can be tuned. Nothing was moved",
-        )
+    _require(driver, *NEEDED)
     run = driver.run(displacement_plan(config))
     tuned = tuned_displacement(run.columns, run.marks, config)
     if not trial:
@@ -76,16 +69,21 @@ def tune_displacement(driver: Driver, config: ControlConfig, *, trial: bool = Tr
     )
 
 
+def _require(driver: Driver, *readings: str) -> None:
+    for name in readings:
+        if name not in driver.parts():
+            raise TuningError(
+                f"the bench has no reading of {name}",
+                action="connect the sensor; without it nothing can be tuned. Nothing was moved",
+            )
+
+
 def tune_temperature(
     driver: Driver, config: ControlConfig, spring: Spring, *, trial: bool = True
 ) -> Session:
     """Tune the temperature loop on one spring. Raises as `tune_displacement` does."""
     name = f"rtd_{spring}_degC"
-    if name not in driver.parts():
-        raise TuningError(
-            f"the bench has no reading of {name}",
-            action="connect the sensor; without it nothing can be tuned. Nothing was moved",
-        )
+    _require(driver, name)
     run = driver.run(temperature_plan(config, spring))
     tuned = tuned_temperature(run.columns, run.marks, config, spring)
     if not trial:

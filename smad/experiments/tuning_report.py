@@ -1,7 +1,5 @@
 """A tuning session in words and tables. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from smad.control.tuning.tuned import Trial, WarmTrial

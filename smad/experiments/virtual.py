@@ -1,7 +1,5 @@
 """Plans in virtual time, on the simulated bench."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
@@ -112,12 +110,7 @@ class VirtualDriver:
             if self._folder is not None:
                 self._write(plan, rows, {}, seed)
             kind = TrippedError if isinstance(error, BenchStoppedError) else ExperimentError
-            raise kind(
-                f"run {plan.name}: {error.cause}",
-                value=error.value,
-                limit=error.limit,
-                action=error.action,
-            ) from None
+            raise kind(f"run {plan.name}: {error.cause}", **error.parts) from None
         except PlantError as error:
             raise ExperimentError(
                 f"run {plan.name}: the simulated bench gave up: {error}",

@@ -4,8 +4,6 @@ A hook that hangs is killed, one that floods is not read into memory, one that f
 none of them holds up another, or whoever looks at the bench.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

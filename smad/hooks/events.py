@@ -1,7 +1,5 @@
 """What happened between two looks at a bench and its queue. Pure: looks and time are arguments."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 

@@ -4,8 +4,6 @@ The board's watchdog needs a board that works; this one needs only a computer an
 off by itself. It closes the relay once, when a person starts it, and never again.
 """
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Looks at the bench and at its queue four times a second, and lets hooks know what happened."""
 
-from __future__ import annotations
-
 import contextlib
 import shutil
 import time
@@ -136,15 +134,15 @@ def watch(watcher: Watcher, detector: Detector, commands: HookCommands, say: Say
     What was told is written down once its commands have ended: a watcher that is killed before
     lets the next one tell it again.
     """
-    kept: Known | None = None
+    written: Known | None = None
     while True:
         for event in detector.events(watcher.look()):
             say(f"{event.event}: {event.text}")
             commands.fire(event)
         commands.tick()
-        if not commands.busy and detector.known != kept:
-            kept = detector.known
-            watcher.keep(kept)
+        if not commands.busy and detector.known != written:
+            written = detector.known
+            watcher.keep(written)
         time.sleep(POLL_S)
 
 

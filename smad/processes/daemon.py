@@ -1,7 +1,5 @@
 """The daemon as a child process, for the demo, the benchmark and the tests."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

@@ -4,8 +4,6 @@ Linux ends the process with the highest score. A process may always raise its sc
 takes CAP_SYS_RESOURCE, or a service manager that has it.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 FIRST = 800

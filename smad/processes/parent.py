@@ -1,7 +1,5 @@
 """A child that ends with who started it, however that ends. Linux."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import signal

@@ -1,7 +1,5 @@
 """The service files, and their installation below the root of the system."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -15,7 +13,7 @@ PLACES: Mapping[str, str] = {
 }
 """File beside this module -> folder under the root of the system."""
 PROGRAM = "/opt/smad/bin/smad"
-"""What the units start, until it is told another place."""
+"""What the units start where `content` gets no other program."""
 
 
 def content(name: str, program: str) -> str:

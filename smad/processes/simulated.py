@@ -1,7 +1,5 @@
 """A simulated bench in one line: a daemon of its own with a client, gone when the block ends."""
 
-from __future__ import annotations
-
 import contextlib
 import tempfile
 from collections.abc import Iterator, Sequence

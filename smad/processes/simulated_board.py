@@ -1,7 +1,5 @@
 """What a daemon needs to run on a simulated board: the bench beside it, and its configuration."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator, Sequence
 from importlib import resources

@@ -1,7 +1,5 @@
 """The simulated bench as a child process, for `smad start --sim` and the demo."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select

@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from smad.errors import SmadError
+from smad.errors import SmadError, refused_by_system
 from smad.files import write_whole
 from smad.report.panels import Panels
 from smad.style import assets
@@ -154,14 +154,9 @@ def write_page(page: Page, path: Path) -> Path:
     Raises SmadError, naming the path, when it cannot be written.
     """
     text = render(page, f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC")
-    try:
+    cause, action = "the report cannot be written", "name another file, or make room"
+    with refused_by_system(SmadError, cause, value=str(path), action=action):
         write_whole(path, text)
-    except OSError as error:
-        raise SmadError(
-            f"the report cannot be written ({error.strerror})",
-            value=str(path),
-            action="name another file, or make room",
-        ) from None
     return path
 
 

@@ -4,8 +4,6 @@ Pure. A `Panels` block is drawn in the browser by `smad/style/static/panels.js`;
 the page, which needs no network.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise

@@ -4,8 +4,6 @@ Pure. Planes are part of a `Panels` block; a zoom of its panels in time shows th
 them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,11 +1,9 @@
 """Panels as one figure for print: width of a column, type of 8 points, a light ground."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
-from smad.errors import CommandError, SmadError
+from smad.errors import CommandError, SmadError, refused_by_system
 from smad.extras import part
 from smad.files import replacing, require_writable
 from smad.report.panels import Panel, Panels
@@ -16,6 +14,8 @@ FORMATS = ("pdf", "png", "svg")
 PANEL_MM = 32.0
 PNG_DPI = 600
 _MM_PER_INCH = 25.4
+_UNDATED: Any = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}
+"""Metadata by kind: the same figure gives the same file."""
 _POINTS = 8.0
 _STYLE: dict[str, Any] = {
     "font.size": _POINTS,
@@ -64,15 +64,10 @@ def write_figure(panels: Panels, path: Path, *, width_mm: float = 85.0) -> Path:
         ):
             _draw(axes, panel)
         figure.axes[-1].set_xlabel(panels.x_label)
-        try:
-            with replacing(path) as partial:
-                figure.savefig(partial, format=kind, dpi=PNG_DPI, metadata=_without_date(kind))
-        except OSError as error:
-            raise SmadError(
-                f"the figure cannot be written ({error.strerror})",
-                value=str(path),
-                action="name another file, or make room",
-            ) from None
+        cause, action = "the figure cannot be written", "name another file, or make room"
+        refused = refused_by_system(SmadError, cause, value=str(path), action=action)
+        with refused, replacing(path) as partial:
+            figure.savefig(partial, format=kind, dpi=PNG_DPI, metadata=_UNDATED[kind])
     return path
 
 
@@ -94,8 +89,3 @@ def _draw(axes: Any, panel: Panel) -> None:
             handlelength=1.2,
             columnspacing=0.8,
         )
-
-
-def _without_date(kind: str) -> dict[str, Any]:
-    """The same figure gives the same file."""
-    return {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}[kind]

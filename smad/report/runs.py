@@ -1,12 +1,10 @@
 """Run logs as panels: the strips of the live page, whole runs, one over the other."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from datetime import UTC
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +13,7 @@ from smad.errors import RunLogError
 from smad.report.page import Page, Section, Table, Text
 from smad.report.panels import Array, Mark, Panel, Panels, Trace
 from smad.report.planes import planes_of
+from smad.runlog.header import date_of
 from smad.runlog.reader import Column, Run, recorded
 from smad.runlog.schema import Event
 from smad.style.strips import STRIPS, Curve, Strip
@@ -158,7 +157,7 @@ def page_of(runs: Sequence[RunPart]) -> Page:
         Section("Panels", [panels_of(runs, caption)]),
         Section("Runs", [_facts(runs), *_notes(runs)]),
         *(
-            Section(_events_title(drawn, several), [_events(drawn)])
+            Section(f"Events of {drawn.label}" if several else "Events", [_events(drawn)])
             for drawn in runs
             if drawn.run.events
         ),
@@ -175,7 +174,7 @@ def provenance(run: Run) -> list[tuple[str, str]]:
     facts = [
         ("run log", run.path.name),
         ("SHA-256", digest(run.path)),
-        ("started", f"{_date(header.started_unix_s)} UTC" if header.started_unix_s else ""),
+        ("started", f"{date_of(header.started_unix_s, UTC)} UTC" if header.started_unix_s else ""),
         ("recorded by", f"smad {header.versions['smad']}" if "smad" in header.versions else ""),
         ("seed", "" if header.seed is None else str(header.seed)),
     ]
@@ -191,10 +190,6 @@ def digest(path: Path) -> str:
         return ""
 
 
-def _events_title(drawn: RunPart, several: bool) -> str:
-    return f"Events of {drawn.label}" if several else "Events"
-
-
 def _facts(runs: Iterable[RunPart]) -> Table:
     return Table(
         ("run", "source", "started (UTC)", "duration (s)", "rows", "gains", "smad", "SHA-256"),
@@ -202,7 +197,7 @@ def _facts(runs: Iterable[RunPart]) -> Table:
             (
                 drawn.name,
                 drawn.run.header.source,
-                _date(drawn.run.header.started_unix_s),
+                date_of(drawn.run.header.started_unix_s, UTC),
                 f"{drawn.run.duration_s:.2f}",
                 str(len(drawn.run)),
                 ", ".join(f"{name} = {value:g}" for name, value in drawn.run.header.gains.items()),
@@ -236,11 +231,3 @@ def _events(drawn: RunPart) -> Table:
 
 def _when(event: Event, start_s: float) -> str:
     return "" if event.t_s is None else f"{event.t_s - start_s:.3f}"
-
-
-def _date(unix_s: float) -> str:
-    try:
-        return datetime.fromtimestamp(unix_s, UTC).strftime("%Y-%m-%d %H:%M:%S") if unix_s else ""
-    except (OverflowError, ValueError, OSError):
-        # A damaged header, or another program's, may hold what no calendar does.
-        return f"{unix_s:g} s"

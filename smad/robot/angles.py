@@ -4,8 +4,6 @@ Each begins where the segment stands, at `from_deg` (pitch, yaw): the axes of a 
 step only when neither has a way to go before its trajectory.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

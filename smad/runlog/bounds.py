@@ -5,8 +5,6 @@ line of names is counted before it is split, a packed text is unpacked in pieces
 are not kept, and a Parquet file tells its rows and columns in its footer.
 """
 
-from __future__ import annotations
-
 import gzip
 import zlib
 from pathlib import Path

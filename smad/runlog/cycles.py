@@ -4,8 +4,6 @@ The live page counts sample by sample and a report counts a whole run; both coun
 a sample has the same cycle on both.
 """
 
-from __future__ import annotations
-
 import math
 
 TURN_MM = 0.3

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from smad.errors import RunLogError
+from smad.errors import RunLogError, refused_by_system
 from smad.files import replacing, require_writable
 from smad.runlog.legends import LEGENDS
 from smad.runlog.reader import Column, Run, recorded
@@ -56,15 +56,11 @@ def export_run(run: Run, target: str | Path, *, overwrite: bool = False) -> list
         raise RunLogError(f"{taken} is there already", action="use --overwrite or another name")
     for path in files:
         require_writable(path)
-    try:
-        with replacing(target) as partial:
-            write(run, partial)
-            if len(files) > 1:
-                files[1].write_bytes(msgspec.json.format(header_document(run), indent=2) + b"\n")
-    except OSError as error:
-        raise RunLogError(
-            f"cannot write {target}: {error.strerror or error}", action="check folder and space"
-        ) from error
+    cause, action = f"cannot write {target}", "check folder and space"
+    with refused_by_system(RunLogError, cause, action=action), replacing(target) as partial:
+        write(run, partial)
+        if len(files) > 1:
+            files[1].write_bytes(msgspec.json.format(header_document(run), indent=2) + b"\n")
     return files
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import platform
 from collections.abc import Mapping
+from datetime import datetime, tzinfo
 from importlib import metadata
 from typing import Literal
 
@@ -100,3 +101,12 @@ def installed_versions() -> dict[str, str]:
         except metadata.PackageNotFoundError:
             versions[package] = "not installed"
     return versions
+
+
+def date_of(unix_s: float, zone: tzinfo | None = None) -> str:
+    """Return a Unix time as date and time of a zone, by default of this computer; none for 0."""
+    try:
+        return f"{datetime.fromtimestamp(unix_s, zone):%Y-%m-%d %H:%M:%S}" if unix_s else ""
+    except (OverflowError, ValueError, OSError):
+        # A damaged header, or another program's, may hold what no calendar does.
+        return f"{unix_s:g} s"

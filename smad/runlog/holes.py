@@ -1,7 +1,5 @@
 """Times of a log in which no sample was recorded, and what a recovered log says of them. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 from statistics import median

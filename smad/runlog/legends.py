@@ -1,7 +1,5 @@
 """What the numbers of some channels stand for."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from firmware_protocol.enums import BoardState, Limiter

@@ -6,8 +6,6 @@ names. LeRobot wants frames at an even rate: a frame has the last sample taken b
 Layout: huggingface/lerobot, `src/lerobot/datasets/utils.py` and `dataset_metadata.py`, v3.0.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path

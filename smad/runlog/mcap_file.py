@@ -89,7 +89,7 @@ class McapFile:
         opening = RecordBuilder()
         opening.write(MCAP0_MAGIC)
         records.Header(profile="", library=f"smad {VERSION}").write(opening)
-        opening.write(_definitions())
+        opening.write(_schemas() + _channels())
         self._write(_taken(opening))
 
     def add_axis(self, name: str) -> int:
@@ -243,10 +243,6 @@ def _message_index(messages: Iterable[Packed]) -> tuple[list[int], dict[int, arr
 def _taken(builder: RecordBuilder) -> bytes:
     data: bytes = builder.end()  # type: ignore[no-untyped-call]
     return data
-
-
-def _definitions() -> bytes:
-    return _schemas() + _channels()
 
 
 def _schemas() -> bytes:

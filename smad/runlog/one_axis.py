@@ -1,7 +1,5 @@
 """One axis of a log of several as a log of its own, for all that reads logs of one axis."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import msgspec

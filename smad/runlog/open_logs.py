@@ -4,8 +4,6 @@ Without the lock, a log that grows and one that a crash cut look the same. Windo
 logs are read, and none is recorded.
 """
 
-from __future__ import annotations
-
 import contextlib
 from pathlib import Path
 from typing import BinaryIO

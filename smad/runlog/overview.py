@@ -1,14 +1,12 @@
 """What is in a folder of runs, from head and end of each file. Without numpy."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
 from mcap import records
 from msgspec import Struct
 
-from smad.errors import RunLogError
+from smad.errors import RunLogError, refused_by_system
 from smad.runlog import open_logs
 from smad.runlog.header import METADATA_NAME, RunHeader
 from smad.runlog.mcap_file import CHANNEL_IDS, FIRST_AXIS_ID, ROWS_DURATION, ROWS_METADATA_NAME
@@ -42,12 +40,9 @@ def list_runs(folder: str | Path, newest: int | None = None) -> list[Overview]:
     Raises RunLogError when the folder cannot be read.
     """
     folder = Path(folder)
-    try:
+    cause = f"cannot read folder {folder}"
+    with refused_by_system(RunLogError, cause, action="name another with --folder"):
         paths = sorted(path for path in folder.iterdir() if path.suffix == SUFFIX)
-    except OSError as error:
-        raise RunLogError(
-            f"cannot read folder {folder}: {error.strerror}", action="name another with --folder"
-        ) from error
     return [_overview(path) for path in paths[-newest if newest else 0 :]]
 
 

@@ -1,7 +1,5 @@
 """Records to packed MCAP messages: JSON body, sequence number, and the time on the log's axis."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Names of run log files. A file is never overwritten."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from datetime import datetime

@@ -12,7 +12,7 @@ from typing import BinaryIO
 import msgspec
 from mcap import records
 
-from smad.errors import RunLogError
+from smad.errors import RunLogError, refused_by_system
 from smad.progress import Share
 from smad.runlog import open_logs
 from smad.runlog.holes import HOLES, RECOVERED_METADATA_NAME, holes_in, words
@@ -58,7 +58,7 @@ def recover(
     path = Path(path)
     target = Path(output) if output is not None else recovered_path(path)
     damage = Damage()
-    try:
+    with refused_by_system(RunLogError, f"cannot read {path}", action="check the path"):
         if open_logs.being_written(path):
             raise RunLogError(
                 f"{path} is still being written",
@@ -66,10 +66,6 @@ def recover(
             )
         size = path.stat().st_size
         source = path.open("rb")
-    except OSError as error:
-        raise RunLogError(
-            f"cannot read {path}: {error.strerror}", action="check the path"
-        ) from error
     with source:
         file = _create(target)
         try:
@@ -93,16 +89,12 @@ def recover(
 
 
 def _create(target: Path) -> FileIO:
-    try:
-        return FileIO(target, "xb")
-    except FileExistsError:
-        raise RunLogError(
-            f"{target} is there already", action="name another file with --output"
-        ) from None
-    except OSError as error:
-        raise RunLogError(
-            f"cannot create {target}: {error.strerror}", action="name another file with --output"
-        ) from error
+    action = "name another file with --output"
+    with refused_by_system(RunLogError, f"cannot create {target}", action=action):
+        try:
+            return FileIO(target, "xb")
+        except FileExistsError:
+            raise RunLogError(f"{target} is there already", action=action) from None
 
 
 def _explain(path: Path, target: Path, error: BaseException) -> None:

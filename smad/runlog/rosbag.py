@@ -6,8 +6,6 @@ channels are numbers (`Float64`, `Int64`), whose time is that of the record. Len
 as ROS has them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path

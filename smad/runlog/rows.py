@@ -1,7 +1,5 @@
 """A sample and what came of it as a row of the run log. Pure."""
 
-from __future__ import annotations
-
 import math
 
 from firmware_protocol.enums import SetpointFlag

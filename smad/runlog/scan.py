@@ -1,10 +1,8 @@
 """What an MCAP file holds, read from front to back, whatever has happened to its end.
 
 The summary at the end of a file is not used: a log that was cut has none. A damaged chunk is
-skipped and told; a file that ends in mid-record is read up to there.
+skipped and noted; a file that ends in mid-record is read up to there.
 """
-
-from __future__ import annotations
 
 import struct
 import zlib
@@ -34,7 +32,6 @@ _PARSERS: dict[int, Parser] = {
     Opcode.CHANNEL: records.Channel.read,
     Opcode.METADATA: records.Metadata.read,
 }
-"""Told the share of a file that was read, 0 to 1."""
 PARSE_ERRORS = (McapError, struct.error, UnicodeDecodeError, ValueError)
 """What the parsers of the `mcap` package raise for a record that does not follow the format."""
 

@@ -6,8 +6,6 @@ table in the guide are made from it. A value that was not measured is None (NaN 
 the message in the file lacks it.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal

@@ -3,8 +3,6 @@
 By hand, because the `mcap` package reads and decompresses whatever a damaged footer points at.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable
 from io import BytesIO

@@ -1,7 +1,5 @@
 """What is in a run, in few numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 from msgspec import Struct
 

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import msgspec
 
-from smad.errors import RunLogError
+from smad.errors import RunLogError, refused_by_system
 from smad.runlog import open_logs
 from smad.runlog.header import METADATA_NAME, RunHeader
 from smad.runlog.mcap_file import McapFile, Packed
@@ -39,7 +39,7 @@ class RunWriter:
 
     `append` and `close` belong to one thread. Nothing that happens to the disk raises there: it is
     found in `error`, and the rows that did not reach the file are counted in `dropped`. A record
-    that cannot be encoded is left out, and told in `bad_record`.
+    that cannot be encoded is left out, and reported in `bad_record`.
 
     The thread runs at the priority of whoever creates the writer, less one: create it after the
     real-time measures are taken, or a busy machine can suspend it while it holds the interpreter.
@@ -107,8 +107,8 @@ class RunWriter:
     def close(self, timeout_s: float = 10.0) -> None:
         """Write what is queued, the summary, and close. Returns at the latest after `timeout_s`.
 
-        A disk that hangs beyond that is told in `error`; the file then has no summary, and reads
-        as a log that was cut.
+        A disk that hangs beyond that is reported in `error`; the file then has no summary, and
+        reads as a log that was cut.
         """
         self._stop.set()
         self._thread.join(timeout_s)
@@ -237,8 +237,9 @@ def write_run(
     path = Path(path)
     mcap, file = create_log(path, header)
     packer = RecordPacker(header.started_unix_s, header.axes)
+    cause, action = f"cannot write {path}", "free some space or choose a folder"
     try:
-        with file:
+        with refused_by_system(RunLogError, cause, action=action), file:
             batch: list[Packed] = []
             for record in records:
                 given = record if isinstance(record, tuple) else (record,)
@@ -249,11 +250,6 @@ def write_run(
             mcap.write_chunk(batch)
             mcap.write_metadata(END_METADATA_NAME, {"dropped": "0"})
             mcap.finish()
-    except OSError as error:
-        path.unlink(missing_ok=True)
-        raise RunLogError(
-            f"cannot write {path}: {error.strerror}", action="free some space or choose a folder"
-        ) from error
     except BaseException:
         path.unlink(missing_ok=True)
         raise
@@ -274,18 +270,18 @@ def create_log(path: Path, header: RunHeader) -> tuple[McapFile, FileIO]:
             f"cannot create {path}: {error.strerror}",
             action="check the folder ([recorder] folder in the configuration)",
         ) from error
-    try:
-        open_logs.mark(file)
-        mcap = McapFile(file)
-        for axis in header.axes:
-            mcap.add_axis(axis)
-        mcap.write_metadata(METADATA_NAME, header.to_metadata())
-    except OSError as error:
-        file.close()
-        path.unlink(missing_ok=True)
-        raise RunLogError(
-            f"cannot write {path}: {error.strerror}", action="free some space or choose a folder"
-        ) from error
+    cause, action = f"cannot write {path}", "free some space or choose a folder"
+    with refused_by_system(RunLogError, cause, action=action):
+        try:
+            open_logs.mark(file)
+            mcap = McapFile(file)
+            for axis in header.axes:
+                mcap.add_axis(axis)
+            mcap.write_metadata(METADATA_NAME, header.to_metadata())
+        except OSError:
+            file.close()
+            path.unlink(missing_ok=True)
+            raise
     return mcap, file
 
 

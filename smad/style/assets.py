@@ -1,7 +1,5 @@
 """The files of the look: for a server that hands them out, and inside a page of one file."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from pathlib import Path

@@ -4,8 +4,6 @@ A colour has a name for what it stands for. Pages use it as a CSS variable (`--x
 figures and layouts by `in_print`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NamedTuple
 

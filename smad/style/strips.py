@@ -4,8 +4,6 @@ Pure. A page gets both as they are. `STRIPS` is also what the log's page, the te
 layouts of other viewers show; a live page shows any of `CHANNELS` in any strip.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from operator import attrgetter
@@ -155,31 +153,30 @@ def _of_strip(strip: Strip, curve: Curve) -> Channel:
 
 
 _TITLES = {
-    "i_cmd": ("Current commanded", ""),
-    "i_applied": ("Current setpoint on the board", ""),
-    "pump_starts": ("Pump starts", ""),
-    "drain": ("Drain valve", ""),
-    "rtd_inlet_degC": ("Temperature of the water", "inlet"),
-    "rtd_ambient_degC": ("Temperature of the room", "room"),
-    "angle_deg": ("Angle of the segment", "angle"),
-    "supply_V": ("Supply voltage", "supply"),
-    "stage_mm": ("Position of the stage", "stage"),
-    "mode": ("State of the board", "number"),
-    "limiter": ("Limiter of the board", "number"),
-    "setpoint_age_ms": ("Age of the setpoint", "age"),
+    "i_cmd": "Current commanded",
+    "i_applied": "Current setpoint on the board",
+    "pump_starts": "Pump starts",
+    "drain": "Drain valve",
+    "rtd_inlet_degC": "Temperature of the water inlet",
+    "rtd_ambient_degC": "Temperature of the room",
+    "angle_deg": "Angle of the segment",
+    "supply_V": "Supply voltage",
+    "stage_mm": "Position of the stage",
+    "mode": "Number of the board's state",
+    "limiter": "Number of the board's limiter",
+    "setpoint_age_ms": "Age of the setpoint",
 }
-"""Channels that are on no strip, by name or by its part before _x and _y: title, and label."""
+"""Channels that are on no strip, by name or by its part before _x and _y: their titles."""
 
 
 def _of_log(spec: schema.ChannelSpec) -> Channel:
     stem = re.sub(r"_[xy](_A)?$", "", spec.name)
     spring = "" if stem == spec.name else spec.name[len(stem) + 1].upper()
     usual = spec.description.partition(", ")[0]
-    title, label = _TITLES.get(stem, (f"{usual[0].upper()}{usual[1:]}", spec.name))
     return Channel(
         name=spec.name,
-        title=title,
-        label=spring or label,
+        title=_TITLES.get(stem, f"{usual[0].upper()}{usual[1:]}"),
+        label=spring or "measured",
         unit=_UNITS.get(spec.unit, spec.unit),
         digits=_DIGITS.get(spec.unit, 0),
         pen=spring.lower() or "main",

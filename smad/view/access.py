@@ -7,8 +7,6 @@ machine; the checks of `Host` and `Origin` keep out other pages in the same brow
 requests here but choose neither header.
 """
 
-from __future__ import annotations
-
 import hmac
 import secrets
 from collections.abc import Mapping

@@ -5,8 +5,6 @@ stop is in neither: it goes past everything that waits (`server`). What a person
 refused by the daemon when a stop came that the page had not shown yet: `generation` is its own.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from typing import Annotated, Any, get_args

@@ -9,8 +9,6 @@ slow gets everything up to now in a single frame, and never more than the window
 waits in a queue, and nothing grows.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

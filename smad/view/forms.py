@@ -3,8 +3,6 @@
 Pure. What a form lets through is checked again by the daemon; the bounds here spare a round trip.
 """
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Mapping
 from typing import Any, Literal, get_args

@@ -4,8 +4,6 @@
 client like any other: it takes control under a lease of its own, and a stop ends its motion.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import os

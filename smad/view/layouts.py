@@ -3,8 +3,6 @@
 Pure. Both show a run log; PlotJuggler's shows the live stream as well.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 from xml.etree import ElementTree as xml

@@ -7,8 +7,6 @@ A stop does not wait for anything. It has the stop channel to itself and takes w
 page had asked for before and was not carried out yet.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 from collections.abc import Iterator

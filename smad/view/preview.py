@@ -3,8 +3,6 @@
 Pure. The same code places and refuses the pieces as in the controller (`ReferenceQueue`).
 """
 
-from __future__ import annotations
-
 from smad.config import LimitsConfig
 from smad.control.commands import DriveCurrent, Follow, FollowInputs, HoldTemperature, Trajectory
 from smad.control.plan import Do, Pause, Plan, UntilDone

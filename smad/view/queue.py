@@ -1,7 +1,5 @@
 """The queue as a page shows and changes it. All of it is files and processes: never the loop's."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path

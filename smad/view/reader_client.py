@@ -1,7 +1,5 @@
 """The server's client of its reader process, which is started when it is first needed."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import sys

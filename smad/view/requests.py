@@ -4,8 +4,6 @@ Reading logs and making plans takes seconds of processor time. A click on STOP p
 server and must not wait for them, so another process does that work.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The page's web server: static files, and one WebSocket for each open page. Loopback only."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import logging

@@ -1,7 +1,5 @@
 """The bench as all pages see it: samples into feeds, the status twice a second, who is there."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Callable

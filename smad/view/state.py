@@ -4,8 +4,6 @@ Pure: from the daemon's status to what is shown. Texts of the bench (names, note
 as they are; the page puts them in as text, never as markup.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import PurePath
 

@@ -1,7 +1,5 @@
 """Tasks that are to end for certain."""
 
-from __future__ import annotations
-
 import asyncio
 
 AGAIN_S = 1.0

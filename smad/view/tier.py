@@ -5,8 +5,6 @@ so that a spike of one sample is drawn at any width; and its last sample, whose 
 one moment: those are the points of an XY plot.
 """
 
-from __future__ import annotations
-
 import math
 from array import array
 from bisect import bisect_left

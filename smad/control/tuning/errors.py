@@ -1,7 +1,5 @@
 """Why a bench cannot be tuned."""
 
-from __future__ import annotations
-
 from smad.errors import SmadError
 
 

@@ -1,7 +1,5 @@
 """Models from the recorded samples of the experiment, and the reasons not to trust them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

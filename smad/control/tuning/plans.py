@@ -6,8 +6,6 @@ with water on the other spring as in a move; then water alone cools it. Temperat
 on one spring.
 """
 
-from __future__ import annotations
-
 from smad.config import ControlConfig
 from smad.control.commands import (
     DriveCurrent,

@@ -1,7 +1,5 @@
 """From the recorded experiment to gains, and how a trial with them went."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

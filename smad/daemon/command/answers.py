@@ -1,7 +1,5 @@
 """From a message to its reply: at once, or when the board has answered."""
 
-from __future__ import annotations
-
 import asyncio
 import inspect
 from collections.abc import Callable, Coroutine
@@ -22,7 +20,7 @@ from smad.errors import SmadError
 
 MOST_WAITING = 64
 MOST_WAITING_EACH = 16
-"""Of one client: whoever floods is told so, and the others find room."""
+"""Of one client: one that floods is refused, and the others find room."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +139,7 @@ class Answers:
                 )
 
     def _refuse(self, call: Call, error: Exception, reply: Send) -> None:
-        # A mistake of ours in one command is told to who sent it; the run goes on.
+        # An error in one command is reported to its sender; the run goes on.
         self._counts.refused += 1
         if not isinstance(error, SmadError):
             self._journal.say(f"internal error in {call.method.name}: {error!r}")

@@ -5,8 +5,6 @@ arming that is refused or not finished is taken back, and who asked hears so onc
 off.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass

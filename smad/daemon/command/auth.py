@@ -3,8 +3,6 @@
 The server's key pair is made once and kept in a file that only its owner can read.
 """
 
-from __future__ import annotations
-
 import os
 import stat
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """The bench as commands and status see it: its axes by name, and what it has once for all."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

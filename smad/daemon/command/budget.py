@@ -8,8 +8,6 @@ the kernel for 50 ms of each second (sched(7), sched_rt_runtime_us); the share k
 Pure: time is an argument. A token bucket that holds time instead of tokens.
 """
 
-from __future__ import annotations
-
 
 class TimeBudget:
     """Fills with `share` of the passing time, up to `burst_ns`; the loop's work empties it.

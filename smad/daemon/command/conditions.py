@@ -1,7 +1,5 @@
 """What must hold before a command is carried out; a refusal says why not and what to do."""
 
-from __future__ import annotations
-
 import asyncio
 import functools
 from collections.abc import Callable, Collection, Iterable

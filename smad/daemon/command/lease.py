@@ -4,8 +4,6 @@ Pure: time is an argument, and so is what makes secrets. Whoever knows the secre
 it: the name of a client's socket is its own choice, and may be seen again after it has gone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 
 import msgspec

@@ -1,7 +1,5 @@
 """SIGHUP: the list of keys that may command over TCP is read anew, and nothing else."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from typing import Any
@@ -28,9 +26,8 @@ def reread_keys(
         new_config = reread()
     except ConfigError as error:
         return f"SIGHUP: the list of keys stays as it was: {error}"
-    others = (
-        "" if _same_but_keys(running, new_config) else "; what else has changed waits for a restart"
-    )
+    same = _without_keys(running) == _without_keys(new_config)
+    others = "" if same else "; what else has changed waits for a restart"
     if doorkeeper is None:
         return f"SIGHUP: commands over TCP are off, so there is no list of keys{others}"
     if not new_config.daemon.tcp.enabled:
@@ -47,10 +44,6 @@ def has_terminal() -> bool:
     except OSError:
         return False
     return True
-
-
-def _same_but_keys(before: Config, after: Config) -> bool:
-    return _without_keys(before) == _without_keys(after)
 
 
 def _without_keys(config: Config) -> dict[str, Any]:

@@ -4,8 +4,6 @@ Strangers are cheap to turn away but not free: each holds a descriptor for up to
 the ports close to newcomers when too many connections are open, commands long before stops.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import operator

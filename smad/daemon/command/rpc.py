@@ -3,8 +3,6 @@
 Any bytes give a call, a reply, or nothing where none is due; never an exception.
 """
 
-from __future__ import annotations
-
 import functools
 import json
 import re
@@ -25,7 +23,7 @@ from smad.api import (
     Method,
     Reason,
 )
-from smad.config.bounds import in_words
+from smad.config.bounds import in_words, value_at
 from smad.daemon.errors import Refusal
 from smad.errors import SmadError
 
@@ -302,13 +300,7 @@ def _value_at(data: bytes, path: str) -> Any:
     except (msgspec.MsgspecError, RecursionError, ValueError):
         # A number too large for any type spoils the whole message.
         return None
-    for part in path.replace("[", ".").replace("]", "").split("."):
-        if not part:
-            continue
-        try:
-            value = value[int(part)] if isinstance(value, list) else value[part]
-        except (KeyError, IndexError, TypeError, ValueError):
-            return None
+    value = value_at(value, path)
     return value if isinstance(value, int | float | str | bool) else None
 
 

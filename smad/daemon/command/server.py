@@ -4,8 +4,6 @@ Before each message the serial port is looked at, so that a sample never waits f
 command in hand; and commands wait while the daemon uses more than a share of a core.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import time
@@ -30,7 +28,7 @@ from smad.daemon.sockets.address import listen_local
 from smad.daemon.sockets.descriptors import OPENED_LATER, Reserve, Shares, open_descriptors
 from smad.daemon.sockets.listener import Connection, Hooks, Listener, Terms
 from smad.daemon.sockets.zmtp import Broken, TooLong, encoded
-from smad.errors import DaemonError
+from smad.errors import DaemonError, refused_by_system
 
 COMMAND_SHARE = 0.5
 COMMAND_BURST_NS = 5_000_000
@@ -226,13 +224,9 @@ class CommandServer:
             self.wake()
 
         local = _Local(lambda connection, frames: self._answer(connection, frames, handler))
-        try:
+        action = "stop what uses the address, or choose another in the configuration"
+        with refused_by_system(DaemonError, f"cannot listen on {address}", action=action):
             line = listen_local(address, umask)
-        except OSError as error:
-            raise DaemonError(
-                f"cannot listen on {address}: {error.strerror}",
-                action="stop what uses the address, or choose another in the configuration",
-            ) from error
         local.listener = Listener(
             self._loop,
             line,

@@ -4,8 +4,6 @@ Methods that only look or that the controller takes at the next sample return at
 the board has to agree to are coroutines.
 """
 
-from __future__ import annotations
-
 from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from typing import Any
 
@@ -370,13 +368,7 @@ class Service:
         try:
             await box.write(params.seconds)
         except RunLogError as error:
-            raise Refusal(
-                Reason.RECORDER,
-                error.cause,
-                value=error.value,
-                limit=error.limit,
-                action=error.action,
-            ) from error
+            raise Refusal(Reason.RECORDER, error.cause, **error.parts) from error
         return self._status.recorder()
 
     def control_take(self, params: api.TakeControl, caller: Caller) -> api.Control:

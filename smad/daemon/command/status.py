@@ -1,7 +1,5 @@
 """What `smad status` shows, put together from the parts; percentiles once a second."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import os

@@ -1,7 +1,5 @@
 """Reports refused connections and messages: counted as they come, logged once a second."""
 
-from __future__ import annotations
-
 from smad.daemon.command.bench import CommandCounts
 from smad.daemon.command.server import CommandServer
 from smad.daemon.services import Say

@@ -3,8 +3,6 @@
 Everything is learnt anew in each session; nothing is carried over a reconnection.
 """
 
-from __future__ import annotations
-
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 
@@ -152,7 +150,7 @@ def _with_range(refusal: Refusal, parameter: Parameter) -> Refusal:
 
 
 def fault_of(report: FaultReport) -> api.Fault:
-    """Return a fault report as a client is told it."""
+    """Return a fault report as a client gets it."""
     # The wire always carries both numbers; a button that was pressed has neither.
     has_values = report.measured != 0 or report.limit != 0
     return api.Fault(

@@ -3,8 +3,6 @@
 It moves bytes and counts; what they mean is the session's business.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import os

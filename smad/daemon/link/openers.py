@@ -1,7 +1,5 @@
 """How each axis's line to its board is opened: a serial port of its own, or a socket inherited."""
 
-from __future__ import annotations
-
 import os
 import socket
 from collections.abc import Mapping

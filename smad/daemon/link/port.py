@@ -4,8 +4,6 @@ Transport: anything with a `fileno()` that the loop can watch. A serial device, 
 socket pair for timing tests without a pseudo-terminal.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import fcntl

@@ -1,7 +1,5 @@
 """Requests to the board that a command waits for, and what its refusals mean to a person."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """What must hold between the configuration and the board's own parameters before it is armed."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 
 from firmware_protocol.parameters import BENCH_PARAMETERS, BY_NAME, axis_name_crc

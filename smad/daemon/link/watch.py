@@ -3,11 +3,10 @@
 A session always begins as a watcher's: nothing is armed, whatever was before.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
-from typing import Any
+
+from msgspec import structs
 
 from firmware_protocol.enums import BoardState, faults_in
 from firmware_protocol.events import (
@@ -79,9 +78,8 @@ class BoardWatch:
                 self._incompatible(event)
             case FaultReported(report):
                 self.fault = fault_of(report)
-                self._say(
-                    "fault", f"the board stopped: {self.fault.in_words()}", _plain(self.fault)
-                )
+                text = f"the board stopped: {self.fault.in_words()}"
+                self._say("fault", text, structs.asdict(self.fault))
             case BoardRestarted(ident):
                 cause = "" if ident is None else f" ({ident.reset_cause.name.lower()})"
                 self._disconnected(f"the board restarted{cause}; it is not armed any more")
@@ -217,7 +215,3 @@ def disagreement(event: Incompatible) -> str:
     shown = "; ".join(event.fields[:3]) or "its description has not been read yet"
     more = len(event.fields) - 3
     return shown + (f"; and {more} more" if more > 0 else "")
-
-
-def _plain(fault: api.Fault) -> dict[str, Any]:
-    return {name: getattr(fault, name) for name in fault.__struct_fields__}

@@ -1,7 +1,5 @@
 """Refuses a sample rate that the baud rate cannot carry, in the words of the configuration."""
 
-from __future__ import annotations
-
 from firmware_protocol.rates import MOST_SHARE, USUAL_BAUDS, USUAL_RATES_HZ, load
 from smad.errors import ConfigError
 

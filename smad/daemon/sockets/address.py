@@ -1,7 +1,5 @@
 """Sockets that listen at an address as ZeroMQ writes it."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import socket

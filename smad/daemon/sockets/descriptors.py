@@ -4,8 +4,6 @@ ZeroMQ 4.3.5 ends the process when it finds no descriptor for a local connection
 connections are accepted by ourselves, up to a share each; ZeroMQ has TCP only, where it goes on.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

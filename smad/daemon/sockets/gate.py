@@ -5,8 +5,6 @@ listening socket is made here, and the kernel is told to drop what arrives at it
 that lets nothing through); connections that stand have sockets of their own.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import os

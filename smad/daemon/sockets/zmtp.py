@@ -6,8 +6,6 @@ know is refused. `Peer.receive` never waits, `Peer.take` gives one thing at a ti
 Reference: https://rfc.zeromq.org/spec/23/ (ZMTP 3.0) and /37/ (the commands of 3.1).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ list of blocks, which costs the loop nothing, however much is kept. It is writte
 rows at a time, so that the control loop waits for neither the disk nor the interpreter.
 """
 
-from __future__ import annotations
-
 import asyncio
 import threading
 from collections import deque
@@ -125,7 +123,7 @@ class BlackBox:
         return bool(self._why) and self._wall_clock() >= self._due_s
 
     async def write_wanted(self) -> None:
-        """Write what was wanted; a disk that does not take it is told, and the daemon goes on."""
+        """Write what was wanted; a disk that refuses is reported, and the daemon goes on."""
         self._why = ""
         try:
             await self.write(self.keep_s)

@@ -3,8 +3,6 @@
 A subscriber that does not read loses samples; the sequence number shows it, and the loop does not.
 """
 
-from __future__ import annotations
-
 import asyncio
 
 import msgspec
@@ -14,7 +12,7 @@ from smad.config import TelemetryConfig
 from smad.daemon.sockets.address import listen_at
 from smad.daemon.sockets.listener import Hooks, Listener, Terms
 from smad.daemon.sockets.zmtp import encoded
-from smad.errors import DaemonError
+from smad.errors import DaemonError, refused_by_system
 from smad.runlog.schema import Row
 
 _VIEWERS = frozenset((b"SUB", b"XSUB"))
@@ -55,13 +53,9 @@ class Publisher:
 
     def bind_ipc(self, address: str, umask: int) -> None:
         """Serve the bench's own address. Raises DaemonError."""
-        try:
+        action = "check the folder, or set daemon.ipc_dir"
+        with refused_by_system(DaemonError, f"cannot listen on {address}", action=action):
             self._bind(address, umask)
-        except OSError as error:
-            raise DaemonError(
-                f"cannot listen on {address}: {error.strerror}",
-                action="check the folder, or set daemon.ipc_dir",
-            ) from error
 
     def bind_extra(self, address: str, umask: int) -> None:
         """Serve another address; a refusal is noted, not raised: viewing is not worth stopping."""

@@ -1,7 +1,5 @@
 """The run log of the daemon: opened and closed away from the loop, fed from it without waiting."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -17,7 +15,7 @@ from smad.daemon.realtime import step_below_loop
 from smad.errors import RunLogError
 from smad.runlog.header import RunHeader
 from smad.runlog.paths import UNNAMED, new_run_path
-from smad.runlog.schema import Event, LinkSample, Record, Row
+from smad.runlog.schema import Event, LinkSample, Row
 from smad.runlog.writer import RunWriter
 
 _BYTES_PER_MB = 1e6
@@ -38,7 +36,7 @@ class Recorder:
         wall_clock: Callable[[], float],
     ) -> None:
         self._config = config
-        # A client may be in another folder than the daemon: what it is told is absolute.
+        # A client may be in another folder than the daemon: its path is absolute.
         self._folder = Path(config.folder).absolute()
         self._header = header
         self._wall_clock = wall_clock
@@ -65,7 +63,7 @@ class Recorder:
         return self._writer is not None and not self._by_command
 
     def status(self) -> RecorderStatus:
-        """Return what a client is told."""
+        """Return the state of the run log, as a client gets it."""
         writer = self._writer
         if writer is not None:
             self._dropped = writer.dropped
@@ -132,15 +130,12 @@ class Recorder:
 
     def note(self, record: Event | LinkSample) -> None:
         """Record something beside the samples; never waits."""
-        self._append(record)
+        if self._writer is not None:
+            self._writer.append(record)
 
     def close(self) -> None:
         """End the worker."""
         self._worker.shutdown(wait=False)
-
-    def _append(self, record: Record) -> None:
-        if self._writer is not None:
-            self._writer.append(record)
 
     def _create(self, name: str, repeats: str) -> RunWriter:
         config = self._config
@@ -155,13 +150,7 @@ class Recorder:
                 max_file_s=config.max_file_min * _S_PER_MIN,
             )
         except RunLogError as error:
-            raise Refusal(
-                Reason.RECORDER,
-                error.cause,
-                value=error.value,
-                limit=error.limit,
-                action=error.action,
-            ) from error
+            raise Refusal(Reason.RECORDER, error.cause, **error.parts) from error
 
 
 def _is_open(path: str) -> Refusal:

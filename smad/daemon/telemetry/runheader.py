@@ -1,7 +1,5 @@
 """What the daemon writes at the head of a run log."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import TypeVar
 

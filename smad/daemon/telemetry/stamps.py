@@ -10,8 +10,6 @@ it must, and no slowing down would ever bring them back. So stamps that have bee
 `MOST_AHEAD_S` for `AHEAD_FOR_S` return to the host's clock in one step.
 """
 
-from __future__ import annotations
-
 SETTLING_S = 10.0
 """A small error is gone, but for a third, after so long."""
 
@@ -19,7 +17,7 @@ MOST_RATE = 0.1
 """No step is stretched or shortened by a larger share of itself."""
 
 GAP_S = 0.1
-"""Stamps that are behind by more than this jump forward. So long a stall is told as a warning."""
+"""Stamps that are behind by more than this jump forward. Such a stall is reported as a warning."""
 
 MOST_AHEAD_S = 10.0
 """Stamps that are ahead by less wait for the host's clock, at nine tenths of their pace."""

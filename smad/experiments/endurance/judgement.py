@@ -1,7 +1,5 @@
 """A check-up after so many cycles, as a command of its own, and what its JSON says."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -54,12 +52,12 @@ def judged_by_command(words: Sequence[str], bench: str, number: int) -> Judgemen
     """
     with tempfile.TemporaryDirectory(prefix="smad-") as scratch:
         verdict = Path(scratch) / "verdict.json"
+        program = (sys.executable, "-m", "smad.cli.queue_child", str(os.getpid()), bench)
+        asked = ("gap", "checkup", "--quick", f"--json={verdict}", *words)
+        environment = {**os.environ, "SMAD_BENCH": bench}
         done = subprocess.run(
-            [sys.executable, "-m", "smad.cli.queue_child", str(os.getpid()), bench,
-             "gap", "checkup", "--quick", f"--json={verdict}", *words],
-            capture_output=True, text=True, check=False,
-            env={**os.environ, "SMAD_BENCH": bench},
-        )  # fmt: skip
+            [*program, *asked], capture_output=True, text=True, check=False, env=environment
+        )
         if done.returncode:
             lines = done.stderr.strip().splitlines() or ["it said nothing"]
             raise SmadError(

@@ -1,7 +1,5 @@
 """When an endurance run ends by itself: what was lost since its first cycles. Pure."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from statistics import median

@@ -1,7 +1,5 @@
 """The cycle of an endurance run as a plan: between two displacements, or two temperatures."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

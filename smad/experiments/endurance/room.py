@@ -1,7 +1,5 @@
 """What an endurance run takes on the disk: told before it begins, and reserved."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import tempfile
@@ -9,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from smad.config import Config
-from smad.errors import CommandError
+from smad.errors import CommandError, refused_by_system
 from smad.experiments.endurance.profile import Profile
 from smad.experiments.ready import BYTES_A_ROW
 
@@ -65,15 +63,14 @@ class Reserve:
     def __init__(self, folder: Path, room: Room) -> None:
         # The daemon makes the folder with its first log: what counts is the disk where it will be.
         there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
-        try:
+        with refused_by_system(
+            CommandError,
+            "nothing can be written where the run logs go",
+            value=str(folder),
+            action="run it as a user who may write there; nothing was moved",
+        ):
             free = shutil.disk_usage(there).free
             self._file = tempfile.TemporaryFile(dir=there)  # noqa: SIM115 (closed by `close`)
-        except OSError as error:
-            raise CommandError(
-                f"nothing can be written where the run logs go: {error.strerror}",
-                value=str(folder),
-                action="run it as a user who may write there; nothing was moved",
-            ) from None
         if free < room.total:
             self._file.close()
             raise CommandError(

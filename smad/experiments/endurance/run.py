@@ -1,7 +1,5 @@
 """An endurance run: blocks of cycles on a driver, their statistics, check-ups, and its end."""
 
-from __future__ import annotations
-
 import contextlib
 import csv
 import os

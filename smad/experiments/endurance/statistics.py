@@ -1,7 +1,5 @@
 """What each cycle came to, from the columns of a recorded block."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 import numpy as np

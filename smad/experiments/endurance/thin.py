@@ -1,11 +1,8 @@
 """A run log with every n-th cycle in full and nothing of the rest."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
@@ -16,19 +13,11 @@ from smad.runlog.schema import MISSING_INTEGER, Event, Record, Row
 from smad.runlog.writer import write_run
 
 
-@dataclass(frozen=True)
-class Thinned:
-    """What became of a log."""
-
-    path: Path
-    rows_before: int
-    rows: int
-
-
-def thin(path: Path, stretches: Sequence[tuple[int, int]], note: str) -> Thinned:
+def thin(path: Path, stretches: Sequence[tuple[int, int]], note: str) -> int:
     """Replace the log by one with these samples (first, last excluded) and all of its events.
 
-    The new log is on the disk whole before the old one goes. Raises RunLogError.
+    Returns how many samples it has. The new log is on the disk whole before the old one goes.
+    Raises RunLogError.
     """
     run = read_run(path)
     draft = path.with_name(f"{path.stem}.thin{path.suffix}")
@@ -44,7 +33,7 @@ def thin(path: Path, stretches: Sequence[tuple[int, int]], note: str) -> Thinned
     _to_disk(draft)
     draft.replace(path)
     _to_disk(path.parent)
-    return Thinned(path, len(run), len(rows))
+    return len(rows)
 
 
 def _row(run: Run, place: int) -> Row:

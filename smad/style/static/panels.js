@@ -74,7 +74,7 @@ class Panels {
   show(group, on) {
     this.hidden[on ? "delete" : "add"](group);
     this.panels.forEach((panel) => panel.showLines());
-    this.planes.forEach((plane) => plane.set(plane.all.filter((one) => !this.hidden.has(one.group))));
+    this.planes.forEach((plane) => plane.set(plane.all.filter((curve) => !this.hidden.has(curve.group))));
   }
 
   // To all panels; null: to the whole.
@@ -186,12 +186,12 @@ class Panel {
 }
 
 const all = [...document.querySelectorAll("figure.panels")].map((figure, i) => new Panels(figure, i));
-onScheme(() => all.forEach((one) => one.redraw()));
+onScheme(() => all.forEach((figure) => figure.redraw()));
 window.onbeforeprint = () => {
   document.documentElement.classList.add("paper");
-  all.forEach((one) => { one.resize(PAPER_WIDTH, PLANE_PAPER_WIDTH); one.redraw(); });
+  all.forEach((figure) => { figure.resize(PAPER_WIDTH, PLANE_PAPER_WIDTH); figure.redraw(); });
 };
 window.onafterprint = () => {
   document.documentElement.classList.remove("paper");
-  all.forEach((one) => { one.resize(); one.redraw(); });
+  all.forEach((figure) => { figure.resize(); figure.redraw(); });
 };

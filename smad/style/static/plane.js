@@ -37,12 +37,12 @@ export class Plane {
   // What is shown now, for paper; a line for each cycle, in its colour.
   sheet(mm) {
     const { x, y } = this.given;
-    const lines = this.curves.flatMap((one) => {
-      const [begin, end] = this.within(one.t, one.x.length);
-      const cycles = one.cycle && this.cycles > 1 ? [...new Set(one.cycle.slice(begin, end))] : [null];
+    const lines = this.curves.flatMap((curve) => {
+      const [begin, end] = this.within(curve.t, curve.x.length);
+      const cycles = curve.cycle && this.cycles > 1 ? [...new Set(curve.cycle.slice(begin, end))] : [null];
       return cycles.map((number) => ({
-        x: one.x.map((value, i) => (i < begin || i >= end || (number != null && one.cycle[i] !== number) ? null : value)),
-        y: one.y, pen: one.pen, dash: one.dash, label: number == null ? one.label : "",
+        x: curve.x.map((value, i) => (i < begin || i >= end || (number != null && curve.cycle[i] !== number) ? null : value)),
+        y: curve.y, pen: curve.pen, dash: curve.dash, label: number == null ? curve.label : "",
         colour: number == null ? undefined : cycleColour((number - 1) / (this.cycles - 1)),
       }));
     });
@@ -53,7 +53,7 @@ export class Plane {
 
   options() {
     const { x, y } = this.given;
-    const name = (one) => `${one.label} (${one.unit})`;
+    const name = (quantity) => `${quantity.label} (${quantity.unit})`;
     return {
       width: Math.max(260, this.box.clientWidth),
       height: PLANE_HEIGHT,
@@ -104,8 +104,8 @@ export class Plane {
 
   ends(name) {
     let [low, high] = [Infinity, -Infinity];
-    for (const one of this.curves) {
-      for (const value of one[name]) {
+    for (const curve of this.curves) {
+      for (const value of curve[name]) {
         if (value == null) continue;
         if (value < low) low = value;
         if (value > high) high = value;
@@ -130,20 +130,20 @@ export class Plane {
     clipped(this.plot, (ctx) => {
       ctx.lineWidth = 1.5 * devicePixelRatio;
       ctx.lineJoin = "round";
-      for (const one of this.curves) this.trace(ctx, one);
+      for (const curve of this.curves) this.trace(ctx, curve);
     });
   }
 
   // A stroke for each stretch of one colour: a cycle, or a step of the fading tail.
-  trace(ctx, one) {
-    const { x, y, t, cycle, fade } = one;
+  trace(ctx, curve) {
+    const { x, y, t, cycle, fade } = curve;
     const [begin, end] = this.within(t, x.length);
-    ctx.setLineDash((one.dash ?? []).map((length) => length * devicePixelRatio));
+    ctx.setLineDash((curve.dash ?? []).map((length) => length * devicePixelRatio));
     const step = (i) => (fade ? Math.floor((FADES * (i - begin)) / (end - begin)) : 0);
     for (let i = begin; i < end;) {
       const [number, age] = [cycle?.[i], step(i)];
       ctx.strokeStyle = cycle && this.cycles > 1
-        ? cycleColour((number - 1) / (this.cycles - 1)) : css(`--${one.pen}`);
+        ? cycleColour((number - 1) / (this.cycles - 1)) : css(`--${curve.pen}`);
       ctx.globalAlpha = fade ? (age + 1) / FADES : 1;
       ctx.beginPath();
       let open = false;
@@ -181,24 +181,24 @@ export class Plane {
       this.value.textContent = "";
       return;
     }
-    const [one, i] = found;
+    const [curve, i] = found;
     const { x, y } = this.given;
-    const words = [`${shown(one.x[i], x.digits)} ${x.unit}, ${shown(one.y[i], y.digits)} ${y.unit}`];
-    if (one.cycle && this.cycles > 1) words.push(`cycle ${one.cycle[i]}`);
-    else words.push(one.label);
-    if (one.t) words.push(`${shown(one.t[i], 1)} s`);
+    const words = [`${shown(curve.x[i], x.digits)} ${x.unit}, ${shown(curve.y[i], y.digits)} ${y.unit}`];
+    if (curve.cycle && this.cycles > 1) words.push(`cycle ${curve.cycle[i]}`);
+    else words.push(curve.label);
+    if (curve.t) words.push(`${shown(curve.t[i], 1)} s`);
     this.value.textContent = words.join("; ");
   }
 
   near(left, top) {
     let [found, least] = [null, REACH ** 2];
-    for (const one of this.curves) {
-      const [begin, end] = this.within(one.t, one.x.length);
+    for (const curve of this.curves) {
+      const [begin, end] = this.within(curve.t, curve.x.length);
       for (let i = begin; i < end; i += 1) {
-        if (one.x[i] == null || one.y[i] == null) continue;
-        const away = (this.plot.valToPos(one.x[i], "x") - left) ** 2
-          + (this.plot.valToPos(one.y[i], "y") - top) ** 2;
-        if (away < least) [found, least] = [[one, i], away];
+        if (curve.x[i] == null || curve.y[i] == null) continue;
+        const away = (this.plot.valToPos(curve.x[i], "x") - left) ** 2
+          + (this.plot.valToPos(curve.y[i], "y") - top) ** 2;
+        if (away < least) [found, least] = [[curve, i], away];
       }
     }
     return found;

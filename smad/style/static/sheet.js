@@ -31,7 +31,7 @@ export function ticks(low, high, most = TICKS) {
   const rough = (high - low) / most;
   if (!(rough > 0)) return [low];
   const power = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10].map((times) => times * power).find((one) => one >= rough);
+  const step = [1, 2, 5, 10].map((times) => times * power).find((candidate) => candidate >= rough);
   const digits = Math.max(0, -Math.floor(Math.log10(step)));
   const found = [];
   for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k += 1) found.push(Number((k * step).toFixed(digits)));
@@ -64,15 +64,15 @@ export function sheetOf(boxes, xLabel, widthMm, heightPt = PANEL_PT) {
     path([[left, up], [left, down], [right, down]], penOf("text"), 0.6);
     text(left, up - 5, `${box.title}${box.unit ? ` (${box.unit})` : ""}`);
     let at = right;
-    for (const one of [...box.lines].reverse().filter(({ label }) => label)) {
-      text(at, up - 5, one.label, "right", penOf(one.pen));
-      at -= one.label.length * SIZE_PT * 0.55 + 8;
+    for (const line of [...box.lines].reverse().filter(({ label }) => label)) {
+      text(at, up - 5, line.label, "right", penOf(line.pen));
+      at -= line.label.length * SIZE_PT * 0.55 + 8;
     }
-    for (const one of box.lines) {
+    for (const line of box.lines) {
       let part = [];
-      const end = () => { if (part.length > 1) path(part, one.colour ?? penOf(one.pen), LINE_PT, one.dash ?? []); part = []; };
-      one.y.forEach((y, i) => {
-        const x = one.x[i];
+      const end = () => { if (part.length > 1) path(part, line.colour ?? penOf(line.pen), LINE_PT, line.dash ?? []); part = []; };
+      line.y.forEach((y, i) => {
+        const x = line.x[i];
         if (y == null || x == null || x < box.x[0] || x > box.x[1]) { if (y !== undefined) end(); return; }
         part.push([px(x), Math.min(Math.max(py(y), up), down)]);
       });
@@ -86,24 +86,24 @@ export function sheetOf(boxes, xLabel, widthMm, heightPt = PANEL_PT) {
 }
 
 const round = (value) => Math.round(value * 100) / 100;
-const escaped = (words) => words.replace(/[&<>"]/g, (one) => `&#${one.charCodeAt(0)};`);
+const escaped = (words) => words.replace(/[&<>"]/g, (sign) => `&#${sign.charCodeAt(0)};`);
 
 export function svgOf({ width, height, items }) {
   const anchors = { left: "start", right: "end", centre: "middle" };
-  const drawn = items.map((one) => (one.kind === "text"
-    ? `<text x="${round(one.x)}" y="${round(one.y)}" text-anchor="${anchors[one.align]}" fill="${one.colour}">${escaped(one.words)}</text>`
-    : `<polyline points="${one.points.map((p) => p.map(round).join()).join(" ")}" fill="none" stroke="${one.colour}" stroke-width="${one.thick}" stroke-linejoin="round"${one.dash.length ? ` stroke-dasharray="${one.dash.join()}"` : ""}/>`));
+  const drawn = items.map((item) => (item.kind === "text"
+    ? `<text x="${round(item.x)}" y="${round(item.y)}" text-anchor="${anchors[item.align]}" fill="${item.colour}">${escaped(item.words)}</text>`
+    : `<polyline points="${item.points.map((p) => p.map(round).join()).join(" ")}" fill="none" stroke="${item.colour}" stroke-width="${item.thick}" stroke-linejoin="round"${item.dash.length ? ` stroke-dasharray="${item.dash.join()}"` : ""}/>`));
   return `<svg xmlns="http://www.w3.org/2000/svg" width="${round(width)}pt" height="${round(height)}pt" viewBox="0 0 ${round(width)} ${round(height)}" font-family="Helvetica, Arial, sans-serif" font-size="${SIZE_PT}">\n<rect width="100%" height="100%" fill="#ffffff"/>\n${drawn.join("\n")}\n</svg>\n`;
 }
 
 // Windows-1252, which the font of the PDF has; U+2212 has no place there.
 const CP1252 = new Map([["−", 0x2d], ["–", 0x96], ["…", 0x85], ["→", 0x2d]]);
-const bytesOf = (words) => Array.from(words, (one) => CP1252.get(one) ?? (one.charCodeAt(0) < 256 ? one.charCodeAt(0) : 0x3f));
+const bytesOf = (words) => Array.from(words, (letter) => CP1252.get(letter) ?? (letter.charCodeAt(0) < 256 ? letter.charCodeAt(0) : 0x3f));
 const literal = (words) => `(${bytesOf(words).map((code) => (code > 126 || code < 32 || "()\\".includes(String.fromCharCode(code))
   ? `\\${code.toString(8).padStart(3, "0")}` : String.fromCharCode(code))).join("")})`;
 
 // Widths of Helvetica in thousandths, by kind of letter: near enough to align a number.
-const widthOf = (words) => Array.from(words, (one) => (/[.,:;il|!' ]/.test(one) ? 0.28 : /[mwMW%]/.test(one) ? 0.86 : /[A-Z]/.test(one) ? 0.68 : 0.55)).reduce((a, b) => a + b, 0) * SIZE_PT;
+const widthOf = (words) => Array.from(words, (letter) => (/[.,:;il|!' ]/.test(letter) ? 0.28 : /[mwMW%]/.test(letter) ? 0.86 : /[A-Z]/.test(letter) ? 0.68 : 0.55)).reduce((a, b) => a + b, 0) * SIZE_PT;
 
 export function pdfOf({ width, height, items }) {
   const rgb = (colour) => {
@@ -111,13 +111,13 @@ export function pdfOf({ width, height, items }) {
     const values = parts ? parts.slice(1).map((hex) => parseInt(hex, 16)) : (colour.match(/[\d.]+/g) ?? [0, 0, 0]).slice(0, 3).map(Number);
     return values.map((value) => round(value / 255)).join(" ");
   };
-  const ops = items.map((one) => {
-    if (one.kind === "text") {
-      const back = { left: 0, right: widthOf(one.words), centre: widthOf(one.words) / 2 }[one.align];
-      return `BT ${rgb(one.colour)} rg /F1 ${SIZE_PT} Tf ${round(one.x - back)} ${round(height - one.y)} Td ${literal(one.words)} Tj ET`;
+  const ops = items.map((item) => {
+    if (item.kind === "text") {
+      const back = { left: 0, right: widthOf(item.words), centre: widthOf(item.words) / 2 }[item.align];
+      return `BT ${rgb(item.colour)} rg /F1 ${SIZE_PT} Tf ${round(item.x - back)} ${round(height - item.y)} Td ${literal(item.words)} Tj ET`;
     }
-    const points = one.points.map(([x, y], i) => `${round(x)} ${round(height - y)} ${i ? "l" : "m"}`).join(" ");
-    return `${rgb(one.colour)} RG ${one.thick} w [${one.dash.join(" ")}] 0 d ${points} S`;
+    const points = item.points.map(([x, y], i) => `${round(x)} ${round(height - y)} ${i ? "l" : "m"}`).join(" ");
+    return `${rgb(item.colour)} RG ${item.thick} w [${item.dash.join(" ")}] 0 d ${points} S`;
   });
   const content = ["1 J 1 j", ...ops].join("\n");
   const objects = [
@@ -128,9 +128,9 @@ export function pdfOf({ width, height, items }) {
     "<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica /Encoding /WinAnsiEncoding >>",
   ];
   let file = "%PDF-1.4\n";
-  const places = objects.map((one, i) => {
+  const places = objects.map((object, i) => {
     const at = file.length;
-    file += `${i + 1} 0 obj\n${one}\nendobj\n`;
+    file += `${i + 1} 0 obj\n${object}\nendobj\n`;
     return at;
   });
   const start = file.length;
@@ -164,10 +164,10 @@ export function saveButtons(make, name) {
   const width = element("select", { ariaLabel: "Width of the saved figure" },
     ...Object.entries(WIDTHS_MM).map(([label, mm]) => element("option", { value: mm, textContent: `${label}, ${mm} mm` })));
   const button = (kind, blobOf) => {
-    const one = element("button", { type: "button", textContent: kind, title: `Save this figure as ${kind}` });
-    one.dataset.save = kind.toLowerCase();
-    one.onclick = async () => save(await blobOf(inPrint(() => make(Number(width.value)))), `${name()}.${kind.toLowerCase()}`);
-    return one;
+    const saver = element("button", { type: "button", textContent: kind, title: `Save this figure as ${kind}` });
+    saver.dataset.save = kind.toLowerCase();
+    saver.onclick = async () => save(await blobOf(inPrint(() => make(Number(width.value)))), `${name()}.${kind.toLowerCase()}`);
+    return saver;
   };
   return element("span", { className: "save" }, "Save ",
     button("SVG", (sheet) => new Blob([svgOf(sheet)], { type: "image/svg+xml" })),

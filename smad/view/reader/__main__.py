@@ -4,8 +4,6 @@ It ends with its input, so it never outlives the server. What it can do needs th
 and `report`; where one is missing the answer names it.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import sys

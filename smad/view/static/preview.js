@@ -2,7 +2,7 @@
 
 import uPlot from "./style/vendor/uPlot.js";
 import { around, limitLines } from "./plot.js";
-import { axis, curve, element } from "./style/plots.js";
+import { axis, curve, element, onScheme } from "./style/plots.js";
 
 const HEIGHT = 110;
 
@@ -10,25 +10,27 @@ const sizes = new ResizeObserver((changed) => {
   for (const { target } of changed) target.plot.setSize({ width: target.clientWidth, height: HEIGHT });
 });
 
-export function drawPreviews(host, found, channel, limit) {
+onScheme(() => document.querySelectorAll(".preview").forEach((box) => box.plot?.redraw()));
+
+export function drawPreviews(host, previews, channel, limit) {
   for (const box of host.children) {
     sizes.unobserve(box);
     box.plot?.destroy();
   }
   host.replaceChildren();
-  for (const one of found) {
-    const words = element("p", { className: "small", textContent: `${one.title}: ${one.words}` });
-    words.classList.toggle("refused", one.refused);
+  for (const preview of previews) {
+    const words = element("p", { className: "small", textContent: `${preview.title}: ${preview.words}` });
+    words.classList.toggle("refused", preview.refused);
     const box = element("div", { className: "preview" }, words);
     host.append(box);
-    if (one.t_s.length > 1 && one.mm.some((value) => value != null)) {
-      box.plot = plotOf(box, one, channel, limit);
+    if (preview.t_s.length > 1 && preview.mm.some((value) => value != null)) {
+      box.plot = plotOf(box, preview, channel, limit);
       sizes.observe(box);
     }
   }
 }
 
-function plotOf(box, one, channel, limit) {
+function plotOf(box, preview, channel, limit) {
   const made = new uPlot({
     width: Math.max(box.clientWidth, 100),
     height: HEIGHT,
@@ -38,6 +40,6 @@ function plotOf(box, one, channel, limit) {
     axes: [axis({ size: 24, values: (plot, splits) => splits.map((s) => `${s} s`) }), axis({ size: 44, space: 20 })],
     series: [{}, curve("main")],
     hooks: { draw: [(plot) => limitLines(plot, "y", channel, limit)] },
-  }, [one.t_s, one.mm], box);
+  }, [preview.t_s, preview.mm], box);
   return made;
 }

@@ -10,15 +10,15 @@ export class Tiles {
 
   show(tiles, looked) {
     this.host.hidden = !tiles.length;
-    if (tiles.map((one) => one.axis).join() !== [...this.made.keys()].join()) this.build(tiles);
-    for (const one of tiles) {
-      const { box, mode, values, trouble } = this.made.get(one.axis);
-      box.setAttribute("aria-current", one.axis === looked);
-      mode.dataset.mode = one.mode;
-      setText(mode, one.mode || "–");
-      setText(values, `${shown(one.displacement_mm, 2)} mm   X ${shown(one.rtd_x_degC, 1)}   Y ${shown(one.rtd_y_degC, 1)} °C`);
-      setText(trouble, one.trouble || one.running);
-      trouble.classList.toggle("refused", Boolean(one.trouble));
+    if (tiles.map((tile) => tile.axis).join() !== [...this.made.keys()].join()) this.build(tiles);
+    for (const tile of tiles) {
+      const { box, mode, values, trouble } = this.made.get(tile.axis);
+      box.setAttribute("aria-current", tile.axis === looked);
+      mode.dataset.mode = tile.mode;
+      setText(mode, tile.mode || "–");
+      setText(values, `${shown(tile.displacement_mm, 2)} mm   X ${shown(tile.rtd_x_degC, 1)}   Y ${shown(tile.rtd_y_degC, 1)} °C`);
+      setText(trouble, tile.trouble || tile.running);
+      trouble.classList.toggle("refused", Boolean(tile.trouble));
     }
   }
 

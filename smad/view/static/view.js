@@ -126,7 +126,7 @@ function mode(name) {
 
 // What can be asked for now, and what stands against arming.
 function offer(now, anyArmed) {
-  const axes = now.conditions.map((one) => one.axis).filter(Boolean);
+  const axes = now.conditions.map((condition) => condition.axis).filter(Boolean);
   $("arm").disabled = link.axis ? !axes.length : now.armed;
   $("disarm").disabled = !anyArmed;
   $("clear").disabled = !now.trouble;
@@ -136,10 +136,10 @@ function offer(now, anyArmed) {
   setText($("record-go"), now.recording ? "Stop recording" : "Record");
   $("record-name").hidden = now.recording;
   const state = (holds) => (holds === null ? "unknown" : holds ? "holds" : "fails");
-  $("conditions").replaceChildren(...now.conditions.map((one) => element("li",
-    { className: state(one.holds) }, one.axis ? chosen(one.axis) : one.text,
-    element("span", { textContent: one.detail ? ` – ${one.detail}` : "" }))));
-  $("arm-now").disabled = now.conditions.some((one) => one.holds === false && !left.has(one.axis))
+  $("conditions").replaceChildren(...now.conditions.map((condition) => element("li",
+    { className: state(condition.holds) }, condition.axis ? chosen(condition.axis) : condition.text,
+    element("span", { textContent: condition.detail ? ` – ${condition.detail}` : "" }))));
+  $("arm-now").disabled = now.conditions.some((condition) => condition.holds === false && !left.has(condition.axis))
     || (axes.length > 0 && axes.every((axis) => left.has(axis)));
   toArm = axes.filter((axis) => !left.has(axis));
 }
@@ -150,7 +150,7 @@ function chosen(axis) {
   box.onchange = () => {
     left[box.checked ? "delete" : "add"](axis);
     // At once: who clicks before the next status must not arm it.
-    toArm = box.checked ? [...toArm, axis] : toArm.filter((one) => one !== axis);
+    toArm = box.checked ? [...toArm, axis] : toArm.filter((name) => name !== axis);
     if (!toArm.length) $("arm-now").disabled = true;
   };
   return element("label", {}, box, ` ${axis}`);
@@ -181,7 +181,7 @@ function moving(kinds, channel, limit) {
   $("kind").replaceChildren(...kinds.map((kind) => element("option", { value: kind.tag, textContent: kind.title })));
   $("kind").value = chosen;
   const fill = () => {
-    const kind = kinds.find((one) => one.tag === $("kind").value);
+    const kind = kinds.find((form) => form.tag === $("kind").value);
     $("move").replaceChildren(element("p", { className: "small", textContent: kind.about }));
     const read = build($("move"), kind);
     $("move").append(element("div", { className: "row" },

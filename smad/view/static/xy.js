@@ -16,33 +16,33 @@ export class XyPlots {
   constructor(host, data, view, layout) {
     Object.assign(this, { host, data, view, layout });
     this.plots = [];
-    this.sizes = new ResizeObserver(() => this.plots.forEach((one) => one.resize()));
+    this.sizes = new ResizeObserver(() => this.plots.forEach((xy) => xy.resize()));
     this.sizes.observe(host);
     this.build();
   }
 
   build() {
-    this.plots.forEach((one) => one.plot.destroy());
+    this.plots.forEach((xy) => xy.plot.destroy());
     this.plots = this.layout.xy.map((pair, at) => new Xy(this, pair, at));
-    this.host.replaceChildren(...this.plots.map((one) => one.box));
-    this.plots.forEach((one) => one.resize());
+    this.host.replaceChildren(...this.plots.map((xy) => xy.box));
+    this.plots.forEach((xy) => xy.resize());
   }
 
   close() {
     this.sizes.disconnect();
-    this.plots.forEach((one) => one.plot.destroy());
+    this.plots.forEach((xy) => xy.plot.destroy());
   }
 
   draw() {
-    for (const one of this.plots) one.draw();
+    for (const xy of this.plots) xy.draw();
   }
 
   // Show where the pair was at a time.
   point(at) {
-    for (const one of this.plots) {
-      one.at = at == null ? null : nearest(one.points.t, at);
-      one.plot.redraw(false);
-      one.label();
+    for (const xy of this.plots) {
+      xy.at = at == null ? null : nearest(xy.points.t, at);
+      xy.plot.redraw(false);
+      xy.label();
     }
   }
 }
@@ -192,9 +192,9 @@ class Xy {
     if (this.told === text) return;
     this.told = text;
     this.cycles.replaceChildren(...(numbers.length ? [" cycle"] : []), ...numbers.map((number) => {
-      const one = element("b", { textContent: ` ${number + 1}` });
-      one.style.color = colourOf(number);
-      return one;
+      const mark = element("b", { textContent: ` ${number + 1}` });
+      mark.style.color = colourOf(number);
+      return mark;
     }));
   }
 }

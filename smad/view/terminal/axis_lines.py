@@ -1,7 +1,5 @@
 """What each axis of a bench does, a line each. Pure."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 from smad.api import AxisStatus, Motion, Percentiles

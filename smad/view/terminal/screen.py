@@ -1,7 +1,5 @@
 """What `smad status --watch` shows: lines of text that fit a terminal. Pure."""
 
-from __future__ import annotations
-
 import textwrap
 import time
 from collections import deque
@@ -80,7 +78,8 @@ def screen(
     if columns < LEAST_COLUMNS or rows < LEAST_ROWS:
         needed = f"This needs {LEAST_COLUMNS} columns and {LEAST_ROWS} rows."
         return [Line(text[:columns]) for text in (needed, KEYS)][:rows]
-    pinned = [*_away(away), *(() if now is None else _pinned(now, columns))]
+    pinned = [Line(f"NOT LIVE: {away}", "bad")] if away else []
+    pinned += () if now is None else _pinned(now, columns)
     foot = [Line(said), Line(KEYS, "title")]
     middle = [] if now is None else [*_measured(now, history, columns), *_facts(now)]
     room = rows - len(pinned) - len(foot)
@@ -89,11 +88,6 @@ def screen(
     middle = middle[:room]
     middle += [Line("")] * (room - len(middle))
     return [Line(line.text[:columns], line.style) for line in (*pinned, *middle, *foot)]
-
-
-def _away(why: str) -> Iterator[Line]:
-    if why:
-        yield Line(f"NOT LIVE: {why}", "bad")
 
 
 def _pinned(now: Status, columns: int) -> Iterator[Line]:

@@ -1,9 +1,8 @@
 """`smad status`: everything about the bench in lines. Pure."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
+from functools import partial
 
 import click
 
@@ -16,6 +15,7 @@ from smad.view.terminal.axis_lines import aged, axis_lines, number
 
 _EVENTS = 5
 _LABEL = 11
+_green, _red, _yellow = (partial(click.style, fg=name) for name in ("green", "red", "yellow"))
 
 
 def lines(now: Status) -> Iterator[str]:
@@ -148,15 +148,3 @@ def _spread(part: Percentiles) -> str:
     if part.count == 0:
         return "no samples yet"
     return f"p50 {part.p50_us:.0f} µs, p99 {part.p99_us:.0f} µs, p99.9 {part.p999_us:.0f} µs"
-
-
-def _green(text: str) -> str:
-    return click.style(text, fg="green")
-
-
-def _red(text: str) -> str:
-    return click.style(text, fg="red")
-
-
-def _yellow(text: str) -> str:
-    return click.style(text, fg="yellow")

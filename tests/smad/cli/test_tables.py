@@ -6,8 +6,10 @@ from pathlib import Path
 import pytest
 
 from smad.cli import execute, tables
+from smad.cli.status import folded
 from smad.experiments.campaign import left
 from smad.report.page import Table
+from smad.view.terminal.status_lines import labelled
 from tests.smad.runlog.helpers import write_small_run
 
 WIDE = Table(
@@ -99,3 +101,12 @@ def test_the_list_of_run_logs_keeps_every_word_whole(width: int) -> None:
     for name, cell in zip(header, rows[0], strict=True):
         assert name in shown
         assert name in left_out or all(word in shown for word in cell.split())
+
+
+def test_a_line_of_the_status_goes_on_below_its_text() -> None:
+    line = labelled("link", "ttyACM0, 115200 baud, 100 Hz, 3213 samples, 0 missed, 0 skipped")
+    first, second = folded(line, 60).splitlines()
+    assert first.startswith("link        ttyACM0")
+    assert second.index(second.strip()) == 12
+    assert max(len(first), len(second)) <= 60
+    assert folded(line, 200) == line

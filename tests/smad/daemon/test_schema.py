@@ -13,7 +13,7 @@ from jsonschema import Draft202012Validator
 
 from smad.api import METHODS
 from smad.daemon.command.rpc import request_union
-from smad.daemon.command.schema import TARGET, main, schema
+from tools.commands_schema import TARGET, main, schema
 
 MATLAB = Path(__file__).resolve().parents[3] / "examples/matlab/command_bench.m"
 _STRINGS = re.compile(r"'([^'\n]*)'")

@@ -16,6 +16,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from bench.browser import LivePage, credentials_of, live_page, resize
+from smad.client.arming import arm_when_allowed
 from smad.control.commands import Tune
 from smad.runlog.reader import read_run
 from smad.style.strips import LAYOUT
@@ -254,7 +255,7 @@ def test_the_link_for_watching_has_stop_and_no_other_button_that_commands(
             "mm" in d.execute_script("return document.querySelector('.strip .value').textContent")
         ),
     )
-    bench.client.arm()
+    arm_when_allowed(bench.client, PATIENCE_S)
     until(chromium, lambda d: text_of(d, "mode") == "ARMED")
     click(chromium, "#stop")
     until(chromium, lambda d: text_of(d, "mode") in ("COOL", "SAFE"))

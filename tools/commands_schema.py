@@ -1,10 +1,8 @@
 """The JSON schema of the commands, made from the types that the daemon decodes.
 
-`python -m smad.daemon.command.schema` writes `smad/commands.schema.json`; with `--check` it only
+`python -m tools.commands_schema` writes `smad/commands.schema.json`; with `--check` it only
 says whether that is stale, and ends with status 1 if so.
 """
-
-from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
