@@ -202,7 +202,7 @@ class _Search:
                 continue
             candidates = self._screened(base)
             gain = max((s.gain for s in candidates if s.part.name == name), default=0.0)
-            fits = _Fits(question, self.nominal)
+            fits = _Fits(question, self.nominal, np.inf)
             for s in [s for s in candidates if s.gain > gain][:_SCREENED]:
                 fits.begin(EFFECT, s.reference, s.part, s.coordinates)
             ranked = question.ranked([replace(current, kind=EFFECT, name=name), *fits.rivals()])
@@ -234,7 +234,8 @@ class _Search:
         here = None if current.fit is None else rebased(e, current.fit)
         if here is None:
             return []
-        fits = _Fits(question, self.nominal)
+        without = question.gap(current)
+        fits = _Fits(question, self.nominal, without)
         references = [here]
         if first and question.tied is None:
             # Where the parameters have moved to imitate an effect it is hidden.
@@ -250,7 +251,7 @@ class _Search:
         space = LawSpace.at(e, here, question.tau, self.responses, question.say)
         self.responses = space.responses
         present = {part.name for part in here.model.parts}
-        laws = _Fits(question, self.nominal, least=fits.least)
+        laws = _Fits(question, self.nominal, without, fits.least)
         for law in space.selected()[:_LAWS]:
             if law.part.name not in present:
                 laws.begin(LAW, here, law.part, law.coordinates)
@@ -265,11 +266,14 @@ def _same(ranked: Sequence[Rival]) -> list[Rival]:
 class _Fits:
     """Fits that compete: a few rounds for all, the best go on to their end.
 
-    `least` is the least F of a fit so far.
+    `without` is the gap of the simulator without them, `least` the least F of a fit so far.
     """
 
-    def __init__(self, question: Question, nominal: Reference, least: float = float("inf")) -> None:
+    def __init__(
+        self, question: Question, nominal: Reference, without: float, least: float = float("inf")
+    ) -> None:
         self.least = least
+        self._without = without
         self._question, self._nominal = question, nominal
         self._found: dict[str, tuple[str, Fit]] = {}
 
@@ -305,10 +309,19 @@ class _Fits:
         kinds = {name: kind for name, (kind, _) in self._found.items()}
         scored = {name: question.rival(kinds[name], name, f) for name, f in fits.items()}
         for name in near:
-            scored[name] = question.parameters_kept_if_likelier(
-                scored[name], kinds[name], name, fits[name], self._nominal
-            )
+            scored[name] = self._steadied(scored[name], kinds[name], name, fits[name])
         return [r for r in scored.values() if r is not None]
+
+    def _steadied(self, rival: Rival | None, kind: str, name: str, fitted: Fit) -> Rival | None:
+        """The rival with the parameters where they were if that is likelier, and a cause as well.
+
+        What leaves more than the simulator without a part explains nothing.
+        """
+        question = self._question
+        made = question.parameters_kept_if_likelier(rival, kind, name, fitted, self._nominal)
+        if rival is None or made is None:
+            return made
+        return made if question.gap(made) < max(self._without, question.gap(rival)) else rival
 
 
 def _best(fits: dict[str, Fit]) -> list[str]:
