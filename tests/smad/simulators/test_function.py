@@ -20,7 +20,7 @@ from smad.simulators.bind import bind
 from smad.simulators.columns import csv_format
 from smad.simulators.errors import SimulatorError
 from smad.simulators.starts import Starts
-from smad.simulators.windows import choose_window
+from smad.simulators.windows import choose_window, forgets_its_start
 from tests.smad.simulators.systems import (
     declared_heater,
     declared_pendulum,
@@ -438,6 +438,23 @@ def test_runs_that_a_model_follows_are_replayed_whole() -> None:
     assert choose_window(bound.plant.plain, bound.groups[0], None) == (0.0, "")
     heated = bind(declared_heater(), RUNS)
     assert choose_window(heated.plant.plain, heated.groups[0], None) == (0.0, "")
+
+
+@pytest.mark.parametrize("forgotten", [0.0, 0.05])
+def test_a_model_that_forgets_its_start_needs_no_windows(forgotten: float) -> None:
+    def tank(t, inputs, values, start):
+        level, shown = start["level_m"], []
+        for flow in inputs["flow"].tolist():
+            shown.append(level)
+            level += values["gain"] * flow - forgotten * level
+        return {"level_m": shown}
+
+    rng = np.random.default_rng(1)
+    flow, level = rng.standard_normal((2, 400))
+    run = {"t_s": 0.1 * np.arange(400), "flow": flow, "level_m": 0.1 * level.cumsum()}
+    bound = bind(simulator(tank, parameters={"gain": (0.1, 0.05, 0.2)}), run)
+    ((admitted,),) = bound.groups
+    assert forgets_its_start(bound.plant.plain, admitted) == bool(forgotten)
 
 
 @pytest.mark.parametrize("value", [0.0, 0.3])
