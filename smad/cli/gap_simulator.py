@@ -48,10 +48,9 @@ def simulator_options(command: _F) -> _F:
 processes_option = click.option(
     "--processes",
     type=click.IntRange(1),
-    default=1,
-    show_default=True,
     metavar="N",
-    help="With --mjcf or --fmu: replay in so many processes, for a model that takes long.",
+    help="With --mjcf or --fmu: replay in so many processes (default: 1; for a slow MuJoCo model "
+    "as many as cores).",
 )
 
 

@@ -28,7 +28,7 @@ from smad.records.column_names import unit_in
 from smad.records.tables import left_out, read_columns, require_rising
 from smad.records.units import UNITS, convert, spelt, units_for
 from smad.runlog.paths import names_of
-from smad.simulators.asking import announce, on_standard_error
+from smad.simulators.expected import expected, on_standard_error
 from smad.simulators.planning import Plan
 from smad.simulators.processes import in_processes
 from smad.simulators.rating import rate
@@ -72,7 +72,9 @@ def diagnose_unit(
     try:
         with in_processes(plant, processes):
             every = [*asked, *known, *held_out]
-            announce(with_places(plant), every, _replay_s(plant, every[0]), processes, announced)
+            takes = expected(with_places(plant), every, _replay_s(plant, every[0]))
+            if takes.slow:
+                announced(takes.words(processes, chosen=False))
             if any(isinstance(v, str) for v in mapped.start.values()):
                 plant.window_s, why = choose_window(plant, asked, mapped.window_s)
             answer = diagnose(asked, plant=plant, good=known, hold_out=held_out, progress=progress)

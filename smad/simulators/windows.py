@@ -15,6 +15,7 @@ import numpy as np
 from smad.diagnosis.data.admission import row_of_admitted_s
 from smad.diagnosis.data.columns import filled, up_to_first_hole
 from smad.diagnosis.data.grid import row_length_s
+from smad.diagnosis.numerics.threads import each
 from smad.diagnosis.plant import (
     Array,
     Mask,
@@ -22,6 +23,7 @@ from smad.diagnosis.plant import (
     PlantModel,
     moved_parameters,
     nominal_point,
+    traits_of,
 )
 from smad.diagnosis.runs import GapRun
 from smad.simulators.errors import SimulatorError
@@ -182,7 +184,7 @@ def _replayed(
 ) -> list[dict[str, Array]]:
     before, plant.window_s = plant.window_s, window_s
     try:
-        return [plant.simulate(point, run) for run in runs]
+        return each(lambda run: plant.simulate(point, run), runs, traits_of(plant).together)
     finally:
         plant.window_s = before
 

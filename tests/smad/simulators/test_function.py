@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from smad.simulators import Missing, diagnose, plan, simulator
 from smad.simulators.bind import bind
 from smad.simulators.columns import csv_format
 from smad.simulators.errors import SimulatorError
+from smad.simulators.expected import Expected, expected, spaced
 from smad.simulators.starts import Starts
 from smad.simulators.windows import choose_window, forgets_its_start
 from tests.smad.simulators.systems import (
@@ -371,20 +373,42 @@ def test_a_slow_function_says_beforehand_how_long_the_whole_will_take(
     clock = iter(np.arange(0.0, 1e6, 1.0))
     monkeypatch.setattr("smad.simulators.checks.time.perf_counter", lambda: float(next(clock)))
     told: list[str] = []
-    diagnose(RUNS, declared_heater(), progress=told.append)
-    assert re.match(r"smad: a replay takes 1 s: about \d+ min in all", capsys.readouterr().err)
+    diagnose(RUNS, declared_heater(), progress=told.append, processes=1)
+    assert re.match(r"smad: a replay takes 1 s: \d+ min to \d+ min in all", capsys.readouterr().err)
     assert "choosing a window" in told
 
 
-def test_the_time_that_is_told_is_near_the_replays_that_are_made() -> None:
-    from smad.simulators.asking import seconds_expected
-
+@pytest.mark.parametrize(("candidates", "share"), [(None, "low_s"), ((), "high_s")])
+def test_the_time_that_is_told_is_near_the_replays_that_are_made(candidates, share: str) -> None:
     bound = bind(declared_heater(), RUNS)
-    expected = seconds_expected(bound.plant, bound.groups[0], 1.0)
-    answer = diagnose(RUNS, declared_heater())
+    takes = expected(bound.plant, bound.groups[0], 1.0)
+    answer = diagnose(RUNS, declared_heater(), candidates=candidates)
     assert answer.search is not None
     made = answer.search.question.model.plant.plain.failures.replays
-    assert made / 3 < expected < 3 * made
+    assert made / 3 < getattr(takes, share) < 3 * made
+
+
+def test_a_slow_function_replays_in_all_cores_unless_it_cannot_be_forked(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("smad.simulators.expected._cores", lambda: 8)
+    slow, quick = Expected(0.02, 20.0, 300.0, 5), Expected(0.001, 1.0, 15.0, 5)
+    assert [e.processes(n) for e in (slow, quick) for n in (None, 3)] == [8, 3, 1, 3]
+    text = "a replay takes 0.02 s: 4 s to 60 s in all in 8 processes (processes = 1: in this one)"
+    assert slow.words(8, chosen=True) == text
+    assert slow.words(1, chosen=False).endswith(
+        "20 s to 5 min in all; processes = 8 uses all cores"
+    )
+    monkeypatch.setitem(sys.modules, "jax", None)
+    assert slow.processes(None) == 1
+
+
+def test_a_slow_function_says_every_ten_seconds_what_it_does() -> None:
+    clock, said = iter([0.0, 4.0, 11.0, 15.0, 30.0]), list[str]()
+    say = spaced(said.append, lambda: next(clock))
+    for text in ("parameters", "fitting a", "fitting b", "fitting c"):
+        say(text)
+    assert said == ["11 s: fitting a", "30 s: fitting c"]
 
 
 def test_a_pendulum_whose_whole_runs_are_lost_is_replayed_in_windows_and_its_friction_found() -> (
