@@ -145,6 +145,24 @@ def test_a_column_that_no_run_changes_and_one_that_is_not_read_are_said() -> Non
     assert "does not read: humidity" in said
 
 
+@pytest.mark.parametrize("column", ["cooler_degF", "coler_degC", "cooler"])
+def test_an_output_that_is_likely_a_column_under_another_name_is_asked_about(column: str) -> None:
+    def two(t, inputs, values, start):
+        shown = heater(t, inputs, {**values, "room_degC": 22.0, "slow_sensor": 0.0}, start)
+        return {**shown, "cooler_degC": shown["temperature_degC"], "charge_A_s": t}
+
+    declared, run = simulator(two, parameters=PARAMETERS), RUNS[0]
+    (said,) = bind(declared, [run]).said
+    assert "outputs that no column is: cooler_degC, charge_A_s" in said
+    words = f"two returns cooler_degC, which no column is, and does not read column {column}"
+    if column == "cooler_degF":  # it is converted
+        (said,) = bind(declared, [{**run, column: 1.8 * run["temperature_degC"] + 32.0}]).said
+        assert "outputs that no column is: charge_A_s" in said
+    else:
+        with pytest.raises(SimulatorError, match=words):
+            bind(declared, [{**run, column: run["temperature_degC"]}])
+
+
 class Drawing:
     def __init__(self) -> None:
         self.rng = np.random.default_rng(0)
@@ -223,11 +241,23 @@ def test_a_function_that_cannot_be_asked_is_refused_by_what_is_wrong_with_it(
         ({"parameters": {}, "effects": {"e": (0.0, 0.0, 1.0)}}, "effect e must allow 0"),
         ({"parameters": {}, "effects": {"e": (2.0, 1.0, 3.0)}}, "effect e must allow 0"),
         ({"parameters": {"a": (1.0, 0.0, 3.0)}, "effects": {"a": 1.0}}, "two values .* one name"),
+        (
+            {"parameters": {"mass_m": (1.0, 0.5, 2.0)}},
+            r"mass_m is a mass by its name.* of a length; got m; allowed: kg, g; name it mass_kg",
+        ),
+        ({"parameters": {}, "effects": {"valve_delay_mm": 1.0}}, "valve_delay_mm is a time by"),
     ],
 )
 def test_numbers_that_cannot_be_a_parameter_or_an_effect_are_refused(given, words: str) -> None:
     with pytest.raises(SimulatorError, match=words):
         simulator(heater, **given)
+
+
+def test_a_value_that_is_called_by_another_unit_is_used_where_its_unit_is_given() -> None:
+    given = {"mass_m": (1.0, 0.5, 2.0)}
+    declared = simulator(heater, parameters=given, units={"mass_m": "kg"}, effects={"rub": 1.0})
+    assert declared.parameters[0].unit == "kg"
+    assert declared.effects[0].places == ("equation of heater with rub",)
 
 
 def test_shapes_of_an_effect_reach_the_function_beside_its_size() -> None:
