@@ -49,7 +49,7 @@ def diagnose_unit(
     good: Sequence[Path] = (),
     hold_out: Sequence[Path] = (),
     trusted: Sequence[str] = (),
-    processes: int = 1,
+    processes: int | None = None,
     progress: Say = silent,
     announced: Say = on_standard_error,
 ) -> Answer:
@@ -70,11 +70,12 @@ def diagnose_unit(
     asked, known, held_out = ([read(p) for p in paths] for paths in (runs, good, hold_out))
     plant.window_s, why = 0.0, ""
     try:
-        with in_processes(plant, processes):
+        count = processes or 1
+        with in_processes(plant, count):
             every = [*asked, *known, *held_out]
             takes = expected(with_places(plant), every, _replay_s(plant, every[0]))
             if takes.slow:
-                announced(takes.words(processes, chosen=False))
+                announced(takes.words(count, chosen=False))
             if any(isinstance(v, str) for v in mapped.start.values()):
                 plant.window_s, why = choose_window(plant, asked, mapped.window_s)
             answer = diagnose(asked, plant=plant, good=known, hold_out=held_out, progress=progress)
