@@ -88,7 +88,7 @@ class Describer:
             )  # fmt: skip
         return list(out.values())
 
-    def trajectories(self, question: Question, fitted: Fit) -> list[dict[str, Array]]:
+    def trajectories(self, question: Question, fitted: Fit) -> list[Mapping[str, Array]]:
         """The states of a fit in its runs."""
         return [
             self.plant.trajectory(fitted.point, p.run, fast=True) for p in question.evidence.played
