@@ -68,8 +68,8 @@ class RunRecord(msgspec.Struct, frozen=True):
 
 class LawTerm(msgspec.Struct, frozen=True, kw_only=True):
     """A term of a law: what it goes with in `words`, its `slopes` by spring with their standard
-    deviations `sd`, in `unit`. `state` is the state's name; `alike` are states, in words, that
-    change with it in these runs, so that the term may go with any of them."""
+    deviations `sd`, in `unit`. `state` is the state's name; `alike` says from which others
+    these runs do not tell it."""
 
     name: str
     state: str
@@ -77,7 +77,7 @@ class LawTerm(msgspec.Struct, frozen=True, kw_only=True):
     slopes: dict[str, float]
     sd: dict[str, float]
     unit: str
-    alike: list[str] = []
+    alike: str = ""
 
     @property
     def text(self) -> str:

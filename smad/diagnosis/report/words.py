@@ -76,18 +76,9 @@ def cause_lines(cause: Cause) -> list[str]:
         *rival_lines(cause.rivals),
         *_entry("values", [v.text for v in cause.values if refitted]),
         *_entry("law", [t.text for t in cause.read]),
-        *_entry("alike", alike_words(cause)),
+        *_entry("alike", list(dict.fromkeys(t.alike for t in cause.read if t.alike))),
         *_entry("name", [name_words(cause)]),
         *_entry("place", [place_words(cause)]),
-    ]
-
-
-def alike_words(cause: Cause) -> list[str]:
-    """Which states of a law these runs do not tell from others."""
-    alike = {t.state: t.alike for t in cause.read if t.alike}
-    return [
-        f"these runs do not tell {state} from {' or '.join(names)}"
-        for state, names in alike.items()
     ]
 
 

@@ -84,9 +84,16 @@ class Describer:
             spread[law.side] = place.scale * float(deviation) / span
             out[term.name] = LawTerm(
                 name=term.name, state=state, words=words, slopes=slopes, sd=spread, unit=unit,
-                alike=[self.plant.state_words(place.name, n)[0] for n in alike(state, seen)],
+                alike=self._alike(place.name, state, seen),
             )  # fmt: skip
         return list(out.values())
+
+    def _alike(self, place: str, state: str, seen: Sequence[Mapping[str, Array]]) -> str:
+        """Which states the runs do not tell from one, in words; empty where there are none."""
+        names = [self.plant.state_words(place, n)[0] for n in (state, *alike(state, seen)) if n]
+        if len(names) < 2:
+            return ""
+        return f"these runs do not tell {names[0]} from {' or '.join(names[1:])}"
 
     def trajectories(self, question: Question, fitted: Fit) -> list[Mapping[str, Array]]:
         """The states of a fit in its runs."""
