@@ -55,7 +55,7 @@ class Expected:
         )
         if processes > 1:
             return f"{text} in {processes} processes" + " (processes = 1: in this one)" * chosen
-        return f"{text}; processes = {cores} uses all cores" if cores > 1 else text
+        return f"{text}; processes = {cores} (--processes) uses all cores" if cores > 1 else text
 
 
 def expected(plant: PlacesPlant, runs: Sequence[GapRun], replay_s: float) -> Expected:

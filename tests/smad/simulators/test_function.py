@@ -427,7 +427,7 @@ def test_a_slow_function_replays_in_all_cores_unless_it_cannot_be_forked(
     text = "a replay takes 0.02 s: 4 s to 60 s in all in 8 processes (processes = 1: in this one)"
     assert slow.words(8, chosen=True) == text
     assert slow.words(1, chosen=False).endswith(
-        "20 s to 5 min in all; processes = 8 uses all cores"
+        "20 s to 5 min in all; processes = 8 (--processes) uses all cores"
     )
     monkeypatch.setitem(sys.modules, "jax", None)
     assert slow.processes(None) == 1
