@@ -50,7 +50,7 @@ processes_option = click.option(
     type=click.IntRange(1),
     metavar="N",
     help="With --mjcf or --fmu: replay in so many processes (default: 1; for a slow MuJoCo model "
-    "as many as cores).",
+    "all idle cores).",
 )
 
 

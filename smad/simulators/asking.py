@@ -41,7 +41,7 @@ def diagnose(
     opinion does not refuse. `window_s`: see `choose_window`. `time` is the column of the time where
     it has none of the usual names; `csv` says how tables are written, as [csv] of a mapping file:
     {"decimal": ","}. A long computation is `announced` and replays in `processes`, by default one
-    for each core; `progress` is told what is going on (`print`). Both are standard error by
+    for each idle core; `progress` is told what is going on (`print`). Both are standard error by
     default. What was taken by default stands in the verdict's notes. Raises SimulatorError,
     RunLogError and GapError.
     """

@@ -40,11 +40,12 @@ class Expected:
         return self.high_s > _SLOW_S
 
     def processes(self, asked: int | None) -> int:
-        """As many as were asked for; None: one for each core for what is slow and can be forked."""
+        """As many as were asked for; None: one for each idle core for what is slow and can be
+        forked. On a busy one the way there and back takes longer than a replay."""
         if asked is not None:
             return asked
         forks = sys.platform == "linux" and not any(name in sys.modules for name in _NO_FORK)
-        return _cores() if self.slow and forks else 1
+        return max(_cores() - _busy(), 1) if self.slow and forks else 1
 
     def words(self, processes: int, *, chosen: bool) -> str:
         """What is announced; `chosen`: nobody asked for so many processes."""
@@ -95,6 +96,10 @@ def on_standard_error(text: str) -> None:
 
 def _cores() -> int:
     return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+
+
+def _busy() -> int:
+    return round(os.getloadavg()[0])
 
 
 def _span(low_s: float, high_s: float) -> str:

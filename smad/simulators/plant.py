@@ -177,10 +177,13 @@ class SimulatedPlant:
         out = {n: np.full(len(whole.t_s), np.nan) for n in self._signals}
         self.failures.replays += 1
         try:
-            for a, b, start in self.windows(whole):
-                part = {n: v[a:b] for n, v in given.items()}
-                play = self.play if self.processes is None else self.processes.called
-                shown = play(whole.t_s[a:b], part, dict(values), dict(start))
+            windows = self.windows(whole)
+            parts = [
+                (whole.t_s[a:b], {n: v[a:b] for n, v in given.items()}, dict(start))
+                for a, b, start in windows
+            ]
+            play = self.play if self.processes is None else self.processes.called
+            for (a, b, _), shown in zip(windows, play(dict(values), parts), strict=True):
                 for name in self._signals:
                     out[name][a:b] = shown[name]
         except Exception as error:  # whatever somebody else's function does at some point
@@ -204,13 +207,12 @@ class SimulatedPlant:
 
     def play(
         self,
-        t_s: Array,
-        inputs: Mapping[str, Array],
         values: Mapping[str, float],
-        start: Mapping[str, float],
-    ) -> dict[str, Array]:
-        """One call of the function; see `called`."""
-        return called(self.declared, t_s, inputs, values, start)
+        parts: Sequence[tuple[Array, Mapping[str, Array], Mapping[str, float]]],
+    ) -> list[dict[str, Array]]:
+        """What the function shows of the channels of each part of a run: times, inputs, start."""
+        shown = [called(self.declared, t_s, inputs, values, start) for t_s, inputs, start in parts]
+        return [{n: y[n] for n in self._signals} for y in shown]
 
     def _failed(self, why: str, values: Mapping[str, float]) -> None:
         self.failures.failed += 1

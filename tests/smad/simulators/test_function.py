@@ -418,10 +418,11 @@ def test_the_time_that_is_told_is_near_the_replays_that_are_made(candidates, sha
     assert made / 3 < getattr(takes, share) < 3 * made
 
 
-def test_a_slow_function_replays_in_all_cores_unless_it_cannot_be_forked(
+def test_a_slow_function_replays_in_all_idle_cores_unless_it_cannot_be_forked(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("smad.simulators.expected._cores", lambda: 8)
+    monkeypatch.setattr("smad.simulators.expected._busy", lambda: 0)
     slow, quick = Expected(0.02, 20.0, 300.0, 5), Expected(0.001, 1.0, 15.0, 5)
     assert [e.processes(n) for e in (slow, quick) for n in (None, 3)] == [8, 3, 1, 3]
     text = "a replay takes 0.02 s: 4 s to 60 s in all in 8 processes (processes = 1: in this one)"
@@ -429,6 +430,10 @@ def test_a_slow_function_replays_in_all_cores_unless_it_cannot_be_forked(
     assert slow.words(1, chosen=False).endswith(
         "20 s to 5 min in all; processes = 8 (--processes) uses all cores"
     )
+    for busy, count in ((5, 3), (20, 1)):
+        monkeypatch.setattr("smad.simulators.expected._busy", lambda busy=busy: busy)
+        assert slow.processes(None) == count
+    monkeypatch.setattr("smad.simulators.expected._busy", lambda: 0)
     monkeypatch.setitem(sys.modules, "jax", None)
     assert slow.processes(None) == 1
 
