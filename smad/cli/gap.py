@@ -79,7 +79,7 @@ def diagnose(
     mjcf: Path | None,
     map_path: Path | None,
     window_s: float | None,
-    processes: int,
+    processes: int | None,
 ) -> None:
     """Say where model and RUNs disagree, which effect or law is missing, and how much of the gap
     it explains.
@@ -102,7 +102,7 @@ def diagnose(
     require_pairs(fmu, mjcf, map_path)
     if fmu is not None and model_path is not None:
         raise click.UsageError("no model of a unit can be written; leave --apply out with --fmu")
-    if processes > 1 and not (fmu or mjcf):
+    if processes is not None and not (fmu or mjcf):
         raise click.UsageError("--processes is of --fmu and --mjcf; leave it out")
     with clean_errors():
         if map_path is not None and (fmu or mjcf):

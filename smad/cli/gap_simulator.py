@@ -48,10 +48,9 @@ def simulator_options(command: _F) -> _F:
 processes_option = click.option(
     "--processes",
     type=click.IntRange(1),
-    default=1,
-    show_default=True,
     metavar="N",
-    help="With --mjcf or --fmu: replay in so many processes, for a model that takes long.",
+    help="With --mjcf or --fmu: replay in so many processes (default: 1; for a slow MuJoCo model "
+    "all idle cores).",
 )
 
 
@@ -79,37 +78,20 @@ def diagnosed_elsewhere(
     mjcf: Path | None,
     map_path: Path,
     window_s: float | None,
-    processes: int,
+    processes: int | None,
 ) -> Answer:
     """The answer for a simulator that is not ours."""
     with progress() as line:
+        common: dict[str, Any] = {
+            "good": good, "hold_out": hold_out, "trusted": trusted, "processes": processes,
+            "progress": line.say, "announced": line.note,
+        }  # fmt: skip
         if mjcf is not None:
             from smad.simulators.mjcf.asked import diagnose_mjcf
 
-            return diagnose_mjcf(
-                mjcf,
-                map_path,
-                runs,
-                good=good,
-                hold_out=hold_out,
-                trusted=trusted,
-                window_s=window_s,
-                processes=processes,
-                progress=line.say,
-                announced=line.note,
-            )
+            return diagnose_mjcf(mjcf, map_path, runs, window_s=window_s, **common)
         from smad.fmi.asked import diagnose_unit
 
         assert fmu is not None
         warn_of(fmu)
-        return diagnose_unit(
-            fmu,
-            map_path,
-            runs,
-            good=good,
-            hold_out=hold_out,
-            trusted=trusted,
-            processes=processes,
-            progress=line.say,
-            announced=line.note,
-        )
+        return diagnose_unit(fmu, map_path, runs, **common)

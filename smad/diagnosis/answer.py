@@ -248,6 +248,7 @@ def _cause(
         place = part.places[0]
     side = part.candidate.side if isinstance(part, LawPart) else BOTH
     about = next((p for p in plant.places if p.name == place), None)
+    trajectories = described.trajectories(question, stage.fit) if isinstance(part, LawPart) else []
     return Cause(
         kind=EFFECT if isinstance(part, EffectPart) else LAW,
         name=part.name if isinstance(part, EffectPart) else "",
@@ -264,8 +265,10 @@ def _cause(
         values=described.values(part, coordinates, deviations)
         if isinstance(part, EffectPart)
         else [],
-        terms=described.terms(part, coordinates, deviations) if isinstance(part, LawPart) else [],
-        largest=described.largest(part, coordinates, question, stage.fit)
+        terms=described.terms(part, coordinates, deviations, trajectories)
+        if isinstance(part, LawPart)
+        else [],
+        largest=described.largest(part, coordinates, question, trajectories)
         if isinstance(part, LawPart)
         else 0.0,
         unit=about.unit if about is not None else "",

@@ -25,6 +25,8 @@ _NAMED = 2
 """Names beside the first one that a heading lists."""
 _UNITS = {"degC": "°C", "Ohm": "Ω", "1": ""}
 _MOST_DECIMALS, _LARGE = 5, 1e5
+_UNEXPLAINED_FLOORS = 1.5
+"""Floors are known to a third, runs differ: from here on a gap is more than noise."""
 
 
 def unit_words(unit: str) -> str:
@@ -66,7 +68,8 @@ class RunRecord(msgspec.Struct, frozen=True):
 
 class LawTerm(msgspec.Struct, frozen=True, kw_only=True):
     """A term of a law: what it goes with in `words`, its `slopes` by spring with their standard
-    deviations `sd`, in `unit`. `state` is the state's name."""
+    deviations `sd`, in `unit`. `state` is the state's name; `alike` says from which others
+    these runs do not tell it."""
 
     name: str
     state: str
@@ -74,6 +77,7 @@ class LawTerm(msgspec.Struct, frozen=True, kw_only=True):
     slopes: dict[str, float]
     sd: dict[str, float]
     unit: str
+    alike: str = ""
 
     @property
     def text(self) -> str:
@@ -342,6 +346,7 @@ def headline_of(
 
 
 def _goes(before: float, after: float) -> str:
-    """A gap that shrinks, with the digits that show it."""
+    """A gap that shrinks, with the digits that show it, and what is left of it above the noise."""
     digits = 1 if f"{before:.1f}" != f"{after:.1f}" else 2
-    return f"the gap goes from {before:.{digits}f} to {after:.{digits}f} floors"
+    left = f", {after:.{digits}f} floors stay unexplained" if after > _UNEXPLAINED_FLOORS else ""
+    return f"the gap goes from {before:.{digits}f} to {after:.{digits}f} floors{left}"

@@ -28,7 +28,7 @@ from smad.records.column_names import unit_in
 from smad.records.tables import left_out, read_columns, require_rising
 from smad.records.units import UNITS, convert, spelt, units_for
 from smad.runlog.paths import names_of
-from smad.simulators.asking import announce, on_standard_error
+from smad.simulators.expected import expected, on_standard_error
 from smad.simulators.planning import Plan
 from smad.simulators.processes import in_processes
 from smad.simulators.rating import rate
@@ -49,7 +49,7 @@ def diagnose_unit(
     good: Sequence[Path] = (),
     hold_out: Sequence[Path] = (),
     trusted: Sequence[str] = (),
-    processes: int = 1,
+    processes: int | None = None,
     progress: Say = silent,
     announced: Say = on_standard_error,
 ) -> Answer:
@@ -70,9 +70,12 @@ def diagnose_unit(
     asked, known, held_out = ([read(p) for p in paths] for paths in (runs, good, hold_out))
     plant.window_s, why = 0.0, ""
     try:
-        with in_processes(plant, processes):
+        count = processes or 1
+        with in_processes(plant, count):
             every = [*asked, *known, *held_out]
-            announce(with_places(plant), every, _replay_s(plant, every[0]), processes, announced)
+            takes = expected(with_places(plant), every, _replay_s(plant, every[0]))
+            if takes.slow:
+                announced(takes.words(count, chosen=False))
             if any(isinstance(v, str) for v in mapped.start.values()):
                 plant.window_s, why = choose_window(plant, asked, mapped.window_s)
             answer = diagnose(asked, plant=plant, good=known, hold_out=held_out, progress=progress)

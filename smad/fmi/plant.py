@@ -31,14 +31,13 @@ from smad.fmi.running import Fed, Runner, shaped
 from smad.fmi.unit_file import UnitFile
 from smad.simulators.plant import Failures
 from smad.simulators.processes import Processes
-from smad.simulators.starts import Starts
+from smad.simulators.starts import Window, Windows
 
 _KEPT = 64
 _GAIN = (0.05, 0.5)
 _ZERO_OF_RANGE = (0.02, 0.25)
 _LONGEST_LAG = 10.0
 _MOVED = 0.01
-Window = tuple[int, int, dict[str, float]]
 
 
 class FmuPlant:
@@ -72,7 +71,7 @@ class FmuPlant:
         self.parameters = [_parameter(n, r, unit) for n, r in mapped.parameters.items()]
         self.effects = effects_of(mapped)
         self.window_s = mapped.window_s or 0.0
-        self._windows_of: dict[object, tuple[GapRun, list[Window]]] = {}
+        self._read = Windows(tuple(mapped.channels))
 
     @property
     def traits(self) -> Traits:
@@ -184,33 +183,18 @@ class FmuPlant:
 
     def _windows(self, run: GapRun) -> list[Window]:
         """First and last sample of each window, and what the unit is set to before it."""
-        # A run that is pushed has other inputs, and the same times and readings.
-        whole = run if run.whole is None else run.whole
-        key = (id(run.t_s), id(whole.outputs), self.window_s)
-        if key not in self._windows_of:
-            # The run is kept as well, so that nothing else gets its number.
-            self._windows_of[key] = (run, self._cut(run, whole))
-        return self._windows_of[key][1]
+        read = {n: v for n, v in self._map.start.items() if isinstance(v, str)}
+        fixed = {n: v for n, v in self._map.start.items() if not isinstance(v, str)}
+        if not read or not run.outputs:
+            return [(0, len(run.t_s), fixed)]
+        return [
+            (a, b, fixed | {n: self._in_unit(c, shown) for n, c in read.items()})
+            for a, b, shown in self._read.of(run, self.window_s)
+        ]
 
     def seams(self, run: GapRun) -> list[int]:
         """The samples of a run, thinned or not, at which a window begins."""
         return [a for a, _, _ in self._windows(run)]
-
-    def _cut(self, run: GapRun, whole: GapRun) -> list[Window]:
-        fixed = {n: v for n, v in self._map.start.items() if not isinstance(v, str)}
-        read = {n: v for n, v in self._map.start.items() if isinstance(v, str)}
-        if not read or not whole.outputs:
-            return [(0, len(run.t_s), fixed)]
-        starts = Starts(whole, tuple(self._map.channels))
-        edges = [0]
-        if self.window_s > 0.0:
-            number = np.floor((run.t_s - run.t_s[0]) / self.window_s + 1e-9)
-            edges += [int(k) + 1 for k in np.flatnonzero(np.diff(number) > 0)]
-        out = []
-        for a, b in zip(edges, [*edges[1:], len(run.t_s)], strict=True):
-            shown = starts.at(int(np.searchsorted(whole.t_s, run.t_s[a])))
-            out.append((a, b, fixed | {n: self._in_unit(c, shown) for n, c in read.items()}))
-        return out
 
     def _in_unit(self, of: str, shown: Mapping[str, float]) -> float:
         """A reading, or a rate of one, as the unit has it."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,16 +98,52 @@ _ENDINGS: Mapping[str, str] = dict(sorted(
 """How the name of a column or a parameter ends, after a "_", and its unit; longer ones first."""
 
 
+_MORE = ("L", "mL", "J", "kJ", "Hz", "Ohm", "Ah", "Wh", "m2", "m3", "mol")
+"""Parts of compound units that are no units of the table."""
+_SYMBOLS = {"m": "mass", "L": "length", "s": "length", "K": "", "V": "voltage"}
+"""Units that are symbols of a quantity as well: "arm_m_kg" is a mass, no metre for a kilogram."""
+_TIMES = {("N", "m"), ("N", "mm"), ("N", "s"), ("V", "s"), ("W", "s"), ("A", "s"), ("A", "h")}
+"""Of the units at the beginning of a compound, those that are multiplied."""
+
+
 def parted_name(name: str) -> tuple[str, str]:
     """The quantity in a name, and its unit: "torque", "N m" of "torque_N_m"; "" where it has none.
 
-    A rate of what is measured (`angle_rad_rate`) has the unit of that, in a second.
+    A rate of what is measured (`angle_rad_rate`) has the unit of that, in a second. A compound that
+    is not listed is divided by what follows its first unit: "leak_L_min_bar" is in L/(min bar).
     """
     base = name.removesuffix("_rate")
     ending = next((end for end in _ENDINGS if base.endswith(f"_{end}")), "")
-    unit = spelt(_ENDINGS.get(ending, ""))
-    stem = base.removesuffix(f"_{ending}") if ending else base
+    units = [] if "_" in ending else _compound(base)
+    if len(units) > 1:
+        stem, unit = base.removesuffix(f"_{'_'.join(units)}"), _joined(units)
+    else:
+        unit = spelt(_ENDINGS.get(ending, ""))
+        stem = base.removesuffix(f"_{ending}") if ending else base
+    if stem.endswith("stiffness") and unit in {"N m", "N mm"}:
+        unit = unit.replace(" ", "/")
     return (f"{stem}_rate", f"{unit}/s" if unit else "") if base != name else (stem, unit)
+
+
+def _compound(name: str) -> list[str]:
+    """The units at the end of a name, after its first word."""
+    words = name.split("_")[1:]
+    units: list[str] = []
+    while words and (spelt(words[-1]) in UNITS or words[-1] in _MORE):
+        units.insert(0, words.pop())
+    while len(units) > 1:
+        symbol = _SYMBOLS.get(units[0])
+        of = UNITS[spelt(units[1])].quantity if spelt(units[1]) in UNITS else ""
+        if units[0] not in _WORDS and (symbol is None or symbol not in {"", of}):
+            break
+        del units[0]
+    return units
+
+
+def _joined(units: Sequence[str]) -> str:
+    count = 2 if tuple(units[:2]) in _TIMES else 1
+    above, below = " ".join(units[:count]), " ".join(units[count:])
+    return f"{above}/({below})" if " " in below else f"{above}/{below}" if below else above
 
 
 def unit_of(name: str) -> str:

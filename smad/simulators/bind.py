@@ -11,7 +11,7 @@ import numpy as np
 from smad.diagnosis.plant import Channel, Signal
 from smad.diagnosis.runs import GapRun
 from smad.records.csv_table import CsvFormat
-from smad.simulators.checks import roles
+from smad.simulators.checks import Roles, roles
 from smad.simulators.columns import (
     Table,
     correlation_time_s,
@@ -66,7 +66,8 @@ def bind(
         raise SimulatorError("there are no runs", action="give at least one")
     for table in every:
         require_time(table)
-    inputs, outputs, seconds = roles(declared, every[0])
+    found = roles(declared, every[0])
+    inputs, outputs = found.inputs, found.outputs
     # From here on every column has the unit that the function asked for.
     wanted = [*inputs, *outputs, *declared.observed]
     tables = [[t.with_columns(wanted) for t in group] for group in tables]
@@ -81,7 +82,7 @@ def bind(
         )
         for group in tables
     ]
-    said = _said(declared, every, read, outputs, exact)
+    said = _said(declared, every, read, found, exact)
     plant = SimulatedPlant(
         declared=declared,
         inputs=_signals(declared, [n for n in read if n not in exact], every),
@@ -89,7 +90,7 @@ def bind(
         lag_s=_LAG_OF_CORRELATION * _correlation_s(outputs, every),
     )
     kind = SavedPlaces if declared.save is not None else SimulatorPlaces
-    return Bound(plant=kind(plant), groups=tuple(runs), said=tuple(said), seconds=seconds)
+    return Bound(plant=kind(plant), groups=tuple(runs), said=tuple(said), seconds=found.seconds)
 
 
 def _constant(inputs: Sequence[str], tables: Sequence[Table], declared: Simulator) -> list[str]:
@@ -148,10 +149,10 @@ def _said(
     declared: Simulator,
     tables: Sequence[Table],
     inputs: Sequence[str],
-    outputs: Sequence[str],
+    found: Roles,
     exact: set[str],
 ) -> list[str]:
-    used = {*inputs, *outputs, *declared.observed}
+    used = {*inputs, *found.outputs, *declared.observed}
     unread = sorted({n for t in tables for n in t.columns} - used)
     flat = sorted(exact & set(inputs) - set(declared.exact))
     rows: Mapping[str, Sequence[str]] = {
@@ -160,7 +161,8 @@ def _said(
         "inputs that no run changes, no places": flat,
         "columns that a law may go with": declared.observed,
         "columns that the simulator does not read": unread,
-        "measured": outputs,
+        "outputs that no column is": found.unmeasured,
+        "measured": found.outputs,
     }
     words = "; ".join(f"{what}: {', '.join(names)}" for what, names in rows.items() if names)
     return [f"{words}. Ranges, quanta and noise are those of the records"]

@@ -5,17 +5,22 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
 
 import numpy as np
 
 from smad.diagnosis.plant import Array
 from smad.diagnosis.runs import GapRun, bridged
+from smad.records.column_names import quantity_in
 from smad.simulators.calling import called
 from smad.simulators.columns import Table
 from smad.simulators.declare import Simulator
 from smad.simulators.errors import SimulatorError
 from smad.simulators.starts import Starts
+
+_ALIKE = 0.75
+"""How alike two names are spelt, 0 to 1, that are likely meant to be one."""
 
 
 class WatchedColumns(Mapping[str, Array]):
@@ -61,8 +66,19 @@ class FirstReadings(Mapping[str, float]):
         return 2 * len(self._table.columns)
 
 
-def roles(declared: Simulator, table: Table) -> tuple[list[str], list[str], float]:
-    """The inputs that the function reads and the outputs that it returns of a run, and seconds.
+@dataclass(frozen=True, kw_only=True)
+class Roles:
+    """What a function makes of columns: `inputs` that it reads, `outputs` that it returns,
+    `unmeasured` ones that no column is; a call takes `seconds`."""
+
+    inputs: list[str]
+    outputs: list[str]
+    unmeasured: list[str]
+    seconds: float
+
+
+def roles(declared: Simulator, table: Table) -> Roles:
+    """What the function makes of the columns of a run.
 
     Raises SimulatorError for a function that cannot be asked: it fails, writes to what it is given,
     returns another length, is not the same twice.
@@ -90,6 +106,7 @@ def roles(declared: Simulator, table: Table) -> tuple[list[str], list[str], floa
             limit=", ".join(table.columns),
             action="return outputs by the names of their columns",
         )
+    _require_no_slip(declared, table, asked, sources)
     peeked = [n for n in asked.read if n in outputs]
     if peeked:
         raise SimulatorError(
@@ -104,8 +121,27 @@ def roles(declared: Simulator, table: Table) -> tuple[list[str], list[str], floa
                 action="begin with values at which it runs",
             )
     seconds = _require_same(declared, table, asked, starting, {n: first[n] for n in outputs})
-    inputs = [n for n in asked.read if n not in outputs]
-    return inputs, outputs, seconds
+    return Roles(
+        inputs=[n for n in asked.read if n not in outputs], outputs=outputs,
+        unmeasured=[n for n, s in sources.items() if not s], seconds=seconds,
+    )  # fmt: skip
+
+
+def _require_no_slip(
+    declared: Simulator, table: Table, asked: WatchedColumns, sources: Mapping[str, str]
+) -> None:
+    """Raise SimulatorError for an output that is likely a column under another name."""
+    used = {*sources.values(), *map(table.source_of, asked.read), *declared.observed}
+    free = [n for n in table.columns if n not in used]
+    quantities = {quantity_in(n)[0]: n for n in free}
+    for name in (n for n, source in sources.items() if not source):
+        for like in get_close_matches(quantity_in(name)[0], quantities, 1, _ALIKE):
+            raise SimulatorError(
+                f"{declared.name} returns {name}, which no column is, and does not read column "
+                f"{quantities[like]}",
+                limit=", ".join(table.columns),
+                action="are they one? give both one name and unit; else leave out one of them",
+            )
 
 
 def _first(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from smad.diagnosis.plant import Array, Effect, EffectParameter, Parameter, Traits
-from smad.records.units import unit_of
+from smad.records.units import UNITS, parted_name, unit_of
 from smad.simulators.errors import SimulatorError
 
 Replay = Callable[[Array, Mapping[str, Array], Mapping[str, float], Mapping[str, float]], Any]
@@ -21,6 +21,13 @@ SHORTEST_S = Traits().shortest_s
 """What a run must be long, where its simulator says nothing else."""
 _PRIOR_OF_RANGE = 1.0 / 6.0
 _TYPICAL_OF_RANGE = 10.0
+_QUANTITIES = {
+    **{name: name for name in ("mass", "length", "temperature", "force", "torque", "current",
+                               "voltage", "pressure", "power", "angle", "time")},
+    **dict.fromkeys(("radius", "diameter", "height", "width", "stroke"), "length"),
+    **dict.fromkeys(("delay", "lag", "period"), "time"),
+}  # fmt: skip
+"""Last words of names, and the quantity that they say."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +35,8 @@ class Missing:
     """Something that a simulator may lack, 0 when absent, in more words than three numbers.
 
     `shapes` are further values that say how it acts, name -> (typical, low, high). `places` are the
-    places where it acts, by their names in the diagnosis; without them it may be anywhere.
+    places where it acts, by their names in the diagnosis; without them it acts where the function
+    uses it.
     """
 
     typical: float
@@ -126,7 +134,9 @@ def simulator(
     Raises SimulatorError for numbers that cannot be these.
     """
     known = tuple(_parameter(n, row, units or {}) for n, row in parameters.items())
-    causes = tuple(_effect(n, row) for n, row in (effects or {}).items())
+    title = getattr(function, "__name__", "") or type(function).__name__
+    name = name or title.strip("<>")
+    causes = tuple(_effect(n, row, name) for n, row in (effects or {}).items())
     names = [p.name for p in known] + [value_name(e, q) for e in causes for q in e.parameters]
     if not 0.0 < shortest_s < math.inf:
         raise SimulatorError("shortest_s is no length", value=shortest_s, action="give s")
@@ -135,9 +145,8 @@ def simulator(
         raise SimulatorError(
             "two values of the simulator have one name", value=twice[0], action="rename one"
         )
-    title = getattr(function, "__name__", "") or type(function).__name__
     return Simulator(
-        function=function, name=name or title.strip("<>"), parameters=known, effects=causes,
+        function=function, name=name, parameters=known, effects=causes,
         exact=tuple(exact), observed=tuple(observed), forces=_forces(forces),
         units=dict(units or {}), noise=dict(noise or {}), ranges=dict(ranges or {}),
         transducers=transducers, shortest_s=shortest_s,
@@ -155,11 +164,11 @@ def _parameter(name: str, row: Sequence[float], units: Mapping[str, str]) -> Par
             action="give (value, low, high)",
         )
     prior = more[0] if more else _PRIOR_OF_RANGE * (high - low)
-    unit = units.get(name, unit_of(name))
+    unit = units[name] if name in units else _unit_of_value(name)
     return Parameter(name=name, unit=unit, nominal=value, low=low, high=high, prior_sd=prior)
 
 
-def _effect(name: str, row: Strength) -> Effect:
+def _effect(name: str, row: Strength, function: str) -> Effect:
     given = row if isinstance(row, Missing) else _missing(name, row)
     if not given.low <= 0.0 <= given.high or given.low == given.high or given.typical == 0.0:
         raise SimulatorError(
@@ -167,7 +176,7 @@ def _effect(name: str, row: Strength) -> Effect:
             value=f"{given.low:g} to {given.high:g}, typically {given.typical:g}",
             action="give (typical, low, high)",
         )
-    unit = given.unit or unit_of(name)
+    unit = given.unit or _unit_of_value(name)
     strength = EffectParameter(
         name="size", unit=unit, typical=given.typical, low=given.low, high=given.high
     )
@@ -177,8 +186,29 @@ def _effect(name: str, row: Strength) -> Effect:
     )
     title = given.title or name.replace("_", " ")
     return Effect(
-        name=name, title=title, parameters=(strength, *shapes), signals=(), places=given.places
+        name=name,
+        title=title,
+        parameters=(strength, *shapes),
+        signals=(),
+        places=given.places or (f"equation of {function} with {name}",),
     )
+
+
+def _unit_of_value(name: str) -> str:
+    """The unit that a name ends with. Raises SimulatorError for that of another quantity."""
+    stem, unit = parted_name(name)
+    quantity = _QUANTITIES.get(stem.lower().rpartition("_")[2])
+    if quantity and unit in UNITS and UNITS[unit].quantity not in {quantity, "ratio"}:
+        fits = [u for u, of in UNITS.items() if of.quantity == quantity]
+        raise SimulatorError(
+            f"{name} is a {quantity} by its name, and ends with the unit of a "
+            f"{UNITS[unit].quantity}",
+            value=unit,
+            limit=", ".join(fits),
+            action=f"name it {stem}_{fits[0].replace(' ', '_')}, or say its unit: "
+            f"units={{{name!r}: {fits[0]!r}}}, Missing(unit=…) of an effect",
+        )
+    return unit
 
 
 def _missing(name: str, row: float | Sequence[float]) -> Missing:

@@ -6,7 +6,6 @@ from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from threading import Lock
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,7 @@ from smad.diagnosis.runs import GapRun
 from smad.simulators.calling import called
 from smad.simulators.declare import Simulator, value_name
 from smad.simulators.processes import Processes
-from smad.simulators.starts import Starts
+from smad.simulators.starts import Window, Windows
 from smad.simulators.transducers import Transduced, effects_of, transduced
 
 _KEPT = 128
@@ -33,7 +32,6 @@ _MOVED = 0.01
 _STILL = 0.02
 _RUNAWAY = 1e3
 """Times a channel's range beyond which a simulator has exploded."""
-Window = tuple[int, int, Mapping[str, float]]
 
 
 @dataclass
@@ -93,7 +91,7 @@ class SimulatedPlant:
         self.effects: Sequence[Effect] = [*declared_effects, *self._transducers()]
         self._largest = {s.name: max(abs(s.low), abs(s.high)) for s in self.inputs}
         self._known: OrderedDict[object, Mapping[str, Array]] = OrderedDict()
-        self._windows: dict[object, tuple[GapRun, list[Window]]] = {}
+        self._windows = Windows(self._signals)
 
     @property
     def traits(self) -> Traits:
@@ -158,7 +156,7 @@ class SimulatedPlant:
     ) -> Mapping[str, Array]:
         values = self.declared.values(point.theta, point.effects)
         key = (
-            self._identity(whole),
+            (id(whole.t_s), id(whole.outputs), self.window_s),
             tuple(values.values()),
             *(hash(given[n].tobytes()) for n in sorted(given)),
         )
@@ -179,10 +177,13 @@ class SimulatedPlant:
         out = {n: np.full(len(whole.t_s), np.nan) for n in self._signals}
         self.failures.replays += 1
         try:
-            for a, b, start in self.windows(whole):
-                part = {n: v[a:b] for n, v in given.items()}
-                play = self.play if self.processes is None else self.processes.called
-                shown = play(whole.t_s[a:b], part, dict(values), dict(start))
+            windows = self.windows(whole)
+            parts = [
+                (whole.t_s[a:b], {n: v[a:b] for n, v in given.items()}, dict(start))
+                for a, b, start in windows
+            ]
+            play = self.play if self.processes is None else self.processes.called
+            for (a, b, _), shown in zip(windows, play(dict(values), parts), strict=True):
                 for name in self._signals:
                     out[name][a:b] = shown[name]
         except Exception as error:  # whatever somebody else's function does at some point
@@ -206,13 +207,12 @@ class SimulatedPlant:
 
     def play(
         self,
-        t_s: Array,
-        inputs: Mapping[str, Array],
         values: Mapping[str, float],
-        start: Mapping[str, float],
-    ) -> dict[str, Array]:
-        """One call of the function; see `called`."""
-        return called(self.declared, t_s, inputs, values, start)
+        parts: Sequence[tuple[Array, Mapping[str, Array], Mapping[str, float]]],
+    ) -> list[dict[str, Array]]:
+        """What the function shows of the channels of each part of a run: times, inputs, start."""
+        shown = [called(self.declared, t_s, inputs, values, start) for t_s, inputs, start in parts]
+        return [{n: y[n] for n in self._signals} for y in shown]
 
     def _failed(self, why: str, values: Mapping[str, float]) -> None:
         self.failures.failed += 1
@@ -222,28 +222,9 @@ class SimulatedPlant:
                 f"{n} = {v:.4g}" for n, v in values.items() if v
             )
 
-    def _identity(self, whole: GapRun) -> object:
-        """What a run's windows go by: one that is pushed has the same times and readings."""
-        return id(whole.t_s), id(whole.outputs), self.window_s
-
     def windows(self, whole: GapRun) -> list[Window]:
         """First and last sample of each window of a run, and where it begins."""
-        key = self._identity(whole)
-        if key not in self._windows:
-            # The run is kept as well, so that nothing else gets its number.
-            self._windows[key] = (whole, self._cut(whole))
-        return self._windows[key][1]
-
-    def _cut(self, whole: GapRun) -> list[Window]:
-        starts = Starts(whole, self._signals)
-        edges = [0]
-        if self.window_s > 0.0:
-            number = np.floor((whole.t_s - whole.t_s[0]) / self.window_s + 1e-9)
-            edges += [int(k) + 1 for k in np.flatnonzero(np.diff(number) > 0)]
-        ends = [*edges[1:], len(whole.t_s)]
-        return [
-            (a, b, MappingProxyType(dict(starts.at(a)))) for a, b in zip(edges, ends, strict=True)
-        ]
+        return self._windows.of(whole, self.window_s)
 
     def seams(self, run: GapRun) -> list[int]:
         """The samples of a run, thinned or not, at which a window begins."""

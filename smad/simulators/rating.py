@@ -254,6 +254,7 @@ def _slopes(sheet: _Sheet, ends: float) -> tuple[Array, list[bool]]:
 
 def _effects(sheet: _Sheet, ends: float) -> Iterator[_Cause | Rating]:
     """Each strength of each effect at its typical value, the shapes typical."""
+    known = frozenset(p.name for p in sheet.plant.places)
     for effect in sheet.plant.effects:
         for q in (p for p in effect.parameters if p.strength):
             name = effect.name if q.name in ("size", "g", "b") else f"{effect.name}.{q.name}"
@@ -266,7 +267,7 @@ def _effects(sheet: _Sheet, ends: float) -> Iterator[_Cause | Rating]:
                 continue
             yield _Cause(
                 "effect", name, effect.title, q.unit, abs(q.typical), abs(q.typical),
-                max(abs(q.low), abs(q.high)), rows, frozenset(effect.places),
+                max(abs(q.low), abs(q.high)), rows, known & frozenset(effect.places),
             )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -119,3 +120,39 @@ class Starts:
             t: Array = (run.t_s[part] - run.t_s[k])[good]
             out += [_fit(t, y[part][good], p) for p in powers if len(t) > len(p)]
         return out
+
+
+Window = tuple[int, int, Mapping[str, float]]
+
+
+class Windows:
+    """Of each run the windows in which it is replayed: first sample, the one after the last, and
+    what `outputs` show at the first."""
+
+    def __init__(self, outputs: tuple[str, ...]) -> None:
+        self._outputs = outputs
+        self._known: dict[object, tuple[GapRun, list[Window]]] = {}
+
+    def of(self, run: GapRun, window_s: float) -> list[Window]:
+        """Windows of `window_s` of a run, thinned or not; 0: one, from its start to its end.
+
+        One that is pushed has the same times and readings, and so the same windows.
+        """
+        whole = run if run.whole is None else run.whole
+        key = (id(run.t_s), id(whole.outputs), window_s)
+        if key not in self._known:
+            # The run is kept as well, so that nothing else gets its number.
+            self._known[key] = (run, self._cut(run.t_s, whole, window_s))
+        return self._known[key][1]
+
+    def _cut(self, t_s: Array, whole: GapRun, window_s: float) -> list[Window]:
+        starts = Starts(whole, self._outputs)
+        edges = [0]
+        if window_s > 0.0:
+            number = np.floor((t_s - t_s[0]) / window_s + 1e-9)
+            edges += [int(k) + 1 for k in np.flatnonzero(np.diff(number) > 0)]
+        begun = np.searchsorted(whole.t_s, t_s[edges])
+        return [
+            (a, b, MappingProxyType(dict(starts.at(int(k)))))
+            for a, b, k in zip(edges, [*edges[1:], len(t_s)], begun, strict=True)
+        ]

@@ -6,7 +6,7 @@ windows that begin from its readings. Between windows nothing is fitted.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Protocol
 
@@ -15,6 +15,7 @@ import numpy as np
 from smad.diagnosis.data.admission import row_of_admitted_s
 from smad.diagnosis.data.columns import filled, up_to_first_hole
 from smad.diagnosis.data.grid import row_length_s
+from smad.diagnosis.numerics.threads import each
 from smad.diagnosis.plant import (
     Array,
     Mask,
@@ -22,6 +23,7 @@ from smad.diagnosis.plant import (
     PlantModel,
     moved_parameters,
     nominal_point,
+    traits_of,
 )
 from smad.diagnosis.runs import GapRun
 from smad.simulators.errors import SimulatorError
@@ -39,6 +41,8 @@ _FITTED = 0.1
 """The same with the best parameters: beyond, what is missing has moved the phase."""
 _GROWS = 2.0
 """Times the error within a window that a whole run's must be, or windows help nothing."""
+_FORGOTTEN = 0.1
+"""Of a signal's standard deviation: what another start may change at the end of a run."""
 _ROUNDS = 6
 _SAMPLES = 400
 _STEP = 0.05
@@ -65,7 +69,9 @@ def choose_window(
     some, start = runs[:_MOST_RUNS], nominal_point(plant)
     before = lost_by(plant, start, some, 0.0)
     lengths = _lengths(plant, runs)
-    if before <= _FOLLOWS or not lengths or not begins_from_readings(plant, some[0]):
+    if before <= _FOLLOWS or not lengths:
+        return 0.0, ""
+    if not begins_from_readings(plant, some[0]) or all(forgets_its_start(plant, r) for r in some):
         return 0.0, ""
     point = fitted(plant, start, some, lengths[len(lengths) // 2])
     if lost_by(plant, point, some, 0.0) <= _FITTED:
@@ -115,18 +121,38 @@ def _given(plant: Windowed, runs: Sequence[GapRun], window_s: float) -> tuple[fl
 
 def begins_from_readings(plant: Windowed, run: GapRun) -> bool:
     """Whether what the readings show at the start changes what the model predicts."""
+    base, begun = _begun_elsewhere(plant, run)
+    return any(not np.array_equal(base[n], begun[n], equal_nan=True) for n in base)
+
+
+def forgets_its_start(plant: Windowed, run: GapRun) -> bool:
+    """Whether the model shows the same at the end of a run wherever it began.
+
+    Then errors do not grow, and a window would add that of its start.
+    """
+    base, begun = _begun_elsewhere(plant, run)
+    quarter = max(len(run.t_s) // 4, 1)
+    for name, y in run.outputs.items():
+        late = y[-quarter:]
+        off = np.abs(begun[name] - base[name])
+        if not np.max(off[-quarter:]) <= _FORGOTTEN * np.std(late):
+            return False
+    return True
+
+
+def _begun_elsewhere(
+    plant: Windowed, run: GapRun
+) -> tuple[Mapping[str, Array], Mapping[str, Array]]:
+    """What the model predicts of a whole run, from its start and from quite another one."""
     moved = {
         n: y + np.ptp(y) * (0.3 + 0.1 * (run.t_s - run.t_s[0]) / max(run.duration_s, 1e-9))
         for n, y in run.outputs.items()
     }
-    other = run.with_columns(outputs=moved)
-    window_s, plant.window_s = plant.window_s, 0.0
-    try:
-        base = plant.simulate(nominal_point(plant), run)
-        begun = plant.simulate(nominal_point(plant), other)
-    finally:
-        plant.window_s = window_s
-    return any(not np.array_equal(base[n], begun[n], equal_nan=True) for n in base)
+    point = nominal_point(plant)
+    (base,), (begun,) = (
+        _replayed(plant, point, [r], 0.0) for r in (run, run.with_columns(outputs=moved))
+    )
+    return base, begun
 
 
 def lost_by(plant: Windowed, point: ModelPoint, runs: Sequence[GapRun], window_s: float) -> float:
@@ -158,7 +184,7 @@ def _replayed(
 ) -> list[dict[str, Array]]:
     before, plant.window_s = plant.window_s, window_s
     try:
-        return [plant.simulate(point, run) for run in runs]
+        return each(lambda run: plant.simulate(point, run), runs, traits_of(plant).together)
     finally:
         plant.window_s = before
 

@@ -146,10 +146,10 @@ class BarePlaces:
                 more[name] = more[name] + _value(law, states, run)
             return np.concatenate([more[n] for n in names])
 
-        pushed = series(out)
-        images: list[Array] = []
-        residuals: list[Array] = []
-        best, least = out, np.inf
+        # What was measured is nearest to a right law; with nothing added is known already.
+        pushed = series(_measured(run, out))
+        images, residuals = [series(out)], [series(out)]
+        best, least = out, float(np.linalg.norm(images[0]))
         for _ in range(_PASSES):
             parts = np.split(pushed, len(names))
             shown = dict(self.plain.simulate(
@@ -157,7 +157,7 @@ class BarePlaces:
             ))  # fmt: skip
             image = series(shown)
             if not np.isfinite(image).all():
-                return best if images else shown
+                return best
             residual = image - pushed
             size = float(np.linalg.norm(residual))
             if size < least:
@@ -196,6 +196,12 @@ def _mixed(images: Sequence[Array], residuals: Sequence[Array]) -> Array:
     weights = np.linalg.lstsq(steps.T, residuals[-1], rcond=None)[0]
     back = np.array([images[-1] - x for x in images[:-1]])
     return np.asarray(images[-1] - weights @ back)
+
+
+def _measured(run: GapRun, shown: Mapping[str, Array]) -> dict[str, Array]:
+    """What was measured of each channel; where it was not, what is predicted."""
+    return {n: y if np.isfinite(y := run.outputs.get(n, shown[n])).all() else shown[n]
+            for n in shown}  # fmt: skip
 
 
 def _value(law: Law, states: Mapping[str, Array], run: GapRun) -> Array:

@@ -76,6 +76,7 @@ def cause_lines(cause: Cause) -> list[str]:
         *rival_lines(cause.rivals),
         *_entry("values", [v.text for v in cause.values if refitted]),
         *_entry("law", [t.text for t in cause.read]),
+        *_entry("alike", list(dict.fromkeys(t.alike for t in cause.read if t.alike))),
         *_entry("name", [name_words(cause)]),
         *_entry("place", [place_words(cause)]),
     ]

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from sim_device.plant.laws import Term
 from smad.diagnosis.numerics.folds import Array
-from smad.diagnosis.places.place import BOTH, PlacesPlant
+from smad.diagnosis.places.place import BOTH, PlacesPlant, single_sides
 from smad.diagnosis.places.responses import law_series
 from smad.diagnosis.rivals.fit import Fit
 from smad.diagnosis.rivals.parts import EffectPart, LawPart
 from smad.diagnosis.rivals.rival import Question, Rival
 from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS
 from smad.diagnosis.verdict import EffectValue, LawTerm
+
+_ALIKE = 0.95
+"""Squared correlation of two states from which on a law of one is as good with the other."""
 
 
 @dataclass(frozen=True)
@@ -62,9 +66,13 @@ class Describer:
             for q, v, s in rows
         ]
 
-    def terms(self, part: LawPart, x: Array, sd: Array) -> list[LawTerm]:
+    def terms(
+        self, part: LawPart, x: Array, sd: Array, trajectories: Sequence[Mapping[str, Array]]
+    ) -> list[LawTerm]:
         """The terms of a law at coordinates `x` (k,) with deviations `sd` (k,)."""
         place = next(p for p in self.plant.places if p.name == part.candidate.place)
+        side = single_sides(place, part.candidate.side)[0]
+        seen = [self.plant.seen(place.name, side, t) for t in trajectories]
         out: dict[str, LawTerm] = {}
         for column, value, deviation in zip(part.columns, x, sd, strict=True):
             law, term = part.responses.home(int(column))
@@ -75,16 +83,35 @@ class Describer:
             slopes[law.side] = place.scale * float(value) / span
             spread[law.side] = place.scale * float(deviation) / span
             out[term.name] = LawTerm(
-                name=term.name, state=state, words=words, slopes=slopes, sd=spread, unit=unit
-            )
+                name=term.name, state=state, words=words, slopes=slopes, sd=spread, unit=unit,
+                alike=self._alike(place.name, state, seen),
+            )  # fmt: skip
         return list(out.values())
 
-    def largest(self, part: LawPart, x: Array, question: Question, fitted: Fit) -> float:
+    def _alike(self, place: str, state: str, seen: Sequence[Mapping[str, Array]]) -> str:
+        """Which states the runs do not tell from one, in words; empty where there are none."""
+        names = [self.plant.state_words(place, n)[0] for n in (state, *alike(state, seen)) if n]
+        if len(names) < 2:
+            return ""
+        return f"these runs do not tell {names[0]} from {' or '.join(names[1:])}"
+
+    def trajectories(self, question: Question, fitted: Fit) -> list[Mapping[str, Array]]:
+        """The states of a fit in its runs."""
+        return [
+            self.plant.trajectory(fitted.point, p.run, fast=True) for p in question.evidence.played
+        ]
+
+    def largest(
+        self,
+        part: LawPart,
+        x: Array,
+        question: Question,
+        trajectories: Sequence[Mapping[str, Array]],
+    ) -> float:
         """The largest value of a law in the runs, in the unit of its place."""
         most = 0.0
         for law in part.responses.law_of(part.columns, x):
-            for played in question.evidence.played:
-                states = self.plant.trajectory(fitted.point, played.run, fast=True)
+            for played, states in zip(question.evidence.played, trajectories, strict=True):
                 series = law_series(self.plant, law, states, played.run.t_s)
                 most = max(most, float(np.abs(series).max(initial=0.0)))
         return most
@@ -105,3 +132,16 @@ class Describer:
             label += f" above {factor.centre:.3g} {of_state}"
         per = f"({of_state})" if "/" in of_state else of_state
         return factor.scale, unit if of_state == "1" else f"{unit}/{per}", label, factor.state
+
+
+def alike(state: str, seen: Sequence[Mapping[str, Array]]) -> list[str]:
+    """States that change with `state` in all runs together, as far as these tell."""
+    if not seen or state not in seen[0]:
+        return []
+    joined = {n: np.concatenate([of_run[n] for of_run in seen]) for n in seen[0]}
+    moving = {n: y - y.mean() for n, y in joined.items()}
+    mine = moving.pop(state)
+    square = float(mine @ mine)
+    return [
+        n for n, y in moving.items() if float(mine @ y) ** 2 > _ALIKE * square * float(y @ y) > 0
+    ]

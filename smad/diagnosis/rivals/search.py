@@ -133,10 +133,6 @@ class _Search:
         current = parameters
         if question.tied is not None:
             current = question.fitted(NOTHING, NOTHING, nominal)
-            if current is not None and current.fit is not None:
-                current = question.parameters_kept_if_likelier(
-                    current, NOTHING, NOTHING, current.fit, nominal
-                )
         if configured is None or parameters is None or current is None:
             return None
         question.say("screening the effects")
@@ -207,7 +203,7 @@ class _Search:
                 continue
             candidates = self._screened(base)
             gain = max((s.gain for s in candidates if s.part.name == name), default=0.0)
-            fits = _Fits(question, self.nominal, moved=self.moved)
+            fits = _Fits(question, self.nominal, moved=self.moved, without=np.inf)
             for s in [s for s in candidates if s.gain > gain][:_SCREENED]:
                 fits.begin(EFFECT, s.reference, s.part, np.r_[s.reference.x, s.coordinates])
             ranked = question.ranked([replace(current, kind=EFFECT, name=name), *fits.rivals()])
@@ -239,7 +235,8 @@ class _Search:
         here = None if current.fit is None else rebased(e, current.fit)
         if here is None:
             return []
-        fits = _Fits(question, self.nominal, moved=self.moved)
+        without = question.gap(current)
+        fits = _Fits(question, self.nominal, moved=self.moved, without=without)
         references = [here]
         if self.moved and not self.parts:
             # Where the parameters have moved to imitate an effect it is hidden.
@@ -261,7 +258,7 @@ class _Search:
         space = LawSpace.at(e, here, question.tau, self.responses, question.say)
         self.responses = space.responses
         present = {part.name for part in here.model.parts}
-        laws = _Fits(question, self.nominal, moved=self.moved, least=fits.least)
+        laws = _Fits(question, self.nominal, moved=self.moved, without=without, least=fits.least)
         for law in space.selected()[:_LAWS]:
             if law.part.name not in present:
                 laws.begin(LAW, here, law.part, np.r_[here.x, law.coordinates])
@@ -276,15 +273,17 @@ def _same(ranked: Sequence[Rival]) -> list[Rival]:
 class _Fits:
     """Fits that compete: a few rounds for all, the best go on to their end.
 
-    `moved`: parameters are free, and may be far from where their slopes were made. `least` is the
-    least F of a fit so far.
+    `moved`: parameters are free, and may be far from where their slopes were made. `without` is the
+    gap of the simulator without them, `least` the least F of a fit so far.
     """
 
     def __init__(
-        self, question: Question, nominal: Reference, *, moved: bool, least: float = float("inf")
-    ) -> None:
+        self, question: Question, nominal: Reference, *, moved: bool, without: float,
+        least: float = float("inf"),
+    ) -> None:  # fmt: skip
         self.least = least
-        self._question, self._nominal, self._moved = question, nominal, moved
+        self._question, self._nominal = question, nominal
+        self._moved, self._without = moved, without
         self._found: dict[str, tuple[str, Fit]] = {}
 
     def begin(self, kind: str, reference: Reference, part: Part, start: Array) -> None:
@@ -316,11 +315,21 @@ class _Fits:
                 self.least = min(self.least, fits[name].objective)
         kinds = {name: kind for name, (kind, _) in self._found.items()}
         scored = {name: question.rival(kinds[name], name, f) for name, f in fits.items()}
-        for name in near:
-            scored[name] = question.parameters_kept_if_likelier(
-                scored[name], kinds[name], name, fits[name], self._nominal
-            )
+        # Where good runs say where the parameters are, a fit keeps them there as far as it may.
+        for name in near if question.tied is None else ():
+            scored[name] = self._steadied(scored[name], kinds[name], name, fits[name])
         return [r for r in scored.values() if r is not None]
+
+    def _steadied(self, rival: Rival | None, kind: str, name: str, fitted: Fit) -> Rival | None:
+        """The rival with the parameters where they were if that is likelier, and a cause as well.
+
+        What leaves more than the simulator without a part explains nothing.
+        """
+        question = self._question
+        made = question.parameters_kept_if_likelier(rival, kind, name, fitted, self._nominal)
+        if rival is None or made is None:
+            return made
+        return made if question.gap(made) < max(self._without, question.gap(rival)) else rival
 
 
 def _best(fits: dict[str, Fit]) -> list[str]:

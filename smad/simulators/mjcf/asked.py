@@ -11,7 +11,7 @@ import numpy as np
 
 from smad.diagnosis import Answer
 from smad.diagnosis.plant import Array, Parameter
-from smad.progress import Say, silent
+from smad.progress import Say
 from smad.records.column_names import unit_in
 from smad.records.tables import left_out
 from smad.records.units import convert, units_for
@@ -45,8 +45,8 @@ def diagnose_mjcf(
     hold_out: Any = (),
     trusted: Sequence[str] = (),
     window_s: float | None = None,
-    processes: int = 1,
-    progress: Say = silent,
+    processes: int | None = None,
+    progress: Say | None = None,
     announced: Say | None = None,
 ) -> Answer:
     """Where a MuJoCo model and runs disagree; as `smad.simulators.diagnose`.

@@ -112,6 +112,17 @@ def test_a_law_over_what_it_moves_itself_is_made_to_agree_with_it_where_repetiti
     assert np.std(shown - wanted) < 0.1 * np.std(plain - wanted)
 
 
+def test_a_strong_law_that_is_right_agrees_with_what_was_measured() -> None:
+    """Ten times the pendulum's damping as a torque: from zero, no repetition comes to it."""
+    ((run,),) = (bound := bind(declared_pendulum(), [pendulum_run(0, seconds=8.0)])).groups
+    point, damped = ModelPoint({"damping": 0.03}), ModelPoint({"damping": 3.03})
+    law = Law("input_torque_N_m", "both", (line("angle_rad_rate", -3.0, -20.0, 20.0),))
+    plain, wanted = (bound.plant.simulate(p, run)["angle_rad"] for p in (point, damped))
+    measured = run.with_columns(outputs={"angle_rad": wanted})
+    shown = bound.plant.simulate(replace(point, laws=(law,)), measured)["angle_rad"]
+    assert np.std(shown - wanted) < 0.01 * np.std(plain - wanted)
+
+
 @pytest.mark.parametrize(
     ("place", "term"),
     [("reading_rod_um", "fan"), ("reading_temp_l_degC", "rod_um"), ("input_cmd_l_W", "cmd_l_W"),

@@ -13,6 +13,7 @@ from smad.diagnosis import Answer, diagnose
 from smad.diagnosis.report.figures import Course
 from smad.diagnosis.report.page import page_of
 from smad.diagnosis.report.words import advice, lines
+from smad.diagnosis.rivals.describe import alike
 from smad.diagnosis.verdict import (
     CAUSES,
     CHANGED,
@@ -123,12 +124,26 @@ def test_the_headline_says_where_what_how_sure_and_how_far_the_gap_goes() -> Non
         "something has changed at the reading of the rod: a law, no effect of the library fits, "
         "probability 0.60, and 1 more;"
     )
-    assert "from 40.0 to 29.5 floors" in verdict(PARAMETERS).headline
+    assert verdict(PARAMETERS).headline.endswith(
+        "from 40.0 to 29.5 floors, 29.5 floors stay unexplained"
+    )
     assert (
         "40.0 floors are left, 29.5 with other values of the parameters"
         in verdict(UNEXPLAINED).headline
     )
     assert verdict(QUIET).headline.startswith("nothing is missing")
+
+
+def test_a_law_says_which_states_the_runs_do_not_tell_apart() -> None:
+    t = np.linspace(0.0, 1.0, 50)
+    runs = [{"velocity": t - 0.5, "force": 2.0 - 3.0 * t, "flow": t**8, "still": 0.0 * t}] * 2
+    assert alike("velocity", runs) == ["force"]
+    assert alike("", runs) == []
+    law = msgspec.structs.replace(
+        LAW, terms=[msgspec.structs.replace(TERM, alike="velocity is like force"), ALWAYS]
+    )
+    assert "  alike  velocity is like force" in lines(verdict(CAUSES, causes=[law]))
+    assert not any("alike" in line for line in lines(verdict(CAUSES, causes=[LAW])))
 
 
 def test_the_table_has_what_each_rival_leaves_beside_its_values() -> None:
