@@ -15,7 +15,7 @@ from smad.errors import LogImportError
 from smad.records.column_names import Assignment, ColumnRule, assign
 from smad.records.csv_table import CsvFormat
 from smad.records.tables import ForeignTable, open_table
-from smad.records.units import convert
+from smad.records.units import Written, convert
 from smad.runlog.bounds import Together
 from smad.runlog.schema import CHANNELS
 
@@ -41,9 +41,13 @@ def read_mapping(path: str | Path) -> MappingFile:
 
 @dataclass(frozen=True)
 class Channels:
-    """Channels, missing samples NaN, which column each is, and in words what was not read."""
+    """Channels, missing samples NaN, which column each is, and in words what was not read.
+
+    `written` says of each how it stands in the file.
+    """
 
     columns: dict[str, NDArray[np.float64]]
+    written: dict[str, Written]
     assignment: Assignment
     notes: tuple[str, ...]
 
@@ -68,7 +72,13 @@ def channels_of(table: ForeignTable, rules: Mapping[str, ColumnRule] | None = No
     assignment = assign(table.names, rules or {})
     columns = _converted(table, assignment, rules or {})
     _check_time(table, assignment, columns)
-    return Channels(columns, assignment, table.notes)
+    written = {
+        rule.channel: Written.of(
+            rule.column_unit, CHANNELS[rule.channel].unit, rule.scale, rule.offset
+        )
+        for rule in assignment.rules.values()
+    }
+    return Channels(columns, written, assignment, table.notes)
 
 
 def held(column: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -92,12 +102,12 @@ def _converted(
     for name, values in table.columns(assignment.rules):
         rule = assignment.rules[name]
         channel = CHANNELS[rule.channel]
-        converted = convert(values * rule.scale + rule.offset, rule.unit, channel.unit)
+        converted = convert(values * rule.scale + rule.offset, rule.column_unit, channel.unit)
         converted = np.where(np.isinf(converted), np.nan, converted)
         if rule.hold:
             converted = held(converted)
         most = np.nanmax(converted, initial=0.0)
-        if rule.unit == "pct" and name not in given and 0.0 < most <= 0.01:
+        if rule.column_unit == "pct" and name not in given and 0.0 < most <= 0.01:
             raise LogImportError(
                 f"{table.path}: column {name!r} is named %, and never above 1 %",
                 value=f"at most {100.0 * most:.3g}",

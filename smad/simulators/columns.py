@@ -17,14 +17,14 @@ from smad.records.column_names import quantity_in, unit_in
 from smad.records.csv_table import CsvFormat
 from smad.records.readings import CODES
 from smad.records.tables import left_out, read_columns, require_rising
-from smad.records.units import convert, units_for
+from smad.records.units import Written, convert, units_for
 from smad.simulators.errors import SimulatorError
 
 TIMES = ("t_s", "time_s", "time", "t", "timestamp_s")
 """Names of a column that is the time in s; the first two may end with another unit."""
 _LONG_STEP_S = 2.0
 """Samples further apart, on a time without a unit, are as likely ms of a logger at 1 to 500 Hz."""
-_SAME = 1e-6
+_SAME, _DIGITS = 1e-6, 9
 _WHOLE = 0.02
 """Steps between values this near to a whole number of the least one are of a rounded column."""
 
@@ -34,7 +34,7 @@ class Table:
     """Columns of one record on its time axis; a `GapRun` is one whose columns have their roles.
 
     `path` is that of its file, where it has one; `notes` say what was not read of it, `unread` why
-    a column was not.
+    a column was not, `written` how a converted one stands in its file.
     """
 
     name: str
@@ -44,6 +44,7 @@ class Table:
     path: str = ""
     notes: tuple[str, ...] = ()
     unread: Mapping[str, str] = field(default_factory=dict)
+    written: Mapping[str, Written] = field(default_factory=dict)
 
     @property
     def words(self) -> set[str]:
@@ -82,7 +83,10 @@ class Table:
         columns = {n: c for n, c in self.columns.items() if n not in spent}
         columns |= {n: self.column(n) for n in sources}
         notes = [f"{n} is column {s!r}, converted" for n, s in sources.items()]
-        return replace(self, columns=columns, notes=(*self.notes, *notes)) if sources else self
+        written = {n: Written.of(unit_in(s), unit_in(n)) for n, s in sources.items()}
+        return replace(
+            self, columns=columns, notes=(*self.notes, *notes), written={**self.written, **written}
+        )
 
 
 def csv_format(said: Mapping[str, str]) -> CsvFormat:
@@ -219,8 +223,9 @@ def run_of(
     given = {n: table.columns[n] for n in inputs}
     shown = {n: table.columns[n] for n in outputs if n in table.columns}
     return GapRun(
-        table.name, table.t_s, {**given, **flat}, shown, notes=table.notes, trusted=trusted
-    )
+        table.name, table.t_s, {**given, **flat}, shown, notes=table.notes, trusted=trusted,
+        written=table.written,
+    )  # fmt: skip
 
 
 def require_time(table: Table) -> None:
@@ -232,8 +237,10 @@ def require_time(table: Table) -> None:
         )
 
 
-def span_of(columns: Sequence[Array]) -> tuple[float, float]:
+def span_of(columns: Sequence[Array], written: Iterable[Written] = ()) -> tuple[float, float]:
     """Lowest and highest finite value of a signal over some runs; (0, 1) of none.
+
+    `written` is how they stand in their files.
 
     A sensor's code for "no reading" does not count where it is further from all other values than
     these are from each other.
@@ -242,7 +249,8 @@ def span_of(columns: Sequence[Array]) -> tuple[float, float]:
     joined = np.concatenate([np.zeros(0), *finite])
     if not joined.size:
         return 0.0, 1.0
-    others = joined[~np.isin(joined, CODES)]
+    codes = np.concatenate([CODES, *(w.values(np.array(CODES)) for w in written)])
+    others = joined[~np.isin(np.round(joined, _DIGITS), np.round(codes, _DIGITS))]
     if others.size:
         room = np.ptp(others)
         joined = joined[(joined >= others.min() - room) & (joined <= others.max() + room)]

@@ -15,7 +15,7 @@ import numpy as np
 
 from smad.diagnosis.data.columns import Say, filled, readable, up_to_first_hole
 from smad.diagnosis.data.contract import replayed, require_contract
-from smad.diagnosis.data.doubts import doubted_units
+from smad.diagnosis.data.doubts import doubted_columns
 from smad.diagnosis.data.grid import LEAST_PERIODS, MOST_ROWS, row_length_s
 from smad.diagnosis.data.guards import without_repeats
 from smad.diagnosis.data.opinions import compare, used
@@ -166,8 +166,8 @@ def _admit_one(
     if run.outputs.keys() != given.outputs.keys():
         predicted = replayed(plant, run)
     compare(run, predicted, plant, period_s, say=say)
-    for text in doubted_units(plant, run, predicted):
-        say("unit doubted", text)
+    for text in doubted_columns(plant, run, predicted):
+        say("column doubted", text)
     return run, findings
 
 

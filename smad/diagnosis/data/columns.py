@@ -12,7 +12,9 @@ import numpy as np
 
 from smad.diagnosis.plant import Array, Channel, Mask, Signal
 from smad.diagnosis.runs import GapRun, bridged
-from smad.records.readings import Declared, checked_columns
+from smad.records.declared import Declared
+from smad.records.readings import checked_columns, on_lines
+from smad.records.units import Written
 
 Say = Callable[..., None]
 """Notes a finding about the run at hand: `kind`, `text`, and by name whether it `refuses` it."""
@@ -29,7 +31,14 @@ def readable(
         return run
     signals: list[Signal | Channel] = [*inputs, *channels]
     declared = [
-        Declared(name=s.name, unit=s.unit, low=s.low, high=s.high, applied=isinstance(s, Signal))
+        Declared(
+            name=s.name,
+            unit=s.unit,
+            low=s.low,
+            high=s.high,
+            applied=isinstance(s, Signal),
+            written=run.written.get(s.name, Written()),
+        )
         for s in signals
     ]
     columns, remarks = checked_columns({**run.inputs, **run.outputs}, declared, run.t_s)
@@ -37,6 +46,9 @@ def readable(
         applied, text = remark.name in run.inputs, remark.text
         if remark.kind in ("gaps", "no reading"):
             say(remark.kind, f"{text}; these do not count")
+        elif remark.kind == "repeated":
+            say(remark.kind, f"{text}; it is read on lines between the first of each")
+            columns[remark.name] = on_lines(columns[remark.name], remark.rows)
         elif remark.kind == "out of range":
             say(remark.kind, text, refuses=True)
         elif applied:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from smad.records.readings import Declared, checked, checked_columns
+from smad.records.declared import Declared
+from smad.records.readings import checked, checked_columns
 
 T = np.arange(400) * 0.1
 WARM = Declared(name="T", unit="degC", low=-20.0, high=120.0)

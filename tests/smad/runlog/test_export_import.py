@@ -187,10 +187,10 @@ def test_a_mapping_file_says_what_other_names_mean(tmp_path: Path) -> None:
         decimal = ","
         [columns."Zeit"]
         channel = "t_s"
-        unit = "min"
+        column_unit = "min"
         [columns."Oben"]
         channel = "rtd_x_degC"
-        unit = "K"
+        column_unit = "K"
         scale = 100.0
         offset = 150.0
         [columns."Weg"]
@@ -241,7 +241,7 @@ def test_a_csv_that_cannot_be_used_is_refused_with_place_and_value(
     [
         ('[columns."a"]\nchannel = "t_s"', ["column 'a'", "does not have"]),
         ('[columns."t"]\nchannel = "t_min"', ["unknown channel", "t_min", "t_s"]),
-        ('[columns."t"]\nchannel = "t_s"\nunit = "mm"', ["unknown unit", "got mm", "ms"]),
+        ('[columns."t"]\nchannel = "t_s"\ncolumn_unit = "mm"', ["unknown unit", "got mm", "ms"]),
         ('[columns."t"]\nchannel = "t_s"\nscale = nan', ["not valid", "scale"]),
         ('[columns."t"]\nchanel = "t_s"', ["not valid", "chanel"]),
         ('[csv]\ndelimiter = "|"', ["not valid", "csv.delimiter"]),
