@@ -118,8 +118,8 @@ def read_mapped(path: Path, mapped: Map, *, measured: bool = True) -> GapRun:
     NaN where nothing was recorded. A channel may be missing, an input may not; all channels where
     nothing was `measured`. Raises FmiError and RunLogError.
     """
-    columns, notes = _columns(path, mapped)
-    t_s = _time_s(path, columns[mapped.time], mapped)
+    columns, notes, stamps = _columns(path, mapped)
+    t_s = _time_s(path, columns[mapped.time], mapped, "s" if mapped.time in stamps else "")
 
     rows: dict[str, InputRow | ChannelRow] = {**mapped.inputs, **mapped.channels}
     there = {n: columns[c] for n, row in rows.items() if (c := row.column or n) in columns}
@@ -139,10 +139,10 @@ def read_mapped(path: Path, mapped: Map, *, measured: bool = True) -> GapRun:
     return GapRun(path.stem, t_s, inputs, outputs, notes=notes, written=written)
 
 
-def _time_s(path: Path, column: Column, mapped: Map) -> Column:
+def _time_s(path: Path, column: Column, mapped: Map, known: str) -> Column:
     """The time in s, by the unit of the map or of the column's name; it must increase."""
     require_rising(column, f"{path}: time {mapped.time!r}", FmiError)
-    unit = mapped.time_unit or unit_in(mapped.time)
+    unit = known or mapped.time_unit or unit_in(mapped.time)
     if unit in units_for("s"):
         return convert(column, unit, "s")
     step = float(np.median(np.diff(column))) if len(column) > 1 else 0.0
@@ -180,8 +180,8 @@ def _written(row: InputRow | ChannelRow, name: str) -> Written:
     return replace(read, scale=row.scale * read.scale, offset=row.scale * read.offset + row.offset)
 
 
-def _columns(path: Path, mapped: Map) -> tuple[dict[str, Column], tuple[str, ...]]:
-    """Every column that the map names and the file has, with the time, and what was not read."""
+def _columns(path: Path, mapped: Map) -> tuple[dict[str, Column], tuple[str, ...], tuple[str, ...]]:
+    """The columns that the map names, with the time; what was not read; which are stamps."""
     rows: dict[str, InputRow | ChannelRow] = {**mapped.inputs, **mapped.channels}
     wanted = [mapped.time, *(row.column or name for name, row in rows.items())]
     read = read_columns(path, mapped.csv, wanted)
@@ -195,4 +195,4 @@ def _columns(path: Path, mapped: Map) -> tuple[dict[str, Column], tuple[str, ...
             action="name it in the map: time = …",
         )
     others = left_out([n for n in has if n not in wanted], ", which the map does not name")
-    return columns, (*read.notes, *others)
+    return columns, (*read.notes, *others), read.stamps

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from smad.config.toml_file import read_toml
 from smad.errors import LogImportError
-from smad.records.column_names import Assignment, ColumnRule, assign
+from smad.records.column_names import Assignment, ColumnRule, assign, is_time
 from smad.records.csv_table import CsvFormat
 from smad.records.tables import ForeignTable, open_table
 from smad.records.units import Written, convert
@@ -24,6 +24,10 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "v": (-1.0, 15.0), "rtd": (-20.0, 120.0), "displacement": (-25.0, 25.0), "force": (-1.0, 12.0),
 }  # fmt: skip
 """Lowest and highest value that channels of the spring pair can have, by how their names begin."""
+
+
+_ROUNDED = 0.2
+"""Of the steps of a time, that are 0 where it was written with too few digits."""
 
 
 class MappingFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -69,7 +73,10 @@ def read_channels(
 
 def channels_of(table: ForeignTable, rules: Mapping[str, ColumnRule] | None = None) -> Channels:
     """Channels of a table. Raises LogImportError for one that cannot be used."""
-    assignment = assign(table.names, rules or {})
+    given = {**_time_of_stamps(table, rules or {}), **(rules or {})}
+    unused = [n for n in table.stamps if n not in given]
+    assignment = assign([n for n in table.names if n not in unused], given)
+    assignment.ignored.extend(unused)
     columns = _converted(table, assignment, rules or {})
     _check_time(table, assignment, columns)
     written = {
@@ -78,7 +85,19 @@ def channels_of(table: ForeignTable, rules: Mapping[str, ColumnRule] | None = No
         )
         for rule in assignment.rules.values()
     }
-    return Channels(columns, written, assignment, table.notes)
+    times = [
+        f"the time is column {n!r}, in s since its first stamp" for n in given if n in table.stamps
+    ]
+    return Channels(columns, written, assignment, (*table.notes, *times))
+
+
+def _time_of_stamps(table: ForeignTable, given: Mapping[str, ColumnRule]) -> dict[str, ColumnRule]:
+    """The rule by which the first column of stamps is the time, where no other column is."""
+    stamps = [n for n, advice in table.stamps.items() if not advice and n not in given]
+    timed = any(is_time(n) for n in table.names if n not in table.stamps)
+    if not stamps or timed or any(rule.channel == "t_s" for rule in given.values()):
+        return {}
+    return {stamps[0]: ColumnRule("t_s", "s")}
 
 
 def held(column: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -97,7 +116,8 @@ def _converted(
             f"{table.path} has no time column",
             value=", ".join(table.names),
             limit="t_s, time_s, time_ms …",
-            action="name the column time_s, or use a mapping file",
+            action=next(iter(table.stamps.values()), "")
+            or "name the column time_s, or use a mapping file",
         )
     for name, values in table.columns(assignment.rules):
         rule = assignment.rules[name]
@@ -146,5 +166,7 @@ def _check_time(
         raise LogImportError(
             f"{table.path}, {table.place_of(row)}: time does not increase",
             value=f"{t_s[row]:.9g} s after {t_s[row - 1]:.9g} s",
-            action="sort the rows, and remove repeated ones",
+            action="write it with more digits"
+            if np.mean(np.diff(t_s) == 0.0) > _ROUNDED
+            else "sort the rows, and remove repeated ones",
         )

@@ -141,6 +141,11 @@ def _from_name(name: str, exact: Collection[str]) -> ColumnRule | None:
     return ColumnRule(channel, unit)
 
 
+def is_time(name: str) -> bool:
+    """Whether a name is that of the board time, in whatever unit."""
+    return "t_s" in (name, ALIASES.get(parted(name)[0]), ALIASES.get(_plain(name)))
+
+
 def parted(name: str) -> tuple[str, str]:
     """The quantity in a name, in small letters, and its unit: `Force [mN]`, `force mN`, `T_x_K`."""
     bracketed = _BRACKETED.match(name.strip())

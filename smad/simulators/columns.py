@@ -22,6 +22,7 @@ from smad.simulators.errors import SimulatorError
 
 TIMES = ("t_s", "time_s", "time", "t", "timestamp_s")
 """Names of a column that is the time in s; the first two may end with another unit."""
+_USUAL = (*TIMES, *(f"{name}_{unit}" for name in ("t", "time") for unit in units_for("s")))
 _LONG_STEP_S = 2.0
 """Samples further apart, on a time without a unit, are as likely ms of a logger at 1 to 500 Hz."""
 _SAME, _DIGITS = 1e-6, 9
@@ -137,6 +138,9 @@ def _tables(run: Any, name: str, time: str, form: CsvFormat | None) -> Iterable[
 def _of_file(path: Path, time: str, form: CsvFormat | None) -> Table:
     read = read_columns(path, form)
     notes = (*read.notes, *left_out(list(read.unread), ", since they are not numbers"))
+    usual = {*_USUAL} & {*read.numbers}
+    if not time and not usual and read.stamps:
+        time = read.stamps[0]
     timed = _timed(path.stem, read.numbers, str(path), time, read.unread)
     return replace(timed, path=str(path), notes=(*notes, *timed.notes))
 
@@ -149,8 +153,7 @@ def _timed(
     unread: Mapping[str, str],
 ) -> Table:
     """The columns that are numbers on their time, in s. Raises SimulatorError without a time."""
-    others = [f"{name}_{unit}" for name in ("t", "time") for unit in units_for("s")]
-    usual = (called,) if called else (*TIMES, *others)
+    usual = (called,) if called else _USUAL
     time = next((t for t in usual if t in given), None)
     if time is None:
         broken = next((unread[t] for t in usual if t in unread), "")
