@@ -144,12 +144,17 @@ def _time_s(path: Path, column: Column, mapped: Map, known: str) -> Column:
     require_rising(column, f"{path}: time {mapped.time!r}", FmiError)
     unit = known or mapped.time_unit or unit_in(mapped.time)
     if unit in units_for("s"):
-        return convert(column, unit, "s")
+        column = convert(column, unit, "s")
+    if known or mapped.time_unit:
+        return column
     step = float(np.median(np.diff(column))) if len(column) > 1 else 0.0
     length = float(np.ptp(column)) if len(column) else 0.0
     if len(column) > 2 and not (step <= _COARSE * mapped.lag_s and length >= _SHORT * mapped.lag_s):
         raise FmiError(
-            f"{path}: the unit of time {mapped.time!r} is not said, and s make no sense",
+            f"{path}: the unit of time {mapped.time!r} is "
+            + (
+                f"{unit} by its name, which makes no sense" if unit else "not said, and s make none"
+            ),
             value=f"steps of {step:.6g} over {length:.6g}",
             limit=f"s: steps up to {_COARSE * mapped.lag_s:g}, at least {_SHORT * mapped.lag_s:g} "
             "long (by the lag_s of the map)",

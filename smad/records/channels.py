@@ -26,6 +26,8 @@ RANGES: Mapping[str, tuple[float, float]] = {
 """Lowest and highest value that channels of the spring pair can have, by how their names begin."""
 
 
+LONGEST_STEP_S = 1.0
+"""A pair that is sampled slower shows nothing of how it moves."""
 _ROUNDED = 0.2
 """Of the steps of a time, that are 0 where it was written with too few digits."""
 
@@ -85,9 +87,8 @@ def channels_of(table: ForeignTable, rules: Mapping[str, ColumnRule] | None = No
         )
         for rule in assignment.rules.values()
     }
-    times = [
-        f"the time is column {n!r}, in s since its first stamp" for n in given if n in table.stamps
-    ]
+    stamps = [n for n in given if n in table.stamps]
+    times = [f"the time is column {n!r}, in s since its first stamp" for n in stamps]
     return Channels(columns, written, assignment, (*table.notes, *times))
 
 

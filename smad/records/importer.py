@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smad.errors import LogImportError
-from smad.records.channels import RANGES, Channels, MappingFile, channels_of
+from smad.records.channels import LONGEST_STEP_S, RANGES, Channels, MappingFile, channels_of
 from smad.records.column_names import Assignment
 from smad.records.declared import Declared
-from smad.records.readings import beyond_range, checked, checked_columns
+from smad.records.readings import beyond_range, checked, checked_columns, doubted_step
 from smad.records.tables import open_table
 from smad.records.units import Written
 from smad.runlog.export import header_path
@@ -112,6 +112,8 @@ def _plausible(source: Path, named: Channels) -> tuple[dict[str, NDArray[np.floa
             notes.append(
                 f"{remark.text}: {remark.advice}" if remark.advice else remark.text + emptied
             )
+    if text := doubted_step(t_s, LONGEST_STEP_S):
+        notes.append(f"{text}; imported so, but no diagnosis takes it")
     return {**columns, **readings}, notes
 
 

@@ -18,7 +18,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from smad.records.declared import Declared, refusal_words
-from smad.records.units import spelt
+from smad.records.units import UNITS, spelt
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -279,6 +279,17 @@ def _leaps_there_and_back(y: Array, start: int, stop: int, leap: float) -> bool:
         return False
     there, back = abs(y[start] - y[start - 1]), abs(y[stop] - y[start])
     return bool(min(there, back) > max(leap, 2.0 * abs(y[stop] - y[start - 1])))
+
+
+def doubted_step(t_s: Array, longest_s: float) -> str:
+    """What to ask where the samples of a time, shape (n,), are further apart than makes sense."""
+    step_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 0.0
+    if step_s <= longest_s:
+        return ""
+    text = f"samples are {step_s:.6g} s apart, at most {longest_s:g} s make sense"
+    unit = next((u for u in ("ms", "us", "ns") if step_s * UNITS[u].scale <= longest_s), "")
+    ask = f": is the time in {unit}? name its column time_{unit}, or say `column_unit`"
+    return text + (ask if unit else ": correct the time, or its unit")
 
 
 def rows_each(values: Array, steady: Mask, changing: Mask) -> int:

@@ -5,6 +5,7 @@ A run comes with NaN where nothing was recorded. Nothing here asks a model.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -13,7 +14,7 @@ import numpy as np
 from smad.diagnosis.plant import Array, Channel, Mask, Signal
 from smad.diagnosis.runs import GapRun, bridged
 from smad.records.declared import Declared
-from smad.records.readings import checked_columns, on_lines
+from smad.records.readings import checked_columns, doubted_step, on_lines
 from smad.records.units import Written
 
 Say = Callable[..., None]
@@ -21,14 +22,21 @@ Say = Callable[..., None]
 
 
 def readable(
-    run: GapRun, inputs: Sequence[Signal], channels: Sequence[Channel], say: Say
+    run: GapRun,
+    inputs: Sequence[Signal],
+    channels: Sequence[Channel],
+    say: Say,
+    longest_step_s: float = math.inf,
 ) -> GapRun:
     """The run with NaN for what is no reading, without channels that hold too few.
 
-    An input that cannot be used, and a column beyond its range, refuse the run.
+    An input that cannot be used, a column beyond its range, and samples further apart than
+    `longest_step_s` refuse the run.
     """
     if not len(run.t_s):
         return run
+    if text := doubted_step(run.t_s, longest_step_s):
+        say("time step", text, refuses=True)
     signals: list[Signal | Channel] = [*inputs, *channels]
     declared = [
         Declared(

@@ -16,7 +16,7 @@ from smad.diagnosis.errors import GapError
 from smad.diagnosis.numerics.lag import lagged
 from smad.diagnosis.plant import Array, Channel, Mask, Signal, Traits
 from smad.diagnosis.runs import GapRun
-from smad.records.channels import RANGES, MappingFile, read_channels
+from smad.records.channels import LONGEST_STEP_S, RANGES, MappingFile, read_channels
 from smad.records.declared import BEYOND
 from smad.records.tables import left_out
 from smad.records.units import Written
@@ -74,6 +74,7 @@ TRAITS = Traits(
         "ambient_temperature": "rtd_ambient_degC",
     },
     drift={"inlet_water": 0.2, "ambient_air": 0.2},
+    longest_step_s=LONGEST_STEP_S,
 )
 """Loss, flow, film, temperatures beyond what is measured, and where a run starts from. Water and
 room wander within a run."""
@@ -282,7 +283,9 @@ def _usable(run: GapRun) -> tuple[GapRun, list[str], list[str]]:
     def say(kind: str, text: str, *, refuses: bool = False) -> None:
         said[refuses].append(text)
 
-    used = filled(up_to_first_hole(readable(run, INPUTS, CHANNELS, say), PERIOD_S, say))
+    used = filled(
+        up_to_first_hole(readable(run, INPUTS, CHANNELS, say, LONGEST_STEP_S), PERIOD_S, say)
+    )
     return used, said[False], said[True]
 
 
