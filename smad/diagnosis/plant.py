@@ -197,7 +197,8 @@ class Traits:
     is usual. `environment`: parameter -> channel that measures it at the start of a run; its
     difference is carried over by the model. `drift`: places that wander by themselves within a run,
     with the usual size of that in the unit of the place. `shortest_s`: what a run must be long.
-    `longest_step_s`: what its samples may be apart. `together`: how many replays are worth asking for at once, from threads.
+    `longest_step_s`: what its samples may be apart. `together`: how many replays are worth asking
+    for at once, from threads.
     """
 
     day: Mapping[str, float] = field(default_factory=dict)

@@ -150,11 +150,9 @@ def _time_s(path: Path, column: Column, mapped: Map, known: str) -> Column:
     step = float(np.median(np.diff(column))) if len(column) > 1 else 0.0
     length = float(np.ptp(column)) if len(column) else 0.0
     if len(column) > 2 and not (step <= _COARSE * mapped.lag_s and length >= _SHORT * mapped.lag_s):
+        why = f"{unit} by its name, which makes no sense" if unit else "not said, and s make none"
         raise FmiError(
-            f"{path}: the unit of time {mapped.time!r} is "
-            + (
-                f"{unit} by its name, which makes no sense" if unit else "not said, and s make none"
-            ),
+            f"{path}: the unit of time {mapped.time!r} is {why}",
             value=f"steps of {step:.6g} over {length:.6g}",
             limit=f"s: steps up to {_COARSE * mapped.lag_s:g}, at least {_SHORT * mapped.lag_s:g} "
             "long (by the lag_s of the map)",

@@ -215,20 +215,22 @@ def _codes(values: Array, known: Mask, declared: Declared) -> Mask:
     warm = [np.round(x, _DIGITS) == _POWER_ON for x, unit in forms if unit != "degC"]
     inside = codes & ~beyond & ~np.logical_or.reduce([np.zeros(len(values), dtype=bool), *warm])
     if inside.any() and not inside[known & ~coded].all():
-        coded |= inside & _far(values, known & ~coded & ~inside, declared)
+        good = known & ~coded & ~inside
+        span = min(declared.span, float(np.ptp(values[good])))
+        coded |= inside & _far(values, good, _least_jump(values[good], span))
     return np.asarray(coded)
 
 
-def _far(values: Array, good: Mask, declared: Declared) -> Mask:
-    """Which values are far from a straight line between the good ones around them."""
+def _far(values: Array, good: Mask, least: float) -> Mask:
+    """Which values are further from a straight line between the good ones around them."""
     index = np.arange(len(values))
     around = np.interp(index, index[good], values[good])
-    return np.abs(values - around) > _least_jump(values[good], declared)
+    return np.abs(values - around) > least
 
 
-def _least_jump(good: Array, declared: Declared) -> float:
+def _least_jump(good: Array, span: float) -> float:
     usual = float(np.quantile(np.abs(np.diff(good)), _USUAL)) if len(good) > 1 else 0.0
-    return max(_JUMP * declared.span, _JUMP_TIMES * usual)
+    return max(_JUMP * span, _JUMP_TIMES * usual)
 
 
 def _jumps(values: Array, good: Mask, declared: Declared) -> Mask:
@@ -238,7 +240,7 @@ def _jumps(values: Array, good: Mask, declared: Declared) -> Mask:
     if len(index) > 5:
         y = values[index]
         windows = sliding_window_view(np.pad(y, 2, "edge"), 5)
-        out[index] = np.abs(y - np.median(windows, axis=1)) > _least_jump(y, declared)
+        out[index] = np.abs(y - np.median(windows, axis=1)) > _least_jump(y, declared.span)
     return out
 
 
@@ -251,7 +253,7 @@ def _stuck(values: Array, good: Mask, steady: Mask, declared: Declared) -> list[
     """
     index = np.flatnonzero(good)
     y = values[index]
-    leap = _least_jump(y, declared) if len(np.unique(y)) > _LEVELS else np.inf
+    leap = _least_jump(y, declared.span) if len(np.unique(y)) > _LEVELS else np.inf
     out = []
     for start, stop in _same(y):
         n = stop - start

@@ -21,7 +21,7 @@ from smad.diagnosis.runs import GapRun
 from smad.records.declared import Declared
 from smad.records.units import UNITS, convert, units_for
 
-_SWING, _LEVEL = 0.3, 0.1
+_SWING, _LEVEL = 0.3, 0.05
 """Usual difference of bench and model: of the logarithm of a swing; of a level, in its range."""
 _RELATED = 0.5
 """Correlation with the prediction from which on a swing can be compared."""
@@ -93,6 +93,8 @@ def _off(
         level = (float(np.median(y)) - expected) / usual
     elif min(_size(y), _size(m)) > least:
         level = np.log(_size(y) / _size(m)) / _SWING
+        # A gain changes both alike.
+        return float(min(max(swing**2, level**2), _WORST))
     return float(min(swing**2 + level**2, _WORST))
 
 

@@ -283,9 +283,8 @@ def _usable(run: GapRun) -> tuple[GapRun, list[str], list[str]]:
     def say(kind: str, text: str, *, refuses: bool = False) -> None:
         said[refuses].append(text)
 
-    used = filled(
-        up_to_first_hole(readable(run, INPUTS, CHANNELS, say, LONGEST_STEP_S), PERIOD_S, say)
-    )
+    read = readable(run, INPUTS, CHANNELS, say, LONGEST_STEP_S)
+    used = filled(up_to_first_hole(read, PERIOD_S, say))
     return used, said[False], said[True]
 
 
