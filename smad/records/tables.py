@@ -158,7 +158,10 @@ def open_table(path: Path, form: CsvFormat | None = None) -> ForeignTable:
         return open_bag(path)
     if not is_table(path):
         raise LogImportError(
-            f"{path} is no table", value=path.suffix, limit=", ".join(KINDS), action="convert it"
+            f"{path} is no table",
+            value=path.suffix,
+            limit=", ".join(KINDS),
+            action="convert it, or name it .csv if it is text",
         )
     if path.suffix.lower() != ".parquet":
         return open_csv(path, form or CsvFormat())

@@ -138,9 +138,9 @@ def _tables(run: Any, name: str, time: str, form: CsvFormat | None) -> Iterable[
 def _of_file(path: Path, time: str, form: CsvFormat | None) -> Table:
     read = read_columns(path, form)
     notes = (*read.notes, *left_out(list(read.unread), ", since they are not numbers"))
-    usual = {*_USUAL} & {*read.numbers}
-    if not time and not usual and read.stamps:
-        time = read.stamps[0]
+    numbers = any(n in read.numbers for n in _USUAL if n not in read.stamps)
+    stamps = [*(n for n in read.stamps if n in _USUAL), *read.stamps]
+    time = time or ("" if numbers or not stamps else stamps[0])
     timed = _timed(path.stem, read.numbers, str(path), time, read.unread)
     return replace(timed, path=str(path), notes=(*notes, *timed.notes))
 

@@ -310,8 +310,8 @@ def benches(count: int) -> list[tuple[bool, GapRun]]:
     programmes = ("pulses", "levels", "sines", "stairs", "mixed", "quick levels")
     for k in range(count):
         rng = np.random.default_rng([7, k])
-        theta = {q.name: float(np.clip(q.nominal + q.prior_sd * rng.standard_normal(), q.low, q.high))
-                 for q in plant.parameters}  # fmt: skip
+        drawn = [(q, q.nominal + q.prior_sd * rng.standard_normal()) for q in plant.parameters]
+        theta = {q.name: float(np.clip(value, q.low, q.high)) for q, value in drawn}
         effect = plant.effects[int(rng.integers(len(plant.effects)))]
         times = rng.uniform(1.0, 3.0)
         values = {q.name: float(np.clip(q.typical * (times if q.strength else 1.0), q.low, q.high))
