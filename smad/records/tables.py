@@ -139,7 +139,7 @@ class ParquetTable:
         try:
             if pa.types.is_timestamp(column.type):
                 since = np.asarray(column.cast(pa.timestamp("ns")).to_numpy())
-                return (since - since[0]) / np.timedelta64(1, "s")
+                return np.asarray((since - since[0]) / np.timedelta64(1, "s"), dtype=np.float64)
             if pa.types.is_dictionary(column.type):
                 parts = [c.dictionary.cast(pa.float64()).take(c.indices) for c in column.chunks]
                 column = pa.chunked_array(parts, pa.float64())

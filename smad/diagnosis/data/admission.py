@@ -22,6 +22,7 @@ from smad.diagnosis.data.opinions import compare, used
 from smad.diagnosis.plant import PlantModel, traits_of
 from smad.diagnosis.runs import GapRun, distinctly_named
 from smad.diagnosis.verdict import Finding
+from smad.records.readings import doubted_step
 
 ROUNDED = 0.01
 """Of a sample: by how much lengths that are equal may differ through rounding."""
@@ -189,9 +190,8 @@ def _require_length(
         text = f"{run.duration_s:.1f} s long{cut}; at least {least_s:g} s are needed{why}"
         say("too short", text, refuses=True)
         return
-    if run.dt_s > 5 * period_s:
-        text = f"one sample every {run.dt_s:g} s; at most {5 * period_s:g} s"
-        say("sampled too slowly", text, refuses=True)
+    if text := doubted_step(run.t_s, 5 * period_s):
+        say("time step", text, refuses=True)
     steps = np.diff(run.t_s)
     lost = float(np.sum(steps[steps > 1.5 * run.dt_s] - run.dt_s)) / run.duration_s
     share = lost + 1.0 - float(np.mean(run.good))

@@ -10,7 +10,6 @@ DIAGNOSED = ("run log", "CSV", "Parquet", "FMU map", "Python plant")
 VALUES = (*DIAGNOSED, "check-up")
 """Readers that compare values with what their plant declares."""
 EVERY = (*VALUES, "log import")
-FILES = tuple(reader for reader in EVERY if reader != "Python plant")
 TAKEN = ("used", "read", "imported")
 ANY = (*TAKEN, "refused")
 
@@ -33,7 +32,7 @@ RIGHT: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
     "an input on change": (EVERY, ANY, ("holds a reading in", "`hold = true`")),
     "a slower channel": (EVERY, ANY, ("samples only", "`hold = true`")),
     "a reading in five rows each": (EVERY, TAKEN, ("stands in 5 rows each", "repeated")),
-    "a time in ms": (FILES, ANY, ("sense",)),
+    "a time in ms": (EVERY, ANY, ("sense",)),
     "1.1 s long": (DIAGNOSED, ("refused",), ("s long; at least 8 s are needed",)),
     "no input changes": (DIAGNOSED, ("refused",), ("were the inputs recorded, and", "--trust")),
     "another run's reading": (("FMU map", "Python plant"), ("used",), ("shifted in time",)),
