@@ -89,8 +89,10 @@ def read_head(path: Path, file: TextIO, delimiter: str = "") -> Head:
     cells = _cells(path, numbers, delimiter)
     rows = [_fitting(_cells(path, line, delimiter), cells) for line in before]
     wide = [k for k, row in enumerate(rows) if len(row) == len(cells)]
-    named = [k for k in wide if all(map(_is_word, rows[k]))] or [0]
-    row = last = named[-1]
+    named = [k for k in wide if all(map(_is_word, rows[k]))]
+    if not named and all(len(row) == 1 for row in rows) and len(cells) > 1:
+        raise _unnamed(path, numbers)
+    row = last = named[-1] if named else 0
     if row - 1 in named and _are_units(rows[row]):
         row -= 1
     elif row + 1 in wide and _are_units(rows[row + 1]):
@@ -155,7 +157,11 @@ def _named_by_comment(
         if len(names) == len(cells) and not comments[-1].holds_numbers:
             _require_distinct(path, names, comments[-1].number)
             return Head(names, comments[-1].number, numbers.number - 1, delimiter, (), cells)
-    raise LogImportError(
+    raise _unnamed(path, numbers)
+
+
+def _unnamed(path: Path, numbers: _Line) -> LogImportError:
+    return LogImportError(
         f"{path}, line {numbers.number}: numbers stand where the names of the columns should be",
         value=numbers.text.strip(),
         action="write a line of names above them",

@@ -78,7 +78,8 @@ def finding_lines(v: Verdict, *, doubtful: bool) -> list[str]:
             _, _, rest = f.text.partition(" ")
             alike = rest if doubtful else _NUMBER.sub("#", rest)
             groups.setdefault((f.kind, alike), []).append(f)
-    return [_line(alike) for alike in groups.values()]
+    first = sorted(groups.values(), key=lambda alike: alike[0].kind != "column doubted")
+    return [_line(alike) for alike in first]
 
 
 def _line(alike: Sequence[Finding]) -> str:
