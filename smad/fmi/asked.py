@@ -149,7 +149,8 @@ def _time_s(path: Path, column: Column, mapped: Map, known: str) -> Column:
         return column
     step = float(np.median(np.diff(column))) if len(column) > 1 else 0.0
     length = float(np.ptp(column)) if len(column) else 0.0
-    if len(column) > 2 and not (step <= _COARSE * mapped.lag_s and length >= _SHORT * mapped.lag_s):
+    short = not unit and length < _SHORT * mapped.lag_s
+    if len(column) > 2 and (step > _COARSE * mapped.lag_s or short):
         why = f"{unit} by its name, which makes no sense" if unit else "not said, and s make none"
         raise FmiError(
             f"{path}: the unit of time {mapped.time!r} is {why}",

@@ -78,8 +78,8 @@ def finding_lines(v: Verdict, *, doubtful: bool) -> list[str]:
             _, _, rest = f.text.partition(" ")
             alike = rest if doubtful else _NUMBER.sub("#", rest)
             groups.setdefault((f.kind, alike), []).append(f)
-    first = sorted(groups.values(), key=lambda alike: alike[0].kind != "column doubted")
-    return [_line(alike) for alike in first]
+    order = sorted(groups.values(), key=lambda f: (not f[0].refuses, f[0].kind != "column doubted"))
+    return [_line(alike) for alike in order]
 
 
 def _line(alike: Sequence[Finding]) -> str:
