@@ -76,6 +76,14 @@ def read_channels(
 def channels_of(table: ForeignTable, rules: Mapping[str, ColumnRule] | None = None) -> Channels:
     """Channels of a table. Raises LogImportError for one that cannot be used."""
     given = {**_time_of_stamps(table, rules or {}), **(rules or {})}
+    for name in (n for n in given if n in table.stamps and not table.stamps[n]):
+        if given[name].column_unit not in ("", "s"):
+            raise LogImportError(
+                f"{table.path}: column {name!r} holds stamps, which are read in s",
+                value=given[name].column_unit,
+                action="leave column_unit out of the mapping file",
+            )
+        given[name] = msgspec.structs.replace(given[name], column_unit="s")
     unused = [n for n in table.stamps if n not in given]
     assignment = assign([n for n in table.names if n not in unused], given)
     assignment.ignored.extend(unused)

@@ -141,7 +141,7 @@ def _of_file(path: Path, time: str, form: CsvFormat | None) -> Table:
     numbers = any(n in read.numbers for n in _USUAL if n not in read.stamps)
     stamps = [*(n for n in read.stamps if n in _USUAL), *read.stamps]
     time = time or ("" if numbers or not stamps else stamps[0])
-    timed = _timed(path.stem, read.numbers, str(path), time, read.unread)
+    timed = _timed(path.stem, read.numbers, str(path), time, read.unread, stamps=read.stamps)
     return replace(timed, path=str(path), notes=(*notes, *timed.notes))
 
 
@@ -151,8 +151,13 @@ def _timed(
     where: str,
     called: str,
     unread: Mapping[str, str],
+    *,
+    stamps: Sequence[str] = (),
 ) -> Table:
-    """The columns that are numbers on their time, in s. Raises SimulatorError without a time."""
+    """The columns that are numbers on their time, in s, as `stamps` are already.
+
+    Raises SimulatorError without a time.
+    """
     usual = (called,) if called else _USUAL
     time = next((t for t in usual if t in given), None)
     if time is None:
@@ -173,7 +178,8 @@ def _timed(
     if time not in numbers:
         raise SimulatorError(texts[time], action="give it in s")
     notes = left_out([n for n in texts if n not in unread], ", since they are not numbers")
-    t_s = _in_s(numbers.pop(time), time, where, said=bool(called))
+    column = numbers.pop(time)
+    t_s = column if time in stamps else _in_s(column, time, where, said=bool(called))
     return Table(name, t_s, numbers, notes=notes, unread=texts)
 
 

@@ -7,8 +7,10 @@ import pytest
 
 from smad.errors import LogImportError
 from smad.records.channels import Channels, channels_of, held, read_mapping
+from smad.records.column_names import ColumnRule
 from smad.records.csv_table import CsvFormat
 from smad.records.tables import left_out, open_table
+from smad.simulators.columns import tables_of
 
 
 def read(folder: Path, text: str | bytes, **form: str) -> Channels:
@@ -86,6 +88,26 @@ def test_stamps_below_a_title_are_the_time(form: str, name: str, tmp_path: Path)
 def test_a_stamp_among_numbers_of_a_named_time_is_told_with_its_form(tmp_path: Path) -> None:
     with pytest.raises(LogImportError, match=r'line 3.*got 0:00:01; .*`time_format = "%H:%M:%S"`'):
         read(tmp_path, "time_s,temp_x_degC\n0,22\n0:00:01,23\n")
+
+
+def test_a_unit_that_is_given_to_stamps_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("Zeit,temp_x_degC\n2026-11-26 13:45:01,22\n2026-11-26 13:46:01,23\n")
+
+    def times(**rule: str) -> list[float]:
+        rules = {"Zeit": ColumnRule("t_s", **rule)}
+        return list(channels_of(open_table(path), rules).columns["t_s"])
+
+    assert times() == times(column_unit="s") == [0.0, 60.0]
+    with pytest.raises(LogImportError, match="holds stamps, which are read in s; got min"):
+        times(column_unit="min")
+
+
+def test_the_time_of_a_simulator_may_be_stamps_whatever_their_name(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("Zeit [ms],T_degC\n2026-11-26 13:45:01,22\n2026-11-26 13:46:01,23\n")
+    (table,) = tables_of(path)
+    assert table.t_s.tolist() == [0.0, 60.0]
 
 
 def test_stamps_of_whole_seconds_at_ten_rows_a_second_want_more_digits(tmp_path: Path) -> None:
