@@ -6,6 +6,7 @@ in the engine knows the name of a channel, a parameter or an effect.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -196,13 +197,15 @@ class Traits:
     is usual. `environment`: parameter -> channel that measures it at the start of a run; its
     difference is carried over by the model. `drift`: places that wander by themselves within a run,
     with the usual size of that in the unit of the place. `shortest_s`: what a run must be long.
-    `together`: how many replays are worth asking for at once, from threads.
+    `longest_step_s`: what its samples may be apart. `together`: how many replays are worth asking
+    for at once, from threads.
     """
 
     day: Mapping[str, float] = field(default_factory=dict)
     environment: Mapping[str, str] = field(default_factory=dict)
     drift: Mapping[str, float] = field(default_factory=dict)
     shortest_s: float = 8.0
+    longest_step_s: float = math.inf
     together: int = 1
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smad.diagnosis.errors import GapError
+from smad.records.units import Written
 
 Array = NDArray[np.float64]
 
@@ -24,7 +25,8 @@ class GapRun:
     absent. `valid` is False where a sample was lost or marked bad; values there are never read.
     `notes` carry facts of the log that the admission reports, such as its being cut short. `whole`
     is the run that this one was thinned from, for what must be replayed at its own pace. A
-    `trusted` run is not refused for what the nominal model thinks of it.
+    `trusted` run is not refused for what the nominal model thinks of it. `written` says how a
+    column stands in its file, where it was converted.
     """
 
     name: str
@@ -36,6 +38,7 @@ class GapRun:
     notes: tuple[str, ...] = ()
     whole: GapRun | None = None
     trusted: bool = False
+    written: Mapping[str, Written] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n = len(self.t_s)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,8 +25,9 @@ from smad.fmi.unit_file import open_unit
 from smad.progress import Say, silent
 from smad.records.channels import held
 from smad.records.column_names import unit_in
+from smad.records.readings import on_lines
 from smad.records.tables import left_out, read_columns, require_rising
-from smad.records.units import UNITS, convert, spelt, units_for
+from smad.records.units import UNITS, Written, convert, spelt, unit_words, units_for
 from smad.runlog.paths import names_of
 from smad.simulators.expected import expected, on_standard_error
 from smad.simulators.planning import Plan
@@ -120,20 +121,16 @@ def read_mapped(path: Path, mapped: Map, *, measured: bool = True) -> GapRun:
     NaN where nothing was recorded. A channel may be missing, an input may not; all channels where
     nothing was `measured`. Raises FmiError and RunLogError.
     """
-    columns, notes = _columns(path, mapped)
-    t_s = _time_s(path, columns[mapped.time], mapped)
+    columns, notes, stamps = _columns(path, mapped)
+    t_s = _time_s(path, columns[mapped.time], mapped, "s" if mapped.time in stamps else "")
 
-    def named(rows: Mapping[str, InputRow | ChannelRow]) -> dict[str, Column]:
-        there = {n: columns[c] for n, row in rows.items() if (c := row.column or n) in columns}
-        return {n: _in_unit(path, c, rows[n], n) for n, c in there.items() if np.isfinite(c).any()}
-
-    inputs = {
-        name: mapped.inputs[name].scale * column + mapped.inputs[name].offset
-        for name, column in named(mapped.inputs).items()
-    }
-    outputs = named(mapped.channels)
-    inputs |= {n: held(c) for n, c in inputs.items() if mapped.inputs[n].hold}
-    outputs |= {n: _between(c) for n, c in outputs.items() if mapped.channels[n].hold}
+    rows: dict[str, InputRow | ChannelRow] = {**mapped.inputs, **mapped.channels}
+    there = {n: columns[c] for n, row in rows.items() if (c := row.column or n) in columns}
+    there = {n: c for n, c in there.items() if np.isfinite(c).any()}
+    written = {n: _written(rows[n], n) for n in there}
+    there = {n: written[n].values(c) for n, c in there.items()}
+    inputs = {n: held(c) if rows[n].hold else c for n, c in there.items() if n in mapped.inputs}
+    outputs = {n: on_lines(c) if rows[n].hold else c for n, c in there.items() if n not in inputs}
     lacking = [name for name in mapped.inputs if name not in inputs]
     if lacking or (measured and not outputs):
         what = mapped.inputs[lacking[0]].column or lacking[0] if lacking else "any channel"
@@ -142,20 +139,24 @@ def read_mapped(path: Path, mapped: Map, *, measured: bool = True) -> GapRun:
             limit=", ".join(columns),
             action="correct the map, or leave the run out",
         )
-    return GapRun(path.stem, t_s, inputs, outputs, notes=notes)
+    return GapRun(path.stem, t_s, inputs, outputs, notes=notes, written=written)
 
 
-def _time_s(path: Path, column: Column, mapped: Map) -> Column:
+def _time_s(path: Path, column: Column, mapped: Map, known: str) -> Column:
     """The time in s, by the unit of the map or of the column's name; it must increase."""
     require_rising(column, f"{path}: time {mapped.time!r}", FmiError)
-    unit = mapped.time_unit or unit_in(mapped.time)
+    unit = known or mapped.time_unit or unit_in(mapped.time)
     if unit in units_for("s"):
-        return convert(column, unit, "s")
+        column = convert(column, unit, "s")
+    if known or mapped.time_unit:
+        return column
     step = float(np.median(np.diff(column))) if len(column) > 1 else 0.0
     length = float(np.ptp(column)) if len(column) else 0.0
-    if len(column) > 2 and not (step <= _COARSE * mapped.lag_s and length >= _SHORT * mapped.lag_s):
+    short = not unit and length < _SHORT * mapped.lag_s
+    if len(column) > 2 and (step > _COARSE * mapped.lag_s or short):
+        why = f"{unit} by its name, which makes no sense" if unit else "not said, and s make none"
         raise FmiError(
-            f"{path}: the unit of time {mapped.time!r} is not said, and s make no sense",
+            f"{path}: the unit of time {mapped.time!r} is {why}",
             value=f"steps of {step:.6g} over {length:.6g}",
             limit=f"s: steps up to {_COARSE * mapped.lag_s:g}, at least {_SHORT * mapped.lag_s:g} "
             "long (by the lag_s of the map)",
@@ -164,33 +165,30 @@ def _time_s(path: Path, column: Column, mapped: Map) -> Column:
     return column
 
 
-def _in_unit(path: Path, column: Column, row: InputRow | ChannelRow, name: str) -> Column:
-    """The column in the unit of its row, where the map or the column's name says another one."""
+def _written(row: InputRow | ChannelRow, name: str) -> Written:
+    """How the column of a row stands in its file, by the map or by the column's name."""
     wanted, unit = spelt(row.unit), spelt(row.column_unit)
     plain = (row.scale, row.offset) == (1.0, 0.0)
     if not unit and row.column and plain and wanted in UNITS:
         unit = unit_in(row.column)
         unit = unit if unit in units_for(wanted) else ""
-    if not unit or unit == wanted:
-        return column
-    if unit not in units_for(wanted) or wanted not in UNITS:
+    unit = unit or wanted
+    if unit != wanted and (unit not in units_for(wanted) or wanted not in UNITS):
         raise FmiError(
             f"the map gives {name} a column_unit that is none for a value in {row.unit}",
             value=row.column_unit,
-            limit=", ".join(units_for(wanted)),
+            limit=unit_words(wanted),
             action="correct it, or give scale and offset",
         )
-    return convert(column, unit, wanted)
+    read = Written.of(unit, wanted)
+    if isinstance(row, ChannelRow):
+        return read
+    # An input's value is that of the unit.
+    return replace(read, scale=row.scale * read.scale, offset=row.scale * read.offset + row.offset)
 
 
-def _between(column: Column) -> Column:
-    """The column on straight lines between its numbers; NaN before the first and after the last."""
-    index, known = np.arange(len(column)), np.isfinite(column)
-    return np.interp(index, index[known], column[known], left=np.nan, right=np.nan)
-
-
-def _columns(path: Path, mapped: Map) -> tuple[dict[str, Column], tuple[str, ...]]:
-    """Every column that the map names and the file has, with the time, and what was not read."""
+def _columns(path: Path, mapped: Map) -> tuple[dict[str, Column], tuple[str, ...], tuple[str, ...]]:
+    """The columns that the map names, with the time; what was not read; which are stamps."""
     rows: dict[str, InputRow | ChannelRow] = {**mapped.inputs, **mapped.channels}
     wanted = [mapped.time, *(row.column or name for name, row in rows.items())]
     read = read_columns(path, mapped.csv, wanted)
@@ -204,4 +202,4 @@ def _columns(path: Path, mapped: Map) -> tuple[dict[str, Column], tuple[str, ...
             action="name it in the map: time = …",
         )
     others = left_out([n for n in has if n not in wanted], ", which the map does not name")
-    return columns, (*read.notes, *others)
+    return columns, (*read.notes, *others), read.stamps

@@ -48,6 +48,11 @@ class BagTable:
         return [TIME, *self.places]
 
     @property
+    def stamps(self) -> dict[str, str]:
+        """The times at which a bag recorded are numbers."""
+        return {}
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Nothing is done to a bag that a reader would not expect."""
         return ()

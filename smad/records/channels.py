@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from smad.config.toml_file import read_toml
 from smad.errors import LogImportError
-from smad.records.column_names import Assignment, ColumnRule, assign
+from smad.records.column_names import Assignment, ColumnRule, assign, is_time
 from smad.records.csv_table import CsvFormat
 from smad.records.tables import ForeignTable, open_table
-from smad.records.units import convert
+from smad.records.units import Written, convert
 from smad.runlog.bounds import Together
 from smad.runlog.schema import CHANNELS
 
@@ -24,6 +24,12 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "v": (-1.0, 15.0), "rtd": (-20.0, 120.0), "displacement": (-25.0, 25.0), "force": (-1.0, 12.0),
 }  # fmt: skip
 """Lowest and highest value that channels of the spring pair can have, by how their names begin."""
+
+
+LONGEST_STEP_S = 1.0
+"""A pair that is sampled slower shows nothing of how it moves."""
+_ROUNDED = 0.2
+"""Of the steps of a time, that are 0 where it was written with too few digits."""
 
 
 class MappingFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -41,9 +47,13 @@ def read_mapping(path: str | Path) -> MappingFile:
 
 @dataclass(frozen=True)
 class Channels:
-    """Channels, missing samples NaN, which column each is, and in words what was not read."""
+    """Channels, missing samples NaN, which column each is, and in words what was not read.
+
+    `written` says of each how it stands in the file.
+    """
 
     columns: dict[str, NDArray[np.float64]]
+    written: dict[str, Written]
     assignment: Assignment
     notes: tuple[str, ...]
 
@@ -65,10 +75,38 @@ def read_channels(
 
 def channels_of(table: ForeignTable, rules: Mapping[str, ColumnRule] | None = None) -> Channels:
     """Channels of a table. Raises LogImportError for one that cannot be used."""
-    assignment = assign(table.names, rules or {})
+    given = {**_time_of_stamps(table, rules or {}), **(rules or {})}
+    for name in (n for n in given if n in table.stamps and not table.stamps[n]):
+        if given[name].column_unit not in ("", "s"):
+            raise LogImportError(
+                f"{table.path}: column {name!r} holds stamps, which are read in s",
+                value=given[name].column_unit,
+                action="leave column_unit out of the mapping file",
+            )
+        given[name] = msgspec.structs.replace(given[name], column_unit="s")
+    unused = [n for n in table.stamps if n not in given]
+    assignment = assign([n for n in table.names if n not in unused], given)
+    assignment.ignored.extend(unused)
     columns = _converted(table, assignment, rules or {})
     _check_time(table, assignment, columns)
-    return Channels(columns, assignment, table.notes)
+    written = {
+        rule.channel: Written.of(
+            rule.column_unit, CHANNELS[rule.channel].unit, rule.scale, rule.offset
+        )
+        for rule in assignment.rules.values()
+    }
+    stamps = [n for n in given if n in table.stamps]
+    times = [f"the time is column {n!r}, in s since its first stamp" for n in stamps]
+    return Channels(columns, written, assignment, (*table.notes, *times))
+
+
+def _time_of_stamps(table: ForeignTable, given: Mapping[str, ColumnRule]) -> dict[str, ColumnRule]:
+    """The rule by which the first column of stamps is the time, where no other column is."""
+    stamps = [n for n, advice in table.stamps.items() if not advice and n not in given]
+    timed = any(is_time(n) for n in table.names if n not in table.stamps)
+    if not stamps or timed or any(rule.channel == "t_s" for rule in given.values()):
+        return {}
+    return {stamps[0]: ColumnRule("t_s", "s")}
 
 
 def held(column: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -87,17 +125,18 @@ def _converted(
             f"{table.path} has no time column",
             value=", ".join(table.names),
             limit="t_s, time_s, time_ms …",
-            action="name the column time_s, or use a mapping file",
+            action=next(iter(table.stamps.values()), "")
+            or "name the column time_s, or use a mapping file",
         )
     for name, values in table.columns(assignment.rules):
         rule = assignment.rules[name]
         channel = CHANNELS[rule.channel]
-        converted = convert(values * rule.scale + rule.offset, rule.unit, channel.unit)
+        converted = convert(values * rule.scale + rule.offset, rule.column_unit, channel.unit)
         converted = np.where(np.isinf(converted), np.nan, converted)
         if rule.hold:
             converted = held(converted)
         most = np.nanmax(converted, initial=0.0)
-        if rule.unit == "pct" and name not in given and 0.0 < most <= 0.01:
+        if rule.column_unit == "pct" and name not in given and 0.0 < most <= 0.01:
             raise LogImportError(
                 f"{table.path}: column {name!r} is named %, and never above 1 %",
                 value=f"at most {100.0 * most:.3g}",
@@ -136,5 +175,7 @@ def _check_time(
         raise LogImportError(
             f"{table.path}, {table.place_of(row)}: time does not increase",
             value=f"{t_s[row]:.9g} s after {t_s[row - 1]:.9g} s",
-            action="sort the rows, and remove repeated ones",
+            action="write it with more digits"
+            if np.mean(np.diff(t_s) == 0.0) > _ROUNDED
+            else "sort the rows, and remove repeated ones",
         )

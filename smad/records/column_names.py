@@ -16,7 +16,7 @@ import msgspec
 
 from firmware_protocol.nearest import instead
 from smad.errors import LogImportError
-from smad.records.units import UNITS, parted_name, spelt, unit_of, units_for
+from smad.records.units import UNITS, parted_name, spelt, unit_of, unit_words, units_for
 from smad.runlog.schema import CHANNELS
 
 _PER_SPRING = {
@@ -40,6 +40,8 @@ _SINGLE = {
     "reference_mm": ("reference", "ref", "target"),
     "setpoint_age_ms": ("setpoint_age",),
 }
+_NO_UNIT = ("_C", "_F")
+"""Ends of names that are degrees of a temperature only."""
 _BRACKETED = re.compile(r"^(?P<stem>.+?)[\s_]*[\[(](?P<unit>[^\])]*)[\])]$")
 
 
@@ -61,15 +63,15 @@ _ALL = "docs/guide/run-logs.md has them all"
 
 
 class ColumnRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What one column is. Value in `unit` = number in the file · `scale` + `offset`.
+    """What one column is. Value in `column_unit` = number in the file · `scale` + `offset`.
 
-    `unit` empty: that which the name ends with, or with a scale or offset, or without one in the
-    name, the channel's. `hold`: a number is in force until the next one, as in a
-    log that is written on change.
+    `column_unit` empty: that which the name ends with, or with a scale or offset, or without one in
+    the name, the channel's. `hold`: a number is in force until the next one, as in a log that is
+    written on change.
     """
 
     channel: str
-    unit: str = ""
+    column_unit: str = ""
     scale: _Factor = 1.0
     offset: _Factor = 0.0
     hold: bool = False
@@ -133,10 +135,15 @@ def _from_name(name: str, exact: Collection[str]) -> ColumnRule | None:
         raise LogImportError(
             f"column {name!r} looks like {channel}, but "
             + (f"{unit!r} is no unit for it" if unit else "its unit is missing"),
-            limit=", ".join(units_for(wanted)),
+            limit=unit_words(wanted),
             action=f"rename it (for example {stem}_{wanted}) or use a mapping file",
         )
     return ColumnRule(channel, unit)
+
+
+def is_time(name: str) -> bool:
+    """Whether a name is that of the board time, in whatever unit."""
+    return "t_s" in (name, ALIASES.get(parted(name)[0]), ALIASES.get(_plain(name)))
 
 
 def parted(name: str) -> tuple[str, str]:
@@ -157,7 +164,7 @@ def quantity_in(name: str) -> tuple[str, str]:
         stem, unit = parted(name)
     else:
         stem, unit = parted_name(name)
-    known = unit in UNITS and unit != "1"
+    known = unit in UNITS and unit != "1" and not name.endswith(_NO_UNIT)
     return (_plain(stem), unit) if known else (_plain(name), "")
 
 
@@ -178,15 +185,15 @@ def _checked(name: str, rule: ColumnRule) -> ColumnRule:
     # With a factor the rule converts itself.
     plain = (rule.scale, rule.offset) == (1.0, 0.0)
     taken = named if plain and named in units_for(channel.unit) else channel.unit
-    unit = spelt(rule.unit) or taken
+    unit = spelt(rule.column_unit) or taken
     if unit not in units_for(channel.unit):
         raise LogImportError(
             f"the mapping of column {name!r} gives {rule.channel} an unknown unit",
             value=unit,
-            limit=", ".join(units_for(channel.unit)),
+            limit=unit_words(channel.unit),
             action="correct the mapping file",
         )
-    return msgspec.structs.replace(rule, unit=unit)
+    return msgspec.structs.replace(rule, column_unit=unit)
 
 
 def _plain(name: str) -> str:

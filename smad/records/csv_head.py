@@ -24,6 +24,12 @@ DELIMITERS: tuple[str, ...] = (",", ";", "\t", " ")
 _COMMENT = re.compile(r"\s*(#|%|//)+\s?")
 _SEPARATOR = re.compile(r"\s*\"?sep=(?P<delimiter>.)\"?\s*$", re.IGNORECASE)
 _NUMBER = re.compile(r"[+-]?[\d.,']*\d[\d.,']*(e[+-]?\d+)?$", re.IGNORECASE)
+_DATE = r"\d{1,4}[-./](?:\d{1,2}|[A-Za-z]{3})[-./]\d{1,4}"
+_TIME = r"\d{1,2}:\d{2}(?::\d{2}(?:[.,]\d+)?)?(?: ?[AP]M)?"
+STAMP = re.compile(
+    rf"(?:{_DATE}(?:[T ]+{_TIME})?|{_TIME})(?:Z|[+-]\d{{2}}:?\d{{2}})?", re.IGNORECASE
+)
+"""A date, a time of day or both, as programs write them."""
 _TOKENS = re.compile(r"[;,\t ]+")
 _MOST_LINES = 1000
 
@@ -32,7 +38,7 @@ _MOST_LINES = 1000
 class Head:
     """Names of the columns, the number of their line, and how many lines the numbers come after.
 
-    `passed_over` says in words which lines were not read.
+    `passed_over` says in words which lines were not read; `first` are the cells of the first row.
     """
 
     names: list[str]
@@ -40,6 +46,7 @@ class Head:
     lines: int
     delimiter: str
     passed_over: tuple[str, ...] = ()
+    first: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -58,7 +65,8 @@ class _Line:
     @property
     def holds_numbers(self) -> bool:
         """Whether it begins with a number and most of it is numbers."""
-        words = [w.strip('"') for w in _TOKENS.split(self.text.strip()) if w.strip('"')]
+        text = STAMP.sub("0", self.text.strip())
+        words = [w.strip('"') for w in _TOKENS.split(text) if w.strip('"')]
         numbers = [bool(_NUMBER.match(w)) for w in words]
         return bool(numbers) and numbers[0] and sum(numbers) > len(numbers) / 2
 
@@ -78,22 +86,37 @@ def read_head(path: Path, file: TextIO, delimiter: str = "") -> Head:
     numbers = lines[0] if first is None else lines[first]
     before = lines[:1] if first is None else lines[:first]
     delimiter = delimiter or _likely(path, before[-1], numbers)
-    width = len(_cells(path, numbers, delimiter))
-    rows = [_cells(path, line, delimiter) for line in before]
-    wide = [k for k, row in enumerate(rows) if len(row) == width and all(map(_is_word, row))] or [0]
-    names_row, last = wide[-1], before[wide[-1]]
-    names = rows[names_row]
-    if len(wide) > 1 and wide[-2] == names_row - 1 and _are_units(names, rows[names_row - 1]):
-        names_row -= 1
+    cells = _cells(path, numbers, delimiter)
+    rows = [_fitting(_cells(path, line, delimiter), cells) for line in before]
+    wide = [k for k, row in enumerate(rows) if len(row) == len(cells)]
+    named = [k for k in wide if all(map(_is_word, rows[k]))]
+    if not named and all(len(row) == 1 for row in rows) and len(cells) > 1:
+        raise _unnamed(path, numbers)
+    row = last = named[-1] if named else 0
+    if row - 1 in named and _are_units(rows[row]):
+        row -= 1
+    elif row + 1 in wide and _are_units(rows[row + 1]):
+        last += 1
+    names = rows[row]
+    if row != last:
+        units = [u.strip("[]()") for u in rows[last]]
         names = [
             f"{n} [{u}]" if u and not n.endswith("]") else n
-            for n, u in zip(rows[names_row], (u.strip("[]()") for u in names), strict=True)
+            for n, u in zip(names, units, strict=True)
         ]
-    _require_distinct(path, names, before[names_row].number)
+    _require_distinct(path, names, before[row].number)
     passed = tuple(
-        f"line {x.number} is no line of names: {x.text.strip()[:60]}" for x in before[:names_row]
+        f"line {x.number} is no line of names: {x.text.strip()[:60]}" for x in before[:row]
     )
-    return Head(names, before[names_row].number, last.number, delimiter, passed)
+    first_cells = [] if first is None else cells
+    return Head(names, before[row].number, before[last].number, delimiter, passed, first_cells)
+
+
+def _fitting(row: list[str], cells: Sequence[str]) -> list[str]:
+    """A row above the numbers, in as many cells: a delimiter too many ends either, or a comment."""
+    if len(row) + 1 == len(cells) and not cells[-1]:
+        return [*row, ""]
+    return row[:-1] if len(row) == len(cells) + 1 and row[-1] in ("", "Comment") else row
 
 
 def _lines_before_numbers(path: Path, file: TextIO) -> tuple[str, list[_Line], list[_Line]]:
@@ -129,11 +152,16 @@ def _named_by_comment(
 ) -> Head:
     delimiter = delimiter or _likely(path, numbers, numbers)
     if comments:
-        names = _cells(path, comments[-1], delimiter)
-        if len(names) == len(_cells(path, numbers, delimiter)) and not comments[-1].holds_numbers:
+        cells = _cells(path, numbers, delimiter)
+        names = _fitting(_cells(path, comments[-1], delimiter), cells)
+        if len(names) == len(cells) and not comments[-1].holds_numbers:
             _require_distinct(path, names, comments[-1].number)
-            return Head(names, comments[-1].number, numbers.number - 1, delimiter)
-    raise LogImportError(
+            return Head(names, comments[-1].number, numbers.number - 1, delimiter, (), cells)
+    raise _unnamed(path, numbers)
+
+
+def _unnamed(path: Path, numbers: _Line) -> LogImportError:
+    return LogImportError(
         f"{path}, line {numbers.number}: numbers stand where the names of the columns should be",
         value=numbers.text.strip(),
         action="write a line of names above them",
@@ -164,14 +192,17 @@ def _is_word(cell: str) -> bool:
     return not _NUMBER.match(cell)
 
 
-def _are_units(cells: Sequence[str], names: Sequence[str]) -> bool:
-    words = [c.strip("[]()") for c in cells]
-    return len(words) == len(names) and any(words) and all(not w or is_unit(w) for w in words)
+def _are_units(cells: Sequence[str]) -> bool:
+    """Whether half of the cells that hold something, or more, are units."""
+    words = [w for c in cells if (w := c.strip("[]()"))]
+    return bool(words) and 2 * sum(map(is_unit, words)) >= len(words)
 
 
 def _require_distinct(path: Path, names: Sequence[str], number: int) -> None:
     twin = next((name for name, count in Counter(names).items() if count > 1), None)
     if twin is not None:
         raise LogImportError(
-            f"{path}, line {number}: two columns are named {twin!r}", action="rename one"
+            f"{path}, line {number}: two columns are named {twin!r}",
+            action="rename one"
+            + ("; are these units? write as many names above them" if _are_units(names) else ""),
         )

@@ -8,10 +8,10 @@ import csv
 import gzip
 import io
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, Literal, TextIO, cast
+from typing import TYPE_CHECKING, BinaryIO, Literal, NoReturn, TextIO, cast
 
 import msgspec
 import numpy as np
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from smad.errors import LogImportError
 from smad.records.csv_head import Head, read_head
+from smad.records.stamps import is_stamp, likely_forms, read_stamp
 from smad.runlog.bounds import DAMAGED, require_bounded_text
 
 if TYPE_CHECKING:
@@ -34,6 +35,10 @@ _NO_NUMBER = (
 _NOTHING = ["", "NaN", "-NaN", *(c(w) for w in _NO_NUMBER for c in (str, str.upper, str.title))]
 """What programs write where they have no number, infinity among it."""
 
+_UNDER_CSV = (
+    "under [csv] in a mapping file (--mapping of smad log import, --map of smad gap diagnose) or "
+    "csv=… of smad.simulators.diagnose"
+)
 _NARROW_SPACES = "[\u00a0\u2009\u202f]"
 """Spaces that spreadsheets group digits with, so that no line ends there."""
 
@@ -42,12 +47,14 @@ class CsvFormat(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How the numbers are written. `delimiter` empty: found in the head; `thousands`: no sign.
 
     `encoding` is one of Python's; empty: UTF-8, UTF-16 with its mark, else cp1252, which is said.
+    `time_format`: of stamps, as strptime has it; empty: ISO 8601.
     """
 
     delimiter: Literal["", ",", ";", "\t", " "] = ""
     decimal: Literal[".", ","] = "."
     thousands: Literal["", ".", ",", " ", "'"] = ""
     encoding: str = ""
+    time_format: str = ""
 
 
 @dataclass(frozen=True)
@@ -70,6 +77,14 @@ class CsvTable:
         return self.head.names
 
     @property
+    def stamps(self) -> dict[str, str]:
+        """Columns that hold stamps: empty where they are read, else what to say of them."""
+        first = dict(zip(self.names, self.head.first, strict=False))
+        read = {n: "" for n, text in first.items() if is_stamp(text, self.form.time_format)}
+        forms = {n: likely_forms(text) for n, text in first.items() if n not in read}
+        return read | {n: _as_stamps(f, first[n]) for n, f in forms.items() if f}
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What of the head was not read, and which encoding was taken, in words."""
         taken = f"it is no UTF-8: its names are read as {self.encoding}"
@@ -81,6 +96,7 @@ class CsvTable:
         Raises LogImportError for a row of another length, text in numbers, or no rows.
         """
         columns = {name: np.empty(self.most_rows) for name in wanted}
+        stamps = {n for n, advice in self.stamps.items() if not advice}
         rows = 0
         for batch in self._batches(list(columns)):
             end = rows + batch.num_rows
@@ -89,7 +105,8 @@ class CsvTable:
                     f"{self.path} became longer while it was read", action="try again"
                 )
             for name, values in columns.items():
-                values[rows:end] = self._numbers(name, batch[name], rows)
+                numbers = self._stamps if name in stamps else self._numbers
+                values[rows:end] = numbers(name, batch[name], rows)
             rows = end
         if not rows:
             raise LogImportError(f"{self.path} holds no rows", action="there is nothing to import")
@@ -186,6 +203,19 @@ class CsvTable:
             self._refuse(name, before + row, texts[row].as_py())
         return np.where(np.isinf(values), np.nan, values)
 
+    def _stamps(self, name: str, texts: pyarrow.Array, before: int) -> NDArray[np.float64]:
+        """Seconds since the stamp of the first row."""
+        first = self.head.first[self.names.index(name)]
+        start, out = read_stamp(first, self.form.time_format), np.full(len(texts), np.nan)
+        for row, text in enumerate(texts.to_pylist()):
+            if text is not None:
+                try:
+                    stamp = read_stamp(text.strip(), self.form.time_format)
+                except ValueError:
+                    self._refuse(name, before + row, text)
+                out[row] = (stamp - start).total_seconds()
+        return out
+
     def _require(
         self, name: str, texts: pyarrow.Array, before: int, sign: str, pattern: str
     ) -> None:
@@ -198,16 +228,14 @@ class CsvTable:
         if len(bad):
             self._refuse(name, before + int(bad[0]), texts[int(bad[0])].as_py())
 
-    def _refuse(self, name: str, row: int, value: str) -> None:
+    def _refuse(self, name: str, row: int, value: str) -> NoReturn:
         action = "correct it, or leave the cell empty"
-        if self.form.decimal == "," and "." in value:
+        if forms := likely_forms(value.strip()):
+            action = _as_stamps(forms)
+        elif self.form.decimal == "," and "." in value:
             action = 'say `thousands = "."` under [csv] if points group thousands, or correct it'
         elif self.form.decimal == "." and "," in value:
-            action = (
-                'correct it, or say `decimal = ","` (or `thousands = ","`) under [csv] in a '
-                "mapping file (--mapping of smad log import, --map of smad gap diagnose) or csv=… "
-                "of smad.simulators.diagnose"
-            )
+            action = f'correct it, or say `decimal = ","` (or `thousands = ","`) {_UNDER_CSV}'
         raise LogImportError(
             f"{self.path}, {self.place_of(row)}: column {name!r} is not a number",
             value=value,
@@ -215,6 +243,12 @@ class CsvTable:
             + (f", thousands grouped by {self.form.thousands!r}" if self.form.thousands else ""),
             action=action,
         )
+
+
+def _as_stamps(forms: Sequence[str], text: str = "") -> str:
+    """What to do about stamps that may be in some forms."""
+    say = " or ".join(f'`time_format = "{form}"`' for form in forms)
+    return (f"for stamps as {text} " if text else "") + f"say {say} {_UNDER_CSV}"
 
 
 def open_csv(path: Path, form: CsvFormat) -> CsvTable:

@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smad.errors import LogImportError
-from smad.records.channels import RANGES, MappingFile, channels_of
+from smad.records.channels import LONGEST_STEP_S, RANGES, Channels, MappingFile, channels_of
 from smad.records.column_names import Assignment
-from smad.records.readings import Declared, beyond_range, checked, checked_columns
+from smad.records.declared import Declared
+from smad.records.readings import beyond_range, checked, checked_columns, doubted_step
 from smad.records.tables import open_table
+from smad.records.units import Written
 from smad.runlog.export import header_path
 from smad.runlog.header import RunHeader
 from smad.runlog.holes import holes_in, words
@@ -65,7 +67,7 @@ def import_table(
     mapping = mapping or MappingFile()
     named = channels_of(open_table(source, mapping.csv), mapping.columns)
     assignment = named.assignment
-    columns, notes = _plausible(source, named.columns)
+    columns, notes = _plausible(source, named)
     beside = _read_beside(source)
     header = _header(source, beside.header, assignment, columns)
     records = _records(columns, beside)
@@ -81,20 +83,19 @@ def import_table(
     )
 
 
-def _plausible(
-    source: Path, columns: Mapping[str, NDArray[np.float64]]
-) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
+def _plausible(source: Path, named: Channels) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
     """The columns without what is no reading, and what was left out in words.
 
     Raises LogImportError for a column that cannot be in its unit.
     """
-    declared = {d.name: d for name in columns if (d := _declared(name, of_ours=True))}
+    columns = named.columns
+    declared = {d.name: d for name in columns if (d := _declared(name, named, of_ours=True))}
     driven = any(d.applied for d in declared.values())
     # Without a recorded input, a reading may jump with one.
     steady = None if driven else np.zeros(len(columns["t_s"]), dtype=bool)
     t_s, notes = columns["t_s"], []
     for name, ours in declared.items():
-        wide = _declared(name, of_ours=False)
+        wide = _declared(name, named, of_ours=False)
         if wide is None or not beyond_range(columns[name], ours):
             continue
         if not beyond_range(columns[name], wide):
@@ -107,12 +108,16 @@ def _plausible(
         if remark.kind == "out of range":
             raise LogImportError(f"{source}: {remark.text}")
         if remark.kind != "empty":
-            after = f": {remark.advice}" if remark.advice else "; left empty"
-            notes.append(f"{remark.text}{after}")
+            emptied = "; left empty" if remark.kind == "no reading" else ""
+            notes.append(
+                f"{remark.text}: {remark.advice}" if remark.advice else remark.text + emptied
+            )
+    if text := doubted_step(t_s, LONGEST_STEP_S):
+        notes.append(f"{text}; imported so, but no diagnosis takes it")
     return {**columns, **readings}, notes
 
 
-def _declared(name: str, *, of_ours: bool) -> Declared | None:
+def _declared(name: str, named: Channels, *, of_ours: bool) -> Declared | None:
     """What a channel can be, of our bench or of any; None where nothing is known."""
     unit, kind = CHANNELS[name].unit, CHANNELS[name].kind
     ours = next((r for begin, r in RANGES.items() if name.startswith(f"{begin}_")), None)
@@ -120,7 +125,14 @@ def _declared(name: str, *, of_ours: bool) -> Declared | None:
     if ends is None or kind != "float":
         return None
     applied = name.startswith(_APPLIED)
-    return Declared(name=name, unit=unit, low=ends[0], high=ends[1], applied=applied)
+    return Declared(
+        name=name,
+        unit=unit,
+        low=ends[0],
+        high=ends[1],
+        applied=applied,
+        written=named.written.get(name, Written()),
+    )
 
 
 def _read_beside(source: Path) -> _Beside:
@@ -156,7 +168,7 @@ def _header(
             "imported_source": beside.source,
             "imported_columns": msgspec.json.encode(
                 {
-                    name: f"{rule.channel} from {rule.unit}"
+                    name: f"{rule.channel} from {rule.column_unit}"
                     for name, rule in assignment.rules.items()
                 }
             ).decode(),

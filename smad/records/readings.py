@@ -1,10 +1,11 @@
 """What in a column is no reading, and what cannot be in the unit that was declared.
 
-Five kinds of samples are taken out: codes that a sensor or a logger writes in place of a reading,
-single samples beyond the declared range, jumps that come back within two samples, stretches at
-another value to which a reading leaps and comes back, and stretches in which a reading stays the
-same that is noisy beside them, or that moves and then jumps. A column that is beyond its range
-otherwise is refused, with the unit that it is likely to be in.
+Five kinds of samples are taken out: codes that a sensor or a logger writes in place of a reading
+(looked for among the numbers of the file, too, before units are converted), single samples beyond
+the declared range, jumps that come back within two samples, stretches at another value to which a
+reading leaps and comes back, and stretches in which a reading stays the same that is noisy beside
+them, or that moves and then jumps. A column that is beyond its range otherwise is refused, with the
+unit that it is likely to be in. A reading that several rows each repeat is named.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from smad.records.units import convert, spelt, units_for
+from smad.records.declared import Declared, refusal_words
+from smad.records.units import UNITS, spelt
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -27,16 +29,14 @@ CODES = (
     32767.0, -32768.0, 65535.0, 2147483647.0, -2147483648.0, -273.15,
 )  # fmt: skip
 """What sensors and loggers write for "no reading"; -127 and 85 °C are a DS18B20's."""
-_HUGE = 1e9
-BEYOND = 0.02
-"""Of a range, by which noise may carry a reading beyond its ends."""
+_POWER_ON = 85.0
+_HUGE, _DIGITS = 1e9, 6
 _JUMP, _JUMP_TIMES, _USUAL = 0.05, 20.0, 0.95
 """A jump is more than a twentieth of the range, and than so many steps that few exceed."""
 _DROPPED = 0.05
 """Of a run, that a reading may be at a value which it leaps to and comes back from."""
 _FEW, _SHORT = 0.01, 3
 """Samples beyond a range that are so few, and so short, are no other unit."""
-_BITS = (8, 10, 12, 14, 16)
 STUCK_SAMPLES, STUCK_CHANCE = 10, 1e-9
 """A reading that stays the same for so many samples, and would by chance so seldom, is stuck."""
 _LEAP, _LEAP_CHANCE = 3.0, 1e-4
@@ -48,34 +48,13 @@ _MOST_MISSING, _MOST_UNKNOWN = 0.2, 0.5
 """Of a reading's samples, that may be missing; of an input's, that was not logged on change."""
 _HOLD = "give `hold = true` for it in the map if it was logged on change, or slower than the rest"
 _OPEN = "is its sensor open?"
+_CHANGES, _REGULAR, _STEPS = 20, 0.9, 0.2
+"""A reading that rows repeat changes so often, at so many changes after as many rows as usual, and
+by more than one quantum in so many."""
+_WITH_INPUT = 0.3
+"""Of its changes, beyond chance, that may go with one of an input: that does step so."""
 _LEVELS = 5
 """Values that a reading takes beside a stretch, at least: one with fewer may have no noise."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Declared:
-    """What a column is declared to be; `applied`: an input, which may step as it likes."""
-
-    name: str
-    unit: str
-    low: float
-    high: float
-    applied: bool = False
-
-    @property
-    def span(self) -> float:
-        """Width of the range."""
-        return self.high - self.low
-
-    def beyond(self, values: Array) -> Mask:
-        """Which values are beyond the range by more than noise."""
-        room = BEYOND * self.span
-        return np.asarray((values < self.low - room) | (values > self.high + room))
-
-    @property
-    def range_words(self) -> str:
-        """The range as people read it."""
-        return f"{self.low:g} to {self.high:g}{'' if self.unit in ('', '1') else ' ' + self.unit}"
 
 
 @dataclass(frozen=True)
@@ -96,14 +75,15 @@ class Checked:
 class Remark:
     """What is wrong with a column, and what to do about it (`advice`).
 
-    `kind` is "gaps" (of all columns together, `name` empty), "no reading", "out of range", "sparse"
-    or "empty".
+    `kind` is "gaps" (of all columns together, `name` empty), "no reading", "out of range",
+    "repeated" (each reading in so many `rows`), "sparse" or "empty".
     """
 
     kind: str
     name: str
     text: str
     advice: str = ""
+    rows: int = 1
 
 
 def checked_columns(
@@ -127,12 +107,19 @@ def checked_columns(
         remarks.append(Remark("gaps", "", text))
     declared = [d for d in declared if d.name in out]
     steady = _steady(out, declared) if steady is None else steady
+    changing = np.zeros(n, dtype=bool)
+    for d in (d for d in declared if d.applied):
+        changing |= np.diff(out[d.name], prepend=np.nan) != 0.0
     for d in declared:
         column = checked(out[d.name], d, t_s, steady)
         out[d.name] = column.values
         remarks += [Remark("no reading", d.name, note) for note in column.notes]
         if column.refusal:
             remarks.append(Remark("out of range", d.name, column.refusal))
+        rows = 1 if d.applied else rows_each(column.values, steady, changing)
+        if rows > 1:
+            text = f"{d.name} stands in {rows} rows each: slower than the rest, it was repeated"
+            remarks.append(Remark("repeated", d.name, text, rows=rows))
         known = int(np.sum(np.isfinite(column.values)))
         least = 1.0 - (_MOST_UNKNOWN if d.applied else _MOST_MISSING)
         if not known:
@@ -169,18 +156,19 @@ def checked(values: Array, declared: Declared, t_s: Array, steady: Mask | None =
     for code in np.unique(values[codes]):
         coded = codes & (values == code)
         notes.append(
-            f"{declared.name} holds {code:g} in {_samples(coded, t_s)}: a code, no reading"
+            f"{declared.name} holds {declared.number(code)} in {_samples(coded, t_s)}: "
+            "a code, no reading"
         )
     bad |= codes
     rest = known & ~bad & declared.beyond(values)
     if rest.any():
         if _too_many(rest):
-            refusal = _refusal(values[known & ~bad], declared)
+            refusal = refusal_words(values[known & ~bad], declared)
             return Checked(np.where(bad, np.nan, values), tuple(notes), refusal, 0.0)
         worst = values[rest][np.argmax(np.abs(values[rest]))]
         notes.append(
             f"{declared.name} is beyond {declared.range_words} in {_samples(rest, t_s)}, "
-            f"up to {worst:g}"
+            f"up to {declared.number(worst)}"
         )
         bad |= rest
     if not declared.applied:
@@ -188,14 +176,14 @@ def checked(values: Array, declared: Declared, t_s: Array, steady: Mask | None =
         if jumps.any():
             notes.append(
                 f"{declared.name} jumps and comes back at once in {_samples(jumps, t_s)}, "
-                f"first to {values[jumps][0]:g}"
+                f"first to {declared.number(values[jumps][0])}"
             )
             bad |= jumps
     if not declared.applied:
         for stays, how in _stuck(values, known & ~bad, steady, declared):
             notes.append(
-                f"{declared.name} stays at {values[stays[0]]:g} for {len(stays)} samples (from "
-                f"{t_s[stays[0]]:.6g} to {t_s[stays[-1]]:.6g} s){how}"
+                f"{declared.name} stays at {declared.number(values[stays[0]])} for {len(stays)} "
+                f"samples (from {t_s[stays[0]]:.6g} to {t_s[stays[-1]]:.6g} s){how}"
             )
             bad[stays] = True
     share = float(np.sum(bad) / np.sum(known))
@@ -214,29 +202,35 @@ def _too_many(beyond: Mask) -> bool:
 def _codes(values: Array, known: Mask, declared: Declared) -> Mask:
     """Samples that are codes: beyond the range, or within it but far from their neighbours."""
     beyond = known & declared.beyond(values)
-    codes = np.isin(values, CODES) & known
-    coded = (codes | (np.abs(values) >= _HUGE)) & beyond
+    numbers = declared.written.numbers(values)
+    # A sensor writes its code in its unit, a logger in that of the file.
+    forms = ((numbers, declared.file_unit), (values, spelt(declared.unit)))
+    codes = known & np.logical_or.reduce([np.isin(np.round(x, _DIGITS), CODES) for x, _ in forms])
+    coded = (codes | (np.abs(numbers) >= _HUGE)) & beyond
     if declared.applied:
         return np.asarray(coded)
     others = beyond & ~coded
     if np.sum(others) > 1 and np.ptp(values[others]) == 0.0 and np.mean(beyond) < 0.5:
         coded |= others
-    power_on = known & (values == 85.0) & ~beyond & (spelt(declared.unit) == "degC")
-    if power_on.any() and not power_on[known & ~coded].all():
-        coded |= power_on & _far(values, known & ~coded & ~power_on, declared)
+    warm = [np.round(x, _DIGITS) == _POWER_ON for x, unit in forms if unit != "degC"]
+    inside = codes & ~beyond & ~np.logical_or.reduce([np.zeros(len(values), dtype=bool), *warm])
+    if inside.any() and not inside[known & ~coded].all():
+        good = known & ~coded & ~inside
+        span = min(declared.span, float(np.ptp(values[good])))
+        coded |= inside & _far(values, good, _least_jump(values[good], span))
     return np.asarray(coded)
 
 
-def _far(values: Array, good: Mask, declared: Declared) -> Mask:
-    """Which values are far from a straight line between the good ones around them."""
+def _far(values: Array, good: Mask, least: float) -> Mask:
+    """Which values are further from a straight line between the good ones around them."""
     index = np.arange(len(values))
     around = np.interp(index, index[good], values[good])
-    return np.abs(values - around) > _least_jump(values[good], declared)
+    return np.abs(values - around) > least
 
 
-def _least_jump(good: Array, declared: Declared) -> float:
+def _least_jump(good: Array, span: float) -> float:
     usual = float(np.quantile(np.abs(np.diff(good)), _USUAL)) if len(good) > 1 else 0.0
-    return max(_JUMP * declared.span, _JUMP_TIMES * usual)
+    return max(_JUMP * span, _JUMP_TIMES * usual)
 
 
 def _jumps(values: Array, good: Mask, declared: Declared) -> Mask:
@@ -246,7 +240,7 @@ def _jumps(values: Array, good: Mask, declared: Declared) -> Mask:
     if len(index) > 5:
         y = values[index]
         windows = sliding_window_view(np.pad(y, 2, "edge"), 5)
-        out[index] = np.abs(y - np.median(windows, axis=1)) > _least_jump(y, declared)
+        out[index] = np.abs(y - np.median(windows, axis=1)) > _least_jump(y, declared.span)
     return out
 
 
@@ -259,7 +253,7 @@ def _stuck(values: Array, good: Mask, steady: Mask, declared: Declared) -> list[
     """
     index = np.flatnonzero(good)
     y = values[index]
-    leap = _least_jump(y, declared) if len(np.unique(y)) > _LEVELS else np.inf
+    leap = _least_jump(y, declared.span) if len(np.unique(y)) > _LEVELS else np.inf
     out = []
     for start, stop in _same(y):
         n = stop - start
@@ -287,6 +281,56 @@ def _leaps_there_and_back(y: Array, start: int, stop: int, leap: float) -> bool:
         return False
     there, back = abs(y[start] - y[start - 1]), abs(y[stop] - y[start])
     return bool(min(there, back) > max(leap, 2.0 * abs(y[stop] - y[start - 1])))
+
+
+def doubted_step(t_s: Array, longest_s: float) -> str:
+    """What to ask where the samples of a time, shape (n,), are further apart than makes sense."""
+    step_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 0.0
+    if step_s <= longest_s:
+        return ""
+    text = f"samples are {step_s:.6g} s apart, at most {longest_s:g} s make sense"
+    unit = next((u for u in ("ms", "us", "ns") if step_s * UNITS[u].scale <= longest_s), "")
+    ask = f": is the time in {unit}? name its column time_{unit}, or say `column_unit`"
+    return text + (ask if unit else ": correct the time, or its unit")
+
+
+def rows_each(values: Array, steady: Mask, changing: Mask) -> int:
+    """In how many rows each reading of a column, shape (n,), stands; 1 where nothing shows that.
+
+    A reading slower than its rows changes after so many, and by more than its resolution, as no
+    slow course does. `steady` (n,): where no input steps; `changing` (n,): where one changes at
+    all.
+    """
+    index = np.flatnonzero(np.isfinite(values))
+    steps = np.diff(values[index])
+    changes = np.flatnonzero(steps) + 1
+    usable = steady[index[changes]]
+    lengths = np.diff(changes)[usable[1:] & usable[:-1]]
+    if len(lengths) < _CHANGES:
+        return 1
+    rows = int(np.argmax(np.bincount(lengths)))
+    sizes = np.abs(steps[changes - 1][usable])
+    off = np.abs(lengths - rows * np.maximum(np.rint(lengths / rows), 1.0))
+    regular = np.mean(off <= (1.0 if rows > _SHORT else 0.0)) >= _REGULAR
+    coarse = np.mean(sizes > 1.5 * sizes.min()) >= _STEPS
+    driven = np.mean(changing[index[changes]]) - np.mean(changing) > _WITH_INPUT
+    return rows if rows > 1 and regular and coarse and not driven else 1
+
+
+def on_lines(column: Array, rows: int = 1) -> Array:
+    """The column, shape (n,), on straight lines between its numbers, NaN before and after them.
+
+    Where each of them stands in so many `rows`, between the first of each.
+    """
+    known = np.isfinite(column)
+    if rows > 1:
+        index = np.flatnonzero(known)
+        since = np.zeros(len(index), dtype=np.intp)
+        for start, stop in _same(column[index]):
+            since[start:stop] = np.arange(stop - start)
+        known[index] = since % rows == 0
+    index = np.arange(len(column))
+    return np.interp(index, index[known], column[known], left=np.nan, right=np.nan)
 
 
 def _same(y: Array) -> list[tuple[int, int]]:
@@ -317,46 +361,3 @@ def _samples(mask: Mask, t_s: Array) -> str:
     count = int(np.sum(mask))
     first = f"{t_s[np.argmax(mask)]:.6g} s"
     return f"one sample (at {first})" if count == 1 else f"{count} samples (the first at {first})"
-
-
-def _refusal(values: Array, declared: Declared) -> str:
-    low, high = float(values.min()), float(values.max())
-    likely = likely_unit(values, declared)
-    return f"{declared.name} holds {low:.6g} to {high:.6g}, declared {declared.range_words}: " + (
-        likely or "correct the column, its unit, or the range that is declared"
-    )
-
-
-def likely_unit(values: Array, declared: Declared) -> str:
-    """What values beyond the range are likely to be, and what to do; empty: nothing known.
-
-    The likeliest is the conversion that brings them into the range and leaves them largest.
-    """
-    low, high = float(values.min()), float(values.max())
-    unit = spelt(declared.unit) or "1"
-    spreads: dict[str, float] = {}
-    for other in units_for(unit):
-        there = convert(np.array([low, high]), other, unit)
-        small = np.max(np.abs(there)) <= BEYOND * declared.span
-        if other != unit and not small and not declared.beyond(there).any():
-            spreads[_in_unit(other, declared)] = float(np.max(np.abs(there)))
-    bits = next((b for b in _BITS if high < 2**b), 0)
-    if bits and low >= 0.0 == declared.low and np.all(values == np.rint(values)):
-        scale = declared.high / (2**bits - 1)
-        give = f"`scale = {scale:.6g}`" if declared.applied else f"what makes them {declared.unit}"
-        spreads[f"counts of {bits} bits? give {give}"] = high * scale
-    signed = unit not in units_for("K")
-    if signed and low < 0.0 and not declared.beyond(-values).any():
-        spreads["is its sign reversed? give `scale = -1`"] = -low
-    if spreads:
-        return max(spreads, key=lambda words: spreads[words])
-    if low < 0.0 <= declared.low:
-        return "does it go both ways? declare its range so, or correct its sign"
-    return ""
-
-
-def _in_unit(unit: str, declared: Declared) -> str:
-    """The words for values that are in another unit of the table."""
-    if unit == "pct" and declared.high == 1.0:
-        return "percent? give `scale = 0.01`"
-    return f"in {unit}? say so, in the name of its column or by `column_unit` in a map"

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -20,7 +20,7 @@ from smad.runlog.reader import read_run, recorded
 if TYPE_CHECKING:
     import pyarrow
 
-KINDS = (".parquet", ".csv", ".csv.gz")
+KINDS = (".parquet", ".csv", ".csv.gz", ".tsv", ".lvm")
 """How the name of a table ends, in small or capital letters."""
 
 
@@ -61,6 +61,10 @@ class ForeignTable(Protocol):
     @property
     def notes(self) -> tuple[str, ...]: ...
 
+    @property
+    def stamps(self) -> Mapping[str, str]:
+        """Columns of dates and times, read in s since the first; or what to say of one."""
+
     def columns(self, wanted: Iterable[str]) -> Iterator[tuple[str, NDArray[np.float64]]]:
         """The columns named, each of shape (rows,), NaN where nothing stands.
 
@@ -78,6 +82,7 @@ class ParquetTable:
     path: Path
     names: list[str]
     most_rows: int
+    stamps: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     def columns(self, wanted: Iterable[str]) -> Iterator[tuple[str, NDArray[np.float64]]]:
@@ -132,6 +137,9 @@ class ParquetTable:
         import pyarrow as pa
 
         try:
+            if pa.types.is_timestamp(column.type):
+                since = np.asarray(column.cast(pa.timestamp("ns")).to_numpy())
+                return np.asarray((since - since[0]) / np.timedelta64(1, "s"), dtype=np.float64)
             if pa.types.is_dictionary(column.type):
                 parts = [c.dictionary.cast(pa.float64()).take(c.indices) for c in column.chunks]
                 column = pa.chunked_array(parts, pa.float64())
@@ -150,7 +158,10 @@ def open_table(path: Path, form: CsvFormat | None = None) -> ForeignTable:
         return open_bag(path)
     if not is_table(path):
         raise LogImportError(
-            f"{path} is no table", value=path.suffix, limit=", ".join(KINDS), action="convert it"
+            f"{path} is no table",
+            value=path.suffix,
+            limit=", ".join(KINDS),
+            action="convert it, or name it .csv if it is text",
         )
     if path.suffix.lower() != ".parquet":
         return open_csv(path, form or CsvFormat())
@@ -167,25 +178,29 @@ def open_table(path: Path, form: CsvFormat | None = None) -> ForeignTable:
                 size=sum(about.row_group(i).total_byte_size for i in range(about.num_row_groups)),
             )
             names = file.schema_arrow.names
+            kinds = zip(names, file.schema_arrow.types, strict=True)
+            stamps = {n: "" for n, kind in kinds if pa.types.is_timestamp(kind)}
     except (OSError, pa.ArrowException) as error:
         raise _unreadable(path, error) from error
     twin = next((name for name, count in Counter(names).items() if count > 1), None)
     if twin is not None:
         raise LogImportError(f"{path}: two columns are named {twin!r}", action="rename one")
-    return ParquetTable(path, names, about.num_rows)
+    return ParquetTable(path, names, about.num_rows, stamps)
 
 
 @dataclass(frozen=True)
 class Columns:
     """Columns of a table or a run log, (n,) each, NaN where nothing was recorded.
 
-    `names` are all that it has, `unread` says why a column is no numbers.
+    `names` are all that it has, `unread` says why a column is no numbers, `stamps` are those of
+    dates and times, in s since the first.
     """
 
     names: list[str]
     numbers: dict[str, NDArray[np.float64]]
     unread: dict[str, str]
     notes: tuple[str, ...]
+    stamps: tuple[str, ...] = ()
 
 
 def read_columns(
@@ -218,7 +233,8 @@ def read_columns(
                 numbers |= dict(table.columns([name]))
             except LogImportError as error:
                 unread[name] = str(error)
-    return Columns(table.names, numbers, unread, table.notes)
+    stamps = tuple(n for n, advice in table.stamps.items() if not advice)
+    return Columns(table.names, numbers, unread, table.notes, stamps)
 
 
 def require_rising(t_s: NDArray[np.float64], where: str, error: type[SmadError]) -> None:

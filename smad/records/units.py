@@ -74,12 +74,16 @@ UNITS: Mapping[str, Unit] = {
 
 
 SPELLINGS: Mapping[str, str] = {
-    "°C": "degC", "℃": "degC", "ºC": "degC", "°F": "degF", "ºF": "degF",
-    "µs": "us", "μs": "us", "µm": "um", "μm": "um", "µA": "uA", "μA": "uA", "µV": "uV", "μV": "uV",
-    "%": "pct", "°": "deg", "sec": "s", "msec": "ms", "hours": "h", "Volt": "V", "Ampere": "A",
-    "Nm": "N m", "mNm": "mN m", "N·m": "N m", "°/s": "deg/s", "r/min": "rpm", "1/min": "rpm",
+    "°C": "degC", "℃": "degC", "ºC": "degC", "°F": "degF", "ºF": "degF", "° C": "degC",
+    "° F": "degF", "deg C": "degC", "deg F": "degF", "C": "degC", "F": "degF", "celsius": "degC",
+    "fahrenheit": "degF", "µs": "us", "μs": "us", "µm": "um", "μm": "um", "µA": "uA", "μA": "uA",
+    "µV": "uV", "μV": "uV", "%": "pct", "percent": "pct", "prozent": "pct", "°": "deg",
+    "sec": "s", "msec": "ms", "seconds": "s", "sekunden": "s", "milliseconds": "ms",
+    "minutes": "min", "hours": "h", "volt": "V", "volts": "V", "ampere": "A", "amps": "A",
+    "newton": "N", "Nm": "N m", "mNm": "mN m", "N·m": "N m", "°/s": "deg/s", "r/min": "rpm",
+    "1/min": "rpm",
 }  # fmt: skip
-"""Other ways to write a unit of the table."""
+"""Other ways to write a unit of the table; words in small or capital letters."""
 
 
 _WORDS = ("in", "h", "min", "g", "1")
@@ -153,7 +157,8 @@ def unit_of(name: str) -> str:
 
 def spelt(unit: str) -> str:
     """The unit as the table has it; one that it does not have stays as it is."""
-    return SPELLINGS.get(unit.strip(), unit.strip())
+    word = unit.strip()
+    return SPELLINGS.get(word) or (SPELLINGS.get(word.lower(), word) if len(word) > 2 else word)
 
 
 def is_unit(word: str) -> bool:
@@ -161,16 +166,41 @@ def is_unit(word: str) -> bool:
     return spelt(word) in UNITS or word.strip() in ("-", "–")
 
 
+@dataclass(frozen=True)
+class Written:
+    """How a column stands in its file: value = number · `scale` + `offset`, the number in `unit`.
+
+    `unit` is empty where the file has the unit of the value.
+    """
+
+    unit: str = ""
+    scale: float = 1.0
+    offset: float = 0.0
+
+    @classmethod
+    def of(cls, unit: str, to: str, scale: float = 1.0, offset: float = 0.0) -> Written:
+        """The number · `scale` + `offset` is in `unit`, the value in the unit `to`."""
+        zero, one = convert(np.array([offset, offset + scale]), unit, to).tolist()
+        return cls(unit if unit != to else "", one - zero, zero)
+
+    def numbers(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The numbers in the file of values, shape (n,)."""
+        return (values - self.offset) / self.scale if self.scale else values
+
+    def values(self, numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The values of numbers in the file, shape (n,)."""
+        return numbers * self.scale + self.offset
+
+
 def convert(values: NDArray[np.float64], unit: str, to: str) -> NDArray[np.float64]:
     """`values`, shape (n,), from `unit` to `to`. Raises LogImportError when these do not fit."""
     if unit == to:
         return values
-    known = units_for(to)
-    if unit not in known:
+    if unit not in units_for(to):
         raise LogImportError(
             f"{unit} is no unit for a value in {to}",
             value=unit,
-            limit=", ".join(known),
+            limit=unit_words(to),
             action="correct the unit",
         )
     source, target = UNITS[unit], UNITS[to]
@@ -182,3 +212,9 @@ def units_for(unit: str) -> list[str]:
     if unit not in UNITS:
         return [unit]
     return [name for name, other in UNITS.items() if other.quantity == UNITS[unit].quantity]
+
+
+def unit_words(unit: str) -> str:
+    """The units that can be converted to `unit`, with other ways to write them."""
+    others = {u: [s for s, of in SPELLINGS.items() if of == u] for u in units_for(unit)}
+    return ", ".join(f"{u} ({others[u][0]})" if others[u] else u for u in others)

@@ -112,7 +112,8 @@ def _signals(declared: Simulator, inputs: Sequence[str], tables: Sequence[Table]
     signals = []
     for name in inputs:
         low, high = declared.ranges.get(name) or span_of(
-            [t.columns[name] for t in tables if name in t.columns]
+            [t.columns[name] for t in tables if name in t.columns],
+            [t.written[name] for t in tables if name in t.written],
         )
         signals.append(Signal(name, declared.unit(name), low, high))
     forces = [Signal(n, declared.unit(n), a, b) for n, (a, b) in declared.forces.items()]
@@ -121,7 +122,7 @@ def _signals(declared: Simulator, inputs: Sequence[str], tables: Sequence[Table]
 
 def _channel(declared: Simulator, name: str, runs: Sequence[GapRun]) -> Channel:
     columns = [r.outputs[name] for r in runs if name in r.outputs]
-    low, high = span_of(columns)
+    low, high = span_of(columns, [r.written[name] for r in runs if name in r.written])
     noise = declared.noise.get(name) or noise_of(columns)
     # A reading at the end of what was seen is not at the end of what it can show.
     ends = declared.ranges.get(name, (2.0 * low - high, 2.0 * high - low))

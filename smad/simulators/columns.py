@@ -17,14 +17,15 @@ from smad.records.column_names import quantity_in, unit_in
 from smad.records.csv_table import CsvFormat
 from smad.records.readings import CODES
 from smad.records.tables import left_out, read_columns, require_rising
-from smad.records.units import convert, units_for
+from smad.records.units import Written, convert, units_for
 from smad.simulators.errors import SimulatorError
 
 TIMES = ("t_s", "time_s", "time", "t", "timestamp_s")
 """Names of a column that is the time in s; the first two may end with another unit."""
+_USUAL = (*TIMES, *(f"{name}_{unit}" for name in ("t", "time") for unit in units_for("s")))
 _LONG_STEP_S = 2.0
 """Samples further apart, on a time without a unit, are as likely ms of a logger at 1 to 500 Hz."""
-_SAME = 1e-6
+_SAME, _DIGITS = 1e-6, 9
 _WHOLE = 0.02
 """Steps between values this near to a whole number of the least one are of a rounded column."""
 
@@ -34,7 +35,7 @@ class Table:
     """Columns of one record on its time axis; a `GapRun` is one whose columns have their roles.
 
     `path` is that of its file, where it has one; `notes` say what was not read of it, `unread` why
-    a column was not.
+    a column was not, `written` how a converted one stands in its file.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Table:
     path: str = ""
     notes: tuple[str, ...] = ()
     unread: Mapping[str, str] = field(default_factory=dict)
+    written: Mapping[str, Written] = field(default_factory=dict)
 
     @property
     def words(self) -> set[str]:
@@ -82,7 +84,10 @@ class Table:
         columns = {n: c for n, c in self.columns.items() if n not in spent}
         columns |= {n: self.column(n) for n in sources}
         notes = [f"{n} is column {s!r}, converted" for n, s in sources.items()]
-        return replace(self, columns=columns, notes=(*self.notes, *notes)) if sources else self
+        written = {n: Written.of(unit_in(s), unit_in(n)) for n, s in sources.items()}
+        return replace(
+            self, columns=columns, notes=(*self.notes, *notes), written={**self.written, **written}
+        )
 
 
 def csv_format(said: Mapping[str, str]) -> CsvFormat:
@@ -133,7 +138,10 @@ def _tables(run: Any, name: str, time: str, form: CsvFormat | None) -> Iterable[
 def _of_file(path: Path, time: str, form: CsvFormat | None) -> Table:
     read = read_columns(path, form)
     notes = (*read.notes, *left_out(list(read.unread), ", since they are not numbers"))
-    timed = _timed(path.stem, read.numbers, str(path), time, read.unread)
+    numbers = any(n in read.numbers for n in _USUAL if n not in read.stamps)
+    stamps = [*(n for n in read.stamps if n in _USUAL), *read.stamps]
+    time = time or ("" if numbers or not stamps else stamps[0])
+    timed = _timed(path.stem, read.numbers, str(path), time, read.unread, stamps=read.stamps)
     return replace(timed, path=str(path), notes=(*notes, *timed.notes))
 
 
@@ -143,10 +151,14 @@ def _timed(
     where: str,
     called: str,
     unread: Mapping[str, str],
+    *,
+    stamps: Sequence[str] = (),
 ) -> Table:
-    """The columns that are numbers on their time, in s. Raises SimulatorError without a time."""
-    others = [f"{name}_{unit}" for name in ("t", "time") for unit in units_for("s")]
-    usual = (called,) if called else (*TIMES, *others)
+    """The columns that are numbers on their time, in s, as `stamps` are already.
+
+    Raises SimulatorError without a time.
+    """
+    usual = (called,) if called else _USUAL
     time = next((t for t in usual if t in given), None)
     if time is None:
         broken = next((unread[t] for t in usual if t in unread), "")
@@ -166,7 +178,8 @@ def _timed(
     if time not in numbers:
         raise SimulatorError(texts[time], action="give it in s")
     notes = left_out([n for n in texts if n not in unread], ", since they are not numbers")
-    t_s = _in_s(numbers.pop(time), time, where, said=bool(called))
+    column = numbers.pop(time)
+    t_s = column if time in stamps else _in_s(column, time, where, said=bool(called))
     return Table(name, t_s, numbers, notes=notes, unread=texts)
 
 
@@ -219,8 +232,9 @@ def run_of(
     given = {n: table.columns[n] for n in inputs}
     shown = {n: table.columns[n] for n in outputs if n in table.columns}
     return GapRun(
-        table.name, table.t_s, {**given, **flat}, shown, notes=table.notes, trusted=trusted
-    )
+        table.name, table.t_s, {**given, **flat}, shown, notes=table.notes, trusted=trusted,
+        written=table.written,
+    )  # fmt: skip
 
 
 def require_time(table: Table) -> None:
@@ -232,8 +246,10 @@ def require_time(table: Table) -> None:
         )
 
 
-def span_of(columns: Sequence[Array]) -> tuple[float, float]:
+def span_of(columns: Sequence[Array], written: Iterable[Written] = ()) -> tuple[float, float]:
     """Lowest and highest finite value of a signal over some runs; (0, 1) of none.
+
+    `written` is how they stand in their files.
 
     A sensor's code for "no reading" does not count where it is further from all other values than
     these are from each other.
@@ -242,7 +258,8 @@ def span_of(columns: Sequence[Array]) -> tuple[float, float]:
     joined = np.concatenate([np.zeros(0), *finite])
     if not joined.size:
         return 0.0, 1.0
-    others = joined[~np.isin(joined, CODES)]
+    codes = np.concatenate([CODES, *(w.values(np.array(CODES)) for w in written)])
+    others = joined[~np.isin(np.round(joined, _DIGITS), np.round(codes, _DIGITS))]
     if others.size:
         room = np.ptp(others)
         joined = joined[(joined >= others.min() - room) & (joined <= others.max() + room)]

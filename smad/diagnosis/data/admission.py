@@ -15,13 +15,14 @@ import numpy as np
 
 from smad.diagnosis.data.columns import Say, filled, readable, up_to_first_hole
 from smad.diagnosis.data.contract import replayed, require_contract
-from smad.diagnosis.data.doubts import doubted_units
+from smad.diagnosis.data.doubts import doubted_columns
 from smad.diagnosis.data.grid import LEAST_PERIODS, MOST_ROWS, row_length_s
 from smad.diagnosis.data.guards import without_repeats
 from smad.diagnosis.data.opinions import compare, used
 from smad.diagnosis.plant import PlantModel, traits_of
 from smad.diagnosis.runs import GapRun, distinctly_named
 from smad.diagnosis.verdict import Finding
+from smad.records.readings import doubted_step
 
 ROUNDED = 0.01
 """Of a sample: by how much lengths that are equal may differ through rounding."""
@@ -150,7 +151,10 @@ def _admit_one(
         say("input missing", f"inputs are missing: {', '.join(lacking)}", refuses=True)
     if len(run.t_s) and not (np.diff(run.t_s) > 0).all():
         say("time runs back", "the time axis is not increasing", refuses=True)
-    given, run = run, readable(run, plant.inputs, plant.channels, say)
+    given, run = (
+        run,
+        readable(run, plant.inputs, plant.channels, say, traits_of(plant).longest_step_s),
+    )
     if any(f.refuses for f in findings):
         return run, findings
     run = filled(up_to_first_hole(run, period_s, say))
@@ -166,8 +170,8 @@ def _admit_one(
     if run.outputs.keys() != given.outputs.keys():
         predicted = replayed(plant, run)
     compare(run, predicted, plant, period_s, say=say)
-    for text in doubted_units(plant, run, predicted):
-        say("unit doubted", text)
+    for text in doubted_columns(plant, run, predicted):
+        say("column doubted", text)
     return run, findings
 
 
@@ -186,9 +190,8 @@ def _require_length(
         text = f"{run.duration_s:.1f} s long{cut}; at least {least_s:g} s are needed{why}"
         say("too short", text, refuses=True)
         return
-    if run.dt_s > 5 * period_s:
-        text = f"one sample every {run.dt_s:g} s; at most {5 * period_s:g} s"
-        say("sampled too slowly", text, refuses=True)
+    if text := doubted_step(run.t_s, 5 * period_s):
+        say("time step", text, refuses=True)
     steps = np.diff(run.t_s)
     lost = float(np.sum(steps[steps > 1.5 * run.dt_s] - run.dt_s)) / run.duration_s
     share = lost + 1.0 - float(np.mean(run.good))

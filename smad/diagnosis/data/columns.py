@@ -5,6 +5,7 @@ A run comes with NaN where nothing was recorded. Nothing here asks a model.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -12,24 +13,40 @@ import numpy as np
 
 from smad.diagnosis.plant import Array, Channel, Mask, Signal
 from smad.diagnosis.runs import GapRun, bridged
-from smad.records.readings import Declared, checked_columns
+from smad.records.declared import Declared
+from smad.records.readings import checked_columns, doubted_step, on_lines
+from smad.records.units import Written
 
 Say = Callable[..., None]
 """Notes a finding about the run at hand: `kind`, `text`, and by name whether it `refuses` it."""
 
 
 def readable(
-    run: GapRun, inputs: Sequence[Signal], channels: Sequence[Channel], say: Say
+    run: GapRun,
+    inputs: Sequence[Signal],
+    channels: Sequence[Channel],
+    say: Say,
+    longest_step_s: float = math.inf,
 ) -> GapRun:
     """The run with NaN for what is no reading, without channels that hold too few.
 
-    An input that cannot be used, and a column beyond its range, refuse the run.
+    An input that cannot be used, a column beyond its range, and samples further apart than
+    `longest_step_s` refuse the run.
     """
     if not len(run.t_s):
         return run
+    if text := doubted_step(run.t_s, longest_step_s):
+        say("time step", text, refuses=True)
     signals: list[Signal | Channel] = [*inputs, *channels]
     declared = [
-        Declared(name=s.name, unit=s.unit, low=s.low, high=s.high, applied=isinstance(s, Signal))
+        Declared(
+            name=s.name,
+            unit=s.unit,
+            low=s.low,
+            high=s.high,
+            applied=isinstance(s, Signal),
+            written=run.written.get(s.name, Written()),
+        )
         for s in signals
     ]
     columns, remarks = checked_columns({**run.inputs, **run.outputs}, declared, run.t_s)
@@ -37,6 +54,9 @@ def readable(
         applied, text = remark.name in run.inputs, remark.text
         if remark.kind in ("gaps", "no reading"):
             say(remark.kind, f"{text}; these do not count")
+        elif remark.kind == "repeated":
+            say(remark.kind, f"{text}; it is read on lines between the first of each")
+            columns[remark.name] = on_lines(columns[remark.name], remark.rows)
         elif remark.kind == "out of range":
             say(remark.kind, text, refuses=True)
         elif applied:

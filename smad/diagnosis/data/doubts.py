@@ -1,81 +1,195 @@
-"""Columns that look as if they were in another unit than their name says: an opinion of the model.
+"""Columns that look misread: in another unit, of the other sign, or with their names exchanged.
 
-The nominal model is in question itself, so that this refuses nothing: it is said in the verdict.
+For each signal the nominal model predicts how far it swings and where it lies. A bench and its
+model differ in both by tens of percent; a unit, a sign or an exchanged cable by far more. A
+misreading is doubted if undoing it brings a signal that is far off to where the model has it. The
+model is in question itself, so that this refuses nothing: it is said in the verdict.
 """
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
 from smad.diagnosis.data.opinions import least_move
-from smad.diagnosis.plant import Array, PlantModel, nominal_replay
+from smad.diagnosis.plant import Array, Channel, PlantModel, Signal, nominal_replay, traits_of
 from smad.diagnosis.runs import GapRun
-from smad.records.readings import Declared
+from smad.records.declared import Declared
 from smad.records.units import UNITS, convert, units_for
 
-_OFF = 1.0
-"""Of a signal, that the nominal model must be off by for its units to be doubted."""
-_NEAR, _BETTER = 0.5, 0.2
-"""What it may be off by with another unit: of the signal, and of what it was."""
+_SWING, _LEVEL = 0.3, 0.05
+"""Usual difference of bench and model: of the logarithm of a swing; of a level, in its range."""
+_RELATED = 0.5
+"""Correlation with the prediction from which on a swing can be compared."""
+_SIGMAS = 2.0
+"""Prior standard deviations by which surroundings usually differ from the parameter's value."""
+_SURE = 20.0
+"""Quanta that a size has at least, for its level to be compared."""
+_MOST_PAIRS = 6
+"""Of inputs, that are tried as exchanged."""
+_HALF = 0.5
+"""Of what all readings are off by, that may be left where several change together."""
+_FAR, _NEAR, _WORST = 9.0, 4.0, 25.0
+"""Squares of such differences: far off, as the model has it, and the most that a signal counts."""
 
 
-def doubted_units(plant: PlantModel, run: GapRun, shown: Mapping[str, Array]) -> list[str]:
-    """Sentences on readings and inputs of a run that another unit would make fit the model.
+@dataclass(frozen=True)
+class Misreading:
+    """Columns as they would be without a misreading, what that is in words, what to do."""
 
-    `shown` is what the nominal model predicts of it. Only readings that move, or should, count.
+    columns: Mapping[str, Array]
+    words: str
+    remedy: str
+
+
+def doubted_columns(plant: PlantModel, run: GapRun, shown: Mapping[str, Array]) -> list[str]:
+    """Sentences on columns of a run that look misread; `shown`: what the model predicts of it."""
+    channels = [c for c in plant.channels if c.name in run.outputs]
+    before = {c.name: _off(plant, c, run, shown) for c in channels}
+    far = [c for c in channels if before[c.name] >= _FAR]
+    alone: dict[str, list[Misreading]] = {}
+    mended = dict(before)
+    for c in far:
+        offs = [(m, _off(plant, c, run, shown, m.columns[c.name])) for m in _of_reading(c, run)]
+        near = [(m, off) for m, off in offs if off <= min(_NEAR, before[c.name] - _FAR)]
+        alone[c.name] = [m for m, _ in near]
+        mended[c.name] = min((off for _, off in near), default=before[c.name])
+    if far and len(far) >= min(2, len(before)):
+        tried = [(m, _replayed_off(plant, run, m)) for m in _of_several(plant, run)]
+        best, left = min(tried, key=lambda t: sum(t[1].values()), default=(None, before))
+        whole = sum(before.values())
+        if best and sum(left.values()) <= min(_HALF * whole, whole - _FAR, sum(mended.values())):
+            return [_words([best], [n for n in before if left[n] < before[n]])]
+    return [_words(misreadings, [name]) for name, misreadings in alone.items() if misreadings]
+
+
+def _off(
+    plant: PlantModel,
+    channel: Channel,
+    run: GapRun,
+    shown: Mapping[str, Array],
+    column: Array | None = None,
+) -> float:
+    """How far a reading is from its prediction in swing and level, in squares of what is usual.
+
+    `column` is in its place, without a misreading; at the resolution of the channel it cannot be
+    compared.
     """
-    measured = {n: y[run.good] for n, y in run.outputs.items()}
-    moving = [
-        c
+    recorded, m = run.outputs[channel.name][run.good], shown[channel.name][run.good]
+    y, least = recorded if column is None else column[run.good], _SURE * channel.quantum
+    if _size(y) <= least < _size(recorded):
+        return _WORST
+    swing = level = 0.0
+    if max(np.ptp(y), np.ptp(m)) > least_move(channel):
+        related = np.ptp(y) > 0.0 < np.ptp(m) and np.corrcoef(y, m)[0, 1] > _RELATED
+        swing = np.log(np.std(y) / np.std(m)) / _SWING if related else np.inf
+    if channel.unit in units_for("K"):
+        usual = _LEVEL * (channel.high - channel.low)
+        expected, usual = _surroundings(plant, channel) or (float(np.median(m)), usual)
+        level = (float(np.median(y)) - expected) / usual
+    elif min(_size(y), _size(m)) > least:
+        level = np.log(_size(y) / _size(m)) / _SWING
+        # A gain changes both alike.
+        return float(min(max(swing**2, level**2), _WORST))
+    return float(min(swing**2 + level**2, _WORST))
+
+
+def _surroundings(plant: PlantModel, channel: Channel) -> tuple[float, float] | None:
+    """Level of a reading that a replay takes over, as its parameter has it, and what is usual."""
+    measures = traits_of(plant).environment
+    q = next((q for q in plant.parameters if measures.get(q.name) == channel.name), None)
+    if q is None or q.unit not in UNITS or q.unit not in units_for(channel.unit):
+        return None
+    low, high = convert(np.array([0.0, _SIGMAS * q.prior_sd]) + q.nominal, q.unit, channel.unit)
+    return float(low), float(high - low)
+
+
+def _size(column: Array) -> float:
+    return float(np.sqrt(np.mean(column**2)))
+
+
+def _replayed_off(plant: PlantModel, run: GapRun, misreading: Misreading) -> dict[str, float]:
+    """How far each reading is off without a misreading; where the model stops, the most."""
+    columns = misreading.columns
+    inputs = {n: c for n, c in columns.items() if n in run.inputs}
+    outputs = {n: c for n, c in columns.items() if n in run.outputs}
+    mended, shown = run.with_columns(inputs, outputs), dict[str, Array]()
+    with contextlib.suppress(Exception):  # whatever somebody else's plant raises
+        shown = nominal_replay(mended, plant)
+    return {
+        c.name: _off(plant, c, run, shown, mended.outputs[c.name]) if shown else _WORST
         for c in plant.channels
-        if (y := measured.get(c.name)) is not None
-        and max(np.ptp(y), np.ptp(shown[c.name][run.good])) > least_move(c)
-    ]
-    before = {c.name: _off(measured[c.name], shown[c.name][run.good]) for c in moving}
-    if max(before.values(), default=0.0) < _OFF:
-        return []
-    said = []
-    for c in (c for c in moving if before[c.name] >= _OFF):
-        after = {u: _off(y, shown[c.name][run.good]) for u, y in _others(measured[c.name], c.unit)}
-        said += _said(c.name, after, before[c.name])
-    worst = max(before.values())
-    for s in plant.inputs:
-        after = {}
-        declared = Declared(name=s.name, unit=s.unit, low=s.low, high=s.high, applied=True)
-        for unit, column in _others(run.inputs[s.name], s.unit):
-            # A larger one may stop or overflow a model, beyond what its input can be.
-            if declared.beyond(column).any():
-                continue
-            with contextlib.suppress(Exception):  # whatever somebody else's plant raises
-                moved = nominal_replay(run.with_columns(inputs={s.name: column}), plant)
-                after[unit] = max(_off(measured[n], moved[n][run.good]) for n in before)
-        said += _said(s.name, after, worst)
-    return said
+        if c.name in mended.outputs
+    }
 
 
-def _others(column: Array, unit: str) -> list[tuple[str, Array]]:
-    """The column as it would be if it were in each other unit of its quantity."""
-    if unit not in UNITS:
-        return []
-    return [(u, convert(column, u, unit)) for u in units_for(unit) if u != unit]
+def _of_reading(channel: Channel, run: GapRun) -> list[Misreading]:
+    """How a reading may have been misread by itself, where its prediction stays as it is."""
+    column = {channel.name: run.outputs[channel.name]}
+    return [*_in_other_units(column, channel.unit), _reversed(column)]
 
 
-def _off(y: Array, shown: Array) -> float:
-    """What a prediction is off by, root mean square over the signal's standard deviation."""
-    spread = float(np.std(y))
-    error = float(np.sqrt(np.mean((y - shown) ** 2)))
-    return float(np.nan_to_num(error / spread, nan=np.inf)) if spread > 0.0 else 0.0
+def _of_several(plant: PlantModel, run: GapRun) -> list[Misreading]:
+    """What changes predictions, too: inputs, and readings that a replay begins from or all of a
+    unit."""
+    begins = set(traits_of(plant).environment.values())
+    moved = [s for s in plant.inputs if np.ptp(run.inputs[s.name]) > 0.0]
+    ranges = {s.name: Declared(name=s.name, unit=s.unit, low=s.low, high=s.high) for s in moved}
+    out: list[Misreading] = []
+    for unit, names in _by_unit(moved).items():
+        for group in (names, *([n] for n in names if names[1:])):
+            columns = {n: run.inputs[n] for n in group}
+            out += [*_in_other_units(columns, unit), _reversed(columns)]
+    # A larger input may stop or overflow a model, beyond what it can be.
+    out = [m for m in out if not any(ranges[n].beyond(c).any() for n, c in m.columns.items())]
+    pairs = [pair for names in _by_unit(moved).values() for pair in combinations(names, 2)]
+    out += [_exchanged([pair], run) for pair in pairs[:_MOST_PAIRS]]
+    if len({n for pair in pairs for n in pair}) == 2 * len(pairs) > 2:
+        out.append(_exchanged(pairs, run))
+    recorded = [c for c in plant.channels if c.name in run.outputs]
+    for unit, names in _by_unit(recorded).items():
+        for group in (names, *([n] for n in names if n in begins)):
+            out += _in_other_units({n: run.outputs[n] for n in group}, unit)
+    return out
 
 
-def _said(name: str, after: Mapping[str, float], before: float) -> list[str]:
-    """What is said of a column whose errors `after` are those with other units."""
-    unit = min(after, key=lambda u: after[u], default="")
-    if not unit or after[unit] > min(_NEAR, _BETTER * before):
-        return []
+def _by_unit(signals: Sequence[Signal] | Sequence[Channel]) -> dict[str, list[str]]:
+    """Names of signals by their unit."""
+    return {s.unit: [x.name for x in signals if x.unit == s.unit] for s in signals}
+
+
+def _in_other_units(columns: Mapping[str, Array], unit: str) -> list[Misreading]:
+    """The columns as they would be if they were in each other unit of their quantity."""
+    # A ratio in another unit is beyond its range.
+    known = unit in UNITS and UNITS[unit].quantity != "ratio"
+    others = [u for u in units_for(unit) if u != unit] if known else []
+    remedy = "say the unit in the name of its column, or by `column_unit` in a map"
     return [
-        f"is {name} in {unit}? Only then the model as configured follows what was measured; if so, "
-        "say it in the name of its column, or by `column_unit` in a map"
+        Misreading({n: convert(c, u, unit) for n, c in columns.items()}, f"in {u}", remedy)
+        for u in others
     ]
+
+
+def _reversed(columns: Mapping[str, Array]) -> Misreading:
+    remedy = "correct its sign, by `scale = -1` in a map"
+    return Misreading({n: -c for n, c in columns.items()}, "of the other sign", remedy)
+
+
+def _exchanged(pairs: Sequence[tuple[str, str]], run: GapRun) -> Misreading:
+    columns = {a: run.inputs[b] for pair in pairs for a, b in (pair, pair[::-1])}
+    return Misreading(columns, "exchanged", "correct the wiring or the names of the columns")
+
+
+def _words(misreadings: Sequence[Misreading], mended: Sequence[str]) -> str:
+    """What is said of misreadings without any of which some readings are as predicted."""
+    first = misreadings[0]
+    names, words = list(first.columns), " or ".join(m.words for m in misreadings)
+    return (
+        f"{'are' if names[1:] else 'is'} {', '.join(names)} {words}? Only then does the model as "
+        f"configured come near what was measured, in {', '.join(mended)}; if so, "
+        f"{first.remedy}"
+    )

@@ -9,6 +9,7 @@ from smad.diagnosis.report import figures
 from smad.diagnosis.report.words import (
     advice,
     budget_stages,
+    finding_lines,
     first_rivals,
     judged_lines,
     name_words,
@@ -64,11 +65,7 @@ def page_of(answer: Answer, arguments: str = "", facts: Sequence[tuple[str, str]
 
 
 def _answer(v: Verdict) -> list[Block]:
-    out: list[Block] = [
-        Text(f"{f.run}: {f.text}", "warning")
-        for f in v.findings
-        if f.refuses or f.run == "all runs"
-    ]
+    out: list[Block] = [Text(line, "warning") for line in finding_lines(v, doubtful=True)]
     floor = "what two good days differ in" if v.question == CHECK_UP else "the noise of a reading"
     judged = f"{''.join(judged_lines(v))}. A floor is {floor}."
     for cause in v.causes:
@@ -160,7 +157,7 @@ def _runs(v: Verdict) -> list[Block]:
         return []
     header = ("run", "role", "length", "as it was", "parameters", "with cause", "SHA-256")
     table = Table(header, rows, "Gaps in floors, of runs that were judged.", frozenset((3, 4, 5)))
-    return [table, *(Text(f"{f.run}: {f.text}", "note") for f in v.findings if not f.refuses)]
+    return [table, *(Text(line, "note") for line in finding_lines(v, doubtful=False))]
 
 
 def _next(v: Verdict, arguments: str) -> list[Block]:

@@ -7,7 +7,8 @@ shows the same, and more on demand.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Sequence
 
 from smad.diagnosis.verdict import (
     CAUSES,
@@ -26,6 +27,13 @@ from smad.diagnosis.verdict import (
     with_unit,
 )
 
+_FACTS = (
+    "note", "gaps", "no reading", "repeated", "samples lost", "truncated", "channel missing",
+    "channel empty", "channel not shared",
+)  # fmt: skip
+"""Kinds of findings that say what was read and done; all others are doubts."""
+_NUMBER = re.compile(r"-?\d[\d.]*(e[-+]?\d+)?")
+_RUNS = 6
 _MOVED = 4
 _UNSEEN = 4
 _RIVALS = 5
@@ -40,11 +48,10 @@ def lines(verdict: Verdict) -> list[str]:
     """The verdict in plain words, the headline first; lines that begin with a space are tables."""
     v = verdict
     out = [v.headline]
-    first = [f for f in v.findings if f.refuses or f.run == "all runs"]
-    out += _by_text(first)
-    left_out = _by_text(f for f in v.findings if f not in first)
+    out += finding_lines(v, doubtful=True)
+    facts = finding_lines(v, doubtful=False)
     if v.outcome == REFUSED:
-        return [*out, *v.notes, *left_out]
+        return [*out, *v.notes, *facts]
     for cause in v.causes:
         out += cause_lines(cause)
     if not v.causes:
@@ -57,15 +64,34 @@ def lines(verdict: Verdict) -> list[str]:
     if v.unseen:
         out.append("these runs would not have shown (the page lists all of them)")
         out += [f"  {text}" for text in v.unseen[:_UNSEEN]]
-    return [*out, *v.notes, *left_out]
+    return [*out, *v.notes, *facts]
 
 
-def _by_text(findings: Iterable[Finding]) -> list[str]:
-    """What was refused, left out or is doubtful; what is alike in several runs once."""
-    runs: dict[str, list[str]] = {}
-    for f in findings:
-        runs.setdefault(f.text, []).append(f.run)
-    return [f"{', '.join(names)}: {text}" for text, names in runs.items()]
+def finding_lines(v: Verdict, *, doubtful: bool) -> list[str]:
+    """What is refused or doubtful, or else what was read, done and left out.
+
+    What differs in runs or the column that it begins with is one line, a fact in its numbers, too.
+    """
+    groups: dict[tuple[str, str], list[Finding]] = {}
+    for f in v.findings:
+        if doubtful == (f.refuses or f.kind not in _FACTS):
+            _, _, rest = f.text.partition(" ")
+            alike = rest if doubtful else _NUMBER.sub("#", rest)
+            groups.setdefault((f.kind, alike), []).append(f)
+    order = sorted(groups.values(), key=lambda f: (not f[0].refuses, f[0].kind != "column doubted"))
+    return [_line(alike) for alike in order]
+
+
+def _line(alike: Sequence[Finding]) -> str:
+    """Findings of one kind: their runs, columns and the first's numbers."""
+    runs = list(dict.fromkeys(f.run for f in alike))
+    begins = list(dict.fromkeys(f.text.partition(" ")[0] for f in alike))
+    rest = alike[0].text.partition(" ")[2]
+    more = f" and {len(runs) - _RUNS} more" if len(runs) > _RUNS else ""
+    alone = len({f.text.partition(" ")[2] for f in alike}) == 1
+    return f"{', '.join(runs[:_RUNS])}{more}: {', '.join(begins)} {rest}" + (
+        "" if alone else f" (the first of {len(alike)} alike)"
+    )
 
 
 def cause_lines(cause: Cause) -> list[str]:

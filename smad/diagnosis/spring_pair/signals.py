@@ -16,9 +16,10 @@ from smad.diagnosis.errors import GapError
 from smad.diagnosis.numerics.lag import lagged
 from smad.diagnosis.plant import Array, Channel, Mask, Signal, Traits
 from smad.diagnosis.runs import GapRun
-from smad.records.channels import RANGES, MappingFile, read_channels
-from smad.records.readings import BEYOND
+from smad.records.channels import LONGEST_STEP_S, RANGES, MappingFile, read_channels
+from smad.records.declared import BEYOND
 from smad.records.tables import left_out
+from smad.records.units import Written
 from smad.runlog import schema
 from smad.runlog.bounds import Together
 from smad.runlog.paths import distinct_name, names_of
@@ -73,6 +74,7 @@ TRAITS = Traits(
         "ambient_temperature": "rtd_ambient_degC",
     },
     drift={"inlet_water": 0.2, "ambient_air": 0.2},
+    longest_step_s=LONGEST_STEP_S,
 )
 """Loss, flow, film, temperatures beyond what is measured, and where a run starts from. Water and
 room wander within a run."""
@@ -163,6 +165,7 @@ def run_from_columns(
     *,
     cut_short: bool = False,
     notes: tuple[str, ...] = (),
+    written: Mapping[str, Written] | None = None,
 ) -> GapRun:
     """A run from the columns of a run log (`smad.runlog.schema`).
 
@@ -181,7 +184,10 @@ def run_from_columns(
             inputs[wanted] = np.where((column < 0.0) & (column > -BEYOND * high), 0.0, column)
     shown = {c.name: _recorded(columns, c.name) for c in CHANNELS}
     outputs = {name: y for name, y in shown.items() if y is not None}
-    return GapRun(name, t_s, inputs, outputs, None, cut_short, notes)
+    written = dict(written or {})
+    for stem in ("i_applied_x_A", "i_applied_y_A"):
+        written.setdefault(stem, written.get(stem.replace("applied", "cmd"), Written()))
+    return GapRun(name, t_s, inputs, outputs, None, cut_short, notes, written=written)
 
 
 def _table_run(path: Path, together: Together | None, mapping: MappingFile | None) -> GapRun:
@@ -197,13 +203,14 @@ def _table_run(path: Path, together: Together | None, mapping: MappingFile | Non
     notes = (*table.notes, *left_out(table.assignment.ignored))
     flagged = columns.pop("valid", None)
     if flagged is None:
-        return run_from_columns(name, columns, notes=notes)
+        return run_from_columns(name, columns, notes=notes, written=table.written)
     use = np.nan_to_num(flagged) > 0.5
     measured = {c.name for c in CHANNELS} if use.any() else set()
     valid_columns = {
         k: np.where(use, v, np.nan) if k in measured else v for k, v in columns.items()
     }
-    return replace(run_from_columns(name, valid_columns, notes=notes), valid=use)
+    run = run_from_columns(name, valid_columns, notes=notes, written=table.written)
+    return replace(run, valid=use)
 
 
 def _recorded(columns: Mapping[str, NDArray[Any]], name: str) -> Array | None:
@@ -276,7 +283,8 @@ def _usable(run: GapRun) -> tuple[GapRun, list[str], list[str]]:
     def say(kind: str, text: str, *, refuses: bool = False) -> None:
         said[refuses].append(text)
 
-    used = filled(up_to_first_hole(readable(run, INPUTS, CHANNELS, say), PERIOD_S, say))
+    read = readable(run, INPUTS, CHANNELS, say, LONGEST_STEP_S)
+    used = filled(up_to_first_hole(read, PERIOD_S, say))
     return used, said[False], said[True]
 
 

@@ -7,14 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from smad.diagnosis import Answer
-from smad.diagnosis.plant import Array, Parameter
+from smad.diagnosis.plant import Parameter
 from smad.progress import Say
 from smad.records.column_names import unit_in
 from smad.records.tables import left_out
-from smad.records.units import convert, units_for
+from smad.records.units import Written, spelt, unit_words, units_for
 from smad.simulators.asking import diagnose
 from smad.simulators.columns import Table, span_of, tables_of
 from smad.simulators.declare import Simulator
@@ -169,11 +167,9 @@ def _parameter(replay: MujocoModel, name: str, row: ParameterRow) -> Parameter:
 def _mapped(table: Table, mapped: MjcfMap) -> Table:
     """The columns that the map names, by its own names and in their units."""
     rows: dict[str, InputRow | ChannelRow] = {**mapped.inputs, **mapped.channels}
-    columns = {
-        name: _in_unit(table.columns[row.column or name], row, name)
-        for name, row in rows.items()
-        if (row.column or name) in table.columns
-    }
+    there = {n: c for n, row in rows.items() if (c := row.column or n) in table.columns}
+    written = {name: _written(rows[name], name) for name in there}
+    columns = {name: written[name].values(table.columns[c]) for name, c in there.items()}
     lacking = [n for n in mapped.inputs if n not in columns]
     if lacking:
         raise SimulatorError(
@@ -185,23 +181,25 @@ def _mapped(table: Table, mapped: MjcfMap) -> Table:
     columns |= {n: table.columns[n] for n in mapped.observed if n in table.columns}
     named = {row.column or name for name, row in rows.items()} | set(mapped.observed)
     others = left_out([n for n in table.columns if n not in named], ", which the map does not name")
-    return replace(table, columns=columns, notes=(*table.notes, *others))
+    return replace(table, columns=columns, notes=(*table.notes, *others), written=written)
 
 
-def _in_unit(values: Array, row: InputRow | ChannelRow, name: str) -> Array:
-    """Values in the unit that the map's name of a column ends with, where the column's is another.
+def _written(row: InputRow | ChannelRow, name: str) -> Written:
+    """How a column stands in its file: in `column_unit`, or in the unit that its name ends with.
 
     Raises SimulatorError for units of two quantities, unless the row says how these are converted.
     """
-    wanted, unit = unit_in(name), unit_in(row.column)
+    said, named = spelt(row.column_unit), unit_in(row.column)
+    wanted = unit_in(name) or (row.unit if said else "")
     plain = not row.unit and (row.scale, row.offset) == (1.0, 0.0)
-    if not plain or not wanted or not unit or wanted == unit:
-        return np.asarray(values)
+    unit = said or (named if plain else "")
+    if not wanted or not unit or wanted == unit:
+        return Written()
     if unit not in units_for(wanted):
         raise SimulatorError(
             f"the map gives {name} a column in another unit",
-            value=row.column,
-            limit=", ".join(units_for(wanted)),
+            value=row.column_unit or row.column,
+            limit=unit_words(wanted),
             action="name it by its unit, or give scale and offset",
         )
-    return convert(np.asarray(values), unit, wanted)
+    return Written.of(unit, wanted)

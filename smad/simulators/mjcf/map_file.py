@@ -20,6 +20,7 @@ PAGE = "your-simulator"
 
 class _Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     column: str = ""
+    column_unit: str = ""
     unit: str = ""
     scale: _Number = 1.0
     offset: _Number = 0.0

@@ -70,7 +70,8 @@ CASES = (
          ("does not start anew: the second replay of run plain", "the same to the last bit")),
     Case(12, "a unit in the name of the time", asked("ms", mapped="ms"), 0, (SEES,)),
     Case(12, "a time without a unit whose step makes no sense", asked("noms", mapped="noms"), 1,
-         ("the unit of time 'time' is not said", "steps of 100 over", 'time_unit = "ms"')),
+         ("the unit of time 'time' is not said, and s make none", "steps of 100 over",
+          'time_unit = "ms"')),
     Case(13, "a decimal comma, told by [csv] in the map", asked("comma", mapped="comma"), 0,
          (SEES,)),
     Case(13, "the same, not told", asked("comma"), 1,
@@ -94,6 +95,8 @@ CASES = (
     Case(18, "names in a comment, as savetxt writes them", "log import {folder}/savetxt.csv", 0,
          ("2 rows to", "temp_x_degC rtd_x_degC")),
     Case(18, "a line `sep=;` before the names", "log import {folder}/sep.csv", 0, ("2 rows to",)),
+    Case(26, "stamps of ISO 8601", "log import {folder}/iso.csv", 0,
+         ("2 rows to", "the time is column 'time_s', in s since its first stamp")),
     Case(24, "a log that was cut", "log recover {folder}/cut.mcap", 0, ("cut.recovered.mcap",)),
     Case(25, "a step that is on from the first row", asked("const"), 0,
          ("no input ever changes: what temperature_degC say rests on the state",)),
@@ -101,7 +104,7 @@ CASES = (
         Case(26, f"{what} where a number should be", f"log import {{folder}}/{name}.csv", 1,
              (f"line {line}: column {column!r} is not a number; got",))
         for what, name, line, column in (
-            ("a duration", "duration", 2, "time_s"), ("a date", "iso", 2, "time_s"),
+            ("a duration", "duration", 2, "time_s"),
             ("h:mm:ss", "clock", 3, "time_s"), ("a dash", "dash", 3, "temp_x_degC"),
             ("a line of names", "twice", 4, "time_s"),
         )

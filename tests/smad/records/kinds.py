@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import tempfile
 from collections.abc import Callable, Mapping
@@ -15,7 +16,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from sim_device.plant.errors import PlantError
 from smad.diagnosis.data.admission import admit
+from smad.diagnosis.data.doubts import doubted_columns
 from smad.diagnosis.plant import (
     Array,
     Channel,
@@ -24,6 +27,7 @@ from smad.diagnosis.plant import (
     Parameter,
     PlantModel,
     Signal,
+    nominal_replay,
 )
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant, read_gap_run
@@ -145,6 +149,15 @@ def stuck(values: Array, bench: RecordedBench) -> Array:
     return put(values, slice(begin, begin + n), values[begin])
 
 
+def repeated(values: Array, bench: RecordedBench) -> Array:
+    """The reading at a fifth of the rate, each value in five rows."""
+    return np.repeat(values[::5], 5)[: len(values)]
+
+
+def in_ms(columns: Columns, bench: RecordedBench) -> Columns:
+    return columns | {"t_s": 1e3 * columns["t_s"]}
+
+
 KINDS: dict[str, Fault] = {
     "nothing": lambda columns, bench: columns,
     "a hole of 1 s": hole,
@@ -161,6 +174,8 @@ KINDS: dict[str, Fault] = {
     "a stuck channel": changed("read", stuck),
     "an input on change": changed("driven", on_change),
     "a slower channel": changed("read", slower),
+    "a reading in five rows each": changed("read", repeated),
+    "a time in ms": in_ms,
     "1.1 s long": lambda columns, bench: {n: c[columns["t_s"] < 1.1] for n, c in columns.items()},
     "no input changes": undriven,
     "another run's reading": changed("read", lambda v, b: v[::-1].copy()),
@@ -251,12 +266,91 @@ def outcome(kind: str, reader: str, folder: Path) -> str:
         return f"refused: {error}"
 
 
+Misreading = Callable[[Columns], Columns]
+
+
+def scaled(ends: str, scale: float, offset: float = 0.0) -> Misreading:
+    """Every column whose name ends so is read as its number in another unit."""
+    return lambda columns: {
+        n: c * scale + offset if n.endswith(ends) else c for n, c in columns.items()
+    }
+
+
+def exchanged(*stems: str) -> Misreading:
+    """Inputs of X and Y of these stems are exchanged."""
+
+    def fault(columns: Columns) -> Columns:
+        pairs = [(f"{s}_x{end}", f"{s}_y{end}") for s in stems for end in ("", "_A")]
+        names = {a: b for x, y in pairs for a, b in ((x, y), (y, x))}
+        return {n: columns[names.get(n, n)] for n in columns}
+
+    return fault
+
+
+MISREADINGS: dict[str, tuple[Misreading, str]] = {
+    "nothing misread": (lambda columns: columns, ""),
+    "all temperatures in °F": (scaled("degC", 1.8, 32.0), "in degF"),
+    "a temperature in °F": (scaled("rtd_x_degC", 1.8, 32.0), "is rtd_x_degC in degF"),
+    "force in lbf": (scaled("force_N", 1.0 / 4.448), "in lbf"),
+    "force in kgf": (scaled("force_N", 1.0 / 9.807), "in kgf"),
+    "displacement in inches": (scaled("displacement_mm", 1.0 / 25.4), "in in"),
+    "displacement of the other sign": (scaled("displacement_mm", -1.0), "of the other sign"),
+    "currents exchanged": (exchanged("i_applied"), "i_applied_y_A exchanged"),
+    "springs exchanged": (exchanged("i_applied", "duty"), "duty_y exchanged"),
+}
+"""What is misread within its range, and words by which it is named."""
+
+
+def benches(count: int) -> list[tuple[bool, GapRun]]:
+    """Runs of simulated pairs whose parameters are moved as their priors say; every second one has
+    an effect of one to three times its usual size."""
+    from smad.diagnosis.spring_pair.recorded import recorded
+
+    plant, out = SmaPlant(), list[tuple[bool, GapRun]]()
+    programmes = ("pulses", "levels", "sines", "stairs", "mixed", "quick levels")
+    for k in range(count):
+        rng = np.random.default_rng([7, k])
+        drawn = [(q, q.nominal + q.prior_sd * rng.standard_normal()) for q in plant.parameters]
+        theta = {q.name: float(np.clip(value, q.low, q.high)) for q, value in drawn}
+        effect = plant.effects[int(rng.integers(len(plant.effects)))]
+        times = rng.uniform(1.0, 3.0)
+        values = {q.name: float(np.clip(q.typical * (times if q.strength else 1.0), q.low, q.high))
+                  for q in effect.parameters}  # fmt: skip
+        point = ModelPoint(theta, {effect.name: values} if k % 2 else {})
+        # Some draws are no set of parameters: martensite would finish before it starts.
+        with contextlib.suppress(SmadError, PlantError):
+            run = recorded(programmes[k // 2 % 6], plant, point, k, duration_s=60.0)
+            out.append((bool(k % 2), run))
+    return out
+
+
+def misread(count: int = 40) -> list[str]:
+    """For each misreading, how many runs are doubted, and how many rightly."""
+    runs, plant, lines = benches(count), SmaPlant(), list[str]()
+    for name, (change, words) in MISREADINGS.items():
+        for faulty, title in ((False, "healthy"), (True, "with an effect")):
+            said = []
+            for run in (r for f, r in runs if f == faulty):
+                columns = change({**run.inputs, **run.outputs})
+                read = run.with_columns(
+                    {n: columns[n] for n in run.inputs}, {n: columns[n] for n in run.outputs}
+                )
+                said.append(doubted_columns(plant, read, nominal_replay(read, plant)))
+            right = sum(any(words in text for text in texts) for texts in said) if words else 0
+            lines.append(
+                f"{name}, benches {title}: {sum(map(bool, said))} of {len(said)} doubted, "
+                f"{right} by its name"
+            )
+    return lines
+
+
 def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         for kind in KINDS:
             print(kind)
             for reader in READERS:
                 print(f"  {reader:<13} {outcome(kind, reader, Path(name))}".replace(name, "…"))
+    print("misread within the range", *misread(), sep="\n  ")
 
 
 if __name__ == "__main__":

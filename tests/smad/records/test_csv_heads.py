@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from smad.errors import LogImportError
-from smad.records.channels import Channels, channels_of, held
+from smad.records.channels import Channels, channels_of, held, read_mapping
+from smad.records.column_names import ColumnRule
 from smad.records.csv_table import CsvFormat
 from smad.records.tables import left_out, open_table
+from smad.simulators.columns import tables_of
 
 
 def read(folder: Path, text: str | bytes, **form: str) -> Channels:
@@ -39,6 +41,8 @@ ROWS = "0,20.5\n1,21.5\n"
         "Time,Temperature X\n[s],[°C]\n" + ROWS,
         "Channel A,Channel B\nt_s,temp_x_degC\n" + ROWS,
         "Run 3, a warm day\nTime,Temperature X\ns,°C\n" + ROWS,
+        "Time;Temperature X\nsec;deg C\n" + ROWS.replace("\n", ";\n").replace(",", ";"),
+        "A\nTime\tTemperature X\tComment\ns\t°C\t\n" + ROWS.replace(",", "\t"),
     ],
 )
 def test_names_are_found_wherever_they_stand(text: str, tmp_path: Path) -> None:
@@ -50,6 +54,72 @@ def test_names_are_found_wherever_they_stand(text: str, tmp_path: Path) -> None:
 def test_a_title_that_was_passed_over_is_told(tmp_path: Path) -> None:
     found = read(tmp_path, "Measured by Ada\nt_s,temp_x_degC\n" + ROWS)
     assert found.notes == ("line 1 is no line of names: Measured by Ada",)
+
+
+@pytest.mark.parametrize("row", ["s,mA,1,Counts", "s,mA,1,-"])
+def test_a_row_of_units_may_hold_a_one_or_a_word_that_is_none(row: str, tmp_path: Path) -> None:
+    found = read(tmp_path, f"Time,Current X,Pump X,Tick\n{row}\n0,1,1,7\n1,2,1,8\n")
+    assert found.columns["i_meas_x_A"].tolist() == [0.001, 0.002]
+
+
+STAMPS = {
+    "": ("2026-11-26T13:45:59.750", "2026-11-26 13:46:00,250", "2026-11-26T14:46:01Z"),
+    "%d.%m.%Y %H:%M:%S,%f": ("26.11.2026 13:45:59,750", "26.11.2026 13:46:00,250",
+                             "26.11.2026 14:46:01,000"),
+    "%m/%d/%Y %I:%M:%S.%f %p": ("11/26/2026 1:45:59.75 PM", "11/26/2026 1:46:00.25 PM",
+                                "11/26/2026 2:46:01.00 PM"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["Zeit", "timestamp", ""])
+@pytest.mark.parametrize("form", STAMPS)
+def test_stamps_below_a_title_are_the_time(form: str, name: str, tmp_path: Path) -> None:
+    rows = "".join(f"{stamp};2{k}\n" for k, stamp in enumerate(STAMPS[form]))
+    text = f"Messung 5\n{name};temp_x_degC\n{rows}"
+    found = read(tmp_path, text, time_format=form)
+    assert found.columns["t_s"].tolist() == [0.0, 0.5, 3601.25]
+    assert found.notes[-1] == f"the time is column {name!r}, in s since its first stamp"
+    if form:
+        with pytest.raises(LogImportError) as refused:
+            read(tmp_path, text)
+        assert f'say `time_format = "{form}"' in str(refused.value)
+
+
+def test_a_stamp_among_numbers_of_a_named_time_is_told_with_its_form(tmp_path: Path) -> None:
+    with pytest.raises(LogImportError, match=r'line 3.*got 0:00:01; .*`time_format = "%H:%M:%S"`'):
+        read(tmp_path, "time_s,temp_x_degC\n0,22\n0:00:01,23\n")
+
+
+def test_a_unit_that_is_given_to_stamps_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("Zeit,temp_x_degC\n2026-11-26 13:45:01,22\n2026-11-26 13:46:01,23\n")
+
+    def times(**rule: str) -> list[float]:
+        rules = {"Zeit": ColumnRule("t_s", **rule)}
+        return list(channels_of(open_table(path), rules).columns["t_s"])
+
+    assert times() == times(column_unit="s") == [0.0, 60.0]
+    with pytest.raises(LogImportError, match="holds stamps, which are read in s; got min"):
+        times(column_unit="min")
+
+
+def test_the_time_of_a_simulator_may_be_stamps_whatever_their_name(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("Zeit [ms],T_degC\n2026-11-26 13:45:01,22\n2026-11-26 13:46:01,23\n")
+    (table,) = tables_of(path)
+    assert table.t_s.tolist() == [0.0, 60.0]
+
+
+def test_stamps_of_whole_seconds_at_ten_rows_a_second_want_more_digits(tmp_path: Path) -> None:
+    rows = "".join(f"2026-11-26 13:45:0{k // 5},22\n" for k in range(20))
+    with pytest.raises(LogImportError, match="write it with more digits"):
+        read(tmp_path, f"Time,temp_x_degC\n{rows}")
+
+
+def test_a_wrong_key_is_told_with_those_that_are_allowed(tmp_path: Path) -> None:
+    (tmp_path / "m.toml").write_text('[csv]\ndelimeter = ";"\n')
+    with pytest.raises(LogImportError, match=r"allowed: delimiter, .*time_format; did you mean"):
+        read_mapping(tmp_path / "m.toml")
 
 
 def test_a_column_without_a_name_is_told_so() -> None:

@@ -4,7 +4,23 @@ from pathlib import Path
 
 import pytest
 
-from tests.smad.records.kinds import KINDS, READERS, outcome
+from smad.diagnosis.spring_pair import SmaPlant, read_gap_run
+from smad.fmi.asked import read_mapped
+from smad.fmi.map_file import read_map
+from smad.records.importer import import_table
+from tests.smad.fmi.heater import MAP
+from tests.smad.records.kinds import (
+    KINDS,
+    READERS,
+    Columns,
+    Heater,
+    admitted,
+    as_csv,
+    heated,
+    outcome,
+    pair,
+    put,
+)
 
 DIAGNOSED = ("run log", "CSV", "Parquet", "FMU map", "Python plant")
 VALUES = (*DIAGNOSED, "check-up")
@@ -31,6 +47,8 @@ RIGHT: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
     "a stuck channel": (EVERY, TAKEN, ("stays at",)),
     "an input on change": (EVERY, ANY, ("holds a reading in", "`hold = true`")),
     "a slower channel": (EVERY, ANY, ("samples only", "`hold = true`")),
+    "a reading in five rows each": (EVERY, TAKEN, ("stands in 5 rows each", "repeated")),
+    "a time in ms": (EVERY, ANY, ("sense",)),
     "1.1 s long": (DIAGNOSED, ("refused",), ("s long; at least 8 s are needed",)),
     "no input changes": (DIAGNOSED, ("refused",), ("were the inputs recorded, and", "--trust")),
     "another run's reading": (("FMU map", "Python plant"), ("used",), ("shifted in time",)),
@@ -60,3 +78,32 @@ def test_a_kind_is_told_by_each_reader_that_it_concerns(
 @pytest.mark.parametrize("reader", READERS)
 def test_a_record_without_a_fault_is_used_without_a_word(reader: str, tmp_path: Path) -> None:
     assert ":" not in outcome("nothing", reader, tmp_path)
+
+
+def in_other_units(columns: Columns, scales: dict[str, tuple[str, float]]) -> Columns:
+    """Columns renamed, as value · factor; a code in three samples of each."""
+    out = dict(columns)
+    for name, (other, factor) in scales.items():
+        out[other] = put(factor * out.pop(name), [90, 140, 141], -999.0)
+    return out
+
+
+@pytest.mark.parametrize("read", ["run", "import", "map"])
+def test_a_code_in_a_converted_column_is_known_by_its_number_in_the_file(
+    read: str, tmp_path: Path
+) -> None:
+    bench, unit = (heated(), "cC") if read == "map" else (pair(), "mA")
+    name = "temperature_degC" if read == "map" else "i_meas_x_A"
+    other = name.rpartition("_")[0] + f"_{unit}"
+    factor = 100.0 if read == "map" else 1e3
+    path = as_csv(in_other_units(dict(bench.columns), {name: (other, factor)}), tmp_path / "a.csv")
+    if read == "import":
+        said = "; ".join(import_table(path, tmp_path / "a.mcap").notes)
+    elif read == "map":
+        row = "[channels.temperature_degC]\n"
+        assert row in MAP
+        (tmp_path / "m.toml").write_text(MAP.replace(row, f'{row}column = "{other}"\n'))
+        said = admitted(read_mapped(path, read_map(tmp_path / "m.toml")), Heater())
+    else:
+        said = admitted(read_gap_run(path), SmaPlant())
+    assert f"{name} holds -999 {unit} in 3 samples" in said

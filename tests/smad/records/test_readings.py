@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from smad.records.readings import Declared, checked, checked_columns
+from smad.records.declared import Declared
+from smad.records.readings import checked, checked_columns, doubted_step, on_lines, rows_each
+from smad.records.units import Written
 
 T = np.arange(400) * 0.1
 WARM = Declared(name="T", unit="degC", low=-20.0, high=120.0)
@@ -32,6 +34,58 @@ def test_a_code_is_taken_out_and_told_with_its_count_and_time(code: float) -> No
     found = checked(y, WARM, T)
     assert np.flatnonzero(np.isnan(found.values)).tolist() == [50, 51, 300]
     assert found.notes == (f"T holds {code:g} in 3 samples (the first at 5 s): a code, no reading",)
+
+
+@pytest.mark.parametrize("code", [-999.0, 9999.0, 65535.0])
+def test_a_code_is_looked_for_among_the_numbers_of_the_file(code: float) -> None:
+    milliamperes = Written.of("mA", "A")
+    declared = Declared(name="i", unit="A", low=-70.0, high=70.0, written=milliamperes)
+    i = 2.0 + 0.01 * np.random.default_rng(0).standard_normal(len(T))
+    i[[50, 51, 300]] = code * 1e-3
+    found = checked(i, declared, T)
+    assert np.flatnonzero(np.isnan(found.values)).tolist() == [50, 51, 300]
+    assert found.notes == (
+        f"i holds {code:g} mA in 3 samples (the first at 5 s): a code, no reading",
+    )
+
+
+def test_a_column_beyond_its_range_is_told_in_the_numbers_of_its_file() -> None:
+    declared = Declared(name="i", unit="A", low=0.0, high=4.0, written=Written.of("mA", "A"))
+    refusal = checked(np.linspace(0.0, 90.0, len(T)), declared, T).refusal
+    assert refusal.startswith("i holds 0 to 90000 mA, declared 0 to 4 A: in uA?")
+
+
+@pytest.mark.parametrize(("rows", "noise"), [(2, 0.1), (5, 0.1), (5, 0.0), (20, 0.1)])
+def test_a_reading_that_several_rows_repeat_is_read_between_the_first_of_each(
+    rows: int, noise: float
+) -> None:
+    true = 45.0 + 20.0 * np.sin(T / 3.0) + noise * np.random.default_rng(0).standard_normal(len(T))
+    y = np.repeat(true[::rows], rows)[: len(T)]
+    steady, changing = np.ones(len(T), dtype=bool), np.zeros(len(T), dtype=bool)
+    assert rows_each(true, steady, changing) == 1
+    assert rows_each(y, steady, changing) == (rows if len(T) > 20 * rows else 1)
+    read = on_lines(y, rows)
+    np.testing.assert_array_equal(read[::rows], true[::rows])
+    # What an input holds is no slow sensor's.
+    assert rows_each(y, steady, np.diff(y, prepend=np.nan) != 0.0) == 1
+
+
+def test_a_slow_course_in_coarse_steps_is_not_repeated() -> None:
+    y = np.round(20.0 + 2.0 * T, 0)
+    everywhere = np.ones(len(T), dtype=bool)
+    assert rows_each(y, everywhere, ~everywhere) == 1
+
+
+@pytest.mark.parametrize(
+    ("step_s", "words"),
+    [(0.01, ""), (10.0, "is the time in ms?"), (1e4, "in us?"), (30e10, "correct the time")],
+)
+def test_a_step_that_makes_no_sense_is_asked_with_the_likely_unit(
+    step_s: float, words: str
+) -> None:
+    said = doubted_step(np.arange(5) * step_s, 1.0)
+    assert words in said
+    assert bool(words) == bool(said)
 
 
 def test_a_reading_that_goes_through_85_degrees_keeps_it() -> None:

@@ -258,7 +258,7 @@ def test_a_unit_in_the_name_counts_where_the_mapping_gives_none(tmp_path: Path) 
         return list(read_channels(file, mapping=mapping).columns["displacement_mm"])
 
     assert read() == [4.0, 5.0]
-    assert read(unit="mm") == [0.4, 0.5]
+    assert read(column_unit="mm") == [0.4, 0.5]
     assert read(scale=10.0) == [4.0, 5.0]
 
 

@@ -57,7 +57,8 @@ def foreign(tmp_path: Path) -> Path:
 def test_a_bag_of_others_is_read_through_a_mapping(foreign: Path, tmp_path: Path) -> None:
     mapping = tmp_path / "mapping.toml"
     mapping.write_text(
-        '[columns."/arm/joint_states.position[slide]"]\nchannel = "displacement_mm"\nunit = "m"\n'
+        '[columns."/arm/joint_states.position[slide]"]\nchannel = "displacement_mm"\n'
+        'column_unit = "m"\n'
         '[columns."/arm/motor.temperature"]\nchannel = "rtd_x_degC"\n'
     )
     done = import_table(foreign, tmp_path / "a.mcap", read_mapping(mapping))
@@ -86,7 +87,8 @@ def test_a_bag_of_ros_1_is_read_through_a_mapping_too(tmp_path: Path) -> None:
             bag.write(joints, when, store.serialize_ros1(message, joint))
     mapping = tmp_path / "mapping.toml"
     mapping.write_text(
-        '[columns."/joint_states.position[slide]"]\nchannel = "displacement_mm"\nunit = "m"\n'
+        '[columns."/joint_states.position[slide]"]\nchannel = "displacement_mm"\n'
+        'column_unit = "m"\n'
     )
     done = import_table(tmp_path / "robot.bag", tmp_path / "a.mcap", read_mapping(mapping))
     run = read_run(done.path)

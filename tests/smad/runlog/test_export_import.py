@@ -187,10 +187,10 @@ def test_a_mapping_file_says_what_other_names_mean(tmp_path: Path) -> None:
         decimal = ","
         [columns."Zeit"]
         channel = "t_s"
-        unit = "min"
+        column_unit = "min"
         [columns."Oben"]
         channel = "rtd_x_degC"
-        unit = "K"
+        column_unit = "K"
         scale = 100.0
         offset = 150.0
         [columns."Weg"]
@@ -214,7 +214,7 @@ def test_a_mapping_file_says_what_other_names_mean(tmp_path: Path) -> None:
         ("t_s,x_mm\n1,1\n1,1\n", ["line 3", "does not increase"]),
         ("t_s,x_mm\n1,1\n,1\n", ["line 3", "'t_s' is empty"]),
         ("t_s,x_furlong\n1,2\n", ["'furlong' is no unit", "mm", "x_mm"]),
-        ("t_s,temp_x_C\n1,2\n", ["'C' is no unit", "degC"]),
+        ("t_s,temp_x_Q\n1,2\n", ["'Q' is no unit", "degC"]),
         ("t_s,force\n1,2\n", ["unit is missing", "force_N"]),
         ("t_s,x_mm\n1,2\n2,abc\n", ["line 3", "'x_mm'", "abc"]),
         ("# a\n\nt_s,x_mm\n1,2\n\n2,3.5.1\n", ["line 6", "3.5.1"]),
@@ -241,7 +241,7 @@ def test_a_csv_that_cannot_be_used_is_refused_with_place_and_value(
     [
         ('[columns."a"]\nchannel = "t_s"', ["column 'a'", "does not have"]),
         ('[columns."t"]\nchannel = "t_min"', ["unknown channel", "t_min", "t_s"]),
-        ('[columns."t"]\nchannel = "t_s"\nunit = "mm"', ["unknown unit", "got mm", "ms"]),
+        ('[columns."t"]\nchannel = "t_s"\ncolumn_unit = "mm"', ["unknown unit", "got mm", "ms"]),
         ('[columns."t"]\nchannel = "t_s"\nscale = nan', ["not valid", "scale"]),
         ('[columns."t"]\nchanel = "t_s"', ["not valid", "chanel"]),
         ('[csv]\ndelimiter = "|"', ["not valid", "csv.delimiter"]),

@@ -613,7 +613,7 @@ def test_a_table_of_another_locale_is_read_as_it_is_said_to_be_written(tmp_path:
         diagnose(tmp_path / "a.csv", declared_heater())
     with pytest.raises(SimulatorError, match=r"no column of the time; .*or say which it is: time"):
         diagnose({"Zeit": RUNS[0]["t_s"]}, declared_heater())
-    with pytest.raises(SimulatorError, match=r"csv does not say how .*encoding; give"):
+    with pytest.raises(SimulatorError, match=r"csv does not say how .*time_format; give"):
         diagnose(tmp_path / "a.csv", declared_heater(), csv={"decimals": ","})
 
 
