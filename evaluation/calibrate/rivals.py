@@ -99,7 +99,9 @@ class CaseRivals:
     def said(self, c: Constants) -> Said:
         """What these constants make of the first step."""
         p = self.probability(c)
-        near = min(r.gap for r in self.rivals if r.kind in (NOTHING, PARAMETERS))
+        # All may be refuted that have no part.
+        without = (r.gap for r in self.rivals if r.kind in (NOTHING, PARAMETERS))
+        near = min(without, default=np.inf)
         nearer = self.more & np.array([r.gap < near for r in self.rivals])
         allowed = nearer if p[self.more].sum() > 0.5 and nearer.any() else ~self.more
         kind = self.rivals[int(np.argmax(np.where(allowed, p, -1.0)))].kind
