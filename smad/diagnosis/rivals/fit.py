@@ -287,7 +287,9 @@ def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
     )  # fmt: skip
 
 
-def polished(evidence: Evidence, fitted: Fit, tau: Array, *, fresh: bool = True) -> Fit:
+def polished(
+    evidence: Evidence, fitted: Fit, tau: Array, *, fresh: bool = True, alike: float = 1.0
+) -> Fit:
     """The fit carried on by exact replays of where it stands, until that lessens F no further.
 
     Slopes of the parts are made anew at each, and with `fresh` those of the parameters, since they
@@ -296,7 +298,8 @@ def polished(evidence: Evidence, fitted: Fit, tau: Array, *, fresh: bool = True)
     known = 0 if fresh else fitted.model.parameters
     for _ in range(_POLISHES):
         here = rebased(evidence, replace(fitted, slopes=fitted.slopes[:known]))
-        made = here and fit(evidence, fitted.model, fitted.x, here, tau=tau, rounds=_POLISH_ROUNDS)
+        made = here and fit(evidence, fitted.model, fitted.x, here, tau=tau, rounds=_POLISH_ROUNDS,
+                            alike=alike)  # fmt: skip
         if not made:
             return fitted
         gained, fitted = fitted.objective - made.objective, made
@@ -308,12 +311,16 @@ def polished(evidence: Evidence, fitted: Fit, tau: Array, *, fresh: bool = True)
 def fitted(evidence: Evidence, reference: Reference, tau: Array) -> Fit | None:
     """The model of a reference fitted from there on to its end; None where it cannot run.
 
-    It begins by least squares: all channels count alike that leave less than the loudest.
+    It begins by least squares, in which channels count alike that leave less than the loudest, and
+    comes to F by way of the geometric mean.
     """
     anew = replace(reference, slopes=reference.slopes[:0])
-    loudest = float(evidence.variances(evidence.left(reference.exact)).max())
-    begun = fit(evidence, reference.model, reference.x, anew, tau=tau, alike=max(loudest, 1.0))
-    return polished(evidence, replace(begun, objective=np.inf), tau) if begun else None
+    loudest = max(float(evidence.variances(evidence.left(reference.exact)).max()), 1.0)
+    made = fit(evidence, reference.model, reference.x, anew, tau=tau, alike=loudest)
+    for alike in dict.fromkeys((loudest, loudest**0.5, 1.0)):
+        if made:
+            made = polished(evidence, replace(made, objective=np.inf), tau, alike=alike)
+    return made
 
 
 def leave_out(evidence: Evidence, fitted: Fit, tau: Array) -> tuple[Array, ...]:

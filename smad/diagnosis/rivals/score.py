@@ -7,13 +7,13 @@ evidence are counted for each run and channel, whatever its length,
 
     w(rival) = prior(rival) · exp(−κ/2 · Σ_rc log(v_rc + 1)).
 
-*Whether* anything is missing compares rivals with the simulator without a further part. Every
-independent row counts (κ₀) between one that leaves nothing that could be told and one that leaves
-more; and until something has entered, against the simulator, which may be right: what is right is
-not beaten. *Which* cause it is compares models that are all wrong in form: κ is small. There a
-rival also counts by how surely it leaves less than the simulator without a part: what explains
-nothing is no cause. Both are averaged over resampled runs (BayesBag, Huggins and Miller 2023): what
-hangs on one run is not sure.
+*Whether* anything is missing compares rivals with the simulator without a further part. That one
+may be right, and what is right is not beaten: until something has entered every independent row
+counts (κ₀) against it. For it they count only where it leaves nothing that could be told, and only
+against rivals that leave more: what leaves more is wrong in form. *Which* cause it is compares
+models that are all wrong in form: κ is small. There a rival also counts by how surely it leaves
+less than the simulator without a part: what explains nothing is no cause. Both are averaged over
+resampled runs (BayesBag, Huggins and Miller 2023): what hangs on one run is not sure.
 """
 
 from __future__ import annotations
@@ -128,11 +128,8 @@ def probabilities(
     lead = total[:, part] - best
     which = prior[part] + of_which * lead + _log_sigmoid(of_same * lead)
     sound, alone = np.asarray(near)[part], np.asarray(near)[~part].any()
-    counted = np.where(
-        lead > 0.0,
-        np.where(sound & ~alone, of_rows, of_same),
-        np.where(alone & ~sound, of_rows, of_which),
-    )
+    behind = np.where(alone & ~sound, of_rows, of_which)
+    counted = np.where(lead > 0.0, of_same, behind)
     log_odds = _log_sum(prior[part] + counted * lead) - _log_sum(
         log_weight[:, ~part] - of_same * best
     )

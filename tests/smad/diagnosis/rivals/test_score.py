@@ -60,12 +60,6 @@ def test_what_leaves_a_little_more_than_parameters_is_possible_where_both_leave_
     assert missing(behind, near=near) > 0.1
 
 
-def test_what_leaves_nothing_beside_what_leaves_more_is_noticed_in_every_step() -> None:
-    lead = (0.0, 0.0, 4.0, 0.0, 0.0)
-    assert missing(lead, near=(False,) * 5, first=False) < 0.5
-    assert missing(lead, near=(False, False, True, False, False), first=False) > 0.9
-
-
 def test_what_leads_by_chance_is_not_noticed() -> None:
     assert missing((0.0, 0.1, 0.1, 0.05, 0.1)) < 0.1
 
