@@ -28,7 +28,7 @@ from smad.diagnosis.places.responses import responses
 from smad.diagnosis.plant import ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
 
-SCHEMA = 5
+SCHEMA = 6
 _ABOUT, _ARRAYS = "baseline.json", "reference.npz"
 _FLOOR = ("sd", "rho", "day_sd", "gauge")
 _RUN = ("mean", "valid", "count", "regime", "base", "slopes")
