@@ -101,8 +101,8 @@ class CaseRivals:
         p = self.probability(c)
         # All may be refuted that have no part.
         without = (r.gap for r in self.rivals if r.kind in (NOTHING, PARAMETERS))
-        near = min(without, default=np.inf)
-        nearer = self.more & np.array([r.gap < near for r in self.rivals])
+        least_gap = min(without, default=np.inf)
+        nearer = self.more & np.array([r.gap < least_gap for r in self.rivals])
         allowed = nearer if p[self.more].sum() > 0.5 and nearer.any() else ~self.more
         kind = self.rivals[int(np.argmax(np.where(allowed, p, -1.0)))].kind
         total = max(p[self.more].sum(), 1e-300)

@@ -11,11 +11,7 @@ from numpy.typing import NDArray
 from smad.checkup.paired.floor import Deviation, Floor, repeat_floor
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.data.grid import PERIOD_S
-from smad.diagnosis.data.played import (
-    Played,
-    predictions,
-    slopes,
-)
+from smad.diagnosis.data.played import Played, predictions, slopes
 from smad.diagnosis.data.rows import Binned, bin_numbers, binned, offset_s, require_like_inputs
 from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.places.place import PlacesPlant
@@ -23,7 +19,7 @@ from smad.diagnosis.places.responses import Responses, responses
 from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, nominal_point, traits_of
 from smad.diagnosis.questions import CORRELATED, free_model, tempered
 from smad.diagnosis.rivals.evidence import Evidence, Trial
-from smad.diagnosis.rivals.fit import fitted, reference_at
+from smad.diagnosis.rivals.fit import fit_to_end, reference_at
 from smad.diagnosis.runs import GapRun
 from smad.progress import Say, silent
 
@@ -193,7 +189,7 @@ def _fitted_point(
     evidence = Evidence(trials=tuple(trials))
     model = tempered(free_model(plant, nominal_point(plant)), evidence, shipped())
     nominal = reference_at(evidence, model, np.zeros(model.parameters))
-    made = nominal and fitted(evidence, nominal, np.full(evidence.channels, CORRELATED))
+    made = nominal and fit_to_end(evidence, nominal, np.full(evidence.channels, CORRELATED))
     return made.point if made else model.start
 
 

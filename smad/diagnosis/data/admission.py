@@ -151,10 +151,8 @@ def _admit_one(
         say("input missing", f"inputs are missing: {', '.join(lacking)}", refuses=True)
     if len(run.t_s) and not (np.diff(run.t_s) > 0).all():
         say("time runs back", "the time axis is not increasing", refuses=True)
-    given, run = (
-        run,
-        readable(run, plant.inputs, plant.channels, say, traits_of(plant).longest_step_s),
-    )
+    given = run
+    run = readable(run, plant.inputs, plant.channels, say, traits_of(plant).longest_step_s)
     if any(f.refuses for f in findings):
         return run, findings
     run = filled(up_to_first_hole(run, period_s, say))

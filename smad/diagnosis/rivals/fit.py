@@ -308,7 +308,7 @@ def polished(
     return fitted
 
 
-def fitted(evidence: Evidence, reference: Reference, tau: Array) -> Fit | None:
+def fit_to_end(evidence: Evidence, reference: Reference, tau: Array) -> Fit | None:
     """The model of a reference fitted from there on to its end; None where it cannot run.
 
     It begins by least squares, in which channels count alike that leave less than the loudest, and

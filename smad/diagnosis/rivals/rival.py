@@ -16,7 +16,7 @@ from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Effect, ModelPoint
 from smad.diagnosis.rivals.evidence import Evidence
-from smad.diagnosis.rivals.fit import Fit, Reference, fit, fitted, leave_out, replayed, weights
+from smad.diagnosis.rivals.fit import Fit, Reference, fit, fit_to_end, leave_out, replayed, weights
 from smad.diagnosis.rivals.parts import Model
 from smad.diagnosis.rivals.score import (
     EFFECT,
@@ -98,7 +98,7 @@ class Question:
 
     def fitted(self, kind: str, name: str, reference: Reference) -> Rival | None:
         """The model of a reference fitted from there on to its end, as a rival."""
-        made = fitted(self.evidence, reference, self.tau)
+        made = fit_to_end(self.evidence, reference, self.tau)
         return None if made is None else self.rival(kind, name, made)
 
     def parameters_kept_if_likelier(

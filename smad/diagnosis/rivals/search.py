@@ -154,7 +154,7 @@ class _Search:
             same = [self.configured, self.parameters]
         elif not self.moved and (free := self._freed()) is not None:
             same.append(free)
-        rivals = [*same, *self._rivals(self.current, first=first)]
+        rivals = [*same, *self._rivals(self.current)]
         ranked = question.ranked(rivals, first=first)
         entered = self._entering(ranked)
         if first and self.moved and entered is None and _same(ranked)[0].kind == NOTHING:
@@ -229,7 +229,7 @@ class _Search:
         changes = [c for c in self.changes if c.effect.name not in present]
         return screened(self.question.evidence, reference, changes, self.question.tau)
 
-    def _rivals(self, current: Rival, *, first: bool) -> list[Rival]:
+    def _rivals(self, current: Rival) -> list[Rival]:
         """Effects and laws beside what a model has, each fitted and scored."""
         question, e = self.question, self.question.evidence
         here = None if current.fit is None else rebased(e, current.fit)
