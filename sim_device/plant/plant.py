@@ -15,9 +15,9 @@ from sim_device.plant.laws import Law
 from sim_device.plant.parameters import ParameterSet
 from sim_device.plant.records import Drive, PlantTruth, Readings
 from sim_device.plant.setup import Setup
+from sim_device.plant.units import ZERO_C
 
 MAX_STEP_S = 1e-3
-_ZERO_C = 273.15
 _REASONS = {
     k.NOT_CONVERGED: "the equilibrium of temperature, fractions and force was not found",
     k.NOT_FINITE: "the state is no longer finite",
@@ -153,7 +153,7 @@ class Plant:
         return Readings(
             i_A=(i_x, i_y),
             v_V=(v_x, v_y),
-            rtd_degC=(t_x - _ZERO_C, t_y - _ZERO_C, t_in - _ZERO_C, t_air - _ZERO_C),
+            rtd_degC=(t_x - ZERO_C, t_y - ZERO_C, t_in - ZERO_C, t_air - ZERO_C),
             displacement_m=u,
             force_N=force,
             supply_V=self._supply_V - self._supply_Ohm * float(drawn),

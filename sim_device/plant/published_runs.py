@@ -14,11 +14,11 @@ from sim_device.plant.geometry import Geometry, coil_film, heating_K_per_s, scal
 from sim_device.plant.parameters import ParameterSet, load_parameters
 from sim_device.plant.plant import Plant
 from sim_device.plant.records import Drive
+from sim_device.plant.units import ZERO_C
 
 _RESISTIVITY_OF_D = (0.80e-6, 1.00e-6)
 """Of martensite and of austenite, Ω m: a wire is between them."""
-_ZERO_C = 273.15
-_ROOM_K_OF_K = _ZERO_C + 18.0  # tinf of springProperties.py
+_ROOM_K_OF_K = ZERO_C + 18.0  # tinf of springProperties.py
 _ROOM_C_OF_D = 25.0
 SPECIFIC_HEAT_OF_D = 837.0  # J/(kg K)
 LATENT_HEAT_OF_D = 24_200.0  # J/kg
@@ -53,7 +53,7 @@ def _base(heats_of_d: bool) -> ParameterSet:
 
 
 def _with_alloy(base: ParameterSet, alloy: str, room_K: float) -> ParameterSet:
-    a_s, a_f, m_s, m_f = (_ZERO_C + degC for degC in _ALLOYS[alloy])
+    a_s, a_f, m_s, m_f = (ZERO_C + degC for degC in _ALLOYS[alloy])
     return base.replace(
         austenite_start=a_s,
         austenite_finish=a_f,
@@ -94,7 +94,7 @@ def relaxing(
     "printed", with the wire's diameter for the film. Infinite where the current does not heat it
     through.
     """
-    room_K = _ZERO_C + _ROOM_C_OF_D
+    room_K = ZERO_C + _ROOM_C_OF_D
     parameters = _with_alloy(scaled(_base(heats_of_d), geometry), alloy, room_K)
     if in_water:
         parameters = parameters.replace(tube_diameter=2.0 * parameters["wire_diameter"])
@@ -141,7 +141,7 @@ def force_of_l(wire_mm: float) -> Callable[[], float]:
         *_, stroke_mm, current_A = _SPRINGS_OF_L[wire_mm]
         parameters = scaled(_base(False), spring_of_l(wire_mm))
         plant = Plant(
-            _with_alloy(parameters, "90 °C", _ZERO_C + _ROOM_C_OF_D),
+            _with_alloy(parameters, "90 °C", ZERO_C + _ROOM_C_OF_D),
             cooling="air",
             fixture="stretch",
         )

@@ -19,9 +19,9 @@ from sim_device.plant.parameters import ParameterSet
 from sim_device.plant.places import PLACES, SLOTS, Key, check_place_needs, keys_of
 from sim_device.plant.plant import solver_error
 from sim_device.plant.setup import Setup
+from sim_device.plant.units import ZERO_C
 
 Array = npt.NDArray[np.float64]
-ZERO_C = 273.15
 _LARGEST = sys.float_info.max
 DEFAULT_STEP_S = 1e-3
 _NO_VALUES: Mapping[str, Array] = {}

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+ZERO_C = 273.15
+"""0 °C in K."""
+
 
 @dataclass(frozen=True)
 class Unit:
@@ -34,7 +37,7 @@ UNITS: dict[str, Unit] = {
     "Pa/K": Unit("Pa/K", 1.0),
     "MPa/K": Unit("Pa/K", 1e6),
     "K": Unit("K", 1.0),
-    "degC": Unit("K", 1.0, 273.15),
+    "degC": Unit("K", 1.0, ZERO_C),
     "K difference": Unit("K difference", 1.0),
     "kg/m3": Unit("kg/m3", 1.0),
     "W/(m K)": Unit("W/(m K)", 1.0),

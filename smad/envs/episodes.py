@@ -12,6 +12,7 @@ import numpy.typing as npt
 from firmware_protocol.enums import Fault
 from sim_device.plant.many import PlantArray
 from sim_device.plant.models import Model
+from sim_device.plant.units import ZERO_C
 from smad.envs import references, signals
 from smad.envs.board import Boards
 from smad.envs.errors import EnvError
@@ -20,7 +21,6 @@ from smad.envs.models import Randomise, Source
 Array = npt.NDArray[np.float64]
 Observations = npt.NDArray[np.float32]
 Flags = npt.NDArray[np.bool_]
-_ZERO_C = 273.15
 SOLVER = "solver"
 
 
@@ -137,7 +137,7 @@ class Episodes:
         rows = read[which]
         shown[:, 0] = rows[:, 8] * 1e3
         shown[:, 1] = rows[:, 9]
-        shown[:, 2:6] = rows[:, 4:8] - _ZERO_C
+        shown[:, 2:6] = rows[:, 4:8] - ZERO_C
         shown[:, 6:8] = rows[:, 0:2]
         shown[:, 8:10] = rows[:, 2:4]
         self._seen[which, : shown.shape[1]] = np.rint(shown / signals.STEPS) * signals.STEPS

@@ -10,6 +10,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from sim_device.plant.parameters import ParameterSet
+from sim_device.plant.units import ZERO_C
 from smad.experiments.base import Comparison, Experiment, Findings, Options
 from smad.experiments.driver import Driver, Mounting
 from smad.experiments.dsc_file import DscData, read_dsc, synthetic_dsc
@@ -20,7 +21,6 @@ from smad.report.plots import draw, label, new_figure, picture
 from smad.style.palette import in_print
 
 Array = NDArray[np.float64]
-ZERO_C = 273.15
 WINDOW_K = 0.8
 """Width of the straight lines by which slopes are taken."""
 TURN_K = 3.0

@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_device.plant.parameters import ParameterSet
+from sim_device.plant.units import ZERO_C
 from smad.experiments.errors import DataFileError
 
 Array = NDArray[np.float64]
-ZERO_C = 273.15
 COLUMNS = ("t_s", "temperature_degC", "heat_flow_mW")
 FACTS = ("mass_mg", "rate_K_per_min")
 

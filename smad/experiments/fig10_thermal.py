@@ -9,6 +9,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from sim_device.plant.parameters import ParameterSet
+from sim_device.plant.units import ZERO_C
 from smad.control.commands import DriveCurrent
 from smad.control.metrics import tracking_r2
 from smad.control.plan import Do, Mark, Plan, UntilDone
@@ -19,7 +20,6 @@ from smad.report.page import Text
 from smad.report.panels import Panel, Panels, Trace
 
 Array = NDArray[np.float64]
-ZERO_C = 273.15
 COOLED_K = (310.0, 305.0, 301.0)
 WARM_K = 310.0
 

@@ -10,6 +10,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from sim_device.plant.parameters import ParameterSet, spring_factors
+from sim_device.plant.units import ZERO_C
 from smad.control.commands import DriveCurrent, HoldTemperature, MoveStage
 from smad.control.plan import Do, Mark, Pause, Plan, UntilDone
 from smad.experiments.base import Comparison, Experiment, Findings, Options
@@ -22,7 +23,6 @@ from smad.report.plots import draw, label, new_figure, picture
 from smad.style.palette import in_print
 
 Array = NDArray[np.float64]
-ZERO_C = 273.15
 USED = (0.05, 0.95)
 """Fractions used in the fits: near 0 and 1 the cosine is flat and noise turns into temperature."""
 _STEP_K = 0.05

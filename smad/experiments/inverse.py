@@ -1,9 +1,9 @@
 """The constants of the inverse model from a parameter file, as the controller takes them."""
 
 from sim_device.plant.parameters import ParameterSet
+from sim_device.plant.units import ZERO_C
 from smad.config import Config, ControlConfig, FeedforwardConfig, config_to_toml
 
-ZERO_C = 273.15
 WIRE_K = 313.0
 ABOVE_WATER_K = 5.0
 """Where the film coefficients are taken: they vary by a fifth over the range of the actuator."""

@@ -15,12 +15,12 @@ from sim_device.plant import ParameterSet
 from sim_device.plant.errors import SolverError
 from sim_device.plant.replay import Inputs, Replay, trajectory
 from sim_device.plant.setup import Setup
+from sim_device.plant.units import ZERO_C
 from smad.diagnosis.places.place import Forcing
 from smad.diagnosis.plant import Array, EffectValues, ModelPoint
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.signals import TRAITS, means_over_pieces
 
-_ZERO_C = 273.15
 _OPTIONS = {"fixture": "antagonistic", "cooling": "water"}
 # Two steps a sample at 100 Hz, jittered ones too. One is too few for a current that chatters.
 _STEP_S = 6e-3
@@ -118,7 +118,7 @@ class GivenRun:
         for name, channel in TRAITS.environment.items():
             base = point.parameters[name]
             if channel in self._began:
-                base += self._began[channel] + _ZERO_C - point.nominal[name]
+                base += self._began[channel] + ZERO_C - point.nominal[name]
             around.append(np.full(len(self.run.t_s), base))
         return known.surrounded(*around)
 

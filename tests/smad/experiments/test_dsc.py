@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sim_device.plant.units import ZERO_C
 from smad.experiments.dsc import both_peaks, estimates_of, instrument_lag
-from smad.experiments.dsc_file import COLUMNS, ZERO_C, DscData, read_dsc, synthetic_dsc
+from smad.experiments.dsc_file import COLUMNS, DscData, read_dsc, synthetic_dsc
 from smad.experiments.errors import DataFileError
 from smad.experiments.registry import make_experiment
 
