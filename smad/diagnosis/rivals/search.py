@@ -157,6 +157,10 @@ class _Search:
         rivals = [*same, *self._rivals(self.current)]
         ranked = question.ranked(rivals, first=first)
         entered = self._entering(ranked)
+        if entered is not None and entered.kind in (EFFECT, LAW):
+            ended = [self._ended(rival, entered) for rival in same]
+            ranked = question.ranked([*ended, *rivals[len(same) :]], first=first)
+            entered = self._entering(ranked)
         if first and self.moved and entered is None and _same(ranked)[0].kind == NOTHING:
             self.moved = False
         if entered is not None:
@@ -177,6 +181,22 @@ class _Search:
                 if rival.kind in (EFFECT, LAW) and nearer:
                     return rival
         return same[0] if same[0].kind == PARAMETERS and not self.moved else None
+
+    def _ended(self, rival: Rival, beside: Rival) -> Rival:
+        """A rival fitted once more from where one with a part more has what they share, if that
+        leaves less: what a part takes counts only where the fit without it has ended."""
+        if rival.fit is None or beside.fit is None:
+            return rival
+        there = replace(rival.fit, x=beside.fit.x[: len(rival.fit.x)])
+        here = rebased(self.question.evidence, there)
+        made = here and self.question.fitted(rival.kind, rival.name, here)
+        if not made or made.fit is None or made.fit.objective >= rival.fit.objective:
+            return rival
+        if rival.fit is self.parameters.fit:
+            self.parameters = made
+        if rival.fit is self.current.fit:
+            self.current = replace(made, kind=self.current.kind, name=self.current.name)
+        return made
 
     def _freed(self) -> Rival | None:
         """What has entered so far, with free parameters."""
