@@ -2,18 +2,19 @@
 
 A rival's score in run r and channel c is −log(v_rc + 1), v_rc being the mean square in floors that
 it leaves of rows it was not fitted to. Thousands of rows do not contain the error of a model's
-form, so the likelihood is tempered (a power posterior, Grünwald 2017): κ independent pieces of
-evidence are counted for each run and channel, whatever its length,
+form, so the likelihood is tempered (a power posterior, Grünwald 2017): a few independent pieces of
+evidence k are counted for each run and channel, whatever its length,
 
-    w(rival) = prior(rival) · exp(−κ/2 · Σ_rc log(v_rc + 1)).
+    w(rival) = prior(rival) · exp(−k/2 · Σ_rc log(v_rc + 1)).
 
 *Whether* anything is missing compares rivals with the simulator without a further part. That one
 may be right, and what is right is not beaten: until something has entered every independent row
 counts (κ₀) against it. For it they count only where it leaves nothing that could be told, and only
-against rivals that leave more: what leaves more is wrong in form. *Which* cause it is compares
-models that are all wrong in form: κ is small. There a rival also counts by how surely it leaves
-less than the simulator without a part: what explains nothing is no cause. Both are averaged over
-resampled runs (BayesBag, Huggins and Miller 2023): what hangs on one run is not sure.
+against rivals that leave more: what leaves more is wrong in form. After that, κ pieces count.
+*Which* cause it is compares models that are all wrong in form, and a form is wrong the same way in
+every run: κ pieces count for a channel, in all runs together. There a rival also counts by how
+surely it leaves less than the simulator without a part: what explains nothing is no cause. Both are
+averaged over resampled runs (BayesBag, Huggins and Miller 2023): what hangs on one run is not sure.
 """
 
 from __future__ import annotations
@@ -118,17 +119,20 @@ def probabilities(
         for kind in kinds
     ])  # fmt: skip
     total = _draws(scores.shape[1]) @ scores.T
-    of_which, of_rows = 0.5 * temper.evidence, 0.5 * rows
+    of_run, of_rows = 0.5 * temper.evidence, 0.5 * rows
+    of_which = of_run / scores.shape[1]
     part = np.isin(kinds, (EFFECT, LAW))
-    of_same = of_rows if first else of_which
+    of_same = of_rows if first else of_run
+    if part.all():
+        return np.asarray(_shares(prior + of_which * total).mean(axis=0))
     log_weight = prior + of_same * total
-    if part.all() or not part.any():
+    if not part.any():
         return np.asarray(_shares(log_weight).mean(axis=0))
     best = total[:, ~part].max(axis=1, keepdims=True)
     lead = total[:, part] - best
     which = prior[part] + of_which * lead + _log_sigmoid(of_same * lead)
     sound, alone = np.asarray(near)[part], np.asarray(near)[~part].any()
-    behind = np.where(alone & ~sound, of_rows, of_which)
+    behind = np.where(alone & ~sound, of_rows, of_run)
     counted = np.where(lead > 0.0, of_same, behind)
     log_odds = _log_sum(prior[part] + counted * lead) - _log_sum(
         log_weight[:, ~part] - of_same * best
