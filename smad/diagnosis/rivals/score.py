@@ -9,8 +9,9 @@ evidence k are counted for each run and channel, whatever its length,
 
 *Whether* anything is missing compares rivals with the simulator without a further part. That one
 may be right, and what is right is not beaten: until something has entered every independent row
-counts (κ₀) against it. For it they count only where it leaves nothing that could be told, and only
-against rivals that leave more: what leaves more is wrong in form. After that, κ pieces count.
+counts (κ₀) against it. After that its error of form is in the simulator, and κ pieces count. Every
+row counts, too, between two of which one leaves nothing that could be told and the other leaves
+more: what leaves more is wrong in form.
 *Which* cause it is compares models that are all wrong in form, and a form is wrong the same way in
 every run: κ pieces count for a channel, in all runs together. There a rival also counts by how
 surely it leaves less than the simulator without a part: what explains nothing is no cause. Both are
@@ -132,8 +133,9 @@ def probabilities(
     lead = total[:, part] - best
     which = prior[part] + of_which * lead + _log_sigmoid(of_same * lead)
     sound, alone = np.asarray(near)[part], np.asarray(near)[~part].any()
+    ahead = np.where(sound & ~alone, of_rows, of_same)
     behind = np.where(alone & ~sound, of_rows, of_run)
-    counted = np.where(lead > 0.0, of_same, behind)
+    counted = np.where(lead > 0.0, ahead, behind)
     log_odds = _log_sum(prior[part] + counted * lead) - _log_sum(
         log_weight[:, ~part] - of_same * best
     )
