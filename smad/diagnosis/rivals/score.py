@@ -12,6 +12,7 @@ may be right, and what is right is not beaten: until something has entered every
 counts (κ₀) against it. After that its error of form is in the simulator, and κ pieces count. Every
 row counts, too, between two of which one leaves nothing that could be told and the other leaves
 more: what leaves more is wrong in form.
+
 *Which* cause it is compares models that are all wrong in form, and a form is wrong the same way in
 every run: κ pieces count for a channel, in all runs together. There a rival also counts by how
 surely it leaves less than the simulator without a part: what explains nothing is no cause. Both are

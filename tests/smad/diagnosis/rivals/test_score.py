@@ -75,9 +75,18 @@ def test_a_lead_that_hangs_on_one_run_is_less_sure_than_the_same_lead_in_every_r
     assert of_parts[1] < 0.75 < of_parts[0]
 
 
-def test_of_two_effects_that_explain_much_the_better_one_is_not_sure() -> None:
-    p = of((0.0, 0.0, 10.0, 11.0, 0.0))
-    assert 0.55 < p[3] / (p[2] + p[3]) < 0.75
+def test_of_two_effects_the_better_one_is_not_sure_however_many_runs_there_are() -> None:
+    for runs in (RUNS, 4 * RUNS):
+        scores = np.array([[0.0] * runs, [1.0] * runs, [1.5] * runs])
+        p = probabilities(scores, (NOTHING, EFFECT, EFFECT), TEMPER, effects=41, laws=20, rows=ROWS,
+                          near=(False,) * 3, first=True, log_prior=np.zeros(3))  # fmt: skip
+        assert 0.55 < p[2] / (p[1] + p[2]) < 0.65
+
+
+def test_after_a_cause_every_row_counts_for_what_leaves_nothing_against_what_leaves_more() -> None:
+    small = (0.0, 0.0, 1.0, 0.0, 0.0)
+    assert missing(small, first=False, near=(False, False, True, False, False)) > 0.9
+    assert missing(small, first=False, near=(True, True, True, False, False)) < 0.1
 
 
 def test_an_effect_that_explains_nothing_is_no_cause_however_soft_the_evidence_is() -> None:
