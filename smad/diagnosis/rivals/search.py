@@ -79,7 +79,6 @@ def searched(question: Question, *, most: int, exchange: bool = True) -> Searche
     search = _Search.begun(question, exchange)
     if search is None:
         return None
-    configured, parameters = search.configured, search.parameters
     steps: list[Step] = []
     done = False
     while not done and len(search.parts) < most:
@@ -87,14 +86,15 @@ def searched(question: Question, *, most: int, exchange: bool = True) -> Searche
         steps.append(step)
         done = step.entered is None or question.near(search.current)
     if not search.parts and not search.moved:
-        search.current = configured
-    worse = question.gap(search.current) > question.gap(parameters)
+        search.current = search.configured
+    worse = question.gap(search.current) > question.gap(search.parameters)
     if search.parts and worse and not question.near(search.current):
         # What leaves more of the judged runs than parameters alone is not told, whatever it is.
-        search.current, search.moved = parameters, True
+        search.current, search.moved = search.parameters, True
     return Searched(
-        question=question, nominal=search.nominal, changes=search.changes, configured=configured,
-        parameters=parameters, steps=tuple(steps), final=search.current, moved=search.moved,
+        question=question, nominal=search.nominal, changes=search.changes,
+        configured=search.configured, parameters=search.parameters, steps=tuple(steps),
+        final=search.current, moved=search.moved,
     )  # fmt: skip
 
 
