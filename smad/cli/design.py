@@ -82,14 +82,23 @@ def design(
         else:
             base, geometry = load_geometry(source, base=params)
         geometry = replace(geometry, **{n: v for n in _SIZES if (v := given[n]) is not None})
-        around = {"current_A": current_A, "cooling": cooling, "air_m_per_s": air_m_per_s}
-        made = design_cycle(base, geometry, **around)
+        made = design_cycle(
+            base, geometry, current_A=current_A, cooling=cooling, air_m_per_s=air_m_per_s
+        )
     except PlantError as error:
         raise SmadError(str(error)) from error
     for said in made.outside:
         click.echo(f"outside what was checked: {said}", err=True)
     if page is not None:
-        write_page(design_page(made, geometry, base.title, **around), page)
+        shown = design_page(
+            made,
+            geometry,
+            base.title,
+            current_A=current_A,
+            cooling=cooling,
+            air_m_per_s=air_m_per_s,
+        )
+        write_page(shown, page)
     if as_json:
         print_json(made)
         return
