@@ -14,7 +14,7 @@ from sim_device.plant.water import GRAVITY, interpolated, real_water
 
 Variant = Literal["extended", "printed"]
 Fixture = Literal["antagonistic", "stretch", "blocked"]
-Cooling = Literal["water", "air"]
+Cooling = Literal["water", "air", "bath"]
 
 VARIANTS: tuple[str, ...] = get_args(Variant)
 FIXTURES: tuple[str, ...] = get_args(Fixture)
@@ -36,7 +36,11 @@ def check_options(variant: str, fixture: str, cooling: str) -> None:
 def kernel_constants(
     parameters: ParameterSet, *, variant: str, fixture: str, cooling: str
 ) -> dict[str, float]:
-    """The kernel's `Constants`, by name."""
+    """The kernel's `Constants`, by name.
+
+    In a bath the water stays as warm as at the inlet and rests: the film is Eq. (20) with the
+    wire's diameter.
+    """
     check_options(variant, fixture, cooling)
     value = {entry.name: entry.value for entry in parameters.entries}
     wire, tube = value["wire_diameter"], value["tube_diameter"]
@@ -44,6 +48,8 @@ def kernel_constants(
     section = 0.25 * math.pi * wire * wire
     length = wire_length(parameters)
     mass = value["density"] * section
+    bath = cooling == "bath"
+    film_diameter = wire if bath else tube - wire
     annulus = 0.25 * math.pi * (tube * tube - wire * wire)
     heat_volume = water_heat_capacity()
     gap = 2.0 * math.pi * value["air_conductivity"] / math.log(tube / wire)
@@ -72,9 +78,9 @@ def kernel_constants(
         "tube_loss": value["tube_loss"],
         "flow_conductance": heat_volume / length,
         "flow_max": value["flow_max"],
-        "per_annulus": 1.0 / annulus,
-        "D_h": tube - wire,
-        "sqrt_D_h": math.sqrt(tube - wire),
+        "per_annulus": 0.0 if bath else 1.0 / annulus,
+        "D_h": film_diameter,
+        "sqrt_D_h": math.sqrt(film_diameter),
         "film_perimeter": math.pi * wire * value["film_scale"],
         "air_conductance": math.pi * value["air_conductivity"],
         "air_convection": _air_factor(value, wire),
@@ -85,14 +91,14 @@ def kernel_constants(
         "delta_0": value["initial_deflection"],
         "fixture": _FIXTURES[fixture],
         "warms": 1.0 if variant == "extended" and cooling == "water" else 0.0,
-        "wet": 1.0 if cooling == "water" else 0.0,
+        "wet": 0.0 if cooling == "air" else 1.0,
         "work_share": value["work_share"],
         "T_ref": value["water_temperature"],
         "table_T0": float(real_water().T_K[0]),
         "I_max": value["current_max"],
         "F0": value["initial_force"],
         "per_length": 1.0 / length,
-        "per_D_h": 1.0 / (tube - wire),
+        "per_D_h": 1.0 / film_diameter,
     }
 
 
@@ -139,11 +145,11 @@ def mounting(
 
     The antagonistic pair and the blocked spring start at (δ0, F0) with ξ_S0 of Eq. (10), a spring
     to be stretched starts without load. `temperature_K` is that of wire and water; by default the
-    water's inlet temperature, or the ambient one without a cooling module.
+    water's inlet temperature, or the ambient one in air.
     """
     inlet, air = parameters["water_temperature"], parameters["ambient_temperature"]
     if temperature_K is None:
-        temperature_K = inlet if cooling == "water" else air
+        temperature_K = air if cooling == "air" else inlet
     return {
         "T_start": temperature_K,
         "T_inlet": inlet,

@@ -10,7 +10,7 @@ scaled, and all else stays:
 Not scaled: the alloy (moduli, stresses, temperatures, heats, resistivity), the pump's flow, the
 loss of the tube per metre.
 
-A coil in still air loses less heat where its turns are close: `coil_film`.
+A coil in still air loses less heat where its turns are close, and any wire radiates: `air_film`.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TypedDict
 
+from sim_device.plant.constants import wire_length
 from sim_device.plant.errors import ParameterError
-from sim_device.plant.laws import Law, Term
+from sim_device.plant.laws import Factor, Law, Term, joined
 from sim_device.plant.parameters import (
     ParameterSet,
     initial_detwinned,
@@ -31,13 +32,20 @@ from sim_device.plant.parameters import (
 )
 from sim_device.plant.textfile import TextFileError, beside, parsed
 
-PITCH_FACTOR = (0.635, 0.103, 0.0119)
+PITCH_FACTOR = (0.587, 0.086, 0.0142)
 """Factor on the air film of a straight wire, of a coil COIL_K warmer than the air: of turns that
 touch, and what it gains with the wire diameters between them and with their square."""
-COIL_EXPONENT, COIL_K = 0.157, 50.0
+COIL_EXPONENT, COIL_K = 0.181, 50.0
 """Of the temperature difference in that factor: a coil's film grows faster than a wire's."""
 PITCH_MOST = 6.0
 """So many wire diameters apart was it measured."""
+EMISSIVITY = 0.55
+"""Of oxidised titanium, 8-14 um: 0.5 to 0.6 (Raytek, emissivity table for metals); NiTi is covered
+by oxide of titanium."""
+STEFAN_BOLTZMANN = 5.670374e-8  # W/(m2 K4)
+_HOTTEST_RISE_K = 600.0
+SLOWEST_FAN_M_PER_S = 0.2
+"""Below, the wire's own draught counts."""
 _LIMITS_MM = {
     "wire": (0.01, 5.0),
     "coil": (0.05, 50.0),
@@ -45,6 +53,7 @@ _LIMITS_MM = {
     "tube": (0.02, 20.0),
 }
 _TURNS = (1.0, 200.0)
+_PRESTRAIN = (1e-4, 0.2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,24 +79,31 @@ class Geometry:
                 _within(f"{name}_mm", value, low, high)
         _within("turns", self.turns, *_TURNS)
         if self.prestrain is not None:
-            _within("prestrain", self.prestrain, 0.0, 0.2)
+            _within("prestrain", self.prestrain, *_PRESTRAIN)
         if self.coil_mm < 2.0 * self.wire_mm:
             raise ParameterError(
-                "coil_mm", f"{self.coil_mm:g} mm is less than two wires of {self.wire_mm:g} mm"
+                "coil_mm",
+                f"{self.coil_mm:g} mm is less than two wires of {self.wire_mm:g} mm;"
+                " wind a wider coil, or take thinner wire",
             )
         if self.tube_mm is not None and self.tube_mm <= self.wire_mm:
-            raise ParameterError("tube_mm", f"{self.tube_mm:g} mm does not hold the wire")
+            raise ParameterError(
+                "tube_mm",
+                f"{self.tube_mm:g} mm does not hold the wire of {self.wire_mm:g} mm;"
+                " take a wider tube",
+            )
 
 
 def _within(name: str, value: float, low: float, high: float) -> None:
     if not low <= value <= high:
-        raise ParameterError(name, f"{value:g} is outside {low:g} to {high:g}")
+        raise ParameterError(name, f"{value:g} is outside {low:g} to {high:g}; give one within")
 
 
-def load_geometry(path: str | Path) -> tuple[ParameterSet, Geometry]:
+def load_geometry(path: str | Path, *, base: str | None = None) -> tuple[ParameterSet, Geometry]:
     """The base set and the geometry of a file.
 
-    Keys: `base` (a built-in set or a parameter file beside it, default A), and those of Geometry.
+    Keys: `base` (a built-in set or a parameter file beside it, default A; the argument replaces
+    it), and those of Geometry.
     Raises ParameterError for anything missing, unknown or out of range.
     """
     path = Path(path)
@@ -95,17 +111,17 @@ def load_geometry(path: str | Path) -> tuple[ParameterSet, Geometry]:
         raw = parsed(path, "TOML", tomllib.loads)
     except TextFileError as error:
         raise ParameterError("file", f"{path} {error}") from None
-    base = str(raw.pop("base", "A"))
+    named = str(raw.pop("base", "A"))
     known = {field.name: field for field in fields(Geometry)}
     for key, value in raw.items():
         if key not in known:
             raise ParameterError(key, f"unknown in {path.name}; known are base, {', '.join(known)}")
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ParameterError(key, f"is {value!r}, not a number")
+            raise ParameterError(key, f"is {value!r}, not a number; write {key} = 1.5")
     missing = [name for name in ("wire_mm", "coil_mm", "turns") if name not in raw]
     if missing:
-        raise ParameterError(missing[0], f"missing in {path.name}")
-    return load_parameters(beside(path, base) or base), Geometry(**raw)
+        raise ParameterError(missing[0], f"missing in {path.name}; add {missing[0]} = …")
+    return load_parameters(base or beside(path, named) or named), Geometry(**raw)
 
 
 def scaled(base: ParameterSet, geometry: Geometry) -> ParameterSet:
@@ -169,8 +185,8 @@ def heating_K_per_s(parameters: ParameterSet, current_A: float) -> float:
     return parameters["resistivity"] * density_A_per_m2**2 / capacity
 
 
-class CoilFilm(TypedDict):
-    """What makes the air film of a straight wire that of a coil, as arguments of a Plant."""
+class AirFilm(TypedDict):
+    """What makes the loss of a straight wire to still air that of a spring, for a Plant."""
 
     laws: tuple[Law, ...]
     effects: dict[str, dict[str, float]]
@@ -181,20 +197,84 @@ def pitch_factor(pitch_mm: float, wire_mm: float) -> float:
 
     Fitted, with COIL_EXPONENT, to what Kolyvas et al. measured on a spring of 0.51 mm wire and
     3.45 mm coil, turns touching to 3 mm apart, 0.3 to 1.05 A (doi 10.1177/1045389X18770880, the
-    surface in springProperties.py of their repository), over the film that `air_conductance` gives
-    at the same temperature: within 2 % rms, 7 % at worst. So it holds what that one lacks, too,
-    such as radiation; beyond PITCH_MOST it stays.
+    surface in springProperties.py of their repository): with `radiating_share` beside it within
+    2 % rms, 8 % at worst. Beyond PITCH_MOST it stays.
     """
     apart = min(pitch_mm / wire_mm, PITCH_MOST)
     closed, linear, square = PITCH_FACTOR
     return closed + linear * apart + square * apart * apart
 
 
-def coil_film(geometry: Geometry) -> CoilFilm:
-    """The coil's film for a Plant with cooling="air"; nothing for a straight wire."""
+def radiating_share(geometry: Geometry) -> float:
+    """What the wire radiates over what a black one does that sees the room only.
+
+    1/((1 - ε)/ε + 1/F), with F the share of the wire's radiation that reaches the room: 1 for a
+    straight one. Of a coil half goes outwards and half inwards, and passes as through a row of
+    cylinders (Incropera, Table 13.1), the inner half once more. Turns are as warm as each other.
+    """
+    view = 1.0
+    if geometry.pitch_mm is not None:
+        apart = max(geometry.pitch_mm / geometry.wire_mm, 1e-9) + 1.0  # centre to centre, in wires
+        row = 1.0 - math.sqrt(1.0 - apart**-2) + math.atan(math.sqrt(apart**2 - 1.0)) / apart
+        view = apart / math.pi * row * (2.0 - row)
+    return 1.0 / ((1.0 - EMISSIVITY) / EMISSIVITY + 1.0 / view)
+
+
+def radiation(parameters: ParameterSet, geometry: Geometry) -> Law:
+    """The heat that the wire radiates to a room as warm as the air, as a law.
+
+    σ (T⁴ - T_a⁴) by two terms, that are exact 50 and 100 K above the air and within 6 % between.
+    """
+    room_K = parameters["ambient_temperature"]
+    area_m2 = math.pi * parameters["wire_diameter"] * wire_length(parameters)
+    near, far = (
+        STEFAN_BOLTZMANN * ((room_K + rise_K) ** 4 - room_K**4) / rise_K for rise_K in (50.0, 100.0)
+    )
+    lost = area_m2 * radiating_share(geometry)
+    rise = Factor(state="wire", low=room_K, high=room_K + _HOTTEST_RISE_K, centre=room_K, scale=1.0)
+    terms = (
+        Term(name="rise", factors=(rise,), coefficient=-lost * (2.0 * near - far)),
+        Term(name="square", factors=(rise, rise), coefficient=-lost * (far - near) / 50.0),
+    )
+    return Law("heat_into_wire", "both", terms)
+
+
+def fan(parameters: ParameterSet, air_m_per_s: float) -> tuple[Law, Law]:
+    """The loss of a wire in cross-flow, and what takes that to still air away, as laws.
+
+    Churchill and Bernstein 1977 (Incropera, Eq. 7.54) with the set's values of air.
+    """
+    viscosity = parameters["air_viscosity"]
+    prandtl = viscosity / parameters["air_diffusivity"]
+    reynolds = air_m_per_s * parameters["wire_diameter"] / viscosity
+    nusselt = 0.3 + 0.62 * math.sqrt(reynolds) * prandtl ** (1.0 / 3.0) / (
+        1.0 + (0.4 / prandtl) ** (2.0 / 3.0)
+    ) ** 0.25 * (1.0 + (reynolds / 282_000.0) ** (5.0 / 8.0)) ** (4.0 / 5.0)
+    lost_W_per_K = math.pi * parameters["air_conductivity"] * nusselt * wire_length(parameters)
+    blown = Term(name="fan", factors=(_rise(parameters),), coefficient=-lost_W_per_K)
+    still = Term(name="still", coefficient=-1.0)
+    return Law("heat_into_wire", "both", (blown,)), Law("film", "both", (still,))
+
+
+def _rise(parameters: ParameterSet) -> Factor:
+    """How much warmer than the air the wire is, K."""
+    room_K = parameters["ambient_temperature"]
+    return Factor(state="wire", low=room_K, high=room_K + _HOTTEST_RISE_K, centre=room_K, scale=1.0)
+
+
+def air_film(parameters: ParameterSet, geometry: Geometry, *, air_m_per_s: float = 0.0) -> AirFilm:
+    """What a spring loses to air, for a Plant with cooling="air".
+
+    Radiation, and in still air the film of a coil (`pitch_mm` given), in that of a fan (from
+    SLOWEST_FAN_M_PER_S on) the film of a wire in cross-flow.
+    """
+    radiates = radiation(parameters, geometry)
+    if air_m_per_s:
+        blown, still = fan(parameters, air_m_per_s)
+        return AirFilm(laws=joined((blown, radiates, still)), effects={})
     if geometry.pitch_mm is None:
-        return CoilFilm(laws=(), effects={})
+        return AirFilm(laws=(radiates,), effects={})
     factor = pitch_factor(geometry.pitch_mm, geometry.wire_mm)
     pitch = Law("film", "both", (Term(name="pitch", coefficient=factor - 1.0),))
     exponent = {"exponent": COIL_EXPONENT, "reference_K": COIL_K}
-    return CoilFilm(laws=(pitch,), effects={"convection_exponent": exponent})
+    return AirFilm(laws=(pitch, radiates), effects={"convection_exponent": exponent})

@@ -57,11 +57,11 @@ class Plant:
     """The springs with their water, sensors and fixture, stepped with fixed inputs.
 
     parameters: from `load_parameters`. variant: "extended", or "printed" (the paper's constant
-    water temperature and rounded properties). fixture: "antagonistic", "stretch" (spring X pulled
-    by the stage), "blocked" (spring X held at δ0 + stage). cooling: "water" (in the tube) or "air"
-    (bare wire). effects: name to parameters, see `sim_device.plant.effects`. laws: what is missing
-    at places of the model, see `sim_device.plant.laws`. seed: of the sensor noise. max_step_s:
-    longest substep.
+    water temperature and rounded properties). fixture: "antagonistic", "stretch" (spring X
+    pulled by the stage), "blocked" (spring X held at δ0 + stage). cooling: "water" (in the
+    tube), "air" (bare wire) or "bath" (bare wire in water at rest). effects: name to
+    parameters, see `sim_device.plant.effects`. laws: what is missing at places of the model,
+    see `sim_device.plant.laws`. seed: of the sensor noise. max_step_s: longest substep.
     """
 
     def __init__(

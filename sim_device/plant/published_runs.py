@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import TypedDict
 
-from sim_device.plant.geometry import Geometry, coil_film, heating_K_per_s, scaled
+from sim_device.plant.geometry import Geometry, air_film, heating_K_per_s, scaled
 from sim_device.plant.parameters import ParameterSet, load_parameters
 from sim_device.plant.plant import Plant
 from sim_device.plant.records import Drive
@@ -35,6 +35,8 @@ _SPRINGS_OF_L = {
 }
 """Wire, mm: ohms of the spring, ohms a metre of the wire, largest stroke, mm, current, A."""
 _LONG_MM_OF_L = 50.0
+FAN_M_PER_S_OF_L = 0.363
+"""Not stated; at this speed its 1 mm spring relaxes in the 11.5 s that it states."""
 _LONGEST_S = 300.0
 _HOT = 1e-3  # martensite left of what is called hot
 _HEATED, _COOLED = 0.05, 0.875  # martensite: contracted; all but the last 0.5 % of 4 % strain back
@@ -71,7 +73,7 @@ def heated_in_air(
     """Final rise of K's spring in still air, K, and its time constant ∫(1 − rise/final) dt, s."""
     geometry = Geometry(wire_mm=0.51, coil_mm=3.45, turns=8, pitch_mm=pitch_mm)
     parameters = _with_alloy(scaled(_base(heats_of_d), geometry), "K", _ROOM_K_OF_K)
-    plant = Plant(parameters, cooling="air", fixture="stretch", **coil_film(geometry))
+    plant = Plant(parameters, cooling="air", fixture="stretch", **air_film(parameters, geometry))
     drive, step_s, rises = Drive((current_A, 0.0)), 0.1, []
     for _ in range(3000):
         plant.advance(drive, step_s)
@@ -86,21 +88,21 @@ def relaxing(
     alloy: str,
     *,
     heats_of_d: bool = False,
-    in_water: bool = False,
+    around: str = "air",
 ) -> tuple[float, float]:
     """How long an unloaded spring takes to contract, and then to relax without current, s.
 
-    In still air, or in a bath: water that stays at the room's temperature, as in the variant
-    "printed", with the wire's diameter for the film. Infinite where the current does not heat it
-    through.
+    In still "air", in that of L's "fan", or in a "bath" as warm as the room. Infinite where the
+    current does not heat it through.
     """
     room_K = ZERO_C + _ROOM_C_OF_D
     parameters = _with_alloy(scaled(_base(heats_of_d), geometry), alloy, room_K)
-    if in_water:
-        parameters = parameters.replace(tube_diameter=2.0 * parameters["wire_diameter"])
-        plant = Plant(parameters, variant="printed", fixture="stretch")
+    if around == "bath":
+        plant = Plant(parameters, cooling="bath", fixture="stretch")
     else:
-        plant = Plant(parameters, cooling="air", fixture="stretch", **coil_film(geometry))
+        air_m_per_s = FAN_M_PER_S_OF_L if around == "fan" else 0.0
+        film = air_film(parameters, geometry, air_m_per_s=air_m_per_s)
+        plant = Plant(parameters, cooling="air", fixture="stretch", **film)
     step_s = 0.025 * geometry.wire_mm
     rise_K_per_s = heating_K_per_s(parameters, current_A)
     phases: list[tuple[Drive, float, Callable[[float], bool]]] = [
@@ -160,25 +162,24 @@ class Timed(TypedDict):
     with_heats: Callable[[], float]
 
 
-def timed(geometry: Geometry, current_A: float, alloy: str, phase: str) -> Timed:
+def timed(
+    geometry: Geometry, current_A: float, alloy: str, phase: str, *, around: str = "air"
+) -> Timed:
     """How long a spring or wire takes to "contract" or to "relax", by `relaxing`."""
     index = ("contract", "relax").index(phase)
-    return Timed(
-        ours=lambda: relaxing(geometry, current_A, alloy)[index],
-        with_heats=lambda: relaxing(geometry, current_A, alloy, heats_of_d=True)[index],
-    )
+
+    def time_s(heats_of_d: bool) -> float:
+        times_s = relaxing(geometry, current_A, alloy, heats_of_d=heats_of_d, around=around)
+        return times_s[index]
+
+    return Timed(ours=partial(time_s, False), with_heats=partial(time_s, True))
 
 
-def relaxing_of_l(wire_mm: float, *, in_water: bool) -> Timed:
-    """How long a spring of L takes to relax in air, or in water after a tenfold current."""
-    spring, current_A = spring_of_l(wire_mm), _SPRINGS_OF_L[wire_mm][3]
-    if not in_water:
-        return timed(spring, current_A, "90 °C", "relax")
-    return Timed(
-        ours=lambda: relaxing(spring, 10.0 * current_A, "90 °C", in_water=True)[1],
-        with_heats=lambda: relaxing(
-            spring, 10.0 * current_A, "90 °C", in_water=True, heats_of_d=True
-        )[1],
+def relaxing_of_l(wire_mm: float, around: str) -> Timed:
+    """How long a spring of L takes to relax: in air, or in water after a tenfold current."""
+    more = 10.0 if around == "bath" else 1.0
+    return timed(
+        spring_of_l(wire_mm), more * _SPRINGS_OF_L[wire_mm][3], "90 °C", "relax", around=around
     )
 
 

@@ -310,7 +310,7 @@ class Replay:
             raise InputError(f"dt_s = {dt_s} s; a substep must be positive and finite")
         env = self.inputs.environment(setup.parameters)
         if temperature_K is None:
-            temperature_K = float(env[0, 0 if setup.cooling == "water" else 1])
+            temperature_K = float(env[0, 1 if setup.cooling == "air" else 0])
         state = setup.state(temperature_K)
         row = k.numbers(state)
         out = np.empty((self.inputs.t_s.size, self._places.size))

@@ -15,7 +15,7 @@ _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
 @click.option("--wire", "wire_mm", type=float, help="Diameter of the wire, mm.")
 @click.option("--coil", "coil_mm", type=float, help="Mean diameter of the coil, mm.")
 @click.option("--turns", type=float, help="Active turns.")
-@click.option("--pitch", "pitch_mm", type=float, help="Between turns, mm; counts in air.")
+@click.option("--pitch", "pitch_mm", type=float, help="Between turns, mm; counts in still air.")
 @click.option("--tube", "tube_mm", type=float, help="Inner diameter of the tube, mm.")
 @click.option("--prestrain", type=float, help="Shear strain of the mounted springs.")
 @click.option(
@@ -27,11 +27,18 @@ _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
 )
 @click.option(
     "--cooling",
-    type=click.Choice(["water", "air"]),
+    type=click.Choice(["water", "air", "bath"]),
     default="water",
-    help="Water in a tube around the wire, or still air.",
+    help="Water pumped through a tube around the wire, air, or water at rest around the spring.",
 )
-@click.option("--params", default="A", help="The alloy: a parameter set.")
+@click.option(
+    "--air-speed",
+    "air_m_per_s",
+    type=float,
+    default=0.0,
+    help="With air: speed of a fan's, m/s; 0 is still air.",
+)
+@click.option("--params", help="The alloy: a parameter set.  [default: A, or the file's base]")
 @click.option("--html", "page", type=FILE, help="Page to write.")
 @json_option
 def design(
@@ -39,16 +46,17 @@ def design(
     source: Path | None,
     current_A: float,
     cooling: str,
-    params: str,
+    air_m_per_s: float,
+    params: str | None,
     page: Path | None,
     as_json: bool,
     **given: float | None,
 ) -> None:
     """Compute stroke, force, period and power of a pair of springs.
 
-    GEOMETRY is a file (base, wire_mm, coil_mm, turns, pitch_mm, tube_mm, prestrain); options go
-    before it. By default it is the spring of the parameter set. The simulated pair makes a full
-    stroke to and fro; docs/guide/design.md says what is scaled and what is not.
+    GEOMETRY is a file (base, wire_mm, coil_mm, turns, pitch_mm, tube_mm, prestrain); an option
+    replaces its value. By default it is the spring of the parameter set. The simulated pair makes
+    a full stroke to and fro; docs/guide/design.md says what is scaled and what is not.
     """
     from dataclasses import replace
 
@@ -65,22 +73,32 @@ def design(
         require_writable(page)
     try:
         if source is None:
-            base = load_parameters(params)
+            base = load_parameters(params or "A")
             geometry = Geometry(
                 wire_mm=1e3 * base["wire_diameter"],
                 coil_mm=1e3 * base["coil_diameter"],
                 turns=base["coils"],
             )
         else:
-            base, geometry = load_geometry(source)
+            base, geometry = load_geometry(source, base=params)
         geometry = replace(geometry, **{n: v for n in _SIZES if (v := given[n]) is not None})
-        made = design_cycle(base, geometry, current_A=current_A, cooling=cooling)
+        made = design_cycle(
+            base, geometry, current_A=current_A, cooling=cooling, air_m_per_s=air_m_per_s
+        )
     except PlantError as error:
         raise SmadError(str(error)) from error
     for said in made.outside:
         click.echo(f"outside what was checked: {said}", err=True)
     if page is not None:
-        write_page(design_page(made, geometry, base.title, current_A, cooling), page)
+        shown = design_page(
+            made,
+            geometry,
+            base.title,
+            current_A=current_A,
+            cooling=cooling,
+            air_m_per_s=air_m_per_s,
+        )
+        write_page(shown, page)
     if as_json:
         print_json(made)
         return

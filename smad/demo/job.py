@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from smad.api import Motion, Status
-from smad.client import BoardRefused, Client, NotReady, Stopped
+from smad.client import Client, NoAnswer, Refused, Stopped
 from smad.client.arming import arm_when_allowed
 from smad.control.commands import Hold, Sine, Step, Trajectory
 from smad.errors import SmadError
@@ -18,7 +18,7 @@ AMPLITUDE_MM = 2.0
 PERIOD_S = 7.0
 CYCLES = 4
 ARM_DEADLINE_S = 120.0
-_CAUSES = ("silent", "stopped", "lost", "restarted")
+_CAUSES = ("silent", "stopped", "lost", "lapsed", "restarted")
 """Words of an event that is the cause of a stop, and does not follow from it."""
 
 CYCLE: tuple[Trajectory, ...] = (
@@ -75,7 +75,7 @@ def measured(client: Client, seconds: float, say: Say) -> Status | str:
     """
     try:
         return run_in_real_time(client, seconds, say)
-    except (Stopped, NotReady, BoardRefused) as error:
+    except (Stopped, Refused, NoAnswer) as error:
         return _why(client) or error.cause
 
 
@@ -84,11 +84,11 @@ def naming_cause(client: Client) -> Iterator[None]:
     """Give an error of the bench the words of the daemon's journal, while there is one to ask."""
     try:
         yield
-    except (Stopped, NotReady, BoardRefused) as error:
-        why = _why(client)
+    except (Stopped, Refused, NoAnswer) as error:
+        why = "" if isinstance(error, NoAnswer) else _why(client)
         if why and why not in error.cause:
             error.cause = f"{error.cause}: {why}"
-            error.action = "a busy machine may be the cause; run the demo again"
+        error.action = "a busy machine may be the cause; run the demo again"
         raise
 
 

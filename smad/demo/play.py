@@ -5,6 +5,7 @@ import tempfile
 from pathlib import Path
 
 from smad.client import Client
+from smad.client.renewal import DEFAULT_LEASE_S
 from smad.config import Config, RecorderConfig, TelemetryConfig, config_to_toml
 from smad.demo import figures
 from smad.demo.figures import Rows
@@ -15,9 +16,11 @@ from smad.runlog.reader import Run, read_run
 
 SPEED = 40
 PATIENCE = 60
-"""Board and daemon wait so many times as long for each other as on a bench: on virtual time a busy
-machine makes the demo slower, and nothing else. The processes end with each other all the same."""
+"""Board, daemon and client wait so many times as long for each other as on a bench: on virtual time
+a busy machine makes the demo slower, and nothing else. The processes end with each other all the
+same."""
 CLIENT_TIMEOUT_S = 120.0
+LEASE_S = PATIENCE * DEFAULT_LEASE_S
 REAL_TIME_S = 10.0
 
 
@@ -39,7 +42,7 @@ def play(folder: Path, seed: int, board: str, say: Say) -> tuple[Run, Rows]:
         fast = [*common, "--speed", str(SPEED), "--paced-by-host", "--patience", str(PATIENCE)]
         with (
             running_daemon(fast, sockets, waiting=starting),
-            Client(folder=sockets, timeout_s=CLIENT_TIMEOUT_S) as client,
+            Client(folder=sockets, timeout_s=CLIENT_TIMEOUT_S, lease_s=LEASE_S) as client,
             naming_cause(client),
         ):
             done = run_cycle(client, say)

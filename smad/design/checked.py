@@ -7,7 +7,13 @@ from __future__ import annotations
 
 import math
 
-from sim_device.plant.geometry import PITCH_MOST, Geometry, heating_K_per_s, section_m2
+from sim_device.plant.geometry import (
+    PITCH_MOST,
+    SLOWEST_FAN_M_PER_S,
+    Geometry,
+    heating_K_per_s,
+    section_m2,
+)
 from sim_device.plant.parameters import ParameterSet, spring_factors
 from smad.errors import SmadError
 
@@ -15,6 +21,8 @@ ANNEAL_K, MELT_K = 773.0, 1573.0
 """Springs get their shape at 500 °C; NiTi melts at 1300 °C (Dynalloy, F1140)."""
 SLOWEST_SAMPLE_S = 0.01
 """Of a board: a current that melts a wire sooner cannot be switched off in time."""
+FASTEST_FAN_M_PER_S = 50.0
+BOILS_DEGC = 100.0
 SAFE_MPA = 172.0 / math.sqrt(3.0)
 """Shear stress for many cycles; Dynalloy states 172 MPa in tension."""
 _CHECKED = {
@@ -22,6 +30,7 @@ _CHECKED = {
     "coil over wire": ("", 6.0, 10.0),
     "turns": ("", 7.0, 21.0),
     "current density": ("A/mm²", 0.5, 25.0),
+    "tube less wire": ("mm", 0.8, 0.85),
 }
 
 
@@ -66,21 +75,48 @@ def refuse_impossible(parameters: ParameterSet, geometry: Geometry, current_A: f
         )
 
 
+def refuse_fan(cooling: str, air_m_per_s: float) -> None:
+    """Raise DesignError for a fan without air, or so slow or fast that its film is not known."""
+    if air_m_per_s and cooling != "air":
+        raise DesignError(
+            "a fan blows air only",
+            value=f"cooling {cooling}",
+            action="cool with air, or leave it out",
+        )
+    if air_m_per_s and not SLOWEST_FAN_M_PER_S <= air_m_per_s <= FASTEST_FAN_M_PER_S:
+        raise DesignError(
+            "the film of so slow or fast a fan is not known",
+            value=f"{air_m_per_s:g} m/s",
+            limit=f"{SLOWEST_FAN_M_PER_S:g} to {FASTEST_FAN_M_PER_S:g} m/s, or 0 for still air",
+        )
+
+
 def outside(
-    parameters: ParameterSet, geometry: Geometry, current_A: float, stress_MPa: float
+    parameters: ParameterSet,
+    geometry: Geometry,
+    current_A: float,
+    *,
+    cooling: str,
+    stress_MPa: float,
+    peak_degC: float,
 ) -> tuple[str, ...]:
     """What of a design lies outside the range that was checked, a sentence each."""
+    gap_mm = 1e3 * (parameters["tube_diameter"] - parameters["wire_diameter"])
     values = {
         "wire": geometry.wire_mm,
         "coil over wire": geometry.coil_mm / geometry.wire_mm,
         "turns": geometry.turns,
         "current density": 1e-6 * current_A / section_m2(parameters),
     }
+    if cooling == "water":
+        values["tube less wire"] = gap_mm
     said = [
         f"{name} {values[name]:.3g}{unit and f' {unit}'}: checked from {low:g} to {high:g}"
         for name, (unit, low, high) in _CHECKED.items()
-        if not low <= values[name] <= high
+        if name in values and not low <= values[name] <= high
     ]
+    if cooling != "air" and peak_degC >= BOILS_DEGC:
+        said.append(f"hottest wire {peak_degC:.0f} °C: water boils there, which is not modelled")
     if geometry.pitch_mm is not None and geometry.pitch_mm > PITCH_MOST * geometry.wire_mm:
         said.append(f"pitch {geometry.pitch_mm:g} mm: measured to {PITCH_MOST:g} wires")
     if stress_MPa > SAFE_MPA:

@@ -13,15 +13,21 @@ from dataclasses import asdict, dataclass
 
 from sim_device.plant import Drive, Plant
 from sim_device.plant.geometry import (
-    CoilFilm,
+    AirFilm,
     Geometry,
-    coil_film,
+    air_film,
     heating_K_per_s,
     scaled,
     section_m2,
 )
 from sim_device.plant.parameters import ParameterSet, spring_factors
-from smad.design.checked import DesignError, anneals_s, outside, refuse_impossible
+from smad.design.checked import (
+    DesignError,
+    anneals_s,
+    outside,
+    refuse_fan,
+    refuse_impossible,
+)
 
 DT_S = 0.02
 STEP_K = 0.5
@@ -47,6 +53,7 @@ class Design:
     heating_s: float
     power_W: float
     peak_power_W: float
+    prestrain: float
     resistance_Ohm: float
     wire_m: float
     mass_g: float
@@ -69,9 +76,10 @@ _WORDS = (
     ("period_s", "period, to and fro", "{:.1f} s"),
     ("heating_s", "of which one spring heats through in", "{:.2g} s"),
     ("power_W", "mean electrical power", "{:.2f} W"),
-    ("peak_power_W", "largest", "{:.2f} W"),
+    ("peak_power_W", "largest electrical power", "{:.2f} W"),
     ("peak_degC", "hottest wire", "{:.0f} °C"),
     ("anneals_s", "500 °C, if the current stays on, not before", "{:.2g} s"),
+    ("prestrain", "shear strain as mounted", "{:.4f}"),
     ("resistance_Ohm", "resistance of a spring", "{:.3f} Ω"),
     ("wire_m", "wire of a spring", "{:.3f} m"),
     ("mass_g", "mass of a spring", "{:.3f} g"),
@@ -79,21 +87,30 @@ _WORDS = (
 
 
 def design_cycle(
-    base: ParameterSet, geometry: Geometry, *, current_A: float = 4.0, cooling: str = "water"
+    base: ParameterSet,
+    geometry: Geometry,
+    *,
+    current_A: float = 4.0,
+    cooling: str = "water",
+    air_m_per_s: float = 0.0,
 ) -> Design:
     """Run the pair through `CYCLES` full strokes and measure the last.
 
     base: the alloy, and what is not scaled (`sim_device.plant.geometry`). cooling: "water" in the
-    tube at full flow while a spring cools, or "air", where the pitch counts. Raises DesignError for
+    tube at full flow while a spring cools, "bath", or "air": still, where the pitch counts, or that
+    of a fan, `air_m_per_s`. Raises DesignError for
     a spring that takes longer than LONGEST_S and for what cannot be, ParameterError for parameters
     out of range.
     """
     parameters = scaled(base, geometry)
     refuse_impossible(parameters, geometry, current_A)
-    film = coil_film(geometry) if cooling == "air" else CoilFilm(laws=(), effects={})
+    refuse_fan(cooling, air_m_per_s)
+    film = AirFilm(laws=(), effects={})
+    if cooling == "air":
+        film = air_film(parameters, geometry, air_m_per_s=air_m_per_s)
     plant = Plant(parameters, cooling=cooling, **film)
     heating_step_s = min(DT_S, STEP_K / heating_K_per_s(parameters, current_A))
-    c1 = spring_factors(parameters)[0]
+    c1, c2 = spring_factors(parameters)
     seen = _Seen()
     for _ in range(CYCLES):
         seen = _Seen()
@@ -109,13 +126,21 @@ def design_cycle(
         heating_s=seen.heating_s / 2.0,
         power_W=seen.energy_J / seen.time_s,
         peak_power_W=seen.peak_W,
+        prestrain=c2 * parameters["initial_deflection"],
         resistance_Ohm=plant.truth.resistance_Ohm[0],
         wire_m=wire_m,
         mass_g=1e3 * parameters["density"] * section * wire_m,
         stress_MPa=1e-6 * c1 * seen.most_N,
         peak_degC=seen.peak_K - 273.15,
         anneals_s=anneals_s(parameters, current_A),
-        outside=outside(parameters, geometry, current_A, 1e-6 * c1 * seen.most_N),
+        outside=outside(
+            parameters,
+            geometry,
+            current_A,
+            cooling=cooling,
+            stress_MPa=1e-6 * c1 * seen.most_N,
+            peak_degC=seen.peak_K - 273.15,
+        ),
     )
 
 

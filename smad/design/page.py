@@ -16,11 +16,18 @@ _ALLOY = (
 
 
 def design_page(
-    design: Design, geometry: Geometry, alloy: str, current_A: float, cooling: str
+    design: Design,
+    geometry: Geometry,
+    alloy: str,
+    *,
+    current_A: float,
+    cooling: str,
+    air_m_per_s: float = 0.0,
 ) -> Page:
     """Return the page: what the pair gives, and for what geometry, current and cooling."""
     sizes = [(name, f"{value:g}") for name, value in asdict(geometry).items() if value is not None]
-    sizes += [("current_A", f"{current_A:g}"), ("cooling", cooling), ("alloy", alloy)]
+    fan = [("air_m_per_s", f"{air_m_per_s:g}")] if air_m_per_s else []
+    sizes += [("current_A", f"{current_A:g}"), ("cooling", cooling), *fan, ("alloy", alloy)]
     return Page(
         title="Design of a pair of springs",
         lead="What the simulated pair gives over a full stroke to and fro.",

@@ -55,7 +55,7 @@ def kernel_source(
         f"OUTPUTS = {len(outputs)}, PARAMETERS = {len(model.parameters.names)}, "
         f"FIRST_PARAMETER = {first},\n"
         f"       INLET = {names.index('inlet_K')}, AMBIENT = {names.index('ambient_K')}, "
-        f"STARTS_AT = {names.index('inlet_K' if cooling == 'water' else 'ambient_K')},\n"
+        f"STARTS_AT = {names.index('ambient_K' if cooling == 'air' else 'inlet_K')},\n"
         f"       HAS_LAWS = {int(len(setup.laws) > 0)}, UNIFIED = {int(setup.e.unified > 0.0)} }};",
         f"static const double MAX_STEP = {written(MAX_STEP_S)};",
         f"static const int OUTPUT_PLACE[] = {{{_joined(_place(name) for name in outputs)}}};",

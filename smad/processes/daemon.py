@@ -11,8 +11,8 @@ from pathlib import Path
 
 from smad.client.endpoints import FOLDER_VARIABLE, read_connection
 from smad.errors import DaemonError
+from smad.processes.starting import STALLED_S, Activity
 
-START_DEADLINE_S = 150.0
 END_DEADLINE_S = 30.0
 _POLL_S = 0.02
 SMAD = ("-m", "smad")
@@ -62,9 +62,12 @@ class DaemonProcess:
         return lines[-1] if lines else ""
 
     def wait_until_ready(self, waiting: Callable[[], None] = lambda: None) -> None:
-        """Return once it answers commands. Raises DaemonError with its last line if it ends."""
-        deadline = time.monotonic() + START_DEADLINE_S
-        while time.monotonic() < deadline:
+        """Return once it answers commands.
+
+        Raises DaemonError with its last line if it ends, or does nothing for STALLED_S.
+        """
+        activity = Activity(self.process.pid)
+        while not activity.stalled():
             if read_connection(self.folder / f"{self.bench}.json") is not None:
                 return
             if self.process.poll() is not None:
@@ -73,8 +76,9 @@ class DaemonProcess:
             time.sleep(_POLL_S)
         else:
             self.end()
+        last = self.last_line.removeprefix("smad: ") or f"it did nothing for {STALLED_S:g} s"
         raise DaemonError(
-            "the daemon did not come up: " + self.last_line.removeprefix("smad: "),
+            f"the daemon did not come up: {last}",
             action=f"see {self.log}",
         )
 

@@ -5,18 +5,15 @@ import os
 import select
 import subprocess
 import sys
-import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from smad.errors import DaemonError
+from smad.processes.starting import STALLED_S, Activity
 from smad.progress import Say
 
 READY = "ready: "
 """What the first line of `smad sim` begins with; the port's name follows."""
-
-START_DEADLINE_S = 120.0
-"""The first start compiles the physics kernel."""
 
 _END_DEADLINE_S = 10.0
 
@@ -25,8 +22,8 @@ _END_DEADLINE_S = 10.0
 def simulated_bench(arguments: Sequence[str], symlink: Path, *, waiting: Say) -> Iterator[str]:
     """Run `smad sim` beside us for as long as the block lasts; yields the name of its port.
 
-    `waiting` is told now and then that it is still starting. Raises DaemonError when it does not
-    come up.
+    `waiting` is told now and then that it is still starting. Raises DaemonError when it ends, or
+    does nothing for STALLED_S.
     """
     child = subprocess.Popen(
         [
@@ -55,8 +52,8 @@ def simulated_bench(arguments: Sequence[str], symlink: Path, *, waiting: Say) ->
 
 def _wait_until_ready(child: subprocess.Popen[str], waiting: Say) -> None:
     assert child.stdout is not None
-    deadline = time.monotonic() + START_DEADLINE_S
-    while time.monotonic() < deadline:
+    activity = Activity(child.pid)
+    while not activity.stalled():
         waiting("starting the simulated bench (the first time compiles its physics)")
         readable, _, _ = select.select([child.stdout], [], [], 0.5)
         if not readable:
@@ -67,7 +64,7 @@ def _wait_until_ready(child: subprocess.Popen[str], waiting: Say) -> None:
     if child.poll() is None:
         child.kill()
     _, complaint = child.communicate()
-    last = complaint.strip().splitlines()[-1:] or [f"it said nothing within {START_DEADLINE_S:g} s"]
+    last = complaint.strip().splitlines()[-1:] or [f"it did nothing for {STALLED_S:g} s"]
     raise DaemonError(
         f"the simulated bench did not start: {last[0].removeprefix('smad: ')}",
         action="run smad sim by itself to see why",

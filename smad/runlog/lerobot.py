@@ -1,7 +1,10 @@
 """Run logs to a dataset of LeRobot v3.0: Parquet and `meta/`, an episode for each run.
 
 `observation.state` has what was measured, `action` what was commanded, in the units of the channel
-names. LeRobot wants frames at an even rate: a frame has the last sample taken by then.
+names. LeRobot wants frames at an even rate: a frame has the last sample taken by then. It wants
+numbers, too (its policies scale by mean and deviation, and one NaN spoils a batch): where a channel
+has none, as the reference of an idle bench, its last one stays, before the first the first, and 0
+where a run has none at all. `complementary_info.*_known` is false there.
 
 Layout: huggingface/lerobot, `src/lerobot/datasets/utils.py` and `dataset_metadata.py`, v3.0.
 """
@@ -36,6 +39,8 @@ EPISODES = "meta/episodes/chunk-000/file-000.parquet"
 _INDEX = {"frame_index": "int64", "episode_index": "int64", "index": "int64", "task_index": "int64"}
 _QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 _MOST_FPS = 1000
+_KNOWN = {STATE: "complementary_info.state_known", ACTION: "complementary_info.action_known"}
+"""Which numbers of a feature were recorded; the others are filled in."""
 Frames = dict[str, NDArray[Any]]
 
 
@@ -44,10 +49,9 @@ def export_lerobot(
 ) -> Path:
     """Write the runs as the episodes of the dataset `target`, a folder; returns it.
 
-    fps: frames per second; left out, the rate of the first run, rounded. A channel that one run has
-    and another has not is NaN there. Raises RunLogError without rows, for a target that is there
-    (with `overwrite`: that is no dataset), and for a disk that refuses; MissingPartError without
-    pyarrow.
+    fps: frames per second; left out, the rate of the first run, rounded. Raises RunLogError without
+    rows, for a target that is there (with `overwrite`: that is no dataset), and for a disk that
+    refuses; MissingPartError without pyarrow.
     """
     if not runs or not all(len(run) for run in runs):
         raise RunLogError("a run holds no rows", action="leave it out")
@@ -75,7 +79,8 @@ def _channels(runs: Sequence[Run], names: Sequence[str]) -> list[str]:
 
 
 def frames(run: Run, channels: Mapping[str, Sequence[str]], fps: int) -> Frames:
-    """The run at even times from its first sample on, as arrays of float32: (n, channels) each."""
+    """The run at even times from its first sample on: arrays of float32, (n, channels) each, and
+    beside each one of bool, which of its numbers were recorded."""
     t_s = np.asarray(run.columns["t_s"], dtype=np.float64)
     # Board time begins anew after a restart; what comes before ends the episode.
     back = np.flatnonzero(np.diff(t_s) <= 0)
@@ -86,8 +91,19 @@ def frames(run: Run, channels: Mapping[str, Sequence[str]], fps: int) -> Frames:
     made: Frames = {"timestamp": at_s.astype(np.float32)}
     for key, names in channels.items():
         columns = [_numbers(run, name)[:end][last] for name in names]
-        made[key] = np.stack(columns, axis=1).astype(np.float32)
+        values = np.stack(columns, axis=1)
+        made[key] = np.apply_along_axis(without_gaps, 0, values).astype(np.float32)
+        made[_KNOWN[key]] = np.isfinite(values)
     return made
+
+
+def without_gaps(column: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The column with its last number where it has none; at the start its first; else 0."""
+    known = np.flatnonzero(np.isfinite(column))
+    if not len(known):
+        return np.zeros_like(column)
+    last = np.searchsorted(known, np.arange(len(column)), side="right") - 1
+    return column[known[np.maximum(last, 0)]]
 
 
 def _numbers(run: Run, name: str) -> NDArray[np.float64]:
@@ -150,8 +166,9 @@ def _task(run: Run) -> str:
 def _table(made: Frames, channels: Mapping[str, Sequence[str]]) -> Any:
     pa = part("pyarrow")
     arrays = {
-        key: pa.FixedSizeListArray.from_arrays(pa.array(made[key].ravel()), len(names))
+        name: pa.FixedSizeListArray.from_arrays(pa.array(made[name].ravel()), len(names))
         for key, names in channels.items()
+        for name in (key, _KNOWN[key])
     }
     arrays |= {key: pa.array(made[key]) for key in ("timestamp", *_INDEX)}
     return pa.table(arrays)
@@ -182,19 +199,17 @@ def _task_table(tasks: Sequence[str]) -> Any:
 
 
 def statistics(made: Frames) -> dict[str, dict[str, list[float]]]:
-    """Least, most, mean, deviation, count and quantiles of each feature, NaN left out."""
+    """Least, most, mean, deviation, count and quantiles of each feature."""
     summary = {}
     for key, values in made.items():
         rows = values.reshape(len(values), -1).astype(np.float64)
-        known = [column[np.isfinite(column)] for column in rows.T]
-        known = [column if len(column) else np.zeros(1) for column in known]
         summary[key] = {
-            "min": [float(c.min()) for c in known],
-            "max": [float(c.max()) for c in known],
-            "mean": [float(c.mean()) for c in known],
-            "std": [float(c.std()) for c in known],
+            "min": rows.min(axis=0).tolist(),
+            "max": rows.max(axis=0).tolist(),
+            "mean": rows.mean(axis=0).tolist(),
+            "std": rows.std(axis=0).tolist(),
             "count": [float(len(rows))],
-            **{n: [float(np.quantile(c, q)) for c in known] for n, q in _QUANTILES.items()},
+            **{name: np.quantile(rows, q, axis=0).tolist() for name, q in _QUANTILES.items()},
         }
     return summary
 
@@ -213,6 +228,10 @@ def _info(
             "names": list(names),
             "units": [CHANNELS[name].unit for name in names],
         }
+        for key, names in channels.items()
+    }
+    features |= {
+        _KNOWN[key]: {"dtype": "bool", "shape": [len(names)], "names": list(names)}
         for key, names in channels.items()
     }
     features["timestamp"] = {"dtype": "float32", "shape": [1], "names": None}

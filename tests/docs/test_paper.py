@@ -11,7 +11,13 @@ from sim_device.plant.published import inside_of, near_of
 
 FOLDER = Path(__file__).resolve().parents[2] / "paper"
 TEXT = (FOLDER / "paper.md").read_text()
-NUMBERS = {7: "seven", 11: "eleven", 22: "Twenty-two", 42: "forty-two"}
+NUMBERS = {
+    9: "nine",
+    13: "thirteen",
+    25: "Twenty-five",
+    42: "forty-two",
+    44: "forty-four",
+}
 
 
 def test_the_command_draws_the_figures_that_the_paper_shows(tmp_path: Path) -> None:

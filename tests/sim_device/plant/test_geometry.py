@@ -1,15 +1,33 @@
 """A spring of one's own, scaled from a known one."""
 
+import math
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sim_device.plant import load_parameters
+from sim_device.plant.constants import kernel_constants, wire_length
 from sim_device.plant.errors import ParameterError
-from sim_device.plant.geometry import Geometry, coil_film, load_geometry, pitch_factor, scaled
+from sim_device.plant.geometry import (
+    COIL_EXPONENT,
+    COIL_K,
+    EMISSIVITY,
+    STEFAN_BOLTZMANN,
+    Geometry,
+    air_film,
+    fan,
+    load_geometry,
+    pitch_factor,
+    radiating_share,
+    radiation,
+    scaled,
+)
+from sim_device.plant.laws import Law
 from sim_device.plant.parameters import initial_detwinned, spring_factors
 
-A = load_parameters("A")
+A, CONSERVING = load_parameters("A"), load_parameters("conserving")
 OWN = Geometry(wire_mm=0.5, coil_mm=3.5, turns=12)
 
 
@@ -43,13 +61,71 @@ def test_closer_turns_lose_less_and_the_factor_rests_where_it_was_not_measured()
     assert pitch_factor(40.0, 0.5) == pitch_factor(3.0, 0.5)
 
 
+def test_the_loss_of_a_coil_is_what_kolyvas_measured() -> None:
+    """Their surface h(I², pitch) in W/K of the whole spring, 0.35 Ω, room at 18 °C."""
+    worst = []
+    for square_A2 in np.linspace(0.1, 1.1, 11):
+        for pitch_mm in np.linspace(0.0, 3.0, 7):
+            x, y = square_A2, pitch_mm
+            measured_W = 2.261 + 3.879 * x + 0.5832 * y - 2.035 * x**2 + 0.6178 * x * y
+            measured_W = 1e-3 * (measured_W + 0.1431 * y**2)
+            rise_K = 0.35 * square_A2 / measured_W
+            geometry = Geometry(wire_mm=0.51, coil_mm=3.45, turns=8, pitch_mm=pitch_mm)
+            own = scaled(CONSERVING, geometry).replace(ambient_temperature=291.15)
+            convection = kernel_constants(own, variant="extended", fixture="stretch", cooling="air")
+            root = 0.60 + convection["air_convection"] * rise_K ** (1.0 / 6.0)
+            film = convection["air_conductance"] * convection["length"] * root**2
+            film *= pitch_factor(pitch_mm, 0.51) * (rise_K / COIL_K) ** COIL_EXPONENT
+            given_W = film - radiated_W(radiation(own, geometry), rise_K) / rise_K
+            worst.append(given_W / measured_W - 1.0)
+    assert np.std(worst) < 0.025
+    assert np.max(np.abs(worst)) < 0.085
+
+
+def radiated_W(law: Law, rise_K: float) -> float:
+    line, square = (term.coefficient for term in law.terms)
+    return line * rise_K + square * rise_K**2
+
+
+def test_a_straight_wire_radiates_as_its_emissivity_says_and_a_closed_coil_less() -> None:
+    own = scaled(A, OWN)
+    straight = radiation(own, OWN)
+    area_m2 = math.pi * 0.5e-3 * wire_length(own)
+    for rise_K, near in ((50.0, 1e-6), (100.0, 1e-6), (25.0, 0.06), (75.0, 0.06)):
+        black_W = STEFAN_BOLTZMANN * area_m2 * ((300.0 + rise_K) ** 4 - 300.0**4)
+        assert radiated_W(straight, rise_K) == pytest.approx(-EMISSIVITY * black_W, rel=near)
+    shares = [radiating_share(replace(OWN, pitch_mm=pitch)) for pitch in (0.0, 0.5, 3.0, 50.0)]
+    assert shares == sorted(shares)
+    closed = 1.0 / ((1.0 - EMISSIVITY) / EMISSIVITY + math.pi)  # a tube: 1/π of the wire's surface
+    assert shares[0] == pytest.approx(closed, rel=1e-3)
+    assert shares[-1] == pytest.approx(EMISSIVITY, rel=0.02)
+
+
 def test_a_straight_wire_has_its_film_and_a_coil_one_that_grows_with_the_difference() -> None:
-    assert coil_film(OWN) == {"laws": (), "effects": {}}
-    film = coil_film(Geometry(wire_mm=0.5, coil_mm=3.5, turns=12, pitch_mm=0.0))
-    (law,) = film["laws"]
+    own = scaled(A, OWN)
+    assert air_film(own, OWN) == {"laws": (radiation(own, OWN),), "effects": {}}
+    coil = replace(OWN, pitch_mm=0.0)
+    film = air_film(own, coil)
+    law, radiates = film["laws"]
     assert law.place == "film"
     assert law.terms[0].coefficient == pytest.approx(pitch_factor(0.0, 0.5) - 1.0)
+    assert radiates == radiation(own, coil)
     assert film["effects"]["convection_exponent"]["exponent"] > 0.0
+
+
+def test_a_fan_blows_as_churchill_and_bernstein_say() -> None:
+    own = scaled(A, OWN)
+    blown, still = fan(own, 2.0)
+    reynolds = 2.0 * 0.5e-3 / 15.89e-6
+    prandtl = 15.89 / 22.5
+    nusselt = 0.3 + 0.62 * reynolds**0.5 * prandtl ** (1 / 3) / (
+        1.0 + (0.4 / prandtl) ** (2 / 3)
+    ) ** (1 / 4) * (1.0 + (reynolds / 282e3) ** (5 / 8)) ** (4 / 5)
+    lost = math.pi * 0.0263 * nusselt * wire_length(own)
+    assert blown.terms[0].coefficient == pytest.approx(-lost, rel=1e-9)
+    assert still.terms[0].coefficient == -1.0
+    places = [(law.place, len(law.terms)) for law in air_film(own, OWN, air_m_per_s=2.0)["laws"]]
+    assert places == [("heat_into_wire", 3), ("film", 1)]
 
 
 def test_a_file_holds_a_geometry_and_its_base(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from sim_device.plant import load_parameters
+from sim_device.plant.setup import Setup
 from sim_device.plant.water import interpolated, printed_water, real_water
 from tests.sim_device.plant.cases import setup_of
 
@@ -64,6 +65,21 @@ def test_the_kernel_film_coefficient_is_the_correlation_at_the_film_temperature(
     expected = water.k[0] * nusselt / D * np.pi * d
     got = setup.film_W_per_m_K(T, T_water, flow / parameters["flow_max"])
     assert got == pytest.approx(expected, rel=5e-6)
+
+
+def test_in_a_bath_the_film_has_the_diameter_of_the_wire_and_no_flow():
+    parameters = load_parameters("A")
+    setup = Setup.make(
+        parameters, variant="extended", fixture="stretch", cooling="bath", effects={}
+    )
+    wire = parameters["wire_diameter"]
+    water = interpolated(real_water(), 0.5 * (318.4 + 303.1))
+    nu, alpha, pr = water.nu[0], water.diffusivity[0], water.prandtl[0]
+    Ra = 9.81 * water.beta[0] * (318.4 - 303.1) * wire**3 / (nu * alpha)
+    shape = (1 + (0.559 / pr) ** (9 / 16)) ** (16 / 9)
+    expected = water.k[0] * np.pi * (0.60 + 0.387 * (Ra / shape) ** (1 / 6)) ** 2
+    for duty in (0.0, 1.0):
+        assert setup.film_W_per_m_K(318.4, 303.1, duty) == pytest.approx(expected, rel=5e-6)
 
 
 def test_temperatures_beyond_the_table_are_refused():

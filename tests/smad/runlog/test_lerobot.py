@@ -4,6 +4,7 @@ Its own package needs PyTorch, so what its loader does is done here: paths from 
 through pandas, one row group an episode, indices of the episodes.
 """
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -42,6 +43,7 @@ def test_the_description_has_what_their_reader_asks_for(dataset: Path) -> None:
     assert told["splits"] == {"train": "0:2"}
     assert set(told["features"]) == {
         STATE, ACTION, "timestamp", "frame_index", "episode_index", "index", "task_index",
+        "complementary_info.state_known", "complementary_info.action_known",
     }  # fmt: skip
     for feature in (STATE, ACTION):
         assert told["features"][feature]["shape"] == [len(told["features"][feature]["names"])]
@@ -85,12 +87,40 @@ def test_frames_are_the_samples_at_even_times(run: Run, dataset: Path) -> None:
         assert state[k, at] == pytest.approx(run.columns["rtd_x_degC"][sample], rel=1e-6)
 
 
+def test_where_a_bench_idles_the_last_number_stays_and_is_marked(run: Run, tmp_path: Path) -> None:
+    reference = run.columns["reference_mm"].copy()
+    reference[:20] = np.nan
+    reference[20:40] = 3.0
+    reference[40:] = np.nan
+    columns = {**run.columns, "reference_mm": reference}
+    made = export_lerobot([dataclasses.replace(run, columns=columns)], tmp_path / "a", fps=100)
+    table = parquet.read_table(made / "data/chunk-000/file-000.parquet")
+    at = info(made)["features"][ACTION]["names"].index("reference_mm")
+    action = np.array(table[ACTION].to_pylist())
+    known = np.array(table["complementary_info.action_known"].to_pylist())
+    assert np.isfinite(action).all()
+    assert set(action[:, at]) == {3.0}
+    assert not known[:, at].all()
+    assert known[:, at].any()
+
+
+def test_a_channel_that_only_another_run_has_is_nought_and_marked(run: Run, tmp_path: Path) -> None:
+    without = {name: column for name, column in run.columns.items() if name != "force_N"}
+    runs = [run, dataclasses.replace(run, columns=without)]
+    made = export_lerobot(runs, tmp_path / "b")
+    file = parquet.ParquetFile(made / "data/chunk-000/file-000.parquet")
+    at = info(made)["features"][STATE]["names"].index("force_N")
+    second = file.read_row_group(1)
+    assert set(np.array(second[STATE].to_pylist())[:, at]) == {0.0}
+    assert not np.array(second["complementary_info.state_known"].to_pylist())[:, at].any()
+
+
 def test_statistics_are_those_of_the_frames(dataset: Path) -> None:
     stats = json.loads((dataset / "meta" / "stats.json").read_text())
     rows = np.array(
         parquet.read_table(dataset / "data/chunk-000/file-000.parquet")[STATE].to_pylist()
     )
-    assert stats[STATE]["max"] == pytest.approx(np.nanmax(rows, axis=0).tolist())
+    assert stats[STATE]["max"] == pytest.approx(np.max(rows, axis=0).tolist())
     assert stats[STATE]["count"] == [len(rows)]
 
 
