@@ -71,7 +71,7 @@ def choose_window(
     lengths = _lengths(plant, runs)
     if before <= _FOLLOWS or not lengths:
         return 0.0, ""
-    if not begins_from_readings(plant, some[0]) or all(forgets_its_start(plant, r) for r in some):
+    if all(forgets_its_start(plant, run) for run in some):
         return 0.0, ""
     point = fitted(plant, start, some, lengths[len(lengths) // 2])
     if lost_by(plant, point, some, 0.0) <= _FITTED:
@@ -111,7 +111,8 @@ def _given(plant: Windowed, runs: Sequence[GapRun], window_s: float) -> tuple[fl
             limit=f"at least {least:.3g} s",
             action="give longer ones, or leave window_s out",
         )
-    if not begins_from_readings(plant, runs[0]):
+    base, begun = _begun_elsewhere(plant, runs[0])
+    if all(np.array_equal(base[n], begun[n], equal_nan=True) for n in base):
         raise SimulatorError(
             f"{plant.name} does not begin from its readings, so no window can",
             action="use start['NAME'] and start['NAME_rate'] as the initial state",
@@ -119,14 +120,8 @@ def _given(plant: Windowed, runs: Sequence[GapRun], window_s: float) -> tuple[fl
     return window_s, f"replayed in windows of {window_s:.3g} s that begin from the readings"
 
 
-def begins_from_readings(plant: Windowed, run: GapRun) -> bool:
-    """Whether what the readings show at the start changes what the model predicts."""
-    base, begun = _begun_elsewhere(plant, run)
-    return any(not np.array_equal(base[n], begun[n], equal_nan=True) for n in base)
-
-
 def forgets_its_start(plant: Windowed, run: GapRun) -> bool:
-    """Whether the model shows the same at the end of a run wherever it began.
+    """Whether the model shows the same at the end of a run wherever the readings have it begin.
 
     Then errors do not grow, and a window would add that of its start.
     """
@@ -134,7 +129,7 @@ def forgets_its_start(plant: Windowed, run: GapRun) -> bool:
     quarter = max(len(run.t_s) // 4, 1)
     for name, y in run.outputs.items():
         late = y[-quarter:]
-        off = np.abs(begun[name] - base[name])
+        off = np.where(np.isnan(base[name]), 0.0, np.abs(begun[name] - base[name]))
         if not np.max(off[-quarter:]) <= _FORGOTTEN * np.std(late):
             return False
     return True
