@@ -58,5 +58,4 @@ EMPS = simulator(
     },
     units={"position_rate": "m/s"},
     transducers=True,
-    shortest_s=6.0,  # a lap, there and back
 )

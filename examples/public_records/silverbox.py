@@ -60,5 +60,4 @@ SILVERBOX = simulator(
         "friction_V": (0.005, 0.0, 0.05),
         "square_damping": (0.5, 0.0, 5.0),
     },
-    shortest_s=1.0,  # its resonance goes through 68 periods in a second
 )

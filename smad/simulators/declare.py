@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from smad.diagnosis.plant import Array, Effect, EffectParameter, Parameter, Traits
+from smad.diagnosis.plant import Array, Effect, EffectParameter, Parameter
 from smad.records.units import UNITS, parted_name, unit_of
 from smad.simulators.errors import SimulatorError
 
@@ -17,8 +17,6 @@ Replay = Callable[[Array, Mapping[str, Array], Mapping[str, float], Mapping[str,
 `t` (n,) begins at 0; `inputs` are (n,) each, not to be written to; `values` are the parameters and
 effects; `start` has the first reading of each output and its rate (`NAME`, `NAME_rate`).
 """
-SHORTEST_S = Traits().shortest_s
-"""What a run must be long, where its simulator says nothing else."""
 _PRIOR_OF_RANGE = 1.0 / 6.0
 _TYPICAL_OF_RANGE = 10.0
 _QUANTITIES = {
@@ -59,7 +57,7 @@ class Simulator:
     `forces` are inputs that no run has: the function adds them where they act, and they are places.
     `exact` inputs are no places, `observed` columns may be what a law goes with. `felt_at` says
     through which force an input acts, whose place then stands for both. `save` writes a model. A
-    run must be `shortest_s` long.
+    run must be `shortest_s` long; None: as the records ask for.
     """
 
     function: Replay
@@ -76,7 +74,7 @@ class Simulator:
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     felt_at: Mapping[str, str] = field(default_factory=dict)
     transducers: bool = False
-    shortest_s: float = SHORTEST_S
+    shortest_s: float | None = None
     save: Callable[..., None] | None = None
 
     def acts_at(self, name: str) -> str:
@@ -118,7 +116,7 @@ def simulator(
     noise: Mapping[str, float] | None = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
     transducers: bool = False,
-    shortest_s: float = SHORTEST_S,
+    shortest_s: float | None = None,
 ) -> Simulator:
     """Declare a function as a simulator whose gap to recorded runs can be diagnosed.
 
@@ -129,7 +127,7 @@ def simulator(
     size, (typical, low, high) or `Missing`. `transducers` adds gain, zero, lag and delay of each
     reading and drive. `noise` is the standard deviation of a sample where no run shows it, `ranges`
     are low and high of inputs that go further than the records. `shortest_s` is how long a run must
-    be: less than 8 s for what is fast.
+    be, by default four correlation times of what is measured, and 8 s at most.
 
     Raises SimulatorError for numbers that cannot be these.
     """
@@ -138,7 +136,7 @@ def simulator(
     name = name or title.strip("<>")
     causes = tuple(_effect(n, row, name) for n, row in (effects or {}).items())
     names = [p.name for p in known] + [value_name(e, q) for e in causes for q in e.parameters]
-    if not 0.0 < shortest_s < math.inf:
+    if shortest_s is not None and not 0.0 < shortest_s < math.inf:
         raise SimulatorError("shortest_s is no length", value=shortest_s, action="give s")
     twice = sorted({n for n in names if names.count(n) > 1})
     if twice:

@@ -76,6 +76,7 @@ class SimulatedPlant:
     inputs: Sequence[Signal]
     channels: Sequence[Channel]
     lag_s: float
+    shortest_s: float
     window_s: float = 0.0
     failures: Failures = field(default_factory=Failures)
     processes: Processes | None = None
@@ -97,7 +98,7 @@ class SimulatedPlant:
     def traits(self) -> Traits:
         """How long a run must be, and how many replays are worth asking for at once."""
         together = self.processes.count if self.processes else 1
-        return Traits(shortest_s=self.declared.shortest_s, together=together)
+        return Traits(shortest_s=self.shortest_s, together=together)
 
     def _transducers(self) -> list[Effect]:
         if not self.declared.transducers:

@@ -340,10 +340,14 @@ def test_what_lacks_in_a_column_does_not_count_and_a_run_ends_at_its_first_hole(
     assert not any(f.refuses for f in verdict.findings)
 
 
-def test_a_run_is_as_long_as_the_simulator_says_it_must_be() -> None:
+def test_a_run_is_as_long_as_the_simulator_says_it_must_be_or_as_what_is_measured_asks_for() -> (
+    None
+):
     short = [pendulum_run(seed, seconds=4.0) for seed in range(2)]
-    assert diagnose(short, declared_pendulum()).verdict.outcome == "refused"
-    quick = diagnose(short, declared_pendulum(shortest_s=4.0)).verdict
+    assert diagnose(short, declared_pendulum(shortest_s=8.0)).verdict.outcome == "refused"
+    assert bind(declared_heater(), RUNS).plant.traits.shortest_s == 8.0
+    assert bind(declared_pendulum(), short).plant.traits.shortest_s < 2.0
+    quick = diagnose(short, declared_pendulum()).verdict
     assert not any(f.refuses for f in quick.findings)
     with pytest.raises(SimulatorError, match="shortest_s is no length"):
         declared_pendulum(shortest_s=0.0)
