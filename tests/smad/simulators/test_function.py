@@ -205,6 +205,10 @@ def elsewhere(t, inputs, values, start):
     return {"pressure": inputs["power_W"]}
 
 
+def rotating(t, inputs, values, start):
+    return {"temperature_degC": np.exp(1j * inputs["power_W"])}
+
+
 def failing(t, inputs, values, start):
     raise ZeroDivisionError("capacity")
 
@@ -224,6 +228,7 @@ def endless(t, inputs, values, start):
         (misspelt, "asks for 'powr_W', which is neither a column nor a value.*power_W"),
         (peeking, r"reads temperature_degC, which it returns; begin from start\["),
         (elsewhere, "returns nothing that was measured; got pressure"),
+        (rotating, "temperature_degC is complex"),
         (failing, "fails on run 1 with the values it begins with; got ZeroDivisionError"),
         (endless, "gives no numbers for temperature_degC"),
     ],
@@ -233,6 +238,14 @@ def test_a_function_that_cannot_be_asked_is_refused_by_what_is_wrong_with_it(
 ) -> None:
     with pytest.raises(SimulatorError, match=words):
         diagnose(RUNS, simulator(function, parameters=PARAMETERS))
+
+
+@pytest.mark.parametrize(
+    "given", [{"exact": ("fan",)}, {"ranges": {"fan": (0.0, 1.0)}}, {"units": {"fan": "1"}}]
+)
+def test_what_is_declared_of_a_signal_that_the_function_has_not_is_refused(given) -> None:
+    with pytest.raises(SimulatorError, match="names fan, which heater neither reads nor returns"):
+        bind(simulator(heater, parameters=PARAMETERS, effects={"slow_sensor": 2.0}, **given), RUNS)
 
 
 @pytest.mark.parametrize(
