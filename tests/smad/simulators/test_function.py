@@ -42,6 +42,7 @@ def test_the_gap_of_a_function_is_named_and_sized() -> None:
     assert cause.name == "slow_sensor"
     assert cause.values[0].value == pytest.approx(1.5, abs=0.1)
     assert any("inputs: power_W; measured: temperature_degC" in n for n in answer.verdict.notes)
+    assert str(answer).startswith("the simulator lacks something at the equation of heater")
 
 
 def test_runs_may_be_files_a_pattern_tables_or_made_runs(tmp_path: Path) -> None:
@@ -245,7 +246,7 @@ def test_a_function_that_cannot_be_asked_is_refused_by_what_is_wrong_with_it(
 )
 def test_what_is_declared_of_a_signal_that_the_function_has_not_is_refused(given) -> None:
     with pytest.raises(SimulatorError, match="names fan, which heater neither reads nor returns"):
-        bind(simulator(heater, parameters=PARAMETERS, effects={"slow_sensor": 2.0}, **given), RUNS)
+        bind(declared_heater(**given), RUNS)
 
 
 @pytest.mark.parametrize(
