@@ -162,7 +162,7 @@ def _parameter(name: str, row: Sequence[float], units: Mapping[str, str]) -> Par
             action="give (value, low, high)",
         )
     prior = more[0] if more else _PRIOR_OF_RANGE * (high - low)
-    unit = units[name] if name in units else _unit_of_value(name)
+    unit = units[name] if name in units else unit_of_value(name)
     return Parameter(name=name, unit=unit, nominal=value, low=low, high=high, prior_sd=prior)
 
 
@@ -174,7 +174,7 @@ def _effect(name: str, row: Strength, function: str) -> Effect:
             value=f"{given.low:g} to {given.high:g}, typically {given.typical:g}",
             action="give (typical, low, high)",
         )
-    unit = given.unit or _unit_of_value(name)
+    unit = given.unit or unit_of_value(name)
     strength = EffectParameter(
         name="size", unit=unit, typical=given.typical, low=given.low, high=given.high
     )
@@ -192,8 +192,8 @@ def _effect(name: str, row: Strength, function: str) -> Effect:
     )
 
 
-def _unit_of_value(name: str) -> str:
-    """The unit that a name ends with. Raises SimulatorError for that of another quantity."""
+def unit_of_value(name: str) -> str:
+    """The unit that a name ends with. Raises SimulatorError for one that the name contradicts."""
     stem, unit = parted_name(name)
     quantity = _QUANTITIES.get(stem.lower().rpartition("_")[2])
     if quantity and unit in UNITS and UNITS[unit].quantity not in {quantity, "ratio"}:
