@@ -71,11 +71,9 @@ def _fit(t: Array, y: Array, powers: tuple[int, ...]) -> _Polynomial:
     )  # fmt: skip
 
 
-def _longest(fits: _Polynomial | Sequence[_Polynomial]) -> tuple[int, float]:
-    """What orders fits: over most samples first, then those that leave least."""
-    if isinstance(fits, _Polynomial):
-        return -fits.samples, fits.squares
-    return min((_longest(f) for f in fits), default=(0, np.inf))
+def _order(fit: _Polynomial) -> tuple[int, float]:
+    """Fits over most samples first, then those that leave least."""
+    return -fit.samples, fit.squares
 
 
 class Window(NamedTuple):
@@ -128,27 +126,30 @@ class Starts:
         start: dict[str, float] = {}
         off: dict[str, float] = {}
         for name in self._outputs:
-            best = self._local(name, k) if name in self._half else None
-            start[name], start[f"{name}_rate"] = (best.value, best.rate) if best else (0.0, 0.0)
-            if best:
+            start |= {name: 0.0, f"{name}_rate": 0.0}
+            if name not in self._half:
+                continue
+            if best := self._local(name, k):
                 sd = _OFF * float(np.sqrt(self._variance[name]))
+                start |= {name: best.value, f"{name}_rate": best.rate}
                 off |= {name: sd * best.value_error, f"{name}_rate": sd * best.rate_error}
+            else:
+                start[name] = float(np.nan_to_num(self._run.outputs[name][k]))
         return start, off
 
-    def _local(self, name: str, k: int) -> _Polynomial:
+    def _local(self, name: str, k: int) -> _Polynomial | None:
         moving = self._fits(name, k, _MOVING)
         if not moving:
-            value = float(np.nan_to_num(self._run.outputs[name][k]))
-            return _Polynomial(value=value, rate=0.0, value_error=0.0, rate_error=0.0, squares=0.0,
-                               samples=1, free=0)  # fmt: skip
+            return None
         variance = self._variance[name]
         able = [f for f in moving if not f.contradicted(variance)]
         best = min(able, key=lambda f: f.rate_error) if able else moving[-1]
         at_rest = self._fits(name, k, _AT_REST) if k == 0 else []
         still = [f for f in at_rest if not f.contradicted(variance)]
-        if still and _longest(still) < _longest(able):
+        longest = min([*able, *still], key=_order, default=best)
+        if longest in still:
             # That it rests may be wrong, too.
-            best = replace(min(still, key=_longest), rate_error=best.rate_error)
+            best = replace(longest, rate_error=best.rate_error)
         return best
 
     def _fits(self, name: str, k: int, powers: Sequence[tuple[int, ...]]) -> list[_Polynomial]:
