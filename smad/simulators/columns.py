@@ -183,11 +183,13 @@ def _timed(
 
 def _times(names: Iterable[str], called: str = "") -> list[str]:
     """Those that are the time by name, the likeliest first; the one that is `called`, if it is."""
-    names, units = list(names), units_for("s")
+    names = list(names)
     if called:
         return [called] if called in names else []
     parts = {n: quantity_in(n) for n in names if n not in TIMES}
-    with_unit = [n for n, (q, u) in parts.items() if q in ("t", "time", "timestamp") and u in units]
+    with_unit = [
+        n for n, (q, u) in parts.items() if q in ("t", "time", "timestamp") and u in units_for("s")
+    ]
     return [*(n for n in TIMES if n in names), *with_unit]
 
 

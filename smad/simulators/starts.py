@@ -34,6 +34,9 @@ _SURE = 3.0
 """Standard deviations of the sum of squares, from which samples contradict a polynomial."""
 _OFF = 10.0
 """Times what noise does to a start, that it may be off by: nothing moves as a polynomial does."""
+_MOST_FREE = 400
+"""Readings and rates that windows of a run begin from, beyond which they are taken as they are: a
+diagnosis has a direction for each."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,8 +191,9 @@ class Windows:
         if window_s > 0.0:
             number = np.floor((t_s - t_s[0]) / window_s + 1e-9)
             edges += [int(k) + 1 for k in np.flatnonzero(np.diff(number) > 0)]
-        begun = np.searchsorted(whole.t_s, t_s[edges])
-        return [
-            Window(a, b, *map(MappingProxyType, starts.at(int(k))))
-            for a, b, k in zip(edges, [*edges[1:], len(t_s)], begun, strict=True)
-        ]
+        free = 2 * len(self._outputs) * len(edges) <= _MOST_FREE
+        out = []
+        for a, b in pairwise([*edges, len(t_s)]):
+            start, off = starts.at(int(np.searchsorted(whole.t_s, t_s[a])))
+            out.append(Window(a, b, MappingProxyType(dict(start)), off if free else {}))
+        return out
