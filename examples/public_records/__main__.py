@@ -9,6 +9,7 @@ import click
 
 from examples.public_records.records import RECORDS, RecordError
 from smad.diagnosis.report.page import page_of
+from smad.diagnosis.report.words import lines
 from smad.report.page import write_page
 
 
@@ -29,7 +30,7 @@ def main(name: str, folder: Path, html: Path | None, exchange: bool) -> None:
         raise click.UsageError(f"{name} has no runs to judge on beside; leave --exchange out")
     fit, held = (asked.hold_out, asked.fit) if exchange else (asked.fit, asked.hold_out)
     answer = record.diagnosed(fit, held)
-    click.echo(answer)
+    click.echo("\n".join(lines(answer.verdict)))
     click.echo(f"{time.process_time():.0f} s of processor time")
     if html is not None:
         write_page(page_of(answer), html)

@@ -14,7 +14,6 @@ from smad.diagnosis.constants import Constants
 from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.place import BOTH, PlacesPlant
 from smad.diagnosis.plant import ModelPoint, SavesModel, Uncertainty
-from smad.diagnosis.report.words import lines
 from smad.diagnosis.rivals.describe import Describer
 from smad.diagnosis.rivals.evidence import Evidence
 from smad.diagnosis.rivals.fit import Fit, covariance
@@ -49,7 +48,7 @@ class Answer:
     """A verdict with what it rests on; `search` is None where runs were refused.
 
     `stages` are the rivals whose gaps are told: as configured, with other parameters, and with the
-    first 1, 2 … causes; `model` is the last one's. Prints as the verdict in words.
+    first 1, 2 … causes; `model` is the last one's.
     """
 
     verdict: Verdict
@@ -58,11 +57,6 @@ class Answer:
     model: ModelPoint | None = None
     uncertainty: Uncertainty | None = None
     alternatives: tuple[Rival, ...] = ()
-
-    def __str__(self) -> str:
-        return "\n".join(lines(self.verdict))
-
-    __repr__ = __str__
 
 
 def answer_of(

@@ -42,7 +42,6 @@ def test_the_gap_of_a_function_is_named_and_sized() -> None:
     assert cause.name == "slow_sensor"
     assert cause.values[0].value == pytest.approx(1.5, abs=0.1)
     assert any("inputs: power_W; measured: temperature_degC" in n for n in answer.verdict.notes)
-    assert str(answer).startswith("the simulator lacks something at the equation of heater")
 
 
 def test_runs_may_be_files_a_pattern_tables_or_made_runs(tmp_path: Path) -> None:
