@@ -18,10 +18,9 @@ from typing import Any
 import numpy as np
 from scipy.io import loadmat
 
-from examples.public_records.emps import EMPS, LAP
-from examples.public_records.emps import STEP_S as SAMPLE_S
-from examples.public_records.silverbox import RATE_HZ, SILVERBOX
-from examples.public_records.tanks import STEP_S, TANKS
+from examples.public_records.emps import EMPS
+from examples.public_records.silverbox import SILVERBOX
+from examples.public_records.tanks import TANKS
 from smad.diagnosis import Answer
 from smad.diagnosis.plant import Array
 from smad.diagnosis.runs import GapRun
@@ -29,9 +28,16 @@ from smad.errors import SmadError
 from smad.simulators import Simulator, diagnose
 from smad.simulators.columns import Table
 
+SILVERBOX_S = 2**14 / 1e7
+TANKS_S = 4.0
+EMPS_S = 1e-3
+"""Time from one sample of a record to the next (Wigren and Schoukens, equation 12)."""
+LAP = 6240
+"""Samples in which the programme of EMPS comes back to where it began."""
+SILVERBOX_PART, _SETTLING = 1500, 100
+"""Samples of a Silverbox run, so few that a row of the diagnosis is one: the circuit swings once in
+nine. In the first of them what was before still rings: they are not judged."""
 _TIMEOUT_S = 60.0
-_SETTLING = 100
-"""Samples at the start of a Silverbox run in which the run before still rings: not judged."""
 
 
 class RecordError(SmadError):
@@ -143,18 +149,18 @@ def _fetched(address: str) -> bytes:
 def _silverbox(columns: Mapping[str, Array]) -> SplitRuns:
     """Two of the ten multisines to fit; to judge on, a later one, and noise that grows beyond them.
 
-    Each begins and ends where nothing is played.
+    The last part of the noise is the loudest.
     """
 
-    def run(name: str, start: int, stop: int) -> GapRun:
-        valid = np.arange(stop - start) >= _SETTLING
-        t_s = np.arange(stop - start) / RATE_HZ
-        u, y = (columns[c][start:stop] for c in ("V1", "V2"))
+    def run(name: str, start: int) -> GapRun:
+        valid = np.arange(SILVERBOX_PART) >= _SETTLING
+        t_s = np.arange(SILVERBOX_PART) * SILVERBOX_S
+        u, y = (columns[c][start : start + SILVERBOX_PART] for c in ("V1", "V2"))
         return GapRun(name, t_s, {"input_V": u}, {"output_V": y}, valid)
 
     return SplitRuns(
-        [run("multisine 1", 40577, 49271), run("multisine 2", 49271, 57963)],
-        [run("multisine 9", 110110, 118801), run("growing noise", 0, 40577)],
+        [run("multisine 1", 40577), run("multisine 2", 49271)],
+        [run("multisine 9", 110110), run("growing noise", 40577 - SILVERBOX_PART)],
     )
 
 
@@ -162,7 +168,7 @@ def _tanks(columns: Mapping[str, Array]) -> SplitRuns:
     """The estimation record to fit, the test record to judge on, as they were published."""
 
     def run(name: str, pump: Array, level: Array) -> GapRun:
-        t_s = np.arange(len(pump)) * STEP_S
+        t_s = np.arange(len(pump)) * TANKS_S
         return GapRun(name, t_s, {"pump_V": pump}, {"level_V": level})
 
     return SplitRuns(
@@ -180,14 +186,13 @@ def _emps(plain: Mapping[str, Array], pulsed: Mapping[str, Array]) -> SplitRuns:
 
     def laps(name: str, columns: Mapping[str, Array]) -> list[GapRun]:
         position = columns["qm"]
-        # The force that is told at a sample acts until the next one.
-        force = (columns["gtau"] * columns["vir"])[:-2]
-        rate = (position[2:] - position[:-2]) / (2.0 * SAMPLE_S)
+        force = (columns["gtau"] * columns["vir"])[1:-1]
+        rate = (position[2:] - position[:-2]) / (2.0 * EMPS_S)
         found = []
         for i in range(round(len(rate) / LAP)):
             part = slice(i * LAP, (i + 1) * LAP)
             u, y = force[part], rate[part]
-            t_s = np.arange(len(y)) * SAMPLE_S
+            t_s = np.arange(len(y)) * EMPS_S
             found.append(GapRun(f"{name} {i + 1}", t_s, {"force_N": u}, {"position_rate": y}))
         return found
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import threading
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,7 @@ from smad.fmi.running import Fed, Runner, shaped
 from smad.fmi.unit_file import UnitFile
 from smad.simulators.plant import Failures
 from smad.simulators.processes import Processes
-from smad.simulators.starts import Window, Windows
+from smad.simulators.starts import Window, Windows, by_window
 
 _KEPT = 64
 _GAIN = (0.05, 0.5)
@@ -81,7 +81,17 @@ class FmuPlant:
 
     def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
         """See `PlantModel`."""
-        course = self._course(point, run)
+        return self._shown(point, run)
+
+    def begun_otherwise(self, point: ModelPoint, run: GapRun) -> Iterator[dict[str, Array]]:
+        """See `InWindows`."""
+        base = self.simulate(point, run)
+        for name in self._windows(run)[0].off:
+            yield from by_window(base, self._shown(point, run, name), self.seams(run))
+
+    def _shown(self, point: ModelPoint, run: GapRun, moved: str = "") -> dict[str, Array]:
+        """What is shown with one reading or rate moved, from which all windows begin."""
+        course = self._course(point, run, moved)
         out = {}
         for name, column in zip(self._map.channels, course, strict=True):
             row = self._map.channels[name]
@@ -90,14 +100,14 @@ class FmuPlant:
             out[name] = shown if run.whole is None else means_over_pieces(run, shown)
         return out
 
-    def _course(self, point: ModelPoint, run: GapRun) -> Array:
+    def _course(self, point: ModelPoint, run: GapRun, moved: str) -> Array:
         """Outputs of the unit, shape (channels, n), from what is known or from a run of it."""
         theta = {p.name: p.nominal for p in self.parameters} | dict(point.theta)
         values = {self._map.parameters[n].variable: v for n, v in theta.items()}
         rows, fed = self._driven(point, run)
         about = hashlib.sha256(np.ascontiguousarray(run.t_s).tobytes())
         about.update(rows.tobytes())
-        windows = self._windows(run)
+        windows = [w.moved(moved) for w in self._windows(run)]
         key = (about.digest(), tuple(sorted(values.items())), tuple(map(repr, (*fed, *windows))))
         with self._lock:
             known = self._known.get(key)
@@ -149,7 +159,7 @@ class FmuPlant:
     ) -> list[Array]:
         parts, why = [], ""
         self.failures.replays += 1
-        for a, b, start in windows:
+        for a, b, start, _ in windows:
             given = {**start, **values}
             played, said = self._played(given, run.t_s[a:b], rows[a:b], fed, times)
             part = played[0]
@@ -182,19 +192,21 @@ class FmuPlant:
         return played
 
     def _windows(self, run: GapRun) -> list[Window]:
-        """First and last sample of each window, and what the unit is set to before it."""
+        """The windows of a run; its start is what the unit is set to before each."""
         read = {n: v for n, v in self._map.start.items() if isinstance(v, str)}
         fixed = {n: v for n, v in self._map.start.items() if not isinstance(v, str)}
         if not read or not run.outputs:
-            return [(0, len(run.t_s), fixed)]
-        return [
-            (a, b, fixed | {n: self._in_unit(c, shown) for n, c in read.items()})
-            for a, b, shown in self._read.of(run, self.window_s)
-        ]
+            return [Window(0, len(run.t_s), fixed, {})]
+        out = []
+        for w in self._read.of(run, self.window_s):
+            start = {n: self._in_unit(c, w.start) for n, c in read.items()}
+            off = {n: self._in_unit(c, w.moved(c).start) - start[n] for n, c in read.items()}
+            out.append(w._replace(start=fixed | start, off=off))
+        return out
 
     def seams(self, run: GapRun) -> list[int]:
         """The samples of a run, thinned or not, at which a window begins."""
-        return [a for a, _, _ in self._windows(run)]
+        return [a for a, *_ in self._windows(run)]
 
     def _in_unit(self, of: str, shown: Mapping[str, float]) -> float:
         """A reading, or a rate of one, as the unit has it."""

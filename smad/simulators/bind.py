@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from smad.diagnosis.plant import Channel, Signal
+from smad.diagnosis.plant import Channel, Signal, Traits
 from smad.diagnosis.runs import GapRun
 from smad.records.csv_table import CsvFormat
 from smad.simulators.checks import Roles, roles
@@ -28,6 +28,8 @@ from smad.simulators.places import SavedPlaces, SimulatorPlaces
 from smad.simulators.plant import SimulatedPlant
 
 _LAG_OF_CORRELATION = 0.1
+_SHORTEST = 4.0
+"""Correlation times of what is measured that a run must be long, or as long as of any plant."""
 _UNCHANGED = 1e-9
 _UNMEASURED = 1e-3
 """Of what a reading goes through, its noise where no run has it."""
@@ -83,11 +85,13 @@ def bind(
         for group in tables
     ]
     said = _said(declared, every, read, found, exact)
+    correlation_s = _correlation_s(outputs, every)
     plant = SimulatedPlant(
         declared=declared,
         inputs=_signals(declared, [n for n in read if n not in exact], every),
         channels=[_channel(declared, n, [r for group in runs for r in group]) for n in outputs],
-        lag_s=_LAG_OF_CORRELATION * _correlation_s(outputs, every),
+        lag_s=_LAG_OF_CORRELATION * correlation_s,
+        shortest_s=declared.shortest_s or min(Traits().shortest_s, _SHORTEST * correlation_s),
     )
     kind = SavedPlaces if declared.save is not None else SimulatorPlaces
     return Bound(plant=kind(plant), groups=tuple(runs), said=tuple(said), seconds=found.seconds)

@@ -55,6 +55,8 @@ def called(
         raise ValueError(f"it returns {type(outputs).__name__}, not outputs by name")
     out = {}
     for name, column in outputs.items():
+        if np.iscomplexobj(column):
+            raise ValueError(f"{name} is complex")
         y = np.asarray(column, dtype=np.float64)
         if y.shape != t.shape:
             raise ValueError(f"{name} has shape {y.shape}; the run has {t.shape}")

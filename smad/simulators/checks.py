@@ -57,7 +57,7 @@ class FirstReadings(Mapping[str, float]):
     def __getitem__(self, name: str) -> float:
         of = name if self._table.source_of(name) else name.removesuffix("_rate")
         run = GapRun(self._table.name, self._table.t_s, {}, {of: self._table.column(of)})
-        return Starts(run, (of,)).at(0)[name]
+        return Starts(run, (of,)).at(0)[0][name]
 
     def __iter__(self) -> Iterator[str]:
         return iter([*self._table.columns, *(f"{n}_rate" for n in self._table.columns)])
@@ -120,11 +120,24 @@ def roles(declared: Simulator, table: Table) -> Roles:
                 value=table.name,
                 action="begin with values at which it runs",
             )
+    _require_used(declared, {*asked.read, *first, *values})
     seconds = _require_same(declared, table, asked, starting, {n: first[n] for n in outputs})
     return Roles(
         inputs=[n for n in asked.read if n not in outputs], outputs=outputs,
         unmeasured=[n for n, s in sources.items() if not s], seconds=seconds,
     )  # fmt: skip
+
+
+def _require_used(declared: Simulator, used: set[str]) -> None:
+    """Raise SimulatorError for what is declared of a signal that the function has not."""
+    used |= {*declared.observed, *declared.forces}
+    for what in ("exact", "ranges", "noise", "units"):
+        for name in (n for n in getattr(declared, what) if n not in used):
+            raise SimulatorError(
+                f"{what} names {name}, which {declared.name} neither reads nor returns",
+                limit=", ".join(sorted(used)),
+                action="correct the name, or leave it out",
+            )
 
 
 def _require_no_slip(
@@ -172,7 +185,8 @@ def _first(
         raise SimulatorError(
             f"{declared.name} fails on {table.name} with the values it begins with",
             value=text,
-            action="return outputs by name, one value for each time",
+            action="take (t, inputs, values, start); return outputs by name, one value for each "
+            "time",
         ) from error
 
 
@@ -185,8 +199,7 @@ def _require_same(
 ) -> float:
     """The same again, also after other values, or it is no function; the s that a call takes."""
     values = declared.values({}, {})
-    parameter = declared.parameters[0]
-    moved = {**values, parameter.name: parameter.nominal + 0.1 * parameter.prior_sd}
+    moved = values | {p.name: p.nominal + 0.1 * p.prior_sd for p in declared.parameters[:1]}
     with contextlib.suppress(Exception):  # it may fail elsewhere: such a model is dropped
         called(declared, table.t_s, asked, moved, starting)
     # The calls before may have compiled it.

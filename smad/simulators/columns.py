@@ -21,8 +21,7 @@ from smad.records.units import Written, convert, units_for
 from smad.simulators.errors import SimulatorError
 
 TIMES = ("t_s", "time_s", "time", "t", "timestamp_s")
-"""Names of a column that is the time in s; the first two may end with another unit."""
-_USUAL = (*TIMES, *(f"{name}_{unit}" for name in ("t", "time") for unit in units_for("s")))
+"""Names of a column that is the time in s; `Time [ms]` and other units are understood, too."""
 _LONG_STEP_S = 2.0
 """Samples further apart, on a time without a unit, are as likely ms of a logger at 1 to 500 Hz."""
 _SAME, _DIGITS = 1e-6, 9
@@ -138,8 +137,8 @@ def _tables(run: Any, name: str, time: str, form: CsvFormat | None) -> Iterable[
 def _of_file(path: Path, time: str, form: CsvFormat | None) -> Table:
     read = read_columns(path, form)
     notes = (*read.notes, *left_out(list(read.unread), ", since they are not numbers"))
-    numbers = any(n in read.numbers for n in _USUAL if n not in read.stamps)
-    stamps = [*(n for n in read.stamps if n in _USUAL), *read.stamps]
+    numbers = any(n not in read.stamps for n in _times(read.numbers))
+    stamps = [*_times(read.stamps), *read.stamps]
     time = time or ("" if numbers or not stamps else stamps[0])
     timed = _timed(path.stem, read.numbers, str(path), time, read.unread, stamps=read.stamps)
     return replace(timed, path=str(path), notes=(*notes, *timed.notes))
@@ -158,10 +157,9 @@ def _timed(
 
     Raises SimulatorError without a time.
     """
-    usual = (called,) if called else _USUAL
-    time = next((t for t in usual if t in given), None)
+    time = next(iter(_times(given, called)), None)
     if time is None:
-        broken = next((unread[t] for t in usual if t in unread), "")
+        broken = next((unread[t] for t in _times(unread, called)), "")
         raise SimulatorError(
             broken or f"{where} has no column of the time",
             value=None if broken else ", ".join(given),
@@ -181,6 +179,18 @@ def _timed(
     column = numbers.pop(time)
     t_s = column if time in stamps else _in_s(column, time, where, said=bool(called))
     return Table(name, t_s, numbers, notes=notes, unread=texts)
+
+
+def _times(names: Iterable[str], called: str = "") -> list[str]:
+    """Those that are the time by name, the likeliest first; the one that is `called`, if it is."""
+    names = list(names)
+    if called:
+        return [called] if called in names else []
+    parts = {n: quantity_in(n) for n in names if n not in TIMES}
+    with_unit = [
+        n for n, (q, u) in parts.items() if q in ("t", "time", "timestamp") and u in units_for("s")
+    ]
+    return [*(n for n in TIMES if n in names), *with_unit]
 
 
 def _in_s(times: Array, name: str, where: str, *, said: bool) -> Array:

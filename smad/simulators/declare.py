@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from smad.diagnosis.plant import Array, Effect, EffectParameter, Parameter, Traits
+from smad.diagnosis.plant import Array, Effect, EffectParameter, Parameter
 from smad.records.units import UNITS, parted_name, unit_of
 from smad.simulators.errors import SimulatorError
 
@@ -17,8 +17,6 @@ Replay = Callable[[Array, Mapping[str, Array], Mapping[str, float], Mapping[str,
 `t` (n,) begins at 0; `inputs` are (n,) each, not to be written to; `values` are the parameters and
 effects; `start` has the first reading of each output and its rate (`NAME`, `NAME_rate`).
 """
-SHORTEST_S = Traits().shortest_s
-"""What a run must be long, where its simulator says nothing else."""
 _PRIOR_OF_RANGE = 1.0 / 6.0
 _TYPICAL_OF_RANGE = 10.0
 _QUANTITIES = {
@@ -59,7 +57,7 @@ class Simulator:
     `forces` are inputs that no run has: the function adds them where they act, and they are places.
     `exact` inputs are no places, `observed` columns may be what a law goes with. `felt_at` says
     through which force an input acts, whose place then stands for both. `save` writes a model. A
-    run must be `shortest_s` long.
+    run must be `shortest_s` long; None: as the records ask for.
     """
 
     function: Replay
@@ -76,7 +74,7 @@ class Simulator:
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     felt_at: Mapping[str, str] = field(default_factory=dict)
     transducers: bool = False
-    shortest_s: float = SHORTEST_S
+    shortest_s: float | None = None
     save: Callable[..., None] | None = None
 
     def acts_at(self, name: str) -> str:
@@ -118,7 +116,7 @@ def simulator(
     noise: Mapping[str, float] | None = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
     transducers: bool = False,
-    shortest_s: float = SHORTEST_S,
+    shortest_s: float | None = None,
 ) -> Simulator:
     """Declare a function as a simulator whose gap to recorded runs can be diagnosed.
 
@@ -129,7 +127,7 @@ def simulator(
     size, (typical, low, high) or `Missing`. `transducers` adds gain, zero, lag and delay of each
     reading and drive. `noise` is the standard deviation of a sample where no run shows it, `ranges`
     are low and high of inputs that go further than the records. `shortest_s` is how long a run must
-    be: less than 8 s for what is fast.
+    be, by default four correlation times of what is measured, and 8 s at most.
 
     Raises SimulatorError for numbers that cannot be these.
     """
@@ -138,7 +136,7 @@ def simulator(
     name = name or title.strip("<>")
     causes = tuple(_effect(n, row, name) for n, row in (effects or {}).items())
     names = [p.name for p in known] + [value_name(e, q) for e in causes for q in e.parameters]
-    if not 0.0 < shortest_s < math.inf:
+    if shortest_s is not None and not 0.0 < shortest_s < math.inf:
         raise SimulatorError("shortest_s is no length", value=shortest_s, action="give s")
     twice = sorted({n for n in names if names.count(n) > 1})
     if twice:
@@ -164,7 +162,7 @@ def _parameter(name: str, row: Sequence[float], units: Mapping[str, str]) -> Par
             action="give (value, low, high)",
         )
     prior = more[0] if more else _PRIOR_OF_RANGE * (high - low)
-    unit = units[name] if name in units else _unit_of_value(name)
+    unit = units[name] if name in units else unit_of_value(name)
     return Parameter(name=name, unit=unit, nominal=value, low=low, high=high, prior_sd=prior)
 
 
@@ -176,7 +174,7 @@ def _effect(name: str, row: Strength, function: str) -> Effect:
             value=f"{given.low:g} to {given.high:g}, typically {given.typical:g}",
             action="give (typical, low, high)",
         )
-    unit = given.unit or _unit_of_value(name)
+    unit = given.unit or unit_of_value(name)
     strength = EffectParameter(
         name="size", unit=unit, typical=given.typical, low=given.low, high=given.high
     )
@@ -194,8 +192,8 @@ def _effect(name: str, row: Strength, function: str) -> Effect:
     )
 
 
-def _unit_of_value(name: str) -> str:
-    """The unit that a name ends with. Raises SimulatorError for that of another quantity."""
+def unit_of_value(name: str) -> str:
+    """The unit that a name ends with. Raises SimulatorError for one that the name contradicts."""
     stem, unit = parted_name(name)
     quantity = _QUANTITIES.get(stem.lower().rpartition("_")[2])
     if quantity and unit in UNITS and UNITS[unit].quantity not in {quantity, "ratio"}:

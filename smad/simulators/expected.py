@@ -56,7 +56,8 @@ class Expected:
         )
         if processes > 1:
             return f"{text} in {processes} processes" + " (processes = 1: in this one)" * chosen
-        return f"{text}; processes = {cores} (--processes) uses all cores" if cores > 1 else text
+        more = f"; with idle cores processes = {cores} (--processes) shares out the runs"
+        return text + more if cores > 1 else text
 
 
 def expected(plant: PlacesPlant, runs: Sequence[GapRun], replay_s: float) -> Expected:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -37,17 +36,11 @@ class Plan:
     __repr__ = __str__
 
 
-class AtRest(Mapping[str, float]):
+class AtRest(dict[str, float]):
     """A start of which nothing is known: every reading and rate is 0."""
 
-    def __getitem__(self, name: str) -> float:
+    def __missing__(self, name: str) -> float:
         return 0.0
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(())
-
-    def __len__(self) -> int:
-        return 0
 
 
 def plan(

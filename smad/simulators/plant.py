@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from threading import Lock
 from typing import Any
@@ -24,7 +24,7 @@ from smad.diagnosis.runs import GapRun
 from smad.simulators.calling import called
 from smad.simulators.declare import Simulator, value_name
 from smad.simulators.processes import Processes
-from smad.simulators.starts import Window, Windows
+from smad.simulators.starts import Window, Windows, by_window
 from smad.simulators.transducers import Transduced, effects_of, transduced
 
 _KEPT = 128
@@ -76,6 +76,7 @@ class SimulatedPlant:
     inputs: Sequence[Signal]
     channels: Sequence[Channel]
     lag_s: float
+    shortest_s: float
     window_s: float = 0.0
     failures: Failures = field(default_factory=Failures)
     processes: Processes | None = None
@@ -97,7 +98,7 @@ class SimulatedPlant:
     def traits(self) -> Traits:
         """How long a run must be, and how many replays are worth asking for at once."""
         together = self.processes.count if self.processes else 1
-        return Traits(shortest_s=self.declared.shortest_s, together=together)
+        return Traits(shortest_s=self.shortest_s, together=together)
 
     def _transducers(self) -> list[Effect]:
         if not self.declared.transducers:
@@ -123,8 +124,18 @@ class SimulatedPlant:
 
     def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
         """See `PlantModel`. The run as it was recorded is replayed; `fast` changes nothing."""
+        return self._shown(point, run)
+
+    def begun_otherwise(self, point: ModelPoint, run: GapRun) -> Iterator[dict[str, Array]]:
+        """See `InWindows`."""
+        base = self.simulate(point, run)
+        for name in self.windows(run if run.whole is None else run.whole)[0].off:
+            yield from by_window(base, self._shown(point, run, name), self.seams(run))
+
+    def _shown(self, point: ModelPoint, run: GapRun, moved: str = "") -> dict[str, Array]:
+        """What is shown with one reading or rate moved, from which all windows begin."""
         whole = run if run.whole is None else run.whole
-        course = self._course(point, whole, self._given(point, run, whole))
+        course = self._course(point, whole, self._given(point, run, whole), moved)
         out = {}
         for name in self._signals:
             shown = transduced(course[name], point.effects, name, whole.t_s)
@@ -152,18 +163,18 @@ class SimulatedPlant:
         return given
 
     def _course(
-        self, point: ModelPoint, whole: GapRun, given: Mapping[str, Array]
+        self, point: ModelPoint, whole: GapRun, given: Mapping[str, Array], moved: str
     ) -> Mapping[str, Array]:
         values = self.declared.values(point.theta, point.effects)
         key = (
-            (id(whole.t_s), id(whole.outputs), self.window_s),
+            (id(whole.t_s), id(whole.outputs), self.window_s, moved),
             tuple(values.values()),
             *(hash(given[n].tobytes()) for n in sorted(given)),
         )
         with self._lock:
             known = self._known.get(key)
         if known is None:
-            known = self._replayed(values, whole, given)
+            known = self._replayed(values, whole, given, moved)
         with self._lock:
             self._known[key] = known
             self._known.move_to_end(key)
@@ -172,18 +183,18 @@ class SimulatedPlant:
         return known
 
     def _replayed(
-        self, values: Mapping[str, float], whole: GapRun, given: Mapping[str, Array]
+        self, values: Mapping[str, float], whole: GapRun, given: Mapping[str, Array], moved: str
     ) -> Mapping[str, Array]:
         out = {n: np.full(len(whole.t_s), np.nan) for n in self._signals}
         self.failures.replays += 1
         try:
-            windows = self.windows(whole)
+            windows = [w.moved(moved) for w in self.windows(whole)]
             parts = [
                 (whole.t_s[a:b], {n: v[a:b] for n, v in given.items()}, dict(start))
-                for a, b, start in windows
+                for a, b, start, _ in windows
             ]
             play = self.play if self.processes is None else self.processes.called
-            for (a, b, _), shown in zip(windows, play(dict(values), parts), strict=True):
+            for (a, b, *_), shown in zip(windows, play(dict(values), parts), strict=True):
                 for name in self._signals:
                     out[name][a:b] = shown[name]
         except Exception as error:  # whatever somebody else's function does at some point
@@ -223,13 +234,13 @@ class SimulatedPlant:
             )
 
     def windows(self, whole: GapRun) -> list[Window]:
-        """First and last sample of each window of a run, and where it begins."""
+        """The windows of a run."""
         return self._windows.of(whole, self.window_s)
 
     def seams(self, run: GapRun) -> list[int]:
         """The samples of a run, thinned or not, at which a window begins."""
         whole = run if run.whole is None else run.whole
-        begun = [whole.t_s[a] for a, _, _ in self.windows(whole)]
+        begun = [whole.t_s[a] for a, *_ in self.windows(whole)]
         return sorted({int(np.searchsorted(run.t_s, t)) for t in begun} | {0})
 
     def regimes(self, run: GapRun, side: str) -> dict[str, Mask]:

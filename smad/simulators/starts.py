@@ -8,9 +8,11 @@ row: then polynomials without a rate hold for longer than those with one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,16 +32,22 @@ _RESOLUTION = 1e-5
 """Of what a reading goes through, that no start need be known to."""
 _SURE = 3.0
 """Standard deviations of the sum of squares, from which samples contradict a polynomial."""
+_OFF = 10.0
+"""Times what noise does to a start, that it may be off by: nothing moves as a polynomial does."""
+_MOST_FREE = 400
+"""Readings and rates that windows of a run begin from, beyond which they are taken as they are: a
+diagnosis has a direction for each."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Polynomial:
-    """A polynomial by least squares: value and rate at time 0, and how uncertain the rate is, in
+    """A polynomial by least squares: value and rate at time 0, and how uncertain both are, in
     standard deviations of a sample. `squares` of what it leaves of `samples` have `free` degrees of
     freedom."""
 
     value: float
     rate: float
+    value_error: float
     rate_error: float
     squares: float
     samples: int
@@ -60,16 +68,42 @@ def _fit(t: Array, y: Array, powers: tuple[int, ...]) -> _Polynomial:
     moving = 1 in powers
     return _Polynomial(
         value=float(coefficients[0]), rate=float(coefficients[1] / scale) if moving else 0.0,
+        value_error=float(np.linalg.norm(inverse[0])),
         rate_error=float(np.linalg.norm(inverse[1])) / scale if moving else 0.0,
         squares=float(left @ left), samples=len(t), free=len(t) - len(powers),
     )  # fmt: skip
 
 
-def _longest(fits: _Polynomial | Sequence[_Polynomial]) -> tuple[int, float]:
-    """What orders fits: over most samples first, then those that leave least."""
-    if isinstance(fits, _Polynomial):
-        return -fits.samples, fits.squares
-    return min((_longest(f) for f in fits), default=(0, np.inf))
+def _order(fit: _Polynomial) -> tuple[int, float]:
+    """Fits over most samples first, then those that leave least."""
+    return -fit.samples, fit.squares
+
+
+class Window(NamedTuple):
+    """Samples of a run from `first` to before `stop`, what its `start` is, and what that may well
+    be `off` by."""
+
+    first: int
+    stop: int
+    start: Mapping[str, float]
+    off: Mapping[str, float]
+
+    def moved(self, name: str) -> Window:
+        """The window with this one of its start off; as it is for one that it has not."""
+        if name not in self.off:
+            return self
+        return self._replace(start={**self.start, name: self.start[name] + self.off[name]})
+
+
+def by_window(
+    base: Mapping[str, Array], moved: Mapping[str, Array], seams: Sequence[int]
+) -> Iterator[dict[str, Array]]:
+    """`base` with `moved` in one window after the other, where that is another and finite."""
+    stop = len(next(iter(base.values())))
+    for a, b in pairwise([*seams, stop]):
+        there = np.stack([moved[n][a:b] - y[a:b] for n, y in base.items()])
+        if there.any() and np.isfinite(there).all():
+            yield {n: np.r_[y[:a], moved[n][a:b], y[b:]] for n, y in base.items()}
 
 
 class Starts:
@@ -90,26 +124,36 @@ class Starts:
             for n, y in measured.items()
         }
 
-    def at(self, k: int) -> Mapping[str, float]:
-        """NAME and NAME_rate of every output at sample k."""
-        out: dict[str, float] = {}
+    def at(self, k: int) -> tuple[Mapping[str, float], Mapping[str, float]]:
+        """NAME and NAME_rate of every output at sample k, and what they may be off by."""
+        start: dict[str, float] = {}
+        off: dict[str, float] = {}
         for name in self._outputs:
-            value, rate = self._local(name, k) if name in self._half else (0.0, 0.0)
-            out[name], out[f"{name}_rate"] = value, rate
-        return out
+            start |= {name: 0.0, f"{name}_rate": 0.0}
+            if name not in self._half:
+                continue
+            if best := self._local(name, k):
+                sd = _OFF * float(np.sqrt(self._variance[name]))
+                start |= {name: best.value, f"{name}_rate": best.rate}
+                off |= {name: sd * best.value_error, f"{name}_rate": sd * best.rate_error}
+            else:
+                start[name] = float(np.nan_to_num(self._run.outputs[name][k]))
+        return start, off
 
-    def _local(self, name: str, k: int) -> tuple[float, float]:
+    def _local(self, name: str, k: int) -> _Polynomial | None:
         moving = self._fits(name, k, _MOVING)
         if not moving:
-            return float(np.nan_to_num(self._run.outputs[name][k])), 0.0
+            return None
         variance = self._variance[name]
         able = [f for f in moving if not f.contradicted(variance)]
         best = min(able, key=lambda f: f.rate_error) if able else moving[-1]
         at_rest = self._fits(name, k, _AT_REST) if k == 0 else []
         still = [f for f in at_rest if not f.contradicted(variance)]
-        if still and _longest(still) < _longest(able):
-            best = min(still, key=_longest)
-        return best.value, best.rate
+        longest = min([*able, *still], key=_order, default=best)
+        if longest in still:
+            # That it rests may be wrong, too.
+            best = replace(longest, rate_error=best.rate_error)
+        return best
 
     def _fits(self, name: str, k: int, powers: Sequence[tuple[int, ...]]) -> list[_Polynomial]:
         """Polynomials of these powers over each number of samples, the longest cubic last."""
@@ -122,12 +166,8 @@ class Starts:
         return out
 
 
-Window = tuple[int, int, Mapping[str, float]]
-
-
 class Windows:
-    """Of each run the windows in which it is replayed: first sample, the one after the last, and
-    what `outputs` show at the first."""
+    """Of each run the windows in which it is replayed, begun from what `outputs` show there."""
 
     def __init__(self, outputs: tuple[str, ...]) -> None:
         self._outputs = outputs
@@ -151,8 +191,9 @@ class Windows:
         if window_s > 0.0:
             number = np.floor((t_s - t_s[0]) / window_s + 1e-9)
             edges += [int(k) + 1 for k in np.flatnonzero(np.diff(number) > 0)]
-        begun = np.searchsorted(whole.t_s, t_s[edges])
-        return [
-            (a, b, MappingProxyType(dict(starts.at(int(k)))))
-            for a, b, k in zip(edges, [*edges[1:], len(t_s)], begun, strict=True)
-        ]
+        free = 2 * len(self._outputs) * len(edges) <= _MOST_FREE
+        out = []
+        for a, b in pairwise([*edges, len(t_s)]):
+            start, off = starts.at(int(np.searchsorted(whole.t_s, t_s[a])))
+            out.append(Window(a, b, MappingProxyType(dict(start)), off if free else {}))
+        return out

@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from smad.diagnosis.data.admission import row_of_admitted_s
 from smad.diagnosis.data.columns import filled, up_to_first_hole
@@ -48,8 +49,9 @@ _SAMPLES = 400
 _STEP = 0.05
 _LEAST_ROWS = 10
 _HALVINGS = 8
-_DAMPING = (0.0, 0.1, 1.0, 10.0, 100.0)
 _PRIOR = 0.01
+_LOST = 10.0
+"""Error over the signal's standard deviation where a model gives no number."""
 _MOST_RUNS = 4
 
 
@@ -71,7 +73,7 @@ def choose_window(
     lengths = _lengths(plant, runs)
     if before <= _FOLLOWS or not lengths:
         return 0.0, ""
-    if not begins_from_readings(plant, some[0]) or all(forgets_its_start(plant, r) for r in some):
+    if all(forgets_its_start(plant, run) for run in some):
         return 0.0, ""
     point = fitted(plant, start, some, lengths[len(lengths) // 2])
     if lost_by(plant, point, some, 0.0) <= _FITTED:
@@ -111,7 +113,8 @@ def _given(plant: Windowed, runs: Sequence[GapRun], window_s: float) -> tuple[fl
             limit=f"at least {least:.3g} s",
             action="give longer ones, or leave window_s out",
         )
-    if not begins_from_readings(plant, runs[0]):
+    base, begun = _begun_elsewhere(plant, runs[0])
+    if all(np.array_equal(base[n], begun[n], equal_nan=True) for n in base):
         raise SimulatorError(
             f"{plant.name} does not begin from its readings, so no window can",
             action="use start['NAME'] and start['NAME_rate'] as the initial state",
@@ -119,14 +122,8 @@ def _given(plant: Windowed, runs: Sequence[GapRun], window_s: float) -> tuple[fl
     return window_s, f"replayed in windows of {window_s:.3g} s that begin from the readings"
 
 
-def begins_from_readings(plant: Windowed, run: GapRun) -> bool:
-    """Whether what the readings show at the start changes what the model predicts."""
-    base, begun = _begun_elsewhere(plant, run)
-    return any(not np.array_equal(base[n], begun[n], equal_nan=True) for n in base)
-
-
 def forgets_its_start(plant: Windowed, run: GapRun) -> bool:
-    """Whether the model shows the same at the end of a run wherever it began.
+    """Whether the model shows the same at the end of a run wherever the readings have it begin.
 
     Then errors do not grow, and a window would add that of its start.
     """
@@ -134,7 +131,7 @@ def forgets_its_start(plant: Windowed, run: GapRun) -> bool:
     quarter = max(len(run.t_s) // 4, 1)
     for name, y in run.outputs.items():
         late = y[-quarter:]
-        off = np.abs(begun[name] - base[name])
+        off = np.where(np.isnan(base[name]), 0.0, np.abs(begun[name] - base[name]))
         if not np.max(off[-quarter:]) <= _FORGOTTEN * np.std(late):
             return False
     return True
@@ -201,34 +198,22 @@ def _lengths(plant: Windowed, runs: Sequence[GapRun]) -> list[float]:
 def fitted(
     plant: Windowed, start: ModelPoint, runs: Sequence[GapRun], window_s: float
 ) -> ModelPoint:
-    """The parameters that predict best in windows, by damped Gauss-Newton steps with priors."""
+    """The parameters that predict best in windows, by least squares with priors."""
 
-    def left(x: Array) -> Array:
+    def left(moved: Array) -> Array:
+        x = moved - 1.0
         point = ModelPoint(moved_parameters(plant, start, x))
         rows = [_PRIOR * x]
         for run, shown in zip(runs, _replayed(plant, point, runs, window_s), strict=True):
             every = max(len(run.t_s) // _SAMPLES, 1)
             for name, y in run.outputs.items():
-                e = np.where(run.good, y - shown[name], 0.0)[::every]
-                rows.append(e / (float(np.nanstd(y)) or 1.0) / np.sqrt(len(e)))
+                e = np.where(run.good, y - shown[name], 0.0)[::every] / (float(np.nanstd(y)) or 1.0)
+                rows.append(np.where(np.isfinite(e), e, _LOST) / np.sqrt(len(e)))
         return np.concatenate(rows)
 
-    x = np.zeros(len(plant.parameters))
-    now = left(x)
-    for _ in range(_ROUNDS):
-        J = np.array([(left(x + _STEP * unit) - now) / _STEP for unit in np.eye(len(x))])
-        if not np.isfinite(J).all():
-            break
-        A, g = J @ J.T, J @ now
-        for damping in _DAMPING:
-            step = np.linalg.solve(A + (damping + 1e-9) * np.diag(np.diag(A) + 1e-12), -g)
-            there = left(x + step)
-            if np.isfinite(there).all() and there @ there < now @ now:
-                break
-        else:
-            break
-        small = now @ now - there @ there < 1e-3 * (now @ now)
-        x, now = x + step, there
-        if small:
-            break
-    return ModelPoint(moved_parameters(plant, start, x))
+    # Around 1, since a step of the slopes is a share of where it is made.
+    begin = np.ones(len(plant.parameters))
+    if not len(begin):
+        return start
+    there = least_squares(left, begin, diff_step=_STEP, ftol=1e-3, max_nfev=_ROUNDS).x
+    return ModelPoint(moved_parameters(plant, start, there - 1.0))

@@ -14,11 +14,17 @@ from click.testing import CliRunner
 from scipy.io import savemat
 
 from examples.public_records.__main__ import main
-from examples.public_records.emps import LAP
-from examples.public_records.emps import STEP_S as SAMPLE_S
-from examples.public_records.records import RECORDS, Mjcf, Record, RecordError, SplitRuns
-from examples.public_records.silverbox import RATE_HZ
-from examples.public_records.tanks import STEP_S
+from examples.public_records.records import (
+    EMPS_S,
+    LAP,
+    RECORDS,
+    SILVERBOX_PART,
+    SILVERBOX_S,
+    TANKS_S,
+    Mjcf,
+    Record,
+    RecordError,
+)
 from smad.diagnosis import Verdict
 from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.runs import GapRun
@@ -33,8 +39,6 @@ FETCHED = Path(__file__).resolve().parents[2] / "public-records"
 """Where `python -m examples.public_records` puts them, from the root."""
 GAIN = 1.1
 """Of the Silverbox that is made here."""
-PART = 1500
-"""Samples of each Silverbox run that a test plays."""
 
 
 def multisine(n: int, lines: int, seed: int) -> Array:
@@ -90,12 +94,12 @@ def tanks_file(folder: Path, effects: Mapping[str, Mapping[str, float]]) -> Reco
     columns = {}
     for i, which in enumerate(("Est", "Val")):
         pump = 2.8 + 2.2 * multisine(1024, 24, seed=i)
-        given = GapRun(which, np.arange(1024) * STEP_S, {"pump_V": pump}, {})
+        given = GapRun(which, np.arange(1024) * TANKS_S, {"pump_V": pump}, {})
         columns[f"u{which}"] = pump
         columns[f"y{which}"] = answered(TANKS.simulator, point, given, 0.015, seed=i)
     ordered = {name: columns[name] for name in ("uEst", "uVal", "yEst", "yVal")}
     (name,) = TANKS.files
-    written(folder / name, {**ordered, "Ts": np.full(1024, STEP_S)})
+    written(folder / name, {**ordered, "Ts": np.full(1024, TANKS_S)})
     return as_published(TANKS, folder)
 
 
@@ -103,12 +107,11 @@ def silverbox_file(folder: Path, effects: Mapping[str, Mapping[str, float]]) -> 
     point = ModelPoint({"resonance_Hz": 68.0, "gain": GAIN, "input_zero_V": 0.006}, effects)
     columns = {"V1": np.zeros(131072), "V2": np.zeros(131072)}
     (name,) = SILVERBOX.files
-    for seed, start in enumerate((0, 40577, 49271, 110110)):
-        # Played in the first part of each run, and not up to its end, so that it ends at rest.
-        u = 0.1 * np.r_[multisine(PART - 300, 390, seed=seed), np.zeros(300)]
-        given = GapRun("", np.arange(PART) / RATE_HZ, {"input_V": u}, {})
-        columns["V1"][start : start + PART] = u
-        columns["V2"][start : start + PART] = answered(
+    for seed, start in enumerate((40577 - SILVERBOX_PART, 40577, 49271, 110110)):
+        u = 0.1 * multisine(SILVERBOX_PART, 390, seed=seed)
+        given = GapRun("", np.arange(SILVERBOX_PART) * SILVERBOX_S, {"input_V": u}, {})
+        columns["V1"][start : start + SILVERBOX_PART] = u
+        columns["V2"][start : start + SILVERBOX_PART] = answered(
             SILVERBOX.simulator, point, given, 3e-4, seed
         )
     written(folder / name, columns)
@@ -132,44 +135,38 @@ def emps_files(folder: Path, effects: Mapping[str, Mapping[str, float]]) -> Reco
     mass, drag, gain = 95.0, 210.0, 35.0
     point = ModelPoint({"mass_kg": mass, "drag_N_s_m": drag, "offset_N": -3.0}, effects)
     told = np.tile(there_and_back(), 4)
-    force = mass * np.gradient(told, SAMPLE_S) + drag * told - 3.0
-    force += effects.get("coulomb_friction", {}).get("size", 0.0) * np.sign(told)
+    force = mass * np.gradient(told, EMPS_S) + drag * told - 3.0
+    force += effects.get("friction_N", {}).get("size", 0.0) * np.sign(told)
     for i, name in enumerate(EMPS.files):
         pulses = np.where(np.arange(len(told)) % 500 < 20, 60.0 * i, 0.0)
-        given = GapRun("", np.arange(len(told)) * SAMPLE_S, {"force_N": force + pulses}, {})
+        given = GapRun("", np.arange(len(told)) * EMPS_S, {"force_N": force + pulses}, {})
         rate = answered(EMPS.simulator, point, given, 1e-4, seed=i)
         middles = 0.5 * (rate[1:] + rate[:-1])
-        steps = SAMPLE_S * np.r_[rate[0], middles, rate[-1]]
+        steps = EMPS_S * np.r_[rate[0], middles, rate[-1]]
         position = 5e-8 * np.round(np.r_[0.0, np.cumsum(steps)] / 5e-8)
-        volts = np.r_[given.inputs["force_N"], 0.0, 0.0] / gain
+        volts = np.r_[0.0, given.inputs["force_N"], 0.0] / gain
         columns = {"vir": volts, "qm": position, "kp": np.array([160.0]), "gtau": np.array([gain])}
         savemat(folder / name, {n: c[:, None] for n, c in columns.items()})
     return as_published(EMPS, folder)
 
 
-def parts(asked: SplitRuns) -> SplitRuns:
-    return SplitRuns(*([r.part(0, PART) for r in runs] for runs in (asked.fit, asked.hold_out)))
-
-
-def test_an_overflow_put_into_the_tanks_is_placed_at_what_the_pump_does(tmp_path: Path) -> None:
+def test_an_overflow_put_into_the_tanks_comes_first(tmp_path: Path) -> None:
     spilling = {"upper_overflow": {"size": 0.9, "upper_rim_V": 10.0, "to_lower": 0.1}}
     asked = tanks_file(tmp_path, spilling).asked(tmp_path)
     found = diagnose([*asked.fit, *asked.hold_out], TANKS.simulator).verdict
     first, *_ = found.causes
-    assert first.place == "input_pump_V"
-    assert first.places["input_pump_V"] > 0.7
-    law = next(r for r in first.rivals if r.kind == "law" and "input_pump_V" in r.places)
+    assert first.name == "upper_overflow"
+    (share,) = (v for v in first.values if v.name == "to_lower")
+    assert share.value == pytest.approx(0.1, abs=0.03)
     assert found.whole is not None
-    assert law.gap < 0.55 * found.whole.parameters
-    assert found.whole.final < 0.8 * found.whole.parameters
+    assert found.whole.final < 0.3 * found.whole.parameters
 
 
 def test_the_command_prints_the_name_of_what_was_put_in_and_writes_the_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stiff = silverbox_file(tmp_path, {"cubic_spring": {"size": 4.0}})
-    short = replace(stiff, runs=lambda columns: parts(stiff.runs(columns)))
-    monkeypatch.setitem(RECORDS, "silverbox", short)
+    monkeypatch.setitem(RECORDS, "silverbox", stiff)
     page = tmp_path / "silverbox.html"
     done = CliRunner().invoke(main, ["silverbox", "--folder", str(tmp_path), "--html", str(page)])
     assert done.exit_code == 0, done.output
@@ -178,7 +175,7 @@ def test_the_command_prints_the_name_of_what_was_put_in_and_writes_the_page(
 
 
 def silverbox_told(tmp_path: Path, effect: str, size: float) -> Verdict:
-    asked = parts(silverbox_file(tmp_path, {effect: {"size": size}}).asked(tmp_path))
+    asked = silverbox_file(tmp_path, {effect: {"size": size}}).asked(tmp_path)
     return diagnose(asked.fit, SILVERBOX.simulator, hold_out=asked.hold_out, candidates=()).verdict
 
 
@@ -202,11 +199,11 @@ def test_a_cubic_spring_comes_out_as_a_force_that_grows_with_the_cube_of_displac
     fit = np.linalg.lstsq(shape, law, rcond=None)[0]
     line = shape[:, :2] @ np.linalg.lstsq(shape[:, :2], law, rcond=None)[0]
     assert fit[2] == pytest.approx(-4.0 / GAIN, rel=0.15)
-    assert np.sum((law - shape @ fit) ** 2) < 0.22 * np.sum((law - line) ** 2)
+    assert np.sum((law - shape @ fit) ** 2) < 0.5 * np.sum((law - line) ** 2)
 
 
-def test_coulomb_friction_comes_out_as_a_force_with_the_sign_of_the_rate(tmp_path: Path) -> None:
-    (told,) = silverbox_told(tmp_path, "coulomb_friction", 0.005).causes
+def test_friction_comes_out_as_a_force_with_the_sign_of_the_rate(tmp_path: Path) -> None:
+    (told,) = silverbox_told(tmp_path, "friction_V", 0.005).causes
     assert told.place == "input_input_V"
     (sign,) = (t for t in told.read if t.name.endswith("_sign"))
     assert sign.state == "output_V_rate"
@@ -217,7 +214,7 @@ def test_friction_of_a_drive_comes_out_as_a_force_with_the_sign_of_its_rate(
     tmp_path: Path,
 ) -> None:
     """Without an entry for it, and beside it that drag is smaller forwards."""
-    rubbing = {"coulomb_friction": {"size": 12.0}, "one_way_drag": {"size": -40.0}}
+    rubbing = {"friction_N": {"size": 12.0}, "one_way_drag_N_s_m": {"size": -40.0}}
     asked = emps_files(tmp_path, rubbing).asked(tmp_path)
     found = diagnose(asked.fit, EMPS.simulator, hold_out=asked.hold_out, candidates=()).verdict
     (told,) = found.causes
@@ -307,21 +304,25 @@ def test_a_file_at_an_address_of_its_own_is_fetched_from_there(tmp_path: Path) -
 
 
 @pytest.mark.parametrize(
-    ("record", "played"),
-    [(TANKS, "pump_V"), (SILVERBOX, "input_V"), (EMPS, "force_N")],
+    ("record", "played", "step_s"),
+    [
+        (TANKS, "pump_V", TANKS_S),
+        (SILVERBOX, "input_V", SILVERBOX_S),
+        (EMPS, "force_N", EMPS_S),
+    ],
     ids=["tanks", "silverbox", "emps"],
 )
 def test_an_effect_of_no_size_changes_nothing_and_each_of_usual_size_does(
-    record: Record, played: str
+    record: Record, played: str, step_s: float
 ) -> None:
     inputs = {
         "pump_V": 4.0 + 3.0 * multisine(400, 4, seed=1),
         "input_V": 0.1 * multisine(400, 60, seed=1),
         "force_N": 200.0 * multisine(400, 4, seed=1),
     }
-    given = GapRun("", np.arange(400) * SAMPLE_S, {played: inputs[played]}, {})
+    given = GapRun("", np.arange(400) * step_s, {played: inputs[played]}, {})
     bare = shown(record.simulator, ModelPoint({}), given)
-    assert len(record.simulator.effects) >= 6
+    assert len(record.simulator.effects) >= 5
     for effect in record.simulator.effects:
         at = [
             shown(record.simulator, ModelPoint({}, {effect.name: strong(effect, level)}), given)
@@ -331,13 +332,12 @@ def test_an_effect_of_no_size_changes_nothing_and_each_of_usual_size_does(
         assert np.ptp(at[1] - bare) > 0.0, effect.name
 
 
-def test_the_silverbox_runs_lie_where_the_record_rests_and_leave_out_how_they_begin(
+def test_the_silverbox_runs_lie_where_they_were_played_and_leave_out_how_they_begin(
     tmp_path: Path,
 ) -> None:
     asked = silverbox_file(tmp_path, {}).asked(tmp_path)
-    assert [len(r.t_s) for r in (*asked.fit, *asked.hold_out)] == [8694, 8692, 8691, 40577]
     for run in (*asked.fit, *asked.hold_out):
-        assert run.inputs["input_V"][-1] == 0.0
+        assert np.max(np.abs(run.inputs["input_V"])) == pytest.approx(0.1, rel=1e-5)
         assert np.sum(~run.good) == 100
         assert run.dt_s == pytest.approx(1 / 610.35, rel=1e-5)
 

@@ -6,7 +6,7 @@ go with what any plant has: its inputs, what it predicts to be measured, rates o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
@@ -37,6 +37,11 @@ class InWindows(Protocol):
 
     def seams(self, run: GapRun) -> Sequence[int]:
         """The samples of a run, thinned or not, at which a window begins; 0 is the first."""
+        ...
+
+    def begun_otherwise(self, point: ModelPoint, run: GapRun) -> Iterable[dict[str, Array]]:
+        """What is shown where one reading or rate, from which one window begins, is off by what it
+        may well be off by: of each in turn."""
         ...
 
 
@@ -106,6 +111,10 @@ class BarePlaces:
                 channel = name.removeprefix(READING)
                 out[channel] = out[channel] + series
         return out
+
+    def begun_otherwise(self, point: ModelPoint, run: GapRun) -> Iterable[dict[str, Array]]:
+        """See `InWindows`; nothing of a plant that is not replayed in windows."""
+        return self.plain.begun_otherwise(point, run) if isinstance(self.plain, InWindows) else ()
 
     def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
         """See `PlantModel`; laws of the point are in force."""

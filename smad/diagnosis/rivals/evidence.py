@@ -18,6 +18,7 @@ from smad.diagnosis.data.measured import Measured
 from smad.diagnosis.data.played import Played
 from smad.diagnosis.numerics.folds import Array, Index
 from smad.diagnosis.numerics.white import RunRows, Shrink
+from smad.diagnosis.places.bare import BarePlaces
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import ModelPoint, traits_of
 from smad.diagnosis.runs import GapRun
@@ -198,7 +199,8 @@ def recorded_evidence(
 
 
 def _wandering(plant: PlacesPlant, point: ModelPoint, played: Played) -> Array:
-    """What a constant and a straight line at each place that wanders change, at its usual size."""
+    """What a constant and a straight line at each place that wanders change, at its usual size, and
+    what a run's start may be off by."""
     run = played.run
     elapsed = run.t_s - run.t_s[0]
     courses = (np.ones(len(run.t_s)), elapsed / max(float(elapsed[-1]), 1e-9))
@@ -210,6 +212,9 @@ def _wandering(plant: PlacesPlant, point: ModelPoint, played: Played) -> Array:
             for course in courses:
                 forced = plant.forced(point, run, {(name, side): size * course}, fast=True)
                 out.append((_shown(plant, forced, played) - base)[None])
+    if isinstance(plant, BarePlaces):
+        begun = plant.begun_otherwise(point, run)
+        out += [(_shown(plant, shown, played) - base)[None] for shown in begun]
     return np.concatenate(out)
 
 

@@ -15,7 +15,7 @@ from smad.records.tables import left_out
 from smad.records.units import Written, spelt, unit_words, units_for
 from smad.simulators.asking import diagnose
 from smad.simulators.columns import Table, span_of, tables_of
-from smad.simulators.declare import Simulator
+from smad.simulators.declare import Simulator, unit_of_value
 from smad.simulators.errors import SimulatorError
 from smad.simulators.mjcf.library import (
     joint_effects,
@@ -153,6 +153,7 @@ def _parameter(replay: MujocoModel, name: str, row: ParameterRow) -> Parameter:
         )
     prior = row.prior_sd or _PRIOR_OF_RANGE * (row.high - row.low)
     unit, named = replay.unit_of_field(name), unit_in(name)
+    unit_of_value(name)
     if named and unit in units_for(named) and named != unit:
         raise SimulatorError(
             f"parameters.{name}: its name has another unit than the model's field",

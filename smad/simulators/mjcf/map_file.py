@@ -9,7 +9,6 @@ import msgspec
 
 from smad.config.toml_file import read_toml
 from smad.records.csv_table import CsvFormat
-from smad.simulators.declare import SHORTEST_S
 from smad.simulators.errors import SimulatorError
 
 _Number = Annotated[float, msgspec.Meta(ge=-1e15, le=1e15)]
@@ -77,7 +76,7 @@ class MjcfMap(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     name: str = ""
     payload_at: tuple[str, ...] | None = None
     observed: tuple[str, ...] = ()
-    shortest_s: _Positive = SHORTEST_S
+    shortest_s: _Positive | None = None
 
 
 def read_map(path: Path) -> MjcfMap:

@@ -15,6 +15,7 @@ import pytest
 from smad.diagnosis.data.admission import admit
 from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.report.words import lines
+from smad.diagnosis.rivals.evidence import recorded_evidence
 from smad.diagnosis.runs import GapRun
 from smad.simulators import Missing, diagnose, plan, simulator
 from smad.simulators.bind import bind
@@ -204,6 +205,10 @@ def elsewhere(t, inputs, values, start):
     return {"pressure": inputs["power_W"]}
 
 
+def rotating(t, inputs, values, start):
+    return {"temperature_degC": np.exp(1j * inputs["power_W"])}
+
+
 def failing(t, inputs, values, start):
     raise ZeroDivisionError("capacity")
 
@@ -223,6 +228,7 @@ def endless(t, inputs, values, start):
         (misspelt, "asks for 'powr_W', which is neither a column nor a value.*power_W"),
         (peeking, r"reads temperature_degC, which it returns; begin from start\["),
         (elsewhere, "returns nothing that was measured; got pressure"),
+        (rotating, "temperature_degC is complex"),
         (failing, "fails on run 1 with the values it begins with; got ZeroDivisionError"),
         (endless, "gives no numbers for temperature_degC"),
     ],
@@ -232,6 +238,14 @@ def test_a_function_that_cannot_be_asked_is_refused_by_what_is_wrong_with_it(
 ) -> None:
     with pytest.raises(SimulatorError, match=words):
         diagnose(RUNS, simulator(function, parameters=PARAMETERS))
+
+
+@pytest.mark.parametrize(
+    "given", [{"exact": ("fan",)}, {"ranges": {"fan": (0.0, 1.0)}}, {"units": {"fan": "1"}}]
+)
+def test_what_is_declared_of_a_signal_that_the_function_has_not_is_refused(given) -> None:
+    with pytest.raises(SimulatorError, match="names fan, which heater neither reads nor returns"):
+        bind(declared_heater(**given), RUNS)
 
 
 @pytest.mark.parametrize(
@@ -339,10 +353,14 @@ def test_what_lacks_in_a_column_does_not_count_and_a_run_ends_at_its_first_hole(
     assert not any(f.refuses for f in verdict.findings)
 
 
-def test_a_run_is_as_long_as_the_simulator_says_it_must_be() -> None:
+def test_a_run_is_as_long_as_the_simulator_says_it_must_be_or_as_what_is_measured_asks_for() -> (
+    None
+):
     short = [pendulum_run(seed, seconds=4.0) for seed in range(2)]
-    assert diagnose(short, declared_pendulum()).verdict.outcome == "refused"
-    quick = diagnose(short, declared_pendulum(shortest_s=4.0)).verdict
+    assert diagnose(short, declared_pendulum(shortest_s=8.0)).verdict.outcome == "refused"
+    assert bind(declared_heater(), RUNS).plant.traits.shortest_s == 8.0
+    assert bind(declared_pendulum(), short).plant.traits.shortest_s < 2.0
+    quick = diagnose(short, declared_pendulum()).verdict
     assert not any(f.refuses for f in quick.findings)
     with pytest.raises(SimulatorError, match="shortest_s is no length"):
         declared_pendulum(shortest_s=0.0)
@@ -430,7 +448,7 @@ def test_a_slow_function_replays_in_all_idle_cores_unless_it_cannot_be_forked(
     text = "a replay takes 0.02 s: 4 s to 60 s in all in 8 processes (processes = 1: in this one)"
     assert slow.words(8, chosen=True) == text
     assert slow.words(1, chosen=False).endswith(
-        "20 s to 5 min in all; processes = 8 (--processes) uses all cores"
+        "20 s to 5 min in all; with idle cores processes = 8 (--processes) shares out the runs"
     )
     for busy, count in ((5, 3), (20, 1)):
         monkeypatch.setattr("smad.simulators.expected._busy", lambda busy=busy: busy)
@@ -483,6 +501,30 @@ def test_each_window_begins_from_the_readings_there() -> None:
     assert np.abs(states["angle_rad_rate"][at]).max() < 10.0
     pushed = replace(run, inputs={n: c + 0.1 for n, c in run.inputs.items()})
     assert plant.windows(pushed) is plant.windows(run)
+
+
+def test_what_a_window_begins_from_is_free_by_what_the_readings_may_be_off_by() -> None:
+    def cart(t, inputs, values, start):
+        rate = start["x_m_rate"] + 0.01 * np.cumsum(inputs["force_N"]) / values["mass_kg"]
+        return {"x_m": start["x_m"] + 0.01 * np.r_[0.0, np.cumsum(rate)[:-1]]}
+
+    rng = np.random.default_rng(0)
+    force = np.repeat(rng.uniform(-2.0, 2.0, 20), 50)
+    x = cart(None, {"force_N": force}, {"mass_kg": 1.0}, {"x_m": 0.0, "x_m_rate": 0.0})["x_m"]
+    read = x + 5e-3 * rng.standard_normal(1000)
+    table = {"t_s": 0.01 * np.arange(1000), "force_N": force, "x_m": read}
+    bound = bind(simulator(cart, parameters={"mass_kg": (1.0, 0.5, 2.0)}), table)
+    plant, ((run,),), point = bound.plant, bound.groups, ModelPoint({})
+    plant.plain.window_s = 2.5
+    base = plant.simulate(point, run)["x_m"]
+    changed = [np.flatnonzero(y["x_m"] != base) // 250 for y in plant.begun_otherwise(point, run)]
+    assert [set(c.tolist()) for c in changed] == [{0}, {1}, {2}, {3}] * 2
+    evidence = recorded_evidence(plant, [run], np.array([5e-3 / np.sqrt(10.0)]), 0.1, point)
+    (played,) = evidence.played
+    shown = np.stack([plant.simulate(point, played.run)["x_m"]])
+    left = evidence.left([np.ascontiguousarray(played.means(shown)).T])
+    assert np.mean(left**2) > 20.0
+    assert np.mean(evidence.freed(left, evidence.valid) ** 2) < 1.5
 
 
 def test_windows_that_are_too_short_or_do_not_begin_from_readings_are_refused() -> None:
@@ -645,8 +687,8 @@ def test_a_run_that_begins_with_a_step_begins_at_rest() -> None:
     for _ in range(20):
         read = angle + 1e-3 * rng.standard_normal(400)
         starts = Starts(GapRun("a", t_s, {}, {"angle_rad": read}), ("angle_rad",))
-        rates.append(starts.at(0)["angle_rad_rate"])
-        assert starts.at(200)["angle_rad_rate"] == pytest.approx(10.0, abs=0.1)
+        rates.append(starts.at(0)[0]["angle_rad_rate"])
+        assert starts.at(200)[0]["angle_rad_rate"] == pytest.approx(10.0, abs=0.1)
     assert abs(np.mean(rates)) < 0.2
 
 

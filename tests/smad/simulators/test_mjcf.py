@@ -101,6 +101,9 @@ def test_a_parameter_has_the_unit_of_its_field_and_is_refused_by_the_name_of_ano
                                                        '[parameters."mass [g]"]')  # fmt: skip
     with pytest.raises(SimulatorError, match="another unit than the model's field; got g; allowed"):
         declare_mjcf(*files(tmp_path, mapped=grams), [arm_run(0, seconds=2.0)])
+    metres = MAP.replace("mass_kg", "mass_m")
+    with pytest.raises(SimulatorError, match="mass_m is a mass by its name"):
+        declare_mjcf(*files(tmp_path, mapped=metres), [arm_run(0, seconds=2.0)])
 
 
 def test_a_replay_is_that_of_mj_step(tmp_path: Path) -> None:
