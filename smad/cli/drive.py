@@ -77,7 +77,7 @@ def clear(bench: str, fault: Fault | None) -> None:
 
 @click.command(context_settings=NEGATIVE)
 @click.argument("spring", type=_SPRING, metavar="SPRING")
-@click.argument("temperature_degC", type=Quantity("°C"), metavar="DEGC")
+@click.argument("temperature_degC", type=Quantity("degC"), metavar="DEGC")
 @click.option(
     "--rate", type=Quantity("K/s"), metavar="K/S", help="Ramp to it instead of going at once."
 )
@@ -129,7 +129,7 @@ def heat(
 @click.argument("current_a", type=Quantity("A"), metavar="A")
 @click.option("--for", "duration_s", type=Quantity("s"), metavar="S", help="End after this time.")
 @click.option(
-    "--until", "until_degc", type=Quantity("°C"), metavar="DEGC", help="End at this temperature."
+    "--until", "until_degc", type=Quantity("degC"), metavar="DEGC", help="End at this temperature."
 )
 @wait_option
 @axis_option

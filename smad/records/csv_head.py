@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import TextIO
 
 from smad.errors import LogImportError
-from smad.records.units import is_unit
 from smad.runlog.bounds import MOST_HEAD_CHARACTERS, require_bounded
+from smad.units import is_unit
 
 DELIMITERS: tuple[str, ...] = (",", ";", "\t", " ")
 _COMMENT = re.compile(r"\s*(#|%|//)+\s?")

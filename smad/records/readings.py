@@ -17,8 +17,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from sim_device.plant.units import UNITS
 from smad.records.declared import Declared, refusal_words
-from smad.records.units import UNITS, spelt
+from smad.units import spelt
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
