@@ -1,7 +1,5 @@
 """`smad hooks`: word of what happens on a bench, and the relay of its heaters' supply."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING

@@ -1,7 +1,5 @@
 """The trends of a record, in words, as a table, and as one page."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime

@@ -1,7 +1,5 @@
 """The process of an item: begun with the runner's lock, its output kept up to a limit."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

@@ -5,8 +5,6 @@ understood is left out and listed; what is half understood (a known quantity wit
 one that does not fit) is refused, because a guess would be a factor of a thousand.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ names are the last line that has as many cells as the first row of numbers, none
 last comment (as numpy's savetxt writes them).
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from collections import Counter

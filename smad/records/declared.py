@@ -1,7 +1,5 @@
 """What a column is declared to be, and the likely unit of values beyond its range."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -8,8 +8,6 @@ them, or that moves and then jumps. A column that is beyond its range otherwise 
 unit that it is likely to be in. A reading that several rows each repeat is named.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
