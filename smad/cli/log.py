@@ -34,18 +34,12 @@ def _folder_of_bench(context: click.Context, parameter: click.Parameter, folder:
     """Return the folder given; else that of the bench whose daemon runs; else `runs` here."""
     if folder is not None or context.resilient_parsing:
         return folder or _HERE
-    from smad.client import Client
-    from smad.errors import SmadError
+    from smad.client.folder import recording_folder
 
-    with contextlib.suppress(SmadError):
-        with Client(os.environ.get("SMAD_BENCH", "bench"), timeout_s=_ASKED_S) as bench_client:
-            of_bench = bench_client.status().recorder.folder
-        if of_bench and Path(of_bench).is_dir():
-            return shown(of_bench)
-    return _HERE
+    of_bench = recording_folder(os.environ.get("SMAD_BENCH", "bench"), timeout_s=2.0)
+    return shown(of_bench) if of_bench is not None and of_bench.is_dir() else _HERE
 
 
-_ASKED_S = 2.0
 _folder = click.option(
     "--folder",
     envvar="SMAD_RUNS",
@@ -148,28 +142,14 @@ def export(
     rosbag2 is a ROS 2 bag: a folder with an MCAP file of standard messages. lerobot is a dataset of
     LeRobot v3.0: a folder with Parquet files, of one episode.
     """
-    from smad.runlog import lerobot
-    from smad.runlog.export import export_run, side_by_side
+    from smad.runlog.formats import export_axes
     from smad.runlog.reader import read_axes
-    from smad.runlog.rosbag import SUFFIX, export_bag
 
     source = _resolve(path, folder)
     with _progress("reading") as progress:
         runs = read_axes(source, progress=progress)
     target = output or source.with_suffix(f".{suffix}")
-    if wide and target.suffix not in (".csv", ".parquet"):
-        raise click.UsageError("--wide makes a CSV or Parquet file.")
-    if wide and len(runs) > 1:
-        runs = {"": side_by_side(runs)}
-    files: list[Path] = []
-    for axis, run in runs.items():
-        axis_file = target.with_name(f"{target.stem}.{axis}{target.suffix}") if axis else target
-        if suffix == "rosbag2" or target.suffix == SUFFIX:
-            files.append(export_bag(run, axis_file, overwrite=overwrite))
-        elif suffix == "lerobot" or target.suffix == lerobot.SUFFIX:
-            files.append(lerobot.export_lerobot([run], axis_file, fps=fps, overwrite=overwrite))
-        else:
-            files += export_run(run, axis_file, overwrite=overwrite)
+    files = export_axes(runs, target, kind=suffix, wide=wide, fps=fps, overwrite=overwrite)
     rows, notes = max(map(len, runs.values())), next(iter(runs.values())).notes
     if as_json:
         print_json({"files": [str(file) for file in files], "rows": rows, "notes": notes})

@@ -43,6 +43,23 @@ class Health:
         """Trends that changed for a while and have come back."""
         return [t for t in self.trends.values() if t.passed and t.noticed is None]
 
+    def record(self) -> dict[str, object]:
+        """Return it as JSON takes it."""
+        trends = {
+            name: {
+                "then": trend.mean,
+                "scatter": trend.scatter,
+                "change": trend.change,
+                "came_back_at_cycles": [float(trend.x[back]) for _, back in trend.passed],
+                "noticed_at_cycle": None
+                if trend.noticed is None
+                else float(trend.x[trend.noticed]),
+                "forecast": self.forecast(name),
+            }
+            for name, trend in self.trends.items()
+        }
+        return {"headline": headline(self), "rows": len(self.rows), "trends": trends}
+
 
 def health_of(rows: Sequence[Row], limits: Mapping[str, float]) -> Health:
     """Return the health that rows show; cycles are summed up from the first one on."""
