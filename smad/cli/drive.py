@@ -22,7 +22,7 @@ _SPRING = click.Choice(["x", "y"], case_sensitive=False)
 @click.command()
 @axis_option
 def arm(bench: str) -> None:
-    """Arm the bench: the board checks itself, then lets current through.
+    """Arm the bench: the board checks itself and allows current.
 
     It stays armed after this command ends, without a lease, until a client disarms it.
     """
@@ -66,7 +66,7 @@ def _duty(ctx: click.Context, param: click.Parameter, value: str) -> float:
 @fault_argument
 @axis_option
 def clear(bench: str, fault: Fault | None) -> None:
-    """Acknowledge the latched fault; FAULT (a name or number) clears only that one.
+    """Acknowledge the latched fault, or only FAULT (name or number).
 
     Works once its cause is gone and the springs are cold.
     """
@@ -171,7 +171,7 @@ def current(
 @wait_option
 @axis_option
 def pump(spring: str, duty: float, duration_s: float | None, wait: bool, bench: str) -> None:
-    """Run the pump of SPRING (x or y) at a DUTY of 0 to 1, or 0% to 100%."""
+    """Run the pump of SPRING (x or y) at a DUTY (0.5, or 50%)."""
     from smad.control.commands import DriveCurrent
 
     command = checked(

@@ -81,8 +81,9 @@ def diagnose(
     window_s: float | None,
     processes: int | None,
 ) -> None:
-    """Say where model and RUNs disagree, which effect or law is missing, and how much of the gap
-    it explains.
+    """Say where model and RUNs disagree, and what is missing.
+
+    An effect or a law is named, with the share of the gap that it explains.
 
     With --good the question is what has changed since those runs, else what differs between model
     and bench. Without --hold-out each run is judged by a model of the others.
@@ -149,7 +150,10 @@ def diagnose(
     "--first", type=click.IntRange(0), help="Only this many causes; 0: the parameters alone."
 )
 def apply(*, verdict: Path, out: Path, first: int | None) -> None:
-    """Write the model of a VERDICT (written by --json), with all its causes or the first ones."""
+    """Write the model of a VERDICT, with all or its first causes.
+
+    A verdict is what --json of `smad gap diagnose` and `smad gap checkup` writes.
+    """
     import msgspec
 
     from smad.diagnosis.errors import GapError

@@ -45,12 +45,12 @@ def health(
     report: Path | None,
     as_json: bool,
 ) -> None:
-    """Add the new runs of FOLDER to the record, and show what has changed on the bench.
+    """Show how the bench ages, from its run logs and check-ups.
 
-    Each run log gives one row: stroke, rest, force, resistances, cooling, gains; each check-up's
-    verdict parameters with their intervals, floors and places. Runs of one name are compared. A
-    change is reported when the cumulative sum of deviations leaves the range of the first ten
-    rows.
+    The new runs of FOLDER are added to the record first. Each run log gives one row: stroke, rest,
+    force, resistances, cooling, gains; each check-up's verdict parameters with their intervals,
+    floors and places. Runs of one name are compared. A change is reported when the cumulative sum
+    of deviations leaves the range of the first ten rows.
     """
     from smad.experiments.ready import require_packages
     from smad.files import require_writable

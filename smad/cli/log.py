@@ -136,11 +136,11 @@ def export(
     fps: int | None,
     as_json: bool,
 ) -> None:
-    """Write a run log as CSV, Parquet or MATLAB file, beside it unless --output says where.
+    """Write a run log as CSV, Parquet, MATLAB, ROS or LeRobot file.
 
-    Several axes are written into a file each, or with --wide into one table.
-    rosbag2 is a ROS 2 bag: a folder with an MCAP file of standard messages. lerobot is a dataset of
-    LeRobot v3.0: a folder with Parquet files, of one episode.
+    It goes beside the log unless --output says where. Several axes are written into a file each, or
+    with --wide into one table. rosbag2 is a ROS 2 bag: a folder with an MCAP file of standard
+    messages. lerobot is a dataset of LeRobot v3.0: a folder with Parquet files, of one episode.
     """
     from smad.runlog.formats import export_axes
     from smad.runlog.reader import read_axes
@@ -162,7 +162,7 @@ def export(
 @_path
 @_folder
 def split(path: Path | None, folder: str) -> None:
-    """Write each axis of a log of several as a run log of its own, beside it."""
+    """Write each axis as a run log of its own, beside the log."""
     from smad.runlog.one_axis import extract
     from smad.runlog.reader import read_axes
 
@@ -205,10 +205,11 @@ def plot(
     figure: Path | None,
     width_mm: float,
 ) -> None:
-    """Make a page of one or more run logs: panels to zoom, with values under the pointer.
+    """Make a page with plots of one or more run logs.
 
-    Several runs are overlaid from their first samples on; those of a bench are drawn over those of
-    a simulation. The page is one file and needs no network.
+    The plots zoom and show the values under the pointer. Several runs are overlaid from their first
+    samples on; those of a bench are drawn over those of a simulation. The page is one file and
+    needs no network.
     """
     from smad.report.page import write_page
     from smad.report.runs import page_of
@@ -246,7 +247,10 @@ def plot(
 )
 @json_option
 def import_command(source: Path, output: Path | None, mapping: Path | None, as_json: bool) -> None:
-    """Make a run log from a CSV or Parquet file with units in its column names, or a ROS bag."""
+    """Make a run log from a CSV or Parquet file, or a ROS bag.
+
+    The names of the columns end with their units, or --mapping says what they are.
+    """
     from smad.records.channels import read_mapping
     from smad.records.importer import import_table
 
@@ -272,7 +276,7 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
 @click.option("-o", "--output", type=PATH, help="Run log to write.")
 @json_option
 def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) -> None:
-    """Write an intact copy of a cut or damaged log, and report what was lost."""
+    """Write an intact copy of a damaged log; report what was lost."""
     from smad.runlog.holes import words
     from smad.runlog.recover import recover as recover_log
 

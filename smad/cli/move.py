@@ -153,9 +153,9 @@ def _parameter(
 @click.argument("path", type=PATH)
 @axis_option
 def follow(path: Path, **options: Any) -> None:
-    """Follow the points of a CSV file with the columns t_s and displacement_mm.
+    """Follow the points of a CSV file.
 
-    A file with angle_deg in place of displacement_mm is followed as angles of the segment.
+    Its columns are t_s and displacement_mm, or angle_deg for angles of the segment.
     """
     _send(read_samples(path), **options)
 

@@ -39,7 +39,7 @@ def _opened(folder: Path | None, bench: str) -> Queue:
 
 @click.group()
 def queue() -> None:
-    """A queue of commands that survives terminals, kills and power losses.
+    """Queue commands; the queue survives kills and power losses.
 
     `smad queue run` runs it once a person has armed it with `smad queue resume`. An interrupted
     item never runs again by itself.
@@ -61,10 +61,11 @@ def add(
     folder: Path | None,
     bench: str,
 ) -> None:
-    """Add a command: what would follow `smad run`, `tune`, `gap checkup` or `run moves`.
+    """Add a command to the queue.
 
-    Options of `add` come before the kind or after its words as --repeat. The command is checked
-    now, and again when it begins.
+    WORDS are what follows `smad run`, `tune`, `gap checkup` or `run moves`. Options of `add` come
+    before the kind; --repeat may also come last. The command is checked now, and again when it
+    begins.
     """
     from smad.cli.queue_items import items_of, without_repeat
 
@@ -83,7 +84,7 @@ def add(
 
 
 @queue.command("list")
-@click.option("--all", "everything", is_flag=True, help="Also ended items.")
+@click.option("--all", "everything", is_flag=True, help="Include ended items.")
 @json_option
 @_queue_option
 def list_items(*, everything: bool, as_json: bool, folder: Path | None, bench: str) -> None:
@@ -207,10 +208,10 @@ def resume(
     folder: Path | None,
     bench: str,
 ) -> None:
-    """Arm the queue in two steps: what would run until when, then --confirm CODE.
+    """Arm the queue, in two steps.
 
-    Give an end: --until, --hours, or both. The first one reached pauses the queue and ends the
-    running item.
+    The first shows what would run until when, the second is --confirm CODE. Give an end: --until,
+    --hours, or both. The first one reached pauses the queue and ends the running item.
     """
     from smad.queue.arming import CONFIRM_WITHIN_S, end_time
     from smad.queue.queue import now_zoned
@@ -282,7 +283,7 @@ def run(*, until_paused: bool, folder: Path | None, bench: str) -> None:
 @json_option
 @_queue_option
 def messages(*, after: int, as_json: bool, folder: Path | None, bench: str) -> None:
-    """Show what happened: the end of every item, and why the queue paused."""
+    """List how every item ended and why the queue paused."""
     with _opened(folder, bench) as opened:
         listed = opened.messages(after)
     if as_json:

@@ -33,7 +33,7 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
 
 
 @click.command()
-@click.option("--cycles", type=click.IntRange(1, 10_000_000), required=True)
+@click.option("--cycles", type=click.IntRange(1, 10_000_000), required=True, help="How many.")
 @click.option(
     "--displacement",
     nargs=2,
@@ -49,16 +49,18 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
     help="Cycle one spring between these instead, °C.",
 )
 @click.option(
-    "--spring", type=click.Choice(["x", "y"]), default="x", help="With --temperature: which."
+    "--spring", type=click.Choice(["x", "y"]), default="x", help="With --temperature: the spring."
 )
 @click.option(
     "--rate",
     type=Finite(0.01, 50.0),
     default=2.0,
     metavar="MM/S",
-    help="Of the ramps; K/s with --temperature.",
+    help="Rate of the ramps; K/s with --temperature.",
 )
-@click.option("--dwell", type=Finite(0.0, 600.0), default=1.0, metavar="S")
+@click.option(
+    "--dwell", type=Finite(0.0, 600.0), default=1.0, metavar="S", help="Pause at each end."
+)
 @click.option(
     "--every",
     nargs=2,
@@ -66,21 +68,25 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
     metavar="N checkup",
     help="Play the quick check-up every N cycles.",
 )
-@click.option("--baseline", type=FOLDER, help="Of the check-ups.")
-@click.option("--end-stroke-lost", type=_percent, metavar="%", help="End when so much is lost.")
-@click.option("--end-resistance-up", type=_percent, metavar="%", help="End when so much is added.")
+@click.option("--baseline", type=FOLDER, help="Baseline of the check-ups.")
+@click.option(
+    "--end-stroke-lost", type=_percent, metavar="%", help="End when this much stroke is lost."
+)
+@click.option(
+    "--end-resistance-up", type=_percent, metavar="%", help="End when resistance has risen so far."
+)
 @click.option("--end-shift", type=_kelvin, metavar="K", help="End when the transformation shifted.")
 @click.option(
     "--end-place",
     type=Finite(0.0, 1.0, min_open=True),
     metavar="P",
-    help="End when a check-up says so likely that a place changed.",
+    help="End when a place has changed with this probability.",
 )
 @click.option(
     "--full-every",
     type=click.IntRange(1, 1_000_000),
     default=1,
-    help="Keep every n-th cycle in full, of the rest only its statistics.",
+    help="Keep every n-th cycle in full, of the others only statistics.",
 )
 @click.option("--folder", type=FOLDER, default=Path("endurance"), help="Where cycles.csv goes.")
 @click.option("--go-on", is_flag=True, help="Go on after the cycles that the folder has.")

@@ -26,9 +26,7 @@ SEED_STEP = 100_003
     type=PATH,
     help="Model file of smad gap diagnose --apply, in place of the configured plant.",
 )
-@effects_option(
-    "An effect of smad gap effects that the bench has; typical strength without values."
-)
+@effects_option("An effect that the bench has (smad gap effects); typical strength without values.")
 @board_options("")
 @click.option(
     "--store",
@@ -57,9 +55,10 @@ def sim(
     patience: int,
     parent: int | None,
 ) -> None:
-    """Run the simulated bench without a daemon; prints the name of its port.
+    """Run the simulated bench alone, without a daemon.
 
-    Of several axes each has a port, and --fault has AXIS: before its name. Ctrl-C ends it.
+    It prints the name of its port; several axes have a port each, and --fault then begins with
+    AXIS:. Ctrl-C ends it.
     """
     from sim_device.errors import BenchError
     from sim_device.plant.errors import PlantError
