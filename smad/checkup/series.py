@@ -20,6 +20,7 @@ from smad.checkup.programme import Programme, ProgrammeRun
 from smad.errors import SmadError, refused_by_system
 from smad.files import replacing
 from smad.progress import Say
+from smad.runlog.header import date_of
 from smad.runlog.reader import read_run
 
 _STATE = "series.json"
@@ -100,7 +101,7 @@ def play_series(
     state = read_state(folder) or State(programme.digest, time.time())
     there = [run for run in programme.runs if _whole(folder / f"{run.name}.mcap")]
     if there:
-        say(f"{folder.name}: goes on after {there[-1].name}, begun {_clock(state.began_unix_s)}")
+        say(f"{folder.name}: goes on after {there[-1].name}, begun {date_of(state.began_unix_s)}")
     for run in programme.runs:
         if run in there:
             continue
@@ -183,7 +184,3 @@ def written_whole(
 
 def _write(folder: Path, state: State) -> None:
     write_whole(folder / _STATE, msgspec.json.encode(state))
-
-
-def _clock(unix_s: float) -> str:
-    return time.strftime("%Y-%m-%d %H:%M", time.localtime(unix_s))

@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
 
 import numpy as np
 
 from smad.health.record import Row
 from smad.health.trends import LEAST_ROWS, LEAST_SITTINGS, Forecast, Trend, forecast, trend_of
 from smad.report.page import Block, Page, Picture, Section, Table, Text
+from smad.runlog.header import date_of
 
 CHANGE_HEADER = ("what", "then", "now", "changed", "noticed at cycle", "limit", "reached at cycle")
 
@@ -137,16 +137,12 @@ def page(health: Health, bench: str) -> Page:
         blocks.append(table(health))
     blocks += [Picture(_figure(health, trend), trend.name) for trend in health.trends.values()]
     events = [
-        (_day(row.unix_s), row.kind, "; ".join(row.words)) for row in health.rows if row.words
+        (date_of(row.unix_s), row.kind, "; ".join(row.words)) for row in health.rows if row.words
     ]
     sections = [Section("Trends", blocks)]
     if events:
         sections.append(Section("Check-ups", [Table(("when", "what", "said"), events[-50:])]))
     return Page(f"Health of {bench}", sections)
-
-
-def _day(unix_s: float) -> str:
-    return datetime.fromtimestamp(unix_s).strftime("%Y-%m-%d %H:%M")
 
 
 def _figure(health: Health, trend: Trend) -> str:
