@@ -116,24 +116,24 @@ def endurance(**options: Any) -> None:
             f"{folder} has {earlier} cycles already",
             action="name another folder, or give --go-on to go on after them",
         )
-    asked = _asked(options, earlier + 1)
+    plan = _plan_of(options, earlier + 1)
     make_folder(folder)
     with contextlib.ExitStack() as stack:
         line = stack.enter_context(progress())
         driver, config, logs = stack.enter_context(_bench(options, folder, line.say))
         if options["go_on"]:
-            late = take_over_killed(logs, asked.profile, folder, asked.first)
+            late = take_over_killed(logs, plan.profile, folder, plan.first)
             if late:
                 click.echo(f"{late} cycles of a killed block are taken over from its run log")
-            asked = replace(asked, first=asked.first + late)
-        asked = replace(asked, longest_s=longest_block_s(config))
-        block = asked.profile.cycles_a_block(asked.check_every or asked.cycles, asked.longest_s)
+            plan = replace(plan, first=plan.first + late)
+        plan = replace(plan, longest_s=longest_block_s(config))
+        block = plan.profile.cycles_a_block(plan.check_every or plan.cycles, plan.longest_s)
         rate_hz = float(config.link.rate_hz)
-        room = room_for(asked.profile, asked.cycles, asked.full_every, block, rate_hz)
-        hours = asked.cycles * asked.profile.period_s / 3600.0
-        click.echo(f"{asked.cycles} cycles, about {hours:.1f} h of board time; {room.in_words()}")
+        room = room_for(plan.profile, plan.cycles, plan.full_every, block, rate_hz)
+        hours = plan.cycles * plan.profile.period_s / 3600.0
+        click.echo(f"{plan.cycles} cycles, about {hours:.1f} h of board time; {room.in_words()}")
         ended = endure(
-            asked,
+            plan,
             driver,
             folder,
             room,
@@ -146,7 +146,7 @@ def endurance(**options: Any) -> None:
     click.echo(f"ended after {ended.cycles} cycles: {ended.reason}; {folder / 'cycles.csv'}")
 
 
-def _asked(options: dict[str, Any], first: int) -> Endurance:
+def _plan_of(options: dict[str, Any], first: int) -> Endurance:
     from smad.experiments.endurance.limits import EndLimits
     from smad.experiments.endurance.run import Endurance
 

@@ -10,7 +10,7 @@ import msgspec
 from smad.cli.output import FILE, PATH, Finite, config_option
 from smad.cli.simulated import board_options, effect_lines, effects_option
 from smad.cli.tables import print_columns
-from smad.processes.boards import SimulatorError, build, faults_of, rate_of
+from smad.processes.boards import SimulatedBenchError, build, faults_of, rate_of
 from smad.processes.simulator import READY
 
 SEED_STEP = 100_003
@@ -113,7 +113,7 @@ def sim(
                 on_ready=_announce,
             )
     except (BenchError, PlantError) as error:
-        raise SimulatorError(str(error), action="see smad sim --help") from error
+        raise SimulatedBenchError(str(error), action="see smad sim --help") from error
     click.echo(
         f"ended after {stats.samples} samples; {counts.bytes_in} bytes in, "
         f"{counts.bytes_out} out, {counts.dropped} writes dropped; "
