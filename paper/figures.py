@@ -17,6 +17,7 @@ import numpy as np
 
 from sim_device.plant import Drive, Plant, load_parameters
 from sim_device.plant.published import NEAR, NUMBERS
+from sim_device.plant.units import ZERO_C
 from smad.report.plots import new_figure
 from smad.style.palette import in_print
 
@@ -57,8 +58,8 @@ def cycle() -> Figure:
                 break
     T_x, T_y, u, F = np.array(rows).T
     figure, (left, right) = new_figure(1, 2, width_in=8.0, height_in=3.2)
-    left.plot(T_x - 273.15, u, color=in_print("x"), label="spring X")
-    left.plot(T_y - 273.15, u, color=in_print("y"), label="spring Y")
+    left.plot(T_x - ZERO_C, u, color=in_print("x"), label="spring X")
+    left.plot(T_y - ZERO_C, u, color=in_print("y"), label="spring Y")
     left.set_xlabel("temperature of the wire (°C)")
     left.set_ylabel("displacement (mm)")
     left.legend(frameon=False, fontsize=8)

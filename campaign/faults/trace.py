@@ -12,8 +12,8 @@ from firmware_protocol import messages as wire
 from firmware_protocol.enums import BoardState
 from sim_device.bench import SimulatedBench
 from sim_device.faults import Injection
+from sim_device.plant.units import ZERO_C
 
-_ZERO_DEGC_K = 273.15
 HOT = (BoardState.ARMED, BoardState.HOLD)
 
 
@@ -76,6 +76,6 @@ class WatchedBench(SimulatedBench):
             self.faults.add(replace(self.arriving.popleft(), at_us=self.now_us))
         state = super().advance()
         outputs = self.board.outputs
-        hottest_degC = max(self.plant.truth.T_K) - _ZERO_DEGC_K
+        hottest_degC = max(self.plant.truth.T_K) - ZERO_C
         self.trace.add(self.now_us, self.heater_J, hottest_degC, outputs.state, bool(outputs.gate))
         return state

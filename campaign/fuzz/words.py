@@ -71,8 +71,8 @@ def _commands() -> Iterable[str]:
 
 
 def _import() -> Iterable[str]:
+    from sim_device.plant.units import UNITS
     from smad.records.column_names import ALIASES
-    from smad.records.units import UNITS
     from smad.runlog.schema import CHANNELS
 
     yield from (*CHANNELS, *ALIASES, *UNITS, *_JSON, *_TOML)

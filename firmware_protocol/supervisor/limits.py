@@ -114,7 +114,7 @@ class Limits:
     current_error_permille: Annotated[
         int, Row(100, 80, "permille", "gain of a good driver is 2 %", 40)
     ]
-    current_error_us: Annotated[int, Row(50_000, 20_000, "us", "past every settled edge", 41)]
+    current_error_us: Annotated[int, Row(50_000, 20_000, "us", "past the settling of any edge", 41)]
     over_current_mA: Annotated[int, Row(4800, 4800, "mA", "20 % above the largest setpoint")]
     uncommanded_us: Annotated[int, Row(20_000, 20_000, "us", "two samples at 100 Hz")]
     resistance_current_mA: Annotated[int, Row(500, 500, "mA", "below, V/I is too coarse")]
@@ -122,7 +122,7 @@ class Limits:
     resistance_max_mohm: Annotated[
         int, Row(1800, 1800, "mohm", "most of any bench in range 1240, plus contacts 500")
     ]
-    resistance_us: Annotated[int, Row(100_000, 100_000, "us", "past every settled edge")]
+    resistance_us: Annotated[int, Row(100_000, 100_000, "us", "past the settling of any edge")]
     resistance_tempco_ppm_per_K: Annotated[
         int, Row(12_000, 12_000, "ppm/K", "phase change: 20 % within 17 K")
     ]
@@ -137,7 +137,7 @@ class Limits:
     setpoint_ttl_ms: Annotated[int, Row(100, 10, "ms", "ten samples at 100 Hz", 26)]
     hold_us: Annotated[int, Row(500_000, 50_000, "us", "a short stall of the host is no fault", 44)]
     token_us: Annotated[int, Row(2_000_000, 500_000, "us", "one round trip and a slow host", 45)]
-    cool_cap_us: Annotated[int, Row(60_000_000, 20_000_000, "us", "four flushes too many", 46)]
+    cool_cap_us: Annotated[int, Row(60_000_000, 20_000_000, "us", "longer than any flush", 46)]
     on_time_limit_s: Annotated[
         int, Row(21_600, 60, "s", "six hours: longer than any experiment", 23)
     ]

@@ -149,9 +149,9 @@ class Viewer:
             "metadata": {"smad": VERSION},
             "sessionId": self._session,
         }
-        return [_text(server), *self._channel_news()]
+        return [_text(server), *self._changed_channels()]
 
-    def _channel_news(self) -> list[str]:
+    def _changed_channels(self) -> list[str]:
         """Offer the channels that are new, and take back those that are gone."""
         known, self._advertised = self._advertised, self._offered()
         gone = [channel.id for channel in known if channel not in self._advertised]
@@ -226,7 +226,7 @@ class Viewer:
 
     def changed(self) -> list[str | bytes]:
         """Return new channels, and followed parameters that are not what the viewer was told."""
-        return [*self._channel_news(), *self._changed_parameters()]
+        return [*self._changed_channels(), *self._changed_parameters()]
 
     def _changed_parameters(self) -> list[str]:
         now = self._parameters()

@@ -88,14 +88,16 @@ class Seat:
 
     async def say(self, why_away: str) -> None:
         """Tell the user of the viewer why nothing comes, and what was dropped since last time."""
-        news: list[str | bytes] = [*self.viewer.changed()]
+        messages: list[str | bytes] = [*self.viewer.changed()]
         if why_away:
-            news.append(status(ERROR, why_away))
+            messages.append(status(ERROR, why_away))
         if self.lost > self._reported:
             lost, self._reported = self.lost - self._reported, self.lost
-            news.append(status(WARNING, f"{lost} messages dropped: this viewer reads too slowly"))
+            messages.append(
+                status(WARNING, f"{lost} messages dropped: this viewer reads too slowly")
+            )
         with contextlib.suppress(ConnectionClosed):
-            for message in news:
+            for message in messages:
                 await self._send(message)
 
 
@@ -157,12 +159,12 @@ class Bridge:
     def _said(self, seat: Seat, _: asyncio.Task[None]) -> None:
         del self._saying[seat]
 
-    def news(self, why_away: str) -> None:
+    def announce(self, why_away: str) -> None:
         """Tell the viewers of new parameters, of losses, and once why the bench is away."""
         again = why_away == self._away
         self._away = why_away
         for seat in tuple(self._seats):
-            # Who has not taken the last news gets the next when it has.
+            # A viewer that has not taken the last one gets the next when it has.
             if seat not in self._saying:
                 task = asyncio.create_task(seat.say("" if again else why_away))
                 self._saying[seat] = task

@@ -35,7 +35,7 @@ class Sink(Protocol):
     def publish(self, channel: Channel, time_ns: int, body: bytes) -> None:
         """Pass on a message of the channel."""
 
-    def news(self, why_away: str) -> None:
+    def announce(self, why_away: str) -> None:
         """Say that channels, status and parameters are new, or why there are none."""
 
 
@@ -94,11 +94,11 @@ class Source:
         if now_s and self._sink.wants(LINK):
             sample = LinkSample(host_time_s=now_s, counters=counters(status))
             self._sink.publish(LINK, round(now_s * _NS), _encode(sample))
-        self._sink.news("")
+        self._sink.announce("")
 
     def away(self, why: str) -> None:
         """Pass on why nothing comes."""
-        self._sink.news(why)
+        self._sink.announce(why)
 
 
 def counters(status: Status) -> dict[str, float]:

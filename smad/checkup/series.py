@@ -7,7 +7,6 @@ that was interrupted goes on after the last run that was finished.
 from __future__ import annotations
 
 import contextlib
-import os
 import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -18,8 +17,10 @@ import msgspec
 
 from smad.checkup.errors import BaselineError
 from smad.checkup.programme import Programme, ProgrammeRun
-from smad.errors import SmadError
+from smad.errors import SmadError, refused_by_system
+from smad.files import replacing
 from smad.progress import Say
+from smad.runlog.header import date_of
 from smad.runlog.reader import read_run
 
 _STATE = "series.json"
@@ -100,7 +101,7 @@ def play_series(
     state = read_state(folder) or State(programme.digest, time.time())
     there = [run for run in programme.runs if _whole(folder / f"{run.name}.mcap")]
     if there:
-        say(f"{folder.name}: goes on after {there[-1].name}, begun {_clock(state.began_unix_s)}")
+        say(f"{folder.name}: goes on after {there[-1].name}, begun {date_of(state.began_unix_s)}")
     for run in programme.runs:
         if run in there:
             continue
@@ -174,25 +175,12 @@ def write_whole(path: Path, data: bytes) -> None:
 def written_whole(
     path: Path, cause: str, action: str, *, value: str | None = None
 ) -> Iterator[Path]:
-    """A path to write to that becomes `path` in the end, or is removed.
-
-    Raises BaselineError, which names cause and action, for what the system refuses.
-    """
-    partial = path.with_name(f"{path.name}.part")
-    try:
+    """As `smad.files.replacing`, in a folder that is made. Raises BaselineError."""
+    with refused_by_system(BaselineError, cause, value=value, action=action):
         path.parent.mkdir(parents=True, exist_ok=True)
-        yield partial
-        os.replace(partial, path)
-    except OSError as error:
-        # What is left of it would only take the room.
-        with contextlib.suppress(OSError):
-            partial.unlink(missing_ok=True)
-        raise BaselineError(f"{cause}: {error.strerror}", value=value, action=action) from error
+        with replacing(path) as partial:
+            yield partial
 
 
 def _write(folder: Path, state: State) -> None:
     write_whole(folder / _STATE, msgspec.json.encode(state))
-
-
-def _clock(unix_s: float) -> str:
-    return time.strftime("%Y-%m-%d %H:%M", time.localtime(unix_s))

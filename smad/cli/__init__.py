@@ -13,10 +13,10 @@ from collections.abc import Mapping, Sequence
 import click
 
 from firmware_protocol.nearest import instead
-from smad.cli.quantity import UNITS
 from smad.errors import SmadError
 from smad.extras import missing
 from smad.processes.oom import prefer_as_oom_victim
+from smad.units import is_unit
 from smad.version import VERSION
 
 _OF_DRIVE = ("arm", "disarm", "estop", "clear", "heat", "current", "pump", "idle")
@@ -182,7 +182,7 @@ def _hint(error: click.UsageError) -> str:
         wanted = SYNONYMS.get(match[1], "")
         if wanted in context.command.list_commands(context):
             return f"{match[0]}. Did you mean {wanted!r}?"
-    if (match := _EXTRA.match(message)) and any(match[1] in kinds for kinds in UNITS.values()):
+    if (match := _EXTRA.match(message)) and match[1][:1].isalpha() and is_unit(match[1]):
         return f"{message.rstrip('.')}: write a unit without a space, as in 5{match[1]}"
     return ""
 

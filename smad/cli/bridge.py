@@ -17,7 +17,7 @@ def bridge() -> None:
 @tcp_port_option(8765)
 @bench_option
 def foxglove(port: int, bench: str) -> None:
-    """Serve Foxglove and Lichtblick until ctrl-C, on this machine only.
+    """Serve Foxglove and Lichtblick on this machine, until ctrl-C.
 
     Viewers see samples, link counters, events and parameters. They command nothing.
     """

@@ -16,7 +16,7 @@ def config() -> None:
 @click.option("--running", is_flag=True, help="The one a running daemon uses.")
 @axis_option
 def show(running: bool, bench: str) -> None:
-    """Print the default configuration with every key explained, or the one in use."""
+    """Print the default configuration, or the one in use."""
     if running:
         with client(bench) as bench_client:
             click.echo(bench_client.config(), nl=False)
@@ -29,7 +29,7 @@ def show(running: bool, bench: str) -> None:
 @config.command()
 @click.argument("path", type=PATH)
 def check(path: Path) -> None:
-    """Check a file: keys, ranges, the coupling of axes, and whether rate and baud fit."""
+    """Check the keys, ranges, axes and data rate of a file."""
     from smad.config import load_config
     from smad.daemon.link.wirerate import check_rate, line_share
 

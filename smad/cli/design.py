@@ -15,7 +15,9 @@ _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
 @click.option("--wire", "wire_mm", type=float, help="Diameter of the wire, mm.")
 @click.option("--coil", "coil_mm", type=float, help="Mean diameter of the coil, mm.")
 @click.option("--turns", type=float, help="Active turns.")
-@click.option("--pitch", "pitch_mm", type=float, help="Between turns, mm; counts in still air.")
+@click.option(
+    "--pitch", "pitch_mm", type=float, help="Free space between turns, mm; used in still air."
+)
 @click.option("--tube", "tube_mm", type=float, help="Inner diameter of the tube, mm.")
 @click.option("--prestrain", type=float, help="Shear strain of the mounted springs.")
 @click.option(
@@ -23,7 +25,7 @@ _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
     "current_A",
     type=click.FloatRange(0.01, 50.0),
     default=4.0,
-    help="Of the spring that is heated, A.",
+    help="Current of the heated spring, A.",
 )
 @click.option(
     "--cooling",

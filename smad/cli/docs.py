@@ -6,7 +6,7 @@ import click
 @click.command()
 @click.argument("page", required=False)
 def docs(page: str | None) -> None:
-    """Print a PAGE of the documentation, for instance guide/clients; without one, list them."""
+    """Print a PAGE of the documentation, or list the pages."""
     from smad.cli import pages
 
     if page is None:

@@ -22,7 +22,7 @@ _SPRING = click.Choice(["x", "y"], case_sensitive=False)
 @click.command()
 @axis_option
 def arm(bench: str) -> None:
-    """Arm the bench: the board checks itself, then lets current through.
+    """Arm the bench: the board checks itself and allows current.
 
     It stays armed after this command ends, without a lease, until a client disarms it.
     """
@@ -66,7 +66,7 @@ def _duty(ctx: click.Context, param: click.Parameter, value: str) -> float:
 @fault_argument
 @axis_option
 def clear(bench: str, fault: Fault | None) -> None:
-    """Acknowledge the latched fault; FAULT (a name or number) clears only that one.
+    """Acknowledge the latched fault, or only FAULT (name or number).
 
     Works once its cause is gone and the springs are cold.
     """
@@ -77,7 +77,7 @@ def clear(bench: str, fault: Fault | None) -> None:
 
 @click.command(context_settings=NEGATIVE)
 @click.argument("spring", type=_SPRING, metavar="SPRING")
-@click.argument("temperature_degC", type=Quantity("°C"), metavar="DEGC")
+@click.argument("temperature_degC", type=Quantity("degC"), metavar="DEGC")
 @click.option(
     "--rate", type=Quantity("K/s"), metavar="K/S", help="Ramp to it instead of going at once."
 )
@@ -129,7 +129,7 @@ def heat(
 @click.argument("current_a", type=Quantity("A"), metavar="A")
 @click.option("--for", "duration_s", type=Quantity("s"), metavar="S", help="End after this time.")
 @click.option(
-    "--until", "until_degc", type=Quantity("°C"), metavar="DEGC", help="End at this temperature."
+    "--until", "until_degc", type=Quantity("degC"), metavar="DEGC", help="End at this temperature."
 )
 @wait_option
 @axis_option
@@ -171,7 +171,7 @@ def current(
 @wait_option
 @axis_option
 def pump(spring: str, duty: float, duration_s: float | None, wait: bool, bench: str) -> None:
-    """Run the pump of SPRING (x or y) at a DUTY of 0 to 1, or 0% to 100%."""
+    """Run the pump of SPRING (x or y) at a DUTY (0.5, or 50%)."""
     from smad.control.commands import DriveCurrent
 
     command = checked(

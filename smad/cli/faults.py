@@ -29,14 +29,14 @@ fault_argument = click.argument(
 
 @click.group()
 def faults() -> None:
-    """Explain the faults for which the board stops, and what to do about each."""
+    """Explain the faults that stop the board, and what to do."""
 
 
 @faults.command()
 @fault_argument
 @bench_option
 def explain(fault: Fault | None, bench: str) -> None:
-    """Explain a FAULT by name or number; without one, the fault that is latched now."""
+    """Explain a FAULT by name or number, or the latched one."""
     if fault is None:
         with client(bench) as bench_client:
             latched = bench_client.motion().fault

@@ -8,7 +8,7 @@ from smad.cli.gap_checkup import checkup, commission, investigate
 from smad.cli.gap_next import next_experiment
 from smad.cli.gap_plan import plan_runs
 from smad.cli.gap_print import (
-    asked_words,
+    arguments_text,
     clean_errors,
     params_option,
     plant_of,
@@ -81,8 +81,9 @@ def diagnose(
     window_s: float | None,
     processes: int | None,
 ) -> None:
-    """Say where model and RUNs disagree, which effect or law is missing, and how much of the gap
-    it explains.
+    """Say where model and RUNs disagree, and what is missing.
+
+    An effect or a law is named, with the share of the gap that it explains.
 
     With --good the question is what has changed since those runs, else what differs between model
     and bench. Without --hold-out each run is judged by a model of the others.
@@ -117,7 +118,7 @@ def diagnose(
                 window_s=window_s,
                 processes=processes,
             )
-            asked = ""
+            arguments = ""
         else:
             from smad.checkup.everyday import diagnose_files
             from smad.records.channels import read_mapping
@@ -129,14 +130,14 @@ def diagnose(
                     plant, runs, good, hold_out, trust, mapping=mapping, progress=line.say
                 )
             # Of a plant that is not ours, no command but this one is known.
-            asked = asked_words(runs, hold_out, good, map_path)
-    written = write_verdict(answer, json_path, html_path, asked)
+            arguments = arguments_text(runs, hold_out, good, map_path)
+    written = write_verdict(answer, json_path, html_path, arguments)
     # A refused answer has no model; why it was refused says more than that.
     if model_path is not None and (answer.verdict.models or answer.verdict.outcome != "refused"):
         with named_output(model_path) as path:
             answer.verdict.write_model(path)
         written.append(model_path)
-    print_answer(answer.verdict, asked)
+    print_answer(answer.verdict, arguments)
     for path in written:
         click.echo(f"written: {path}", err=True)
     require_answered(answer.verdict)
@@ -149,7 +150,10 @@ def diagnose(
     "--first", type=click.IntRange(0), help="Only this many causes; 0: the parameters alone."
 )
 def apply(*, verdict: Path, out: Path, first: int | None) -> None:
-    """Write the model of a VERDICT (written by --json), with all its causes or the first ones."""
+    """Write the model of a VERDICT, with all or its first causes.
+
+    A verdict is what --json of `smad gap diagnose` and `smad gap checkup` writes.
+    """
     import msgspec
 
     from smad.diagnosis.errors import GapError

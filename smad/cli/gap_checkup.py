@@ -39,7 +39,7 @@ def _bench_options(command: F) -> F:
     default=2,
     help="How often the whole programme is played.",
 )
-@click.option("--again", is_flag=True, help="Add repeats to a baseline: the floor gets better.")
+@click.option("--again", is_flag=True, help="Add repeats to a baseline, for a better floor.")
 @click.option("--quick", is_flag=True, help="Only the part that separates most.")
 @_bench_options
 def commission(
@@ -53,7 +53,7 @@ def commission(
     programme_folder: Path | None,
     bench: str,
 ) -> None:
-    """Record the programme on a good bench, and compute a baseline from it.
+    """Record the programme on a good bench, as a baseline.
 
     Arms the bench and heats it. Runs are kept in FOLDER/good-1, good-2 …; an interrupted command
     continues after the last finished run. A baseline that cannot be read, or is of another version
@@ -126,7 +126,7 @@ def checkup(
     page_path: Path | None,
     model_path: Path | None,
 ) -> None:
-    """Find what has changed since the bench was good, by repeating its inputs.
+    """Repeat the inputs of a good day; say what has changed.
 
     With --baseline the programme is played (or read, with --now) and compared with the baseline.
     With --good and --now run files are compared: run logs, CSV or Parquet with units in their
@@ -209,12 +209,12 @@ def investigate(
     seed: int,
     bench: str,
 ) -> None:
-    """Find what has changed: check up, then repeat the run that separates the rivals best.
+    """Check up, then measure on until one cause is left.
 
-    Stops when one cause is left, the time is spent, or no run would separate the rest. Then it
-    repeats the check-up as proof, and writes the model with the cause. It says at each step what
-    it plays and why. An interrupted command continues when it is repeated. The bench is disarmed
-    after each run.
+    It repeats the run that separates the rivals best. It stops when one cause is left, the time is
+    spent, or no run would separate the rest. Then it repeats the check-up as proof, and writes the
+    model with the cause. It says at each step what it plays and why. An interrupted command
+    continues when it is repeated. The bench is disarmed after each run.
     """
     from smad.checkup.baseline import FIRST, require_same
     from smad.checkup.inquiry import Inquiry, open_folder

@@ -76,9 +76,10 @@ def next_experiment(
     variant: str,
     seed: int,
 ) -> None:
-    """Recommend the experiment that would best separate the causes that RUNs leave, or run one.
+    """Recommend the experiment to record next, or run one.
 
-    Without RUNs the catalogue is listed. --run takes a name from it, and writes a run log.
+    It is the one that best separates the causes that RUNs leave. Without RUNs the catalogue is
+    listed. --run takes a name from it, and writes a run log.
     """
     if chosen is not None and runs:
         raise click.UsageError("--run carries an experiment out; give RUNs without it")

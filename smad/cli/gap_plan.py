@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     type=click.FloatRange(0.1, 3600.0),
     default=5.0,
     metavar="S",
-    help="Processor time, all included.",
+    help="Limit of the processor time.",
 )
 @json_option
 @simulator_options
@@ -60,10 +60,11 @@ def plan_runs(
     params: str,
     variant: str,
 ) -> None:
-    """Rate which parameters, effects and places these inputs could show, before measuring.
+    """Rate what inputs could show, before measuring.
 
-    identifiable: noticed below its typical size, like no other; weak: noticed only above, or like
-    another; not: within its range other values of the parameters imitate it, or nothing shows.
+    Each parameter, effect and place is rated. identifiable: noticed below its typical size, and
+    unlike any other; weak: noticed only above it, or like another; not: within its range nothing
+    shows, or other values of the parameters imitate it.
     """
     require_pairs(fmu, mjcf, map_path)
     if not inputs and not experiments:

@@ -50,7 +50,7 @@ def clean_errors() -> Iterator[None]:
         raise GapError(str(error)) from error
 
 
-def asked_words(
+def arguments_text(
     runs: Sequence[Path],
     hold_out: Sequence[Path],
     good: Sequence[Path],
@@ -68,7 +68,7 @@ def write_verdict(
     answer: Answer,
     json_path: Path | None,
     page_path: Path | None,
-    asked: str = "",
+    arguments: str = "",
     facts: Sequence[tuple[str, str]] = (),
 ) -> list[Path]:
     """Write the verdict and its page where asked for, each file whole; returns those written."""
@@ -81,7 +81,7 @@ def write_verdict(
         from smad.diagnosis.report.page import page_of
         from smad.report.page import write_page
 
-        written.append(write_page(page_of(answer, asked, facts=facts), page_path))
+        written.append(write_page(page_of(answer, arguments, facts=facts), page_path))
     return written
 
 
@@ -96,12 +96,12 @@ def print_verdict(verdict: Verdict) -> None:
         click.echo(text if text.startswith("  ") else click.wrap_text(text, width=width))
 
 
-def print_answer(verdict: Verdict, asked: str) -> None:
+def print_answer(verdict: Verdict, arguments: str) -> None:
     """Print the verdict, and what to do next."""
     from smad.diagnosis.report.words import advice
 
     print_verdict(verdict)
-    for command, why in advice(verdict, asked) if asked else ():
+    for command, why in advice(verdict, arguments) if arguments else ():
         click.echo(f"{why}: {command}" if command else why)
 
 

@@ -26,19 +26,19 @@ def simulator_options(command: _F) -> _F:
             type=click.FloatRange(0.0),
             metavar="S",
             help="With --mjcf: replay windows of this length; 0: whole runs "
-            "(default: chosen, and said).",
+            "(default: chosen and reported).",
         ),
         click.option(
             "--map",
             "map_path",
             type=_FILE,
-            help="What columns, and variables or parts of a simulator, are (TOML).",
+            help="TOML file that maps columns to variables or parts of a simulator.",
         ),
-        click.option("--mjcf", type=_FILE, help="The model is this one of MuJoCo; needs --map."),
+        click.option("--mjcf", type=_FILE, help="Use this MuJoCo model; needs --map."),
         click.option(
             "--fmu",
             type=_FILE,
-            help="The model is this unit of FMI 2.0; needs --map. Runs its code.",
+            help="Use this FMI 2.0 unit as the model; needs --map. Runs its code.",
         ),
     ):
         command = option(command)
@@ -49,8 +49,8 @@ processes_option = click.option(
     "--processes",
     type=click.IntRange(1),
     metavar="N",
-    help="With --mjcf or --fmu: replay in so many processes (default: 1; for a slow MuJoCo model "
-    "all idle cores).",
+    help="With --mjcf or --fmu: number of processes (default: 1; all idle cores for a slow MuJoCo "
+    "model).",
 )
 
 
@@ -83,9 +83,13 @@ def diagnosed_elsewhere(
     """The answer for a simulator that is not ours."""
     with progress() as line:
         common: dict[str, Any] = {
-            "good": good, "hold_out": hold_out, "trusted": trusted, "processes": processes,
-            "progress": line.say, "announced": line.note,
-        }  # fmt: skip
+            "good": good,
+            "hold_out": hold_out,
+            "trusted": trusted,
+            "processes": processes,
+            "progress": line.say,
+            "announced": line.note,
+        }
         if mjcf is not None:
             from smad.simulators.mjcf.asked import diagnose_mjcf
 

@@ -11,7 +11,7 @@ import click
 from smad.cli.output import FILE, FOLDER, json_option, print_json, progress
 
 if TYPE_CHECKING:
-    from smad.health.report import Health
+    pass
 
 
 @click.command()
@@ -45,12 +45,12 @@ def health(
     report: Path | None,
     as_json: bool,
 ) -> None:
-    """Add the new runs of FOLDER to the record, and show what has changed on the bench.
+    """Show how the bench ages, from its run logs and check-ups.
 
-    Each run log gives one row: stroke, rest, force, resistances, cooling, gains; each check-up's
-    verdict parameters with their intervals, floors and places. Runs of one name are compared. A
-    change is reported when the cumulative sum of deviations leaves the range of the first ten
-    rows.
+    The new runs of FOLDER are added to the record first. Each run log gives one row: stroke, rest,
+    force, resistances, cooling, gains; each check-up's verdict parameters with their intervals,
+    floors and places. Runs of one name are compared. A change is reported when the cumulative sum
+    of deviations leaves the range of the first ten rows.
     """
     from smad.experiments.ready import require_packages
     from smad.files import require_writable
@@ -70,7 +70,7 @@ def health(
     if report is not None:
         write_page(page(bench_health, str(folder)), report)
     if as_json:
-        print_json(_record(bench_health), indent=-1)
+        print_json(bench_health.record(), indent=-1)
         return
     click.echo(headline(bench_health))
     if bench_health.trends:
@@ -92,20 +92,3 @@ def _limits(given: tuple[str, ...]) -> Mapping[str, float]:
         if not (name and equals):
             raise click.UsageError(f"--limit {text}: give NAME=VALUE, such as stroke_mm=8")
     return limits
-
-
-def _record(bench_health: Health) -> dict[str, object]:
-    from smad.health.report import headline
-
-    trends = {
-        name: {
-            "then": trend.mean,
-            "scatter": trend.scatter,
-            "change": trend.change,
-            "came_back_at_cycles": [float(trend.x[back]) for _, back in trend.passed],
-            "noticed_at_cycle": None if trend.noticed is None else float(trend.x[trend.noticed]),
-            "forecast": bench_health.forecast(name),
-        }
-        for name, trend in bench_health.trends.items()
-    }
-    return {"headline": headline(bench_health), "rows": len(bench_health.rows), "trends": trends}

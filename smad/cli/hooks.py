@@ -1,7 +1,5 @@
 """`smad hooks`: word of what happens on a bench, and the relay of its heaters' supply."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,9 +16,10 @@ if TYPE_CHECKING:
 
 @click.group()
 def hooks() -> None:
-    """Commands to run on faults, stops, lost links, a full disk and events of the queue.
+    """Run commands on faults, stops, lost links and a full disk.
 
-    The section [hooks] of the daemon's configuration names them (smad docs guide/queue).
+    They also run at the end of the queue. The section [hooks] of the daemon's configuration names
+    them (smad docs guide/queue).
     """
 
 
@@ -87,10 +86,10 @@ def test(*, name: str, bench: str) -> None:
 @click.argument("command", nargs=-1, type=click.UNPROCESSED)
 @bench_option
 def relay(*, tasmota: str | None, holding: bool, command: tuple[str, ...], bench: str) -> None:
-    """Keep the relay of the heaters' supply closed while the daemon's samples come.
+    """Keep the heaters' supply on while samples arrive.
 
-    It opens when they end, when the board is in FAULT or ESTOP, and when this command ends. Only a
-    person closes it again, with this command.
+    The relay of the supply opens when the daemon's samples end, when the board is in FAULT or
+    ESTOP, and when this command ends. Only a person closes it again, with this command.
     """
     from smad.client import Client
     from smad.client.signals import ended_by_signals

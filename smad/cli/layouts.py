@@ -17,7 +17,7 @@ PlotJuggler: open a run log, or start the ZeroMQ stream, then File > Load Layout
 @click.argument("folder", default="layouts", type=FOLDER)
 @click.option("--axis", "axes", multiple=True, help="An axis of a bench of several; give each.")
 def layouts(folder: Path, axes: tuple[str, ...]) -> None:
-    """Write layouts for PlotJuggler and Foxglove into FOLDER (default: layouts).
+    """Write layouts for PlotJuggler and Foxglove into FOLDER.
 
     Of several axes, each has a tab.
     """

@@ -20,7 +20,10 @@ def link() -> None:
 @click.option("--for", "duration_s", type=Finite(0.01, 3600), default=5.0, help="Seconds to count.")
 @axis_option
 def test(duration_s: float, bench: str) -> None:
-    """Count samples, errors and delays for some seconds; exit status 1 if a sample was lost."""
+    """Count samples, errors and delays for some seconds.
+
+    The exit status is 1 if a sample was lost.
+    """
     with client(bench) as bench_client, progress() as line:
         bench_client.reset_timing()
         before = bench_client.status()

@@ -34,18 +34,12 @@ def _folder_of_bench(context: click.Context, parameter: click.Parameter, folder:
     """Return the folder given; else that of the bench whose daemon runs; else `runs` here."""
     if folder is not None or context.resilient_parsing:
         return folder or _HERE
-    from smad.client import Client
-    from smad.errors import SmadError
+    from smad.client.folder import recording_folder
 
-    with contextlib.suppress(SmadError):
-        with Client(os.environ.get("SMAD_BENCH", "bench"), timeout_s=_ASKED_S) as bench_client:
-            of_bench = bench_client.status().recorder.folder
-        if of_bench and Path(of_bench).is_dir():
-            return shown(of_bench)
-    return _HERE
+    of_bench = recording_folder(os.environ.get("SMAD_BENCH", "bench"), timeout_s=2.0)
+    return shown(of_bench) if of_bench is not None and of_bench.is_dir() else _HERE
 
 
-_ASKED_S = 2.0
 _folder = click.option(
     "--folder",
     envvar="SMAD_RUNS",
@@ -142,34 +136,20 @@ def export(
     fps: int | None,
     as_json: bool,
 ) -> None:
-    """Write a run log as CSV, Parquet or MATLAB file, beside it unless --output says where.
+    """Write a run log as CSV, Parquet, MATLAB, ROS or LeRobot file.
 
-    Several axes are written into a file each, or with --wide into one table.
-    rosbag2 is a ROS 2 bag: a folder with an MCAP file of standard messages. lerobot is a dataset of
-    LeRobot v3.0: a folder with Parquet files, of one episode.
+    It goes beside the log unless --output says where. Several axes are written into a file each, or
+    with --wide into one table. rosbag2 is a ROS 2 bag: a folder with an MCAP file of standard
+    messages. lerobot is a dataset of LeRobot v3.0: a folder with Parquet files, of one episode.
     """
-    from smad.runlog import lerobot
-    from smad.runlog.export import export_run, side_by_side
+    from smad.runlog.formats import export_axes
     from smad.runlog.reader import read_axes
-    from smad.runlog.rosbag import SUFFIX, export_bag
 
     source = _resolve(path, folder)
     with _progress("reading") as progress:
         runs = read_axes(source, progress=progress)
     target = output or source.with_suffix(f".{suffix}")
-    if wide and target.suffix not in (".csv", ".parquet"):
-        raise click.UsageError("--wide makes a CSV or Parquet file.")
-    if wide and len(runs) > 1:
-        runs = {"": side_by_side(runs)}
-    files: list[Path] = []
-    for axis, run in runs.items():
-        axis_file = target.with_name(f"{target.stem}.{axis}{target.suffix}") if axis else target
-        if suffix == "rosbag2" or target.suffix == SUFFIX:
-            files.append(export_bag(run, axis_file, overwrite=overwrite))
-        elif suffix == "lerobot" or target.suffix == lerobot.SUFFIX:
-            files.append(lerobot.export_lerobot([run], axis_file, fps=fps, overwrite=overwrite))
-        else:
-            files += export_run(run, axis_file, overwrite=overwrite)
+    files = export_axes(runs, target, kind=suffix, wide=wide, fps=fps, overwrite=overwrite)
     rows, notes = max(map(len, runs.values())), next(iter(runs.values())).notes
     if as_json:
         print_json({"files": [str(file) for file in files], "rows": rows, "notes": notes})
@@ -182,7 +162,7 @@ def export(
 @_path
 @_folder
 def split(path: Path | None, folder: str) -> None:
-    """Write each axis of a log of several as a run log of its own, beside it."""
+    """Write each axis as a run log of its own, beside the log."""
     from smad.runlog.one_axis import extract
     from smad.runlog.reader import read_axes
 
@@ -225,10 +205,11 @@ def plot(
     figure: Path | None,
     width_mm: float,
 ) -> None:
-    """Make a page of one or more run logs: panels to zoom, with values under the pointer.
+    """Make a page with plots of one or more run logs.
 
-    Several runs are overlaid from their first samples on; those of a bench are drawn over those of
-    a simulation. The page is one file and needs no network.
+    The plots zoom and show the values under the pointer. Several runs are overlaid from their first
+    samples on; those of a bench are drawn over those of a simulation. The page is one file and
+    needs no network.
     """
     from smad.report.page import write_page
     from smad.report.runs import page_of
@@ -266,7 +247,10 @@ def plot(
 )
 @json_option
 def import_command(source: Path, output: Path | None, mapping: Path | None, as_json: bool) -> None:
-    """Make a run log from a CSV or Parquet file with units in its column names, or a ROS bag."""
+    """Make a run log from a CSV or Parquet file, or a ROS bag.
+
+    The names of the columns end with their units, or --mapping says what they are.
+    """
     from smad.records.channels import read_mapping
     from smad.records.importer import import_table
 
@@ -292,7 +276,7 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
 @click.option("-o", "--output", type=PATH, help="Run log to write.")
 @json_option
 def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) -> None:
-    """Write an intact copy of a cut or damaged log, and report what was lost."""
+    """Write an intact copy of a damaged log; report what was lost."""
     from smad.runlog.holes import words
     from smad.runlog.recover import recover as recover_log
 

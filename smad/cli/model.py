@@ -11,7 +11,7 @@ from smad.errors import SmadError
 
 @click.group()
 def model() -> None:
-    """Export a model file, such as one of smad gap diagnose --apply, to other programs."""
+    """Export a model to other programs."""
 
 
 @model.command()
@@ -43,10 +43,11 @@ def export(
     version: str,
     overwrite: bool,
 ) -> None:
-    """Write the plant of a MODEL file as a unit that Simulink, OpenModelica or Dymola imports.
+    """Write the plant of a MODEL file as a unit of FMI.
 
-    Without MODEL it is the plant of a parameter set. The unit is C: source, and a binary for this
-    machine where it has a compiler. See the page docs/guide/fmi.md.
+    Simulink, OpenModelica and Dymola import such units. Without MODEL it is the plant of a
+    parameter set. The unit is C: source, and a binary for this machine where it has a compiler. See
+    the page docs/guide/fmi.md.
     """
     from sim_device.plant.errors import PlantError
     from smad.fmi.export import Mounted, export_unit

@@ -11,12 +11,13 @@ import msgspec
 from msgspec import inspect as types
 
 from smad.cli.output import NEGATIVE, PATH, axis_option, checked, client, wait_for_motion
-from smad.cli.quantity import UNITS, Quantity, typed_units
-from smad.config.fields import bare, info_of, split_unit
+from smad.cli.quantity import Quantity, typed_units
+from smad.config.fields import bare, info_of
 from smad.control.commands import PIECES, Piece, Samples, Trajectory
 from smad.control.segment import millimetres
 from smad.errors import SmadError
 from smad.records.points import TIME, read_points
+from smad.units import parted_name
 
 DISPLACEMENT_COLUMN = "displacement_mm"
 ANGLE_COLUMN = "angle_deg"
@@ -130,8 +131,8 @@ def _parameter(
     field: types.Field, value: click.ParamType[Any] | None, meta: Mapping[str, Any]
 ) -> click.Parameter:
     usual = meta.get("usual", field.default)
-    stem, unit = split_unit(field.name)
-    if value is click.FLOAT and unit in UNITS:
+    stem, unit = parted_name(field.name)
+    if value is click.FLOAT and unit:
         value = Quantity(unit)
     if usual is msgspec.NODEFAULT:
         return click.Argument([field.name], type=value, metavar=field.name.upper())
@@ -152,9 +153,9 @@ def _parameter(
 @click.argument("path", type=PATH)
 @axis_option
 def follow(path: Path, **options: Any) -> None:
-    """Follow the points of a CSV file with the columns t_s and displacement_mm.
+    """Follow the points of a CSV file.
 
-    A file with angle_deg in place of displacement_mm is followed as angles of the segment.
+    Its columns are t_s and displacement_mm, or angle_deg for angles of the segment.
     """
     _send(read_samples(path), **options)
 

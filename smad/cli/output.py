@@ -65,7 +65,7 @@ def checked(command: C, typed: Mapping[str, str]) -> C:
     import msgspec
 
     from smad.config.bounds import field_and_words
-    from smad.config.fields import split_unit
+    from smad.units import in_words, unit_of
 
     values = msgspec.to_builtins(command)
     for name, value in values.items():
@@ -77,7 +77,7 @@ def checked(command: C, typed: Mapping[str, str]) -> C:
         msgspec.convert(values, type(command))
     except msgspec.ValidationError as error:
         name, bound = field_and_words(str(error))
-        unit, value = f" {split_unit(name)[1]}".rstrip(), values.get(name)
+        unit, value = f" {in_words(unit_of(name))}".rstrip(), values.get(name)
         shown = f"{value:g}" if isinstance(value, int | float) else repr(value)
         raise click.BadParameter(
             f"{shown}{unit}: {bound}{unit}", param_hint=repr(typed.get(name, name))

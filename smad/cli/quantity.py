@@ -7,16 +7,9 @@ from typing import Any
 
 import click
 
-UNITS: Mapping[str, Mapping[str, float]] = {
-    "mm": {"mm": 1.0, "cm": 10.0, "m": 1000.0, "µm": 1e-3, "um": 1e-3},
-    "mm/s": {"mm/s": 1.0, "cm/s": 10.0, "m/s": 1000.0},
-    "A": {"A": 1.0, "mA": 1e-3},
-    "°C": {"°C": 1.0, "C": 1.0, "degC": 1.0},
-    "K/s": {"K/s": 1.0, "C/s": 1.0, "°C/s": 1.0},
-    "s": {"s": 1.0, "ms": 1e-3, "min": 60.0},
-    "Hz": {"Hz": 1.0, "mHz": 1e-3},
-}
-"""Unit of a command -> what may be typed, and how many of that unit it is."""
+from sim_device.plant.units import UNITS
+from smad.units import alternatives, in_words, spelt, units_for
+
 _WITH_UNIT = "smad.typed_units"
 _TYPED = re.compile(r"(?P<number>[-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(?P<unit>\S*)")
 
@@ -36,21 +29,23 @@ class Quantity(click.ParamType[float]):
         if isinstance(value, int | float):
             return float(value)
         text = str(value).strip()
-        match, units = _TYPED.fullmatch(text), UNITS[self.unit]
+        match, shown = _TYPED.fullmatch(text), in_words(self.unit)
         try:
             number = float(match["number"] if match else text)
         except ValueError:
-            self.fail(f"{value!r} is not a number of {self.unit}.", param, ctx)
-        unit = match["unit"] if match else ""
-        if unit and unit not in units:
-            allowed = ", ".join(units)
-            self.fail(f"{value!r}: give it in {self.unit}, alone or with {allowed}.", param, ctx)
+            self.fail(f"{value!r} is not a number of {shown}.", param, ctx)
+        unit = spelt(match["unit"]) if match else ""
+        if unit and unit not in units_for(self.unit):
+            allowed = alternatives(self.unit)
+            self.fail(f"{value!r}: give it in {shown}, alone or with {allowed}.", param, ctx)
         if math.isnan(number):
             self.fail(f"{value!r} is not a finite number.", param, ctx)
         if unit and ctx is not None and param is not None:
             ctx.meta[_WITH_UNIT] = {**typed_units(ctx), param.name: unit}
+        if unit and unit != self.unit:
+            number = UNITS[self.unit].from_si(UNITS[unit].to_si(number))
         # 250 ms are 0.25 s, not 0.25000000000000006.
-        return float(f"{number * units.get(unit, 1.0):.15g}")
+        return float(f"{number:.15g}")
 
 
 def typed_units(ctx: click.Context) -> Mapping[str | None, str]:

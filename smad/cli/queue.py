@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import functools
-import os
-import sys
 import time
 from datetime import datetime
 from pathlib import Path
@@ -16,8 +14,7 @@ from smad.cli.output import FOLDER, F, bench_option, json_option, print_json
 
 if TYPE_CHECKING:
     from smad.queue import Queue
-    from smad.queue.process import ItemProcess
-    from smad.queue.states import Arming, Item, Snapshot
+    from smad.queue.states import Arming, Snapshot
 
 _ANYTHING = {"ignore_unknown_options": True, "allow_interspersed_args": False}
 
@@ -42,7 +39,7 @@ def _opened(folder: Path | None, bench: str) -> Queue:
 
 @click.group()
 def queue() -> None:
-    """A queue of commands that survives terminals, kills and power losses.
+    """Queue commands; the queue survives kills and power losses.
 
     `smad queue run` runs it once a person has armed it with `smad queue resume`. An interrupted
     item never runs again by itself.
@@ -64,14 +61,15 @@ def add(
     folder: Path | None,
     bench: str,
 ) -> None:
-    """Add a command: what would follow `smad run`, `tune`, `gap checkup` or `run moves`.
+    """Add a command to the queue.
 
-    Options of `add` come before the kind or after its words as --repeat. The command is checked
-    now, and again when it begins.
+    WORDS are what follows `smad run`, `tune`, `gap checkup` or `run moves`. Options of `add` come
+    before the kind; --repeat may also come last. The command is checked now, and again when it
+    begins.
     """
-    from smad.cli.queue_items import items_of
+    from smad.cli.queue_items import items_of, without_repeat
 
-    words, repeat = _with_repeat(words, repeat)
+    words, repeat = without_repeat(words, repeat)
     items = items_of(kind, words, Path.cwd(), repeat)
     with _opened(folder, bench) as opened:
         added = opened.add_checked(items)
@@ -85,25 +83,8 @@ def add(
         click.echo("the queue was armed before: it pauses ahead of this item", err=True)
 
 
-def _with_repeat(words: tuple[str, ...], repeat: int) -> tuple[tuple[str, ...], int]:
-    """Take `--repeat N` out of the words; `smad run` has no such option."""
-    rest = list(words)
-    for place, word in enumerate(rest):
-        name, equals, value = word.partition("=")
-        if name == "--repeat":
-            value = value if equals else (rest[place + 1] if place + 1 < len(rest) else "")
-            try:
-                repeat = int(value)
-            except ValueError:
-                repeat = 0
-            if not 1 <= repeat <= 1000:
-                raise click.UsageError(f"--repeat {value}: give a number from 1 to 1000")
-            return tuple(rest[:place] + rest[place + (1 if equals else 2) :]), repeat
-    return words, repeat
-
-
 @queue.command("list")
-@click.option("--all", "everything", is_flag=True, help="Also ended items.")
+@click.option("--all", "everything", is_flag=True, help="Include ended items.")
 @json_option
 @_queue_option
 def list_items(*, everything: bool, as_json: bool, folder: Path | None, bench: str) -> None:
@@ -227,12 +208,13 @@ def resume(
     folder: Path | None,
     bench: str,
 ) -> None:
-    """Arm the queue in two steps: what would run until when, then --confirm CODE.
+    """Arm the queue, in two steps.
 
-    Give an end: --until, --hours, or both. The first one reached pauses the queue and ends the
-    running item.
+    The first shows what would run until when, the second is --confirm CODE. Give an end: --until,
+    --hours, or both. The first one reached pauses the queue and ends the running item.
     """
     from smad.queue.arming import CONFIRM_WITHIN_S, end_time
+    from smad.queue.queue import now_zoned
     from smad.queue.states import Budget
 
     with _opened(folder, bench) as opened:
@@ -244,8 +226,8 @@ def resume(
             return
         if until is None and hours is None:
             raise click.UsageError("give an end: --until 07:30, or --hours 8")
-        now = datetime.now().astimezone()
-        ends = [] if until is None else [end_time(until, _zoned(now)).timestamp()]
+        now = now_zoned()
+        ends = [] if until is None else [end_time(until, now).timestamp()]
         if hours is not None:
             ends.append(now.timestamp() + hours * 3600.0)
         budget = Budget(
@@ -273,6 +255,7 @@ def run(*, until_paused: bool, folder: Path | None, bench: str) -> None:
     from smad.client.signals import ended_by_signals
     from smad.queue.bench import BenchWatch
     from smad.queue.lease import RunnerLease
+    from smad.queue.process import begin_item
     from smad.queue.runner import Runner, RunnerParts
 
     with ended_by_signals(), _opened(folder, bench) as opened:
@@ -280,7 +263,7 @@ def run(*, until_paused: bool, folder: Path | None, bench: str) -> None:
         lease.acquire()
         watch = BenchWatch(bench, clock_s=time.monotonic)
         start = functools.partial(
-            _started, folder=opened.folder.resolve(), bench=bench, descriptor=lease.descriptor
+            begin_item, folder=opened.folder.resolve(), bench=bench, descriptor=lease.descriptor
         )
         runner = Runner(
             opened.store, RunnerParts(watch=watch, start=start, check=obstacle_of, say=_say)
@@ -300,7 +283,7 @@ def run(*, until_paused: bool, folder: Path | None, bench: str) -> None:
 @json_option
 @_queue_option
 def messages(*, after: int, as_json: bool, folder: Path | None, bench: str) -> None:
-    """Show what happened: the end of every item, and why the queue paused."""
+    """List how every item ended and why the queue paused."""
     with _opened(folder, bench) as opened:
         listed = opened.messages(after)
     if as_json:
@@ -308,37 +291,6 @@ def messages(*, after: int, as_json: bool, folder: Path | None, bench: str) -> N
         return
     for message in listed:
         click.echo(f"{message.id:>4}  {_clock(message.unix_s)}  {message.text}")
-
-
-def _started(item: Item, *, folder: Path, bench: str, descriptor: int) -> ItemProcess:
-    from smad.queue.process import ItemProcess
-
-    output = folder / "queue" / f"item-{item.id:06d}.txt"
-    words = list(item.words)
-    if item.kind == "checkup" and not any(word.startswith("--json") for word in words):
-        # For the record of the bench (smad health).
-        output.parent.mkdir(exist_ok=True)
-        words.append(f"--json={output.with_suffix('.json')}")
-    return ItemProcess(
-        [sys.executable, "-m", "smad.cli.queue_child", str(os.getpid()), bench, *words],
-        folder=Path(item.folder),
-        output=output,
-        environment={"SMAD_BENCH": bench, "PYTHONUNBUFFERED": "1"},
-        descriptor=descriptor,
-    )
-
-
-def _zoned(now: datetime) -> datetime:
-    """The moment in the zone of this computer, which knows when clocks change, where it has one."""
-    from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
-
-    name = os.environ.get("TZ", "").lstrip(":")
-    link = os.path.realpath("/etc/localtime")
-    name = name or link.partition("zoneinfo/")[2]
-    try:
-        return now.astimezone(ZoneInfo(name))
-    except (ZoneInfoNotFoundError, ValueError, OSError):
-        return now
 
 
 def _clock(unix_s: float) -> str:

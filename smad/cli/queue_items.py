@@ -63,6 +63,23 @@ def items_of(kind: str, given: Sequence[str], folder: Path, repeat: int) -> list
     ]
 
 
+def without_repeat(words: tuple[str, ...], repeat: int) -> tuple[tuple[str, ...], int]:
+    """Take `--repeat N` out of the words; `smad run` has no such option."""
+    rest = list(words)
+    for place, word in enumerate(rest):
+        name, equals, value = word.partition("=")
+        if name == "--repeat":
+            value = value if equals else (rest[place + 1] if place + 1 < len(rest) else "")
+            try:
+                repeat = int(value)
+            except ValueError:
+                repeat = 0
+            if not 1 <= repeat <= 1000:
+                raise click.UsageError(f"--repeat {value}: give a number from 1 to 1000")
+            return tuple(rest[:place] + rest[place + (1 if equals else 2) :]), repeat
+    return words, repeat
+
+
 def obstacle_of(item: Item) -> Obstacle | None:
     """Return why an item cannot begin now; None when nothing speaks against it."""
     try:
@@ -114,6 +131,8 @@ def _checked(kind: str, words: Sequence[str], folder: Path) -> bool:
 
             read_moves(folder / given["path"]).require_within(_config(given["bench"]))
         sim = bool(given.get("sim"))
+        from smad.client.folder import recording_folder
+
         _check_disk(folder if sim else recording_folder(given["bench"]) or folder, sim=sim)
     return sim
 
@@ -132,9 +151,9 @@ def _config(bench: str) -> Config:
 
 
 def _check_experiments(given: Mapping[str, Any]) -> None:
-    from smad.cli.run import _experiments
+    from smad.experiments.registry import chosen_experiments
 
-    _experiments(given["names"], given["settings"])
+    chosen_experiments(given["names"], given["settings"])
 
 
 def _inputs(given: Mapping[str, Any]) -> Iterator[tuple[str, Path]]:
@@ -153,19 +172,6 @@ def _check_baseline(context: click.Context, folder: Path) -> None:
                     f"{path} is no baseline (any more)",
                     action="commission the bench (smad gap commission), or name another",
                 )
-
-
-def recording_folder(bench: str) -> Path | None:
-    """Return where the daemon records; None while none answers."""
-    from smad.client import Client
-    from smad.errors import DaemonError
-
-    try:
-        with Client(bench, timeout_s=1.0) as client:
-            folder = client.status().recorder.folder
-    except DaemonError:
-        return None
-    return Path(folder) if folder else None
 
 
 def _check_disk(folder: Path, *, sim: bool) -> None:

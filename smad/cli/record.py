@@ -41,7 +41,9 @@ def stop(bench: str) -> None:
 @click.option("--seconds", type=float, default=60.0, help="How far back.")
 @bench_option
 def last(seconds: float, bench: str) -> None:
-    """Write the last seconds into a log, recorded or not; after a fault this happens by itself.
+    """Write the last seconds into a log, recorded or not.
+
+    After a fault this happens by itself.
 
     The daemon keeps the last minute of every channel and event in memory (recorder.black_box_s).
     """

@@ -12,7 +12,7 @@ from smad.cli.simulated import seed_option, sim_option
 @click.command()
 @click.argument("run", type=FILE)
 @click.option("--as-is", is_flag=True, help="Begin where the bench is, without cooling first.")
-@click.option("--other-bench", is_flag=True, help="Also a run of another bench or board.")
+@click.option("--other-bench", is_flag=True, help="Allow a run of another bench or board.")
 @sim_option
 @click.option(
     "--save-logs",

@@ -74,7 +74,7 @@ def step(
 def circle(
     *, segment: str, radius_deg: float, period_s: float, cycles: int, wait: bool, bench: str
 ) -> None:
-    """Draw a circle with the tip of SEGMENT, from its straight position and back."""
+    """Draw a circle with the tip of SEGMENT, from straight and back."""
     from smad.robot import circle as made
 
     with client(bench) as connected:
@@ -87,7 +87,10 @@ def circle(
 @wait_option
 @bench_option
 def follow(segment: str, path: Path, wait: bool, bench: str) -> None:
-    """Follow the points of a CSV file with the columns t_s, pitch_deg and yaw_deg."""
+    """Follow the points of a CSV file.
+
+    Its columns are t_s, pitch_deg and yaw_deg.
+    """
     from smad.robot import waypoints
 
     with client(bench) as connected:

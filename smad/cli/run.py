@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from smad.experiments.base import Experiment
     from smad.experiments.campaign import CampaignResult
 
-ALL = "all"
 _OTHERS = {
     "repeat": "smad.cli.repeat",
     "six-axes": "smad.cli.six_axes",
@@ -137,6 +136,7 @@ def run(names: tuple[str, ...], **options: Any) -> None:
     trajectories of a file, `smad run endurance` cycles until a limit ends it.
     """
     from smad.experiments.ready import require_ready
+    from smad.experiments.registry import chosen_experiments
     from smad.runlog.paths import free_path
 
     if options["listing"]:
@@ -149,7 +149,7 @@ def run(names: tuple[str, ...], **options: Any) -> None:
 
         click.echo(feedforward_section(model, given.variant), nl=False)
         return
-    experiments = _experiments(names, options["settings"])
+    experiments = chosen_experiments(names, options["settings"])
     if options["report"] is None:
         options["report"] = free_path(Path("experiments.html"))
     require_ready(extra="report", outputs=[options["report"], options["save_parameters"]])
@@ -184,29 +184,6 @@ def _print_list(*, as_json: bool) -> None:
         rows.append((experiment.name, experiment.title, ", ".join(needs) or "a data file"))
     rows.append(("six-axes", TITLE, "several axes"))
     print_table(Table(("name", "what", "needs"), rows))
-
-
-def _experiments(names: Sequence[str], settings: Sequence[str]) -> list[Experiment[Any]]:
-    from smad.experiments.registry import EXPERIMENTS, make_experiment
-
-    if not names:
-        raise click.UsageError("name an experiment, or `all`; `smad run --list` shows them.")
-    chosen = [name for name in EXPERIMENTS if ALL in names or name in names]
-    unknown = [name for name in names if name != ALL and name not in EXPERIMENTS]
-    if unknown:
-        make_experiment(unknown[0])
-    given: dict[str, dict[str, Any]] = {name: {} for name in chosen}
-    for setting in settings:
-        left, equals, value = setting.partition("=")
-        name, dot, key = left.rpartition(".")
-        if not dot and len(chosen) == 1:
-            name = chosen[0]
-        if not equals or name not in given:
-            raise click.UsageError(
-                f"--set {setting}: write EXPERIMENT.KEY=VALUE with one of the experiments that run."
-            )
-        given[name][key] = value
-    return [make_experiment(name, given[name]) for name in chosen]
 
 
 Facts = list[tuple[str, str]]

@@ -33,7 +33,7 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
 
 
 @click.command()
-@click.option("--cycles", type=click.IntRange(1, 10_000_000), required=True)
+@click.option("--cycles", type=click.IntRange(1, 10_000_000), required=True, help="How many.")
 @click.option(
     "--displacement",
     nargs=2,
@@ -49,16 +49,18 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
     help="Cycle one spring between these instead, °C.",
 )
 @click.option(
-    "--spring", type=click.Choice(["x", "y"]), default="x", help="With --temperature: which."
+    "--spring", type=click.Choice(["x", "y"]), default="x", help="With --temperature: the spring."
 )
 @click.option(
     "--rate",
     type=Finite(0.01, 50.0),
     default=2.0,
     metavar="MM/S",
-    help="Of the ramps; K/s with --temperature.",
+    help="Rate of the ramps; K/s with --temperature.",
 )
-@click.option("--dwell", type=Finite(0.0, 600.0), default=1.0, metavar="S")
+@click.option(
+    "--dwell", type=Finite(0.0, 600.0), default=1.0, metavar="S", help="Pause at each end."
+)
 @click.option(
     "--every",
     nargs=2,
@@ -66,21 +68,25 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
     metavar="N checkup",
     help="Play the quick check-up every N cycles.",
 )
-@click.option("--baseline", type=FOLDER, help="Of the check-ups.")
-@click.option("--end-stroke-lost", type=_percent, metavar="%", help="End when so much is lost.")
-@click.option("--end-resistance-up", type=_percent, metavar="%", help="End when so much is added.")
+@click.option("--baseline", type=FOLDER, help="Baseline of the check-ups.")
+@click.option(
+    "--end-stroke-lost", type=_percent, metavar="%", help="End when this much stroke is lost."
+)
+@click.option(
+    "--end-resistance-up", type=_percent, metavar="%", help="End when resistance has risen so far."
+)
 @click.option("--end-shift", type=_kelvin, metavar="K", help="End when the transformation shifted.")
 @click.option(
     "--end-place",
     type=Finite(0.0, 1.0, min_open=True),
     metavar="P",
-    help="End when a check-up says so likely that a place changed.",
+    help="End when a place has changed with this probability.",
 )
 @click.option(
     "--full-every",
     type=click.IntRange(1, 1_000_000),
     default=1,
-    help="Keep every n-th cycle in full, of the rest only its statistics.",
+    help="Keep every n-th cycle in full, of the others only statistics.",
 )
 @click.option("--folder", type=FOLDER, default=Path("endurance"), help="Where cycles.csv goes.")
 @click.option("--go-on", is_flag=True, help="Go on after the cycles that the folder has.")
@@ -110,24 +116,24 @@ def endurance(**options: Any) -> None:
             f"{folder} has {earlier} cycles already",
             action="name another folder, or give --go-on to go on after them",
         )
-    asked = _asked(options, earlier + 1)
+    plan = _plan_of(options, earlier + 1)
     make_folder(folder)
     with contextlib.ExitStack() as stack:
         line = stack.enter_context(progress())
         driver, config, logs = stack.enter_context(_bench(options, folder, line.say))
         if options["go_on"]:
-            late = take_over_killed(logs, asked.profile, folder, asked.first)
+            late = take_over_killed(logs, plan.profile, folder, plan.first)
             if late:
                 click.echo(f"{late} cycles of a killed block are taken over from its run log")
-            asked = replace(asked, first=asked.first + late)
-        asked = replace(asked, longest_s=longest_block_s(config))
-        block = asked.profile.cycles_a_block(asked.check_every or asked.cycles, asked.longest_s)
+            plan = replace(plan, first=plan.first + late)
+        plan = replace(plan, longest_s=longest_block_s(config))
+        block = plan.profile.cycles_a_block(plan.check_every or plan.cycles, plan.longest_s)
         rate_hz = float(config.link.rate_hz)
-        room = room_for(asked.profile, asked.cycles, asked.full_every, block, rate_hz)
-        hours = asked.cycles * asked.profile.period_s / 3600.0
-        click.echo(f"{asked.cycles} cycles, about {hours:.1f} h of board time; {room.in_words()}")
+        room = room_for(plan.profile, plan.cycles, plan.full_every, block, rate_hz)
+        hours = plan.cycles * plan.profile.period_s / 3600.0
+        click.echo(f"{plan.cycles} cycles, about {hours:.1f} h of board time; {room.in_words()}")
         ended = endure(
-            asked,
+            plan,
             driver,
             folder,
             room,
@@ -140,7 +146,7 @@ def endurance(**options: Any) -> None:
     click.echo(f"ended after {ended.cycles} cycles: {ended.reason}; {folder / 'cycles.csv'}")
 
 
-def _asked(options: dict[str, Any], first: int) -> Endurance:
+def _plan_of(options: dict[str, Any], first: int) -> Endurance:
     from smad.experiments.endurance.limits import EndLimits
     from smad.experiments.endurance.run import Endurance
 

@@ -10,7 +10,7 @@ import msgspec
 from smad.cli.output import FILE, PATH, Finite, config_option
 from smad.cli.simulated import board_options, effect_lines, effects_option
 from smad.cli.tables import print_columns
-from smad.processes.boards import SimulatorError, build, faults_of, rate_of
+from smad.processes.boards import SimulatedBenchError, build, faults_of, rate_of
 from smad.processes.simulator import READY
 
 SEED_STEP = 100_003
@@ -26,9 +26,7 @@ SEED_STEP = 100_003
     type=PATH,
     help="Model file of smad gap diagnose --apply, in place of the configured plant.",
 )
-@effects_option(
-    "An effect of smad gap effects that the bench has; typical strength without values."
-)
+@effects_option("An effect that the bench has (smad gap effects); typical strength without values.")
 @board_options("")
 @click.option(
     "--store",
@@ -57,9 +55,10 @@ def sim(
     patience: int,
     parent: int | None,
 ) -> None:
-    """Run the simulated bench without a daemon; prints the name of its port.
+    """Run the simulated bench alone, without a daemon.
 
-    Of several axes each has a port, and --fault has AXIS: before its name. Ctrl-C ends it.
+    It prints the name of its port; several axes have a port each, and --fault then begins with
+    AXIS:. Ctrl-C ends it.
     """
     from sim_device.errors import BenchError
     from sim_device.plant.errors import PlantError
@@ -114,7 +113,7 @@ def sim(
                 on_ready=_announce,
             )
     except (BenchError, PlantError) as error:
-        raise SimulatorError(str(error), action="see smad sim --help") from error
+        raise SimulatedBenchError(str(error), action="see smad sim --help") from error
     click.echo(
         f"ended after {stats.samples} samples; {counts.bytes_in} bytes in, "
         f"{counts.bytes_out} out, {counts.dropped} writes dropped; "

@@ -20,17 +20,20 @@ TITLE = "circles of the segments of a robot, in turn and together"
 
 
 @click.command("six-axes")
-@click.option("--sim", is_flag=True, help="On a simulated bench of six axes, begun for it.")
-@click.option("--radius", "radius_deg", type=Finite(0.1, 180.0), default=15.0)
-@click.option("--period", "period_s", type=Finite(0.5, 3600), default=20.0)
+@click.option("--sim", is_flag=True, help="On a simulated bench of six axes.")
+@click.option("--radius", "radius_deg", type=Finite(0.1, 180.0), default=15.0, help="Degrees.")
+@click.option(
+    "--period", "period_s", type=Finite(0.5, 3600), default=20.0, help="Seconds for one circle."
+)
 @click.option("--report", type=PATH, help="Page; by default beside the log.")
 @bench_option
 def six_axes(
     *, sim: bool, radius_deg: float, period_s: float, report: Path | None, bench: str
 ) -> None:
-    """Let each segment draw a circle in turn, then all together; write table and page.
+    """Let the segments draw circles, in turn and together.
 
-    Arms the bench that is running (or with --sim its own), and disarms at the end.
+    It arms the bench that is running, or with --sim its own, disarms at the end, and writes a table
+    and a page.
     """
     from smad.cli.tables import print_table
     from smad.experiments.circles import Circles, draw, page_of, table, trackings

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.option("--port", help="Serial device of the board, best /dev/serial/by-id/….")
+@click.option("--port", help="Serial device of the board, preferably /dev/serial/by-id/….")
 @click.option("--sim", "simulated", is_flag=True, help="Start a simulated bench and use it.")
 @config_option
 @click.option("--bench", help="Name of the bench, where there are several.")

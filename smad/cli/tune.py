@@ -57,11 +57,11 @@ def tune(
     yes: bool,
     bench: str,
 ) -> None:
-    """Find gains of the displacement LOOP, or of the temperature loop, on the running bench.
+    """Find the gains of a control loop by a short experiment.
 
-    Asks, arms, waits until the springs are cold, moves by about ±4 mm, and disarms; takes two to
-    four minutes. Nothing changes without --apply or --save, or if the trial is worse than with the
-    present gains.
+    On the running bench it asks, arms, waits until the springs are cold, moves by about ±4 mm, and
+    disarms; takes two to four minutes. Nothing changes without --apply or --save, or if the trial
+    is worse than with the present gains.
     """
     from smad.experiments.ready import require_ready
 

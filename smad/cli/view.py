@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @click.option("--watch-only", is_flag=True, help="Give no link that commands the bench.")
 @bench_option
 def view(port: int, no_browser: bool, watch_only: bool, bench: str) -> None:
-    """Serve the live page of the bench until ctrl-C, and open it in a browser.
+    """Serve the live page of the bench, and open it in a browser.
 
     It is reached from this machine only, with the token in its link.
     """

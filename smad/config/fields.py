@@ -8,24 +8,6 @@ from typing import Any
 import msgspec
 from msgspec import inspect as types
 
-_UNITS = (
-    ("_mm_per_s", "mm/s"),
-    ("_A_per_mm_s", "A/(mm s)"),
-    ("_A_per_K_s", "A/(K s)"),
-    ("_A_per_K", "A/K"),
-    ("_A_per_mm", "A/mm"),
-    ("_K_per_s", "K/s"),
-    ("_deg_per_mm", "°/mm"),
-    ("_degC", "°C"),
-    ("_deg", "°"),
-    ("_K", "K"),
-    ("_mm", "mm"),
-    ("_Hz", "Hz"),
-    ("_A", "A"),
-    ("_s", "s"),
-)
-"""Longest first: what a name ends with, and the unit that it means."""
-
 
 def fields_of(struct: type[msgspec.Struct]) -> tuple[types.Field, ...]:
     """Return the fields of a record type."""
@@ -50,14 +32,6 @@ def bare(kind: types.Type) -> tuple[types.Type, dict[str, Any]]:
             kind = next(part for part in kind.types if not isinstance(part, types.NoneType))
         else:
             return kind, meta
-
-
-def split_unit(name: str) -> tuple[str, str]:
-    """Return a name without its unit, and the unit: `rate_mm_per_s` → ("rate", "mm/s")."""
-    for ending, unit in _UNITS:
-        if name.endswith(ending):
-            return name.removesuffix(ending), unit
-    return name, ""
 
 
 def kind_in_words(kind: types.Type) -> str:

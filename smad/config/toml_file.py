@@ -1,7 +1,5 @@
 """A small TOML file that a person wrote, as a checked record."""
 
-from __future__ import annotations
-
 import re
 import typing
 from pathlib import Path

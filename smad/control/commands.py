@@ -89,7 +89,7 @@ class Sine(Piece, tag="sine", frozen=True, kw_only=True):
 
 
 class Chirp(Piece, tag="chirp", frozen=True, kw_only=True):
-    """A sinusoid whose frequency goes from start to end, evenly in time."""
+    """A sinusoid with a linear sweep of its frequency."""
 
     amplitude_mm: Annotated[Amplitude, Meta(description="from the offset to a peak")]
     start_Hz: Annotated[Frequency, Meta(description="frequency at the beginning")]
@@ -101,7 +101,7 @@ class Chirp(Piece, tag="chirp", frozen=True, kw_only=True):
 
 
 class Staircase(Piece, tag="staircase", frozen=True, kw_only=True):
-    """Equal steps from where the reference is; up and back down when asked."""
+    """Equal steps from the reference, one way or there and back."""
 
     step_mm: Annotated[Displacement, Meta(description="height of a step, negative goes down")]
     steps: Annotated[Count, Meta(description="how many steps")]
@@ -112,7 +112,7 @@ class Staircase(Piece, tag="staircase", frozen=True, kw_only=True):
 
 
 class RandomLevels(Piece, tag="random_levels", frozen=True, kw_only=True):
-    """Levels drawn evenly from ±amplitude; the same seed gives the same levels."""
+    """Random levels within ±amplitude, drawn with the seed."""
 
     word: ClassVar[str] = "random"
 

@@ -149,9 +149,9 @@ class _Life:
             self._journal.close()
 
     def _keep(self, daemon: Daemon, place: Place) -> None:
-        news = place.look()
-        if news:
-            daemon.say("warning", news, {})
+        warning = place.look()
+        if warning:
+            daemon.say("warning", warning, {})
         self._keeping = daemon.loop.call_later(_LOOK_S, self._keep, daemon, place)
 
     def _divide_descriptors(self, not_yet_open: int) -> Shares:

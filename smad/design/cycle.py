@@ -21,6 +21,7 @@ from sim_device.plant.geometry import (
     section_m2,
 )
 from sim_device.plant.parameters import ParameterSet, spring_factors
+from sim_device.plant.units import ZERO_C
 from smad.design.checked import (
     DesignError,
     anneals_s,
@@ -131,7 +132,7 @@ def design_cycle(
         wire_m=wire_m,
         mass_g=1e3 * parameters["density"] * section * wire_m,
         stress_MPa=1e-6 * c1 * seen.most_N,
-        peak_degC=seen.peak_K - 273.15,
+        peak_degC=seen.peak_K - ZERO_C,
         anneals_s=anneals_s(parameters, current_A),
         outside=outside(
             parameters,
@@ -139,7 +140,7 @@ def design_cycle(
             current_A,
             cooling=cooling,
             stress_MPa=1e-6 * c1 * seen.most_N,
-            peak_degC=seen.peak_K - 273.15,
+            peak_degC=seen.peak_K - ZERO_C,
         ),
     )
 
@@ -203,7 +204,7 @@ def _run(plant: Plant, phase: _Phase, seen: _Seen) -> float:
         if elapsed_s > LONGEST_S:
             raise DesignError(
                 f"a spring {phase.failure} within {LONGEST_S:g} s",
-                value=f"{plant.truth.T_K[phase.spring] - 273.15:.1f} °C",
+                value=f"{plant.truth.T_K[phase.spring] - ZERO_C:.1f} °C",
                 action=phase.action,
             )
         plant.advance(phase.drive, phase.step_s)

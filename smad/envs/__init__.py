@@ -4,8 +4,6 @@
 `gymnasium.make`, and by the first use of a name below.
 """
 
-from __future__ import annotations
-
 import importlib
 from typing import TYPE_CHECKING, Any
 

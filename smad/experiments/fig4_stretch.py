@@ -9,6 +9,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from sim_device.plant.parameters import ParameterSet, spring_factors
+from sim_device.plant.units import ZERO_C
 from smad.control.commands import HoldTemperature, MoveStage
 from smad.control.plan import Do, Mark, Pause, Plan
 from smad.experiments.base import Comparison, Experiment, Findings, Options
@@ -182,7 +183,7 @@ def austenite(curve: Curve, model: ParameterSet) -> Estimate:
     """
     c1, c2 = spring_factors(model)
     stress = model["stress_start"] + model["slope_martensite"] * (
-        curve.temperature_degC + 273.15 - model["martensite_start"]
+        curve.temperature_degC + ZERO_C - model["martensite_start"]
     )
     linear = np.flatnonzero(curve.force_N * c1 < 0.5 * stress)
     if linear.size < 20:

@@ -1,7 +1,7 @@
 """The experiments by name. Each module is imported only when its experiment is asked for."""
 
 import importlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from firmware_protocol.nearest import instead
@@ -22,6 +22,9 @@ EXPERIMENTS: Mapping[str, str] = {
 """In the order of the report. What recovers parameters comes first; later analyses use them."""
 
 
+ALL = "all"
+
+
 def make_experiment(name: str, settings: Mapping[str, Any] | None = None) -> Experiment[Any]:
     """The experiment of that name. Raises ExperimentError for an unknown name or setting."""
     if name not in EXPERIMENTS:
@@ -33,3 +36,33 @@ def make_experiment(name: str, settings: Mapping[str, Any] | None = None) -> Exp
     module, _, attribute = EXPERIMENTS[name].partition(":")
     kind: type[Experiment[Any]] = getattr(importlib.import_module(module), attribute)
     return kind(options_from(kind.options_type, settings or {}, name))
+
+
+def chosen_experiments(names: Sequence[str], settings: Sequence[str] = ()) -> list[Experiment[Any]]:
+    """The experiments of these names, or of `all`, with settings `[EXPERIMENT.]KEY=VALUE`.
+
+    They come in the order of the report. Raises ExperimentError.
+    """
+    if not names:
+        raise ExperimentError(
+            "name an experiment, or `all`",
+            action="smad run --list shows them",
+        )
+    chosen = [name for name in EXPERIMENTS if ALL in names or name in names]
+    for name in names:
+        if name != ALL and name not in EXPERIMENTS:
+            make_experiment(name)
+    given: dict[str, dict[str, Any]] = {name: {} for name in chosen}
+    for setting in settings:
+        left, equals, value = setting.partition("=")
+        name, dot, key = left.rpartition(".")
+        if not dot and len(chosen) == 1:
+            name = chosen[0]
+        if not equals or name not in given:
+            raise ExperimentError(
+                "this is no setting of an experiment that runs",
+                value=setting,
+                action="write EXPERIMENT.KEY=VALUE",
+            )
+        given[name][key] = value
+    return [make_experiment(name, given[name]) for name in chosen]

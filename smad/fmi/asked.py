@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_device.plant.units import UNITS
 from smad.diagnosis import Answer, diagnose
 from smad.diagnosis.data.columns import filled
 from smad.diagnosis.errors import GapError, PlantMismatch
@@ -27,13 +28,14 @@ from smad.records.channels import held
 from smad.records.column_names import unit_in
 from smad.records.readings import on_lines
 from smad.records.tables import left_out, read_columns, require_rising
-from smad.records.units import UNITS, Written, convert, spelt, unit_words, units_for
+from smad.records.units import Written, convert
 from smad.runlog.paths import names_of
 from smad.simulators.expected import expected, on_standard_error
 from smad.simulators.planning import Plan
 from smad.simulators.processes import in_processes
 from smad.simulators.rating import rate
 from smad.simulators.windows import choose_window
+from smad.units import alternatives, spelt, units_for
 
 _COARSE, _SHORT = 5.0, 2.0
 """Of the lag that a map names: a longest step, and a shortest run, that make sense."""
@@ -177,7 +179,7 @@ def _written(row: InputRow | ChannelRow, name: str) -> Written:
         raise FmiError(
             f"the map gives {name} a column_unit that is none for a value in {row.unit}",
             value=row.column_unit,
-            limit=unit_words(wanted),
+            limit=alternatives(wanted),
             action="correct it, or give scale and offset",
         )
     read = Written.of(unit, wanted)

@@ -9,6 +9,8 @@ from math import pi
 from sim_device.plant.fields import FIELDS
 from sim_device.plant.parameters import ParameterSet
 from sim_device.plant.replay import OUTPUTS
+from sim_device.plant.units import ZERO_C
+from smad.units import unit_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +34,7 @@ BASE_UNITS: Mapping[str, Mapping[str, float]] = {
     "Ohm m": {"kg": 1, "m": 3, "s": -3, "A": -2},
     "K": {"K": 1},
     "1/K": {"K": -1},
-    "degC": {"K": 1, "offset": 273.15},
+    "degC": {"K": 1, "offset": ZERO_C},
     "m": {"m": 1},
     "m2/s": {"m": 2, "s": -1},
     "m3/s": {"m": 3, "s": -1},
@@ -49,11 +51,6 @@ BASE_UNITS: Mapping[str, Mapping[str, float]] = {
 }
 """Unit -> exponents of the SI base units, with factor and offset to them, as FMI has it."""
 
-# How the name of an output ends, and its unit; longest first.
-_ENDINGS = {
-    "_m3_s": "m3/s", "_degC": "degC", "_Ohm": "Ohm", "_A": "A", "_V": "V", "_K": "K",
-    "_m": "m", "_N": "N", "_J": "J",
-}  # fmt: skip
 _COUNTERS = ("kinetics_evaluations",)
 
 INPUTS = (
@@ -73,15 +70,10 @@ INPUTS = (
 def outputs() -> list[Variable]:
     """Every output: what the sensors give without noise, and the states behind it (`true_…`)."""
     return [
-        Variable(name=name, causality="output", unit=unit_of(name), description=name)
+        Variable(name=name, causality="output", unit=_known(unit_of(name)), description=name)
         for name in OUTPUTS
         if name not in _COUNTERS
     ]
-
-
-def unit_of(name: str) -> str:
-    """The unit in the name of an output."""
-    return next((unit for ending, unit in _ENDINGS.items() if name.endswith(ending)), "")
 
 
 def variables(parameters: ParameterSet) -> list[Variable]:
@@ -114,5 +106,5 @@ def variables(parameters: ParameterSet) -> list[Variable]:
 
 
 def _known(unit: str) -> str:
-    """A unit of a parameter file, as BASE_UNITS has it."""
-    return {"1": "", "K difference": "K"}.get(unit, unit)
+    """A unit of a parameter file or a name, as BASE_UNITS has it."""
+    return {"1": "", "K difference": "K", "m³/s": "m3/s"}.get(unit, unit)

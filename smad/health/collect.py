@@ -1,7 +1,5 @@
 """New run logs, check-ups and endurance cycles of a folder, taken into the record of its bench."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 A block begins from rest. Its cycles are alike, and differ less from each other than blocks do.
 """
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence

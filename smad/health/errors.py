@@ -1,7 +1,5 @@
 """What goes wrong with the record of a bench."""
 
-from __future__ import annotations
-
 from smad.errors import SmadError
 
 

@@ -1,7 +1,5 @@
 """What a recorded run says of the bench: stroke, force, resistances, cooling, gains."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path

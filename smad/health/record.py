@@ -1,7 +1,5 @@
 """The record of a bench: one line of JSON for each run or check-up, only ever appended to."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path

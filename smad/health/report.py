@@ -1,16 +1,14 @@
 """The trends of a record, in words, as a table, and as one page."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
 
 import numpy as np
 
 from smad.health.record import Row
 from smad.health.trends import LEAST_ROWS, LEAST_SITTINGS, Forecast, Trend, forecast, trend_of
 from smad.report.page import Block, Page, Picture, Section, Table, Text
+from smad.runlog.header import date_of
 
 CHANGE_HEADER = ("what", "then", "now", "changed", "noticed at cycle", "limit", "reached at cycle")
 
@@ -44,6 +42,23 @@ class Health:
     def returned(self) -> list[Trend]:
         """Trends that changed for a while and have come back."""
         return [t for t in self.trends.values() if t.passed and t.noticed is None]
+
+    def record(self) -> dict[str, object]:
+        """Return it as JSON takes it."""
+        trends = {
+            name: {
+                "then": trend.mean,
+                "scatter": trend.scatter,
+                "change": trend.change,
+                "came_back_at_cycles": [float(trend.x[back]) for _, back in trend.passed],
+                "noticed_at_cycle": None
+                if trend.noticed is None
+                else float(trend.x[trend.noticed]),
+                "forecast": self.forecast(name),
+            }
+            for name, trend in self.trends.items()
+        }
+        return {"headline": headline(self), "rows": len(self.rows), "trends": trends}
 
 
 def health_of(rows: Sequence[Row], limits: Mapping[str, float]) -> Health:
@@ -122,16 +137,12 @@ def page(health: Health, bench: str) -> Page:
         blocks.append(table(health))
     blocks += [Picture(_figure(health, trend), trend.name) for trend in health.trends.values()]
     events = [
-        (_day(row.unix_s), row.kind, "; ".join(row.words)) for row in health.rows if row.words
+        (date_of(row.unix_s), row.kind, "; ".join(row.words)) for row in health.rows if row.words
     ]
     sections = [Section("Trends", blocks)]
     if events:
         sections.append(Section("Check-ups", [Table(("when", "what", "said"), events[-50:])]))
     return Page(f"Health of {bench}", sections)
-
-
-def _day(unix_s: float) -> str:
-    return datetime.fromtimestamp(unix_s).strftime("%Y-%m-%d %H:%M")
 
 
 def _figure(health: Health, trend: Trend) -> str:

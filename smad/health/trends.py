@@ -21,8 +21,6 @@ Forecast: the line y = a + b x by least squares since the change; it crosses the
 x = (L − a) / b, with Fieller's interval.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The row of a check-up, from the JSON that it writes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import msgspec

@@ -27,7 +27,7 @@ class BoardType:
     """Returns what makes a bench with it; imports that only when it is asked."""
 
 
-class SimulatorError(SmadError):
+class SimulatedBenchError(SmadError):
     """The simulated bench cannot be run as asked."""
 
 
@@ -39,10 +39,10 @@ def faults_of(faults: tuple[str, ...], axis: str) -> tuple[str, ...]:
 
 
 def rate_of(rate_hz: int, firmware: str) -> int:
-    """Return the rate. Raises SimulatorError where the board has not the time for it."""
+    """Return the rate. Raises SimulatedBenchError where the board has not the time for it."""
     most_rate_hz = BOARDS[firmware].most_rate_hz
     if rate_hz > most_rate_hz:
-        raise SimulatorError(
+        raise SimulatedBenchError(
             "the board has not the time for so many samples a second",
             value=rate_hz,
             limit=most_rate_hz,

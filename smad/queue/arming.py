@@ -3,8 +3,6 @@
 Pure: the wall clock and the code are arguments.
 """
 
-from __future__ import annotations
-
 import re
 from datetime import datetime, timedelta, tzinfo
 

@@ -1,7 +1,5 @@
 """The bench as the runner sees it: a client that only looks, and never waits long."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable
 from typing import Any

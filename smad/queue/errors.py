@@ -1,7 +1,5 @@
 """What goes wrong with a queue."""
 
-from __future__ import annotations
-
 from smad.errors import SmadError
 
 

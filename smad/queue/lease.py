@@ -4,8 +4,6 @@ The process of an item inherits the lock. A runner that is killed leaves it to t
 it has ended, so no second runner begins while an orphan may still use the bench.
 """
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import os

@@ -5,8 +5,6 @@ Each function returns a `Change`: the records to write in one transaction, and t
 that, the actions to carry out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Literal
 

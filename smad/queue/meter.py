@@ -1,7 +1,5 @@
 """What a bench uses: heating energy and cycles of displacement, from its samples. Pure."""
 
-from __future__ import annotations
-
 from smad.queue.states import Usage
 from smad.runlog.schema import Row
 

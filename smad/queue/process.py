@@ -1,16 +1,17 @@
 """The process of an item: begun with the runner's lock, its output kept up to a limit."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal
 import subprocess
+import sys
 import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
+
+from smad.queue.states import Item
 
 LONGEST_OUTPUT = 1_000_000
 """Bytes kept of what an item prints: one that floods must not fill the disk."""
@@ -96,3 +97,20 @@ class ItemProcess:
                     with contextlib.suppress(OSError):
                         file.write(line)
                     left -= len(line)
+
+
+def begin_item(item: Item, *, folder: Path, bench: str, descriptor: int) -> ItemProcess:
+    """Begin the command of an item; `descriptor` is the runner's lock."""
+    output = folder / "queue" / f"item-{item.id:06d}.txt"
+    words = list(item.words)
+    if item.kind == "checkup" and not any(word.startswith("--json") for word in words):
+        # For the record of the bench (smad health).
+        output.parent.mkdir(exist_ok=True)
+        words.append(f"--json={output.with_suffix('.json')}")
+    return ItemProcess(
+        [sys.executable, "-m", "smad.cli.queue_child", str(os.getpid()), bench, *words],
+        folder=Path(item.folder),
+        output=output,
+        environment={"SMAD_BENCH": bench, "PYTHONUNBUFFERED": "1"},
+        descriptor=descriptor,
+    )

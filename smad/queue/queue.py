@@ -6,16 +6,20 @@ What needs the command line's own checks goes through it: `add` runs `smad queue
 from __future__ import annotations
 
 import json
+import os
 import secrets
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from datetime import datetime
 from pathlib import Path
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import msgspec
 
 from smad.client import Client
+from smad.client.folder import recording_folder
 from smad.errors import SmadError
 from smad.queue import arming, machine
 from smad.queue.errors import ArmingError, QueueError
@@ -26,17 +30,18 @@ from smad.queue.store import FILE, Message, Proposal, Store
 
 _ALPHABET = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"
 """Of codes that people type: nothing that looks like something else."""
-_DAEMON_S = 1.0
 
 
-def folder_of(bench: str = "bench") -> Path:
-    """Return the folder of the queue: where the daemon records, without one `runs` from here."""
+def now_zoned() -> datetime:
+    """Now, in the zone of this computer, which knows when clocks change, where it has one."""
+    now = datetime.now().astimezone()
+    name = os.environ.get("TZ", "").lstrip(":")
+    link = os.path.realpath("/etc/localtime")
+    name = name or link.partition("zoneinfo/")[2]
     try:
-        with Client(bench, timeout_s=_DAEMON_S) as client:
-            folder = client.status().recorder.folder
-    except SmadError:
-        folder = ""
-    return Path(folder or "runs")
+        return now.astimezone(ZoneInfo(name))
+    except (ZoneInfoNotFoundError, ValueError, OSError):
+        return now
 
 
 class Queue:
@@ -52,7 +57,9 @@ class Queue:
         bench: str = "bench",
         wall_s: Callable[[], float] = time.time,
     ) -> None:
-        self.folder = Path(folder) if folder is not None else folder_of(bench)
+        self.folder = (
+            Path(folder) if folder is not None else recording_folder(bench) or Path("runs")
+        )
         self.bench = bench
         self.store = Store(self.folder / FILE)
         self._wall_s = wall_s
@@ -161,7 +168,7 @@ class Queue:
 
     def _generation(self) -> int | None:
         try:
-            with Client(self.bench, timeout_s=_DAEMON_S) as client:
+            with Client(self.bench, timeout_s=1.0) as client:
                 return client.motion().generation
         except SmadError:
             return None

@@ -1,7 +1,5 @@
 """The one process that carries a queue out: looks, lets the machine decide, writes, then acts."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 from collections.abc import Callable, Mapping

@@ -6,8 +6,6 @@ messages of the topic with most of them; beside each stands the last value that 
 had by then, unless it is too old (`_longest_ns`). Times are those at which the bag recorded.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path

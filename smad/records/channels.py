@@ -1,7 +1,5 @@
 """The channels of a run log in a table that was made elsewhere, in the units of the schema."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

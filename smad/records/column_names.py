@@ -5,8 +5,6 @@ understood is left out and listed; what is half understood (a known quantity wit
 one that does not fit) is refused, because a guess would be a factor of a thousand.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
@@ -15,9 +13,10 @@ from typing import Annotated
 import msgspec
 
 from firmware_protocol.nearest import instead
+from sim_device.plant.units import UNITS
 from smad.errors import LogImportError
-from smad.records.units import UNITS, parted_name, spelt, unit_of, unit_words, units_for
 from smad.runlog.schema import CHANNELS
+from smad.units import alternatives, parted_name, spelt, unit_of, units_for
 
 _PER_SPRING = {
     "i_cmd_{}_A": ("i_cmd", "current_cmd", "current_command", "current_set"),
@@ -135,7 +134,7 @@ def _from_name(name: str, exact: Collection[str]) -> ColumnRule | None:
         raise LogImportError(
             f"column {name!r} looks like {channel}, but "
             + (f"{unit!r} is no unit for it" if unit else "its unit is missing"),
-            limit=unit_words(wanted),
+            limit=alternatives(wanted),
             action=f"rename it (for example {stem}_{wanted}) or use a mapping file",
         )
     return ColumnRule(channel, unit)
@@ -190,7 +189,7 @@ def _checked(name: str, rule: ColumnRule) -> ColumnRule:
         raise LogImportError(
             f"the mapping of column {name!r} gives {rule.channel} an unknown unit",
             value=unit,
-            limit=unit_words(channel.unit),
+            limit=alternatives(channel.unit),
             action="correct the mapping file",
         )
     return msgspec.structs.replace(rule, column_unit=unit)

@@ -6,8 +6,6 @@ names are the last line that has as many cells as the first row of numbers, none
 last comment (as numpy's savetxt writes them).
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from collections import Counter
@@ -17,8 +15,8 @@ from pathlib import Path
 from typing import TextIO
 
 from smad.errors import LogImportError
-from smad.records.units import is_unit
 from smad.runlog.bounds import MOST_HEAD_CHARACTERS, require_bounded
+from smad.units import is_unit
 
 DELIMITERS: tuple[str, ...] = (",", ";", "\t", " ")
 _COMMENT = re.compile(r"\s*(#|%|//)+\s?")

@@ -1,13 +1,12 @@
 """What a column is declared to be, and the likely unit of values beyond its range."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from smad.records.units import Written, convert, spelt, units_for
+from smad.records.units import Written, convert
+from smad.units import spelt, units_for
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -1,7 +1,5 @@
 """Logs made elsewhere become run logs, with `source = "import"` in the header."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -3,8 +3,6 @@
 Read with Python's own csv, so that `smad move` needs neither numpy nor Arrow.
 """
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Sequence

@@ -8,8 +8,6 @@ them, or that moves and then jumps. A column that is beyond its range otherwise 
 unit that it is likely to be in. A reading that several rows each repeat is named.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -17,8 +15,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from sim_device.plant.units import UNITS
 from smad.records.declared import Declared, refusal_words
-from smad.records.units import UNITS, spelt
+from smad.units import spelt
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -1,7 +1,5 @@
 """Dates and times of day in a table, as seconds since the first."""
 
-from __future__ import annotations
-
 import contextlib
 from datetime import UTC, datetime
 

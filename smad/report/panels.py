@@ -6,7 +6,6 @@ the page, which needs no network.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any
 
 import msgspec
@@ -14,13 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smad.report.planes import Plane, described
+from smad.style.decimation import Decimation
 
 Array = NDArray[np.float64]
 
 MOST_POINTS = 12_000
 """Points of a trace that a page holds; of a longer one each stretch keeps its extremes."""
-LONG_PAUSE = 10.0
-"""Times the usual step between two samples: from there on the line is broken."""
 _X_DIGITS = 4
 _MORE_DIGITS = 1
 
@@ -124,7 +122,7 @@ class _Axes:
 
     def describe(self, trace: Trace, digits: int) -> dict[str, Any]:
         if id(trace.x) not in self._cuts:
-            cut = Decimation(trace.x)
+            cut = Decimation(trace.x, MOST_POINTS)
             self._cuts[id(trace.x)] = (len(self.xs), cut)
             self.xs.append(np.round(cut.x, _X_DIGITS).tolist())
         place, cut = self._cuts[id(trace.x)]
@@ -137,45 +135,3 @@ class _Axes:
             # NaN becomes null.
             "y": np.round(cut.thinned(trace.y), digits + _MORE_DIGITS).tolist(),
         }
-
-
-class Decimation:
-    """How an axis `x` of n samples is thinned: two points a stretch, and a break at each pause.
-
-    `x` is then what is left; where n is at most `most` all stay.
-    """
-
-    def __init__(self, x: Array, most: int = MOST_POINTS) -> None:
-        steps = np.diff(x)
-        usual = float(np.median(steps)) if steps.size else 0.0
-        pauses = (
-            np.flatnonzero(steps > LONG_PAUSE * usual) + 1 if usual > 0.0 else np.array([], int)
-        )
-        self._whole = x.size <= most
-        if self._whole:
-            self._starts = np.arange(x.size)
-            self._breaks = pauses
-            points = x
-        else:
-            every = -(-2 * x.size // most)
-            pieces = pairwise([0, *pauses.tolist(), x.size])
-            starts = [np.arange(begin, end, every) for begin, end in pieces]
-            self._starts = np.concatenate(starts)
-            self._breaks = 2 * np.cumsum([piece.size for piece in starts])[:-1]
-            ends = np.append(self._starts[1:], x.size)
-            points = _alternating(x[self._starts], x[(self._starts + ends) // 2])
-        self._ends = np.append(self._starts[1:], x.size) - 1
-        middles = (points[self._breaks - 1] + points[self._breaks]) / 2.0
-        self.x = np.insert(points, self._breaks, middles)
-
-    def thinned(self, y: Array) -> Array:
-        """`y` of shape (n,) at the points of `x`: the extremes of each stretch; NaN at a break."""
-        if not self._whole:
-            low, high = np.fmin.reduceat(y, self._starts), np.fmax.reduceat(y, self._starts)
-            rising = ~(y[self._ends] < y[self._starts])
-            y = _alternating(np.where(rising, low, high), np.where(rising, high, low))
-        return np.insert(y, self._breaks, np.nan)
-
-
-def _alternating(first: Array, second: Array) -> Array:
-    return np.stack([first, second], axis=1).ravel()

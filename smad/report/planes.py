@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smad.runlog.cycles import TURN_K, TURN_MM, Cycles
+from smad.style.decimation import every
 
 Array = NDArray[np.float64]
 
@@ -154,25 +155,25 @@ class _Values:
         self._places: dict[int, tuple[int, Any]] = {}
 
     def describe(self, curve: Curve, plane: Plane) -> dict[str, Any]:
-        every = max(1, -(-curve.x.size // MOST_POINTS))
+        step = every(curve.x.size, MOST_POINTS)
         return {
             "label": curve.label,
             "pen": curve.pen,
             "group": curve.group,
             "dash": curve.dash,
-            "x": self._place(curve.x, every, plane.x.digits + _MORE_DIGITS),
-            "y": self._place(curve.y, every, plane.y.digits + _MORE_DIGITS),
-            "t": self._place(curve.t, every, _T_DIGITS),
-            "cycle": self._place(curve.cycle, every, 0),
+            "x": self._place(curve.x, step, plane.x.digits + _MORE_DIGITS),
+            "y": self._place(curve.y, step, plane.y.digits + _MORE_DIGITS),
+            "t": self._place(curve.t, step, _T_DIGITS),
+            "cycle": self._place(curve.cycle, step, 0),
         }
 
-    def _place(self, column: Any, every: int, digits: int) -> int | None:
+    def _place(self, column: Any, step: int, digits: int) -> int | None:
         if column is None:
             return None
         if id(column) not in self._places:
             # The column is kept, so that no other gets its id.
             self._places[id(column)] = (len(self.lists), column)
-            self.lists.append(np.round(column[::every], digits).tolist())
+            self.lists.append(np.round(column[::step], digits).tolist())
         return self._places[id(column)][0]
 
 

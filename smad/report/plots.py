@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import io
+import math
 import re
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smad.report.page import Picture
+from smad.style.decimation import Decimation
 from smad.style.palette import in_print
 
 if TYPE_CHECKING:
@@ -91,26 +92,13 @@ def _saved(figure: Figure, kind: str, without: tuple[str, ...]) -> bytes:
     return buffer.getvalue()
 
 
-def decimated(t: ArrayLike, y: ArrayLike, buckets: int = 800) -> tuple[Array, Array]:
-    """At most 2·`buckets` + 2 points that look the same: the minimum and maximum of each bucket.
+def decimated(t: ArrayLike, y: ArrayLike, most: int = 1600) -> tuple[Array, Array]:
+    """At most `most` points that look the same: the extremes of each stretch.
 
-    `t` and `y` of shape (n,), `t` increasing. The first and the last point stay. Gaps (nan in `y`)
-    stay gaps.
+    `t` and `y` of shape (n,). Gaps (nan in `y`) stay gaps.
     """
-    t, y = np.asarray(t, float), np.asarray(y, float)
-    n = t.size
-    if n <= 2 * buckets:
-        return t, y
-    edges = np.linspace(0, n, buckets + 1).astype(int)
-    keep = {0, n - 1}
-    for a, b in pairwise(edges):
-        part = y[a:b]
-        if np.isnan(part).any():
-            keep.add(a + int(np.flatnonzero(np.isnan(part))[0]))
-        if not np.isnan(part).all():
-            keep.update((a + int(np.nanargmin(part)), a + int(np.nanargmax(part))))
-    order = np.fromiter(sorted(keep), int)
-    return t[order], y[order]
+    cut = Decimation(np.asarray(t, float), most, math.inf)
+    return cut.x, cut.thinned(np.asarray(y, float))
 
 
 def draw(

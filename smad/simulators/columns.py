@@ -17,8 +17,9 @@ from smad.records.column_names import quantity_in, unit_in
 from smad.records.csv_table import CsvFormat
 from smad.records.readings import CODES
 from smad.records.tables import left_out, read_columns, require_rising
-from smad.records.units import Written, convert, units_for
+from smad.records.units import Written, convert
 from smad.simulators.errors import SimulatorError
+from smad.units import units_for
 
 TIMES = ("t_s", "time_s", "time", "t", "timestamp_s")
 """Names of a column that is the time in s; `Time [ms]` and other units are understood, too."""

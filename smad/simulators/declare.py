@@ -7,9 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from sim_device.plant.units import UNITS
 from smad.diagnosis.plant import Array, Effect, EffectParameter, Parameter
-from smad.records.units import UNITS, parted_name, unit_of
 from smad.simulators.errors import SimulatorError
+from smad.units import parted_name, unit_of
 
 Replay = Callable[[Array, Mapping[str, Array], Mapping[str, float], Mapping[str, float]], Any]
 """f(t, inputs, values, start) -> outputs by name.

@@ -13,6 +13,7 @@ from msgspec import Struct
 from smad.api import Telemetry
 from smad.config import Config
 from smad.runlog import schema
+from smad.units import in_words
 
 
 class Curve(Struct, frozen=True):
@@ -133,7 +134,6 @@ class Channel(Struct, frozen=True, kw_only=True):
 NO_QUANTITY = frozenset({"t_s", "host_time_s", "tick", "faults", "warnings", "valid"})
 """Channels of the log that are times, counters of samples or bits: no curve says anything."""
 _DIGITS = {"A": 2, "V": 2, "degC": 1, "mm": 2, "N": 2, "deg": 1, "ms": 2, "1": 2}
-_UNITS = {"degC": "°C", "deg": "°", "1": ""}
 
 
 def _of_strip(strip: Strip, curve: Curve) -> Channel:
@@ -177,7 +177,7 @@ def _of_log(spec: schema.ChannelSpec) -> Channel:
         name=spec.name,
         title=_TITLES.get(stem, f"{usual[0].upper()}{usual[1:]}"),
         label=spring or "measured",
-        unit=_UNITS.get(spec.unit, spec.unit),
+        unit=in_words(spec.unit),
         digits=_DIGITS.get(spec.unit, 0),
         pen=spring.lower() or "main",
     )

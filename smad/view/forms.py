@@ -12,9 +12,10 @@ from msgspec import Struct
 from msgspec import inspect as types
 
 from smad.config import Config
-from smad.config.fields import bare, info_of, split_unit
+from smad.config.fields import bare, info_of
 from smad.control.commands import Samples, Trajectory, Tune
 from smad.control.inforce import tune_of
+from smad.units import in_words, parted_name
 
 Kind = Literal["number", "whole", "choice", "switch"]
 
@@ -125,11 +126,11 @@ def _field(field: types.Field) -> Field:
     # "or nothing": left out when it was not touched.
     kind, meta = bare(field.type)
     initial = None if field.default is msgspec.NODEFAULT else field.default
-    stem, unit = split_unit(field.name)
+    stem, unit = parted_name(field.name)
     made = Field(
         name=field.name,
         label=stem.replace("_", " "),
-        unit=unit,
+        unit=in_words(unit),
         kind="number",
         about=meta.get("description", ""),
         initial=initial,

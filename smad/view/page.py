@@ -266,7 +266,7 @@ class Page:
 
     async def _feed(self) -> None:
         while True:
-            for message in self._news():
+            for message in self._changed_messages():
                 await self._connection.send(message)
             await asyncio.sleep(1 / FRAMES_PER_S)
 
@@ -278,7 +278,7 @@ class Page:
             if since_s is not None and self._source.clock_s() - since_s > PATIENCE_S:
                 await self._connection.close(CloseCode.POLICY_VIOLATION, _HUNG)
 
-    def _news(self) -> Iterator[str]:
+    def _changed_messages(self) -> Iterator[str]:
         source = self._source
         if source.config is not self._config:
             # Another axis is looked at, or the daemon was started again, perhaps with other gains
@@ -291,20 +291,20 @@ class Page:
             self._version = self._marks_set = -1
             yield _encode(hello(source, self._axis, self._right)).decode()
         silent = self._axis.silent_s > 0
-        news = source.version != self._version or silent != self._silent
-        if self._unconfirmed_s is None and news:
+        changed = source.version != self._version or silent != self._silent
+        if self._unconfirmed_s is None and changed:
             self._version, self._silent = source.version, silent
             self._unconfirmed_s = source.clock_s()
             ours = self._control is not None and self._control.has_control
             yield _encode(status_message(source, self._axis, ours=ours)).decode()
-            yield from self._other_news()
+            yield from self._other_messages()
         if self._frames < IN_FLIGHT and not silent and self._shows.live:
             taken = self._cursor.take()
             if taken is not None:
                 self._frames += 1
                 yield _encode(self._frame(*taken)).decode()
 
-    def _other_news(self) -> Iterator[str]:
+    def _other_messages(self) -> Iterator[str]:
         source, jobs = self._source, self._queries.jobs
         if source.marks_set != self._marks_set:
             self._marks_set = source.marks_set

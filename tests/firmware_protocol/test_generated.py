@@ -37,7 +37,8 @@ def test_the_check_fails_and_names_a_file_that_was_changed_by_hand(
     assert outputs.stale() == [header]
     (target / "schema.json").unlink()
     assert outputs.stale() == [target / "schema.json", header]
-    document.write_text(document.read_text(encoding="utf-8").replace(" 52 bytes", " 53 bytes"))
+    text = document.read_text(encoding="utf-8")
+    document.write_text(re.sub(r"\b(\d+) bytes", r"1\1 bytes", text), encoding="utf-8")
     assert outputs.stale() == [target / "schema.json", header, document]
 
 

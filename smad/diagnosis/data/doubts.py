@@ -15,11 +15,13 @@ from itertools import combinations
 
 import numpy as np
 
+from sim_device.plant.units import UNITS
 from smad.diagnosis.data.opinions import least_move
 from smad.diagnosis.plant import Array, Channel, PlantModel, Signal, nominal_replay, traits_of
 from smad.diagnosis.runs import GapRun
 from smad.records.declared import Declared
-from smad.records.units import UNITS, convert, units_for
+from smad.records.units import convert
+from smad.units import units_for
 
 _SWING, _LEVEL = 0.3, 0.05
 """Usual difference of bench and model: of the logarithm of a swing; of a level, in its range."""

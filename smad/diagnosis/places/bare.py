@@ -14,7 +14,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from sim_device.plant.laws import Law, basis
+from sim_device.plant import Law, basis
 from smad.diagnosis.places.place import BOTH, Forceable, Forcing, Place, PlacesPlant
 from smad.diagnosis.plant import Array, ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun

@@ -15,8 +15,8 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_device.plant import Law, Term, basis, terms_over
 from sim_device.plant.errors import PlantError
-from sim_device.plant.laws import Law, Term, basis, terms_over
 from smad.diagnosis.data.played import Played, finite
 from smad.diagnosis.numerics.folds import Array, Index
 from smad.diagnosis.numerics.threads import each

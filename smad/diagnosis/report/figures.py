@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_device.plant.laws import Law
+from sim_device.plant import Law
 from smad.diagnosis.answer import Answer
 from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.place import BOTH, PlacesPlant, single_sides

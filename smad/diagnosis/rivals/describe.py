@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_device.plant.laws import Term
+from sim_device.plant import Term
 from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.place import BOTH, PlacesPlant, single_sides
 from smad.diagnosis.places.responses import law_series

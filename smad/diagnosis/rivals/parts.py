@@ -14,7 +14,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from sim_device.plant.laws import joined
+from sim_device.plant import joined
 from smad.diagnosis.numerics.folds import Array, Index
 from smad.diagnosis.places.responses import Candidate, Responses
 from smad.diagnosis.plant import Effect, ModelPoint, PlantModel, moved_parameters

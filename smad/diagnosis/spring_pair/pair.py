@@ -11,12 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from firmware_protocol.nearest import instead
-from sim_device.plant import ParameterSet, load_parameters
+from sim_device.plant import ParameterSet, load_parameters, own_states, unit_of_state
 from sim_device.plant.covariance import Covariance
 from sim_device.plant.effects.record import Effect as RegistryEffect
 from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.errors import InputError, PlantError
-from sim_device.plant.laws import own_states, unit_of_state
 from sim_device.plant.parameters import spring_factors
 from sim_device.plant.places import PLACES, STATES, check_place_needs
 from smad.diagnosis.errors import PlantMismatch

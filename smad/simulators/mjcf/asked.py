@@ -12,7 +12,7 @@ from smad.diagnosis.plant import Parameter
 from smad.progress import Say
 from smad.records.column_names import unit_in
 from smad.records.tables import left_out
-from smad.records.units import Written, spelt, unit_words, units_for
+from smad.records.units import Written
 from smad.simulators.asking import diagnose
 from smad.simulators.columns import Table, span_of, tables_of
 from smad.simulators.declare import Simulator, unit_of_value
@@ -30,6 +30,7 @@ from smad.simulators.mjcf.model import MujocoModel, load
 from smad.simulators.mjcf.parts import number_of
 from smad.simulators.mjcf.saving import saver
 from smad.simulators.planning import Plan, plan
+from smad.units import alternatives, spelt, units_for
 
 _PRIOR_OF_RANGE = 1.0 / 6.0
 
@@ -200,7 +201,7 @@ def _written(row: InputRow | ChannelRow, name: str) -> Written:
         raise SimulatorError(
             f"the map gives {name} a column in another unit",
             value=row.column_unit or row.column,
-            limit=unit_words(wanted),
+            limit=alternatives(wanted),
             action="name it by its unit, or give scale and offset",
         )
     return Written.of(unit, wanted)

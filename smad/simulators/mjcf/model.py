@@ -15,11 +15,11 @@ from numba import njit
 from smad.diagnosis.plant import Array, Effect
 from smad.extras import part
 from smad.records.column_names import unit_in
-from smad.records.units import unit_of
 from smad.simulators.errors import SimulatorError
 from smad.simulators.mjcf.library import ModelEffect
 from smad.simulators.mjcf.map_file import ChannelRow, InputRow, MjcfMap, ParameterRow
 from smad.simulators.mjcf.parts import FIELDS, Field, in_si, is_hinge, number_of
+from smad.units import unit_of
 
 _TOUCHED = (
     "body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "dof_damping",

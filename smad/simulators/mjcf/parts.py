@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from smad.extras import part
-from smad.records.units import convert, spelt, units_for
+from smad.records.units import convert
 from smad.simulators.errors import SimulatorError
+from smad.units import spelt, units_for
 
 _LISTS = {"body": "nbody", "joint": "njnt", "actuator": "nu", "sensor": "nsensor"}
 

@@ -62,7 +62,7 @@ export class Plane {
         bind: { dblclick: () => () => this.whole() } },
       // Set by hand, as the curves are drawn by hand: uPlot knows only two corners.
       scales: { x: { time: false, auto: false }, y: { auto: false } },
-      axes: [axis({ size: 44, space: 70, label: name(x) }), axis({ size: 64, space: 28, label: name(y) })],
+      axes: [axis({ size: 34, space: 70, label: name(x) }), axis({ size: 64, space: 28, label: name(y) })],
       series: [{}, { paths: () => null, points: { show: false } }],
       hooks: { draw: [() => this.draw()], setCursor: [() => this.point()] },
     };

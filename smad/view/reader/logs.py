@@ -23,6 +23,7 @@ from smad.runlog.mcap_file import CHANNEL_IDS
 from smad.runlog.paths import part_path
 from smad.runlog.reader import columns_of, recorded
 from smad.runlog.scan import RECORD_HEAD, DamagedError, Message, chunk_data, records_in
+from smad.style.decimation import every, in_order
 from smad.style.strips import MOTION, PLACES
 from smad.view.requests import Mark, Read
 from smad.view.tier import GAP_S, MOST_BUCKETS, MOST_MOMENTS, Curve, Frame, Moments
@@ -50,8 +51,8 @@ class Envelopes:
 
     def part(self, begin: int, end: int) -> Envelopes:
         """Return stretches `begin` to `end`."""
-        every = (self.t, self.low, self.high, self.first, self.last)
-        return Envelopes(*(envelope[begin:end] for envelope in every))
+        columns = (self.t, self.low, self.high, self.first, self.last)
+        return Envelopes(*(column[begin:end] for column in columns))
 
     def folded(self, width_s: float) -> Envelopes:
         """Return them put together into stretches of a width."""
@@ -203,11 +204,11 @@ class Log:
             part.refresh()
         inside = [p for p in self._parts if p.first_s <= to_s and p.last_s >= from_s]
         parts = [part.between(from_s, to_s) for part in inside]
-        every = joined(parts) if parts else of_rows(np.empty(0), _no_rows())
+        envelopes = joined(parts) if parts else of_rows(np.empty(0), _no_rows())
         marks = [m for p in self._parts for m in p.marks if from_s <= m.x <= to_s]
         return Read(
-            frame=frame_of(every, (to_s - from_s) / MOST_BUCKETS, channels),
-            moments=moments_of(every, xy) if xy else None,
+            frame=frame_of(envelopes, (to_s - from_s) / MOST_BUCKETS, channels),
+            moments=moments_of(envelopes, xy) if xy else None,
             marks=tuple(marks[-MOST_MARKS:]),
             first_s=float(min((p.first_s for p in self._parts), default=np.inf)),
             last_s=float(max((p.last_s for p in self._parts), default=-np.inf)),
@@ -237,17 +238,16 @@ def frame_of(envelopes: Envelopes, width_s: float, channels: Sequence[str]) -> F
         k = PLACES[name]
         curve = envelopes.low[:, k]
         if not single:
-            rising = ~(envelopes.last[:, k] < envelopes.first[:, k])
-            low, high = envelopes.low[:, k], envelopes.high[:, k]
-            curve = np.stack([np.where(rising, low, high), np.where(rising, high, low)], 1).ravel()
+            extremes = (envelopes.low, envelopes.high, envelopes.first, envelopes.last)
+            curve = in_order(*(values[:, k] for values in extremes))
         y.append(_listed(np.insert(curve, breaks, np.nan)))
     return Frame(float(times[0]) if times.size else 0.0, np.round(times, 5).tolist(), y)
 
 
 def moments_of(envelopes: Envelopes, xy: Sequence[str]) -> Moments:
     """Return at most 3000 moments; cycles count from the first of them."""
-    every = max(1, -(-envelopes.t.size // MOST_MOMENTS))
-    t, last = envelopes.t[::every], envelopes.last[::every]
+    step = every(envelopes.t.size, MOST_MOMENTS)
+    t, last = envelopes.t[::step], envelopes.last[::step]
     cycles = Cycles()
     numbers = [cycles.add(value) for value in last[:, MOTION].tolist()]
     y = [_listed(last[:, PLACES[name]]) for name in xy]

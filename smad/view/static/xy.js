@@ -85,7 +85,7 @@ class Xy {
         x: { time: false, auto: false, range: () => this.range(right, this.points.x) },
         y: { auto: false, range: () => this.range(up, this.points.y) },
       },
-      axes: [axis({ size: 44, label: named(right) }), axis({ size: 50, label: named(up) })],
+      axes: [axis({ size: 34, label: named(right) }), axis({ size: 50, label: named(up) })],
       series: [{}, { paths: () => null, points: { show: false } }],
       hooks: { draw: [() => this.paint()] },
     };
@@ -144,7 +144,7 @@ class Xy {
           if (group !== null) ctx.stroke();
           ctx.beginPath();
           ctx.strokeStyle = colourOf(cycle[k]);
-          ctx.globalAlpha = 0.12 + 0.88 * (step / FADES) ** 2;
+          ctx.globalAlpha = 0.25 + 0.75 * (step / FADES) ** 2;
           if (joined) ctx.moveTo(...px(k - 1));
           group = next;
         }

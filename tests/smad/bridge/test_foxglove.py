@@ -142,7 +142,7 @@ class Seen:
     def publish(self, channel: Channel, time_ns: int, body: bytes) -> None:
         self.published.append((channel.topic, time_ns, json.loads(body)))
 
-    def news(self, why_away: str) -> None:
+    def announce(self, why_away: str) -> None:
         self.told.append(why_away)
 
 

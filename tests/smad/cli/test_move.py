@@ -69,7 +69,7 @@ def test_a_unit_may_stand_behind_a_number(sent: list[Any]) -> None:
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ("step 60C", "give it in mm, alone or with mm, cm"),
+        ("step 60C", "give it in mm, alone or with m, cm, mm, um (µm)"),
         ("step 5.5.5", "is not a number of mm"),
         ("step nan", "is not a finite number"),
         ("step 5mm --deg", "a length in mm contradicts --deg"),

@@ -152,7 +152,7 @@ def test_the_disk_that_counts_is_that_on_which_the_daemon_records(
 ) -> None:
     recorded = folder / "recorded"
     recorded.mkdir()
-    monkeypatch.setattr("smad.cli.queue_items.recording_folder", lambda bench: recorded)
+    monkeypatch.setattr("smad.client.folder.recording_folder", lambda bench: recorded)
     monkeypatch.setattr(
         "smad.experiments.ready.shutil.disk_usage",
         lambda path: SimpleNamespace(free=1_000_000 if path == recorded else 10**12),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from smad.records.units import parted_name
+from smad.units import parted_name
 
 
 @pytest.mark.parametrize(

@@ -17,10 +17,11 @@ from bench.browser import browser, colours, what_is_missing
 from smad.cli.log import log
 from smad.errors import RunLogError
 from smad.report.page import Page, Section, render
-from smad.report.panels import Decimation, Panel, Panels, Trace
+from smad.report.panels import Panel, Panels, Trace
 from smad.report.runs import elapsed_s, page_of, panels_of, shown
 from smad.runlog.reader import read_run
 from smad.runlog.writer import write_run
+from smad.style.decimation import Decimation
 from tests.smad.runlog.helpers import HEADER, rows, write_small_run
 
 MISSING = what_is_missing()

@@ -113,17 +113,15 @@ def test_tables_for_a_terminal_and_a_document_line_up() -> None:
 
 
 @settings(deadline=None, derandomize=True, max_examples=60)
-@given(st.lists(st.floats(-1e6, 1e6), min_size=50, max_size=400), st.integers(5, 20))
-def test_decimation_keeps_ends_and_extremes_and_is_short(values: list[float], buckets: int) -> None:
+@given(st.lists(st.floats(-1e6, 1e6), min_size=50, max_size=400), st.integers(10, 40))
+def test_decimation_keeps_extremes_and_is_short(values: list[float], most: int) -> None:
     y = np.array(values)
     t = np.arange(y.size, dtype=float)
-    short_t, short_y = decimated(t, y, buckets)
-    assert short_t.size <= max(2 * buckets + 2, 2 * buckets)
-    assert (short_t[0], short_t[-1]) == (t[0], t[-1])
-    assert short_y.min() == y.min()
-    assert short_y.max() == y.max()
-    assert np.all(np.diff(short_t) > 0.0)
-    assert np.array_equal(short_y, y[short_t.astype(int)])
+    short_t, short_y = decimated(t, y, most)
+    assert short_t.size <= most + 1
+    assert (short_y.min(), short_y.max()) == (y.min(), y.max())
+    assert np.all(np.diff(short_t) >= 0.0)
+    assert np.isin(short_y, y).all()
 
 
 def test_a_gap_stays_a_gap() -> None:

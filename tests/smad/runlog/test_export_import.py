@@ -8,15 +8,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sim_device.plant.units import UNITS
 from smad.errors import LogImportError, RunLogError
 from smad.records.channels import read_mapping
 from smad.records.column_names import ALIASES
 from smad.records.importer import import_table
-from smad.records.units import UNITS, convert, units_for
+from smad.records.units import convert
 from smad.runlog.export import export_run
 from smad.runlog.legends import LEGENDS
 from smad.runlog.reader import Run, read_run
 from smad.runlog.schema import CHANNELS, Event
+from smad.units import units_for
 
 from .helpers import HEADER, write_small_run
 

@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from smad.records.units import UNITS
+from sim_device.plant.units import UNITS
 from smad.runlog.header import RunHeader, installed_versions
 from smad.runlog.pack import RecordPacker
 from smad.runlog.schema import CHANNELS, TOPICS, Event, LinkSample, Row, json_schema

@@ -484,6 +484,7 @@ async def test_a_page_that_looks_back_gets_no_frames_and_what_was_then(watcher: 
 
 
 async def test_of_several_spans_only_the_last_is_looked_for(rig: Rig) -> None:
+    rig.axis.now = ONES
     rig.axis.feed.add(1000.0, ONES)
     rig.browser.say(SHOW)
     for number in range(1, 30):

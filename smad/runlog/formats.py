@@ -1,0 +1,43 @@
+"""All axes of a run log as files of another program, in any format."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from smad.errors import RunLogError
+from smad.runlog import lerobot, rosbag
+from smad.runlog.export import export_run, side_by_side
+from smad.runlog.reader import Run
+
+
+def export_axes(
+    runs: Mapping[str, Run],
+    target: Path,
+    *,
+    kind: str = "",
+    wide: bool = False,
+    fps: int | None = None,
+    overwrite: bool = False,
+) -> list[Path]:
+    """Write each axis to a file of its own, or with `wide` all to one; returns the files.
+
+    The suffix of `target` names the format; `kind` "rosbag2" or "lerobot" says it for a folder of
+    another name. Raises RunLogError.
+    """
+    if wide and target.suffix not in (".csv", ".parquet"):
+        raise RunLogError(
+            "several axes in one table make a CSV or Parquet file",
+            value=target.name,
+            action="name a .csv or .parquet file, or leave --wide out",
+        )
+    if wide and len(runs) > 1:
+        runs = {"": side_by_side(runs)}
+    files: list[Path] = []
+    for axis, run in runs.items():
+        path = target.with_name(f"{target.stem}.{axis}{target.suffix}") if axis else target
+        if kind == "rosbag2" or target.suffix == rosbag.SUFFIX:
+            files.append(rosbag.export_bag(run, path, overwrite=overwrite))
+        elif kind == "lerobot" or target.suffix == lerobot.SUFFIX:
+            files.append(lerobot.export_lerobot([run], path, fps=fps, overwrite=overwrite))
+        else:
+            files += export_run(run, path, overwrite=overwrite)
+    return files
