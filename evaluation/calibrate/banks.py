@@ -95,6 +95,5 @@ def _bench(truth: CaseKey, name: str) -> str:
 
 
 def _counts(plant: SmaPlant) -> dict[str, int]:
-    """How many effects and laws share the prior of their kind, and how many channels judge them."""
-    return {"effects": len(plant.effects), "laws": len(with_places(plant).places),
-            "channels": len(plant.channels)}  # fmt: skip
+    """How many effects and laws share the prior of their kind."""
+    return {"effects": len(plant.effects), "laws": len(with_places(plant).places)}

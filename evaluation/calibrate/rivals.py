@@ -51,7 +51,6 @@ class CaseRivals:
     independent_rows: float
     effects: int
     laws: int
-    channels: int
 
     @cached_property
     def right(self) -> NDArray[np.bool_]:
@@ -87,7 +86,7 @@ class CaseRivals:
         temper = temper_of(c, free=self.question == DIFFERS)
         return probabilities(
             np.array([r.scores for r in self.rivals]), [r.kind for r in self.rivals], temper,
-            effects=self.effects, laws=self.laws, channels=self.channels,
+            effects=self.effects, laws=self.laws,
             log_prior=np.array([r.log_prior for r in self.rivals]), rows=self.independent_rows,
             near=[r.near for r in self.rivals], first=True,
         )  # fmt: skip

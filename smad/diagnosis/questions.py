@@ -34,6 +34,8 @@ _MOST_OF_GOOD = 2
 """What the simulator lacks on the good runs is a floor for the rest: two causes take most of it."""
 CORRELATED = 16.0
 """Rows that an error of the model's form is correlated over: as many count as one."""
+CHANNELS = 10
+"""Of the spring pair, on which κ was fitted."""
 DAY = 0.05
 """How far a parameter may be from where good runs have it, in prior standard deviations."""
 
@@ -85,22 +87,22 @@ def question_of(
     """A question with the constants' temper; every place of the plant may be asked for a law."""
     places: PlacesPlant = model.plant  # type: ignore[assignment]
     tau = np.full(evidence.channels, CORRELATED)
+    temper = temper_of(c, free=tied is None, channels=evidence.channels)
     if tied is not None:
-        model = tempered(model, evidence, c)
+        model = tempered(model, evidence, temper)
     return Question(
         evidence=evidence, held_out=held_out, model=model, tied=tied, effects=tuple(effects),
         responses=responses, places=len(places.places), say=say,
-        tau=tau,
-        temper=temper_of(c, free=tied is None),
+        tau=tau, temper=temper,
     )  # fmt: skip
 
 
-def temper_of(c: Constants, *, free: bool) -> Temper:
+def temper_of(c: Constants, *, free: bool, channels: int = CHANNELS) -> Temper:
     """What weighs rivals. Where parameters are `free` in every rival, other values of them without
-    a part are the simulator in which nothing is missing."""
+    a part are the simulator in which nothing is missing. Fewer `channels` say as much together."""
     parameters = c.nothing if free else c.parameters
-    return Temper(evidence=c.evidence, nothing=c.nothing, parameters=parameters, effect=c.effect,
-                  law=0.0)  # fmt: skip
+    return Temper(evidence=c.evidence * CHANNELS / channels, nothing=c.nothing,
+                  parameters=parameters, effect=c.effect, law=0.0)  # fmt: skip
 
 
 def free_model(plant: PlacesPlant, start: ModelPoint) -> Model:
@@ -111,10 +113,10 @@ def free_model(plant: PlacesPlant, start: ModelPoint) -> Model:
     )
 
 
-def tempered(model: Model, evidence: Evidence, c: Constants) -> Model:
+def tempered(model: Model, evidence: Evidence, temper: Temper) -> Model:
     """The model whose fit counts the prior as much more as a score counts fewer rows."""
     rows = float((evidence.counts / CORRELATED)[evidence.counts > 0].mean())
-    return replace(model, rows_as_one=max(rows / c.evidence, 1.0))
+    return replace(model, rows_as_one=max(rows / temper.evidence, 1.0))
 
 
 def day_variance(plant: PlacesPlant) -> Array:

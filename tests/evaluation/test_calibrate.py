@@ -59,7 +59,7 @@ def cases(counts: dict[str, int]) -> list[CaseRivals]:
             case=f"{truth}-{n}", fold=f"bench {n % 4}", question="check-up",
             truth=truth, exact=n % 2 == 0,
             names=frozenset({"rtd_lag"} if truth == LISTED else {"slow glue"}),
-            places=frozenset({"reading_rtd"}), effects=41, laws=20, channels=10,
+            places=frozenset({"reading_rtd"}), effects=41, laws=20,
             rivals=tuple(rivals(truth, effect[truth], rng)), independent_rows=ROWS,
         )
         for truth, count in counts.items()

@@ -16,6 +16,7 @@ from smad.cli import execute, run
 from smad.config import Config
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.envs.models import Source
+from smad.experiments.registry import chosen_experiments
 from smad.experiments.virtual import VirtualDriver
 from smad.fmi.export import MODEL, export_unit
 from smad.processes.boards import build
@@ -60,7 +61,7 @@ def by_run(path: Path, monkeypatch: pytest.MonkeyPatch) -> Plant:
         "smad.experiments.campaign.run_campaign", lambda e, bench, m, **_: (bench.driver(), None)[1]
     )
     run._simulated(
-        run._experiments(["resistance"], []), run.simulated_model(model_file=path), options
+        chosen_experiments(["resistance"]), run.simulated_model(model_file=path), options
     )
     return plant_of(seen[0])
 

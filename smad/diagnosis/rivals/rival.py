@@ -164,7 +164,6 @@ class Question:
         p = probabilities(
             np.array([r.scores for r in compared]), [r.kind for r in compared], self.temper,
             effects=len(self.effects), laws=self.places,
-            channels=int((self.judged.counts.sum(axis=0) > 0.0).sum()),
             log_prior=np.array([r.log_prior for r in compared]),
             rows=self.independent_rows, first=first,
             near=[self.near(r) for r in compared],

@@ -14,10 +14,9 @@ row counts, too, between two of which one leaves nothing that could be told and 
 more: what leaves more is wrong in form.
 
 *Which* cause it is compares models that are all wrong in form, and a form is wrong the same way in
-every run and in what belongs together: 10 κ pieces count for all runs and channels together. There
-a rival also counts by how surely it leaves less than the simulator without a part: what explains
-nothing is no cause. Both are averaged over resampled runs (BayesBag, Huggins and Miller 2023): what
-hangs on one run is not sure.
+every run: κ pieces count for a channel, in all runs together. There a rival also counts by how
+surely it leaves less than the simulator without a part: what explains nothing is no cause. Both are
+averaged over resampled runs (BayesBag, Huggins and Miller 2023): what hangs on one run is not sure.
 """
 
 from __future__ import annotations
@@ -39,8 +38,6 @@ _SEED = 20261125
 
 _EFFECTS, _LAWS = 40, 20
 """Of the spring pair: a smaller library, or a plant of fewer places, holds the cause less often."""
-_CHANNELS = 10
-"""Of the spring pair, on which κ was fitted: fewer channels say as much together."""
 NOTHING, PARAMETERS, EFFECT, LAW = "nothing", "parameters", "effect", "law"
 
 
@@ -100,7 +97,6 @@ def probabilities(
     *,
     effects: int,
     laws: int,
-    channels: int,
     log_prior: Array,
     rows: float,
     near: Sequence[bool],
@@ -110,9 +106,8 @@ def probabilities(
 
     `rows` is κ₀, the independent rows of a run and channel; `near` says which rivals leave nothing
     that could be told; `first`: nothing has entered yet.
-    `channels` are how many have rows. `effects` and `laws` are how many of each kind might have
-    been asked: a prior is shared by all of them, asked or not, and by as many as the spring pair
-    has. `log_prior` (rivals,) is that of
+    `effects` and `laws` are how many of each kind might have been asked: a prior is shared by all
+    of them, asked or not, and by as many as the spring pair has. `log_prior` (rivals,) is that of
     where each one's parameters are: what imitates an effect by moving them far is less likely than
     the effect.
     """
@@ -127,7 +122,7 @@ def probabilities(
     ])  # fmt: skip
     total = _draws(scores.shape[1]) @ scores.T
     of_run, of_rows = 0.5 * temper.evidence, 0.5 * rows
-    of_which = of_run * _CHANNELS / (scores.shape[1] * channels)
+    of_which = of_run / scores.shape[1]
     part = np.isin(kinds, (EFFECT, LAW))
     of_same = of_rows if first else of_run
     if part.all():

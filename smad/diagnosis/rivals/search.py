@@ -179,7 +179,7 @@ class _Search:
             for rival in ranked:
                 nearer = rival.probability > 0.0 and rival.scores.sum() > score
                 if rival.kind in (EFFECT, LAW) and nearer:
-                    return rival
+                    return _named(rival, ranked)
         return same[0] if same[0].kind == PARAMETERS and not self.moved else None
 
     def _ended(self, rival: Rival, beside: Rival) -> Rival:
@@ -288,6 +288,14 @@ class _Search:
 def _same(ranked: Sequence[Rival]) -> list[Rival]:
     """The rivals without a part more, the likeliest first."""
     return [r for r in ranked if r.kind in (NOTHING, PARAMETERS)]
+
+
+def _named(rival: Rival, ranked: Sequence[Rival]) -> Rival:
+    """The rival, or in place of a law the likeliest effect there that leaves no more."""
+    if rival.kind != LAW:
+        return rival
+    there = (r for r in ranked if r.kind == EFFECT and set(r.places) & set(rival.places))
+    return next((r for r in there if r.scores.sum() >= rival.scores.sum()), rival)
 
 
 class _Fits:

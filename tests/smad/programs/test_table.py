@@ -16,7 +16,7 @@ from tests.smad.programs.__main__ import PHASES, lines
 from tests.smad.programs.table import CASES, PROGRAMS
 
 SOURCE = Path(smad.__file__).parent
-PLACES = ("smad.cli", "smad.demo", "smad.experiments", "smad.checkup")
+PLACES = ("smad.cli.", "smad.demo.", "smad.experiments.", "smad.checkup.")
 ARMS = {"arm", "armed"}
 
 
@@ -24,7 +24,7 @@ ARMS = {"arm", "armed"}
 def _module(name: str) -> tuple[dict[str, ast.AST], dict[str, tuple[str, str]]]:
     """The functions and classes of a module by name, and where the names it imports are from."""
     path = SOURCE.parent / (name.replace(".", "/") + ".py")
-    if not name.startswith(PLACES) or not path.exists():
+    if not f"{name}.".startswith(PLACES) or not path.exists():
         return {}, {}
     tree = ast.parse(path.read_text())
     defined: dict[str, ast.AST] = {

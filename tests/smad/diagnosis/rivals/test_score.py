@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from smad.diagnosis.constants import shipped
+from smad.diagnosis.questions import temper_of
 from smad.diagnosis.rivals.score import (
     EFFECT,
     LAW,
@@ -28,7 +30,7 @@ def of(
 ) -> list[float]:
     """Probabilities of rivals whose scores over all runs lead the first one by so much."""
     scores = np.array([[lead / RUNS] * RUNS for lead in leads])
-    p = probabilities(scores, KINDS, TEMPER, effects=41, laws=20, channels=10, rows=ROWS, near=near,
+    p = probabilities(scores, KINDS, TEMPER, effects=41, laws=20, rows=ROWS, near=near,
                       first=first, log_prior=np.zeros(len(KINDS)))  # fmt: skip
     return [float(x) for x in p]
 
@@ -68,7 +70,7 @@ def test_a_lead_that_hangs_on_one_run_is_less_sure_than_the_same_lead_in_every_r
     even, one = np.zeros((2, RUNS)), np.zeros((2, RUNS))
     even[1], one[1, 0] = 2.0 / RUNS, 2.0
     of_parts = [
-        probabilities(x, (NOTHING, EFFECT), TEMPER, effects=41, laws=20, channels=10, rows=ROWS,
+        probabilities(x, (NOTHING, EFFECT), TEMPER, effects=41, laws=20, rows=ROWS,
                       near=(True, False), first=True, log_prior=np.zeros(2))[1]
         for x in (even, one)
     ]  # fmt: skip
@@ -79,20 +81,15 @@ def test_of_two_effects_the_better_one_is_not_sure_however_many_runs_there_are()
     for runs in (RUNS, 4 * RUNS):
         scores = np.array([[0.0] * runs, [1.0] * runs, [1.5] * runs])
         p = probabilities(
-            scores, (NOTHING, EFFECT, EFFECT), TEMPER, effects=41, laws=20, channels=10, rows=ROWS,
+            scores, (NOTHING, EFFECT, EFFECT), TEMPER, effects=41, laws=20, rows=ROWS,
             near=(False,) * 3, first=True, log_prior=np.zeros(3),
         )  # fmt: skip
         assert 0.55 < p[2] / (p[1] + p[2]) < 0.65
 
 
 def test_few_signals_say_as_much_together_as_many() -> None:
-    scores = np.array([[0.0] * RUNS, [10.0] * RUNS, [15.0] * RUNS])
-    of_ten, of_one = (
-        probabilities(x, (NOTHING, EFFECT, EFFECT), TEMPER, effects=41, laws=20, channels=channels,
-                      rows=ROWS, near=(False,) * 3, first=True, log_prior=np.zeros(3))
-        for x, channels in ((scores, 10), (0.1 * scores, 1))
-    )  # fmt: skip
-    assert of_one == pytest.approx(of_ten)
+    ten, one = temper_of(shipped(), free=True), temper_of(shipped(), free=True, channels=1)
+    assert one.evidence == pytest.approx(10.0 * ten.evidence)
 
 
 def test_after_a_cause_every_row_counts_for_what_leaves_nothing_against_what_leaves_more() -> None:
