@@ -231,7 +231,7 @@ def radiation(parameters: ParameterSet, geometry: Geometry) -> Law:
         STEFAN_BOLTZMANN * ((room_K + rise_K) ** 4 - room_K**4) / rise_K for rise_K in (50.0, 100.0)
     )
     lost = area_m2 * radiating_share(geometry)
-    rise = Factor(state="wire", low=room_K, high=room_K + _HOTTEST_RISE_K, centre=room_K, scale=1.0)
+    rise = _rise(parameters)
     terms = (
         Term(name="rise", factors=(rise,), coefficient=-lost * (2.0 * near - far)),
         Term(name="square", factors=(rise, rise), coefficient=-lost * (far - near) / 50.0),

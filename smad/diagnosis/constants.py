@@ -15,10 +15,11 @@ import msgspec
 class Constants(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What was fitted to development benches (see `rivals/score.py` for the formula).
 
-    `evidence` is κ, the independent pieces of evidence of a run and channel. Log prior odds beside
-    a law at some place: `nothing` that nothing is missing, `parameters` that other values of them
-    are the answer, `effect` that it is one of the library. The fewest rivals are told that together
-    have the probability `credible_level`.
+    `evidence` is κ, the independent pieces of evidence of each of ten channels: in all runs
+    together for which cause it is, in each run for whether more than one is at work. Log prior odds
+    beside a law at some place: `nothing` that nothing is missing, `parameters` that other values of
+    them are the answer, `effect` that it is one of the library. The fewest rivals are told that
+    together have the probability `credible_level`.
     """
 
     evidence: float

@@ -173,7 +173,7 @@ class Question:
         return sorted(made, key=lambda r: -r.probability)
 
     def log_weight(self, rival: Rival) -> float:
-        """Log of a rival's unnormalised probability, but for what all of its kind share."""
+        """What orders fits of one kind: score at κ for each run, and prior of the parameters."""
         return float(0.5 * self.temper.evidence * rival.scores.sum() + rival.log_prior)
 
     def squares_of(self, evidence: Evidence, left: Array) -> Array:

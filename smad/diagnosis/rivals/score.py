@@ -2,19 +2,19 @@
 
 A rival's score in run r and channel c is −log(v_rc + 1), v_rc being the mean square in floors that
 it leaves of rows it was not fitted to. Thousands of rows do not contain the error of a model's
-form, so the likelihood is tempered (a power posterior, Grünwald 2017): a few independent pieces of
-evidence k are counted for each run and channel, whatever its length,
+form, so the likelihood is tempered (a power posterior, Grünwald 2017): few independent pieces of
+evidence, k, are counted for each run and channel, whatever its length,
 
     w(rival) = prior(rival) · exp(−k/2 · Σ_rc log(v_rc + 1)).
 
 *Whether* anything is missing compares rivals with the simulator without a further part. That one
 may be right, and what is right is not beaten: until something has entered every independent row
-counts (κ₀) against it. After that its error of form is in the simulator, and κ pieces count. Every
-row counts, too, between two of which one leaves nothing that could be told and the other leaves
-more: what leaves more is wrong in form.
+counts (κ₀) against it. After that its error of form is in the simulator: k = κ. Every row counts,
+too, between two of which one leaves nothing that could be told and the other leaves more: what
+leaves more is wrong in form.
 
 *Which* cause it is compares models that are all wrong in form, and a form is wrong the same way in
-every run: κ pieces count for a channel, in all runs together. There a rival also counts by how
+every run: k = κ / runs, so that more runs make no cause surer. There a rival also counts by how
 surely it leaves less than the simulator without a part: what explains nothing is no cause. Both are
 averaged over resampled runs (BayesBag, Huggins and Miller 2023): what hangs on one run is not sure.
 """
@@ -45,8 +45,9 @@ NOTHING, PARAMETERS, EFFECT, LAW = "nothing", "parameters", "effect", "law"
 class Temper:
     """What the score is turned into probabilities with.
 
-    `evidence` is κ. Log priors: `nothing` of the simulator as it is, `parameters` of other values
-    of them; `effect` of all effects together, shared equally; `law` of all places together.
+    `evidence` is κ for each channel of the runs. Log priors: `nothing` of the simulator as it is,
+    `parameters` of other values of them; `effect` of all effects together, shared equally; `law` of
+    all places together.
     """
 
     evidence: float

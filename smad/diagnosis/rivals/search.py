@@ -183,8 +183,11 @@ class _Search:
         return same[0] if same[0].kind == PARAMETERS and not self.moved else None
 
     def _ended(self, rival: Rival, beside: Rival) -> Rival:
-        """A rival fitted once more from where one with a part more has what they share, if that
-        leaves less: what a part takes counts only where the fit without it has ended."""
+        """A rival without a part, fitted once more from the coordinates that it shares with one
+        that has the part; as it was where that lessens F no further.
+
+        What a part takes counts only where the fit without it has ended.
+        """
         if rival.fit is None or beside.fit is None:
             return rival
         there = replace(rival.fit, x=beside.fit.x[: len(rival.fit.x)])
