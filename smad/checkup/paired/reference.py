@@ -17,7 +17,7 @@ from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses, responses
 from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, nominal_point, traits_of
-from smad.diagnosis.questions import CORRELATED, free_model, tempered
+from smad.diagnosis.questions import CORRELATED, free_model, temper_of, tempered
 from smad.diagnosis.rivals.evidence import Evidence, Trial
 from smad.diagnosis.rivals.fit import fit_to_end, reference_at
 from smad.diagnosis.runs import GapRun
@@ -187,7 +187,8 @@ def _fitted_point(
         for p, (mean, count) in zip(played, means, strict=True)
     ]  # fmt: skip
     evidence = Evidence(trials=tuple(trials))
-    model = tempered(free_model(plant, nominal_point(plant)), evidence, shipped())
+    temper = temper_of(shipped(), free=True, channels=evidence.channels)
+    model = tempered(free_model(plant, nominal_point(plant)), evidence, temper)
     nominal = reference_at(evidence, model, np.zeros(model.parameters))
     made = nominal and fit_to_end(evidence, nominal, np.full(evidence.channels, CORRELATED))
     return made.point if made else model.start
