@@ -161,12 +161,15 @@ class Question:
         """Rivals with their probabilities, the likeliest first; `first`: nothing has entered."""
         refuted = self.refuted(rivals)
         compared = [r for r, out in zip(rivals, refuted, strict=True) if not out]
+        # Parameters that a prior holds back leave a little without being wrong in form.
+        same = [r.fit.model for r in compared if r.fit and r.kind not in (EFFECT, LAW)]
+        formed = first or any(model.parts for model in same)
         p = probabilities(
             np.array([r.scores for r in compared]), [r.kind for r in compared], self.temper,
             effects=len(self.effects), laws=self.places,
             log_prior=np.array([r.log_prior for r in compared]),
             rows=self.independent_rows, first=first,
-            near=[self.near(r) for r in compared],
+            near=[formed and self.near(r) for r in compared],
         )  # fmt: skip
         made = [replace(r, probability=float(x)) for r, x in zip(compared, p, strict=True)]
         made += [replace(r, probability=0.0) for r, out in zip(rivals, refuted, strict=True) if out]
