@@ -13,6 +13,7 @@ from pathlib import Path
 
 from evaluation.errors import BankError, KeyMismatchError
 from evaluation.results.record import FOLDER
+from evaluation.score.answers import digest
 from evaluation.score.goals import Row
 
 SEALED = "sealed"
@@ -43,12 +44,16 @@ class Ledger:
                 f"the hash {key_sha256[:16]}… of this sealed key is not in {self.seals.name}: "
                 "commit its hash before the first answer, or bring the key that was sealed"
             )
-        opened = self.record.read_text().splitlines() if self.record.exists() else []
-        if key_sha256 in [json.loads(line)["key_sha256"] for line in opened]:
+        if self.opened(key_sha256):
             raise KeyMismatchError(
                 f"the key {key_sha256[:16]}… was opened before ({self.record.name}): seal another "
                 "bank for another claim"
             )
+
+    def opened(self, key_sha256: str) -> bool:
+        """Whether a key was opened, after which its bank is a development bank."""
+        lines = self.record.read_text().splitlines() if self.record.exists() else []
+        return key_sha256 in [json.loads(line)["key_sha256"] for line in lines]
 
     def enter(
         self,
@@ -78,6 +83,7 @@ class Ledger:
 
 
 def refuse_sealed(key: Path) -> None:
-    """Raises BankError for a sealed key: before the answers are frozen nothing reads it."""
-    if json.loads((key / "KEY.json").read_text())["bank"] == SEALED:
+    """Raises BankError for a sealed key that was not opened: nothing reads it before `score`."""
+    file = key / "KEY.json"
+    if json.loads(file.read_text())["bank"] == SEALED and not Ledger.of().opened(digest(file)):
         raise BankError(f"{key} is sealed: give answers without it, and score them with `score`")

@@ -13,10 +13,12 @@ counts (κ₀) against it. After that its error of form is in the simulator: k =
 too, between two of which one leaves nothing that could be told and the other leaves more: what
 leaves more is wrong in form.
 
-*Which* cause it is compares models that are all wrong in form, and a form is wrong the same way in
-every run: k = κ / runs, so that more runs make no cause surer. There a rival also counts by how
-surely it leaves less than the simulator without a part: what explains nothing is no cause. Both are
-averaged over resampled runs (BayesBag, Huggins and Miller 2023): what hangs on one run is not sure.
+*Which* cause it is: the form of the likeliest is as likely right as wrong. Where it is right every
+independent row counts, k = κ₀. Where all are wrong in form they are so the same way in every run:
+k = κ / runs, so that more runs make no cause surer. The probability is the mean of the two. There a
+rival also counts by how surely it leaves less than the simulator without a part: what explains
+nothing is no cause. All are averaged over resampled runs (BayesBag, Huggins and Miller 2023): what
+hangs on one run is not sure.
 """
 
 from __future__ import annotations
@@ -126,14 +128,15 @@ def probabilities(
     of_which = of_run / scores.shape[1]
     part = np.isin(kinds, (EFFECT, LAW))
     of_same = of_rows if first else of_run
+    counts = (of_which, of_rows)
     if part.all():
-        return np.asarray(_shares(prior + of_which * total).mean(axis=0))
+        return np.asarray(_which(prior, total, counts).mean(axis=0))
     log_weight = prior + of_same * total
     if not part.any():
         return np.asarray(_shares(log_weight).mean(axis=0))
     best = total[:, ~part].max(axis=1, keepdims=True)
     lead = total[:, part] - best
-    which = prior[part] + of_which * lead + _log_sigmoid(of_same * lead)
+    which = _which(prior[part] + _log_sigmoid(of_same * lead), lead, counts)
     sound, alone = np.asarray(near)[part], np.asarray(near)[~part].any()
     ahead = np.where(sound & ~alone, of_rows, of_same)
     behind = np.where(alone & ~sound, of_rows, of_run)
@@ -142,7 +145,7 @@ def probabilities(
         log_weight[:, ~part] - of_same * best
     )
     out = np.empty_like(total)
-    out[:, part] = np.exp(_log_sigmoid(log_odds)) * _shares(which)
+    out[:, part] = np.exp(_log_sigmoid(log_odds)) * which
     out[:, ~part] = np.exp(_log_sigmoid(-log_odds)) * _shares(log_weight[:, ~part])
     return np.asarray(out.mean(axis=0))
 
@@ -153,6 +156,11 @@ def _draws(runs: int) -> Array:
     rng = np.random.default_rng(_SEED)
     times = rng.multinomial(runs, np.full(runs, 1.0 / runs), size=_RESAMPLED)
     return np.asarray(times, dtype=np.float64)
+
+
+def _which(log_prior: Array, scores: Array, counts: Sequence[float]) -> Array:
+    """Which of some rivals it is, (resampled, rivals): the mean over how much evidence counts."""
+    return np.asarray(np.mean([_shares(log_prior + k * scores) for k in counts], axis=0))
 
 
 def _log_sum(log: Array) -> Array:
