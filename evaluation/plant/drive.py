@@ -13,6 +13,8 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AIR_DRAWN,
     AMPERE,
+    CUSHION,
+    CUSHION_RATE,
     DRAINED,
     EMPTIED,
     FLOW,
@@ -45,6 +47,7 @@ from evaluation.plant.layout import (
     SPIN_RATE,
     TIME,
     TIRED,
+    VALVE_OPEN,
     X,
 )
 from evaluation.plant.parameters import index
@@ -88,10 +91,15 @@ RINGS_ON = slot("ringing_loop")
 OVERLAPPING = slot("overlapping_pulses")
 SOFTENING = slot("softening_hose")
 RELIEF = slot("relief_valve")
+COLD_REFERENCE = slot("cold_reference")
+PLUG = slot("plug_under_tension")
+AIR_CUSHION = slot("air_cushion")
+THERMOSTAT = slot("wax_thermostat")
 
 CURRENT_LIMIT_A = 4.0
 RING_RAD_S, RING_DAMPING = 2.0 * math.pi * 1.2, 0.12
 RELIEF_OPENS, RELIEF_CLOSES = 0.7, 0.45  # of the full flow
+CUSHION_RAD_S, CUSHION_DAMPING = 2.0 * math.pi * 0.2, 0.12
 PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
 
 
@@ -161,6 +169,11 @@ def current(
         i *= max(0.1, 1.0 - e[s, TAPERS] * max(side[s, RTD_B] - 40.0, 0.0) / 10.0)
     if e[0, OVERLAPPING] > 0.0:
         i -= e[0, OVERLAPPING] * min(i, side[1 - s, AMPERE])
+    if e[s, COLD_REFERENCE] != 0.0:
+        i *= max(0.1, 1.0 + e[s, COLD_REFERENCE] * math.exp(-pair[TIME] / 20.0))
+    if e[s, PLUG] > 0.0:
+        tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
+        i *= 1.0 - min(e[s, PLUG], 0.9) * min(max((tension - 1.24) / 0.4, 0.0), 1.0)
     if e[s, RINGS_ON] > 0.0:
         off = RING_RAD_S * (i - side[s, RINGING]) - 2.0 * RING_DAMPING * side[s, RINGING_RATE]
         side[s, RINGING_RATE] += dt * RING_RAD_S * off
@@ -235,6 +248,14 @@ def flow(
         elif share < RELIEF_CLOSES:
             side[s, RELIEVED] = approach(side[s, RELIEVED], 0.0, dt, 0.3)
         share *= 1.0 - min(e[s, RELIEF], 0.95) * side[s, RELIEVED]
+    if e[s, THERMOSTAT] > 0.0:
+        share *= 1.0 - min(e[s, THERMOSTAT], 0.95) * (1.0 - side[s, VALVE_OPEN])
+    if e[s, AIR_CUSHION] > 0.0:
+        off = CUSHION_RAD_S * (share - side[s, CUSHION])
+        off -= 2.0 * CUSHION_DAMPING * side[s, CUSHION_RATE]
+        side[s, CUSHION_RATE] += dt * CUSHION_RAD_S * off
+        side[s, CUSHION] += dt * side[s, CUSHION_RATE]
+        share = max(share + min(e[s, AIR_CUSHION], 1.0) * (side[s, CUSHION] - share), 0.0)
     full = p[FULL_FLOW] * (p[Y_FLOW] if s == 1 else 1.0)
     return float(full * share)
 

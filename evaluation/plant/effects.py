@@ -6,10 +6,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.plant import listed, sealed, unlisted
+from evaluation.plant import listed, opened, sealed, unlisted
 from evaluation.plant.effect import Effect, Kind
 
-EFFECTS: tuple[Effect, ...] = listed.EFFECTS + unlisted.EFFECTS + sealed.EFFECTS
+EFFECTS: tuple[Effect, ...] = listed.EFFECTS + unlisted.EFFECTS + opened.EFFECTS + sealed.EFFECTS
 
 SIGNED = frozenset(
     (
@@ -19,6 +19,7 @@ SIGNED = frozenset(
         "hall_zero_drift", "motor_beside_sensor", "sliding_clip", "flexed_lead", "squeezed_rtd",
         "encoder_in_field", "attracting_turns",
         "tugged_trimmer", "rtd_joints", "counted_motors", "dragged_cable",
+        "coil_in_field", "magnet_near_hall", "graded_wire",
     )
 ) | sealed.SIGNED  # fmt: skip
 """Effects whose magnitude may be negative."""

@@ -20,6 +20,7 @@ from evaluation.plant.layout import (
     CELLS,
     COLDEST,
     COLUMNS,
+    DEAD_END,
     DUTY_X,
     DUTY_Y,
     FAN,
@@ -51,6 +52,7 @@ from evaluation.plant.layout import (
     STEM,
     TIME,
     TURNED,
+    WARMTH_BEFORE,
     WET,
     T,
     W,
@@ -118,6 +120,8 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, RTD_BEFORE] = water_degC
     side[:, SEEN_BEFORE] = water_degC
     side[:, SCANNED] = water_degC
+    side[:, DEAD_END] = water_degC
+    side[:, WARMTH_BEFORE] = water_degC
     pair[BASE] = water_degC
     side[:, STEM] = 0.3 * water_degC + 0.7 * ambient_degC
     pair[FORCE_X] = pair[FORCE_Y] = 1.2

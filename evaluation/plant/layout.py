@@ -97,8 +97,17 @@ CELL_WIDTH = PLAY + PLAYS
     SCANNED,
     WALKED,
     YIELDING,
+    PRESSED_ON,
+    CURED,
+    CUSHION,
+    CUSHION_RATE,
+    VALVE_OPEN,
+    DEAD_END,
+    DRAWING_IN,
+    COOLING,
+    WARMTH_BEFORE,
     SIDE_WIDTH,
-) = range(74)
+) = range(83)
 
 (
     TIME,
@@ -138,8 +147,9 @@ CELL_WIDTH = PLAY + PLAYS
     SWING_RATE,
     UNBOLTED,
     STRETCHING,
+    LARGEST_LOAD,
     PAIR_WIDTH,
-) = range(38)
+) = range(39)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256

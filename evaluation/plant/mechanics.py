@@ -56,8 +56,8 @@ from evaluation.plant.rarer import WALKING
 from evaluation.plant.tendon import (
     PLIES_N,
     AXLE_m,
-    carried_axle,
     hung_and_stopped,
+    longer_path,
     longer_tendon,
     swing,
 )
@@ -97,6 +97,9 @@ TWO_PHASES = slot("two_phase_softening")
 SHRUNK_SLEEVE = slot("shrunk_sleeve")
 RUNS_DRY = slot("drying_bearing")
 YIELDS = slot("yielding_austenite")
+DAMPING = slot("damping_martensite")
+DRAWN_CLIP = slot("clip_drawn_to_coils")
+ELECTROPLASTIC = slot("electroplastic")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
@@ -135,6 +138,7 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
         total *= 1.0 + e[s, SOFTENING] * (1.0 - math.exp(-side[s, WORK_DONE] / 1.5))
     if e[s, ANNEALING] > 0.0:
         total *= 1.0 + e[s, ANNEALING] * (1.0 - math.exp(-side[s, ANNEALED]))
+    total *= 1.0 + e[s, ELECTROPLASTIC] * (side[s, AMPERE] / 4.0) ** 2
     side[s, COMPLIANT] = total / CELLS
     side[s, FREE_STRAIN] = strain / CELLS
 
@@ -212,6 +216,18 @@ def pull(
 
 
 @compiled
+def dissipated(s: int, longer: float, dt: float, e: Array, cells: Array) -> tuple[float, float]:
+    """Force (N) that martensite of `s` adds as it grows `longer` in a tick, and its slope."""
+    if e[s, DAMPING] <= 0.0:
+        return 0.0, 0.0
+    scale = 0.0
+    for i in range(CELLS):
+        scale += e[s, DAMPING] * cells[s, i, FRACTION] / CELLS
+    v = longer / dt / 5e-4
+    return scale * v / (abs(v) + 1.0), scale / (abs(v) + 1.0) ** 2 / dt / 5e-4
+
+
+@compiled
 def resisting(
     x: float,
     before: float,
@@ -279,6 +295,11 @@ def resisting(
         scale = e[0, RUNS_DRY] * (1.0 - math.exp(-pair[RUN_DRY] / 0.04))
         total += scale * v / (abs(v) + 1.0)
         slope += scale / (abs(v) + 1.0) ** 2 / dt / 5e-4
+    if e[0, DRAWN_CLIP] > 0.0:
+        v = (x - before) / dt / 5e-4
+        scale = e[0, DRAWN_CLIP] * (side[0, AMPERE] ** 2 + side[1, AMPERE] ** 2) / 16.0
+        total += scale * v / (abs(v) + 1.0)
+        slope += scale / (abs(v) + 1.0) ** 2 / dt / 5e-4
     hung, stiff = hung_and_stopped(x, e, pair)
     return total + hung, slope + stiff, bristle
 
@@ -298,13 +319,17 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     for _ in range(30):
         force_y, slope_y = pull(1, 0.5 * p[SPAN] + x, force_y, p, e, cells, side)
         longer, slope_t = longer_tendon(force_y, e, pair)
-        play, slope_p = carried_axle(x - before, e, pair)
+        play, slope_p = longer_path(x, before, e, pair)
         away = 0.5 * p[SPAN] - x - longer - play
         force_x, slope_x = pull(0, away, force_x, p, e, cells, side)
         against, slope_f, bristle = resisting(x, before, force_y, dt, p[FULL_FLOW], e, side, pair)
+        loss_x, damp_x = dissipated(0, before - x, dt, e, cells)
+        loss_y, damp_y = dissipated(1, x - before, dt, e, cells)
+        force_x += loss_x
+        force_y += loss_y
         residual = force_x - force_y - against
         own = slope_x * (1.0 + slope_t * slope_y + slope_p)
-        step = residual / (own + slope_y + slope_f)
+        step = residual / (own + slope_y + slope_f + damp_x + damp_y)
         if abs(step) < 1e-9:
             break
         if step > 0.0:

@@ -16,6 +16,10 @@ from evaluation.plant.layout import (
     BASE,
     CELLS,
     COLDEST,
+    COOLING,
+    CURED,
+    DEAD_END,
+    DRAWING_IN,
     FLOW,
     FLUSHED,
     FORCE_X,
@@ -26,19 +30,32 @@ from evaluation.plant.layout import (
     GASSING,
     GREATEST_LOAD,
     HOSE_SOFT,
+    OPENED,
+    PRESSED_ON,
     SHUNT,
     SLEEVED,
     SPEED,
     STRETCHING,
     TIME,
     TURNED,
+    VALVE_OPEN,
     WALKED,
+    WARMTH_BEFORE,
+    WORK_DONE,
     T,
     W,
     X,
 )
 from evaluation.plant.parameters import index
-from evaluation.plant.thermal import HEAT_WATER, HEAT_WIRE, SHIFT_COOL, SHIFT_HEAT, STORES, TO_CLAMP
+from evaluation.plant.thermal import (
+    FILM,
+    HEAT_WATER,
+    HEAT_WIRE,
+    SHIFT_COOL,
+    SHIFT_HEAT,
+    STORES,
+    TO_CLAMP,
+)
 
 Array = NDArray[np.float64]
 
@@ -70,10 +87,38 @@ MATRIX = slot("stiff_matrix")
 GRADED = slot("graded_wire")
 SLIP_BANDS = slot("warm_slip_bands")
 WALKING = slot("walking_anchor")
+LEAD_IN_OUTLET = slot("lead_in_outlet")
+CRACK = slot("cracked_end")
+CURING = slot("curing_glue")
+PRESSED = slot("pressed_crimp")
+FIRST_BUBBLES = slot("bubbles_of_filling")
+SHEDDING = slot("shed_oxide")
+DEAD_LEG = slot("dead_leg")
+ELASTOCALORIC = slot("elastocaloric")
+HURRIED = slot("hurried_cooling")
+RELAXING = slot("relaxing_lattice")
+GRIPPED = slot("gripped_ends")
+THERMOSTAT = slot("wax_thermostat")
 
-BASE_J_K = 20.0
+BASE_J_K, DEAD_LEG_J_K = 20.0, 6.0
+WAX_OPENS, WAX_CLOSES = 42.0, 36.0  # °C of the water at a thermostat
 GAS_COMES_K, GAS_GOES_K = 4.0, 1.5  # of wire over water
 LAMP_S, LAMP_ON = 24.0, 0.375  # how often a lamp comes on, and for what share of that
+
+
+@compiled
+def joints(s: int, e: Array, cells: Array, side: Array, heat: Array) -> float:
+    """What the ends of spring `s` and their leads add to its resistance (ohm), and to `heat`."""
+    inlet = e[s, FRETTING] * (1.0 - math.exp(-side[s, FRETTED] / 0.03))
+    inlet += e[s, FRAYING] * max(side[s, GREATEST_LOAD] - 1.3, 0.0) / 0.3
+    inlet -= e[s, CURING] * (1.0 - math.exp(-side[s, CURED]))
+    outlet = e[s, LEAD_IN_OUTLET] * max(cells[s, CELLS - 1, W] - 27.0, 0.0) / 20.0
+    outlet += e[s, CRACK] * side[s, OPENED] - e[s, PRESSED] * side[s, PRESSED_ON]
+    inlet = max(inlet, -0.95 * heat[0])
+    outlet = max(outlet, -0.95 * heat[CELLS - 1])
+    heat[0] += inlet
+    heat[CELLS - 1] += outlet
+    return float(inlet + outlet)
 
 
 @compiled
@@ -131,12 +176,34 @@ def odd_shifts(
 
 
 @compiled
+def seldom(
+    s: int, share: float, e: Array, cells: Array, side: Array, pair: Array, rows: Array
+) -> None:
+    """Change `rows` by what films, a dead leg, stretching, haste and rest do to a tube."""
+    reach = 1.0 + e[s, SHEDDING] * (1.0 - math.exp(-side[s, WORK_DONE] / 1.5))
+    reach /= 1.0 + e[s, FIRST_BUBBLES] * math.exp(-side[s, FLUSHED] / 5.0)
+    pumped = e[s, ELASTOCALORIC] * side[s, DRAWING_IN] / 5e-3
+    rested = e[s, RELAXING] * (1.0 - math.exp(-pair[TIME] / 30.0))
+    late = e[s, HURRIED] * side[s, COOLING] / (side[s, COOLING] + 1.0)
+    for i in range(CELLS):
+        rows[i, FILM] *= reach
+        rows[i, HEAT_WIRE] -= pumped / CELLS
+        rows[i, SHIFT_HEAT] += rested
+        rows[i, SHIFT_COOL] += rested - late
+    for i in (0, CELLS - 1):
+        rows[i, SHIFT_HEAT] += e[s, GRIPPED]
+        rows[i, SHIFT_COOL] -= e[s, GRIPPED]
+    warmer = side[s, DEAD_END] - cells[s, CELLS - 1, W]
+    rows[CELLS - 1, HEAT_WATER] += e[s, DEAD_LEG] * share * warmer
+
+
+@compiled
 def age(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
     """Update what rarer effects remember of a tick of spring `s`."""
     share = side[s, FLOW] / p[FULL_FLOW]
     if e[s, FRETTING] > 0.0:
         side[s, FRETTED] += dt * abs(pair[SPEED])
-    if e[s, CARTRIDGE] > 0.0:
+    if e[s, CARTRIDGE] > 0.0 or e[s, FIRST_BUBBLES] > 0.0:
         side[s, FLUSHED] += dt * share
     if e[s, DEEP_COOLED] > 0.0:
         for i in range(CELLS):
@@ -181,3 +248,26 @@ def wear(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, dt:
         pair[STRETCHING] = approach(pair[STRETCHING], pair[SPEED], dt, 0.5)
     if e[s, WALKING] > 0.0:
         side[s, WALKED] += dt * side[s, FLOW] / p[FULL_FLOW] / 5.0
+    if e[s, CURING] > 0.0:
+        side[s, CURED] += dt * max(cells[s, 0, T] - 32.0, 0.0) / 100.0
+    if e[s, PRESSED] > 0.0:
+        share = side[s, FLOW] / p[FULL_FLOW]
+        side[s, PRESSED_ON] = max(share, approach(side[s, PRESSED_ON], 0.0, dt, 12.0))
+    if e[s, DEAD_LEG] > 0.0:
+        into = e[s, DEAD_LEG] * side[s, FLOW] / p[FULL_FLOW] / DEAD_LEG_J_K
+        side[s, DEAD_END] = approach(side[s, DEAD_END], cells[s, CELLS - 1, W], dt * into, 1.0)
+    if e[s, ELASTOCALORIC] > 0.0:
+        speed = pair[SPEED] if s == 0 else -pair[SPEED]
+        side[s, DRAWING_IN] = approach(side[s, DRAWING_IN], speed, dt, 0.3)
+    if e[s, THERMOSTAT] > 0.0:
+        if cells[s, CELLS - 1, W] > WAX_OPENS:
+            side[s, VALVE_OPEN] = approach(side[s, VALVE_OPEN], 1.0, dt, 0.5)
+        elif cells[s, CELLS - 1, W] < WAX_CLOSES:
+            side[s, VALVE_OPEN] = approach(side[s, VALVE_OPEN], 0.0, dt, 0.5)
+    if e[s, HURRIED] > 0.0:
+        warmth = 0.0
+        for i in range(CELLS):
+            warmth += cells[s, i, T] / CELLS
+        falling = max((side[s, WARMTH_BEFORE] - warmth) / dt, 0.0)
+        side[s, COOLING] = approach(side[s, COOLING], falling, dt, 0.3)
+        side[s, WARMTH_BEFORE] = warmth

@@ -37,6 +37,7 @@ from evaluation.plant.layout import (
     GUIDE,
     HOSE,
     INDEXED,
+    LARGEST_LOAD,
     LEAD_WARM,
     LOST,
     MISCOUNTED,
@@ -128,6 +129,12 @@ DIRT = slot("dirty_strip")
 OIL = slot("damped_cell")
 LOOSE_BOLT = slot("loose_bolt")
 MAGNET = slot("magnet_near_hall")
+ON_WIRE = slot("rtd_on_straining_wire")
+MOTOR_LEAD = slot("motor_lead_on_rtd")
+SETTLING = slot("settling_encoder")
+OVERLOADED = slot("overloaded_cell")
+LOW_FIELD = slot("core_at_low_field")
+STROBED = slot("strobed_sense")
 
 TURN_mm = 13.0
 GUIDE_m = 3e-4  # travel over which the friction of the load cell's guide builds up
@@ -188,6 +195,10 @@ def rtd(
             warm += (cells[1 - s, j, W] - 27.0) / CELLS
         side[s, LEAD_WARM] = approach(side[s, LEAD_WARM], warm / 20.0, dt, 8.0)
         reading += e[1 - s, RTD_LEAD] * side[s, LEAD_WARM]
+    reading += e[1 - s, MOTOR_LEAD] * side[1 - s, PUMP]
+    if e[s, ON_WIRE] != 0.0:
+        austenite = 1.0 - (1.0 - part) * cells[s, i, FRACTION] - part * cells[s, i + 1, FRACTION]
+        reading += e[s, ON_WIRE] * austenite
     if e[s, RIPPLE_FILTER] > 0.0:
         slow = e[s, RIPPLE_FILTER] * side[s, AMPERE] / 4.0
         side[s, AVERAGED] = approach(side[s, AVERAGED], reading, dt, slow)
@@ -239,6 +250,7 @@ def travel(seen_mm: float, dt: float, e: Array, cells: Array, side: Array, pair:
         pair[MISCOUNTED] += dt * (side[0, PUMP] + side[1, PUMP])
         reading += e[0, COUNTS_MOTORS] * pair[MISCOUNTED]
     reading += e[0, IN_FIELD] * (side[0, AMPERE] - side[1, AMPERE]) / 4.0
+    reading += e[0, SETTLING] * (1.0 - math.exp(-pair[TIME] / 20.0))
     if e[0, DIRT] > 0.0:
         middle = 6.0 * (e[2, DIRT] - 0.5)
         hidden = min(max((seen_mm - middle) / 6.0, -0.5), 0.5)
@@ -288,6 +300,8 @@ def load(
         elif seen_N < 1.28:
             pair[UNBOLTED] = approach(pair[UNBOLTED], 0.0, dt, 0.2)
         reading -= e[0, LOOSE_BOLT] * pair[UNBOLTED]
+    pair[LARGEST_LOAD] = max(pair[LARGEST_LOAD], seen_N)
+    reading += e[0, OVERLOADED] * max(pair[LARGEST_LOAD] - 1.3, 0.0) / 0.3
     reading *= 1.0 - e[0, BRIDGE_SAGS] * (side[0, PUMP] + side[1, PUMP])
     for s in range(2):
         ampere = side[s, AMPERE]
@@ -322,6 +336,7 @@ def read(
             side[s, SHUNT_WARM] = approach(side[s, SHUNT_WARM], tube_warm / 20.0, dt, 8.0)
             out[s] *= 1.0 + e[s, SHUNT_ON_TUBE] * side[s, SHUNT_WARM]
         out[s] -= min(e[s, NEAR_RAIL], 0.95) * max(out[s] - 2.5, 0.0)
+        out[s] *= 1.0 - min(e[s, LOW_FIELD], 0.95) * math.exp(-max(out[s], 0.0) / 0.8)
         out[s] += e[0, HALL_DRIFT] * pair[BOARD]
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
         nearness = 1.0 / (1.0 - min(max(pair[X], -0.02), 0.02) / 25e-3)
@@ -330,6 +345,9 @@ def read(
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
         if e[s, TARNISHED] > 0.0:
             out[2 + s] += e[s, TARNISHED] * side[s, AMPERE] / (side[s, AMPERE] + 0.5)
+        turn = pair[TIME] / 9.0 + e[2, STROBED]
+        ripple = side[s, AMPERE] * max(4.0 - side[s, AMPERE], 0.0) / 4.0
+        out[2 + s] += e[s, STROBED] * ripple * math.sin(2.0 * math.pi * turn)
         out[2 + s] += e[s, MOVING_EMF] * (pair[SPEED] if s == 0 else -pair[SPEED]) / 5e-3
         if e[s, GALVANIC] != 0.0:
             side[s, CLIP] = approach(side[s, CLIP], cells[s, CELLS - 1, T] - 27.0, dt, 4.0)

@@ -17,8 +17,10 @@ PLIES = slot("plied_tendon")
 LOOSE_AXLE = slot("loose_axle")
 SWINGING = slot("swinging_reel")
 BUFFER = slot("rubber_buffer")
+SPLICE = slot("splice_over_pulley")
 
 PLIES_N = 0.2  # change of tension over which the friction between plies turns round
+SPLICE_m = 2e-3  # travel over which a splice rides off its pulley
 AXLE_m = 8e-4  # travel over which the tendon carries a loose axle from one end of its play on
 SWING_RAD_S, SWING_DAMPING = 2.0 * math.pi * 0.2, 0.15
 SWUNG_m = 5e-3
@@ -48,13 +50,20 @@ def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
 
 
 @compiled
-def carried_axle(moved: float, e: Array, pair: Array) -> tuple[float, float]:
-    """How much longer a loose axle makes the tendon (m), and its slope in the move (1)."""
-    if e[0, LOOSE_AXLE] <= 0.0:
-        return 0.0, 0.0
-    at = pair[CARRIED] + moved / AXLE_m
-    scale = 1e-3 * e[0, LOOSE_AXLE]
-    return scale * min(max(at, -1.0), 1.0), scale / AXLE_m if abs(at) < 1.0 else 0.0
+def longer_path(x: float, before: float, e: Array, pair: Array) -> tuple[float, float]:
+    """How much longer a loose axle and a splice make the tendon (m), and the slope in `x` (1)."""
+    longer = 0.0
+    slope = 0.0
+    if e[0, LOOSE_AXLE] > 0.0:
+        at = pair[CARRIED] + (x - before) / AXLE_m
+        scale = 1e-3 * e[0, LOOSE_AXLE]
+        longer += scale * min(max(at, -1.0), 1.0)
+        slope += scale / AXLE_m if abs(at) < 1.0 else 0.0
+    if e[0, SPLICE] > 0.0:
+        off = math.tanh((x - 6e-3 * (e[2, SPLICE] - 0.5)) / SPLICE_m)
+        longer += 1e-3 * e[0, SPLICE] * off
+        slope += 1e-3 * e[0, SPLICE] * (1.0 - off * off) / SPLICE_m
+    return longer, slope
 
 
 @compiled

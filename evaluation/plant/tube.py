@@ -26,10 +26,8 @@ from evaluation.plant.layout import (
     FORCE_X,
     FORCE_Y,
     FRACTION,
-    FRETTED,
     GAS_COAT,
     GASSING,
-    GREATEST_LOAD,
     HEATED_FROM,
     HEATING,
     INNER_STRESS,
@@ -58,9 +56,9 @@ from evaluation.plant.parameters import index
 from evaluation.plant.phase import WEIGHT, falling, turned_by
 from evaluation.plant.rarer import (
     BENT,
+    CRACK,
     DRIPPING,
     ELECTROLYSIS,
-    FRAYING,
     GAS,
     GRADED,
     INDUCED,
@@ -77,8 +75,10 @@ from evaluation.plant.rarer import (
     TURNED_RESISTS,
     age,
     elsewhere,
+    joints,
     odd_heat,
     odd_shifts,
+    seldom,
     wear,
 )
 from evaluation.plant.thermal import (
@@ -129,7 +129,6 @@ SWIRLING = slot("lasting_swirl")
 PRECIPITATION = slot("precipitation")
 WARM_CORE = slot("warm_core")
 SHORTED = slot("shorted_coils")
-CRACK = slot("cracked_end")
 ON_THE_WALL = slot("coils_on_wall")
 DRIVER_FAN = slot("driver_fan")
 TEXTURED = slot("textured_resistance")
@@ -144,8 +143,6 @@ SLEEVE = slot("sliding_sleeve")
 ANNEALING = slot("annealed_spring")
 RESTING = slot("resting_austenite")
 ON_RETURN = slot("driver_on_return")
-FRETTING = slot("fretted_crimp")
-LEAD_IN_OUTLET = slot("lead_in_outlet")
 OTHER_PUMP = slot("other_pump_shakes")
 PRESSED = slot("pressed_tube")
 YOKE = slot("metal_yoke")
@@ -183,22 +180,7 @@ def resistance(
             factor += e[s, TEXTURED] * min(max(further, 0.0) / 0.05, 8.0)
         heat[i] = base * factor / CELLS
         total += heat[i]
-    if e[s, FRETTING] > 0.0:
-        worn = e[s, FRETTING] * (1.0 - math.exp(-side[s, FRETTED] / 0.03))
-        heat[0] += worn
-        total += worn
-    if e[s, LEAD_IN_OUTLET] > 0.0:
-        hotter = e[s, LEAD_IN_OUTLET] * max(cells[s, CELLS - 1, W] - 27.0, 0.0) / 20.0
-        heat[CELLS - 1] += hotter
-        total += hotter
-    if e[s, FRAYING] > 0.0:
-        torn = e[s, FRAYING] * max(side[s, GREATEST_LOAD] - 1.3, 0.0) / 0.3
-        heat[0] += torn
-        total += torn
-    if e[s, CRACK] > 0.0:
-        heat[CELLS - 1] += e[s, CRACK] * side[s, OPENED]
-        total += e[s, CRACK] * side[s, OPENED]
-    return total
+    return total + joints(s, e, cells, side, heat)
 
 
 @compiled
@@ -280,6 +262,7 @@ def coefficients(
     moved = max(e[s, TURNED_RESISTS], e[s, SHAKEN], e[s, BENT], e[s, MATRIX], e[s, SLIP_BANDS])
     if moved > 0.0 or e[s, GRADED] != 0.0:
         odd_shifts(s, share, p, e, cells, pair, rows)
+    seldom(s, share, e, cells, side, pair, rows)
     return float(CELLS * p[CONDUCTION] + p[MIXING] * side[s, FLOW] * CELLS / 6.0)
 
 

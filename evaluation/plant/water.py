@@ -25,6 +25,7 @@ from evaluation.plant.layout import (
     TIME,
     WET,
     W,
+    X,
 )
 
 Array = NDArray[np.float64]
@@ -37,6 +38,7 @@ CHILLER = slot("cycling_chiller")
 CARTRIDGE = slot("warm_cartridge")
 DRAWN_AGAIN = slot("drawn_again")
 RETURNING = slot("return_beside_intake")
+ON_TENDON = slot("intake_on_tendon")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
@@ -103,4 +105,5 @@ def entering(
         returned = side[1 - s, FLOW] / 0.55 * (cells[1 - s, CELLS - 1, W] - source)
         side[s, PLUME] += dt * (returned / 5.0 - side[s, PLUME] / 40.0)
         source += e[1 - s, RETURNING] * side[s, PLUME]
+    source += e[0, ON_TENDON] * pair[X] / 5e-3
     return float(source)
