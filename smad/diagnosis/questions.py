@@ -153,7 +153,7 @@ def changed(inquiry: Inquiry) -> Searched:
     # What the good runs leave above the noise is the model's form, and stands in these runs, too. A
     # lead may come from any channel: the one with the largest share decides.
     form = 1.0 - (inquiry.floors / floors)[counts > 0] ** 2
-    return _searched(replace(new, form_share=float(form.max())))
+    return _searched(replace(new, form_share=float(form.max()), good=len(inquiry.good)))
 
 
 def _searched(question: Question, *, most: int = _MOST_CAUSES, exchange: bool = True) -> Searched:

@@ -67,7 +67,8 @@ class Question:
     `effects` may be told; `places` are how many places there are. `tied` (p, p) is the precision of
     the parameters until other values of them are the answer; None: they are free from the start.
     `responses` are those of laws where they are known. `tau` (channels,) are correlation times in
-    rows. `form_share` is the largest share of a floor's square that the model's form makes.
+    rows. `form_share` is the largest share of a floor's square that the model's form makes, and
+    `good` how many runs say so.
     """
 
     evidence: Evidence
@@ -81,6 +82,7 @@ class Question:
     tau: Array
     say: Say
     form_share: float = 0.0
+    good: int = 0
 
     @property
     def judged(self) -> Evidence:
@@ -142,12 +144,12 @@ class Question:
         """Rows of a judged run and channel that count as independent of each other, on average."""
         counts = self.judged.counts
         rows = float((counts / self.tau)[counts > 0].mean())
-        return effective_rows(rows, self.form_share, self.temper.evidence)
+        return effective_rows(rows, self.form_share, self.temper.evidence, self.good)
 
     @property
     def quiet_gap(self) -> float:
         """Floors over all signals that nothing new leaves at most."""
-        return quiet_gap(self.form_share, self.temper.evidence)
+        return quiet_gap(self.form_share, self.temper.evidence, self.good)
 
     def refuted(self, rivals: Sequence[Rival]) -> list[bool]:
         """Which rivals leave more than nothing new leaves, as long as another one does not.

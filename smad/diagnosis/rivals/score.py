@@ -76,20 +76,22 @@ def log_scores(squares: Array, counts: Array) -> Array:
     return np.asarray(-np.where(counts > 0, np.log(v + 1.0), 0.0).sum(axis=1))
 
 
-def effective_rows(rows: float, form_share: float, kappa: float) -> float:
-    """Independent rows of which a mean square is known as well as that of a run.
+def effective_rows(rows: float, form_share: float, kappa: float, good: int) -> float:
+    """Independent rows of which a mean square is known as well as the ratio of a run's to its floor.
 
     The floor's square is noise, of which `rows` are independent, and in the share `form_share` the
-    error of the model's form, of which κ are.
+    error of the model's form, of which κ are, in the run and in each of the `good` ones that the
+    floor was found on.
     """
-    return 1.0 / ((1.0 - form_share) ** 2 / rows + form_share**2 / kappa)
+    of_form = form_share**2 / kappa * (1.0 + 1.0 / max(good, 1))
+    return 1.0 / ((1.0 - form_share) ** 2 / rows + of_form)
 
 
-def quiet_gap(form_share: float, kappa: float) -> float:
+def quiet_gap(form_share: float, kappa: float, good: int) -> float:
     """Floors over all signals that nothing new leaves at most, the errors of form among them."""
-    from scipy.special import chdtri
+    from scipy.special import fdtri
 
-    of_form = chdtri(kappa, _FORM_RARELY) / kappa
+    of_form = fdtri(kappa, kappa * max(good, 1), 1.0 - _FORM_RARELY)
     return float(np.sqrt((1.0 - form_share) * _QUIET_SQUARE + form_share * of_form))
 
 

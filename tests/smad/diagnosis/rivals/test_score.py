@@ -104,13 +104,16 @@ def test_an_effect_that_explains_nothing_is_no_cause_however_soft_the_evidence_i
 
 
 def test_what_good_runs_leave_above_the_noise_counts_as_few_rows_however_long_a_run_is() -> None:
-    assert effective_rows(ROWS, 0.0, TEMPER.evidence) == pytest.approx(ROWS)
-    assert effective_rows(1000.0, 1.0, TEMPER.evidence) == pytest.approx(TEMPER.evidence)
-    assert effective_rows(ROWS, 0.1, TEMPER.evidence) > 0.7 * ROWS
+    kappa = TEMPER.evidence
+    assert effective_rows(ROWS, 0.0, kappa, 4) == pytest.approx(ROWS)
+    assert effective_rows(1000.0, 1.0, kappa, 1000) == pytest.approx(kappa, rel=0.01)
+    assert effective_rows(1000.0, 1.0, kappa, 1) == pytest.approx(0.5 * kappa)
+    assert effective_rows(ROWS, 0.1, kappa, 4) > 0.7 * ROWS
 
 
-def test_an_error_of_form_may_leave_more_of_one_run_than_noise_may() -> None:
+def test_an_error_of_form_may_leave_more_of_one_run_than_of_the_good_ones_in_one_of_100() -> None:
     rng = np.random.default_rng(1)
-    of_form = rng.chisquare(2.5, 100_000) / 2.5
-    assert quiet_gap(0.0, 2.5) == pytest.approx(1.35)
-    assert np.mean(np.sqrt(of_form) > quiet_gap(1.0, 2.5)) == pytest.approx(0.01, abs=0.002)
+    new = rng.chisquare(2.5, 100_000) / 2.5
+    floor = rng.chisquare(4 * 2.5, 100_000) / (4 * 2.5)
+    assert quiet_gap(0.0, 2.5, 4) == pytest.approx(1.35)
+    assert np.mean(np.sqrt(new / floor) > quiet_gap(1.0, 2.5, 4)) == pytest.approx(0.01, abs=0.002)
