@@ -77,7 +77,7 @@ def log_scores(squares: Array, counts: Array) -> Array:
 
 
 def effective_rows(rows: float, form_share: float, kappa: float, good: int) -> float:
-    """Independent rows of which a mean square is known as well as the ratio of a run's to its floor.
+    """Independent rows whose mean square is known as well as the ratio of a run's to its floor.
 
     The floor's square is noise, of which `rows` are independent, and in the share `form_share` the
     error of the model's form, of which κ are, in the run and in each of the `good` ones that the
