@@ -17,8 +17,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class BoardType:
-    """A board that `--firmware` names. `baud`: what it says it has; a pseudo-terminal takes any."""
+    """A board that `--firmware` names. `about`: what it is, for --help.
 
+    `baud`: what it says it has; a pseudo-terminal takes any.
+    """
+
+    about: str
     baud: int
     most_rate_hz: int = 500
     has_store: bool = False
@@ -95,10 +99,11 @@ def build(
     )
 
 
-def _python() -> Callable[..., SimulatedBench]:
+def _python(board_type: str) -> Callable[..., SimulatedBench]:
+    from sim_device import board
     from sim_device.bench import SimulatedBench
 
-    return SimulatedBench
+    return partial(SimulatedBench, board_type=getattr(board, board_type))
 
 
 def _firmware(port: str) -> Callable[..., SimulatedBench]:
@@ -108,10 +113,19 @@ def _firmware(port: str) -> Callable[..., SimulatedBench]:
 
 
 BOARDS = {
-    "python": BoardType(baud=921_600, bench=_python),
-    "host": BoardType(baud=921_600, has_store=True, bench=partial(_firmware, "host")),
+    "python": BoardType(about="a model in Python", baud=921_600, bench=partial(_python, "Board")),
+    "host": BoardType(
+        about="the C firmware as a process",
+        baud=921_600,
+        has_store=True,
+        bench=partial(_firmware, "host"),
+    ),
     "avr": BoardType(
-        baud=500_000, most_rate_hz=100, has_store=True, bench=partial(_firmware, "avr")
+        about="its chip emulated",
+        baud=500_000,
+        most_rate_hz=100,
+        has_store=True,
+        bench=partial(_firmware, "avr"),
     ),
 }
 """The boards by the name that `--firmware` takes."""
