@@ -176,9 +176,7 @@ class ParamSave(Message, frozen=True, gc=False):
 class TimeRequest(Message, frozen=True, gc=False):
     """Asks for the board's time. Never repeated: a late answer is worth nothing."""
 
-    info = MessageInfo(
-        number=0x19, direction=Direction.TO_BOARD, pace="about 1 Hz", per_s=1
-    )
+    info = MessageInfo(number=0x19, direction=Direction.TO_BOARD, pace="about 1 Hz", per_s=1)
     t1_us: Annotated[int, Wire("u32", "host time of sending, low 32 bits", unit="us")]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -100,10 +101,11 @@ def build(
 
 
 def _python(board_type: str) -> Callable[..., SimulatedBench]:
-    from sim_device import board
+    """Return what makes a bench with a subclass of Board, named as `module:Class`."""
     from sim_device.bench import SimulatedBench
 
-    return partial(SimulatedBench, board_type=getattr(board, board_type))
+    module, _, name = board_type.partition(":")
+    return partial(SimulatedBench, board_type=getattr(import_module(module), name))
 
 
 def _firmware(port: str) -> Callable[..., SimulatedBench]:
@@ -113,7 +115,9 @@ def _firmware(port: str) -> Callable[..., SimulatedBench]:
 
 
 BOARDS = {
-    "python": BoardType(about="a model in Python", baud=921_600, bench=partial(_python, "Board")),
+    "python": BoardType(
+        about="a model in Python", baud=921_600, bench=partial(_python, "sim_device.board:Board")
+    ),
     "host": BoardType(
         about="the C firmware as a process",
         baud=921_600,
