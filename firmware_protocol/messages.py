@@ -176,7 +176,7 @@ class ParamSave(Message, frozen=True, gc=False):
 class TimeRequest(Message, frozen=True, gc=False):
     """Asks for the board's time. Never repeated: a late answer is worth nothing."""
 
-    info = MessageInfo(number=0x19, direction=Direction.TO_BOARD, pace="about 1 Hz")
+    info = MessageInfo(number=0x19, direction=Direction.TO_BOARD, pace="about 1 Hz", per_s=1)
     t1_us: Annotated[int, Wire("u32", "host time of sending, low 32 bits", unit="us")]
 
 
@@ -348,7 +348,9 @@ class ParamValue(Message, frozen=True, gc=False):
 class TimeReply(Message, frozen=True, gc=False):
     """Three of the four stamps; the host adds the fourth."""
 
-    info = MessageInfo(number=0x95, direction=Direction.TO_HOST, pace="answers TIME_REQUEST")
+    info = MessageInfo(
+        number=0x95, direction=Direction.TO_HOST, pace="answers TIME_REQUEST", per_s=1
+    )
     t1_us: Annotated[int, Wire("u32", "as received", unit="us")]
     t2_us: Annotated[int, Wire("u32", "board time of reception", unit="us")]
     t3_us: Annotated[int, Wire("u32", "board time of sending", unit="us")]
@@ -357,7 +359,7 @@ class TimeReply(Message, frozen=True, gc=False):
 class LinkStats(Message, frozen=True, gc=False):
     """What the board has counted since boot."""
 
-    info = MessageInfo(number=0x96, direction=Direction.TO_HOST, pace="1 Hz")
+    info = MessageInfo(number=0x96, direction=Direction.TO_HOST, pace="1 Hz", per_s=1)
     frames: Annotated[int, Wire("u32", "good frames")]
     crc_errors: Annotated[int, Wire("u32", "frames with a wrong CRC")]
     cobs_errors: Annotated[int, Wire("u32", "frames that are no COBS")]

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from firmware_protocol.codec import CODEC
 from firmware_protocol.errors import RateError
 from firmware_protocol.framing import OVERHEAD
-from firmware_protocol.messages import LinkStats, Message, Setpoint, State, TimeReply, TimeRequest
+from firmware_protocol.messages import MESSAGES, Message, Setpoint, State
+from firmware_protocol.wire import Direction
 
 BITS_PER_BYTE = 10
 """Start bit, eight data bits, stop bit."""
@@ -48,16 +49,20 @@ def wire_size(message: type[Message]) -> int:
     return CODEC.layout(message).size + OVERHEAD + 2
 
 
+def periodic(direction: Direction) -> int:
+    """Return the bytes a second of all messages of that direction with a `per_s`."""
+    infos = ((message, message.info) for message in MESSAGES)
+    return sum(wire_size(m) * info.per_s for m, info in infos if info.direction is direction)
+
+
 def load(rate_hz: int, baud: int, axes: int = 1) -> Load:
     """Return what `axes` STATE streams at `rate_hz`, with their setpoints, put on the line."""
     return Load(
         rate_hz=rate_hz,
         baud=baud,
         axes=axes,
-        to_host_bytes_per_s=rate_hz * axes * wire_size(State)
-        + wire_size(LinkStats)
-        + wire_size(TimeReply),
-        to_board_bytes_per_s=rate_hz * axes * wire_size(Setpoint) + wire_size(TimeRequest),
+        to_host_bytes_per_s=rate_hz * axes * wire_size(State) + periodic(Direction.TO_HOST),
+        to_board_bytes_per_s=rate_hz * axes * wire_size(Setpoint) + periodic(Direction.TO_BOARD),
     )
 
 

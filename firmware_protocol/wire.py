@@ -45,7 +45,8 @@ class MessageInfo:
     """What the table says of a message besides its fields.
 
     `replies` names the messages that answer it (ERROR can answer any request); `frozen` messages
-    keep their number and layout in all versions of the protocol.
+    keep their number and layout in all versions of the protocol. `per_s`: how many a second share
+    the line with the samples and setpoints.
     """
 
     number: int
@@ -53,6 +54,7 @@ class MessageInfo:
     pace: str
     replies: tuple[str, ...] = ()
     frozen: bool = False
+    per_s: int = 0
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,7 @@ class SimulatedBench:
     as for Plant. rate_hz: samples per second. seed: of noise, tokens and damage on the line.
     faults: injections, see `sim_device.faults`. clock_start_us: board time at power-up.
     axis_name: of the axis whose board it is, stored in its parameters; empty: none is stored.
+    board_type: another board than this class has.
     """
 
     board_type: type[Board] = Board
@@ -63,7 +64,10 @@ class SimulatedBench:
         clock_start_us: int = 0,
         image: bytes | None = None,
         axis_name: str = "",
+        board_type: type[Board] | None = None,
     ) -> None:
+        if board_type is not None:
+            self.board_type = board_type
         self.plant = Plant(
             load_parameters("A") if parameters is None else parameters,
             variant=variant,

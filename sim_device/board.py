@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Mapping
+from typing import ClassVar
 
 from firmware_protocol import messages as wire
 from firmware_protocol.board import BoardSession
@@ -77,7 +78,7 @@ class Board:
     compiled limits are used and the board goes to FAULT.
     """
 
-    capabilities: Mapping[str, int] = CAPABILITIES
+    capabilities: ClassVar[Mapping[str, int]] = CAPABILITIES
 
     def __init__(
         self,

@@ -112,7 +112,7 @@ static uint16_t most_rate_hz(void)
     uint32_t baud = hal_serial_baud();
     for (uint8_t i = 0; i < sizeof RATES_HZ / sizeof RATES_HZ[0]; i++) {
         uint32_t bytes = (uint32_t)RATES_HZ[i] * (SMAD_STATE_SIZE + 10u)
-                         + (SMAD_LINK_STATS_SIZE + 10u) + (SMAD_TIME_REPLY_SIZE + 10u);
+                         + SMAD_PERIODIC_BYTES_PER_S;
         if (hal_most_rate_hz() != 0 && RATES_HZ[i] > hal_most_rate_hz()) {
             continue;
         }

@@ -10,8 +10,9 @@ from firmware_protocol.codec import Codec
 from firmware_protocol.generate.c_names import declared, enums_of, macro, struct_name, upper
 from firmware_protocol.messages import NO_FIELD, PROTOCOL_MAJOR, PROTOCOL_MINOR, Message
 from firmware_protocol.parameters import PARAMETERS
+from firmware_protocol.rates import periodic
 from firmware_protocol.schema import describe, schema_crc
-from firmware_protocol.wire import fields_of
+from firmware_protocol.wire import Direction, fields_of
 
 _FLASH = """\
 /* Tables that stay in flash where RAM has an address space of its own. */
@@ -118,6 +119,7 @@ def _constants(schema_size: int) -> str:
         "MAX_PAYLOAD": framing.MAX_PAYLOAD,
         "MAX_ENCODED": framing.MAX_ENCODED,
         "MAX_WIRE": framing.MAX_ENCODED + 1,
+        "PERIODIC_BYTES_PER_S": f"{periodic(Direction.TO_HOST)}u",
         "SETPOINT_AGE_US": MAX_SETPOINT_AGE_US,
         "NO_FIELD": f"0x{NO_FIELD:02X}",
         "INVALID_U8": "0xFF",

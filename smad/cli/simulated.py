@@ -17,6 +17,8 @@ from smad.processes.boards import BOARDS
 if TYPE_CHECKING:
     from sim_device.plant.models import Model
 
+FIRMWARES = "the board: " + ", ".join(f"{name} ({b.about})" for name, b in BOARDS.items()) + "."
+
 sim_option = click.option("--sim", is_flag=True, help="On a simulated bench in virtual time.")
 
 
@@ -66,7 +68,7 @@ def board_options(lead: str) -> Callable[[F], F]:
             "--firmware",
             type=click.Choice([*BOARDS]),
             default="python",
-            help=about("the board: Python, the C firmware as a process, or its chip emulated."),
+            help=about(FIRMWARES),
         ),
         # With --paced-by-host both ends wait so many times as long for each other.
         click.option("--patience", type=click.IntRange(1, 1000), default=1, hidden=True),

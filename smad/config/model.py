@@ -1,7 +1,7 @@
 """The sections of the configuration: names with units, ranges, defaults and what each is for.
 
 The descriptions here and in `control` are the only ones: the commented default file, the guide's
-table and the error messages are made from them. Every float has both bounds, because it is the
+sections and the error messages are made from them. Every float has both bounds, because it is the
 bounds that keep NaN and infinity out.
 """
 

@@ -169,7 +169,7 @@ def _heating(slow: Recording, replayed: Mapping[str, Array]) -> Panels:
 
 def _cooling(slow: Recording, fast: Recording) -> Panels:
     traces = []
-    for recording, name, pen in ((slow, "after 1 A", "x"), (fast, "after 4 A", "run-2")):
+    for recording, name, pen in ((slow, "after 1 A", "x"), (fast, "after 4 A", "run-1")):
         part = recording.between("cool", None)
         t = part.t_s - recording.marks["cool"]
         traces.append(Trace(name, t, part["rtd_x_degC"] + ZERO_C, pen))

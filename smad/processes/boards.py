@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,8 +18,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class BoardType:
-    """A board that `--firmware` names. `baud`: what it says it has; a pseudo-terminal takes any."""
+    """A board that `--firmware` names. `about`: what it is, for --help.
 
+    `baud`: what it says it has; a pseudo-terminal takes any.
+    """
+
+    about: str
     baud: int
     most_rate_hz: int = 500
     has_store: bool = False
@@ -95,10 +100,12 @@ def build(
     )
 
 
-def _python() -> Callable[..., SimulatedBench]:
+def _python(board_type: str) -> Callable[..., SimulatedBench]:
+    """Return what makes a bench with a subclass of Board, named as `module:Class`."""
     from sim_device.bench import SimulatedBench
 
-    return SimulatedBench
+    module, _, name = board_type.partition(":")
+    return partial(SimulatedBench, board_type=getattr(import_module(module), name))
 
 
 def _firmware(port: str) -> Callable[..., SimulatedBench]:
@@ -108,10 +115,21 @@ def _firmware(port: str) -> Callable[..., SimulatedBench]:
 
 
 BOARDS = {
-    "python": BoardType(baud=921_600, bench=_python),
-    "host": BoardType(baud=921_600, has_store=True, bench=partial(_firmware, "host")),
+    "python": BoardType(
+        about="a model in Python", baud=921_600, bench=partial(_python, "sim_device.board:Board")
+    ),
+    "host": BoardType(
+        about="the C firmware as a process",
+        baud=921_600,
+        has_store=True,
+        bench=partial(_firmware, "host"),
+    ),
     "avr": BoardType(
-        baud=500_000, most_rate_hz=100, has_store=True, bench=partial(_firmware, "avr")
+        about="its chip emulated",
+        baud=500_000,
+        most_rate_hz=100,
+        has_store=True,
+        bench=partial(_firmware, "avr"),
     ),
 }
 """The boards by the name that `--firmware` takes."""

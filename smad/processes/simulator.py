@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from smad.errors import DaemonError
+from smad.errors import DaemonError, PortError
 from smad.processes.starting import STALLED_S, Activity
 from smad.progress import Say
 
@@ -16,6 +16,7 @@ READY = "ready: "
 """What the first line of `smad sim` begins with; the port's name follows."""
 
 _END_DEADLINE_S = 10.0
+_SEE = "run smad sim by itself to see why"
 
 
 @contextlib.contextmanager
@@ -40,7 +41,10 @@ def simulated_bench(arguments: Sequence[str], symlink: Path, *, waiting: Say) ->
     )
     try:
         _wait_until_ready(child, waiting)
-        yield str(symlink)
+        try:
+            yield str(symlink)
+        except PortError as error:
+            raise _ended(child) or error from error
     finally:
         child.terminate()
         try:
@@ -63,9 +67,20 @@ def _wait_until_ready(child: subprocess.Popen[str], waiting: Say) -> None:
         break
     if child.poll() is None:
         child.kill()
+    why = _complaint(child) or f"it did nothing for {STALLED_S:g} s"
+    raise DaemonError(f"the simulated bench did not start: {why}", action=_SEE)
+
+
+def _ended(child: subprocess.Popen[str]) -> DaemonError | None:
+    """Return why the bench ended by itself, which takes its port away; None where it did not."""
+    try:
+        child.wait(_END_DEADLINE_S)
+    except subprocess.TimeoutExpired:
+        return None
+    why = _complaint(child) or f"status {child.returncode}"
+    return DaemonError(f"the simulated bench ended: {why}", action=_SEE)
+
+
+def _complaint(child: subprocess.Popen[str]) -> str:
     _, complaint = child.communicate()
-    last = complaint.strip().splitlines()[-1:] or [f"it did nothing for {STALLED_S:g} s"]
-    raise DaemonError(
-        f"the simulated bench did not start: {last[0].removeprefix('smad: ')}",
-        action="run smad sim by itself to see why",
-    )
+    return "".join(complaint.strip().splitlines()[-1:]).removeprefix("smad: ")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -19,15 +19,6 @@ from smad.runlog.reader import read_run, recorded
 
 if TYPE_CHECKING:
     import pyarrow
-
-KINDS = (".parquet", ".csv", ".csv.gz", ".tsv", ".lvm")
-"""How the name of a table ends, in small or capital letters."""
-
-
-def is_table(path: Path) -> bool:
-    """Whether the name of a file is that of a table."""
-    return path.name.lower().endswith(KINDS)
-
 
 _MOST_NAMED = 12
 
@@ -152,19 +143,7 @@ class ParquetTable:
             ) from None
 
 
-def open_table(path: Path, form: CsvFormat | None = None) -> ForeignTable:
-    """The table at `path`. Raises LogImportError when it cannot be read, or is of another kind."""
-    if is_bag(path):
-        return open_bag(path)
-    if not is_table(path):
-        raise LogImportError(
-            f"{path} is no table",
-            value=path.suffix,
-            limit=", ".join(KINDS),
-            action="convert it, or name it .csv if it is text",
-        )
-    if path.suffix.lower() != ".parquet":
-        return open_csv(path, form or CsvFormat())
+def _open_parquet(path: Path, _: CsvFormat) -> ParquetTable:
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -186,6 +165,34 @@ def open_table(path: Path, form: CsvFormat | None = None) -> ForeignTable:
     if twin is not None:
         raise LogImportError(f"{path}: two columns are named {twin!r}", action="rename one")
     return ParquetTable(path, names, about.num_rows, stamps)
+
+
+_OPEN: Mapping[str, Callable[[Path, CsvFormat], ForeignTable]] = {
+    ".parquet": _open_parquet,
+    **dict.fromkeys((".csv", ".csv.gz", ".tsv", ".lvm"), open_csv),
+}
+KINDS = tuple(_OPEN)
+"""How the name of a table ends, in small or capital letters."""
+
+
+def is_table(path: Path) -> bool:
+    """Whether the name of a file is that of a table."""
+    return path.name.lower().endswith(KINDS)
+
+
+def open_table(path: Path, form: CsvFormat | None = None) -> ForeignTable:
+    """The table at `path`. Raises LogImportError when it cannot be read, or is of another kind."""
+    if is_bag(path):
+        return open_bag(path)
+    kind = next((kind for kind in KINDS if path.name.lower().endswith(kind)), None)
+    if kind is None:
+        raise LogImportError(
+            f"{path} is no table",
+            value=path.suffix,
+            limit=", ".join(KINDS),
+            action="convert it, or name it .csv if it is text",
+        )
+    return _OPEN[kind](path, form or CsvFormat())
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,12 @@ import pytest
 
 from firmware_protocol import messages as wire
 from firmware_protocol.enums import BoardState, ErrorCode, Fault, ResetCause
-from firmware_protocol.events import Connected, HostState, RequestDone
+from firmware_protocol.events import Connected, HostEvent, HostState, RequestDone
+from firmware_protocol.framing import FrameDecoder
 from firmware_protocol.generate.vectors import random_message
 from firmware_protocol.parameters import PARAMETERS
 from firmware_protocol.schema import decompress, describe, own_crc
+from firmware_protocol.wire import Direction
 from sim_device.faults import injection
 from sim_device.firmware.bench import ChipBench, firmware_bench
 from tests.firmware.conftest import Make, MakeFirmware, needs
@@ -42,8 +44,24 @@ def error_of(answer: wire.Message | None) -> ErrorCode:
     return answer.code
 
 
-def test_it_says_who_it_is_and_streams_at_its_rate(make: Make) -> None:
+def numbers_sent(loop: Loop, monkeypatch: pytest.MonkeyPatch) -> set[int]:
+    """Return the numbers of the messages that the board sends from now on, as they come."""
+    decoder, receive = FrameDecoder(), loop.host.receive
+    numbers: set[int] = set()
+
+    def listen(data: bytes, now_us: int) -> list[HostEvent]:
+        numbers.update(frame.type for frame in decoder.feed(data))
+        return receive(data, now_us)
+
+    monkeypatch.setattr(loop.host, "receive", listen)
+    return numbers
+
+
+def test_it_says_who_it_is_and_streams_at_its_rate(
+    make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
     loop = Loop(make()).connected()
+    sent = numbers_sent(loop, monkeypatch)
     ident = identity(loop)
     assert (ident.major, ident.schema_crc) == (wire.PROTOCOL_MAJOR, own_crc())
     assert (ident.boot_count, ident.reset_cause) == (1, ResetCause.POWER_ON)
@@ -52,6 +70,9 @@ def test_it_says_who_it_is_and_streams_at_its_rate(make: Make) -> None:
     loop.step(200)
     times = [state.t_us for state in loop.states[begin:]]
     assert {b - a for a, b in itertools.pairwise(times)} == {10_000}
+    for message in wire.MESSAGES:
+        if message.info.per_s and message.info.direction is Direction.TO_HOST:
+            assert message.info.number in sent, f"this board never sends {message.__name__}"
     assert loop.host.stats.missed_states == 0
 
 

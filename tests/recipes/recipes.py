@@ -121,9 +121,94 @@ NEWS = Recipe(
             "            m.ButtonPressed: lambda it, _, to: to.append(e.ButtonReported(it.t_us)),\n",  # noqa: E501
             before="            m.Description: self._on_reply,\n",
         ),
+        Insert(
+            "what the daemon does",
+            "smad/daemon/link/watch.py",
+            """            case ButtonReported():
+                self._say("note", "somebody pressed the button on the board", {})
+""",
+            before="            case ErrorReceived(error):\n",
+        ),
+        Insert(
+            "its import in the daemon",
+            "smad/daemon/link/watch.py",
+            "    ButtonReported,\n",
+            before="    Connected,\n",
+        ),
         Generate(),
     ),
-    ("tests/firmware_protocol/test_every_message.py",),
+    (
+        "tests/firmware_protocol/test_every_message.py",
+        "tests/smad/daemon/test_small_parts.py::"
+        "test_every_event_of_a_session_is_taken_by_the_daemon",
+    ),
+)
+
+BOARD = Recipe(
+    "board type",
+    (
+        Insert(
+            "its class",
+            "sim_device/undrained.py",
+            '''"""A board without a drain valve."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from firmware_protocol.enums import Capability
+from sim_device.board import CAPABILITIES, Board
+
+
+class UndrainedBoard(Board):
+    """A board whose tubes stay full."""
+
+    capabilities: ClassVar[Mapping[str, int]] = {
+        fixture: has & ~Capability.DRAIN for fixture, has in CAPABILITIES.items()
+    }
+''',
+        ),
+        Insert(
+            "its line in BOARDS",
+            "smad/processes/boards.py",
+            """    "undrained": BoardType(
+        about="a model without a drain valve",
+        baud=921_600,
+        bench=partial(_python, "sim_device.undrained:UndrainedBoard"),
+    ),
+""",
+            before='    "host": BoardType(\n',
+        ),
+    ),
+    (
+        "tests/smad/test_boards.py::"
+        "test_a_board_of_the_table_says_the_speed_of_the_table[undrained]",
+    ),
+)
+
+KEY = Recipe(
+    "key of the configuration",
+    (
+        Insert(
+            "its field",
+            "smad/config/model.py",
+            """    automatic_name: Annotated[
+        str,
+        Meta(
+            pattern=r"^[A-Za-z0-9_-]{0,32}\\Z",
+            description="name of the logs that arming starts; empty: run",
+        ),
+    ] = ""
+""",
+            before="    max_file_MB: Annotated[",
+        ),
+        Insert(
+            "where the daemon reads it",
+            "smad/daemon/command/arming.py",
+            "bench.config.recorder.automatic_name or ",
+            before='"", by_command=False)',
+        ),
+    ),
+    ("tests/smad/test_config.py",),
 )
 
 CHECK = Recipe(
@@ -457,4 +542,4 @@ EFFECT = Recipe(
     shows=("tests.recipes.effect_shows", "force_curve", "force_N"),
 )
 
-RECIPES = (REQUEST, NEWS, CHECK, TRAJECTORY, COMMAND, EXPERIMENT, EFFECT)
+RECIPES = (REQUEST, NEWS, BOARD, KEY, CHECK, TRAJECTORY, COMMAND, EXPERIMENT, EFFECT)

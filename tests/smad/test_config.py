@@ -7,14 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import smad
 from firmware_protocol.supervisor.host import host_limits
 from firmware_protocol.supervisor.limits import LIMIT_ROWS, Limits, compiled_limits
 from smad.config import Config, config_to_toml, default_toml, load_config, parse_config
+from smad.config.axes import OF_THE_BENCH
 from smad.config.describe import Key, sections
 from smad.config.hostlimits import KEYS as HOST_KEYS
 from smad.config.hostlimits import looser_than
 from smad.errors import ConfigError
 
+SMAD = Path(smad.__file__).parent
 KEYS = [key for section in sections() for key in section.keys]
 NUMBERS = [
     key
@@ -91,7 +94,19 @@ def test_a_number_beyond_its_range_is_refused_with_path_value_and_limit(key: Key
 @pytest.mark.parametrize("key", NUMBERS, ids=key_id)
 def test_every_number_has_its_unit_in_its_name(key: Key) -> None:
     has_unit = any(key.name.endswith(f"_{unit}") for unit in UNITS)
-    assert has_unit != (key.name in WITHOUT_UNIT)
+    assert has_unit != (key.name in WITHOUT_UNIT), (
+        f"end the name of {key_id(key)} with its unit, a new one in UNITS, or put it in "
+        "WITHOUT_UNIT"
+    )
+
+
+def test_every_key_is_read_by_a_room_beside_the_configuration() -> None:
+    """A key that `smad.config` itself puts elsewhere, or that is looked up by name, is left out."""
+    rooms = [f for f in SMAD.rglob("*.py") if f.relative_to(SMAD).parts[0] != "config"]
+    read = set(re.findall(r"\.(\w+)", "\n".join(file.read_text() for file in rooms)))
+    keys = [k for k in KEYS if k.section != "hooks" and k.name not in OF_THE_BENCH]
+    unread = [key_id(key) for key in keys if key.name not in read]
+    assert not unread, f"nothing outside smad/config reads {unread}"
 
 
 @pytest.mark.parametrize("key", KEYS, ids=key_id)

@@ -9,7 +9,8 @@ import pytest
 
 import smad
 from smad.control.commands import Step
-from smad.errors import DaemonError
+from smad.errors import DaemonError, PortError
+from smad.processes.simulator import simulated_bench
 
 
 def daemons() -> list[int]:
@@ -29,6 +30,20 @@ def test_a_simulated_bench_is_commanded_by_its_client_and_gone_after_the_block(
             now = bench.wait_until_done()
         assert now.displacement_mm == pytest.approx(1.0, abs=0.3)
     assert daemons() == []
+
+
+def test_a_port_that_goes_because_the_bench_ended_is_explained_by_the_bench(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = tmp_path / "bench"
+    bench.write_text("#!/bin/sh\necho ready: it\necho smad: the plant melted >&2\nexit 70\n")
+    bench.chmod(0o755)
+    monkeypatch.setattr("sys.executable", str(bench))
+    with (
+        pytest.raises(DaemonError, match="simulated bench ended: the plant melted"),
+        simulated_bench([], tmp_path / "tty", waiting=lambda _: None),
+    ):
+        raise PortError("there is no such port")
 
 
 def test_what_interrupts_the_block_ends_the_bench_as_well() -> None:

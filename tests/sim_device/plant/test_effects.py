@@ -53,8 +53,12 @@ def test_the_registry_has_enough_entries_and_each_name_once():
 def test_every_term_of_the_kernel_belongs_to_one_parameter():
     of_parameters = [parameter.term for entry in EFFECTS for parameter in entry.parameters]
     terms = [term for term in of_parameters if term is not None]
+    fields = set(effect_terms({})[0])
     made = {"resists", "adds_strain", "late", "driver_knee", "reads_x"}
-    assert sorted(terms) == sorted(set(effect_terms({})[0]) - made)
+    assert len(terms) == len(set(terms)), "two parameters have one term"
+    missing, unused = set(terms) - fields, fields - made - set(terms)
+    assert not missing, f"make {missing} fields of Effects in sim_device/plant/kernel/model.py"
+    assert not unused, f"no parameter of the registry has the term {unused}"
 
 
 def test_every_term_is_computed_with():
@@ -63,7 +67,8 @@ def test_every_term_is_computed_with():
     used = set(re.findall(r"\b[exy]\.(\w+)", text))
     # Two become constants before the kernel sees them.
     made = {"inverse_warming_share", "driver_deficit"}
-    assert set(effect_terms({})[0]) - used == made
+    unread = set(effect_terms({})[0]) - used
+    assert unread == made, f"sim_device/plant/kernel computes nothing with {unread - made}"
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -3,14 +3,17 @@
 import asyncio
 import io
 import random
+import re
 import socket
 from pathlib import Path
 
 import pytest
 
 from firmware_protocol.enums import BoardState, ErrorCode
+from firmware_protocol.events import HostEvent, TimeSynced
 from firmware_protocol.messages import NO_FIELD, Error
 from firmware_protocol.rates import USUAL_BAUDS, USUAL_RATES_HZ
+from smad import daemon
 from smad.daemon.command.budget import TimeBudget
 from smad.daemon.command.lease import DeadMan, Lease
 from smad.daemon.errors import Refusal
@@ -23,6 +26,16 @@ from smad.daemon.notify import Notifier
 from smad.errors import ConfigError
 
 SECOND = 1_000_000
+
+
+def test_every_event_of_a_session_is_taken_by_the_daemon() -> None:
+    """But TimeSynced: the session itself computes with it."""
+    rooms = Path(daemon.__file__).parent.rglob("*.py")
+    words = set(re.findall(r"\w+", "\n".join(file.read_text() for file in rooms)))
+    for event in set(HostEvent.__subclasses__()) - {TimeSynced}:
+        assert event.__module__ != "firmware_protocol.events" or event.__name__ in words, (
+            f"{event.__name__} is dropped; give it a case in smad/daemon/link/watch.py"
+        )
 
 
 def _lease() -> Lease:
