@@ -24,7 +24,7 @@ from smad.simulators.columns import (
 )
 from smad.simulators.declare import Simulator
 from smad.simulators.errors import SimulatorError
-from smad.simulators.places import SavedPlaces, SimulatorPlaces
+from smad.simulators.places import SimulatorPlaces
 from smad.simulators.plant import SimulatedPlant
 
 _LAG_OF_CORRELATION = 0.1
@@ -93,8 +93,7 @@ def bind(
         lag_s=_LAG_OF_CORRELATION * correlation_s,
         shortest_s=declared.shortest_s or min(Traits().shortest_s, _SHORTEST * correlation_s),
     )
-    kind = SavedPlaces if declared.save is not None else SimulatorPlaces
-    return Bound(plant=kind(plant), groups=tuple(runs), said=tuple(said), seconds=found.seconds)
+    return Bound(plant=SimulatorPlaces(plant), groups=tuple(runs), said=tuple(said), seconds=found.seconds)
 
 
 def _constant(inputs: Sequence[str], tables: Sequence[Table], declared: Simulator) -> list[str]:
@@ -166,8 +165,9 @@ def _said(
         "inputs that no run changes, no places": flat,
         "columns that a law may go with": declared.observed,
         "columns that the simulator does not read": unread,
-        "outputs that no column is": found.unmeasured,
+        "outputs without a column": found.unmeasured,
         "measured": found.outputs,
+        f"values that change nothing in {tables[0].name}": found.idle,
     }
     words = "; ".join(f"{what}: {', '.join(names)}" for what, names in rows.items() if names)
     return [f"{words}. Ranges, quanta and noise are those of the records"]
