@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
@@ -129,7 +129,10 @@ def roles(declared: Simulator, table: Table) -> Roles:
     return Roles(
         inputs=[n for n in asked.read if n not in outputs], outputs=outputs,
         unmeasured=[n for n, s in sources.items() if not s],
-        idle=_idle(declared, table, asked, starting, first, seconds), seconds=seconds,
+        idle=_idle(
+            declared, lambda v: called(declared, table.t_s, asked, v, starting), first, seconds
+        ),
+        seconds=seconds,
     )  # fmt: skip
 
 
@@ -224,9 +227,7 @@ def _require_same(
 
 def _idle(
     declared: Simulator,
-    table: Table,
-    asked: WatchedColumns,
-    starting: Mapping[str, float],
+    call: Callable[[Mapping[str, float]], Mapping[str, Array]],
     first: Mapping[str, Array],
     seconds: float,
 ) -> list[str]:
@@ -241,9 +242,8 @@ def _idle(
         return []
     idle = []
     for name, value in moved.items():
-        values = declared.values({}, {}) | {name: value}
         with contextlib.suppress(Exception):  # where it fails, it does not do nothing
-            shown = called(declared, table.t_s, asked, values, starting)
+            shown = call(declared.values({}, {}) | {name: value})
             if all(np.array_equal(y, shown[n], equal_nan=True) for n, y in first.items()):
                 idle.append(name)
     return idle

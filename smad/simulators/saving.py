@@ -37,7 +37,11 @@ def model_text(
     quoted = json.dumps
     lines = [*head, f"note = {quoted(note)}"]
     for name, values in effects.items():
-        lines += ["", f"[effects.{quoted(name)}]", *(f"{quoted(q)} = {float(v)!r}" for q, v in values.items())]
+        lines += [
+            "",
+            f"[effects.{quoted(name)}]",
+            *(f"{quoted(q)} = {float(v)!r}" for q, v in values.items()),
+        ]
     for law in point.laws:
         for term in law.terms:
             lines += [

@@ -113,9 +113,7 @@ def _declared(
         effects.append(payload(m, body, places))
     replay.effects = effects
     replay.plays = [
-        (n, play(n, replay.unit(n, r), -1.0, 1.0))
-        for n, r in mapped.channels.items()
-        if r.joint
+        (n, play(n, replay.unit(n, r), -1.0, 1.0)) for n, r in mapped.channels.items() if r.joint
     ]
     units = {n: replay.unit(n, r) for n, r in mapped.inputs.items()}
     units |= {n: replay.unit(n, r) for n, r in mapped.channels.items()}

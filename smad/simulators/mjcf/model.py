@@ -158,9 +158,7 @@ class MujocoModel:
 
     def unit(self, name: str, row: InputRow | ChannelRow) -> str:
         """The unit of a column: as the map, its name there or in the run has it, or as assumed."""
-        return (
-            row.unit or unit_of(name) or unit_in(row.column) or self.assumed_units.get(name, "")
-        )
+        return row.unit or unit_of(name) or unit_in(row.column) or self.assumed_units.get(name, "")
 
     def _in_si(self, name: str, row: InputRow | ChannelRow, wanted: str, key: str) -> float:
         """What one unit of a column is in the model's, which is assumed where none is given."""
