@@ -12,8 +12,8 @@ SPELLINGS: Mapping[str, str] = {
     "µV": "uV", "μV": "uV", "%": "pct", "percent": "pct", "prozent": "pct", "°": "deg",
     "sec": "s", "msec": "ms", "seconds": "s", "sekunden": "s", "milliseconds": "ms",
     "minutes": "min", "hours": "h", "volt": "V", "volts": "V", "ampere": "A", "amps": "A",
-    "newton": "N", "Nm": "N m", "mNm": "mN m", "N·m": "N m", "°/s": "deg/s", "r/min": "rpm",
-    "1/min": "rpm", "°C/s": "K/s", "C/s": "K/s",
+    "newton": "N", "Nm": "N m", "mNm": "mN m", "N·m": "N m", "N*m": "N m",
+    "°/s": "deg/s", "r/min": "rpm", "1/min": "rpm", "°C/s": "K/s", "C/s": "K/s",
 }  # fmt: skip
 """Other ways to write a unit of the table; words in small or capital letters."""
 
@@ -40,30 +40,38 @@ _SYMBOLS = {"m": "mass", "L": "length", "s": "length", "K": "", "V": "voltage"}
 """Units that are symbols of a quantity as well: "arm_m_kg" is a mass, no metre for a kilogram."""
 _TIMES = {("N", "m"), ("N", "mm"), ("N", "s"), ("V", "s"), ("W", "s"), ("A", "s"), ("A", "h")}
 """Of the units at the beginning of a compound, those that are multiplied."""
+BRACKETED = re.compile(r"^(?P<stem>.+?)[\s_]*[\[(](?P<unit>[^\])]*)[\])]$")
+"""A name that ends with something in brackets, as a unit is: `Force [mN]`."""
 
 
 def parted_name(name: str) -> tuple[str, str]:
-    """The quantity in a name, and its unit: "torque", "N m" of "torque_N_m"; "" where it has none.
+    """The quantity in a name, and its unit: "torque", "N m" of "torque_N_m" or "torque [Nm]".
 
-    A rate of what is measured (`angle_rad_rate`) has the unit of that, in a second. A compound that
-    is not listed is divided by what follows its first unit: "leak_L_min_bar" is in L/(min bar).
+    The unit is "" where it has none. A rate of what is measured (`angle_rad_rate`) has the unit of
+    that, in a second. A compound that is not listed is divided by what follows its first unit:
+    "leak_L_min_bar" is in L/(min bar).
     """
+    if name.endswith("_rate"):
+        stem, unit = parted_name(name.removesuffix("_rate"))
+        return f"{stem}_rate", f"{unit}/s" if unit else ""
+    bracketed = BRACKETED.match(name.strip())
+    if bracketed and (unit := spelt(bracketed["unit"])) != "1" and unit in UNITS:
+        return bracketed["stem"], unit
     stem, _, below = name.rpartition("_per_")
     if stem and all(spelt(word) in UNITS for word in below.split("_")):
         stem, above = parted_name(stem)
         below = " ".join(below.split("_"))
         return stem, f"{above}/({below})" if " " in below else f"{above}/{below}"
-    base = name.removesuffix("_rate")
-    ending = next((end for end in _ENDINGS if base.endswith(f"_{end}")), "")
-    units = [] if "_" in ending else _compound(base)
+    ending = next((end for end in _ENDINGS if name.endswith(f"_{end}")), "")
+    units = [] if "_" in ending else _compound(name)
     if len(units) > 1:
-        stem, unit = base.removesuffix(f"_{'_'.join(units)}"), _joined(units)
+        stem, unit = name.removesuffix(f"_{'_'.join(units)}"), _joined(units)
     else:
         unit = spelt(_ENDINGS.get(ending, ""))
-        stem = base.removesuffix(f"_{ending}") if ending else base
+        stem = name.removesuffix(f"_{ending}") if ending else name
     if stem.endswith("stiffness") and unit in {"N m", "N mm"}:
         unit = unit.replace(" ", "/")
-    return (f"{stem}_rate", f"{unit}/s" if unit else "") if base != name else (stem, unit)
+    return stem, unit
 
 
 def _compound(name: str) -> list[str]:

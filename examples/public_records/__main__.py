@@ -8,9 +8,8 @@ from pathlib import Path
 import click
 
 from examples.public_records.records import RECORDS, RecordError
-from smad.diagnosis.report.page import page_of
+from smad.diagnosis.report.page import write_report
 from smad.diagnosis.report.words import lines
-from smad.report.page import write_page
 
 
 @click.command()
@@ -33,7 +32,7 @@ def main(name: str, folder: Path, html: Path | None, exchange: bool) -> None:
     click.echo("\n".join(lines(answer.verdict)))
     click.echo(f"{time.process_time():.0f} s of processor time")
     if html is not None:
-        write_page(page_of(answer), html)
+        write_report(answer, html)
 
 
 if __name__ == "__main__":

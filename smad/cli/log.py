@@ -142,6 +142,7 @@ def export(
     with --wide into one table. rosbag2 is a ROS 2 bag: a folder with an MCAP file of standard
     messages. lerobot is a dataset of LeRobot v3.0: a folder with Parquet files, of one episode.
     """
+    from smad.runlog import lerobot
     from smad.runlog.formats import export_axes
     from smad.runlog.reader import read_axes
 
@@ -150,11 +151,15 @@ def export(
         runs = read_axes(source, progress=progress)
     target = output or source.with_suffix(f".{suffix}")
     files = export_axes(runs, target, kind=suffix, wide=wide, fps=fps, overwrite=overwrite)
-    rows, notes = max(map(len, runs.values())), next(iter(runs.values())).notes
+    notes = next(iter(runs.values())).notes
+    if all((file / "meta").is_dir() for file in files):
+        what, count = "frames", max(map(lerobot.frames_in, files))
+    else:
+        what, count = "rows", max(map(len, runs.values()))
     if as_json:
-        print_json({"files": [str(file) for file in files], "rows": rows, "notes": notes})
+        print_json({"files": [str(file) for file in files], what: count, "notes": notes})
         return
-    click.echo(f"{rows} rows to {' and '.join(str(file) for file in files)}")
+    click.echo(f"{count} {what} to {' and '.join(str(file) for file in files)}")
     _print_notes(notes)
 
 

@@ -58,6 +58,10 @@ class Answer:
     uncertainty: Uncertainty | None = None
     alternatives: tuple[Rival, ...] = ()
 
+    def __repr__(self) -> str:
+        """The headline; the rest is in the verdict."""
+        return f"<Answer: {self.verdict.headline}>"
+
 
 def answer_of(
     plant: PlacesPlant, search: Searched, *, question: str, constants: Constants, judged_on: str

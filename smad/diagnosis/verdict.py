@@ -296,7 +296,7 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
         """Read what `to_json` wrote. Raises msgspec.DecodeError."""
         return msgspec.json.decode(data, type=cls)
 
-    def write_model(self, path: Path, first: int | None = None) -> None:
+    def write_model(self, path: Path | str, first: int | None = None) -> None:
         """Write the model file: with the first causes, or all.
 
         Raises PlantMismatch where the verdict has no model, or not as many causes.
@@ -315,7 +315,7 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
                 limit=f"0 (parameters alone) to {most}",
                 action="give a number of causes that it lists",
             )
-        path.write_text(self.models[most if first is None else first], "utf-8")
+        Path(path).write_text(self.models[most if first is None else first], "utf-8")
 
 
 def headline_of(

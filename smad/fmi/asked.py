@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,8 +20,9 @@ from smad.diagnosis.errors import GapError, PlantMismatch
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import nominal_point
 from smad.diagnosis.runs import GapRun
+from smad.fmi.completed import completed
 from smad.fmi.errors import FmiError
-from smad.fmi.map_file import ChannelRow, InputRow, Map, read_map
+from smad.fmi.map_file import ChannelRow, InputRow, Map, read_map, require_fit
 from smad.fmi.plant import FmuPlant
 from smad.fmi.unit_file import open_unit
 from smad.progress import Say, silent
@@ -30,6 +32,7 @@ from smad.records.readings import on_lines
 from smad.records.tables import left_out, read_columns, require_rising
 from smad.records.units import Written, convert
 from smad.runlog.paths import names_of
+from smad.simulators.columns import LONG_STEP_S
 from smad.simulators.expected import expected, on_standard_error
 from smad.simulators.planning import Plan
 from smad.simulators.processes import in_processes
@@ -64,18 +67,21 @@ def diagnose_unit(
     cannot be used, RunLogError for a run that cannot.
     """
     mapped = read_map(map_path)
-    plant = FmuPlant(open_unit(fmu), mapped)
+    unit = open_unit(fmu)
+    require_fit(mapped, unit)
     progress("reading")
 
     def read(path: Path) -> GapRun:
         return replace(read_mapped(path, mapped), trusted=bool(names_of(path) & set(trusted)))
 
     asked, known, held_out = ([read(p) for p in paths] for paths in (runs, good, hold_out))
+    every = [*asked, *known, *held_out]
+    mapped, taken = completed(mapped, every)
+    plant = FmuPlant(unit, mapped)
     plant.window_s, why = 0.0, ""
     try:
         count = processes or 1
         with in_processes(plant, count):
-            every = [*asked, *known, *held_out]
             takes = expected(with_places(plant), every, _replay_s(plant, every[0]))
             if takes.slow:
                 announced(takes.words(count, chosen=False))
@@ -91,7 +97,7 @@ def diagnose_unit(
             action="mend the unit there, narrow the range of the parameters in the map, or "
             "leave the run out",
         ) from error
-    notes = [*answer.verdict.notes, *([why] if why else []), *plant.failures.notes]
+    notes = [*answer.verdict.notes, *filter(None, (taken, why)), *plant.failures.notes]
     return replace(answer, verdict=msgspec.structs.replace(answer.verdict, notes=notes))
 
 
@@ -112,9 +118,12 @@ def plan_unit(fmu: Path, map_path: Path, inputs: Sequence[Path], *, within_s: fl
     Raises FmiError for a unit or a map that cannot be used, RunLogError for a file that cannot.
     """
     mapped = read_map(map_path)
-    with contextlib.closing(FmuPlant(open_unit(fmu), mapped)) as plant:
-        runs = [read_mapped(path, mapped, measured=False) for path in inputs]
-        return Plan(rate(plant, runs, within_s=within_s), [])
+    unit = open_unit(fmu)
+    require_fit(mapped, unit)
+    runs = [read_mapped(path, mapped, measured=False) for path in inputs]
+    mapped, taken = completed(mapped, runs)
+    with contextlib.closing(FmuPlant(unit, mapped)) as plant:
+        return Plan(rate(plant, runs, within_s=within_s), [taken] if taken else [])
 
 
 def read_mapped(path: Path, mapped: Map, *, measured: bool = True) -> GapRun:
@@ -154,14 +163,17 @@ def _time_s(path: Path, column: Column, mapped: Map, known: str) -> Column:
         return column
     step = float(np.median(np.diff(column))) if len(column) > 1 else 0.0
     length = float(np.ptp(column)) if len(column) else 0.0
-    short = not unit and length < _SHORT * mapped.lag_s
-    if len(column) > 2 and (step > _COARSE * mapped.lag_s or short):
+    known_lag = not math.isnan(mapped.lag_s)
+    longest = _COARSE * mapped.lag_s if known_lag else LONG_STEP_S
+    shortest = _SHORT * mapped.lag_s if known_lag else 0.0
+    short = not unit and length < shortest
+    if len(column) > 2 and (step > longest or short):
         why = f"{unit} by its name, which makes no sense" if unit else "not said, and s make none"
         raise FmiError(
             f"{path}: the unit of time {mapped.time!r} is {why}",
             value=f"steps of {step:.6g} over {length:.6g}",
-            limit=f"s: steps up to {_COARSE * mapped.lag_s:g}, at least {_SHORT * mapped.lag_s:g} "
-            "long (by the lag_s of the map)",
+            limit=f"s: steps up to {longest:g}, at least {shortest:g} long"
+            + " (by the lag_s of the map)" * known_lag,
             action='say it in the map: time_unit = "ms" (or s, us, ns, min, h)',
         )
     return column

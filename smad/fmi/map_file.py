@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -18,17 +19,26 @@ _Number = Annotated[float, msgspec.Meta(ge=-1e15, le=1e15)]
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=1e15)]
 
 
+_FROM_RECORDS = math.nan
+
+
 class _Row(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     variable: str
     unit: str
+
+
+class _RangedRow(_Row, frozen=True, kw_only=True):
     low: _Number
     high: _Number
 
 
 class _ColumnRow(_Row, frozen=True, kw_only=True):
     """`column`: its name in a run, where that is another; `column_unit`: its unit there, where that
-    is another; `hold`: numbers stand in some rows only."""
+    is another; `hold`: numbers stand in some rows only. A range that is left out is NaN until it is
+    taken from the records (`completed`)."""
 
+    low: _Number = _FROM_RECORDS
+    high: _Number = _FROM_RECORDS
     column: str = ""
     column_unit: str = ""
     hold: bool = False
@@ -49,26 +59,28 @@ class InputRow(_ColumnRow, frozen=True, kw_only=True):
 class ChannelRow(_ColumnRow, frozen=True, kw_only=True):
     """A measured channel: column = `scale` · value of the unit + `offset`, in the column's range.
 
-    With `hold` it is read on a straight line between its numbers.
+    With `hold` it is read on a straight line between its numbers. What is left out is NaN until it
+    is taken from the records (`completed`).
     """
 
-    quantum: _Positive
-    noise: _Positive
+    quantum: _Positive = _FROM_RECORDS
+    noise: _Positive = _FROM_RECORDS
 
 
-class ParameterRow(_Row, frozen=True, kw_only=True):
+class ParameterRow(_RangedRow, frozen=True, kw_only=True):
     """A parameter that the refit may move; without `nominal` it begins where the unit has it."""
 
     nominal: _Number | None = None
     prior_sd: _Positive | None = None
 
 
-class TermRow(_Row, frozen=True, kw_only=True):
+class TermRow(_RangedRow, frozen=True, kw_only=True):
     """A term that the unit adds by way of the input `variable`: size · f((of − zero) / span).
 
     `of`: an input or channel of the map, as the unit has it; empty for a constant. `shape` is f:
     the `power`, which keeps the sign; the *sign*, tanh(x), as dry friction goes with a velocity; or
-    the *deadband*, 0 within ±1 and x ∓ 1 beyond. `place`: where in the unit that is, in words;
+    the *deadband*, 0 within ±1 and x ∓ 1 beyond. `span` is 1 if left out, of a *sign* a hundredth
+    of the range of `of` (`completed`). `place`: where in the unit that is, in words;
     empty: the input of the map that drives the variable, or the variable.
     """
 
@@ -77,13 +89,19 @@ class TermRow(_Row, frozen=True, kw_only=True):
     typical: _Number
     of: str = ""
     zero: _Number = 0.0
-    span: _Positive = 1.0
+    span: _Positive = _FROM_RECORDS
     power: Annotated[float, msgspec.Meta(gt=0, le=8)] = 1.0
     shape: Literal["power", "sign", "deadband"] = "power"
 
+    @property
+    def width(self) -> float:
+        """The span, 1 where none is given."""
+        return 1.0 if math.isnan(self.span) else self.span
+
 
 class Map(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A map file. `lag_s`: what a sensor or a drive of such a plant may well lag by.
+    """A map file. `lag_s`: what a sensor or a drive of such a plant may well lag by; left out, NaN
+    until it is taken from the records (`completed`).
 
     `held`: a row's inputs were in force *until* its time, as a run log has them, or *from* it on.
     `start`: variables set before each run, by name in the unit: a number, or the name of a channel
@@ -93,7 +111,7 @@ class Map(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     `shortest_s`: how long a run must be.
     """
 
-    lag_s: _Positive
+    lag_s: _Positive = _FROM_RECORDS
     inputs: dict[str, InputRow]
     channels: dict[str, ChannelRow]
     parameters: dict[str, ParameterRow]
@@ -124,7 +142,8 @@ def _check(path: Path, mapped: Map) -> None:
         raise FmiError(f"map file {path} has {twins[0]} as input and as channel", action="name one")
     for table, rows in _tables(mapped).items():
         for name, row in rows.items():
-            if not row.low < row.high:
+            left_out = math.isnan(row.low) and math.isnan(row.high)
+            if not left_out and not row.low < row.high:
                 raise FmiError(
                     f"map file {path}, {table}.{name} has no range",
                     value=f"{row.low:g} to {row.high:g}",

@@ -234,7 +234,7 @@ class FmuPlant:
             if term.of in self._map.channels:
                 fed.append(_fed(place, list(self._map.channels).index(term.of), size, term))
             elif term.of:
-                x = (given[term.of] - term.zero) / term.span
+                x = (given[term.of] - term.zero) / term.width
                 rows[:, place] += size * shaped(x, term.shape, term.power)
             else:
                 rows[:, place] += size
@@ -275,7 +275,7 @@ def effects_of(mapped: Map) -> list[Effect]:
         )
         f = {"power": "", "sign": "tanh", "deadband": "deadband"}[term.shape]
         raised = f"^{term.power:g}" if term.shape == "power" else ""
-        what = f"{f}(({term.of} − {term.zero:g})/{term.span:g}){raised}" if term.of else "1"
+        what = f"{f}(({term.of} − {term.zero:g})/{term.width:g}){raised}" if term.of else "1"
         effects.append(
             Effect(
                 name=name,
@@ -342,7 +342,7 @@ def _rows(mapped: Map) -> list[str]:
 
 def _fed(row: int, output: int, size: float, term: TermRow) -> Fed:
     return Fed(
-        row=row, output=output, size=size, zero=term.zero, span=term.span, power=term.power,
+        row=row, output=output, size=size, zero=term.zero, span=term.width, power=term.power,
         shape=term.shape,
     )  # fmt: skip
 

@@ -32,5 +32,6 @@ def simulated(*, speed: float = 4.0, options: Sequence[str] = ()) -> Iterator[Cl
     arguments = ["--sim", "--speed", f"{speed:g}", "--paced-by-host", *options]
     with tempfile.TemporaryDirectory(prefix="smad-") as name:
         folder = Path(name)
-        with running_daemon(arguments, folder), Client(folder=folder) as bench:
+        # Nobody else is there to take control from, and a notebook may think for long.
+        with running_daemon(arguments, folder), Client(folder=folder, lease_s=None) as bench:
             yield bench

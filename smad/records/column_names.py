@@ -16,7 +16,7 @@ from firmware_protocol.nearest import instead
 from sim_device.plant.units import UNITS
 from smad.errors import LogImportError
 from smad.runlog.schema import CHANNELS
-from smad.units import alternatives, parted_name, spelt, unit_of, units_for
+from smad.units import BRACKETED, alternatives, parted_name, spelt, unit_of, units_for
 
 _PER_SPRING = {
     "i_cmd_{}_A": ("i_cmd", "current_cmd", "current_command", "current_set"),
@@ -41,7 +41,6 @@ _SINGLE = {
 }
 _NO_UNIT = ("_C", "_F")
 """Ends of names that are degrees of a temperature only."""
-_BRACKETED = re.compile(r"^(?P<stem>.+?)[\s_]*[\[(](?P<unit>[^\])]*)[\])]$")
 
 
 def _aliases() -> dict[str, str]:
@@ -147,7 +146,7 @@ def is_time(name: str) -> bool:
 
 def parted(name: str) -> tuple[str, str]:
     """The quantity in a name, in small letters, and its unit: `Force [mN]`, `force mN`, `T_x_K`."""
-    bracketed = _BRACKETED.match(name.strip())
+    bracketed = BRACKETED.match(name.strip())
     if bracketed:
         return _plain(bracketed["stem"]), spelt(bracketed["unit"])
     stem, _, unit = re.sub(r"\s+", "_", name.strip()).rpartition("_")
@@ -159,7 +158,7 @@ def quantity_in(name: str) -> tuple[str, str]:
 
     Units of several words are known, too: `torque_N_m`. The unit is empty where it has none.
     """
-    if _BRACKETED.match(name.strip()) or not unit_of(name):
+    if BRACKETED.match(name.strip()) or not unit_of(name):
         stem, unit = parted(name)
     else:
         stem, unit = parted_name(name)

@@ -68,6 +68,11 @@ def export_lerobot(
     return target
 
 
+def frames_in(dataset: Path) -> int:
+    """Frames of all episodes of a dataset that was written."""
+    return int(json.loads((dataset / "meta" / "info.json").read_text())["total_frames"])
+
+
 def _rate(run: Run) -> int:
     """Samples per second of a run, rounded, at least 1."""
     step_s = float(np.median(np.diff(run.columns["t_s"]))) if len(run) > 1 else 1.0

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from smad.diagnosis.data.grid import MOST_ROWS, row_length_s
 from smad.diagnosis.plant import Channel, Signal, Traits
 from smad.diagnosis.runs import GapRun
 from smad.records.csv_table import CsvFormat
@@ -24,12 +25,13 @@ from smad.simulators.columns import (
 )
 from smad.simulators.declare import Simulator
 from smad.simulators.errors import SimulatorError
-from smad.simulators.places import SavedPlaces, SimulatorPlaces
+from smad.simulators.places import SimulatorPlaces
 from smad.simulators.plant import SimulatedPlant
 
 _LAG_OF_CORRELATION = 0.1
 _SHORTEST = 4.0
 """Correlation times of what is measured that a run must be long, or as long as of any plant."""
+_NEARLY = 0.99
 _UNCHANGED = 1e-9
 _UNMEASURED = 1e-3
 """Of what a reading goes through, its noise where no run has it."""
@@ -93,8 +95,9 @@ def bind(
         lag_s=_LAG_OF_CORRELATION * correlation_s,
         shortest_s=declared.shortest_s or min(Traits().shortest_s, _SHORTEST * correlation_s),
     )
-    kind = SavedPlaces if declared.save is not None else SimulatorPlaces
-    return Bound(plant=kind(plant), groups=tuple(runs), said=tuple(said), seconds=found.seconds)
+    places = SimulatorPlaces(plant)
+    said += _blurred(places, [r for group in runs for r in group], outputs)
+    return Bound(plant=places, groups=tuple(runs), said=tuple(said), seconds=found.seconds)
 
 
 def _constant(inputs: Sequence[str], tables: Sequence[Table], declared: Simulator) -> list[str]:
@@ -150,6 +153,24 @@ def _correlation_s(outputs: Sequence[str], tables: Sequence[Table]) -> float:
     return float(np.median(times))
 
 
+def _blurred(plant: SimulatorPlaces, runs: Sequence[GapRun], outputs: Sequence[str]) -> list[str]:
+    """What to do where so much is given that rows become longer than a reading's changes."""
+    row_s = row_length_s(runs, plant)
+    whole_s = sum(float(np.ptp(r.t_s)) for r in runs)
+    if row_s < _NEARLY * whole_s / MOST_ROWS:
+        return []
+    tables = [Table(r.name, r.t_s, r.outputs) for r in runs]
+    times = {n: _correlation_s([n], tables) for n in outputs}
+    fast = {n: s for n, s in times.items() if s < row_s}
+    if not fast:
+        return []
+    return [
+        f"{', '.join(fast)} changes within a row, which is {row_s:.2g} s long since all runs "
+        f"together have at most {MOST_ROWS} rows: the floor takes signal for noise, and less is "
+        f"noticed. Give fewer or shorter runs, {0.5 * MOST_ROWS * min(fast.values()):.2g} s in all"
+    ]
+
+
 def _said(
     declared: Simulator,
     tables: Sequence[Table],
@@ -166,8 +187,9 @@ def _said(
         "inputs that no run changes, no places": flat,
         "columns that a law may go with": declared.observed,
         "columns that the simulator does not read": unread,
-        "outputs that no column is": found.unmeasured,
+        "outputs without a column": found.unmeasured,
         "measured": found.outputs,
+        f"values that change nothing in {tables[0].name}": found.idle,
     }
     words = "; ".join(f"{what}: {', '.join(names)}" for what, names in rows.items() if names)
     return [f"{words}. Ranges, quanta and noise are those of the records"]

@@ -49,8 +49,11 @@ def called(
     """
     t = _shielded(t_s - t_s[0])
     given = _Shielded(inputs)
-    with np.errstate(all="ignore"):
-        outputs = declared.function(t, given, MappingProxyType(dict(values)), start)
+    try:
+        with np.errstate(all="ignore"):
+            outputs = declared.function(t, given, MappingProxyType(dict(values)), start)
+    except SystemExit as ended:
+        raise ValueError(f"it ends the program: SystemExit({ended.code!r})") from ended
     if not isinstance(outputs, Mapping):
         raise ValueError(f"it returns {type(outputs).__name__}, not outputs by name")
     out = {}

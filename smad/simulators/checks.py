@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
@@ -15,12 +15,14 @@ from smad.diagnosis.runs import GapRun, bridged
 from smad.records.column_names import quantity_in
 from smad.simulators.calling import called
 from smad.simulators.columns import Table
-from smad.simulators.declare import Simulator
+from smad.simulators.declare import Simulator, value_name
 from smad.simulators.errors import SimulatorError
 from smad.simulators.starts import Starts
 
 _ALIKE = 0.75
 """How alike two names are spelt, 0 to 1, that are likely meant to be one."""
+_CHECKED_S = 1.0
+"""For calls that look for values without a use."""
 
 
 class WatchedColumns(Mapping[str, Array]):
@@ -69,11 +71,12 @@ class FirstReadings(Mapping[str, float]):
 @dataclass(frozen=True, kw_only=True)
 class Roles:
     """What a function makes of columns: `inputs` that it reads, `outputs` that it returns,
-    `unmeasured` ones that no column is; a call takes `seconds`."""
+    `unmeasured` ones that no column is; `idle` values change nothing; a call takes `seconds`."""
 
     inputs: list[str]
     outputs: list[str]
     unmeasured: list[str]
+    idle: list[str]
     seconds: float
 
 
@@ -121,10 +124,15 @@ def roles(declared: Simulator, table: Table) -> Roles:
                 action="begin with values at which it runs",
             )
     _require_used(declared, {*asked.read, *first, *values})
-    seconds = _require_same(declared, table, asked, starting, {n: first[n] for n in outputs})
+    first = {n: first[n] for n in outputs}
+    seconds = _require_same(declared, table, asked, starting, first)
     return Roles(
         inputs=[n for n in asked.read if n not in outputs], outputs=outputs,
-        unmeasured=[n for n, s in sources.items() if not s], seconds=seconds,
+        unmeasured=[n for n, s in sources.items() if not s],
+        idle=_idle(
+            declared, lambda v: called(declared, table.t_s, asked, v, starting), first, seconds
+        ),
+        seconds=seconds,
     )  # fmt: skip
 
 
@@ -215,3 +223,27 @@ def _require_same(
                 action="keep no state from one call to the next, and give what is random a seed",
             )
     return seconds
+
+
+def _idle(
+    declared: Simulator,
+    call: Callable[[Mapping[str, float]], Mapping[str, Array]],
+    first: Mapping[str, Array],
+    seconds: float,
+) -> list[str]:
+    """Parameters and effects that change no output, as one whose name the function misspells.
+
+    Empty for a function that takes long.
+    """
+    moved = {p.name: p.nominal + 0.1 * p.prior_sd for p in declared.parameters} | {
+        value_name(e, q): q.typical for e in declared.effects for q in e.parameters if q.strength
+    }
+    if len(moved) * seconds > _CHECKED_S:
+        return []
+    idle = []
+    for name, value in moved.items():
+        with contextlib.suppress(Exception):  # where it fails, it does not do nothing
+            shown = call(declared.values({}, {}) | {name: value})
+            if all(np.array_equal(y, shown[n], equal_nan=True) for n, y in first.items()):
+                idle.append(name)
+    return idle

@@ -23,7 +23,7 @@ from smad.units import units_for
 
 TIMES = ("t_s", "time_s", "time", "t", "timestamp_s")
 """Names of a column that is the time in s; `Time [ms]` and other units are understood, too."""
-_LONG_STEP_S = 2.0
+LONG_STEP_S = 2.0
 """Samples further apart, on a time without a unit, are as likely ms of a logger at 1 to 500 Hz."""
 _SAME, _DIGITS = 1e-6, 9
 _WHOLE = 0.02
@@ -203,11 +203,11 @@ def _in_s(times: Array, name: str, where: str, *, said: bool) -> Array:
     if unit in units_for("s"):
         return convert(times, unit, "s")
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    if not said and name != "t_s" and step > _LONG_STEP_S:
+    if not said and name != "t_s" and step > LONG_STEP_S:
         raise SimulatorError(
             f"{where}: column {name!r} has no unit, and its samples would be seconds apart",
             value=f"{step:.6g} s",
-            limit=f"{_LONG_STEP_S:g} s without a unit in the name",
+            limit=f"{LONG_STEP_S:g} s without a unit in the name",
             action="is it in ms? name it time_ms, or time_s",
         )
     return times

@@ -183,10 +183,9 @@ def _effect(name: str, row: Strength, function: str) -> Effect:
         EffectParameter(name=n, unit=unit_of(n), typical=t, low=a, high=b, strength=False)
         for n, (t, a, b) in given.shapes.items()
     )
-    title = given.title or name.replace("_", " ")
     return Effect(
         name=name,
-        title=title,
+        title=given.title,
         parameters=(strength, *shapes),
         signals=(),
         places=given.places or (f"equation of {function} with {name}",),

@@ -14,6 +14,7 @@ from smad.diagnosis.places.place import Place
 from smad.diagnosis.plant import Array, ModelPoint, Uncertainty
 from smad.diagnosis.runs import GapRun
 from smad.simulators.plant import SimulatedPlant
+from smad.simulators.saving import save_values
 
 
 class SimulatorPlaces(BarePlaces):
@@ -49,14 +50,12 @@ class SimulatorPlaces(BarePlaces):
         observed = self.plain.declared.observed
         return super()._states(run, shown) | {n: np.asarray(run.inputs[n], float) for n in observed}
 
-
-class SavedPlaces(SimulatorPlaces):
-    """The same of a simulator that can be written to a file; see `SavesModel`."""
-
     def save_model(
         self, point: ModelPoint, path: Path, note: str, uncertainty: Uncertainty | None = None
     ) -> None:
-        """Write the model at a point of it."""
-        save = self.plain.declared.save
-        assert save is not None
-        save(point, path, note, uncertainty)
+        """See `SavesModel`."""
+        of = self.plain.declared
+        if of.save is None:
+            save_values(of, point, path, note, uncertainty)
+        else:
+            of.save(point, path, note, uncertainty)

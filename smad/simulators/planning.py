@@ -64,7 +64,9 @@ def plan(
     plain.window_s, why = choose_window(plain, _other(plain, runs), window_s)
     left_s = within_s - (time.process_time() - began_s)
     left_s = max(left_s, min(LEAST_S, within_s))
-    return Plan(rate(bound.plant, runs, within_s=left_s), [why] if why else [])
+    ratings = rate(bound.plant, runs, within_s=left_s)
+    read = dict.fromkeys(text for r in runs for text in r.notes)
+    return Plan(ratings, [*([why] if why else []), *plain.failures.notes, *read])
 
 
 def _complete(declared: Simulator, table: Table) -> Table:

@@ -37,6 +37,8 @@ _CORRELATED = 16.0
 """Rows that are worth an independent one, as in a diagnosis."""
 _RESOLUTION = 1e-3
 _THETA_STEP = 0.1
+_NAMED = 3
+"""Names of what is unknown for one reason, in words."""
 _SURE, _LITTLE = 0.3, 0.8
 """Of the prior's deviation, what runs must leave of it for a parameter to be identifiable, weak."""
 _PIECES = 5
@@ -44,6 +46,10 @@ _FAR = 1.5
 """Prior deviations by which a parameter may well imitate a cause: farther, it is no likelier."""
 _HALVINGS = 10
 """Of a size, which is then known to a thousandth of the range."""
+_LATE, _NO_NUMBERS = (
+    "not reached in the time; give more: within_s = 60 (--within 60)",
+    "the model gives no numbers with it",
+)
 LEAST_S = 0.5
 """For replays, however long it took to come to them."""
 
@@ -55,7 +61,7 @@ class Rating:
     `size` is from where on it would be noticed, in `unit`: where the parameters leave one floor of
     it; infinite where nothing of it shows. `alike` are causes elsewhere that look the same. A cause
     is *identifiable* that is noticed below its typical size and looks like no other, *weak* that is
-    noticed within its range, and *not* that is not.
+    noticed within its range, and *not* that is not; `why` says why one is *unknown*.
     """
 
     kind: Literal["parameter", "effect", "place"]
@@ -65,6 +71,7 @@ class Rating:
     size: float
     unit: str
     alike: tuple[str, ...] = ()
+    why: str = ""
 
 
 @dataclass(frozen=True)
@@ -89,7 +96,7 @@ def rate(plant: PlantModel, runs: Sequence[GapRun], *, within_s: float = 5.0) ->
     sheet = _Sheet.of(known, [filled(r) for r in runs])
     # The first replay of all may have compiled a kernel.
     ends = time.process_time() + within_s
-    slopes, reached = _slopes(sheet, ends)
+    slopes, missed_by = _slopes(sheet, ends)
     gram = slopes @ slopes.T / _CORRELATED + np.eye(len(slopes))
     ratings = [*_effects(sheet, ends), *_places(sheet, ends)]
     causes = [x for x in ratings if isinstance(x, _Cause)]
@@ -100,7 +107,7 @@ def rate(plant: PlantModel, runs: Sequence[GapRun], *, within_s: float = 5.0) ->
         _rated(c, size, _alike(k, causes, left))
         for k, (c, (size, _)) in enumerate(zip(causes, noticed, strict=True))
     ]
-    return [*_parameters(known, slopes, gram, reached), *rated, *missed]
+    return [*_parameters(known, slopes, gram, missed_by), *rated, *missed]
 
 
 def _noticed(c: _Cause, sheet: _Sheet, slopes: Array, gram: Array) -> tuple[float, Array]:
@@ -158,19 +165,18 @@ def _alike(k: int, causes: Sequence[_Cause], left: Sequence[Array]) -> tuple[str
 
 
 def _parameters(
-    plant: PlantModel, slopes: Array, gram: Array, reached: Sequence[bool]
+    plant: PlantModel, slopes: Array, gram: Array, missed_by: Sequence[str]
 ) -> list[Rating]:
     """Each parameter by what runs leave of its prior deviation, the others free."""
     spread = np.sqrt(np.diag(np.linalg.inv(gram)))
     size = np.sqrt(_CORRELATED * np.maximum(spread**-2 - 1.0, 0.0) / max(slopes.shape[1], 1))
     out = []
-    for q, sd, rows, known in zip(plant.parameters, spread, size, reached, strict=True):
+    for q, sd, rows, why in zip(plant.parameters, spread, size, missed_by, strict=True):
         rating = IDENTIFIABLE if sd < _SURE else WEAK if sd < _LITTLE else NOT
-        rating = rating if known else UNKNOWN
         noticed = q.prior_sd / rows if rows > 0.0 else np.inf
         out.append(Rating(
-            kind="parameter", name=q.name, words=q.name, rating=rating, size=float(noticed),
-            unit=q.unit,
+            kind="parameter", name=q.name, words=q.name, rating=UNKNOWN if why else rating,
+            size=float(noticed), unit=q.unit, why=why,
         ))  # fmt: skip
     return out
 
@@ -237,19 +243,21 @@ class _Sheet:
         return moved if np.isfinite(moved).all() else None
 
 
-def _slopes(sheet: _Sheet, ends: float) -> tuple[Array, list[bool]]:
-    """Rows for a prior standard deviation of each parameter, (parameters, rows), where reached."""
+def _slopes(sheet: _Sheet, ends: float) -> tuple[Array, list[str]]:
+    """Rows for a prior standard deviation of each parameter, (parameters, rows); why there are none
+    of it, or an empty text."""
     out = np.zeros((len(sheet.plant.parameters), len(sheet.base)))
-    reached = [False] * len(out)
+    missed_by = [_LATE] * len(out)
     for i, q in enumerate(sheet.plant.parameters):
         if time.process_time() > ends:
             break
         step = _THETA_STEP * q.prior_sd * (1.0 if q.nominal + q.prior_sd <= q.high else -1.0)
         point = nominal_point(sheet.plant)
         moved = sheet.at(replace(point, theta={**point.theta, q.name: q.nominal + step}))
+        missed_by[i] = _NO_NUMBERS if moved is None else ""
         if moved is not None:
-            out[i], reached[i] = moved * (q.prior_sd / step), True
-    return out, reached
+            out[i] = moved * (q.prior_sd / step)
+    return out, missed_by
 
 
 def _effects(sheet: _Sheet, ends: float) -> Iterator[_Cause | Rating]:
@@ -261,9 +269,10 @@ def _effects(sheet: _Sheet, ends: float) -> Iterator[_Cause | Rating]:
             values = {p.name: 0.0 if p.strength else p.typical for p in effect.parameters}
             point = nominal_point(sheet.plant)
             with_effect = replace(point, effects={effect.name: {**values, q.name: q.typical}})
-            rows = None if time.process_time() > ends else sheet.at(with_effect)
+            late = time.process_time() > ends
+            rows = None if late else sheet.at(with_effect)
             if rows is None:
-                yield _missed("effect", name, effect.title, q.unit)
+                yield _missed("effect", name, effect.title, q.unit, late=late)
                 continue
             yield _Cause(
                 "effect", name, effect.title, q.unit, abs(q.typical), abs(q.typical),
@@ -277,24 +286,28 @@ def _places(sheet: _Sheet, ends: float) -> Iterator[_Cause | Rating]:
         for side in place.sides:
             name = place.name if len(place.sides) < 2 else f"{place.name} {side.upper()}"
             words = place.label if len(place.sides) < 2 else f"{place.label}, {side.upper()}"
-            rows = (
-                None if time.process_time() > ends else sheet.forced(place.name, side, place.scale)
-            )
+            late = time.process_time() > ends
+            rows = None if late else sheet.forced(place.name, side, place.scale)
             if rows is None:
-                yield _missed("place", name, words, place.unit)
+                yield _missed("place", name, words, place.unit, late=late)
                 continue
             most = _OF_SCALE[place.reading] * place.scale
             yield _Cause("place", name, words, place.unit, place.scale, most, most, rows,
                          frozenset({place.name}))  # fmt: skip
 
 
-def _missed(kind: Literal["effect", "place"], name: str, words: str, unit: str) -> Rating:
-    return Rating(kind=kind, name=name, words=words, rating=UNKNOWN, size=np.inf, unit=unit)
+def _missed(
+    kind: Literal["effect", "place"], name: str, words: str, unit: str, *, late: bool
+) -> Rating:
+    why = _LATE if late else _NO_NUMBERS
+    return Rating(
+        kind=kind, name=name, words=words, rating=UNKNOWN, size=np.inf, unit=unit, why=why
+    )
 
 
 def lines(ratings: Sequence[Rating]) -> list[str]:
     """Ratings in words, by kind: what shows best first."""
-    order = {IDENTIFIABLE: 0, WEAK: 1, UNKNOWN: 2, NOT: 3}
+    order = {IDENTIFIABLE: 0, WEAK: 1, NOT: 2, UNKNOWN: 3}
     out = []
     for kind, head in (
         ("parameter", "parameters"),
@@ -304,17 +317,24 @@ def lines(ratings: Sequence[Rating]) -> list[str]:
         rows = sorted((r for r in ratings if r.kind == kind), key=lambda r: order[r.rating])
         if rows:
             out.append(head)
+        unknown: dict[str, list[str]] = {}
         for r in rows:
+            named = r.words if kind == "place" else r.name
+            if r.rating == UNKNOWN:
+                unknown.setdefault(r.why, []).append(named)
+                continue
             like = f"; looks like {', '.join(r.alike[:3])}" if r.alike else ""
-            out.append(
-                f"  {r.rating:<12} {r.words if kind == 'place' else r.name}: {_size(r)}{like}"
-            )
+            out.append(f"  {r.rating:<12} {named}: {_size(r)}{like}")
+        out += [f"  {UNKNOWN:<12} {_few(names)}: {why}" for why, names in unknown.items()]
     return out
 
 
+def _few(names: Sequence[str]) -> str:
+    more = len(names) - _NAMED
+    return ", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
 def _size(r: Rating) -> str:
-    if r.rating == UNKNOWN:
-        return "not reached in the time, or the model cannot run with it"
     if not np.isfinite(r.size) or r.size > 1e12:
         return "nothing of it shows"
     unit = f" {r.unit}" if r.unit not in ("", "1") else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from smad.diagnosis.answer import Answer
 from smad.diagnosis.report import figures
@@ -26,7 +27,7 @@ from smad.diagnosis.verdict import (
     unit_words,
     with_unit,
 )
-from smad.report.page import Beside, Block, Code, Fold, Page, Section, Table, Text
+from smad.report.page import Beside, Block, Code, Fold, Page, Section, Table, Text, write_page
 
 _QUESTIONS = {
     DIFFERS: "what the simulator lacks",
@@ -62,6 +63,11 @@ def page_of(answer: Answer, arguments: str = "", facts: Sequence[tuple[str, str]
     title, _, gap = (v.headline[:1].upper() + v.headline[1:]).partition("; ")
     lead = gap and f"{gap[0].upper()}{gap[1:]}."
     return Page(title, sections, lead, [(n, x) for n, x in known if x])
+
+
+def write_report(answer: Answer, path: Path | str) -> Path:
+    """Write the page of an answer to a file; returns its path."""
+    return write_page(page_of(answer), Path(path))
 
 
 def _answer(v: Verdict) -> list[Block]:

@@ -80,6 +80,11 @@ def declare_mjcf(model: Path, map_path: Path, *groups: Any) -> tuple[Simulator, 
         [_mapped(t, mapped) for t in tables_of(group, mapped.time, mapped.csv)] for group in groups
     ]
     replay = MujocoModel(spec, mapped)
+    assumed = [
+        f"{n} has no unit in its name or the map; {unit} is assumed"
+        for n, unit in replay.assumed_units.items()
+    ]
+    tables = [[replace(t, notes=(*t.notes, *assumed)) for t in group] for group in tables]
     every = [t for group in tables for t in group]
     spans = {n: span_of([t.columns[n] for t in every if n in t.columns]) for n in mapped.inputs}
     return _declared(replay, mapped, model.stem, spans), tables
@@ -108,9 +113,7 @@ def _declared(
         effects.append(payload(m, body, places))
     replay.effects = effects
     replay.plays = [
-        (n, play(n, replay.unit(n, r) or "rad", -1.0, 1.0))
-        for n, r in mapped.channels.items()
-        if r.joint
+        (n, play(n, replay.unit(n, r), -1.0, 1.0)) for n, r in mapped.channels.items() if r.joint
     ]
     units = {n: replay.unit(n, r) for n, r in mapped.inputs.items()}
     units |= {n: replay.unit(n, r) for n, r in mapped.channels.items()}

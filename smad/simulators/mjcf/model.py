@@ -80,6 +80,7 @@ class MujocoModel:
         self._as_compiled = {n: np.array(getattr(self.model, n)) for n in _TOUCHED}
         self._lock = threading.Lock()
         self.joints = self._joints()
+        self.assumed_units: dict[str, str] = {}
         self.driven = [self._input(n, r) for n, r in mapped.inputs.items()]
         self._shown = [self._channel(n, r) for n, r in mapped.channels.items()]
         self._parameters = {n: self._field(n, r) for n, r in mapped.parameters.items()}
@@ -115,7 +116,7 @@ class MujocoModel:
             wanted = "N m" if is_hinge(m, joint, key) else "N"
             column, scale = (
                 m.nu + int(m.jnt_dofadr[joint]),
-                in_si(self.unit(name, row), wanted, key),
+                self._in_si(name, row, wanted, key),
             )
         late = (row.held or self.mapped.held) == "from"
         return Driven(name, column, scale * row.scale, row.offset, late)
@@ -135,7 +136,7 @@ class MujocoModel:
             return Output(name, "sensor", column, row.scale, row.offset)
         joint = number_of(m, "joint", row.joint or row.velocity_of, key)
         turns, per_s = is_hinge(m, joint, key), "/s" if row.velocity_of else ""
-        unit = in_si(self.unit(name, row), f"{'rad' if turns else 'm'}{per_s}", key)
+        unit = self._in_si(name, row, f"{'rad' if turns else 'm'}{per_s}", key)
         source = "velocity" if row.velocity_of else "position"
         column = int((m.jnt_dofadr if row.velocity_of else m.jnt_qposadr)[joint])
         return Output(name, source, column, row.scale / unit, row.offset)
@@ -155,10 +156,15 @@ class MujocoModel:
             and int(m.actuator_trntype[actuator]) == int(mujoco.mjtTrn.mjTRN_JOINT)
         )
 
-    @staticmethod
-    def unit(name: str, row: InputRow | ChannelRow) -> str:
-        """The unit of a column: as the map has it, else as its name there or in the run has it."""
-        return row.unit or unit_of(name) or unit_in(row.column)
+    def unit(self, name: str, row: InputRow | ChannelRow) -> str:
+        """The unit of a column: as the map, its name there or in the run has it, or as assumed."""
+        return row.unit or unit_of(name) or unit_in(row.column) or self.assumed_units.get(name, "")
+
+    def _in_si(self, name: str, row: InputRow | ChannelRow, wanted: str, key: str) -> float:
+        """What one unit of a column is in the model's, which is assumed where none is given."""
+        if not self.unit(name, row):
+            self.assumed_units[name] = wanted
+        return in_si(self.unit(name, row), wanted, key)
 
     def nominal(self, name: str) -> float:
         """What the model has for a parameter of the map."""

@@ -36,12 +36,10 @@ def number_of(model: Any, kind: str, name: str, key: str) -> int:
 
 
 def in_si(unit: str, wanted: str, key: str) -> float:
-    """What one `unit` is in the SI unit `wanted`; 1 for a unit that is not given.
+    """What one `unit` is in the SI unit `wanted`.
 
     Raises SimulatorError for a unit that is not known, or is of another kind.
     """
-    if not unit:
-        return 1.0
     known = units_for(wanted)
     if spelt(unit) not in known:
         raise SimulatorError(

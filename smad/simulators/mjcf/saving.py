@@ -12,6 +12,7 @@ from pathlib import Path
 
 from smad.diagnosis.plant import ModelPoint, Uncertainty
 from smad.simulators.mjcf.model import MujocoModel
+from smad.simulators.saving import model_text
 
 
 def saver(replay: MujocoModel) -> Callable[..., None]:
@@ -21,11 +22,11 @@ def saver(replay: MujocoModel) -> Callable[..., None]:
         point: ModelPoint, path: Path, note: str, uncertainty: Uncertainty | None = None
     ) -> None:
         xml, rest = written(replay, point)
-        text = (
-            _comment(xml, note)
-            if not rest and not point.laws
-            else _file(xml, note, rest, point, uncertainty)
-        )
+        if rest or point.laws:
+            head = ["# a MuJoCo model with what no field of MJCF has", f"mjcf = {json.dumps(xml)}"]
+            text = model_text(head, note, rest, point, uncertainty)
+        else:
+            text = _comment(xml, note)
         path.write_text(text, "utf-8")
 
     return save
@@ -61,37 +62,3 @@ def written(replay: MujocoModel, point: ModelPoint) -> tuple[str, dict[str, Mapp
 
 def _comment(xml: str, note: str) -> str:
     return f"<!-- {note.replace('--', '- -')} -->\n{xml}"
-
-
-def _file(
-    xml: str,
-    note: str,
-    effects: Mapping[str, Mapping[str, float]],
-    point: ModelPoint,
-    uncertainty: Uncertainty | None,
-) -> str:
-    quoted = json.dumps
-    lines = ["# a MuJoCo model with what no field of MJCF has", f"note = {quoted(note)}"]
-    lines.append(f"mjcf = {quoted(xml)}")
-    for name, values in effects.items():
-        lines += ["", f"[effects.{name}]", *(f"{q} = {float(v)!r}" for q, v in values.items())]
-    for law in point.laws:
-        for term in law.terms:
-            lines += [
-                "",
-                "[[laws]]",
-                f"place = {quoted(law.place)}",
-                f"term = {quoted(term.name)}",
-                f"coefficient = {float(term.coefficient)!r}",
-            ]
-            for factor in term.factors:
-                lines += [
-                    "[[laws.factors]]", f"state = {quoted(factor.state)}",
-                    f"kind = {quoted(factor.kind)}", f"lag_s = {float(factor.lag_s)!r}",
-                    f"low = {float(factor.low)!r}", f"high = {float(factor.high)!r}",
-                    f"centre = {float(factor.centre)!r}", f"scale = {float(factor.scale)!r}",
-                ]  # fmt: skip
-    if uncertainty is not None and len(uncertainty.names):
-        lines += ["", "[uncertainty]", f"names = {quoted(list(uncertainty.names))}",
-                  f"covariance = {quoted(uncertainty.covariance.tolist())}"]  # fmt: skip
-    return "\n".join(lines) + "\n"

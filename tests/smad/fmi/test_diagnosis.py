@@ -16,8 +16,9 @@ from pythonfmu.builder import FmuBuilder
 from smad.cli import execute
 from smad.diagnosis.plant import ModelPoint
 from smad.fmi.asked import read_mapped
+from smad.fmi.completed import completed
 from smad.fmi.errors import FmiError
-from smad.fmi.map_file import read_map
+from smad.fmi.map_file import Map, read_map
 from smad.fmi.plant import FmuPlant
 from smad.fmi.unit_file import MOST_BYTES, open_unit
 from smad.simulators.processes import in_processes
@@ -32,10 +33,14 @@ def unit(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return heater_unit(tmp_path_factory.mktemp("heater"))
 
 
-def plant_of(unit: Path, folder: Path, text: str = MAP) -> FmuPlant:
+def read_map_of(folder: Path, text: str) -> Map:
     path = folder / "map.toml"
     path.write_text(text)
-    return FmuPlant(open_unit(unit), read_map(path))
+    return read_map(path)
+
+
+def plant_of(unit: Path, folder: Path, text: str = MAP) -> FmuPlant:
+    return FmuPlant(open_unit(unit), read_map_of(folder, text))
 
 
 def test_the_missing_radiation_of_a_heater_is_found_in_what_heats_it(
@@ -212,7 +217,7 @@ def test_a_unit_begins_from_the_readings_of_a_channel_in_each_window(
         ("lag_s = 2.0", 'lag_s = 2.0\nstart = {temperature = "speed"}', "start.temperature is no"),
         ("power = 4.0", 'power = 4.0\nshape = "sign"', "has a power and another shape"),
         ('variable = "loss"', 'variable = "los"', "has no variable los, which the map has at"),
-        ("lag_s = 2.0", "", "missing required field `lag_s`"),
+        ('unit = "W/K"\n', "", "missing required field `unit`"),
         ('variable = "power"\n', "", "inputs"),
         ("high = 1.1", "high = nan", "parameters"),
         ("high = 1.1", "high = 0.5", "parameters.loss_W_K has no range"),
@@ -230,6 +235,28 @@ def test_a_map_that_does_not_fit_is_told_in_one_line(
         plant_of(unit, tmp_path, MAP.replace(old, new))
     assert words in str(caught.value)
     assert len(str(caught.value).splitlines()) == 1
+
+
+def test_what_a_map_leaves_out_is_taken_from_the_records(tmp_path: Path) -> None:
+    left_out = r"(?m)^(lag_s|quantum|noise) .*$|^low = (0.0|-20.0)\nhigh = .*$|^span.*$|^power.*$"
+    mapped = read_map_of(tmp_path, re.sub(left_out, "", MAP) + 'shape = "sign"\n')
+    run = read_mapped(run_file(tmp_path / "a.csv", 1), mapped)
+    whole, said = completed(mapped, [run])
+    power, reading = whole.inputs["power_W"], whole.channels["temperature_degC"]
+    shown = run.outputs["temperature_degC"]
+    assert (power.low, power.high) == (np.min(run.inputs["power_W"]), np.max(run.inputs["power_W"]))
+    assert reading.high - reading.low == pytest.approx(3.0 * np.ptp(shown))
+    assert reading.quantum == pytest.approx(0.01, rel=0.01)
+    assert 0.02 < reading.noise < 0.05
+    assert 0.1 < whole.lag_s < 2.0
+    assert whole.terms["radiation"].width == pytest.approx(0.03 * np.ptp(shown))
+    assert said.startswith(
+        "taken from the records: low, high of power_W; low, high, quantum, noise"
+    )
+    with pytest.raises(FmiError, match="power_W has no range, and no run has its column"):
+        completed(mapped, [])
+    given = read_map_of(tmp_path, MAP)
+    assert completed(given, [run]) == (given, "")
 
 
 def rewritten(unit: Path, target: Path, change: Callable[[str, bytes], bytes | None]) -> Path:

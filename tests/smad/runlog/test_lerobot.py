@@ -138,5 +138,5 @@ def test_the_command_writes_a_dataset_beside_the_log(
 ) -> None:
     target = tmp_path / "made.lerobot"
     assert execute(["log", "export", str(run.path), "-o", str(target), "--fps", "50"]) == 0
-    assert str(target) in capfd.readouterr().out
+    assert f"{info(target)['total_frames']} frames to {target}" in capfd.readouterr().out
     assert info(target)["fps"] == 50

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -36,8 +37,14 @@ RUNS = [heater_run(seed) for seed in range(4)]
 PARAMETERS = {"capacity_J_K": (30.0, 20.0, 40.0), "loss_W_K": (0.8, 0.5, 1.1)}
 
 
-def test_the_gap_of_a_function_is_named_and_sized() -> None:
+def test_the_gap_of_a_function_is_named_sized_and_goes_into_a_model_file(tmp_path: Path) -> None:
     answer = diagnose(RUNS, declared_heater())
+    assert str(answer) == f"<Answer: {answer.verdict.headline}>"
+    assert answer.model is not None
+    answer.verdict.write_model(tmp_path / "better.toml")
+    better = tomllib.loads((tmp_path / "better.toml").read_text())
+    assert better["parameters"] == pytest.approx(dict(answer.model.theta))
+    assert better["effects"] == {"slow_sensor": pytest.approx(answer.model.effects["slow_sensor"])}
     (cause,) = answer.verdict.causes
     assert cause.name == "slow_sensor"
     assert cause.values[0].value == pytest.approx(1.5, abs=0.1)
@@ -148,6 +155,35 @@ def test_a_column_that_no_run_changes_and_one_that_is_not_read_are_said() -> Non
     assert "does not read: humidity" in said
 
 
+def test_a_value_that_changes_nothing_is_said() -> None:
+    def deaf(t, inputs, values, start):
+        known = {"slow_sensor": 0.0} | {n: v for n, v in values.items() if n != "slow_sensr"}
+        return heater(t, inputs, known, start)
+
+    declared = simulator(
+        deaf, effects={"slow_sensr": 2.0},
+        parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0), "volume_L": (2.0, 1.0, 3.0)},
+    )  # fmt: skip
+    (said,) = bind(declared, RUNS).said
+    assert "values that change nothing in run 1: volume_L, slow_sensr." in said
+
+
+def test_so_long_a_record_that_its_rows_are_longer_than_its_signal_says_what_to_give() -> None:
+    t_s = 0.01 * np.arange(20_000)
+    drive = np.sin(40.0 * t_s) + np.sin(57.0 * t_s)
+
+    def amplifier(t, inputs, values, start):
+        return {"out_V": values["gain"] * inputs["in_V"]}
+
+    declared = simulator(amplifier, parameters={"gain": (1.0, 0.5, 2.0)})
+    runs = [{"t_s": t_s, "in_V": drive, "out_V": 1.1 * drive}] * 3
+    said = bind(declared, runs).said[-1]
+    assert said.startswith("out_V changes within a row, which is 0.1 s long since all runs")
+    seconds = float(re.search(r"runs, (\S+) s in all", said)[1])
+    short = [{n: y[: int(seconds / 3 / 0.01)] for n, y in run.items()} for run in runs]
+    assert not any("changes within a row" in text for text in bind(declared, short).said)
+
+
 @pytest.mark.parametrize("column", ["cooler_degF", "coler_degC", "cooler"])
 def test_an_output_that_is_likely_a_column_under_another_name_is_asked_about(column: str) -> None:
     def two(t, inputs, values, start):
@@ -156,11 +192,11 @@ def test_an_output_that_is_likely_a_column_under_another_name_is_asked_about(col
 
     declared, run = simulator(two, parameters=PARAMETERS), RUNS[0]
     (said,) = bind(declared, [run]).said
-    assert "outputs that no column is: cooler_degC, charge_A_s" in said
+    assert "outputs without a column: cooler_degC, charge_A_s" in said
     words = f"two returns cooler_degC, which no column is, and does not read column {column}"
     if column == "cooler_degF":  # it is converted
         (said,) = bind(declared, [{**run, column: 1.8 * run["temperature_degC"] + 32.0}]).said
-        assert "outputs that no column is: charge_A_s" in said
+        assert "outputs without a column: charge_A_s" in said
     else:
         with pytest.raises(SimulatorError, match=words):
             bind(declared, [{**run, column: run["temperature_degC"]}])
@@ -213,6 +249,10 @@ def failing(t, inputs, values, start):
     raise ZeroDivisionError("capacity")
 
 
+def leaving(t, inputs, values, start):
+    sys.exit("no solution")
+
+
 def endless(t, inputs, values, start):
     return {"temperature_degC": inputs["power_W"] * np.inf}
 
@@ -230,6 +270,7 @@ def endless(t, inputs, values, start):
         (elsewhere, "returns nothing that was measured; got pressure"),
         (rotating, "temperature_degC is complex"),
         (failing, "fails on run 1 with the values it begins with; got ZeroDivisionError"),
+        (leaving, r"ValueError: it ends the program: SystemExit\('no solution'\)"),
         (endless, "gives no numbers for temperature_degC"),
     ],
 )

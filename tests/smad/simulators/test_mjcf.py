@@ -90,6 +90,24 @@ def test_a_column_in_another_unit_than_the_map_names_it_by_is_converted(tmp_path
         declare_mjcf(*files(tmp_path, mapped=mapped.replace("Torque [mN m]", "Angle [°]")), given)
 
 
+@pytest.mark.parametrize(
+    ("column", "unit", "said"),
+    [("q[deg]", "deg", ""), ("q (°)", "deg", ""), ("q", "rad", "q has no unit in its name or")],
+)
+def test_the_unit_of_a_channel_is_in_its_name_or_is_said_to_be_assumed(
+    tmp_path: Path, column: str, unit: str, said: str
+) -> None:
+    run = arm_run(0, seconds=2.0)
+    run[column] = np.degrees(run.pop("angle_rad")) if unit == "deg" else run.pop("angle_rad")
+    mapped = MAP.replace("angle_rad", f'"{column}"')
+    declared, ((table,),) = declare_mjcf(*files(tmp_path, mapped=mapped), [run])
+    assert declared.unit(column) == unit
+    assert "".join(table.notes).startswith(said)
+    bound = bind(declared, [table])
+    predicted = bound.plant.simulate(ModelPoint({}), bound.groups[0][0])[column]
+    assert np.std(predicted - run[column]) < 0.2 * np.std(run[column])
+
+
 def test_a_parameter_has_the_unit_of_its_field_and_is_refused_by_the_name_of_another(
     tmp_path: Path,
 ) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -99,7 +100,19 @@ def test_what_is_not_reached_in_the_time_is_unknown() -> None:
     run = heater_run(0)
     planned = plan([run], declared_heater(), within_s=0.0)
     assert {r.rating for r in planned.ratings} == {"unknown"}
-    assert "not reached in the time" in str(planned)
+    assert "not reached in the time; give more" in str(planned)
+
+
+def test_what_gives_no_numbers_is_unknown_and_why_is_said() -> None:
+    def frail(t, inputs, values, start):
+        if values["loss_W_K"] != 0.8:
+            raise ZeroDivisionError("no loss")
+        return heater(t, inputs, values, start)
+
+    planned = plan([heater_run(0)], replace(declared_heater(), function=frail))
+    assert {r.name for r in planned.ratings if r.rating == "unknown"} == {"loss_W_K"}
+    assert "unknown      loss_W_K: the model gives no numbers with it" in str(planned)
+    assert "ZeroDivisionError: no loss" in str(planned)
 
 
 def test_another_plant_is_rated_by_its_own_class() -> None:

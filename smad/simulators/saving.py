@@ -1,0 +1,64 @@
+"""A better model as text (TOML): parameters, effects, laws, and what is uncertain of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from smad.diagnosis.plant import ModelPoint, Uncertainty
+from smad.simulators.declare import Simulator
+
+
+def save_values(
+    declared: Simulator,
+    point: ModelPoint,
+    path: Path,
+    note: str,
+    uncertainty: Uncertainty | None = None,
+) -> None:
+    """Write a point of a simulator whose values are all that can be written of it."""
+    known = {p.name: float(point.theta.get(p.name, p.nominal)) for p in declared.parameters}
+    head = [
+        f"# the simulator {declared.name} with what it lacks",
+        f"parameters = {{{', '.join(f'{json.dumps(n)} = {v!r}' for n, v in known.items())}}}",
+    ]
+    path.write_text(model_text(head, note, point.effects, point, uncertainty), "utf-8")
+
+
+def model_text(
+    head: Sequence[str],
+    note: str,
+    effects: Mapping[str, Mapping[str, float]],
+    point: ModelPoint,
+    uncertainty: Uncertainty | None,
+) -> str:
+    """A model file: what it begins with, the effects, the point's laws, the covariance."""
+    quoted = json.dumps
+    lines = [*head, f"note = {quoted(note)}"]
+    for name, values in effects.items():
+        lines += [
+            "",
+            f"[effects.{quoted(name)}]",
+            *(f"{quoted(q)} = {float(v)!r}" for q, v in values.items()),
+        ]
+    for law in point.laws:
+        for term in law.terms:
+            lines += [
+                "",
+                "[[laws]]",
+                f"place = {quoted(law.place)}",
+                f"term = {quoted(term.name)}",
+                f"coefficient = {float(term.coefficient)!r}",
+            ]
+            for factor in term.factors:
+                lines += [
+                    "[[laws.factors]]", f"state = {quoted(factor.state)}",
+                    f"kind = {quoted(factor.kind)}", f"lag_s = {float(factor.lag_s)!r}",
+                    f"low = {float(factor.low)!r}", f"high = {float(factor.high)!r}",
+                    f"centre = {float(factor.centre)!r}", f"scale = {float(factor.scale)!r}",
+                ]  # fmt: skip
+    if uncertainty is not None and len(uncertainty.names):
+        lines += ["", "[uncertainty]", f"names = {quoted(list(uncertainty.names))}",
+                  f"covariance = {quoted(uncertainty.covariance.tolist())}"]  # fmt: skip
+    return "\n".join(lines) + "\n"
