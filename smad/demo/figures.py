@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smad.api import Percentiles, Status
+from smad.arrays import Array
 from smad.control.metrics import StepResponse, peak, step_response, tracking_r2
 from smad.demo.job import AMPLITUDE_MM, CYCLES, PERIOD_S, STEP_MM
 from smad.report.page import Page, Section, Table, Text, write_page
@@ -16,7 +16,6 @@ from smad.report.panels import Panels, followed
 from smad.report.runs import panels_of, provenance, shown
 from smad.runlog.reader import Run
 
-Array = NDArray[np.float64]
 Rows = list[tuple[str, str]]
 
 

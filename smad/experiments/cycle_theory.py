@@ -8,11 +8,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_device.plant.parameters import ParameterSet, initial_detwinned, spring_factors
+from smad.arrays import Array
 
-Array = NDArray[np.float64]
 POINTS = 200
 
 

@@ -7,10 +7,10 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from sim_device.plant.parameters import ParameterSet
 from sim_device.plant.units import ZERO_C
+from smad.arrays import Array, Mask
 from smad.experiments.base import Comparison, Experiment, Findings, Options
 from smad.experiments.driver import Driver, Mounting
 from smad.experiments.dsc_file import DscData, read_dsc, synthetic_dsc
@@ -20,7 +20,6 @@ from smad.report.page import Picture, Table, Text
 from smad.report.plots import draw, label, new_figure, picture
 from smad.style.palette import in_print
 
-Array = NDArray[np.float64]
 WINDOW_K = 0.8
 """Width of the straight lines by which slopes are taken."""
 TURN_K = 3.0
@@ -155,7 +154,7 @@ def instrument_lag(data: DscData) -> float:
 
 def _peak(
     data: DscData,
-    half: NDArray[np.bool_],
+    half: Mask,
     above_K: float,
     *,
     sign: float,

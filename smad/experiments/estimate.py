@@ -5,11 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_device.plant.parameters import Entry, ParameterSet
+from smad.arrays import Array, Index
 
-Array = NDArray[np.float64]
 REPEATS = 200
 BLOCKS = 20
 """A run is cut into so many blocks that are drawn as a whole, so that slow errors stay together."""
@@ -44,11 +43,11 @@ class Estimate:
 
 
 def bootstrap(
-    fit: Callable[[NDArray[np.intp]], Sequence[float]],
+    fit: Callable[[Index], Sequence[float]],
     samples: int,
     seed: int,
     *,
-    groups: Sequence[NDArray[np.intp]] | None = None,
+    groups: Sequence[Index] | None = None,
     repeats: int = REPEATS,
 ) -> tuple[Array, Array, Array]:
     """Value and 95 % interval of each quantity that `fit` returns for a choice of samples.
@@ -76,7 +75,7 @@ def bootstrap(
     return value, np.minimum(low, value), np.maximum(high, value)
 
 
-def _blocks(part: NDArray[np.intp], rng: np.random.Generator) -> NDArray[np.intp]:
+def _blocks(part: Index, rng: np.random.Generator) -> Index:
     length = max(1, part.size // BLOCKS)
     starts = rng.integers(0, part.size - length + 1, size=-(-part.size // length))
     return np.concatenate([part[start : start + length] for start in starts])[: part.size]

@@ -6,10 +6,10 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from sim_device.plant.parameters import ParameterSet, spring_factors
 from sim_device.plant.units import ZERO_C
+from smad.arrays import Array, Index
 from smad.control.commands import HoldTemperature, MoveStage
 from smad.control.plan import Do, Mark, Pause, Plan
 from smad.experiments.base import Comparison, Experiment, Findings, Options
@@ -20,7 +20,6 @@ from smad.experiments.recording import Recording
 from smad.report.page import Picture, Text
 from smad.report.plots import draw, label, new_figure, picture
 
-Array = NDArray[np.float64]
 POINTS = 400
 """The stretch is averaged to so many points before it is fitted: 95 s at 100 Hz hold far more."""
 _GRID = 600
@@ -153,7 +152,7 @@ def martensite(curve: Curve, model: ParameterSet) -> list[Estimate]:
     slack = delta[-1] - force[-1] / k_start
     start = (k_start, 0.4 * force[-1], force[-1], slack)
 
-    def fit(chosen: NDArray[np.intp]) -> Sequence[float]:
+    def fit(chosen: Index) -> Sequence[float]:
         order = np.sort(chosen)
         fitted, _ = curve_fit(_martensite_force, delta[order], force[order], p0=start, maxfev=4000)
         k_m, f_s, f_f, delta_l = fitted
@@ -195,7 +194,7 @@ def austenite(curve: Curve, model: ParameterSet) -> Estimate:
         )
     delta, force = curve.deflection_m[linear], curve.force_N[linear]
 
-    def fit(chosen: NDArray[np.intp]) -> Sequence[float]:
+    def fit(chosen: Index) -> Sequence[float]:
         slope, _ = np.polyfit(delta[chosen], force[chosen], 1)
         return (slope * c1 / c2,)
 

@@ -7,10 +7,10 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from sim_device.plant.parameters import ParameterSet, spring_factors
 from sim_device.plant.units import ZERO_C
+from smad.arrays import Array, Index
 from smad.control.commands import DriveCurrent, HoldTemperature, MoveStage
 from smad.control.plan import Do, Mark, Pause, Plan, UntilDone
 from smad.experiments.base import Comparison, Experiment, Findings, Options
@@ -22,7 +22,6 @@ from smad.report.page import Picture, Table, Text
 from smad.report.plots import draw, label, new_figure, picture
 from smad.style.palette import in_print
 
-Array = NDArray[np.float64]
 USED = (0.05, 0.95)
 """Fractions used in the fits: near 0 and 1 the cosine is flat and noise turns into temperature."""
 _STEP_K = 0.05
@@ -230,7 +229,7 @@ def reverse_lines(blocks: Sequence[Block], model: ParameterSet) -> list[Estimate
         )
     data, groups = _stacked(rows, "heating")
 
-    def fit(chosen: NDArray[np.intp]) -> Sequence[float]:
+    def fit(chosen: Index) -> Sequence[float]:
         temperature, progress, stress = data[chosen].T
         start, width, slope = _solve(
             np.column_stack([np.ones_like(progress), progress, stress * 1e-6]), temperature
@@ -267,7 +266,7 @@ def forward_lines(blocks: Sequence[Block], model: ParameterSet) -> list[Estimate
     stress_start = model["stress_start"] * 1e-6
     width = (model["stress_finish"] - model["stress_start"]) * 1e-6
 
-    def fit(chosen: NDArray[np.intp]) -> Sequence[float]:
+    def fit(chosen: Index) -> Sequence[float]:
         temperature, progress, stress = data[chosen].T
         # The width of the band comes from the stretch (Fig. 4). The noise is in the temperature.
         line = stress * 1e-6 - width * progress
@@ -282,7 +281,7 @@ def _solve(columns: Array, target: Array) -> Array:
     return np.asarray(np.linalg.lstsq(columns, target, rcond=None)[0], float)
 
 
-def _stacked(rows: Sequence[Array], branch: str) -> tuple[Array, list[NDArray[np.intp]]]:
+def _stacked(rows: Sequence[Array], branch: str) -> tuple[Array, list[Index]]:
     for block in rows:
         if len(block) < 30:
             raise ExperimentError(

@@ -6,9 +6,9 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from sim_device.plant.parameters import ParameterSet, spring_factors
+from smad.arrays import Array
 from smad.control.commands import DriveCurrent, Follow, Step
 from smad.control.metrics import step_response
 from smad.control.plan import Action, Do, Mark, Plan, UntilDone
@@ -19,8 +19,6 @@ from smad.experiments.recording import Recording
 from smad.report.page import Text
 from smad.report.panels import Panels, followed
 from smad.report.planes import QUANTITIES, Curve, Plane, Quantity, cycles_of
-
-Array = NDArray[np.float64]
 
 
 class CycleOptions(Options, frozen=True, kw_only=True):

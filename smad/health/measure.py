@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from smad.arrays import Array
 from smad.config import bench_in
 from smad.errors import RunLogError
 from smad.health.record import Row, Value
@@ -15,7 +16,6 @@ from smad.runlog.paths import UNNAMED
 from smad.runlog.reader import Run, read_run
 from smad.runlog.schema import Row as Sample
 
-Array = NDArray[np.float64]
 LEAST_A = 0.3
 LEAST_STROKE_MM = 0.5
 LEAST_SAMPLES = 50

@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from smad.arrays import Array
 from smad.runlog.cycles import TURN_K, TURN_MM, Cycles
 from smad.style.decimation import every
-
-Array = NDArray[np.float64]
 
 MOST_POINTS = 4000
 """Samples of a curve that a page holds; of a longer one every second, third, … stays."""

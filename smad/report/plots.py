@@ -8,8 +8,9 @@ import re
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from smad.arrays import Array
 from smad.report.page import Picture
 from smad.style.decimation import Decimation
 from smad.style.palette import in_print
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from smad.arrays import Array
 from smad.errors import RunLogError
 from smad.report.page import Page, Section, Table, Text
-from smad.report.panels import Array, Mark, Panel, Panels, Trace
+from smad.report.panels import Mark, Panel, Panels, Trace
 from smad.report.planes import planes_of
 from smad.runlog.header import date_of
 from smad.runlog.reader import Column, Run, recorded

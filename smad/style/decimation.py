@@ -3,9 +3,8 @@
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from smad.arrays import Array
 
 LONG_PAUSE = 10.0
 """Times the usual step between two samples: from there on the line is broken."""

@@ -15,8 +15,8 @@ import msgspec
 import numpy as np
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
-from numpy.typing import NDArray
 
+from smad.arrays import Array
 from smad.runlog import schema
 from smad.runlog.cycles import Cycles
 from smad.runlog.mcap_file import CHANNEL_IDS
@@ -27,8 +27,6 @@ from smad.style.decimation import every, in_order
 from smad.style.strips import MOTION, PLACES
 from smad.view.requests import Mark, Read
 from smad.view.tier import GAP_S, MOST_BUCKETS, MOST_MOMENTS, Curve, Frame, Moments
-
-Array = NDArray[np.float64]
 
 KEPT_S = 0.5
 """Length of the stretches that are kept of a log: 54 MB a day."""
