@@ -21,10 +21,6 @@ class Tolerance:
     share: float = 0.0
     difference: float = 0.0
 
-    def holds(self, value: float, truth: float) -> bool:
-        """Whether `value` is near enough to `truth`."""
-        return abs(value - truth) <= max(self.share * abs(truth), self.difference)
-
 
 @dataclass(frozen=True)
 class Estimate:
@@ -39,7 +35,18 @@ class Estimate:
 
     def holds(self, truth: float) -> bool:
         """Whether the value is within its tolerance of the truth."""
-        return self.tolerance.holds(self.value, truth)
+        near = max(self.tolerance.share * abs(truth), self.tolerance.difference)
+        return abs(self.value - truth) <= near
+
+
+def estimates_from(
+    parameters: Mapping[str, Tolerance], intervals: tuple[Array, Array, Array], source: str
+) -> list[Estimate]:
+    """An estimate of each parameter from value, low and high, each of shape (k,)."""
+    return [
+        Estimate(name, float(value), float(low), float(high), source, tolerance)
+        for (name, tolerance), value, low, high in zip(parameters.items(), *intervals, strict=True)
+    ]
 
 
 def bootstrap(

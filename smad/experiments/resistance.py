@@ -14,7 +14,7 @@ from smad.control.plan import Do, Mark, Plan, UntilDone
 from smad.experiments.base import Comparison, Experiment, Findings, Options
 from smad.experiments.driver import Driver
 from smad.experiments.errors import ExperimentError
-from smad.experiments.estimate import Estimate, Tolerance, bootstrap
+from smad.experiments.estimate import Estimate, Tolerance, bootstrap, estimates_from
 from smad.experiments.recording import Recording
 from smad.report.page import Picture
 from smad.report.plots import label, new_figure, picture
@@ -95,14 +95,8 @@ def resistivity(recording: Recording, model: ParameterSet) -> tuple[Estimate, tu
     def fit(chosen: Index) -> Sequence[float]:
         return (math.fsum(slopes(chosen)) / 2.0 * factor,)
 
-    value, low, high = bootstrap(fit, n, seed=27)
-    estimate = Estimate(
-        "resistivity",
-        float(value[0]),
-        float(low[0]),
-        float(high[0]),
-        "resistance",
-        Tolerance(share=0.03),
+    (estimate,) = estimates_from(
+        {"resistivity": Tolerance(share=0.03)}, bootstrap(fit, n, seed=27), "resistance"
     )
     ohm_x, ohm_y = slopes(np.arange(n))
     return estimate, (ohm_x, ohm_y)
