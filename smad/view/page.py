@@ -385,20 +385,7 @@ def _arming(source: Source, axis: Axis) -> Iterator[Condition]:
 
 def static_files() -> dict[str, tuple[str, bytes]]:
     """Return each path that is served, with its type and content: nothing else can be asked for."""
-    kinds = {
-        ".html": "text/html",
-        ".css": "text/css",
-        ".js": "text/javascript",
-        ".txt": "text/plain",
-    }
-    folder = Path(__file__).parent / "static"
-    by_name = {
-        f"/{path.relative_to(folder).as_posix()}": (
-            f"{kinds[path.suffix]}; charset=utf-8",
-            path.read_bytes(),
-        )
-        for path in sorted(folder.rglob("*"))
-        if path.suffix in kinds
-    }
-    by_name["/"] = by_name.pop("/index.html")
-    return by_name | {f"/style/{path}": file for path, file in assets.files().items()}
+    by_name = assets.files_in(Path(__file__).parent / "static")
+    by_name[""] = by_name.pop("index.html")
+    by_name |= {f"style/{path}": file for path, file in assets.files().items()}
+    return {f"/{path}": file for path, file in by_name.items()}

@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 from struct import Struct as Layout
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -41,16 +42,18 @@ _event = msgspec.json.Decoder(schema.Event).decode
 _NS = 1e-9
 
 
-class Envelopes:
-    """n stretches of all channels: `t` (n,), `low`, `high`, `first`, `last` (n, channels)."""
+class Envelopes(NamedTuple):
+    """n stretches of all channels: `t` (n,), the others (n, channels)."""
 
-    def __init__(self, t: Array, low: Array, high: Array, first: Array, last: Array) -> None:
-        self.t, self.low, self.high, self.first, self.last = t, low, high, first, last
+    t: Array
+    low: Array
+    high: Array
+    first: Array
+    last: Array
 
     def part(self, begin: int, end: int) -> Envelopes:
         """Return stretches `begin` to `end`."""
-        columns = (self.t, self.low, self.high, self.first, self.last)
-        return Envelopes(*(column[begin:end] for column in columns))
+        return Envelopes(*(column[begin:end] for column in self))
 
     def folded(self, width_s: float) -> Envelopes:
         """Return them put together into stretches of a width."""
@@ -69,10 +72,7 @@ class Envelopes:
 
 def joined(some: Sequence[Envelopes]) -> Envelopes:
     """Return stretches one after the other."""
-    names = ("t", "low", "high", "first", "last")
-    return Envelopes(
-        *(np.concatenate([getattr(envelopes, name) for envelopes in some]) for name in names)
-    )
+    return Envelopes(*map(np.concatenate, zip(*some, strict=True)))
 
 
 def of_rows(t: Array, y: Array) -> Envelopes:
