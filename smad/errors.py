@@ -36,10 +36,6 @@ class SmadError(Exception):
         """All but the cause, for an error that is raised in its place."""
         return {"value": self.value, "limit": self.limit, "action": self.action}
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        # Worker processes hand errors back pickled; keyword-only arguments need help there.
-        return (_rebuild, (type(self), self.cause, self.value, self.limit, self.action))
-
     def __str__(self) -> str:
         parts = [self.cause]
         if self.value is not None:
@@ -49,10 +45,6 @@ class SmadError(Exception):
         if self.action:
             parts.append(self.action)
         return _visible("; ".join(" ".join(part.split()) for part in parts))
-
-
-def _rebuild(kind: type[SmadError], cause: str, value: Any, limit: Any, action: str) -> SmadError:
-    return kind(cause, value=value, limit=limit, action=action)
 
 
 def _visible(text: str) -> str:

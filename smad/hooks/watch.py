@@ -4,6 +4,7 @@ import contextlib
 import shutil
 import time
 from pathlib import Path
+from typing import get_args
 
 import msgspec
 
@@ -12,7 +13,7 @@ from smad.config import HooksConfig, parse_config
 from smad.errors import SmadError
 from smad.files import write_whole
 from smad.hooks.commands import HookCommands
-from smad.hooks.events import Detector, Known, Look
+from smad.hooks.events import Detector, Known, Look, Name
 from smad.progress import Say
 from smad.queue.lease import RunnerLease
 from smad.queue.states import Snapshot
@@ -20,7 +21,7 @@ from smad.queue.store import FILE, Message, Store
 
 POLL_S = 0.25
 TIMEOUT_S = 0.5
-HOOKS = ("on_fault", "on_stop", "on_link_lost", "on_queue_end", "on_disk_low")
+HOOKS: tuple[str, ...] = get_args(Name)
 
 
 class Watcher:
@@ -86,10 +87,8 @@ class Watcher:
             store = self._opened()
             if store is not None:
                 snapshot, messages = store.snapshot(), self._new_messages(store)
-        return Look(
-            unix_s=look.unix_s,
-            clock_s=look.clock_s,
-            status=status,
+        return msgspec.structs.replace(
+            look,
             free_MB=_free_MB(self._folder),
             snapshot=snapshot,
             messages=messages,
