@@ -13,7 +13,7 @@ from smad.control.metrics import StepResponse, peak, step_response, tracking_r2
 from smad.demo.job import AMPLITUDE_MM, CYCLES, PERIOD_S, STEP_MM
 from smad.report.page import Page, Section, Table, Text, write_page
 from smad.report.panels import Panels, followed
-from smad.report.runs import panels_of, provenance, shown
+from smad.report.runs import panels_of, provenance, run_parts
 from smad.runlog.reader import Run
 
 Rows = list[tuple[str, str]]
@@ -124,7 +124,7 @@ def write(path: Path, run: Run, rows: Rows) -> None:
                     ),
                 ],
             ),
-            Section("The whole run", [panels_of(shown([run]))]),
+            Section("The whole run", [panels_of(run_parts([run]))]),
             Section("The sinusoid", [_close_up(run)]),
         ],
     )

@@ -161,7 +161,7 @@ def _loops(outcomes: Mapping[str, Any]) -> Panels | None:
     return Panels((), planes=planes) if planes else None
 
 
-def left(done: int, total: int, took_s: float) -> str:
+def time_left(done: int, total: int, took_s: float) -> str:
     """Return how long the rest may take, at the pace so far; empty before the first is done."""
     if not 0 < done < total:
         return ""
@@ -184,7 +184,7 @@ def _one_by_one(
         done = outcomes.setdefault(experiment.name, {})
         for trial in experiment.trials():
             count = sum(map(len, outcomes.values()))
-            rest = left(count, total, time.monotonic() - began_s)
+            rest = time_left(count, total, time.monotonic() - began_s)
             progress(f"run {count + 1} of {total}: {trial}{rest}")
             done[trial] = experiment.conduct(trial, driver())
     return outcomes
@@ -206,7 +206,7 @@ def _conduct_there(
         for count, future in enumerate(as_completed(places), 1):
             name, trial = places[future]
             outcomes[name][trial] = future.result()
-            rest = left(count, len(places), time.monotonic() - began_s)
+            rest = time_left(count, len(places), time.monotonic() - began_s)
             progress(f"{count} of {len(places)} runs done, last {trial}{rest}")
     except BaseException:
         for future in places:

@@ -42,7 +42,7 @@ class RepeatError(ExperimentError):
 
 
 @dataclass(frozen=True)
-class Repeat:
+class RecordedInputs:
     """A run to play again.
 
     `command` holds its inputs and readings, over the stretch in which its board was armed first;
@@ -116,14 +116,14 @@ class Repeat:
                 )
 
 
-def read_repeat(path: Path) -> Repeat:
+def read_recorded_inputs(path: Path) -> RecordedInputs:
     """The run of a log. Raises RunLogError for a file that is none, RepeatError."""
     run = read_run(path)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    return repeat_of(run, f"{path.name} sha256:{digest}")
+    return recorded_inputs_of(run, f"{path.name} sha256:{digest}")
 
 
-def repeat_of(run: Run, source: str) -> Repeat:
+def recorded_inputs_of(run: Run, source: str) -> RecordedInputs:
     """The run as inputs. Raises RepeatError, naming what the log lacks and where."""
     name = run.path.name
     columns = run.columns
@@ -155,7 +155,7 @@ def repeat_of(run: Run, source: str) -> Repeat:
                 None if np.isnan(v) else round(float(v), _DECIMALS) for v in column
             )
     header = run.header
-    return Repeat(
+    return RecordedInputs(
         name=name,
         source=source,
         command=FollowInputs(

@@ -22,7 +22,7 @@ COLD_K = 1.0
 SETTLE_S = 1.0
 
 
-class Replayer(LiveDriver):
+class RestFirstDriver(LiveDriver):
     """Brings the springs to a known rest before each run.
 
     `start` is the rest that the next run is to begin from; None: any cold one. With `strokes` each
@@ -75,10 +75,10 @@ class Replayer(LiveDriver):
         row = self.sample()
         if self.start is None or row is None:
             return ""
-        return self.start.away(start_of_row(row))
+        return self.start.mismatch(start_of_row(row))
 
 
-class Directly(LiveDriver):
+class InPlaceDriver(LiveDriver):
     """Begins each run where the bench is."""
 
     def rest(self, plan: Plan) -> None:

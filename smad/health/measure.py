@@ -57,7 +57,7 @@ def cycles_of(columns: Mapping[str, NDArray[np.generic]]) -> float:
     displacement = np.asarray(columns["displacement_mm"], float)
     for t_s, place_mm in zip(np.asarray(columns["t_s"], float), displacement, strict=True):
         meter.sample(Sample(t_s=t_s, displacement_mm=None if np.isnan(place_mm) else place_mm))
-    return meter.taken().cycles
+    return meter.take_usage().cycles
 
 
 def _values(run: Run) -> Iterator[tuple[str, Value]]:

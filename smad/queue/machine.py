@@ -32,7 +32,7 @@ class EndItem(Struct, frozen=True):
     reason: str
 
 
-class Tell(Struct, frozen=True):
+class PostMessage(Struct, frozen=True):
     """Something happened that people want to hear of: an item ended, or the queue paused."""
 
     event: Literal["item_ended", "queue_ended", "queue_paused"]
@@ -40,7 +40,7 @@ class Tell(Struct, frozen=True):
     item: Item | None = None
 
 
-Action = StartItem | EndItem | Tell
+Action = StartItem | EndItem | PostMessage
 
 
 class Readiness(Struct, frozen=True):
@@ -117,7 +117,7 @@ def paused(snapshot: Snapshot, reason: str, *, end_item: bool = False) -> Change
     after = msgspec.structs.replace(
         snapshot, mode="paused", reason=reason, arming=None, end_item=ends or snapshot.end_item
     )
-    actions: tuple[Action, ...] = (Tell("queue_paused", reason),)
+    actions: tuple[Action, ...] = (PostMessage("queue_paused", reason),)
     if ends and item is not None:
         actions = (EndItem(item, reason), *actions)
     return Change(after=after, actions=actions)
@@ -261,12 +261,12 @@ def placed(snapshot: Snapshot, number: int, place: int) -> Change:
 
 def _queue_ended(snapshot: Snapshot) -> Change:
     change = paused(snapshot, "every item has ended")
-    return Change(after=change.after, actions=(Tell("queue_ended", "every item has ended"),))
+    return Change(after=change.after, actions=(PostMessage("queue_ended", "every item has ended"),))
 
 
-def _item_ended(item: Item) -> Tell:
+def _item_ended(item: Item) -> PostMessage:
     why = f": {item.reason}" if item.reason else ""
-    return Tell("item_ended", f"item {item.id} ({item.title}) {item.state}{why}", item)
+    return PostMessage("item_ended", f"item {item.id} ({item.title}) {item.state}{why}", item)
 
 
 def _with_items(snapshot: Snapshot, *changed: Item) -> Snapshot:

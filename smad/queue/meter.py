@@ -38,7 +38,7 @@ class Meter:
         if row.displacement_mm is not None:
             self._count(row.displacement_mm)
 
-    def taken(self) -> Usage:
+    def take_usage(self) -> Usage:
         """Return what was used since the last call."""
         usage = Usage(energy_J=self._energy_J, cycles=float(self._cycles))
         self._energy_J, self._cycles = 0.0, 0

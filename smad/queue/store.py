@@ -139,7 +139,7 @@ class Store:
             rows = self._db.execute("SELECT path FROM log WHERE item=? ORDER BY rowid", (item,))
             return tuple(row[0] for row in rows)
 
-    def say(self, event: str, text: str, item: int | None, unix_s: float) -> None:
+    def add_message(self, event: str, text: str, item: int | None, unix_s: float) -> None:
         """Add a message, and forget the oldest beyond a thousand."""
         with self._explained(), self._transaction("IMMEDIATE"):
             self._db.execute(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from smad.arrays import Array
 from smad.runlog.cycles import TURN_K, TURN_MM, Cycles
-from smad.style.decimation import every
+from smad.style.decimation import stride
 
 MOST_POINTS = 4000
 """Samples of a curve that a page holds; of a longer one every second, third, … stays."""
@@ -154,7 +154,7 @@ class _Values:
         self._places: dict[int, tuple[int, Any]] = {}
 
     def describe(self, curve: Curve, plane: Plane) -> dict[str, Any]:
-        step = every(curve.x.size, MOST_POINTS)
+        step = stride(curve.x.size, MOST_POINTS)
         return {
             "label": curve.label,
             "pen": curve.pen,

@@ -65,7 +65,9 @@ def elapsed_s(t_s: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(steps)])[: t_s.size]
 
 
-def shown(runs: Sequence[Run], from_s: float = -math.inf, to_s: float = math.inf) -> list[RunPart]:
+def run_parts(
+    runs: Sequence[Run], from_s: float = -math.inf, to_s: float = math.inf
+) -> list[RunPart]:
     """The runs by the names of their files, in the order in which they are drawn.
 
     Runs of a bench come after those of a simulation: what was measured lies on top. `from_s` and

@@ -25,7 +25,7 @@ LEASE_S = 10.0
 HOLDER = "live page"
 
 
-class Ask(Struct, tag_field="do", frozen=True, kw_only=True, forbid_unknown_fields=True):
+class PageRequest(Struct, tag_field="do", frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Something a page asks for. `id` comes back with the reply; `axis` is the one it looks at."""
 
     id: int = 0
@@ -33,18 +33,18 @@ class Ask(Struct, tag_field="do", frozen=True, kw_only=True, forbid_unknown_fiel
     axis: str = ""
 
 
-class FrameDrawn(Ask, tag="drawn", frozen=True, kw_only=True):
+class FrameDrawn(PageRequest, tag="drawn", frozen=True, kw_only=True):
     """A frame is on the screen: the next may come."""
 
 
-class Alive(Ask, tag="alive", frozen=True, kw_only=True):
+class Alive(PageRequest, tag="alive", frozen=True, kw_only=True):
     """The status has arrived: the page is there, and so is who looks at it."""
 
 
 Channels = Annotated[tuple[str, ...], Meta(max_length=64)]
 
 
-class Show(Ask, tag="show", frozen=True, kw_only=True):
+class ShowChannels(PageRequest, tag="show", frozen=True, kw_only=True):
     """Send these channels of a window from now on, and these for XY plots; `live`: or nothing."""
 
     window: Annotated[int, Meta(ge=0, lt=len(WINDOWS))] = 0
@@ -54,22 +54,22 @@ class Show(Ask, tag="show", frozen=True, kw_only=True):
     live: bool = True
 
 
-class LookAt(Ask, tag="look_at", frozen=True, kw_only=True):
+class SelectAxis(PageRequest, tag="look_at", frozen=True, kw_only=True):
     """Show another axis from now on: the page begins anew with it."""
 
 
-class LookBack(Ask, tag="look_back", frozen=True, kw_only=True):
+class ShowPast(PageRequest, tag="look_back", frozen=True, kw_only=True):
     """Send what was shown between two Unix times, once."""
 
     from_s: Annotated[float, Meta(ge=0.0, le=1e11)]
     to_s: Annotated[float, Meta(ge=0.0, le=1e11)]
 
 
-class Stop(Ask, tag="stop", frozen=True, kw_only=True):
+class Stop(PageRequest, tag="stop", frozen=True, kw_only=True):
     """Disarm, over the stop channel."""
 
 
-class Arm(Ask, tag="arm", frozen=True, kw_only=True):
+class Arm(PageRequest, tag="arm", frozen=True, kw_only=True):
     """Arm the bench, or the `axes` named.
 
     With `keep_control` nobody else commands, and a page that goes away disarms.
@@ -79,20 +79,20 @@ class Arm(Ask, tag="arm", frozen=True, kw_only=True):
     axes: Annotated[tuple[str, ...], Meta(max_length=16)] = ()
 
 
-class Clear(Ask, tag="clear", frozen=True, kw_only=True):
+class Clear(PageRequest, tag="clear", frozen=True, kw_only=True):
     """Acknowledge the fault that the page showed."""
 
     fault: int
 
 
-class Move(Ask, tag="move", frozen=True, kw_only=True):
+class Move(PageRequest, tag="move", frozen=True, kw_only=True):
     """Follow a trajectory."""
 
     trajectory: Trajectory
     queue: bool = False
 
 
-class Rest(Ask, tag="idle", frozen=True, kw_only=True):
+class GoIdle(PageRequest, tag="idle", frozen=True, kw_only=True):
     """No current and no water, and stay armed."""
 
 
@@ -103,7 +103,7 @@ def changed(tune: Tune) -> Iterator[tuple[str, object]]:
             yield name, value
 
 
-class Gains(Ask, tag="tune", frozen=True, kw_only=True):
+class ChangeGains(PageRequest, tag="tune", frozen=True, kw_only=True):
     """Change gains."""
 
     tune: Tune
@@ -114,7 +114,7 @@ class Gains(Ask, tag="tune", frozen=True, kw_only=True):
         return f"{self.axis}: {values}" if self.axis and values else values
 
 
-class Note(Ask, tag="note", frozen=True, kw_only=True):
+class Note(PageRequest, tag="note", frozen=True, kw_only=True):
     """Mark this moment on the strips, and in the run log if there is one."""
 
     text: Annotated[str, Meta(min_length=1, max_length=500)]
@@ -124,64 +124,64 @@ class Note(Ask, tag="note", frozen=True, kw_only=True):
         return self.text
 
 
-class Record(Ask, tag="record", frozen=True, kw_only=True):
+class Record(PageRequest, tag="record", frozen=True, kw_only=True):
     """Begin a run log."""
 
     name: Annotated[str, Meta(max_length=64)] = ""
 
 
-class EndRecord(Ask, tag="end_record", frozen=True, kw_only=True):
+class EndRecord(PageRequest, tag="end_record", frozen=True, kw_only=True):
     """Close the run log."""
 
 
-class Runs(Ask, tag="runs", frozen=True, kw_only=True):
+class Runs(PageRequest, tag="runs", frozen=True, kw_only=True):
     """List the last runs."""
 
 
-class Results(Ask, tag="results", frozen=True, kw_only=True):
+class Results(PageRequest, tag="results", frozen=True, kw_only=True):
     """Say in a table what a run came to."""
 
     run: RunName
 
 
-class Experiments(Ask, tag="experiments", frozen=True, kw_only=True):
+class Experiments(PageRequest, tag="experiments", frozen=True, kw_only=True):
     """Make the forms of the experiments."""
 
 
-class Preview(Ask, tag="preview", frozen=True, kw_only=True):
+class Preview(PageRequest, tag="preview", frozen=True, kw_only=True):
     """Draw a piece of motion before it is commanded."""
 
     trajectory: Trajectory
 
 
-class PreviewExperiment(Ask, tag="preview_experiment", frozen=True, kw_only=True):
+class PreviewExperiment(PageRequest, tag="preview_experiment", frozen=True, kw_only=True):
     """Draw what an experiment will ask of the bench."""
 
     experiment: RunName
     settings: Settings = {}
 
 
-class Begin(Ask, tag="begin", frozen=True, kw_only=True):
+class Begin(PageRequest, tag="begin", frozen=True, kw_only=True):
     """Begin a job."""
 
     job: Job
 
 
-class EndJob(Ask, tag="end_job", frozen=True, kw_only=True):
+class EndJob(PageRequest, tag="end_job", frozen=True, kw_only=True):
     """Interrupt the job, as ctrl-C does."""
 
 
-class ShowQueue(Ask, tag="queue", frozen=True, kw_only=True):
+class ShowQueue(PageRequest, tag="queue", frozen=True, kw_only=True):
     """Show the queue. A page that only watches may ask it, too."""
 
 
-class ChangeQueue(Ask, tag="change_queue", frozen=True, kw_only=True):
+class ChangeQueue(PageRequest, tag="change_queue", frozen=True, kw_only=True):
     """Add to the queue, change or arm it."""
 
     change: Verb
 
 
-Command = Arm | Clear | Move | Rest | Gains | Note | Record | EndRecord
+Command = Arm | Clear | Move | GoIdle | ChangeGains | Note | Record | EndRecord
 Question = (
     Runs
     | Results
@@ -193,9 +193,9 @@ Question = (
     | ShowQueue
     | ChangeQueue
 )
-Watching = FrameDrawn | Alive | Show | LookAt | LookBack | Stop | ShowQueue
+Watching = FrameDrawn | Alive | ShowChannels | SelectAxis | ShowPast | Stop | ShowQueue
 Message = Watching | Command | Question
-MARKING = (Note, Gains)
+MARKING = (Note, ChangeGains)
 QUESTIONS = get_args(Question)
 WATCHING = get_args(Watching)
 """What a page without the right to command may say: anybody may look back, and stop."""
@@ -257,17 +257,17 @@ async def _move(client: AsyncClient, control: Control, ask: Move) -> str:
     return f"{name}: {'queued' if ask.queue else 'begun'}"
 
 
-async def _rest(client: AsyncClient, control: Control, ask: Rest) -> str:
+async def _rest(client: AsyncClient, control: Control, ask: GoIdle) -> str:
     await _target(client, ask).idle()
     return "idle: no current, no water; still armed"
 
 
-async def _tune(client: AsyncClient, control: Control, ask: Gains) -> str:
+async def _tune(client: AsyncClient, control: Control, ask: ChangeGains) -> str:
     await _target(client, ask).tune(ask.tune)
     return "set: " + (ask.mark() or "nothing")
 
 
-def _target(client: AsyncClient, ask: Ask) -> AsyncCommands:
+def _target(client: AsyncClient, ask: PageRequest) -> AsyncCommands:
     return client[ask.axis] if ask.axis else client
 
 
@@ -290,12 +290,12 @@ async def _end_record(client: AsyncClient, control: Control, ask: EndRecord) -> 
     return f"{ended.path}: {ended.rows} samples"
 
 
-COMMANDS: Mapping[type[Ask], Callable[[AsyncClient, Control, Any], Awaitable[str]]] = {
+COMMANDS: Mapping[type[PageRequest], Callable[[AsyncClient, Control, Any], Awaitable[str]]] = {
     Arm: _arm,
     Clear: _clear,
     Move: _move,
-    Rest: _rest,
-    Gains: _tune,
+    GoIdle: _rest,
+    ChangeGains: _tune,
     Note: _note,
     Record: _record,
     EndRecord: _end_record,

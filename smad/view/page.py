@@ -28,7 +28,7 @@ from smad.view.feed import FRAMES_PER_S, WINDOWS, Cursor, View
 from smad.view.queries import Queries
 from smad.view.source import Axis, Source
 from smad.view.state import MODE_MEANS, Condition, axis_condition, control_condition
-from smad.view.tasks import end
+from smad.view.tasks import cancel_and_wait
 from smad.view.tier import Frame, Moments
 
 IN_FLIGHT = 2
@@ -72,8 +72,8 @@ class Page:
         self._queries = queries
         self._axis = source.axis("")
         self._cursor = Cursor(self._axis.feed)
-        self._shows = commands.Show(live=False)
-        self._back: commands.LookBack | None = None
+        self._shows = commands.ShowChannels(live=False)
+        self._back: commands.ShowPast | None = None
         self._looked = asyncio.Event()
         self._job_version = 0
         self._marks_set = -1
@@ -98,7 +98,7 @@ class Page:
                 loops = (self._feed, self._work, self._miss, self._look_back, self._inquire)
                 rest = [tasks.create_task(loop()) for loop in loops]
                 await self._read()
-                await end(*rest)
+                await cancel_and_wait(*rest)
         except* ConnectionClosed:
             pass
         finally:
@@ -129,12 +129,12 @@ class Page:
             # Whatever the page asks for renews its lease, so nothing waits behind a renewal.
             if self._waiting.empty():
                 self._waiting.put_nowait(ask)
-        elif isinstance(ask, commands.Show):
+        elif isinstance(ask, commands.ShowChannels):
             await self._show(ask)
-        elif isinstance(ask, commands.LookAt):
+        elif isinstance(ask, commands.SelectAxis):
             self._axis = self._source.axis(ask.axis)
             self._config = None
-        elif isinstance(ask, commands.LookBack):
+        elif isinstance(ask, commands.ShowPast):
             # Of several that wait, only the last is worth an answer.
             if self._looked.is_set() and self._back is not None:
                 await self._reply(self._back.id, False, "another span was asked for")
@@ -154,7 +154,7 @@ class Page:
             except asyncio.QueueFull:
                 await self._reply(ask.id, False, f"{MOST_WAITING} commands wait already")
 
-    async def _show(self, ask: commands.Show) -> None:
+    async def _show(self, ask: commands.ShowChannels) -> None:
         unknown = [name for name in (*ask.channels, *ask.xy) if name not in strips.PLACES]
         if unknown:
             await self._reply(ask.id, False, f"there is no channel {unknown[0]}")
@@ -286,7 +286,7 @@ class Page:
             self._config = source.config
             self._axis = source.axis(self._axis.name)
             self._cursor = Cursor(self._axis.feed)
-            self._shows = commands.Show(live=False)
+            self._shows = commands.ShowChannels(live=False)
             self._frames = 0
             self._version = self._marks_set = -1
             yield _encode(hello(source, self._axis, self._right)).decode()

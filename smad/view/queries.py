@@ -146,7 +146,7 @@ class Queries:
         return "the job is ending" if self.jobs.interrupt() else "no job is under way", None
 
     async def _queue(self, ask: commands.ShowQueue) -> tuple[str, Any]:
-        return "", await asyncio.to_thread(queue.shown, self._folder(), self._source.bench)
+        return "", await asyncio.to_thread(queue.queue_state, self._folder(), self._source.bench)
 
     async def _change_queue(self, ask: commands.ChangeQueue) -> tuple[str, Any]:
         return await asyncio.to_thread(

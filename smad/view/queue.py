@@ -85,7 +85,7 @@ class QueueState(Struct, frozen=True, kw_only=True):
     lines: tuple[Line, ...]
 
 
-def shown(folder: Path, bench: str) -> QueueState:
+def queue_state(folder: Path, bench: str) -> QueueState:
     """Return the queue of a folder; one that has no file yet is empty. Raises StoreError."""
     if not (folder / FILE).exists():
         return QueueState(

@@ -123,7 +123,9 @@ class BenchState(Struct, frozen=True, kw_only=True):
     gains: Mapping[str, float | bool | str]
 
 
-def shown(status: api.Status, params: Mapping[str, float], off_current_mA: float) -> BenchState:
+def bench_state(
+    status: api.Status, params: Mapping[str, float], off_current_mA: float
+) -> BenchState:
     """Return what the page shows of `status`. `params` are the board's parameters by name."""
     motion, recorder, age = status.motion, status.recorder, status.timing.setpoint_age
     return BenchState(

@@ -21,7 +21,7 @@ _REQUEST_FRAMES = 7
 _LONGEST_FILE_BYTES = 1000
 
 
-class Doorkeeper:
+class KeyAuthenticator:
     """Answers ZeroMQ's question whether a key may connect. Counts those turned away."""
 
     def __init__(self, allowed_keys: Iterable[str]) -> None:

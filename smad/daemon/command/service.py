@@ -134,10 +134,12 @@ class Service:
             cause = f"{gone.name}, who had exclusive control, fell silent for {silent_s:g} s"
             data = {"holder": gone.name, "silent_s": silent_s}
             by = f"a lapsed lease: {cause}"
-            self._stops.order(cause, f"{cause}; disarming", data, by=by)
+            self._stops.stop_by_daemon(cause, f"{cause}; disarming", data, by=by)
         if self._dead_man.expired(now_us):
             cause = "the client that armed has fallen silent"
-            self._stops.order(cause, f"{cause}; disarming", {}, by=f"the dead-man: {cause}")
+            self._stops.stop_by_daemon(
+                cause, f"{cause}; disarming", {}, by=f"the dead-man: {cause}"
+            )
 
     def arm(self, params: api.Arm, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
         """Ask the boards for tokens, begin the run log, confirm: the axes named, or all."""

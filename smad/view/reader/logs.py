@@ -24,7 +24,7 @@ from smad.runlog.mcap_file import CHANNEL_IDS
 from smad.runlog.paths import part_path
 from smad.runlog.reader import columns_of, recorded
 from smad.runlog.scan import RECORD_HEAD, DamagedError, Message, chunk_data, records_in
-from smad.style.decimation import every, in_order
+from smad.style.decimation import in_order, stride
 from smad.style.strips import MOTION, PLACES
 from smad.view.requests import Mark, Read
 from smad.view.tier import GAP_S, MOST_BUCKETS, MOST_MOMENTS, Curve, Frame, Moments
@@ -244,7 +244,7 @@ def frame_of(envelopes: Envelopes, width_s: float, channels: Sequence[str]) -> F
 
 def moments_of(envelopes: Envelopes, xy: Sequence[str]) -> Moments:
     """Return at most 3000 moments; cycles count from the first of them."""
-    step = every(envelopes.t.size, MOST_MOMENTS)
+    step = stride(envelopes.t.size, MOST_MOMENTS)
     t, last = envelopes.t[::step], envelopes.last[::step]
     cycles = Cycles()
     numbers = [cycles.add(value) for value in last[:, MOTION].tolist()]

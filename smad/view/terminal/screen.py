@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 from firmware_protocol import enums
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
 from smad.api import Entry, Percentiles, Status
-from smad.files import shown
+from smad.files import display_path
 from smad.runlog.schema import Row
 from smad.style.strips import STRIPS, Curve, Strip
 from smad.view.state import limiter_of
@@ -158,7 +158,7 @@ def _facts(now: Status) -> Iterator[Line]:
     if recorder.error:
         yield Line(f"run log: {recorder.error}", "bad")
     elif recorder.recording:
-        yield Line(f"recording {shown(recorder.path)}")
+        yield Line(f"recording {display_path(recorder.path)}")
     if now.control.holder:
         yield Line(f"in control: {now.control.holder}, {now.control.left_s:.0f} s left")
 

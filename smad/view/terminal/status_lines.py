@@ -9,7 +9,7 @@ import click
 from firmware_protocol.enums import Fault
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
 from smad.api import Percentiles, Status
-from smad.files import shown
+from smad.files import display_path
 from smad.view.state import LINK_MEANS, limiter_of
 from smad.view.terminal.axis_lines import aged, axis_lines, number
 
@@ -115,9 +115,9 @@ def _link(now: Status) -> Iterator[str]:
 def _record(now: Status) -> Iterator[str]:
     recorder = now.recorder
     if recorder.recording:
-        yield labelled("recording", f"{shown(recorder.path)}, {recorder.rows} samples")
+        yield labelled("recording", f"{display_path(recorder.path)}, {recorder.rows} samples")
     elif recorder.path:
-        yield labelled("run log", f"{shown(recorder.path)}, {recorder.rows} samples")
+        yield labelled("run log", f"{display_path(recorder.path)}, {recorder.rows} samples")
     if recorder.error:
         yield labelled("", _red(recorder.error))
 

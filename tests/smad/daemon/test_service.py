@@ -17,7 +17,7 @@ from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
 from smad.api import METHODS
 from smad.config import DaemonConfig, LimitsConfig, RecorderConfig
-from smad.daemon.command.answers import MOST_WAITING_EACH
+from smad.daemon.command.dispatcher import MOST_WAITING_EACH
 from smad.daemon.command.service import Service
 from smad.daemon.errors import Refusal
 from smad.runlog.reader import read_run
@@ -411,7 +411,7 @@ async def test_thousands_of_mangled_messages_are_answered_and_cost_no_sample(
         await rig.arm()
         replies: list[bytes] = []
         for message in _messages():
-            rig.daemon.answers.command(b"mangler", message, replies.append)
+            rig.daemon.dispatcher.command(b"mangler", message, replies.append)
             await rig.run(1)
         counts = rig.axis.control.counts
         assert counts.skipped == 0

@@ -101,10 +101,10 @@ def test_the_first_message_holds_nothing_that_json_cannot() -> None:
 def test_of_several_axes_a_page_has_a_tile_and_a_condition_for_each() -> None:
     source = Source("bench")
     names = ("pitch-1", "yaw-1", "pitch-2")
-    source.configured(Config(axes=tuple(AxisConfig(name=name, travel_mm=4.0) for name in names)))
+    source.on_config(Config(axes=tuple(AxisConfig(name=name, travel_mm=4.0) for name in names)))
     ready, warm, armed = status(), status(rtd_x_degC=60.0), status("ARMED")
     parts = dict(zip(names, (ready, warm, armed), strict=True))
-    source.seen(msgspec.structs.replace(ready, axes=parts), dict.fromkeys(names, PARAMS))
+    source.on_status(msgspec.structs.replace(ready, axes=parts), dict.fromkeys(names, PARAMS))
     told = page.status_message(source, source.axis("yaw-1"), ours=False)
     assert [tile.axis for tile in told["tiles"]] == list(names)
     conditions = {one.axis: one for one in told["status"].conditions}
@@ -151,7 +151,7 @@ PARAMS = {"cold_cC": 4500.0, "brown_out_mV": 7500.0}
 
 
 def test_the_gains_that_a_page_shows_are_those_in_force() -> None:
-    assert state.shown(status(), PARAMS, 100.0).gains == {"kp_A_per_mm": 7.0}
+    assert state.bench_state(status(), PARAMS, 100.0).gains == {"kp_A_per_mm": 7.0}
 
 
 def test_a_controller_says_what_is_in_force_and_not_only_what_was_configured() -> None:
@@ -203,7 +203,7 @@ def test_the_first_fault_is_said_in_plain_words() -> None:
     fault = api.Fault(
         number=6, name="OVER_TEMPERATURE", channel="SPRING_X", measured=96.0, limit=95.0, unit="°C"
     )
-    shown = state.shown(status(mode="FAULT", fault=fault), PARAMS, 100.0)
+    shown = state.bench_state(status(mode="FAULT", fault=fault), PARAMS, 100.0)
     assert shown.trouble is not None
     assert "96 °C" in shown.trouble.what
     assert shown.trouble.cause

@@ -9,7 +9,7 @@ import pytest
 import smad.view
 from smad.diagnosis.plant import Traits
 from smad.errors import REFUSED_STATUS
-from smad.view.jobs import Diagnose, JobRequest, Jobs, Order, PageOfRun, RunExperiment
+from smad.view.jobs import Diagnose, JobCommand, JobRequest, Jobs, PageOfRun, RunExperiment
 
 
 @pytest.mark.parametrize(
@@ -23,8 +23,8 @@ from smad.view.jobs import Diagnose, JobRequest, Jobs, Order, PageOfRun, RunExpe
 def test_the_report_of_a_refused_diagnosis_is_served_all_the_same(
     status: int, failed: str, served: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def carried_out(jobs: Jobs, order: Order) -> int:
-        order.report.write_text("why")
+    async def carried_out(jobs: Jobs, command: JobCommand) -> int:
+        command.report.write_text("why")
         return status
 
     monkeypatch.setattr(Jobs, "_carried_out", carried_out)

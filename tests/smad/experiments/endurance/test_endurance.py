@@ -17,14 +17,14 @@ from smad.control.plan import Plan
 from smad.errors import CommandError
 from smad.experiments.driver import log_path
 from smad.experiments.endurance.judgement import judgement_of
-from smad.experiments.endurance.limits import SETTLING, WINDOW, EndLimits, Watch
+from smad.experiments.endurance.limits import SETTLING, WINDOW, EndLimits, LimitMonitor
 from smad.experiments.endurance.profile import Profile
 from smad.experiments.endurance.room import REST_S, Reserve, Room, longest_block_s, room_for
 from smad.experiments.endurance.run import (
     CYCLES_FILE,
     BlockDriver,
-    Ended,
     Endurance,
+    EnduranceResult,
     Judgement,
     earlier_cycles,
     endure,
@@ -96,7 +96,7 @@ def test_readings_that_are_missing_are_no_error() -> None:
 
 
 def reached(limits: EndLimits, change: Callable[[int], dict[str, float]]) -> tuple[int, str]:
-    watch = Watch(limits)
+    watch = LimitMonitor(limits)
     for number in range(1, 2000):
         cycle = msgspec.structs.replace(CYCLE, number=number, **change(number))
         if reason := watch.add(cycle):
@@ -194,7 +194,7 @@ class Virtual:
         return self.driver.run(plan)
 
 
-def carried_out(folder: Path, bench: BlockDriver, **asked: object) -> Ended:
+def carried_out(folder: Path, bench: BlockDriver, **asked: object) -> EnduranceResult:
     return endure(Endurance(profile=PROFILE, **asked), bench, folder, NO_ROOM)  # type: ignore[arg-type]
 
 
