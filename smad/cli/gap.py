@@ -102,9 +102,9 @@ def diagnose(
     good = without_cut_runs(good)
     require_pairs(fmu, mjcf, map_path)
     if fmu is not None and model_path is not None:
-        raise click.UsageError("no model of a unit can be written; leave --apply out with --fmu")
+        raise click.UsageError("--apply cannot write the model of an FMI unit; leave --apply out")
     if processes is not None and not (fmu or mjcf):
-        raise click.UsageError("--processes is of --fmu and --mjcf; leave it out")
+        raise click.UsageError("--processes needs --fmu or --mjcf; leave it out")
     with clean_errors():
         if map_path is not None and (fmu or mjcf):
             answer = diagnose_simulator(

@@ -90,7 +90,7 @@ def next_experiment(
     if chosen is not None and runs:
         raise click.UsageError("--run carries an experiment out; give RUNs without it")
     if (effects or model_path) and not sim:
-        raise click.UsageError("--model and --effect are of a simulated bench; add --sim")
+        raise click.UsageError("--model and --effect need a simulated bench; add --sim")
     if sim and chosen is None:
         raise click.UsageError("--sim says where --run runs; give --run NAME too")
     if baseline is not None:

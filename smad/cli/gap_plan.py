@@ -70,9 +70,11 @@ def plan_runs(
     if not inputs and not experiments:
         raise click.UsageError("nothing would be played; give --inputs FILE or --experiment NAME")
     if map_path is not None and not (fmu or mjcf):
-        raise click.UsageError("--map is of --fmu or --mjcf; give one of them")
+        raise click.UsageError("--map needs --fmu or --mjcf; give one of them")
     if experiments and map_path is not None:
-        raise click.UsageError("--experiment is of the spring pair; give --inputs with --map")
+        raise click.UsageError(
+            "--experiment works with the spring pair only; with --map give --inputs"
+        )
     with clean_errors():
         if mjcf is not None and map_path is not None:
             from smad.simulators.mjcf.asked import plan_mjcf

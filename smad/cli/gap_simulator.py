@@ -65,7 +65,10 @@ def require_pairs(fmu: Path | None, mjcf: Path | None, map_path: Path | None) ->
 
 def warn_that_code_runs(fmu: Path) -> None:
     """Say on stderr that a unit is a program."""
-    note(f"smad: runs the code of {fmu} as you; use units of those you trust")
+    note(
+        f"smad: {fmu} contains code that runs with your permissions; "
+        "use only units from sources you trust"
+    )
 
 
 def diagnose_simulator(

@@ -80,7 +80,11 @@ def add(
     for item in added:
         click.echo(f"item {item.id}: {item.title}")
     if running:
-        click.echo("the queue was armed before: it pauses ahead of this item", err=True)
+        click.echo(
+            "the queue was armed before this item was added; it will pause when it reaches "
+            "the item",
+            err=True,
+        )
 
 
 @queue.command("list")
@@ -125,7 +129,7 @@ def _print_items(snapshot: Snapshot, *, everything: bool) -> None:
 
 def state_in_words(snapshot: Snapshot, *, runner: bool) -> str:
     """Return what the queue does now, in one line."""
-    without = "" if runner else "; no runner is there: smad queue run"
+    without = "" if runner else "; no runner is running: start one with smad queue run"
     if snapshot.arming is None:
         return f"paused: {snapshot.reason}{without}"
     return f"running until {limits_in_words(snapshot.arming)}{without}"
@@ -152,7 +156,7 @@ def move(*, number: int, place: int, folder: Path | None, bench: str) -> None:
     """Move a queued ITEM to PLACE among those that wait."""
     with _opened(folder, bench) as opened:
         opened.move(number, place)
-    click.echo(f"item {number} is number {place} of those that wait")
+    click.echo(f"item {number} is now number {place} of the waiting items")
 
 
 @queue.command()

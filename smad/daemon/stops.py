@@ -84,10 +84,10 @@ class Stops:
             why = self.why or "the daemon was started again"
             raise Refusal(
                 Reason.STOPPED,
-                f"the bench was stopped after this was asked for ({why})",
-                value=f"asked in generation {generation}",
+                f"the bench was stopped after this command was issued ({why})",
+                value=f"issued in generation {generation}",
                 limit=f"generation {self.generation}",
-                action="nothing was changed; see smad status, arm again and ask again",
+                action="nothing was changed; see smad status, arm again and send it again",
             )
 
     def require_confirmed(self, boards: Sequence[BoardStop]) -> None:

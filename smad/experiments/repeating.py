@@ -98,10 +98,10 @@ class RecordedInputs:
             shown = [abs(v) for v in getattr(self.command, reading) if v is not None]
             if shown and max(shown) > highest:
                 raise RepeatError(
-                    f"{self.name} went beyond what this bench may: {reading}",
+                    f"{self.name} exceeds a limit of this bench: {reading}",
                     value=f"{max(shown):.4g}",
                     limit=f"{highest:g} ({where})",
-                    action="its currents would be held back; repeat a milder run",
+                    action="the host would reduce its currents; repeat a run within the limits",
                 )
 
     def require_bench(self, uid: str, bench: str) -> None:
@@ -133,7 +133,7 @@ def recorded_inputs_of(run: Run, source: str) -> RecordedInputs:
     if not (steps > 0.0).all() or float(steps.max(initial=0.0)) > LONGEST_GAP_S:
         worst = int(np.argmax(np.where(steps > 0.0, steps, np.inf)))
         raise RepeatError(
-            f"{name} lacks samples: what was applied between is not known",
+            f"{name} lacks samples: the inputs between them are not known",
             value=f"{t_s[worst]:.2f} s, then {t_s[worst + 1]:.2f} s",
             limit=f"{LONGEST_GAP_S:g} s from one sample to the next",
             action="repeat a run that was recorded whole",

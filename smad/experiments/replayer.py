@@ -58,13 +58,17 @@ class RestFirstDriver(LiveDriver):
         self.pause(plan, SETTLE_S)
         away = self._away()
         if away and self._elsewhere is not None:
-            self._elsewhere(f"{plan.name} begins elsewhere than the run it repeats: {away}")
+            self._elsewhere(
+                f"{plan.name} starts from another state than the run it repeats: {away}"
+            )
         elif away:
             raise ExperimentError(
-                f"run {plan.name}: the bench does not come to the rest it began from then",
+                f"run {plan.name}: the bench does not return to the state in which the recorded "
+                "run began",
                 value=away,
                 limit=f"{NEAR_MM:g} mm and {NEAR_K:g} K either way",
-                action="see whether something holds the tendon, or begin where it is with --as-is",
+                action="check whether the tendon moves freely, or start from the present state "
+                "with --as-is",
             )
 
     def _stroke(self, plan: Plan, command: DriveCurrent) -> None:

@@ -81,7 +81,9 @@ ENDINGS: Mapping[int, Ending] = {
     STOPPED: Ending(State.INTERRUPTED, pauses=True, reason="the bench was stopped"),
     TRIPPED: Ending(State.FAILED, pauses=True, reason="a fault or a limit stopped the bench"),
     LOST: Ending(State.INTERRUPTED, pauses=True, reason="the daemon or the board does not answer"),
-    SHORT: Ending(State.INTERRUPTED, pauses=True, reason="this computer has no room or memory"),
+    SHORT: Ending(
+        State.INTERRUPTED, pauses=True, reason="this computer is out of disk space or memory"
+    ),
 }
 _ERROR = Ending(State.FAILED, pauses=False, reason="it ended with an error")
 _KILLED = Ending(State.INTERRUPTED, pauses=True, reason="its process was killed")

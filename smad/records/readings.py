@@ -113,7 +113,7 @@ def checked_columns(
             remarks.append(Remark("out of range", d.name, column.refusal))
         rows = 1 if d.applied else rows_each(column.values, steady, changing)
         if rows > 1:
-            text = f"{d.name} stands in {rows} rows each: slower than the rest, it was repeated"
+            text = f"{d.name} repeats each value in {rows} rows: it is slower than the rest"
             remarks.append(Remark("repeated", d.name, text, rows=rows))
         known = int(np.sum(np.isfinite(column.values)))
         least = 1.0 - (_MOST_UNKNOWN if d.applied else _MOST_MISSING)

@@ -92,7 +92,7 @@ def _part(run: Run, label: str, from_s: float, to_s: float) -> RunPart:
     inside = (x >= from_s) & (x <= to_s)
     if not inside.any():
         raise RunLogError(
-            f"nothing of {run.path} is left to draw",
+            f"{run.path} has no samples between these times",
             value=f"{from_s:g} to {to_s:g} s",
             limit=f"0 to {x[-1]:.2f} s" if x.size else "a log with samples",
             action="choose another part, or another log",

@@ -166,7 +166,7 @@ class Jobs:
         if self.running:
             assert self._command is not None
             raise JobError(
-                "another job is under way",
+                "another job is running",
                 value=self._command.title,
                 action="wait for its end, or end it",
             )
@@ -184,9 +184,9 @@ class Jobs:
         try:
             status = await self._carried_out(command)
             if self._ended_early:
-                self._failed = "it was ended"
+                self._failed = "it was interrupted"
             elif status == REFUSED_STATUS and command.report.exists():
-                self._failed = "it is refused; the report says why"
+                self._failed = "the question was refused; the report says why"
                 self._address = self._serve(command.report)
             elif status:
                 self._failed = f"it ended with status {status}"

@@ -42,7 +42,7 @@ PATIENCE_S = 10.0
 LOOK_EVERY_S = 0.5
 FRESH_STATUSES = 2
 """So many statuses after arming, one has been asked for since, and knows of it."""
-_HUNG = f"This page answered nothing for {PATIENCE_S:g} seconds and lost its place."
+_HUNG = f"This page did not respond for {PATIENCE_S:g} seconds and was disconnected."
 _WATCH_ONLY = "this link is for watching and stopping: it commands nothing else"
 _encode = msgspec.json.Encoder().encode
 
@@ -137,7 +137,7 @@ class Page:
         elif isinstance(ask, commands.ShowPast):
             # Of several that wait, only the last is worth an answer.
             if self._looked.is_set() and self._back is not None:
-                await self._reply(self._back.id, False, "another span was asked for")
+                await self._reply(self._back.id, False, "a newer request replaced this one")
             self._back = ask
             self._looked.set()
         elif isinstance(ask, commands.Stop) and len(self._stops) >= MOST_STOPS:
@@ -236,7 +236,7 @@ class Page:
             ask = self._back
             assert ask is not None
             if ask.to_s <= ask.from_s:
-                await self._reply(ask.id, False, "a span ends after it begins")
+                await self._reply(ask.id, False, "the end of the span must come after its start")
                 continue
             past = await self._queries.past(self._axis, ask.from_s, ask.to_s, self._cursor.view)
             await self._reply(ask.id, True, "", past)

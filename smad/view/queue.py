@@ -168,7 +168,7 @@ def _again(queue: Queue, verb: Again) -> tuple[str, str]:
 
 def _place(queue: Queue, verb: Place) -> tuple[str, str]:
     queue.move(verb.item, verb.place)
-    return f"item {verb.item} is number {verb.place} of those that wait", ""
+    return f"item {verb.item} is now number {verb.place} of the waiting items", ""
 
 
 def _pause(queue: Queue, verb: Pause) -> tuple[str, str]:

@@ -155,7 +155,7 @@ def _carried_out(
     cycles = list(cycles_of(recording.columns, settings.profile, block.first))[: block.cycles]
     if not cycles:
         raise ExperimentError(
-            "the bench made no whole cycle", action="look at its run log and at the profile"
+            "no complete cycle was recorded", action="look at its run log and at the profile"
         )
     _append(folder / CYCLES_FILE, cycles)
     if settings.full_every > 1 and driver.log is not None:
@@ -168,7 +168,7 @@ def _carried_out(
         thin(
             driver.log,
             whole_cycles,
-            f"every {settings.full_every}th cycle; statistics in {CYCLES_FILE}",
+            f"one cycle in {settings.full_every}; statistics in {CYCLES_FILE}",
         )
     return cycles
 

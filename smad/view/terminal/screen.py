@@ -12,7 +12,7 @@ from smad.api import Entry, Percentiles, Status
 from smad.files import display_path
 from smad.runlog.schema import Row
 from smad.style.strips import STRIPS, Curve, Strip
-from smad.view.state import limiter_of
+from smad.view.state import limiter_of, running_words
 from smad.view.terminal.axis_lines import aged, axis_lines
 
 LEAST_COLUMNS, LEAST_ROWS = 60, 20
@@ -104,9 +104,8 @@ def _pinned(now: Status, columns: int) -> Iterator[Line]:
         yield from (Line(f"  {line}", "bad") for line in wrapped)
     if now.warnings:
         yield Line(f"warnings: {', '.join(now.warnings)}", "warned")
-    done = "done" if motion.done else "under way"
     limiter = limiter_of(now)
-    yield Line(f"{motion.running}, {done}" + (f"; limited by {limiter}" if limiter else ""))
+    yield Line(running_words(motion) + (f"; limited by {limiter}" if limiter else ""))
     yield Line("")
 
 

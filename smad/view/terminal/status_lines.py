@@ -103,13 +103,13 @@ def _link(now: Status) -> Iterator[str]:
             f"after {board.reset_cause}; messages {schema}, parameters {agree}",
         )
     timing = now.timing
-    yield labelled("host share", _spread(timing.own_share))
+    yield labelled("host share", spread(timing.own_share))
     yield labelled(
         "age",
-        f"{_spread(timing.setpoint_age)}{' when applied' * bool(timing.setpoint_age.count)}; "
+        f"{spread(timing.setpoint_age)}{' when applied' * bool(timing.setpoint_age.count)}; "
         f"{_lost(counts.setpoints_refused)} refused as too old",
     )
-    yield labelled("jitter", _spread(timing.jitter))
+    yield labelled("jitter", spread(timing.jitter))
 
 
 def _record(now: Status) -> Iterator[str]:
@@ -144,7 +144,8 @@ def _lost(count: int) -> str:
     return _red(str(count)) if count else "0"
 
 
-def _spread(part: Percentiles) -> str:
+def spread(part: Percentiles) -> str:
+    """Percentiles of a duration, in one line."""
     if part.count == 0:
         return "no samples yet"
     return f"p50 {part.p50_us:.0f} µs, p99 {part.p99_us:.0f} µs, p99.9 {part.p999_us:.0f} µs"

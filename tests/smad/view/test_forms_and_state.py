@@ -178,8 +178,8 @@ def test_a_bench_in_order_meets_every_condition() -> None:
         (status(rtd_x_degC=45.0), "Spring X is cold"),
         (status(rtd_inlet_degC=None), "Every sensor gives a reading"),
         (status(i_meas_y_A=0.2), "No current flows"),
-        (status(supply_V=7.4), "The supply is up"),
-        (status(fault=api.Fault(number=6, name="OVER_TEMPERATURE")), "No fault stands"),
+        (status(supply_V=7.4), "The supply voltage is high enough"),
+        (status(fault=api.Fault(number=6, name="OVER_TEMPERATURE")), "No fault is latched"),
     ],
 )
 def test_what_stands_against_arming_is_named(now: api.Status, text: str) -> None:
@@ -196,7 +196,7 @@ def test_control_stands_against_arming_only_while_another_has_it() -> None:
 def test_what_is_not_known_is_not_said_to_hold() -> None:
     conditions = list(state.conditions(status(), {}, 100.0))
     unknown = [one.text for one in conditions if one.holds is None]
-    assert unknown == ["Spring X is cold", "Spring Y is cold", "The supply is up"]
+    assert unknown == ["Spring X is cold", "Spring Y is cold", "The supply voltage is high enough"]
 
 
 def test_the_first_fault_is_said_in_plain_words() -> None:

@@ -16,7 +16,7 @@ from smad.view.jobs import Diagnose, JobCommand, JobRequest, Jobs, PageOfRun, Ru
     ("status", "failed", "served"),
     [
         (0, "", True),
-        (REFUSED_STATUS, "it is refused; the report says why", True),
+        (REFUSED_STATUS, "the question was refused; the report says why", True),
         (1, "it ended with status 1", False),
     ],
 )

@@ -416,7 +416,7 @@ async def test_a_page_whose_script_answers_nothing_loses_its_place_and_is_told_w
     rig.now_s += PATIENCE_S + 0.1
     async with asyncio.timeout(30.0):
         await rig.running
-    assert "answered nothing for 10 seconds" in rig.browser.ended
+    assert "did not respond for 10 seconds" in rig.browser.ended
 
 
 async def test_a_bench_that_fell_silent_is_said_to_be_and_nothing_old_is_drawn_anew(
