@@ -213,7 +213,7 @@ class Runner:
         try:
             self._process = self._parts.start(item)
         except OSError as error:
-            why = f"its process cannot be begun: {error.strerror}"
+            why = f"its process cannot be started: {error.strerror}"
             self._act(
                 self._store.change(
                     lambda s: machine.ended(

@@ -38,7 +38,7 @@ Settings = Annotated[Mapping[SettingName, bool | int | float | str], Meta(max_le
 
 
 class JobError(SmadError):
-    """A job cannot be begun."""
+    """A job cannot be started."""
 
 
 class JobRequest(Struct, tag_field="kind", frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -194,7 +194,7 @@ class Jobs:
                 self._address = self._serve(command.report)
         except (OSError, ValueError) as error:
             # A word with a NUL is a ValueError.
-            self._failed = f"it cannot be begun: {getattr(error, 'strerror', None) or error}"
+            self._failed = f"it cannot be started: {getattr(error, 'strerror', None) or error}"
         finally:
             self._ended_s = time.monotonic()
             self.running = False

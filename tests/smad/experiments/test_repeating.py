@@ -63,8 +63,14 @@ def test_a_closed_loop_run_is_repeated_sample_by_sample(recorded: Path, tmp_path
     [
         (Config(link=LinkConfig(rate_hz=250)), "another rate.*100 Hz.*250 Hz"),
         (Config(control=ControlConfig(current_limit_A=1.0)), "i_x_A is above the host's limit"),
-        (Config(limits=LimitsConfig(displacement_max_mm=2.0)), "exceeds a limit of this bench: .*displacement_mm"),
-        (Config(limits=LimitsConfig(temperature_max_degC=30.0)), "exceeds a limit of this bench: .*rtd_x_degC"),
+        (
+            Config(limits=LimitsConfig(displacement_max_mm=2.0)),
+            "exceeds a limit of this bench: .*displacement_mm",
+        ),
+        (
+            Config(limits=LimitsConfig(temperature_max_degC=30.0)),
+            "exceeds a limit of this bench: .*rtd_x_degC",
+        ),
     ],
 )
 def test_a_run_that_does_not_fit_the_bench_is_refused_before_anything_moves(

@@ -63,7 +63,7 @@ def test_a_job_with_a_nul_in_its_words_is_shown_as_one_that_cannot_be_begun(
         assert snapshot is not None
         return snapshot.failed
 
-    assert asyncio.run(told()) == "it cannot be begun: embedded null byte"
+    assert asyncio.run(told()) == "it cannot be started: embedded null byte"
 
 
 def test_the_page_offers_a_diagnosis_of_runs_that_are_long_enough_for_one() -> None:
