@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
+import numpy as np
 
 from smad.config.toml_file import read_toml
 from smad.fmi.errors import FmiError
@@ -80,6 +81,15 @@ class TermRow(_Row, frozen=True, kw_only=True):
     span: _Positive = 1.0
     power: Annotated[float, msgspec.Meta(gt=0, le=8)] = 1.0
     shape: Literal["power", "sign", "deadband"] = "power"
+
+    def shaped(self, x: Any) -> Any:
+        """f((x − zero) / span)."""
+        x = (x - self.zero) / self.span
+        if self.shape == "sign":
+            return np.tanh(x)
+        if self.shape == "deadband":
+            return x - np.clip(x, -1.0, 1.0)
+        return x if self.power == 1.0 else np.sign(x) * np.abs(x) ** self.power
 
 
 class Map(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -1,13 +1,13 @@
 """What a page may ask for, and the call of the ordinary client that each becomes.
 
-The tables are `COMMANDS`, for the bench, and `QUESTIONS`, for the server itself (`queries`). A
-stop is in neither: it goes past everything that waits (`server`). What a person asked for is
-refused by the daemon when a stop came that the page had not shown yet: `generation` is its own.
+`Command` is for the bench, `Question` for the server itself (`queries`). A stop is neither: it goes
+past everything that waits (`server`). What a person asked for is refused by the daemon when a stop
+came that the page had not shown yet: `generation` is its own.
 """
 
 import asyncio
-from collections.abc import Awaitable, Callable, Iterator, Mapping
-from typing import Annotated, Any, get_args
+from collections.abc import Iterator
+from typing import Annotated, get_args
 
 import msgspec
 from msgspec import Meta, Struct
@@ -25,12 +25,47 @@ LEASE_S = 10.0
 HOLDER = "live page"
 
 
+class Control:
+    """Exclusive control as one page has it: taken when it arms, renewed while it is there."""
+
+    def __init__(self, client: AsyncClient) -> None:
+        self._client = client
+        self.has_control = False
+        self.armed = False
+        """Armed under it, and not yet seen to be stopped."""
+        # A renewal that is on its way must not take back what was given away meanwhile.
+        self._one_at_a_time = asyncio.Lock()
+
+    async def take(self) -> None:
+        """Take it. Raises NotInControl while somebody else has it."""
+        async with self._one_at_a_time:
+            await self._client.take_control(HOLDER, LEASE_S)
+            self.has_control = True
+
+    async def renew(self) -> None:
+        """Renew it, if this page has it. Raises NotInControl when somebody else has it by now."""
+        async with self._one_at_a_time:
+            if self.has_control:
+                await self._client.take_control(HOLDER, LEASE_S)
+
+    async def release(self) -> None:
+        """Give it back, if this page has it."""
+        async with self._one_at_a_time:
+            if self.has_control:
+                self.has_control = self.armed = False
+                await self._client.release_control()
+
+
 class PageRequest(Struct, tag_field="do", frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Something a page asks for. `id` comes back with the reply; `axis` is the one it looks at."""
 
     id: int = 0
     generation: int | None = None
     axis: str = ""
+
+    def target(self, client: AsyncClient) -> AsyncCommands:
+        """Return what commands the axis that the page looks at."""
+        return client[self.axis] if self.axis else client
 
 
 class FrameDrawn(PageRequest, tag="drawn", frozen=True, kw_only=True):
@@ -78,11 +113,28 @@ class Arm(PageRequest, tag="arm", frozen=True, kw_only=True):
     keep_control: bool = True
     axes: Annotated[tuple[str, ...], Meta(max_length=16)] = ()
 
+    async def carry_out(self, client: AsyncClient, control: Control) -> str:
+        """See `carry_out`."""
+        if self.keep_control:
+            await control.take()
+        try:
+            await client.arm(*self.axes)
+        except Refused:
+            await control.release()
+            raise
+        control.armed = True
+        return "armed: the bench heats when you command it"
+
 
 class Clear(PageRequest, tag="clear", frozen=True, kw_only=True):
     """Acknowledge the fault that the page showed."""
 
     fault: int
+
+    async def carry_out(self, client: AsyncClient, control: Control) -> str:
+        """See `carry_out`."""
+        await self.target(client).clear(self.fault)
+        return "the fault is cleared"
 
 
 class Move(PageRequest, tag="move", frozen=True, kw_only=True):
@@ -91,9 +143,19 @@ class Move(PageRequest, tag="move", frozen=True, kw_only=True):
     trajectory: Trajectory
     queue: bool = False
 
+    async def carry_out(self, client: AsyncClient, control: Control) -> str:
+        """See `carry_out`."""
+        await self.target(client).move(self.trajectory, queue=self.queue)
+        return f"{type(self.trajectory).__name__}: {'queued' if self.queue else 'begun'}"
+
 
 class GoIdle(PageRequest, tag="idle", frozen=True, kw_only=True):
     """No current and no water, and stay armed."""
+
+    async def carry_out(self, client: AsyncClient, control: Control) -> str:
+        """See `carry_out`."""
+        await self.target(client).idle()
+        return "idle: no current, no water; still armed"
 
 
 def changed(tune: Tune) -> Iterator[tuple[str, object]]:
@@ -113,6 +175,11 @@ class ChangeGains(PageRequest, tag="tune", frozen=True, kw_only=True):
         values = ", ".join(f"{name} {value}" for name, value in changed(self.tune))
         return f"{self.axis}: {values}" if self.axis and values else values
 
+    async def carry_out(self, client: AsyncClient, control: Control) -> str:
+        """See `carry_out`."""
+        await self.target(client).tune(self.tune)
+        return "set: " + (self.mark() or "nothing")
+
 
 class Note(PageRequest, tag="note", frozen=True, kw_only=True):
     """Mark this moment on the strips, and in the run log if there is one."""
@@ -123,15 +190,34 @@ class Note(PageRequest, tag="note", frozen=True, kw_only=True):
         """Return what stands on the strips."""
         return self.text
 
+    async def carry_out(self, client: AsyncClient, control: Control) -> str:
+        """See `carry_out`."""
+        try:
+            await client.note(self.text)
+        except Refused as refused:
+            if refused.reason is not Reason.RECORDER:
+                raise
+            return f"marked on the strips alone, as nothing is being recorded: {self.text}"
+        return f"noted in the run log: {self.text}"
+
 
 class Record(PageRequest, tag="record", frozen=True, kw_only=True):
     """Begin a run log."""
 
     name: Annotated[str, Meta(max_length=64)] = ""
 
+    async def carry_out(self, client: AsyncClient, control: Control) -> str:
+        """See `carry_out`."""
+        return f"recording to {(await client.start_recording(self.name)).path}"
+
 
 class EndRecord(PageRequest, tag="end_record", frozen=True, kw_only=True):
     """Close the run log."""
+
+    async def carry_out(self, client: AsyncClient, control: Control) -> str:
+        """See `carry_out`."""
+        ended = await client.stop_recording()
+        return f"{ended.path}: {ended.rows} samples"
 
 
 class Runs(PageRequest, tag="runs", frozen=True, kw_only=True):
@@ -203,106 +289,7 @@ WATCHING = get_args(Watching)
 decoder = msgspec.json.Decoder(Message)
 
 
-class Control:
-    """Exclusive control as one page has it: taken when it arms, renewed while it is there."""
-
-    def __init__(self, client: AsyncClient) -> None:
-        self._client = client
-        self.has_control = False
-        self.armed = False
-        """Armed under it, and not yet seen to be stopped."""
-        # A renewal that is on its way must not take back what was given away meanwhile.
-        self._one_at_a_time = asyncio.Lock()
-
-    async def take(self) -> None:
-        """Take it. Raises NotInControl while somebody else has it."""
-        async with self._one_at_a_time:
-            await self._client.take_control(HOLDER, LEASE_S)
-            self.has_control = True
-
-    async def renew(self) -> None:
-        """Renew it, if this page has it. Raises NotInControl when somebody else has it by now."""
-        async with self._one_at_a_time:
-            if self.has_control:
-                await self._client.take_control(HOLDER, LEASE_S)
-
-    async def release(self) -> None:
-        """Give it back, if this page has it."""
-        async with self._one_at_a_time:
-            if self.has_control:
-                self.has_control = self.armed = False
-                await self._client.release_control()
-
-
-async def _arm(client: AsyncClient, control: Control, ask: Arm) -> str:
-    if ask.keep_control:
-        await control.take()
-    try:
-        await client.arm(*ask.axes)
-    except Refused:
-        await control.release()
-        raise
-    control.armed = True
-    return "armed: the bench heats when you command it"
-
-
-async def _clear(client: AsyncClient, control: Control, ask: Clear) -> str:
-    await _target(client, ask).clear(ask.fault)
-    return "the fault is cleared"
-
-
-async def _move(client: AsyncClient, control: Control, ask: Move) -> str:
-    await _target(client, ask).move(ask.trajectory, queue=ask.queue)
-    name = type(ask.trajectory).__name__
-    return f"{name}: {'queued' if ask.queue else 'begun'}"
-
-
-async def _rest(client: AsyncClient, control: Control, ask: GoIdle) -> str:
-    await _target(client, ask).idle()
-    return "idle: no current, no water; still armed"
-
-
-async def _tune(client: AsyncClient, control: Control, ask: ChangeGains) -> str:
-    await _target(client, ask).tune(ask.tune)
-    return "set: " + (ask.mark() or "nothing")
-
-
-def _target(client: AsyncClient, ask: PageRequest) -> AsyncCommands:
-    return client[ask.axis] if ask.axis else client
-
-
-async def _note(client: AsyncClient, control: Control, ask: Note) -> str:
-    try:
-        await client.note(ask.text)
-    except Refused as refused:
-        if refused.reason is not Reason.RECORDER:
-            raise
-        return f"marked on the strips alone, as nothing is being recorded: {ask.text}"
-    return f"noted in the run log: {ask.text}"
-
-
-async def _record(client: AsyncClient, control: Control, ask: Record) -> str:
-    return f"recording to {(await client.start_recording(ask.name)).path}"
-
-
-async def _end_record(client: AsyncClient, control: Control, ask: EndRecord) -> str:
-    ended = await client.stop_recording()
-    return f"{ended.path}: {ended.rows} samples"
-
-
-COMMANDS: Mapping[type[PageRequest], Callable[[AsyncClient, Control, Any], Awaitable[str]]] = {
-    Arm: _arm,
-    Clear: _clear,
-    Move: _move,
-    GoIdle: _rest,
-    ChangeGains: _tune,
-    Note: _note,
-    Record: _record,
-    EndRecord: _end_record,
-}
-
-
 async def carry_out(client: AsyncClient, control: Control, ask: Command) -> str:
     """Do what a page asked for; return what to tell it. Raises what the client raises."""
     client.as_of(ask.generation)
-    return await COMMANDS[type(ask)](client, control, ask)
+    return await ask.carry_out(client, control)

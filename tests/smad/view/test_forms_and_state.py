@@ -80,7 +80,7 @@ def test_limits_are_those_of_the_configuration() -> None:
 
 
 def test_every_command_of_a_page_has_a_way_to_the_client() -> None:
-    assert set(commands.COMMANDS) == set(get_args(commands.Command))
+    assert all(hasattr(kind, "carry_out") for kind in get_args(commands.Command))
 
 
 def test_every_question_of_a_page_has_an_answer() -> None:
