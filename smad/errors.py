@@ -6,6 +6,7 @@ what to do next (`action`). Parts that do not apply are left out, never padded.
 
 import contextlib
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 _LONGEST_VALUE = 120
@@ -62,6 +63,20 @@ def _one_line(value: Any) -> str:
     if len(text) > _LONGEST_VALUE:
         text = text[: _LONGEST_VALUE - 1] + "…"
     return text
+
+
+def first_line(error: BaseException) -> str:
+    """Return the first line of what an error says; the name of its class where it says nothing."""
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def damaged(kind: type[SmadError], path: Path, error: Exception) -> SmadError:
+    """Return what to raise for a file that cannot be read, by the error of its reader."""
+    said = getattr(error, "strerror", None) or first_line(error)
+    return kind(
+        f"cannot read {path}: it is missing, cut short or damaged ({said})",
+        action="restore the file",
+    )
 
 
 @contextlib.contextmanager

@@ -190,7 +190,7 @@ class Axis:
             why = f"the board sends samples of another axis than link.axis {self.config.link.axis}"
             self.services.say("warning", why, {"samples": self._other_axes - others})
             return why
-        return f"the board fell silent for {event.silent_us / 1000:.0f} ms"
+        return f"the board sent nothing for {event.silent_us / 1000:.0f} ms"
 
     def _set_scales(self, scales: Scales) -> None:
         self.control.scales = scales

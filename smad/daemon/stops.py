@@ -1,6 +1,6 @@
 """Stops: each begins a new generation, and nothing that was asked for before it is carried out.
 
-A stop is a client's disarm or estop, a client that fell silent, a limit of the host, a lost link.
+A stop is a client's disarm or estop, a client that sends nothing, a limit of the host, a lost link.
 From its beginning until its boards are known to be off, nothing that moves the bench is accepted,
 and no axis is armed. What is known of each axis is in `smad.daemon.arming`; here its inputs are
 gathered, what it sends is sent, and replies wait for it.

@@ -203,9 +203,7 @@ def austenite(curve: Curve, model: ParameterSet) -> list[Estimate]:
         return (slope * c1 / c2,)
 
     intervals = bootstrap(fit, delta.size, seed=5)
-    return estimates_from(
-        {"modulus_austenite": Tolerance(share=0.03)}, intervals, "fig4-stretch, warm"
-    )
+    return estimates_from(_OF_AUSTENITE, intervals, "fig4-stretch, warm")
 
 
 def _comparisons(cold: Curve, warm: Curve, fitted: ParameterSet) -> list[Comparison]:

@@ -343,7 +343,7 @@ async def test_the_dead_man_option_disarms_when_the_arming_client_is_silent(
         await rig.run_for(1.0)
 
         await rig.run_until(not_armed(rig))
-        assert "fallen silent" in rig.said
+        assert "stopped sending" in rig.said
 
 
 async def test_a_mistake_in_one_command_is_told_and_the_run_goes_on(
