@@ -71,7 +71,7 @@ def test_there_is_a_client_method_for_every_method_of_the_api(
     client: Client, daemon: FakeDaemon
 ) -> None:
     for method in api.METHODS:
-        daemon.dispatcher[method.name] = Silent()
+        daemon.answers[method.name] = Silent()
     client.timeout_s = 0.0
     calls = (
         client.status, client.motion, client.config, client.reset_timing, client.arm,
@@ -93,8 +93,8 @@ def test_there_is_a_client_method_for_every_method_of_the_api(
             call()
     # These two wait for the disk, however short the client's timeout is: they are answered.
     recorder = api.RecorderStatus(recording=False)
-    daemon.dispatcher["record.stop"] = daemon.dispatcher["record.last"] = recorder
-    daemon.dispatcher["motion"] = daemon.dispatcher["disarm"] = MOTION
+    daemon.answers["record.stop"] = daemon.answers["record.last"] = recorder
+    daemon.answers["motion"] = daemon.answers["disarm"] = MOTION
     client.timeout_s = 30.0
     client.stop_recording()
     client.record_last(5.0)
@@ -128,7 +128,7 @@ def test_stops_go_over_their_own_channel(client: Client, daemon: FakeDaemon) -> 
 def test_a_refusal_is_raised_as_its_kind_with_value_limit_and_next_action(
     client: Client, daemon: FakeDaemon, reason: api.Reason, kind: type[Refused]
 ) -> None:
-    daemon.dispatcher["arm"] = api.ErrorData(
+    daemon.answers["arm"] = api.ErrorData(
         reason=reason, cause="too hot", value=51.0, limit="45 °C", action="wait"
     )
     with pytest.raises(kind, match=r"too hot; got 51\.0; allowed: 45 °C; wait") as refused:
@@ -140,14 +140,14 @@ def test_a_refusal_is_raised_as_its_kind_with_value_limit_and_next_action(
 
 
 def test_a_late_reply_is_not_taken_for_the_next_one(client: Client, daemon: FakeDaemon) -> None:
-    daemon.dispatcher["motion"] = Silent()
+    daemon.answers["motion"] = Silent()
     client.timeout_s = 0.05
     with pytest.raises(NoAnswer, match="may have been carried out"):
         client.motion()
     client.timeout_s = 30.0
     late = msgspec.json.encode({"jsonrpc": "2.0", "id": 1, "result": {"toml": "old"}})
     daemon.before_reply = late
-    daemon.dispatcher["config"] = api.ConfigText(toml="new")
+    daemon.answers["config"] = api.ConfigText(toml="new")
     assert client.config() == "new"
 
 
@@ -169,7 +169,7 @@ def test_the_connection_file_of_a_dead_daemon_counts_as_no_daemon(tmp_path: Path
 
 
 def test_an_unreadable_reply_is_an_error_not_a_crash(client: Client, daemon: FakeDaemon) -> None:
-    daemon.dispatcher["motion"] = b"\xff\xff"
+    daemon.answers["motion"] = b"\xff\xff"
     with pytest.raises(Refused, match="same version"):
         client.motion()
 
@@ -179,7 +179,7 @@ def test_waiting_ends_when_the_motion_is_done_and_shows_progress(
 ) -> None:
     under_way = msgspec.structs.replace(MOTION, done=False, running="displacement")
     left = [under_way, under_way, MOTION]
-    daemon.dispatcher["motion"] = lambda request: left.pop(0) if left else MOTION
+    daemon.answers["motion"] = lambda request: left.pop(0) if left else MOTION
     seen: list[bool] = []
     assert client.wait_until_done(lambda motion: seen.append(motion.done)) == MOTION
     assert seen == [False, False, True]
@@ -263,8 +263,8 @@ def test_no_telemetry_is_an_error_with_what_to_look_at(client: Client) -> None:
 def test_recording_ends_with_the_block_even_when_it_fails(
     client: Client, daemon: FakeDaemon
 ) -> None:
-    daemon.dispatcher["record.start"] = api.RecorderStatus(recording=True, path="a.mcap")
-    daemon.dispatcher["record.stop"] = api.RecorderStatus(recording=False, path="a.mcap")
+    daemon.answers["record.start"] = api.RecorderStatus(recording=True, path="a.mcap")
+    daemon.answers["record.stop"] = api.RecorderStatus(recording=False, path="a.mcap")
 
     def experiment() -> None:
         with client.record("a") as status:
@@ -279,7 +279,7 @@ def test_recording_ends_with_the_block_even_when_it_fails(
 async def test_control_is_given_back_at_the_end_of_the_block_even_when_it_fails(
     client: Client, daemon: FakeDaemon, tmp_path: Path
 ) -> None:
-    daemon.dispatcher["control.take"] = daemon.dispatcher["control.release"] = api.Control()
+    daemon.answers["control.take"] = daemon.answers["control.release"] = api.Control()
 
     def experiment() -> None:
         with client.in_control("Ada", lease_s=3.0):
@@ -320,13 +320,11 @@ def test_an_armed_block_disarms_whatever_ends_it(
 def test_an_armed_block_disarms_when_the_arming_is_not_answered_but_not_when_it_is_refused(
     client: Client, daemon: FakeDaemon
 ) -> None:
-    daemon.dispatcher["arm"] = api.ErrorData(
-        reason=api.Reason.ARMED, cause="somebody else armed it"
-    )
+    daemon.answers["arm"] = api.ErrorData(reason=api.Reason.ARMED, cause="somebody else armed it")
     with pytest.raises(NotReady), client.armed():
         pass
     assert [request["method"] for request in daemon.asked] == ["arm"]
-    daemon.dispatcher["arm"] = Silent()
+    daemon.answers["arm"] = Silent()
     client.timeout_s = 0.05
     with pytest.raises(NoAnswer), client.armed():
         pass
@@ -359,7 +357,7 @@ def test_ctrl_c_pressed_twice_disarms_all_the_same(
 def test_what_ended_an_armed_block_is_not_hidden_by_a_disarm_that_fails(
     client: Client, daemon: FakeDaemon
 ) -> None:
-    daemon.dispatcher["disarm"] = api.ErrorData(reason=api.Reason.NO_REPLY, cause="no answer")
+    daemon.answers["disarm"] = api.ErrorData(reason=api.Reason.NO_REPLY, cause="no answer")
 
     def experiment() -> None:
         with client.armed():
@@ -431,10 +429,10 @@ async def test_an_armed_block_of_the_async_client_disarms_when_it_is_cancelled(
 def test_after_arming_requests_carry_the_generation_and_in_control_the_lease(
     client: Client, daemon: FakeDaemon
 ) -> None:
-    daemon.dispatcher["arm"] = msgspec.structs.replace(MOTION, generation=7)
-    daemon.dispatcher["disarm"] = msgspec.structs.replace(MOTION, generation=8)
-    daemon.dispatcher["control.take"] = api.Control(holder="Ada", yours=True, lease="secret")
-    daemon.dispatcher["control.release"] = api.Control()
+    daemon.answers["arm"] = msgspec.structs.replace(MOTION, generation=7)
+    daemon.answers["disarm"] = msgspec.structs.replace(MOTION, generation=8)
+    daemon.answers["control.take"] = api.Control(holder="Ada", yours=True, lease="secret")
+    daemon.answers["control.release"] = api.Control()
     with client.in_control("Ada"), client.armed():
         client.move(Hold(duration_s=1.0))
         client.motion()
@@ -481,10 +479,10 @@ async def test_the_async_client_does_the_same(daemon: FakeDaemon, tmp_path: Path
         assert await client.motion() == MOTION
         await client.disarm()
         assert daemon.asked[-1]["channel"] == "stop"
-        daemon.dispatcher["arm"] = api.ErrorData(reason=api.Reason.NOT_ARMED, cause="no")
+        daemon.answers["arm"] = api.ErrorData(reason=api.Reason.NOT_ARMED, cause="no")
         with pytest.raises(NotReady):
             await client.arm()
-        daemon.dispatcher["idle"] = Silent()
+        daemon.answers["idle"] = Silent()
         client.timeout_s = 0.05
         with pytest.raises(NoAnswer):
             await client.idle()
@@ -501,9 +499,9 @@ def test_a_client_works_after_its_process_was_found_by_the_environment(
 
 
 def _leasing(daemon: FakeDaemon, folder: Path) -> Client:
-    daemon.dispatcher["control.take"] = api.Control(holder="me", yours=True, lease="secret")
-    daemon.dispatcher["control.release"] = api.Control()
-    daemon.dispatcher["arm"] = daemon.dispatcher["disarm"] = MOTION
+    daemon.answers["control.take"] = api.Control(holder="me", yours=True, lease="secret")
+    daemon.answers["control.release"] = api.Control()
+    daemon.answers["arm"] = daemon.answers["disarm"] = MOTION
     return Client(folder=folder, timeout_s=30.0, lease_s=0.5)
 
 
@@ -531,13 +529,13 @@ def test_a_lease_is_renewed_while_its_program_computes(daemon: FakeDaemon, tmp_p
         return MOTION
 
     with _leasing(daemon, tmp_path) as client, client.armed():
-        daemon.dispatcher["motion"] = motion
+        daemon.answers["motion"] = motion
         assert renewed.wait(60.0)
 
 
 def test_an_arming_that_is_refused_gives_the_lease_back(daemon: FakeDaemon, tmp_path: Path) -> None:
     with _leasing(daemon, tmp_path) as client:
-        daemon.dispatcher["arm"] = api.ErrorData(reason=api.Reason.BOARD_REFUSED, cause="too warm")
+        daemon.answers["arm"] = api.ErrorData(reason=api.Reason.BOARD_REFUSED, cause="too warm")
         with pytest.raises(BoardRefused):
             client.arm()
         client.motion()
@@ -548,8 +546,8 @@ def test_a_program_that_knows_of_no_other_stop_than_its_own_arms_again(
     daemon: FakeDaemon, client: Client
 ) -> None:
     for at in (3, 5, 7):
-        daemon.dispatcher["arm"] = msgspec.structs.replace(MOTION, generation=at - 1)
-        daemon.dispatcher["disarm"] = msgspec.structs.replace(MOTION, generation=at)
+        daemon.answers["arm"] = msgspec.structs.replace(MOTION, generation=at - 1)
+        daemon.answers["disarm"] = msgspec.structs.replace(MOTION, generation=at)
         client.arm()
         client.disarm()
     told = [request.get("generation") for request in daemon.asked if request["method"] == "arm"]
@@ -560,8 +558,8 @@ def test_a_program_that_knows_of_no_other_stop_than_its_own_arms_again(
 def test_a_stop_of_somebody_else_beside_our_own_stays_unknown(
     daemon: FakeDaemon, client: Client
 ) -> None:
-    daemon.dispatcher["arm"] = msgspec.structs.replace(MOTION, generation=2)
-    daemon.dispatcher["disarm"] = msgspec.structs.replace(MOTION, generation=4)
+    daemon.answers["arm"] = msgspec.structs.replace(MOTION, generation=2)
+    daemon.answers["disarm"] = msgspec.structs.replace(MOTION, generation=4)
     client.arm()
     client.disarm()
     client.arm()
