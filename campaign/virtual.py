@@ -239,7 +239,7 @@ class Rig:
         reply: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
         self._last_id += 1
         request = {"jsonrpc": "2.0", "id": self._last_id, "method": method, "params": params}
-        answers = self.daemon.answers
+        answers = self.daemon.dispatcher
         answer = answers.stop if method in ("disarm", "estop") else answers.command
         answer(client, msgspec.json.encode({**request, **(told or {})}), reply.set_result)
         return reply

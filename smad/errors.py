@@ -6,6 +6,7 @@ what to do next (`action`). Parts that do not apply are left out, never padded.
 
 import contextlib
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 _LONGEST_VALUE = 120
@@ -36,10 +37,6 @@ class SmadError(Exception):
         """All but the cause, for an error that is raised in its place."""
         return {"value": self.value, "limit": self.limit, "action": self.action}
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        # Worker processes hand errors back pickled; keyword-only arguments need help there.
-        return (_rebuild, (type(self), self.cause, self.value, self.limit, self.action))
-
     def __str__(self) -> str:
         parts = [self.cause]
         if self.value is not None:
@@ -49,10 +46,6 @@ class SmadError(Exception):
         if self.action:
             parts.append(self.action)
         return _visible("; ".join(" ".join(part.split()) for part in parts))
-
-
-def _rebuild(kind: type[SmadError], cause: str, value: Any, limit: Any, action: str) -> SmadError:
-    return kind(cause, value=value, limit=limit, action=action)
 
 
 def _visible(text: str) -> str:
@@ -70,6 +63,20 @@ def _one_line(value: Any) -> str:
     if len(text) > _LONGEST_VALUE:
         text = text[: _LONGEST_VALUE - 1] + "…"
     return text
+
+
+def first_line(error: BaseException) -> str:
+    """Return the first line of what an error says; the name of its class where it says nothing."""
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def damaged(kind: type[SmadError], path: Path, error: Exception) -> SmadError:
+    """Return what to raise for a file that cannot be read, by the error of its reader."""
+    said = getattr(error, "strerror", None) or first_line(error)
+    return kind(
+        f"cannot read {path}: it is missing, cut short or damaged ({said})",
+        action="restore the file",
+    )
 
 
 @contextlib.contextmanager

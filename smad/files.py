@@ -61,7 +61,7 @@ def write_whole(path: Path, data: bytes | str) -> None:
         partial.write_bytes(data.encode() if isinstance(data, str) else data)
 
 
-def shown(path: str | Path) -> str:
+def display_path(path: str | Path) -> str:
     """A path as a person here reads it: from this folder on where it is below it, else whole."""
     try:
         return str(Path(path).relative_to(Path.cwd()))

@@ -16,7 +16,7 @@ from smad.client import Client
 from smad.control.commands import DriveCurrent
 from smad.control.plan import Do, Pause, Plan
 from smad.errors import SmadError
-from smad.experiments.replayer import Directly
+from smad.experiments.replayer import InPlaceDriver
 
 HEATING = "heating"
 GAVE_UP = "gave up"
@@ -51,7 +51,7 @@ def _dies_arming(client: Client, after_ms: str) -> None:
 
 def _plays_on(client: Client) -> None:
     """Plays runs one after the other, and does not care that one was stopped."""
-    driver = Directly(client)
+    driver = InPlaceDriver(client)
     for number in range(1, _TRIES + 1):
         plan = Plan(f"run-{number}", (Do(DriveCurrent(i_x_A=_FULL_A)), Pause(_RUN_S)))
         try:

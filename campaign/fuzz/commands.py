@@ -13,7 +13,7 @@ from campaign.fuzz.served_bench import CLIENTS, discard, served_bench
 from firmware_protocol.events import HostState
 from smad.api import LARGEST_MESSAGE, Reason
 from smad.control.commands import Tune
-from smad.daemon.command.auth import Doorkeeper
+from smad.daemon.command.auth import KeyAuthenticator
 from smad.daemon.command.rpc import Call, Decoder
 
 _SAMPLES_A_MESSAGE = 2
@@ -103,7 +103,7 @@ def _loop() -> asyncio.AbstractEventLoop:
 
 def _doorkeeper(data: bytes) -> None:
     """A ZAP request comes from the library, but its key and its texts come from a stranger."""
-    keeper = Doorkeeper(["x" * 40])
+    keeper = KeyAuthenticator(["x" * 40])
     frames = data.split(b"\n")
     for request in (frames, [b"1.0", b"1", b"smad", b"", b"", b"CURVE", data[:32]]):
         reply = keeper.answer(request)

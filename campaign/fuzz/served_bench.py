@@ -69,7 +69,7 @@ class ServedBench:
 
     def say(self, client: bytes, line: bytes, send: Send, *, stop: bool = False) -> None:
         """Give the daemon a message on one of its two channels."""
-        answers = self._rig.daemon.answers
+        answers = self._rig.daemon.dispatcher
         (answers.stop if stop else answers.command)(client, line, send)
 
     async def run(self, samples: int) -> None:

@@ -93,7 +93,7 @@ def _shear_slope() -> float:
 
 
 _HEAT = "the alloy's heat"
-_WATER = "its water"
+_WATER = "water not described"
 _THIN = "the air film of thin wires"
 _PHASE = "`phase_resistivity` is off"
 NUMBERS: tuple[Published, ...] = (
@@ -142,9 +142,9 @@ NUMBERS: tuple[Published, ...] = (
     Published(what="relaxing cooled over still air (0.30 s / 1.6 s)", source="T",
               value=0.19, unit="", stated=(0.19, 0.28), missing="the speed of its flow"),
     Published(what="cooling in a grease-filled tube over air", source="N", value=0.7, unit="",
-              missing="grease or oil in the tube"),
+              missing="grease or oil"),
     Published(what="cooling in an oil-filled tube over air", source="N", value=0.8, unit="",
-              missing="the same"),
+              missing="grease or oil"),
     Published(what="response at 3 A", source="C", value=26.0, unit="s",
               missing="the copper core; its dimensions"),
     Published(what="force, 0.5 mm spring", source="L", value=2.5, unit="N",
@@ -175,7 +175,7 @@ NUMBERS: tuple[Published, ...] = (
               stated=(8.0, 15.0), **relaxing_of_l(1.0, "fan"), fitted=True),
     Published(what="2 mm spring relaxes behind a fan", source="L", value=25.0, unit="s",
               stated=(20.0, 30.0), **relaxing_of_l(2.0, "fan"),
-              missing="the same as in air"),
+              missing="its wire in air: 100 s"),
     Published(what="stroke, 1 mm spring", source="L", value=35.0, unit="mm",
               stated=(30.0, 40.0), missing="its load is not stated"),
     Published(what="2 mm wire at 15 A contracts", source="L", value=35.3, unit="s",

@@ -33,12 +33,12 @@ LARGEST_MESSAGE = 65_536
 """Bytes that a viewer may send at once."""
 CLOSING_S = 1.0
 LONGEST_SEND_S = 5.0
-"""A viewer that takes nothing for so long is let go, and its seat is free."""
+"""A viewer that takes nothing for so long is let go, and its place is free."""
 MOST_UNREAD = 262_144
 """Bytes that may wait in a connection before a send waits for its viewer."""
 
 
-class Seat:
+class ViewerConnection:
     """A viewer and the data that waits for it. `lost` counts what was dropped."""
 
     def __init__(self, connection: ServerConnection, viewer: Viewer) -> None:
@@ -77,7 +77,7 @@ class Seat:
             self._connection.transport.abort()
             raise ConnectionClosedError(None, None) from None
 
-    def put(self, messages: Iterable[bytes]) -> None:
+    def enqueue(self, messages: Iterable[bytes]) -> None:
         """Let messages wait; of too many the oldest are dropped."""
         for message in messages:
             if len(self._waiting) >= MOST_WAITING:
@@ -86,7 +86,7 @@ class Seat:
             self._waiting.append(message)
             self._filled.set()
 
-    async def say(self, why_away: str) -> None:
+    async def report(self, why_away: str) -> None:
         """Tell the user of the viewer why nothing comes, and what was dropped since last time."""
         messages: list[str | bytes] = [*self.viewer.changed()]
         if why_away:
@@ -108,13 +108,13 @@ class Bridge:
         self.address = f"ws://{HOST}:{port}"
         self._source = source
         self._session = str(time.time_ns())
-        self._seats: set[Seat] = set()
-        self._saying: dict[Seat, asyncio.Task[None]] = {}
+        self._viewers: set[ViewerConnection] = set()
+        self._reporting: dict[ViewerConnection, asyncio.Task[None]] = {}
         self._away = ""
 
     def admit(self, connection: ServerConnection, request: Request) -> Response | None:
         """Refuse a viewer too many (a response), or let it in (None)."""
-        if len(self._seats) < MOST_VIEWERS:
+        if len(self._viewers) < MOST_VIEWERS:
             return None
         text = f"{MOST_VIEWERS} viewers are connected.\n"
         return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, text)
@@ -128,17 +128,17 @@ class Bridge:
             lambda: self._source.parameters,
             self._history,
         )
-        seat = Seat(connection, viewer)
-        self._seats.add(seat)
-        writing = asyncio.create_task(seat.write())
+        viewer_connection = ViewerConnection(connection, viewer)
+        self._viewers.add(viewer_connection)
+        writing = asyncio.create_task(viewer_connection.write())
         try:
             if self._away:
-                await seat.say(self._away)
-            await seat.read()
+                await viewer_connection.report(self._away)
+            await viewer_connection.read()
         except ConnectionClosed:
             pass
         finally:
-            self._seats.discard(seat)
+            self._viewers.discard(viewer_connection)
             writing.cancel()
             with contextlib.suppress(asyncio.CancelledError, ConnectionClosed):
                 await writing
@@ -149,26 +149,26 @@ class Bridge:
 
     def wants(self, channel: Channel) -> bool:
         """Whether a viewer subscribed to the channel."""
-        return any(seat.viewer.wants(channel) for seat in self._seats)
+        return any(viewer_connection.viewer.wants(channel) for viewer_connection in self._viewers)
 
     def publish(self, channel: Channel, time_ns: int, body: bytes) -> None:
         """Let a message wait for each viewer that subscribed to its channel."""
-        for seat in self._seats:
-            seat.put(seat.viewer.messages(channel, time_ns, body))
+        for viewer_connection in self._viewers:
+            viewer_connection.enqueue(viewer_connection.viewer.messages(channel, time_ns, body))
 
-    def _said(self, seat: Seat, _: asyncio.Task[None]) -> None:
-        del self._saying[seat]
+    def _on_reported(self, viewer_connection: ViewerConnection, _: asyncio.Task[None]) -> None:
+        del self._reporting[viewer_connection]
 
     def announce(self, why_away: str) -> None:
         """Tell the viewers of new parameters, of losses, and once why the bench is away."""
         again = why_away == self._away
         self._away = why_away
-        for seat in tuple(self._seats):
+        for viewer_connection in tuple(self._viewers):
             # A viewer that has not taken the last one gets the next when it has.
-            if seat not in self._saying:
-                task = asyncio.create_task(seat.say("" if again else why_away))
-                self._saying[seat] = task
-                task.add_done_callback(functools.partial(self._said, seat))
+            if viewer_connection not in self._reporting:
+                task = asyncio.create_task(viewer_connection.report("" if again else why_away))
+                self._reporting[viewer_connection] = task
+                task.add_done_callback(functools.partial(self._on_reported, viewer_connection))
 
 
 @contextlib.asynccontextmanager

@@ -63,7 +63,7 @@ class Source:
         self._sink = sink
         await follow(self.bench, self, STATUS_EVERY_S)
 
-    def configured(self, config: Config) -> None:
+    def on_config(self, config: Config) -> None:
         """Take over the configuration: the axes, and what is shown of it."""
         self.rows = rows_of(tuple(config.by_axis()))
         self.parameters = {
@@ -72,13 +72,13 @@ class Source:
             for name, value in _of_config(axis_config).items()
         }
 
-    def sampled(self, axis: str, data: bytes) -> None:
+    def on_sample(self, axis: str, data: bytes) -> None:
         """Pass a sample on; as in the run log, what was not measured is absent."""
         if self._sink.wants(self.rows[axis]):
             time_ns = round(_sample(data).timestamp * _NS)
             self._sink.publish(self.rows[axis], time_ns, _encode(_row(data)))
 
-    def seen(self, status: Status, params: Params) -> None:
+    def on_status(self, status: Status, params: Params) -> None:
         """Pass on what is new in the status."""
         for axis, read in params.items():
             self.parameters |= {named(axis, f"board.{n}"): value for n, value in read.items()}
@@ -96,7 +96,7 @@ class Source:
             self._sink.publish(LINK, round(now_s * _NS), _encode(sample))
         self._sink.announce("")
 
-    def away(self, why: str) -> None:
+    def on_unreachable(self, why: str) -> None:
         """Pass on why nothing comes."""
         self._sink.announce(why)
 

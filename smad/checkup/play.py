@@ -19,8 +19,8 @@ from smad.errors import SmadError
 from smad.experiments.driver import log_path
 from smad.experiments.errors import EndedEarlyError, TrippedError
 from smad.experiments.leased import LeasedDriver
-from smad.experiments.repeating import Repeat, read_repeat
-from smad.experiments.replayer import Replayer
+from smad.experiments.repeating import RecordedInputs, read_recorded_inputs
+from smad.experiments.replayer import RestFirstDriver
 from smad.experiments.virtual import VirtualDriver
 from smad.progress import Say
 
@@ -31,10 +31,10 @@ LEASE_S = 2.0
 _SEED_STEP = 100_003
 
 
-def _planned(run: ProgrammeRun, original: Path | None) -> tuple[Plan, Repeat | None]:
+def _planned(run: ProgrammeRun, original: Path | None) -> tuple[Plan, RecordedInputs | None]:
     if original is None:
         return run.plan(), None
-    repeat = read_repeat(original)
+    repeat = read_recorded_inputs(original)
     return repeat.plan(run.name), repeat
 
 
@@ -100,7 +100,7 @@ class LivePlayer:
         if repeat is not None:
             repeat.require_fit(self._config)
             repeat.require_bench(self._uid, self._bench)
-        driver = Replayer(
+        driver = RestFirstDriver(
             self._client,
             progress=self._progress,
             sleep=time.sleep,

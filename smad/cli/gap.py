@@ -22,14 +22,14 @@ from smad.cli.gap_runs import (
     good_option,
     hold_out_option,
     leave_out_option,
-    remaining,
     require_among,
     runs_argument,
     trust_option,
-    uncut,
+    without_cut_runs,
+    without_left_out,
 )
 from smad.cli.gap_simulator import (
-    diagnosed_elsewhere,
+    diagnose_simulator,
     processes_option,
     require_pairs,
     simulator_options,
@@ -96,18 +96,18 @@ def diagnose(
     for path in (json_path, html_path, model_path):
         if path is not None:
             require_writable(path)
-    runs, hold_out, good = remaining((runs, hold_out, good), leave_out)
+    runs, hold_out, good = without_left_out((runs, hold_out, good), leave_out)
     if not runs:
         raise click.UsageError("--leave-out leaves no run to fit; give more runs")
-    good = uncut(good)
+    good = without_cut_runs(good)
     require_pairs(fmu, mjcf, map_path)
     if fmu is not None and model_path is not None:
-        raise click.UsageError("no model of a unit can be written; leave --apply out with --fmu")
+        raise click.UsageError("--apply cannot write the model of an FMI unit; leave --apply out")
     if processes is not None and not (fmu or mjcf):
-        raise click.UsageError("--processes is of --fmu and --mjcf; leave it out")
+        raise click.UsageError("--processes needs --fmu or --mjcf; leave it out")
     with clean_errors():
         if map_path is not None and (fmu or mjcf):
-            answer = diagnosed_elsewhere(
+            answer = diagnose_simulator(
                 runs,
                 good,
                 hold_out,

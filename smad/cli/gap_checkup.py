@@ -87,7 +87,9 @@ def commission(
         f"{reference.repeats} repeats of each"
     )
     if reference.repeats < 2:
-        click.echo("one repeat leaves the floor a guess; add another with --again", err=True)
+        click.echo(
+            "one repeat cannot show how much repeats differ; add another with --again", err=True
+        )
 
 
 @click.command()
@@ -273,8 +275,8 @@ def _print_report(report: Report, folder: Path, spent_s: float) -> None:
     click.echo(f"{report.why_over}; {len(report.records)} runs in {spent_s / 60.0:.1f} min")
     for run, separation in report.offers.items():
         click.echo(
-            f"the baseline lacks {run}: commissioned on the good bench, it might separate them by "
-            f"d² = {separation:.0f}"
+            f"the baseline has no run {run}; recorded on the good bench, it would be expected to "
+            f"separate the remaining causes by d² = {separation:.0f}"
         )
     if report.proof:
         click.echo("held out, with the model from the runs before:")

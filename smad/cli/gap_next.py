@@ -16,7 +16,13 @@ from smad.cli.gap_print import (
     require_answered,
     variant_option,
 )
-from smad.cli.gap_runs import ManyRuns, good_option, hold_out_option, some_runs_argument, uncut
+from smad.cli.gap_runs import (
+    ManyRuns,
+    good_option,
+    hold_out_option,
+    some_runs_argument,
+    without_cut_runs,
+)
 from smad.cli.output import (
     EXISTING,
     FOLDER,
@@ -27,7 +33,7 @@ from smad.cli.output import (
     ready_client,
 )
 from smad.cli.simulated import effect_option, seed_option, simulated_model
-from smad.files import shown
+from smad.files import display_path
 
 if TYPE_CHECKING:
     from sim_device.plant.models import Model
@@ -84,7 +90,7 @@ def next_experiment(
     if chosen is not None and runs:
         raise click.UsageError("--run carries an experiment out; give RUNs without it")
     if (effects or model_path) and not sim:
-        raise click.UsageError("--model and --effect are of a simulated bench; add --sim")
+        raise click.UsageError("--model and --effect need a simulated bench; add --sim")
     if sim and chosen is None:
         raise click.UsageError("--sim says where --run runs; give --run NAME too")
     if baseline is not None:
@@ -109,7 +115,7 @@ def next_experiment(
         from smad.checkup import everyday
         from smad.diagnosis.next_run import offers
 
-        good = uncut(good)
+        good = without_cut_runs(good)
         with progress() as line:
             answer = everyday.diagnose_files(plant, runs, good, hold_out, progress=line.say)
         print_answer(answer.verdict, "")
@@ -167,7 +173,7 @@ def _perform(name: str, seed: int, bench: str) -> None:
     with ready_client(bench, extra="gap") as connected, progress() as line:
         driver = leased_driver(connected, "smad gap next", LEASE_S, line.say)
         driver.run(plan)
-    click.echo(f"done: {name}, recorded to {shown(driver.log or plan.name)}")
+    click.echo(f"done: {name}, recorded to {display_path(driver.log or plan.name)}")
 
 
 def _simulate(model: Model, name: str, seed: int, folder: Path) -> None:

@@ -10,7 +10,7 @@ import click
 
 from smad.cli.gap_print import clean_errors, params_option, plant_of, variant_option
 from smad.cli.gap_runs import files
-from smad.cli.gap_simulator import require_pairs, simulator_options, warn_of
+from smad.cli.gap_simulator import require_pairs, simulator_options, warn_that_code_runs
 from smad.cli.output import json_option, print_json
 
 if TYPE_CHECKING:
@@ -70,9 +70,11 @@ def plan_runs(
     if not inputs and not experiments:
         raise click.UsageError("nothing would be played; give --inputs FILE or --experiment NAME")
     if map_path is not None and not (fmu or mjcf):
-        raise click.UsageError("--map is of --fmu or --mjcf; give one of them")
+        raise click.UsageError("--map needs --fmu or --mjcf; give one of them")
     if experiments and map_path is not None:
-        raise click.UsageError("--experiment is of the spring pair; give --inputs with --map")
+        raise click.UsageError(
+            "--experiment works with the spring pair only; with --map give --inputs"
+        )
     with clean_errors():
         if mjcf is not None and map_path is not None:
             from smad.simulators.mjcf.asked import plan_mjcf
@@ -83,7 +85,7 @@ def plan_runs(
         elif fmu is not None and map_path is not None:
             from smad.fmi.asked import plan_unit
 
-            warn_of(fmu)
+            warn_that_code_runs(fmu)
             planned = plan_unit(fmu, map_path, inputs, within_s=_left_s(within_s))
         else:
             from smad.simulators.planning import Plan

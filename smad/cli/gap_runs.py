@@ -17,10 +17,10 @@ class ManyRuns(click.Command):
     GREEDY = ("--hold-out", "--good")
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        return super().parse_args(ctx, spread(args, self.GREEDY))
+        return super().parse_args(ctx, with_option_repeated(args, self.GREEDY))
 
 
-def spread(args: Sequence[str], greedy: Sequence[str]) -> list[str]:
+def with_option_repeated(args: Sequence[str], greedy: Sequence[str]) -> list[str]:
     """The arguments with the name of a greedy option before each of its values."""
     out: list[str] = []
     option = ""
@@ -79,7 +79,9 @@ some_runs_argument = click.argument(
 )
 
 
-def remaining(groups: Sequence[Sequence[Path]], left_out: Sequence[str]) -> list[tuple[Path, ...]]:
+def without_left_out(
+    groups: Sequence[Sequence[Path]], left_out: Sequence[str]
+) -> list[tuple[Path, ...]]:
     """The groups without runs of these names: of a file, with or without its suffix, or its path.
 
     Raises BadParameter where a name is of none of them.
@@ -127,7 +129,7 @@ good_option = click.option(
 )
 
 
-def uncut(good: Sequence[Path]) -> tuple[Path, ...]:
+def without_cut_runs(good: Sequence[Path]) -> tuple[Path, ...]:
     """The good runs without those that a stop cut, each of which is named.
 
     Raises BadParameter when there were some and none is left.

@@ -63,12 +63,15 @@ def require_pairs(fmu: Path | None, mjcf: Path | None, map_path: Path | None) ->
         raise click.UsageError(f"{name} and --map belong together; give both")
 
 
-def warn_of(fmu: Path) -> None:
+def warn_that_code_runs(fmu: Path) -> None:
     """Say on stderr that a unit is a program."""
-    note(f"smad: runs the code of {fmu} as you; use units of those you trust")
+    note(
+        f"smad: {fmu} contains code that runs with your permissions; "
+        "use only units from sources you trust"
+    )
 
 
-def diagnosed_elsewhere(
+def diagnose_simulator(
     runs: Sequence[Path],
     good: Sequence[Path],
     hold_out: Sequence[Path],
@@ -97,5 +100,5 @@ def diagnosed_elsewhere(
         from smad.fmi.asked import diagnose_unit
 
         assert fmu is not None
-        warn_of(fmu)
+        warn_that_code_runs(fmu)
         return diagnose_unit(fmu, map_path, runs, **common)

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from smad.cli.output import FILE, FOLDER, json_option, print_json, progress
-
-if TYPE_CHECKING:
-    pass
 
 
 @click.command()

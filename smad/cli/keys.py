@@ -1,6 +1,5 @@
 """`smad keys`: a key pair for a client on another machine."""
 
-import os
 from pathlib import Path
 
 import click
@@ -17,13 +16,10 @@ def keys(path: Path) -> None:
     PATH gets both CURVE keys. The public key goes into daemon.tcp.allowed_keys of the bench;
     the file stays with the client.
     """
-    import zmq
+    from smad.client.endpoints import new_key_file
 
-    public, secret = zmq.curve_keypair()
     action = "choose another file; keys are never overwritten"
     with refused_by_system(ConfigError, f"cannot write {path}", action=action):
-        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
-    with os.fdopen(descriptor, "wb") as file:
-        file.write(b"public " + public + b"\nsecret " + secret + b"\n")
+        public, _ = new_key_file(path)
     click.echo(f"{path} written; only you can read it")
     click.echo(f'in the bench\'s configuration: allowed_keys = ["{public.decode()}"]')

@@ -7,6 +7,7 @@ import click
 from smad.api import Status
 from smad.cli.output import Finite, axis_option, client, progress
 from smad.errors import PortError
+from smad.view.terminal.status_lines import spread
 
 _ERRORS = ("crc_errors", "cobs_errors", "length_errors", "payload_errors")
 
@@ -68,10 +69,6 @@ def _report(before: Status, after: Status, samples: int) -> int:
     click.echo(f"not written   {refused} setpoints")
     too_old = counts.setpoints_refused - earlier.setpoints_refused
     click.echo(f"refused       {too_old} setpoints, too old for the board")
-    click.echo(f"setpoint age  {_percentiles(age.p50_us, age.p99_us, age.p999_us)}")
-    click.echo(f"host share    {_percentiles(share.p50_us, share.p99_us, share.p999_us)}")
+    click.echo(f"setpoint age  {spread(age)}")
+    click.echo(f"host share    {spread(share)}")
     return missed + damaged + refused
-
-
-def _percentiles(p50_us: float, p99_us: float, p999_us: float) -> str:
-    return f"p50 {p50_us:.0f} µs, p99 {p99_us:.0f} µs, p99.9 {p999_us:.0f} µs"

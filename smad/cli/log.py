@@ -18,7 +18,7 @@ from smad.cli.layouts import layouts
 from smad.cli.output import FILE, PATH, json_option, print_json
 from smad.cli.tables import print_columns
 from smad.errors import RunLogError
-from smad.files import require_writable, shown
+from smad.files import display_path, require_writable
 
 if TYPE_CHECKING:
     from smad.runlog.overview import Overview
@@ -37,7 +37,7 @@ def _folder_of_bench(context: click.Context, parameter: click.Parameter, folder:
     from smad.client.folder import recording_folder
 
     of_bench = recording_folder(os.environ.get("SMAD_BENCH", "bench"), timeout_s=2.0)
-    return shown(of_bench) if of_bench is not None and of_bench.is_dir() else _HERE
+    return display_path(of_bench) if of_bench is not None and of_bench.is_dir() else _HERE
 
 
 _folder = click.option(
@@ -217,8 +217,7 @@ def plot(
     needs no network.
     """
     from smad.report.page import write_page
-    from smad.report.runs import page_of
-    from smad.report.runs import shown as shown_runs
+    from smad.report.runs import page_of, run_parts
     from smad.runlog.reader import read_run
 
     sources = paths or (_resolve(None, folder),)
@@ -226,7 +225,7 @@ def plot(
     for source in sources:
         with _progress(f"reading {source.name}") as progress:
             runs.append(read_run(source, axis=axis, progress=progress))
-    drawn = shown_runs(
+    drawn = run_parts(
         runs, -math.inf if from_s is None else from_s, math.inf if to_s is None else to_s
     )
     if figure is not None:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import functools
 import time
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from smad.cli.output import FOLDER, F, bench_option, json_option, print_json
+from smad.cli.output import FOLDER, bench_option, json_option, print_json
 
 if TYPE_CHECKING:
     from smad.queue import Queue
@@ -27,14 +28,17 @@ _folder_option = click.option(
 _number = click.argument("number", type=click.IntRange(1), metavar="ITEM")
 
 
-def _queue_option(command: F) -> F:
-    return bench_option(_folder_option(command))
+def _on_queue(command: Callable[..., None]) -> Callable[..., None]:
+    """Add `--bench` and `--folder`; the command gets the queue they name as `opened`."""
 
+    @functools.wraps(command)
+    def open_queue(*, folder: Path | None, bench: str, **typed: Any) -> None:
+        from smad.queue import Queue
 
-def _opened(folder: Path | None, bench: str) -> Queue:
-    from smad.queue import Queue
+        with Queue(folder, bench=bench) as opened:
+            command(opened=opened, **typed)
 
-    return Queue(folder, bench=bench)
+    return bench_option(_folder_option(open_queue))
 
 
 @click.group()
@@ -51,15 +55,14 @@ def queue() -> None:
 @click.argument("words", nargs=-1, type=click.UNPROCESSED)
 @click.option("--repeat", type=click.IntRange(1, 1000), default=1, help="How many copies to add.")
 @json_option
-@_queue_option
+@_on_queue
 def add(
     *,
     kind: str,
     words: tuple[str, ...],
     repeat: int,
     as_json: bool,
-    folder: Path | None,
-    bench: str,
+    opened: Queue,
 ) -> None:
     """Add a command to the queue.
 
@@ -71,27 +74,29 @@ def add(
 
     words, repeat = without_repeat(words, repeat)
     items = items_of(kind, words, Path.cwd(), repeat)
-    with _opened(folder, bench) as opened:
-        added = opened.add_checked(items)
-        running = opened.snapshot().mode == "running"
+    added = opened.add_checked(items)
+    running = opened.snapshot().mode == "running"
     if as_json:
         print_json(added, indent=-1)
         return
     for item in added:
         click.echo(f"item {item.id}: {item.title}")
     if running:
-        click.echo("the queue was armed before: it pauses ahead of this item", err=True)
+        click.echo(
+            "the queue was armed before this item was added; it will pause when it reaches "
+            "the item",
+            err=True,
+        )
 
 
 @queue.command("list")
 @click.option("--all", "everything", is_flag=True, help="Include ended items.")
 @json_option
-@_queue_option
-def list_items(*, everything: bool, as_json: bool, folder: Path | None, bench: str) -> None:
+@_on_queue
+def list_items(*, everything: bool, as_json: bool, opened: Queue) -> None:
     """Show the items and the state of the queue."""
-    with _opened(folder, bench) as opened:
-        snapshot, runner = opened.snapshot(), opened.has_runner
-        logs = {item.id: opened.store.logs(item.id) for item in snapshot.items}
+    snapshot, runner = opened.snapshot(), opened.has_runner
+    logs = {item.id: opened.store.logs(item.id) for item in snapshot.items}
     if as_json:
         import msgspec
 
@@ -125,7 +130,7 @@ def _print_items(snapshot: Snapshot, *, everything: bool) -> None:
 
 def state_in_words(snapshot: Snapshot, *, runner: bool) -> str:
     """Return what the queue does now, in one line."""
-    without = "" if runner else "; no runner is there: smad queue run"
+    without = "" if runner else "; no runner is running: start one with smad queue run"
     if snapshot.arming is None:
         return f"paused: {snapshot.reason}{without}"
     return f"running until {limits_in_words(snapshot.arming)}{without}"
@@ -147,41 +152,37 @@ def limits_in_words(arming: Arming) -> str:
 @queue.command()
 @_number
 @click.argument("place", type=click.IntRange(1))
-@_queue_option
-def move(*, number: int, place: int, folder: Path | None, bench: str) -> None:
+@_on_queue
+def move(*, number: int, place: int, opened: Queue) -> None:
     """Move a queued ITEM to PLACE among those that wait."""
-    with _opened(folder, bench) as opened:
-        opened.move(number, place)
-    click.echo(f"item {number} is number {place} of those that wait")
+    opened.move(number, place)
+    click.echo(f"item {number} is now number {place} of the waiting items")
 
 
 @queue.command()
 @_number
-@_queue_option
-def remove(*, number: int, folder: Path | None, bench: str) -> None:
+@_on_queue
+def remove(*, number: int, opened: Queue) -> None:
     """Take a queued ITEM away."""
-    with _opened(folder, bench) as opened:
-        opened.remove(number)
+    opened.remove(number)
     click.echo(f"item {number} removed")
 
 
 @queue.command()
 @_number
-@_queue_option
-def again(*, number: int, folder: Path | None, bench: str) -> None:
+@_on_queue
+def again(*, number: int, opened: Queue) -> None:
     """Add an ITEM anew that has ended or was interrupted."""
-    with _opened(folder, bench) as opened:
-        item = opened.again(number)
+    item = opened.again(number)
     click.echo(f"item {item.id}: {item.title}")
 
 
 @queue.command()
 @click.option("--now", is_flag=True, help="End the running item: it disarms and keeps its log.")
-@_queue_option
-def pause(*, now: bool, folder: Path | None, bench: str) -> None:
+@_on_queue
+def pause(*, now: bool, opened: Queue) -> None:
     """Begin no further item, and end the arming."""
-    with _opened(folder, bench) as opened:
-        running = opened.pause(now=now).after.running
+    running = opened.pause(now=now).after.running
     ends = "is being ended" if now else "goes on to its end"
     click.echo("paused" + (f"; item {running.id} {ends}" if running else ""))
 
@@ -197,7 +198,7 @@ def pause(*, now: bool, folder: Path | None, bench: str) -> None:
 )
 @click.option("--cycles", type=click.FloatRange(0, min_open=True), help="Largest number of cycles.")
 @click.option("--confirm", "code", metavar="CODE", help="Second step, with the code of the first.")
-@_queue_option
+@_on_queue
 def resume(
     *,
     until: str | None,
@@ -205,8 +206,7 @@ def resume(
     energy_kJ: float | None,
     cycles: float | None,
     code: str | None,
-    folder: Path | None,
-    bench: str,
+    opened: Queue,
 ) -> None:
     """Arm the queue, in two steps.
 
@@ -217,24 +217,23 @@ def resume(
     from smad.queue.queue import now_zoned
     from smad.queue.states import Budget
 
-    with _opened(folder, bench) as opened:
-        if code is not None:
-            if (until, hours, energy_kJ, cycles) != (None,) * 4:
-                raise click.UsageError("--confirm is given alone: it confirms what was shown")
-            snapshot = opened.confirm(code)
-            click.echo(state_in_words(snapshot, runner=opened.has_runner))
-            return
-        if until is None and hours is None:
-            raise click.UsageError("give an end: --until 07:30, or --hours 8")
-        now = now_zoned()
-        ends = [] if until is None else [end_time(until, now).timestamp()]
-        if hours is not None:
-            ends.append(now.timestamp() + hours * 3600.0)
-        budget = Budget(
-            energy_J=None if energy_kJ is None else energy_kJ * 1e3, cycles=cycles, hours=hours
-        )
-        proposal = opened.propose(min(ends), budget)
-        _print_items(opened.snapshot(), everything=False)
+    if code is not None:
+        if (until, hours, energy_kJ, cycles) != (None,) * 4:
+            raise click.UsageError("--confirm is given alone: it confirms what was shown")
+        snapshot = opened.confirm(code)
+        click.echo(state_in_words(snapshot, runner=opened.has_runner))
+        return
+    if until is None and hours is None:
+        raise click.UsageError("give an end: --until 07:30, or --hours 8")
+    now = now_zoned()
+    ends = [] if until is None else [end_time(until, now).timestamp()]
+    if hours is not None:
+        ends.append(now.timestamp() + hours * 3600.0)
+    budget = Budget(
+        energy_J=None if energy_kJ is None else energy_kJ * 1e3, cycles=cycles, hours=hours
+    )
+    proposal = opened.propose(min(ends), budget)
+    _print_items(opened.snapshot(), everything=False)
     click.echo(f"{len(proposal.arming.items)} items until {limits_in_words(proposal.arming)}")
     click.echo(
         f"to arm them: smad queue resume --confirm {proposal.code}  "
@@ -244,8 +243,8 @@ def resume(
 
 @queue.command()
 @click.option("--until-paused", is_flag=True, help="End when the queue pauses, for scripts.")
-@_queue_option
-def run(*, until_paused: bool, folder: Path | None, bench: str) -> None:
+@_on_queue
+def run(*, until_paused: bool, opened: Queue) -> None:
     """Run the items of the queue until ctrl-C; one runner to a queue.
 
     After a kill or a restart the item that ran is interrupted, its run log is recovered, and the
@@ -258,12 +257,15 @@ def run(*, until_paused: bool, folder: Path | None, bench: str) -> None:
     from smad.queue.process import begin_item
     from smad.queue.runner import Runner, RunnerParts
 
-    with ended_by_signals(), _opened(folder, bench) as opened:
+    with ended_by_signals():
         lease = RunnerLease(opened.folder)
         lease.acquire()
-        watch = BenchWatch(bench, clock_s=time.monotonic)
+        watch = BenchWatch(opened.bench, clock_s=time.monotonic)
         start = functools.partial(
-            begin_item, folder=opened.folder.resolve(), bench=bench, descriptor=lease.descriptor
+            begin_item,
+            folder=opened.folder.resolve(),
+            bench=opened.bench,
+            descriptor=lease.descriptor,
         )
         runner = Runner(
             opened.store, RunnerParts(watch=watch, start=start, check=obstacle_of, say=_say)
@@ -281,11 +283,10 @@ def run(*, until_paused: bool, folder: Path | None, bench: str) -> None:
 @queue.command()
 @click.option("--after", type=click.IntRange(0), default=0, help="Only those with a higher number.")
 @json_option
-@_queue_option
-def messages(*, after: int, as_json: bool, folder: Path | None, bench: str) -> None:
+@_on_queue
+def messages(*, after: int, as_json: bool, opened: Queue) -> None:
     """List how every item ended and why the queue paused."""
-    with _opened(folder, bench) as opened:
-        listed = opened.messages(after)
+    listed = opened.messages(after)
     if as_json:
         print_json(listed, indent=-1)
         return

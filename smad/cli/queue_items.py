@@ -111,13 +111,16 @@ def _checked(kind: str, words: Sequence[str], folder: Path) -> bool:
     if not folder.is_dir():
         raise QueueError(f"the folder {folder} is gone", action="make it again, or remove the item")
     if {"--help", "-h"} & set(words):
-        raise QueueError("--help runs nothing", action=f"give smad {' '.join(lead)} --help itself")
+        raise QueueError(
+            "a command with --help does nothing, so it is not queued",
+            action=f"give smad {' '.join(lead)} --help itself",
+        )
     context = command.make_context(" ".join(["smad", *lead]), list(words[len(lead) :]))
     with context:
         given = dict(context.params)
         for name in _NOT_QUEUED:
             if given.get(name):
-                raise QueueError(f"--{name} moves nothing, so it needs no queue")
+                raise QueueError(f"a command with --{name} moves nothing, so it is not queued")
         if kind == "run" and "names" in given:
             _check_experiments(given)
         for name, path in _inputs(given):
@@ -169,7 +172,7 @@ def _check_baseline(context: click.Context, folder: Path) -> None:
             path = context.params.get(parameter.name)
             if path is not None and not (folder / path / "baseline.json").exists():
                 raise QueueError(
-                    f"{path} is no baseline (any more)",
+                    f"there is no baseline in {path}",
                     action="commission the bench (smad gap commission), or name another",
                 )
 

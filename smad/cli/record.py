@@ -3,7 +3,7 @@
 import click
 
 from smad.cli.output import bench_option, client
-from smad.files import shown
+from smad.files import display_path
 
 
 @click.group()
@@ -21,7 +21,7 @@ def start(name: str, bench: str) -> None:
     """
     with client(bench) as bench_client:
         status = bench_client.start_recording(name)
-    click.echo(f"recording to {shown(status.path)}")
+    click.echo(f"recording to {display_path(status.path)}")
 
 
 @record.command()
@@ -31,7 +31,7 @@ def stop(bench: str) -> None:
     with client(bench) as bench_client:
         status = bench_client.stop_recording()
     lost = f", {status.dropped} samples lost" if status.dropped else ""
-    click.echo(f"{shown(status.path)}: {status.rows} samples{lost}")
+    click.echo(f"{display_path(status.path)}: {status.rows} samples{lost}")
     if status.error:
         click.echo(f"smad: {status.error}", err=True)
         raise SystemExit(1)
@@ -49,7 +49,7 @@ def last(seconds: float, bench: str) -> None:
     """
     with client(bench) as bench_client:
         status = bench_client.record_last(seconds)
-    click.echo(f"the last {seconds:g} s: {shown(status.last)}")
+    click.echo(f"the last {seconds:g} s: {display_path(status.last)}")
 
 
 @record.command()

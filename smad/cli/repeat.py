@@ -41,9 +41,9 @@ def repeat(
     limits act, and the motion ends when a reading is further from RUN than `control.repeat` allows.
     """
     from smad.experiments.repeated import repeat_on, repeat_simulated
-    from smad.experiments.repeating import read_repeat
+    from smad.experiments.repeating import read_recorded_inputs
 
-    recorded = read_repeat(run)
+    recorded = read_recorded_inputs(run)
     if recorded.armed_s < recorded.whole_s - 0.1:
         click.echo(
             f"{run.name}: its board was armed for {recorded.armed_s:.1f} of "

@@ -155,7 +155,7 @@ def _plan_of(options: dict[str, Any], first: int) -> Endurance:
         raise click.UsageError("--every N checkup needs --baseline")
     if baseline is not None and not (baseline / "baseline.json").exists():
         raise SmadError(
-            f"{baseline} is no baseline (any more)",
+            f"there is no baseline in {baseline}",
             action="commission the bench (smad gap commission), or name another; nothing was moved",
         )
     if options["end_place"] is not None and not options["every"]:

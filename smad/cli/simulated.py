@@ -90,7 +90,7 @@ seed_option = click.option(
 def require_sim(effects: Iterable[str], *, sim: bool) -> None:
     """Raise UsageError for effects of a bench that is not simulated."""
     if effects and not sim:
-        raise click.UsageError("--effect is of a simulated bench; add --sim")
+        raise click.UsageError("--effect needs a simulated bench; add --sim")
 
 
 def simulated_model(

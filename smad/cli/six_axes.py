@@ -47,8 +47,8 @@ def six_axes(
     written = write_page(page_of(log, made, skew), report or log.with_suffix(".html"))
     print_table(table(list(trackings(read_axes(log), made))))
     click.echo(
-        f"begun together {skew.count} times: p50 {skew.p50_us / 1000:.2f} ms, "
-        f"most {skew.max_us / 1000:.2f} ms apart"
+        f"{skew.count} simultaneous starts: {skew.p50_us / 1000:.2f} ms apart (median), "
+        f"at most {skew.max_us / 1000:.2f} ms"
     )
     click.echo(written)
 

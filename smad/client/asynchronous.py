@@ -234,7 +234,7 @@ class AsyncClient(AsyncCommands):
     async def take_control(self, name: str, lease_s: float = 10.0) -> api.Control:
         """Take, or renew, exclusive control; every call of yours renews it too.
 
-        When you fall silent for `lease_s` while the bench is armed, it is disarmed. Control of a
+        When you send nothing for `lease_s` while the bench is armed, it is disarmed. Control of a
         bench that somebody else armed is refused: disarm it first.
         """
         self._renewal.end()

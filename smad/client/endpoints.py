@@ -145,6 +145,20 @@ def write_anew(path: Path, data: bytes, umask: int) -> None:
         file.write(data)
 
 
+def new_key_file(path: Path) -> tuple[bytes, bytes]:
+    """Write a new pair of CURVE keys, (public, secret), that only its owner can read; return it.
+
+    Raises OSError, also where the name is taken, or is a link.
+    """
+    import zmq
+
+    public, secret = zmq.curve_keypair()
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+    with os.fdopen(os.open(path, flags, 0o600), "wb") as file:
+        file.write(b"public " + public + b"\nsecret " + secret + b"\n")
+    return public, secret
+
+
 def write_connection(path: Path, connection: Connection, umask: int) -> None:
     """Write the connection file in one piece. Raises DaemonError when that is not possible."""
     draft = path.with_suffix(".json.new")

@@ -33,16 +33,6 @@ class Refused(CommandError):
         super().__init__(cause, value=value, limit=limit, action=action)
         self.reason = reason
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        data = ErrorData(
-            reason=self.reason,
-            cause=self.cause,
-            value=self.value,
-            limit=self.limit,
-            action=self.action,
-        )
-        return (_rebuild, (type(self), data))
-
 
 class NotInControl(Refused):
     """Another client has exclusive control."""
@@ -71,10 +61,7 @@ _KINDS: dict[Reason, type[Refused]] = {
 
 def refused(data: ErrorData) -> Refused:
     """Return the error that an error reply stands for."""
-    return _rebuild(_KINDS.get(data.reason, Refused), data)
-
-
-def _rebuild(kind: type[Refused], data: ErrorData) -> Refused:
+    kind = _KINDS.get(data.reason, Refused)
     return kind(
         data.cause, reason=data.reason, value=data.value, limit=data.limit, action=data.action
     )

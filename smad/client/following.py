@@ -35,16 +35,16 @@ Params = Mapping[str, Mapping[str, float]]
 class Follower(Protocol):
     """Receives what happens on a bench. An axis has its name, the only one the empty name."""
 
-    def configured(self, config: Config) -> None:
+    def on_config(self, config: Config) -> None:
         """The daemon answers, with this configuration."""
 
-    def sampled(self, axis: str, data: bytes) -> None:
+    def on_sample(self, axis: str, data: bytes) -> None:
         """A sample, as JSON; one that raises msgspec.ValidationError is passed over."""
 
-    def seen(self, status: Status, params: Params) -> None:
+    def on_status(self, status: Status, params: Params) -> None:
         """The status has come."""
 
-    def away(self, why: str) -> None:
+    def on_unreachable(self, why: str) -> None:
         """The daemon does not answer, for a reason in one line."""
 
 
@@ -55,14 +55,14 @@ async def follow(bench: str, follower: Follower, status_every_s: float) -> None:
             async with AsyncClient(bench, timeout_s=TIMEOUT_S) as client:
                 await _connected(client, follower, status_every_s)
         except SmadError as error:
-            follower.away(str(error))
+            follower.on_unreachable(str(error))
         await asyncio.sleep(RETRY_S)
 
 
 async def _connected(client: AsyncClient, follower: Follower, status_every_s: float) -> None:
     config = parse_config(await client.config())
     axes = tuple(config.by_axis())
-    follower.configured(config)
+    follower.on_config(config)
     async with asyncio.TaskGroup() as tasks:
         draining = tasks.create_task(_drain(client.connection.telemetry, axes, follower))
         params: dict[str, Mapping[str, float]] = {}
@@ -77,10 +77,10 @@ async def _connected(client: AsyncClient, follower: Follower, status_every_s: fl
                         with contextlib.suppress(SmadError):
                             read = await client[axis].params()
                             params[axis] = {param.name: param.value for param in read}
-                follower.seen(status, params)
+                follower.on_status(status, params)
                 await asyncio.sleep(status_every_s)
         except SmadError as error:
-            follower.away(str(error))
+            follower.on_unreachable(str(error))
         finally:
             draining.cancel()
 
@@ -97,7 +97,7 @@ async def _drain(address: str, axes: tuple[str, ...], follower: Follower) -> Non
                     topic, data = socket.recv_multipart(zmq.NOBLOCK)
                     if topic in by_topic:
                         with contextlib.suppress(msgspec.ValidationError):
-                            follower.sampled(by_topic[topic], data)
+                            follower.on_sample(by_topic[topic], data)
             await asyncio.sleep(1 / DRAINS_PER_S)
     finally:
         socket.close(linger=0)

@@ -9,7 +9,7 @@ import msgspec
 
 from firmware_protocol.nearest import nearest
 from smad.config.bounds import field_and_words, without_mark
-from smad.errors import SmadError
+from smad.errors import SmadError, refused_by_system
 
 _UNKNOWN = re.compile(r"Object contains unknown field `(?P<key>[^`]*)`")
 MOST_BYTES = 1_000_000
@@ -21,13 +21,9 @@ def read_toml(path: Path, kind: type[T], what: str, error: type[SmadError], acti
 
     `what` says what the file should be ("map file"), `action` what to do where it is not.
     """
-    try:
-        with path.open("rb") as file:
-            text = file.read(MOST_BYTES + 1)
-    except OSError as refused:
-        raise error(
-            f"cannot read {what} {path}: {refused.strerror}", action="check the path"
-        ) from refused
+    cause = f"cannot read {what} {path}"
+    with refused_by_system(error, cause, action="check the path"), path.open("rb") as file:
+        text = file.read(MOST_BYTES + 1)
     if len(text) > MOST_BYTES:
         raise error(f"{path} is too long for a {what}", limit=f"{MOST_BYTES} bytes")
     try:

@@ -9,8 +9,8 @@ hold.
 So once the reference rests and the error is small, no water flows, an error within the band is
 none, and the hold has two parts. On arrival the spring that pulls is heated as before, with an
 integral that fades, so that a warm spring comes down to where it just holds. After that, or once
-the other spring was needed, both are kept at the temperatures that they have when the error is
-small (`KeptPair`): temperature is under control also where the displacement says nothing.
+the other spring was needed, `PairTemperatureControl` keeps both at the temperatures that they have
+when the error is small: temperature is under control also where the displacement says nothing.
 """
 
 import math
@@ -69,7 +69,7 @@ class QuietHold:
         return smooth_m - min(half_m, max(-half_m, smooth_m))
 
 
-class KeptPair:
+class PairTemperatureControl:
     """Both springs at temperatures, which the error moves apart: PI on each, without water.
 
     Begins with the temperatures and the signed current `now_A` of the moment, bumpless at the error

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from smad.arrays import Array, Mask
 
 
 def tracking_r2(reference: ArrayLike, actual: ArrayLike) -> float:
@@ -102,7 +102,7 @@ def _both(a: ArrayLike, b: ArrayLike) -> tuple[Array, Array]:
     return x[good], y[good]
 
 
-def _first_time(t: Array, hit: NDArray[np.bool_]) -> float:
+def _first_time(t: Array, hit: Mask) -> float:
     where = np.flatnonzero(hit)
     return float(t[where[0]]) if where.size else math.nan
 

@@ -8,7 +8,7 @@ from smad.config import ControlConfig, LimitsConfig, TemperatureConfig
 from smad.control.commands import DriveCurrent, Follow, HoldTemperature, Tune
 from smad.control.cooling import Pump, Switch
 from smad.control.feedforward import Anticipation
-from smad.control.hold import Direction, KeptPair, QuietHold
+from smad.control.hold import Direction, PairTemperatureControl, QuietHold
 from smad.control.pi import PI
 from smad.control.sample import Sample
 from smad.control.trajectories import ReferenceQueue
@@ -76,7 +76,7 @@ class DisplacementMode:
             config.hold.reversal_A, config.hold.reversal_smooth_s, config.cooling.urgent_A
         )
         self._config = config
-        self._pair: KeptPair | None = None
+        self._pair: PairTemperatureControl | None = None
         self._turned = False
         self._urgent_A = config.cooling.urgent_A
         self._u_A = 0.0
@@ -178,7 +178,7 @@ class DisplacementMode:
             there = abs(followed_m) <= 0.5 * self._hold.band_m
             if blind or not (there and (self._hold.arrived or self._turned)):
                 return self._arrive(followed_m, direction, before, dt_s)
-            self._pair = KeptPair(
+            self._pair = PairTemperatureControl(
                 config.hold,
                 self._limit_A,
                 config.anti_windup_time_s,

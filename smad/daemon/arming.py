@@ -38,8 +38,8 @@ class Phase(enum.Enum):
     ARMED = "armed, and a sample shows it"
     STOPPING = "DISARM was sent: it may be armed"
     STOPPED = "took DISARM; no sample shows it yet"
-    MET = "a new session, which disarms; no sample shows it yet"
-    ADRIFT = "without a session: its own watchdog ends heating"
+    NEW_SESSION = "a new session, which disarms; no sample shows it yet"
+    NO_SESSION = "without a session: its own watchdog ends heating"
 
 
 class Input(enum.Enum):
@@ -56,20 +56,20 @@ class Input(enum.Enum):
     SHOWS_FAULT = "a sample shows FAULT or ESTOP"
     LOST = "the session is over"
     CONNECTED = "a new session, which disarms"
-    QUIET = "no setpoint for as long as the board's watchdog takes"
+    WATCHDOG_EXPIRED = "no setpoint for as long as the board's watchdog takes"
 
 
 _ARMING = (Phase.ASKED, Phase.GRANTED, Phase.CONFIRMED, Phase.TAKEN, Phase.ARMED)
-OPEN = frozenset({Phase.STOPPING, Phase.STOPPED, Phase.MET, Phase.ADRIFT})
+OPEN = frozenset({Phase.STOPPING, Phase.STOPPED, Phase.NEW_SESSION, Phase.NO_SESSION})
 """Not known to be off, and not to be armed."""
 
-_FROM_ANY_ARMING = {Input.STOP: Phase.STOPPING, Input.LOST: Phase.ADRIFT}
+_FROM_ANY_ARMING = {Input.STOP: Phase.STOPPING, Input.LOST: Phase.NO_SESSION}
 
 TRANSITIONS: Mapping[Phase, Mapping[Input, Phase]] = {
     Phase.OFF: {
         Input.ASK: Phase.ASKED,
         Input.STOP: Phase.STOPPING,
-        Input.CONNECTED: Phase.MET,
+        Input.CONNECTED: Phase.NEW_SESSION,
     },
     Phase.ASKED: {Input.TOKEN: Phase.GRANTED, **_FROM_ANY_ARMING},
     Phase.GRANTED: {Input.CONFIRM: Phase.CONFIRMED, **_FROM_ANY_ARMING},
@@ -79,22 +79,22 @@ TRANSITIONS: Mapping[Phase, Mapping[Input, Phase]] = {
     Phase.STOPPING: {
         Input.DISARMED: Phase.STOPPED,
         Input.SHOWS_FAULT: Phase.OFF,
-        Input.QUIET: Phase.OFF,
-        Input.LOST: Phase.ADRIFT,
+        Input.WATCHDOG_EXPIRED: Phase.OFF,
+        Input.LOST: Phase.NO_SESSION,
     },
     Phase.STOPPED: {
         Input.SHOWS_OFF: Phase.OFF,
         Input.SHOWS_FAULT: Phase.OFF,
         Input.STOP: Phase.STOPPING,
-        Input.LOST: Phase.ADRIFT,
+        Input.LOST: Phase.NO_SESSION,
     },
-    Phase.MET: {
+    Phase.NEW_SESSION: {
         Input.SHOWS_OFF: Phase.OFF,
         Input.SHOWS_FAULT: Phase.OFF,
         Input.STOP: Phase.STOPPING,
-        Input.LOST: Phase.ADRIFT,
+        Input.LOST: Phase.NO_SESSION,
     },
-    Phase.ADRIFT: {Input.CONNECTED: Phase.MET, Input.QUIET: Phase.OFF},
+    Phase.NO_SESSION: {Input.CONNECTED: Phase.NEW_SESSION, Input.WATCHDOG_EXPIRED: Phase.OFF},
 }
 """What each input leads to; one that a phase does not list changes nothing."""
 
@@ -121,7 +121,7 @@ class WhyNot(enum.Enum):
 class AxisArming:
     """What is known of one axis."""
 
-    phase: Phase = Phase.ADRIFT
+    phase: Phase = Phase.NO_SESSION
     reachable: bool = False
     """Whether there is a session, with a board that takes requests."""
     withheld: bool = False
@@ -179,9 +179,9 @@ class Arming:
         looked_at = self.names if names is None else names
         return [name for name in looked_at if self.axes[name].phase in OPEN]
 
-    def met(self, names: Iterable[str]) -> bool:
+    def awaits_first_sample(self, names: Iterable[str]) -> bool:
         """Return whether each of these axes only waits for the first sample of a new session."""
-        return all(self.axes[name].phase is Phase.MET for name in names)
+        return all(self.axes[name].phase is Phase.NEW_SESSION for name in names)
 
     def all_off(self, names: Iterable[str]) -> bool:
         """Return whether these axes are known to be off."""
@@ -268,14 +268,14 @@ class Arming:
         """A board took a DISARM that was sent after every ARM_CONFIRM."""
         self.axes[name].take(Input.DISARMED)
 
-    def starve(self, name: str) -> None:
+    def withhold_setpoints(self, name: str) -> None:
         """A board does not confirm: it gets no setpoints until it is known to be off."""
         axis = self.axes[name]
         axis.withheld = axis.withheld or axis.phase is Phase.STOPPING
 
-    def quiet(self, name: str) -> None:
+    def watchdog_expired(self, name: str) -> None:
         """A board got no setpoint, and showed nothing of heating, for as long as it takes."""
-        self.axes[name].take(Input.QUIET)
+        self.axes[name].take(Input.WATCHDOG_EXPIRED)
 
     def shows(self, name: str, what: Input) -> bool:
         """Take a sample (one of SHOWS_…); return whether it contradicts what is known.
@@ -286,7 +286,13 @@ class Arming:
         before = axis.phase
         axis.take(what)
         if what is Input.SHOWS_ARMED:
-            return before in (Phase.OFF, Phase.ASKED, Phase.GRANTED, Phase.STOPPED, Phase.MET)
+            return before in (
+                Phase.OFF,
+                Phase.ASKED,
+                Phase.GRANTED,
+                Phase.STOPPED,
+                Phase.NEW_SESSION,
+            )
         return before is Phase.ARMED
 
     # Sessions

@@ -151,11 +151,11 @@ class Axis:
             row = self.row(item)
             stamp_s = self._stamps.stamp(row.t_s, item.host_s, self._taken_s(item.state))
             if self._stamps.returned_s:
-                self._tell_of_return(self._stamps.returned_s)
+                self._report_clock_return(self._stamps.returned_s)
             yield row, stamp_s
             self.watch.on_state(item.state)
             self.stop.on_sample(item.state)
-        self._tell_of_host_stop()
+        self._report_host_stop()
         self._report_departure()
 
     def _on_bytes(self, data: bytes) -> None:
@@ -190,7 +190,7 @@ class Axis:
             why = f"the board sends samples of another axis than link.axis {self.config.link.axis}"
             self.services.say("warning", why, {"samples": self._other_axes - others})
             return why
-        return f"the board fell silent for {event.silent_us / 1000:.0f} ms"
+        return f"the board sent nothing for {event.silent_us / 1000:.0f} ms"
 
     def _set_scales(self, scales: Scales) -> None:
         self.control.scales = scales
@@ -202,18 +202,18 @@ class Axis:
         host_us = self.session.host_us(state.t_us)
         return None if host_us is None else wall_s + (host_us - now_us) * 1e-6
 
-    def _tell_of_return(self, returned_s: float) -> None:
+    def _report_clock_return(self, returned_s: float) -> None:
         text = (
             "the computer's clock had leapt ahead and is back; "
             f"timestamps of telemetry went back by {returned_s:.0f} s"
         )
         self.services.say("warning", text, {"returned_s": returned_s})
 
-    def _tell_of_host_stop(self) -> None:
+    def _report_host_stop(self) -> None:
         fault = self.host_stop.new_reason()
         if fault is not None:
             self.services.say("fault", f"the host stopped: {in_full(fault)}", structs.asdict(fault))
-            self.stop.fails(f"a limit of the host: {fault.name}")
+            self.stop.stop_after_failure(f"a limit of the host: {fault.name}")
 
     def _report_departure(self) -> None:
         departure = self.controller.departure

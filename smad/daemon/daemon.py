@@ -17,13 +17,13 @@ from firmware_protocol.mirror import STOPPED
 from smad.config import Config
 from smad.daemon.arming import Arming
 from smad.daemon.axis import Axis, AxisDependencies
-from smad.daemon.command.answers import Answers
 from smad.daemon.command.bench import Bench, CommandCounts
+from smad.daemon.command.dispatcher import RequestDispatcher
 from smad.daemon.command.lease import DeadMan, Lease
+from smad.daemon.command.rejections import RejectionLog
 from smad.daemon.command.server import CommandServer, Handlers
 from smad.daemon.command.service import Service
 from smad.daemon.command.status import StatusReport
-from smad.daemon.command.unwelcome import Unwelcome
 from smad.daemon.errors import Refusal
 from smad.daemon.link.port import Opener
 from smad.daemon.process import Process
@@ -134,7 +134,7 @@ class Daemon:
         )
         self.status = StatusReport(bench)
         self.service = Service(bench, self.status)
-        self.answers = Answers(
+        self.dispatcher = RequestDispatcher(
             self.service,
             counts,
             spawn=self.spawn,
@@ -143,12 +143,12 @@ class Daemon:
         )
         self.server = CommandServer(
             process.context,
-            Handlers(self.answers.command, self.answers.stop, self._look_at_ports),
+            Handlers(self.dispatcher.command, self.dispatcher.stop, self._look_at_ports),
             loop=self.loop,
             queue=self.config.daemon.command_queue,
             reserve=process.reserve,
         )
-        self._unwelcome = Unwelcome(self.server, counts, self.say)
+        self._rejections = RejectionLog(self.server, counts, self.say)
 
     def start(self, *, without_missing: bool = False) -> None:
         """Open the ports and begin. Raises PortError when one cannot be opened.
@@ -215,7 +215,7 @@ class Daemon:
             name: quiet[name] or await _disarmed(axis, armed=axis in hot)
             for name, axis in self.axes.items()
         }
-        await self.answers.until_replied(LAST_REPLIES_S)
+        await self.dispatcher.until_replied(LAST_REPLIES_S)
         if len(set(outcomes.values())) == 1:
             return next(iter(outcomes.values()))
         return "; ".join(f"{name}: {came_of_it}" for name, came_of_it in outcomes.items())
@@ -225,7 +225,7 @@ class Daemon:
         if self._housekeeping is not None:
             self._housekeeping.cancel()
         await self.recorder.stop()
-        self.answers.give_up()
+        self.dispatcher.give_up()
         self.server.close()
         self.recorder.close()
         self.black_box.close()
@@ -310,7 +310,7 @@ class Daemon:
         self.black_box.note(counters)
         if self.black_box.due:
             self.spawn("black box", self.black_box.write_wanted())
-        self._unwelcome.tell()
+        self._rejections.report()
         error = self.recorder.failure()
         if error and error != self._recorder_error:
             self.journal.say(f"recording failed: {error}")

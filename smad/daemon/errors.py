@@ -23,11 +23,7 @@ class Refusal(CommandError):
         self.reason = reason
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return (_rebuild, (self.reason, self.cause, self.value, self.limit, self.action))
-
-
-def _rebuild(reason: Reason, cause: str, value: Any, limit: Any, action: str) -> Refusal:
-    return Refusal(reason, cause, value=value, limit=limit, action=action)
+        return type(self), (self.reason, self.cause), self.__dict__
 
 
 def raise_together(refusals: Sequence[Refusal]) -> None:

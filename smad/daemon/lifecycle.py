@@ -38,8 +38,8 @@ from smad.daemon.link.port import Opener
 from smad.daemon.link.wirerate import check_rate
 from smad.daemon.lockfile import LockFile
 from smad.daemon.notify import Notifier
-from smad.daemon.place import Place
 from smad.daemon.process import Options, Process
+from smad.daemon.runtime_folder import RuntimeFolder
 from smad.daemon.sockets.descriptors import (
     OPENED_LATER,
     Descriptors,
@@ -130,7 +130,9 @@ class _Life:
             listeners = (*daemon.server.listeners, *daemon.publisher.listeners)
             self._keep(
                 daemon,
-                Place(self._endpoints, connection, lock, listeners, self._descriptors.reserve),
+                RuntimeFolder(
+                    self._endpoints, connection, lock, listeners, self._descriptors.reserve
+                ),
             )
             self._announce(daemon)
             return await self._until_the_end(daemon)
@@ -148,7 +150,7 @@ class _Life:
             lock.release()
             self._journal.close()
 
-    def _keep(self, daemon: Daemon, place: Place) -> None:
+    def _keep(self, daemon: Daemon, place: RuntimeFolder) -> None:
         warning = place.look()
         if warning:
             daemon.say("warning", warning, {})
@@ -272,7 +274,7 @@ class _Life:
 
     def _on_reload(self, daemon: Daemon) -> None:
         with self._descriptors.reserve():
-            text = reread_keys(self._config, daemon.server.doorkeeper, self._options.reread)
+            text = reread_keys(self._config, daemon.server.authenticator, self._options.reread)
         daemon.say("warning", text, {})
 
     def _on_signal(self, number: int) -> None:

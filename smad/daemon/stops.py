@@ -1,6 +1,6 @@
 """Stops: each begins a new generation, and nothing that was asked for before it is carried out.
 
-A stop is a client's disarm or estop, a client that fell silent, a limit of the host, a lost link.
+A stop is a client's disarm or estop, a client that sends nothing, a limit of the host, a lost link.
 From its beginning until its boards are known to be off, nothing that moves the bench is accepted,
 and no axis is armed. What is known of each axis is in `smad.daemon.arming`; here its inputs are
 gathered, what it sends is sent, and replies wait for it.
@@ -35,11 +35,13 @@ LONGEST_STOP_US = 4_000_000
 ASK_AGAIN_US = 500_000
 WITHHOLD_US = 250_000
 """After so long without a confirmation a board gets no setpoints. Three DISARMs were lost by then,
-and its watchdog (`QUIET_US`) still ends within `PATIENCE_US`."""
+and its watchdog (`WATCHDOG_EXPIRED_US`) still ends within `PATIENCE_US`."""
 
 _LIMITS = compiled_limits()
 _MARGIN_US = 50_000
-QUIET_US = _LIMITS.setpoint_age_us + _LIMITS.setpoint_ttl_ms * 1000 + _LIMITS.hold_us + _MARGIN_US
+WATCHDOG_EXPIRED_US = (
+    _LIMITS.setpoint_age_us + _LIMITS.setpoint_ttl_ms * 1000 + _LIMITS.hold_us + _MARGIN_US
+)
 """A board that got no setpoint for so long has stopped: setpoint too old, ARMED, HOLD, FAULT."""
 TOKEN_US = _LIMITS.token_us
 """For so long an ARM_CONFIRM that was not answered may still come late and be taken."""
@@ -82,10 +84,10 @@ class Stops:
             why = self.why or "the daemon was started again"
             raise Refusal(
                 Reason.STOPPED,
-                f"the bench was stopped after this was asked for ({why})",
-                value=f"asked in generation {generation}",
+                f"the bench was stopped after this command was issued ({why})",
+                value=f"issued in generation {generation}",
                 limit=f"generation {self.generation}",
-                action="nothing was changed; see smad status, arm again and ask again",
+                action="nothing was changed; see smad status, arm again and send it again",
             )
 
     def require_confirmed(self, boards: Sequence[BoardStop]) -> None:
@@ -98,12 +100,12 @@ class Stops:
     def require_all_closed(self) -> None:
         """Raise Refusal while a stop is open on any axis, or its reply is not sent yet."""
         for board in self.boards:
-            board.note_quiet()
+            board.note_watchdog()
         waiting = [board.label for board in self.boards] if self.arming.replies_open else []
         self._require_closed(self.arming.open_axes() or waiting)
 
     def _require_closed(self, open_ones: Sequence[str]) -> None:
-        if self.arming.met(open_ones):
+        if self.arming.awaits_first_sample(open_ones):
             # Right after a connection a sample is on its way; who arms waits for it.
             return
         if open_ones:
@@ -183,7 +185,7 @@ class Stops:
                 if what is Send.DISARM:
                     last_first.callback(by_name[name].ask_to_stop)
 
-    def order(self, why: str, text: str, data: dict[str, Any], *, by: str) -> None:
+    def stop_by_daemon(self, why: str, text: str, data: dict[str, Any], *, by: str) -> None:
         """Stop on the daemon's own account, and tell why."""
         self._say("disarm", text, data)
         self.begin(why, by=by)
@@ -257,7 +259,7 @@ class BoardStop:
         names = self._arming.stopped_by(self.label)
         return [board for board in self._stops.boards if board.label in names]
 
-    def fails(self, why: str, *, by: str = "") -> None:
+    def stop_after_failure(self, why: str, *, by: str = "") -> None:
         """This board is what stops: with the others or, where it holds none, by itself."""
         lead = f"{self.label}: " if self.label else ""
         self._stops.begin(f"{lead}{why}", by=f"{lead}{by}" if by else "", boards=self.stopped_with)
@@ -297,7 +299,7 @@ class BoardStop:
 
     async def until_confirmed(self) -> None:
         """Return once the board has confirmed the stop. Raises Refusal if it does not."""
-        confirmed = (Phase.STOPPED, Phase.OFF, Phase.ADRIFT)
+        confirmed = (Phase.STOPPED, Phase.OFF, Phase.NO_SESSION)
         await self._until(
             lambda: self.phase in confirmed, _NOT_STOPPED, "the daemon goes on asking"
         )
@@ -334,7 +336,7 @@ class BoardStop:
     def link_lost(self, why: str) -> None:
         """The session is over, and with it whatever could have armed the board."""
         self._arming.lost(self.label)
-        self.fails(why, by=f"loss of the link: {why}")
+        self.stop_after_failure(why, by=f"loss of the link: {why}")
         self._look()
 
     def reported(self) -> None:
@@ -367,13 +369,17 @@ class BoardStop:
         if hot:
             text = "the board was found armed by somebody else; telling it to disarm"
             self._say("disarm", text, {})
-            self.fails("the board was found armed", by="the daemon, which found it armed")
+            self.stop_after_failure(
+                "the board was found armed", by="the daemon, which found it armed"
+            )
         else:
-            self.fails("the board is not armed any more")
+            self.stop_after_failure("the board is not armed any more")
 
     def _fails_in(self, mode: int) -> None:
         name = BoardState(mode).name
-        self.fails(f"the board went into {name}", by=f"the board, which went into {name}")
+        self.stop_after_failure(
+            f"the board went into {name}", by=f"the board, which went into {name}"
+        )
 
     def tick(self) -> None:
         """Ask again what was not confirmed, leave the rest to the board's own watchdog, and let
@@ -383,16 +389,16 @@ class BoardStop:
             if now_us - self._asked_us >= ASK_AGAIN_US:
                 self._ask()
             if now_us - self._stopping_us >= WITHHOLD_US:
-                self._arming.starve(self.label)
-        self.note_quiet()
+                self._arming.withhold_setpoints(self.label)
+        self.note_watchdog()
         self._control.withheld = self._arming.axes[self.label].withheld
         self._look()
 
-    def note_quiet(self) -> None:
+    def note_watchdog(self) -> None:
         """Note that the board's own watchdog must have stopped it, once that is so."""
         fed_us = max(self._control.fed_us, self._heating_until_us)
-        if self._clock_us() - fed_us >= QUIET_US:
-            self._arming.quiet(self.label)
+        if self._clock_us() - fed_us >= WATCHDOG_EXPIRED_US:
+            self._arming.watchdog_expired(self.label)
 
     @property
     def reachable(self) -> bool:

@@ -6,17 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smad.api import Percentiles, Status
+from smad.arrays import Array
 from smad.control.metrics import StepResponse, peak, step_response, tracking_r2
 from smad.demo.job import AMPLITUDE_MM, CYCLES, PERIOD_S, STEP_MM
 from smad.report.page import Page, Section, Table, Text, write_page
 from smad.report.panels import Panels, followed
-from smad.report.runs import panels_of, provenance, shown
+from smad.report.runs import panels_of, provenance, run_parts
 from smad.runlog.reader import Run
 
-Array = NDArray[np.float64]
 Rows = list[tuple[str, str]]
 
 
@@ -125,7 +124,7 @@ def write(path: Path, run: Run, rows: Rows) -> None:
                     ),
                 ],
             ),
-            Section("The whole run", [panels_of(shown([run]))]),
+            Section("The whole run", [panels_of(run_parts([run]))]),
             Section("The sinusoid", [_close_up(run)]),
         ],
     )

@@ -18,7 +18,7 @@ AMPLITUDE_MM = 2.0
 PERIOD_S = 7.0
 CYCLES = 4
 ARM_DEADLINE_S = 120.0
-_CAUSES = ("silent", "stopped", "lost", "lapsed", "restarted")
+_CAUSES = ("sent nothing", "stopped", "lost", "lapsed", "restarted")
 """Words of an event that is the cause of a stop, and does not follow from it."""
 
 CYCLE: tuple[Trajectory, ...] = (

@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from multiprocessing import get_context
@@ -81,7 +81,7 @@ def run_campaign(
     for experiment in experiments:
         experiment.check(bench.driver())
     outcomes = (
-        _conduct_here(experiments, bench, progress)
+        _one_by_one(experiments, lambda: bench.driver(progress), progress)
         if executor is None
         else _conduct_there(experiments, bench, executor, progress)
     )
@@ -117,16 +117,7 @@ def run_on(
     """The same, one after the other on one driver, such as a real bench."""
     for experiment in experiments:
         experiment.check(driver)
-    outcomes: dict[str, dict[str, Any]] = {}
-    total, began_s = sum(len(e.trials()) for e in experiments), time.monotonic()
-    for experiment in experiments:
-        done = outcomes.setdefault(experiment.name, {})
-        for trial in experiment.trials():
-            count = sum(map(len, outcomes.values()))
-            rest = left(count, total, time.monotonic() - began_s)
-            progress(f"run {count + 1} of {total}: {trial}{rest}")
-            done[trial] = experiment.conduct(trial, driver)
-    return conclude_all(experiments, outcomes, model)
+    return conclude_all(experiments, _one_by_one(experiments, lambda: driver, progress), model)
 
 
 def conclude_all(
@@ -170,7 +161,7 @@ def _loops(outcomes: Mapping[str, Any]) -> Panels | None:
     return Panels((), planes=planes) if planes else None
 
 
-def left(done: int, total: int, took_s: float) -> str:
+def time_left(done: int, total: int, took_s: float) -> str:
     """Return how long the rest may take, at the pace so far; empty before the first is done."""
     if not 0 < done < total:
         return ""
@@ -184,16 +175,19 @@ def _conduct_one(experiment: Experiment[Any], trial: str, bench: CampaignBench) 
     return experiment.conduct(trial, bench.driver())
 
 
-def _conduct_here(
-    experiments: Sequence[Experiment[Any]], bench: CampaignBench, progress: Say
+def _one_by_one(
+    experiments: Sequence[Experiment[Any]], driver: Callable[[], Driver], progress: Say
 ) -> dict[str, dict[str, Any]]:
-    return {
-        experiment.name: {
-            trial: experiment.conduct(trial, bench.driver(progress))
-            for trial in experiment.trials()
-        }
-        for experiment in experiments
-    }
+    outcomes: dict[str, dict[str, Any]] = {}
+    total, began_s = sum(len(e.trials()) for e in experiments), time.monotonic()
+    for experiment in experiments:
+        done = outcomes.setdefault(experiment.name, {})
+        for trial in experiment.trials():
+            count = sum(map(len, outcomes.values()))
+            rest = time_left(count, total, time.monotonic() - began_s)
+            progress(f"run {count + 1} of {total}: {trial}{rest}")
+            done[trial] = experiment.conduct(trial, driver())
+    return outcomes
 
 
 def _conduct_there(
@@ -212,7 +206,7 @@ def _conduct_there(
         for count, future in enumerate(as_completed(places), 1):
             name, trial = places[future]
             outcomes[name][trial] = future.result()
-            rest = left(count, len(places), time.monotonic() - began_s)
+            rest = time_left(count, len(places), time.monotonic() - began_s)
             progress(f"{count} of {len(places)} runs done, last {trial}{rest}")
     except BaseException:
         for future in places:

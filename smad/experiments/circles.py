@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from smad.arrays import Array
 from smad.errors import RunLogError
 from smad.progress import Say
 from smad.report.page import Page, Section, Table, Text
 from smad.report.panels import Panel, Panels, Trace
 from smad.report.planes import Curve, Plane, Quantity
-from smad.robot.angles import Angles, Array, circle
+from smad.robot.angles import Angles, circle
 from smad.robot.kinematics import Robot
 from smad.runlog.export import side_by_side
 from smad.runlog.reader import Run, read_axes

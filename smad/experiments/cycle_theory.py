@@ -6,14 +6,15 @@ left out (it is spurious) and Eq. (12) taken as the characteristic curve itself.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_device.plant.parameters import ParameterSet, initial_detwinned, spring_factors
+from smad.arrays import Array
 
-Array = NDArray[np.float64]
 POINTS = 200
+F = TypeVar("F", float, Array)
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class CycleTheory:
 
 def cycle_theory(parameters: ParameterSet) -> CycleTheory:
     """Steps 1 to 3 for these parameters (step 4 is step 1 with the springs exchanged)."""
-    law = _Law(parameters)
+    law = SpringLaw(parameters)
     force_curve = law.meets_curve()
     # Step 1, Eq. (32): Y loads along its linear line; F grows as ξ_X falls.
     xi_curve = _root(lambda xi: law.step1(xi) - force_curve, 0.0, 1.0)
@@ -66,13 +67,26 @@ def cycle_theory(parameters: ParameterSet) -> CycleTheory:
     )
 
 
-class _Law:
+def stiffnesses(parameters: ParameterSet) -> tuple[float, float]:
+    """k_M and k_A of a spring, N/m."""
+    c1, c2 = spring_factors(parameters)
+    k_m, k_a = (c2 * parameters[f"modulus_{phase}"] / c1 for phase in ("martensite", "austenite"))
+    return k_m, k_a
+
+
+def detwinned(force: F, start: float, finish: float) -> F:
+    """g(b) of Eq. (12) at a force, of any shape; detwinning is from `start` to `finish`."""
+    b = np.clip((force - start) / (finish - start), 0.0, 1.0)
+    share: F = 0.5 * (1.0 - np.cos(np.pi * b))
+    return share
+
+
+class SpringLaw:
     """One spring's law in N and m: k(ξ) = k_A − (k_A − k_M) ξ, F = k (δ − δ_L ξ_S)."""
 
     def __init__(self, parameters: ParameterSet) -> None:
-        c1, c2 = spring_factors(parameters)
-        self.k_m = c2 * parameters["modulus_martensite"] / c1
-        self.k_a = c2 * parameters["modulus_austenite"] / c1
+        c1, _ = spring_factors(parameters)
+        self.k_m, self.k_a = stiffnesses(parameters)
         self.delta_l = parameters["max_deflection"]
         self.delta0 = parameters["initial_deflection"]
         self.force0 = parameters["initial_force"]
@@ -83,12 +97,11 @@ class _Law:
     def stiffness(self, xi: float) -> float:
         return self.k_a - (self.k_a - self.k_m) * xi
 
-    def detwinned(self, force: float) -> float:
+    def detwinned(self, force: F) -> F:
         """g(b) of Eq. (12)."""
-        b = (force - self.force_s) / (self.force_f - self.force_s)
-        return 0.5 * (1.0 - float(np.cos(np.pi * min(1.0, max(0.0, b)))))
+        return detwinned(force, self.force_s, self.force_f)
 
-    def characteristic(self, force: float) -> float:
+    def characteristic(self, force: F) -> F:
         """Deflection on the characteristic martensite curve."""
         return force / self.k_m + self.delta_l * self.detwinned(force)
 

@@ -83,10 +83,10 @@ def require(
     others = [] if mounted is None else sorted(set(mountings) - {mounted})
     if others:
         raise BenchLacksError(
-            f"experiment {experiment} needs springs mounted otherwise",
+            f"experiment {experiment} needs another mounting of the springs",
             value=str(mounted),
             limit="; ".join(map(str, others)),
-            action="nothing was moved; mount them so and say so with --fixture and --air, or "
+            action="nothing was moved; mount them that way and give --fixture and --air, or "
             "leave those runs out with --set",
         )
     lacking = sorted(set(needs) - driver.parts())

@@ -7,20 +7,19 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from sim_device.plant.parameters import ParameterSet
 from sim_device.plant.units import ZERO_C
+from smad.arrays import Array, Mask
 from smad.experiments.base import Comparison, Experiment, Findings, Options
 from smad.experiments.driver import Driver, Mounting
 from smad.experiments.dsc_file import DscData, read_dsc, synthetic_dsc
 from smad.experiments.errors import DataFileError
-from smad.experiments.estimate import Estimate, Tolerance
+from smad.experiments.estimate import Estimate, Tolerance, estimates_from
 from smad.report.page import Picture, Table, Text
 from smad.report.plots import draw, label, new_figure, picture
 from smad.style.palette import in_print
 
-Array = NDArray[np.float64]
 WINDOW_K = 0.8
 """Width of the straight lines by which slopes are taken."""
 TURN_K = 3.0
@@ -155,7 +154,7 @@ def instrument_lag(data: DscData) -> float:
 
 def _peak(
     data: DscData,
-    half: NDArray[np.bool_],
+    half: Mask,
     above_K: float,
     *,
     sign: float,
@@ -241,34 +240,32 @@ def estimates_of(data: DscData, above_K: float, seed: int) -> list[Estimate]:
     smooth = _in_time(data.heat_flow_W, 5)
     noise = data.heat_flow_W - smooth
     rng = np.random.default_rng(seed)
-    estimates = []
+    resampled = []
     for _ in range(REPEATS):
         starts = rng.integers(0, noise.size - 50, size=noise.size // 50 + 1)
         drawn = np.concatenate([noise[s : s + 50] for s in starts])[: noise.size]
         window_K = WINDOW_K * rng.uniform(0.6, 1.6)
         start_K = above_K + rng.uniform(-10.0, 10.0)
-        estimates.append(_numbers(data.with_flow(smooth + drawn), start_K, window_K))
+        resampled.append(_numbers(data.with_flow(smooth + drawn), start_K, window_K))
     value = np.array(_numbers(data, above_K, WINDOW_K))
-    spread = np.percentile(np.array(estimates), [2.5, 97.5], axis=0)
+    spread = np.percentile(np.array(resampled), [2.5, 97.5], axis=0)
     low, high = np.minimum(spread[0], value), np.maximum(spread[1], value)
     return [
-        Estimate(name, float(v), float(lo), float(hi), "dsc", tolerance)
-        for (name, tolerance), v, lo, hi in zip(_QUANTITIES, value, low, high, strict=True)
-        if np.isfinite(v)
+        e for e in estimates_from(_QUANTITIES, (value, low, high), "dsc") if np.isfinite(e.value)
     ]
 
 
 _HALF_DEGREE = Tolerance(difference=0.5)
-_QUANTITIES: Sequence[tuple[str, Tolerance]] = (
-    ("austenite_start", _HALF_DEGREE),
-    ("austenite_finish", _HALF_DEGREE),
-    ("martensite_start", _HALF_DEGREE),
-    ("martensite_finish", _HALF_DEGREE),
-    ("latent_heating", Tolerance(share=0.05)),
-    ("latent_cooling", Tolerance(share=0.05)),
-    ("heat_capacity_heating", Tolerance(share=0.05)),
-    ("heat_capacity_cooling", Tolerance(share=0.05)),
-)
+_QUANTITIES: Mapping[str, Tolerance] = {
+    "austenite_start": _HALF_DEGREE,
+    "austenite_finish": _HALF_DEGREE,
+    "martensite_start": _HALF_DEGREE,
+    "martensite_finish": _HALF_DEGREE,
+    "latent_heating": Tolerance(share=0.05),
+    "latent_cooling": Tolerance(share=0.05),
+    "heat_capacity_heating": Tolerance(share=0.05),
+    "heat_capacity_cooling": Tolerance(share=0.05),
+}
 
 
 def _numbers(data: DscData, above_K: float, window_K: float) -> list[float]:

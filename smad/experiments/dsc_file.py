@@ -19,13 +19,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_device.plant.parameters import ParameterSet
 from sim_device.plant.units import ZERO_C
+from smad.arrays import Array
 from smad.experiments.errors import DataFileError
 
-Array = NDArray[np.float64]
 COLUMNS = ("t_s", "temperature_degC", "heat_flow_mW")
 FACTS = ("mass_mg", "rate_K_per_min")
 

@@ -5,11 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_device.plant.parameters import Entry, ParameterSet
+from smad.arrays import Array, Index
 
-Array = NDArray[np.float64]
 REPEATS = 200
 BLOCKS = 20
 """A run is cut into so many blocks that are drawn as a whole, so that slow errors stay together."""
@@ -21,10 +20,6 @@ class Tolerance:
 
     share: float = 0.0
     difference: float = 0.0
-
-    def holds(self, value: float, truth: float) -> bool:
-        """Whether `value` is near enough to `truth`."""
-        return abs(value - truth) <= max(self.share * abs(truth), self.difference)
 
 
 @dataclass(frozen=True)
@@ -40,15 +35,26 @@ class Estimate:
 
     def holds(self, truth: float) -> bool:
         """Whether the value is within its tolerance of the truth."""
-        return self.tolerance.holds(self.value, truth)
+        near = max(self.tolerance.share * abs(truth), self.tolerance.difference)
+        return abs(self.value - truth) <= near
+
+
+def estimates_from(
+    parameters: Mapping[str, Tolerance], intervals: tuple[Array, Array, Array], source: str
+) -> list[Estimate]:
+    """An estimate of each parameter from value, low and high, each of shape (k,)."""
+    return [
+        Estimate(name, float(value), float(low), float(high), source, tolerance)
+        for (name, tolerance), value, low, high in zip(parameters.items(), *intervals, strict=True)
+    ]
 
 
 def bootstrap(
-    fit: Callable[[NDArray[np.intp]], Sequence[float]],
+    fit: Callable[[Index], Sequence[float]],
     samples: int,
     seed: int,
     *,
-    groups: Sequence[NDArray[np.intp]] | None = None,
+    groups: Sequence[Index] | None = None,
     repeats: int = REPEATS,
 ) -> tuple[Array, Array, Array]:
     """Value and 95 % interval of each quantity that `fit` returns for a choice of samples.
@@ -76,7 +82,7 @@ def bootstrap(
     return value, np.minimum(low, value), np.maximum(high, value)
 
 
-def _blocks(part: NDArray[np.intp], rng: np.random.Generator) -> NDArray[np.intp]:
+def _blocks(part: Index, rng: np.random.Generator) -> Index:
     length = max(1, part.size // BLOCKS)
     starts = rng.integers(0, part.size - length + 1, size=-(-part.size // length))
     return np.concatenate([part[start : start + length] for start in starts])[: part.size]

@@ -6,10 +6,10 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from sim_device.plant.parameters import ParameterSet
 from sim_device.plant.units import ZERO_C
+from smad.arrays import Array
 from smad.control.commands import DriveCurrent
 from smad.control.metrics import tracking_r2
 from smad.control.plan import Do, Mark, Plan, UntilDone
@@ -19,7 +19,6 @@ from smad.experiments.recording import Recording
 from smad.report.page import Text
 from smad.report.panels import Panel, Panels, Trace
 
-Array = NDArray[np.float64]
 COOLED_K = (310.0, 305.0, 301.0)
 WARM_K = 310.0
 

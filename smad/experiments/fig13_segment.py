@@ -5,10 +5,10 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from sim_device.plant.parameters import ParameterSet
 from sim_device.plant.segment import segment_angle_deg, segment_displacement_m
+from smad.arrays import Array
 from smad.control.commands import Follow, Step
 from smad.control.metrics import step_response
 from smad.control.plan import Action, Do, Mark, Plan, UntilDone
@@ -18,8 +18,6 @@ from smad.experiments.driver import Driver
 from smad.experiments.recording import Recording
 from smad.report.page import Text
 from smad.report.panels import Panel, Panels, Trace, followed
-
-Array = NDArray[np.float64]
 
 
 class SegmentOptions(Options, frozen=True, kw_only=True):

@@ -6,24 +6,31 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from sim_device.plant.parameters import ParameterSet, spring_factors
 from sim_device.plant.units import ZERO_C
+from smad.arrays import Array, Index
 from smad.control.commands import HoldTemperature, MoveStage
 from smad.control.plan import Do, Mark, Pause, Plan
 from smad.experiments.base import Comparison, Experiment, Findings, Options
+from smad.experiments.cycle_theory import detwinned, stiffnesses
 from smad.experiments.driver import Driver, Mounting
 from smad.experiments.errors import ExperimentError
-from smad.experiments.estimate import Estimate, Tolerance, bootstrap
+from smad.experiments.estimate import Estimate, Tolerance, bootstrap, estimates_from
 from smad.experiments.recording import Recording
 from smad.report.page import Picture, Text
 from smad.report.plots import draw, label, new_figure, picture
 
-Array = NDArray[np.float64]
 POINTS = 400
 """The stretch is averaged to so many points before it is fitted: 95 s at 100 Hz hold far more."""
 _GRID = 600
+_OF_MARTENSITE = {
+    "modulus_martensite": Tolerance(share=0.03),
+    "stress_start": Tolerance(share=0.05),
+    "stress_finish": Tolerance(share=0.05),
+    "max_deflection": Tolerance(share=0.05),
+}
+_OF_AUSTENITE = {"modulus_austenite": Tolerance(share=0.03)}
 
 
 class StretchOptions(Options, frozen=True, kw_only=True):
@@ -86,11 +93,12 @@ class Fig4Stretch(Experiment[StretchOptions]):
     def conclude(self, outcomes: Mapping[str, Any], model: ParameterSet) -> Findings:
         cold: Curve = outcomes["fig4-stretch/cold"]
         warm: Curve = outcomes["fig4-stretch/warm"]
-        estimates = [*martensite(cold, model), austenite(warm, model)]
+        estimates = [*martensite(cold, model), *austenite(warm, model)]
+        fitted = model.replace(**{estimate.name: estimate.value for estimate in estimates})
         return Findings(
-            _comparisons(estimates, cold, warm, model),
+            _comparisons(cold, warm, fitted),
             (
-                _figure(cold, warm, estimates, model),
+                _figure(cold, warm, fitted),
                 Text(
                     f"The cold stretch was done at {cold.temperature_degC:.2f} °C: a bench "
                     "cannot cool a spring below its water. The paper's 25 °C and this temperature "
@@ -153,29 +161,24 @@ def martensite(curve: Curve, model: ParameterSet) -> list[Estimate]:
     slack = delta[-1] - force[-1] / k_start
     start = (k_start, 0.4 * force[-1], force[-1], slack)
 
-    def fit(chosen: NDArray[np.intp]) -> Sequence[float]:
+    def fit(chosen: Index) -> Sequence[float]:
         order = np.sort(chosen)
         fitted, _ = curve_fit(_martensite_force, delta[order], force[order], p0=start, maxfev=4000)
         k_m, f_s, f_f, delta_l = fitted
         return k_m * c1 / c2, f_s * c1, f_f * c1, delta_l
 
-    value, low, high = bootstrap(fit, delta.size, seed=4, repeats=100)
-    names = ("modulus_martensite", "stress_start", "stress_finish", "max_deflection")
-    shares = (0.03, 0.05, 0.05, 0.05)
-    return [
-        Estimate(name, float(v), float(lo), float(hi), "fig4-stretch, cold", Tolerance(share=share))
-        for name, v, lo, hi, share in zip(names, value, low, high, shares, strict=True)
-    ]
+    intervals = bootstrap(fit, delta.size, seed=4, repeats=100)
+    return estimates_from(_OF_MARTENSITE, intervals, "fig4-stretch, cold")
 
 
 def _martensite_force(delta: Array, k_m: float, f_s: float, f_f: float, delta_l: float) -> Array:
-    force = np.linspace(0.0, 1.5 * max(f_f, f_s + 1e-3), _GRID)
-    progress = np.clip((force - f_s) / max(f_f - f_s, 1e-3), 0.0, 1.0)
-    way = force / k_m + delta_l * 0.5 * (1.0 - np.cos(np.pi * progress))
+    f_f = max(f_f, f_s + 1e-3)
+    force = np.linspace(0.0, 1.5 * f_f, _GRID)
+    way = force / k_m + delta_l * detwinned(force, f_s, f_f)
     return np.interp(delta, way, force)
 
 
-def austenite(curve: Curve, model: ParameterSet) -> Estimate:
+def austenite(curve: Curve, model: ParameterSet) -> list[Estimate]:
     """G_A from the linear part of a stretch above A_F, by regression; the spring law is Eq. (9).
 
     The linear part ends where stress makes martensite, near τ_s + C_M(T − M_S); half of that stress
@@ -195,34 +198,22 @@ def austenite(curve: Curve, model: ParameterSet) -> Estimate:
         )
     delta, force = curve.deflection_m[linear], curve.force_N[linear]
 
-    def fit(chosen: NDArray[np.intp]) -> Sequence[float]:
+    def fit(chosen: Index) -> Sequence[float]:
         slope, _ = np.polyfit(delta[chosen], force[chosen], 1)
         return (slope * c1 / c2,)
 
-    value, low, high = bootstrap(fit, delta.size, seed=5)
-    return Estimate(
-        "modulus_austenite",
-        float(value[0]),
-        float(low[0]),
-        float(high[0]),
-        "fig4-stretch, warm",
-        Tolerance(share=0.03),
-    )
+    intervals = bootstrap(fit, delta.size, seed=5)
+    return estimates_from(_OF_AUSTENITE, intervals, "fig4-stretch, warm")
 
 
-def _comparisons(
-    estimates: Sequence[Estimate], cold: Curve, warm: Curve, model: ParameterSet
-) -> list[Comparison]:
-    c1, c2 = spring_factors(model)
-    by_name = {estimate.name: estimate.value for estimate in estimates}
-    k_m = by_name["modulus_martensite"] * c2 / c1
-    k_a = by_name["modulus_austenite"] * c2 / c1
+def _comparisons(cold: Curve, warm: Curve, fitted: ParameterSet) -> list[Comparison]:
+    k_m, k_a = stiffnesses(fitted)
     return [
         Comparison(
             "Fig. 4: stiffness cold, warm; G_M, G_A",
             "not given (Table 1 is missing); 58.5 and 116.2 N/m derived",
-            f"{k_m:.1f}, {k_a:.1f} N/m; {by_name['modulus_martensite'] / 1e9:.2f}, "
-            f"{by_name['modulus_austenite'] / 1e9:.2f} GPa",
+            f"{k_m:.1f}, {k_a:.1f} N/m; {fitted['modulus_martensite'] / 1e9:.2f}, "
+            f"{fitted['modulus_austenite'] / 1e9:.2f} GPa",
             "a stretch gives only G/N; N = 20 is assumed",
         ),
         Comparison(
@@ -234,27 +225,25 @@ def _comparisons(
     ]
 
 
-def _figure(
-    cold: Curve, warm: Curve, estimates: Sequence[Estimate], model: ParameterSet
-) -> Picture:
-    c1, c2 = spring_factors(model)
-    by_name = {estimate.name: estimate.value for estimate in estimates}
+def _figure(cold: Curve, warm: Curve, fitted: ParameterSet) -> Picture:
+    c1, _ = spring_factors(fitted)
+    k_m, k_a = stiffnesses(fitted)
     figure, (axes,) = new_figure(height_in=3.4)
     draw(axes, cold.deflection_m * 1e3, cold.force_N, "cold, measured", "y", width=2.5)
     draw(axes, warm.deflection_m * 1e3, warm.force_N, "warm, measured", "x", width=2.5)
-    fitted = _martensite_force(
+    force_N = _martensite_force(
         cold.deflection_m,
-        by_name["modulus_martensite"] * c2 / c1,
-        by_name["stress_start"] / c1,
-        by_name["stress_finish"] / c1,
-        by_name["max_deflection"],
+        k_m,
+        fitted["stress_start"] / c1,
+        fitted["stress_finish"] / c1,
+        fitted["max_deflection"],
     )
-    draw(axes, cold.deflection_m * 1e3, fitted, "martensite, fitted", "text", style="--")
+    draw(axes, cold.deflection_m * 1e3, force_N, "martensite, fitted", "text", style="--")
     straight = warm.deflection_m < 0.035
     draw(
         axes,
         warm.deflection_m[straight] * 1e3,
-        warm.deflection_m[straight] * by_name["modulus_austenite"] * c2 / c1,
+        warm.deflection_m[straight] * k_a,
         "austenite, fitted",
         "text",
         style=":",

@@ -7,25 +7,32 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from sim_device.plant.parameters import ParameterSet, spring_factors
 from sim_device.plant.units import ZERO_C
+from smad.arrays import Array, Index
 from smad.control.commands import DriveCurrent, HoldTemperature, MoveStage
 from smad.control.plan import Do, Mark, Pause, Plan, UntilDone
 from smad.experiments.base import Comparison, Experiment, Findings, Options
+from smad.experiments.cycle_theory import stiffnesses
 from smad.experiments.driver import Driver, Mounting
 from smad.experiments.errors import ExperimentError
-from smad.experiments.estimate import Estimate, Tolerance, bootstrap
+from smad.experiments.estimate import Estimate, Tolerance, bootstrap, estimates_from
 from smad.experiments.recording import Recording
 from smad.report.page import Picture, Table, Text
 from smad.report.plots import draw, label, new_figure, picture
 from smad.style.palette import in_print
 
-Array = NDArray[np.float64]
 USED = (0.05, 0.95)
 """Fractions used in the fits: near 0 and 1 the cosine is flat and noise turns into temperature."""
 _STEP_K = 0.05
+_TEMPERATURE, _SLOPE = Tolerance(difference=0.5), Tolerance(share=0.1)
+_OF_HEATING = {
+    "austenite_start": _TEMPERATURE,
+    "austenite_finish": _TEMPERATURE,
+    "slope_austenite": _SLOPE,
+}
+_OF_COOLING = {"martensite_start": _TEMPERATURE, "slope_martensite": _SLOPE}
 
 
 class BlockOptions(Options, frozen=True, kw_only=True):
@@ -185,16 +192,16 @@ def martensite_heating(block: Block, model: ParameterSet) -> Array:
 
     The detwinned part of the deflection at rest is δ − F/k_M, Eq. (10).
     """
-    c1, c2 = spring_factors(model)
-    k_m, k_a = (model[f"modulus_{phase}"] * c2 / c1 for phase in ("martensite", "austenite"))
+    c1, _ = spring_factors(model)
+    k_m, k_a = stiffnesses(model)
     detwinned_m = block.deflection_m - block.rest_stress_Pa / c1 / k_m
     return _fraction(block.heating.stress_Pa / c1, k_a, k_a - k_m, block.deflection_m, detwinned_m)
 
 
 def martensite_cooling(block: Block, model: ParameterSet) -> Array:
     """ξ = ξ_S on cooling from austenite, from stress at a fixed deflection, Eq. (9)."""
-    c1, c2 = spring_factors(model)
-    k_m, k_a = (model[f"modulus_{phase}"] * c2 / c1 for phase in ("martensite", "austenite"))
+    c1, _ = spring_factors(model)
+    k_m, k_a = stiffnesses(model)
     return _fraction(
         block.cooling.stress_Pa / c1, k_a, k_a - k_m, block.deflection_m, model["max_deflection"]
     )
@@ -230,17 +237,15 @@ def reverse_lines(blocks: Sequence[Block], model: ParameterSet) -> list[Estimate
         )
     data, groups = _stacked(rows, "heating")
 
-    def fit(chosen: NDArray[np.intp]) -> Sequence[float]:
+    def fit(chosen: Index) -> Sequence[float]:
         temperature, progress, stress = data[chosen].T
         start, width, slope = _solve(
             np.column_stack([np.ones_like(progress), progress, stress * 1e-6]), temperature
         )
         return start, start + width, 1e6 / slope
 
-    value, low, high = bootstrap(fit, len(data), seed=51, groups=groups)
-    return _estimates(
-        ("austenite_start", "austenite_finish", "slope_austenite"), value, low, high, "heating"
-    )
+    intervals = bootstrap(fit, len(data), seed=51, groups=groups)
+    return estimates_from(_OF_HEATING, intervals, "fig5-block, heating")
 
 
 def forward_lines(blocks: Sequence[Block], model: ParameterSet) -> list[Estimate]:
@@ -267,22 +272,22 @@ def forward_lines(blocks: Sequence[Block], model: ParameterSet) -> list[Estimate
     stress_start = model["stress_start"] * 1e-6
     width = (model["stress_finish"] - model["stress_start"]) * 1e-6
 
-    def fit(chosen: NDArray[np.intp]) -> Sequence[float]:
+    def fit(chosen: Index) -> Sequence[float]:
         temperature, progress, stress = data[chosen].T
         # The width of the band comes from the stretch (Fig. 4). The noise is in the temperature.
         line = stress * 1e-6 - width * progress
         offset, per_MPa = _solve(np.column_stack([np.ones_like(line), line]), temperature)
         return offset + per_MPa * stress_start, 1e6 / per_MPa
 
-    value, low, high = bootstrap(fit, len(data), seed=52, groups=groups)
-    return _estimates(("martensite_start", "slope_martensite"), value, low, high, "cooling")
+    intervals = bootstrap(fit, len(data), seed=52, groups=groups)
+    return estimates_from(_OF_COOLING, intervals, "fig5-block, cooling")
 
 
 def _solve(columns: Array, target: Array) -> Array:
     return np.asarray(np.linalg.lstsq(columns, target, rcond=None)[0], float)
 
 
-def _stacked(rows: Sequence[Array], branch: str) -> tuple[Array, list[NDArray[np.intp]]]:
+def _stacked(rows: Sequence[Array], branch: str) -> tuple[Array, list[Index]]:
     for block in rows:
         if len(block) < 30:
             raise ExperimentError(
@@ -293,22 +298,6 @@ def _stacked(rows: Sequence[Array], branch: str) -> tuple[Array, list[NDArray[np
             )
     ends = np.cumsum([0, *(len(block) for block in rows)])
     return np.concatenate(rows), [np.arange(a, b) for a, b in pairwise(ends)]
-
-
-def _estimates(
-    names: Sequence[str], value: Array, low: Array, high: Array, branch: str
-) -> list[Estimate]:
-    return [
-        Estimate(
-            name,
-            float(v),
-            float(lo),
-            float(hi),
-            f"fig5-block, {branch}",
-            Tolerance(share=0.1) if name.startswith("slope") else Tolerance(difference=0.5),
-        )
-        for name, v, lo, hi in zip(names, value, low, high, strict=True)
-    ]
 
 
 def four_points(blocks: Sequence[Block], model: ParameterSet) -> Table:

@@ -6,21 +6,19 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
-from sim_device.plant.parameters import ParameterSet, spring_factors
+from sim_device.plant.parameters import ParameterSet
+from smad.arrays import Array
 from smad.control.commands import DriveCurrent, Follow, Step
 from smad.control.metrics import step_response
 from smad.control.plan import Action, Do, Mark, Plan, UntilDone
 from smad.experiments.base import PAPER_CONTROL, Comparison, Experiment, Findings, Options
-from smad.experiments.cycle_theory import CycleTheory, cycle_theory
+from smad.experiments.cycle_theory import CycleTheory, SpringLaw, cycle_theory
 from smad.experiments.driver import Driver
 from smad.experiments.recording import Recording
 from smad.report.page import Text
 from smad.report.panels import Panels, followed
 from smad.report.planes import QUANTITIES, Curve, Plane, Quantity, cycles_of
-
-Array = NDArray[np.float64]
 
 
 class CycleOptions(Options, frozen=True, kw_only=True):
@@ -204,14 +202,8 @@ def _last(part: Recording) -> tuple[float, float]:
 
 def characteristic_curves(model: ParameterSet, top_N: float) -> tuple[Array, Array, Array]:
     """Force in N, and deflection in m on the martensite and on the austenite curve."""
-    c1, c2 = spring_factors(model)
-    force = np.linspace(0.0, top_N, 200)
-    progress = (force * c1 - model["stress_start"]) / (
-        model["stress_finish"] - model["stress_start"]
-    )
-    detwinned = 0.5 * (1.0 - np.cos(np.pi * np.clip(progress, 0.0, 1.0)))
-    k_m, k_a = (model[f"modulus_{phase}"] * c2 / c1 for phase in ("martensite", "austenite"))
-    return force, force / k_m + model["max_deflection"] * detwinned, force / k_a
+    law, force = SpringLaw(model), np.linspace(0.0, top_N, 200)
+    return force, law.characteristic(force), force / law.k_a
 
 
 def _plane(run: Recording, theory: CycleTheory, model: ParameterSet) -> Plane:

@@ -108,7 +108,7 @@ class LiveDriver:
             raise BenchLacksError(
                 f"run {plan.name} needs springs mounted for {plan.fixture}, in {plan.cooling}",
                 value=str(self.mounting()),
-                action="nothing was moved; mount them so and say so with --fixture and --air",
+                action="nothing was moved; mount them that way and give --fixture and --air",
             )
         client = self._client
         motion = client.motion()

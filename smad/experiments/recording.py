@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smad.arrays import Array
 from smad.experiments.errors import ExperimentError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from smad.config import Config, parse_config
 from smad.experiments.driver import new_log_path
 from smad.experiments.errors import EndedEarlyError, StoppedError, TrippedError
 from smad.experiments.leased import LeasedDriver
-from smad.experiments.repeating import Repeat
-from smad.experiments.replayer import Directly, Replayer
+from smad.experiments.repeating import RecordedInputs
+from smad.experiments.replayer import InPlaceDriver, RestFirstDriver
 from smad.experiments.virtual import VirtualDriver
 from smad.progress import Say
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def repeat_simulated(
-    recorded: Repeat, name: str, *, folder: Path, seed: int, say: Say, progress: Say
+    recorded: RecordedInputs, name: str, *, folder: Path, seed: int, say: Say, progress: Say
 ) -> Path:
     """Play a run on the nominal simulated bench in virtual time; return its new run log.
 
@@ -40,7 +40,7 @@ def repeat_simulated(
 
 def repeat_on(
     client: Client,
-    recorded: Repeat,
+    recorded: RecordedInputs,
     name: str,
     *,
     bench: str,
@@ -59,11 +59,11 @@ def repeat_on(
     if not other_bench:
         board = client.status().board
         recorded.require_bench("" if board is None else board.uid, bench)
-    driver: Directly | Replayer
+    driver: InPlaceDriver | RestFirstDriver
     if as_is:
-        driver = Directly(client, progress=progress)
+        driver = InPlaceDriver(client, progress=progress)
     else:
-        driver = Replayer(client, progress=progress, sleep=time.sleep)
+        driver = RestFirstDriver(client, progress=progress, sleep=time.sleep)
         driver.start = recorded.start
     leased = LeasedDriver(client, driver, lease_s=lease_s, progress=progress, who="smad run repeat")
     with _saying_where(driver, say):
@@ -73,7 +73,9 @@ def repeat_on(
 
 
 @contextlib.contextmanager
-def _saying_where(driver: Directly | Replayer | VirtualDriver, say: Say) -> Iterator[None]:
+def _saying_where(
+    driver: InPlaceDriver | RestFirstDriver | VirtualDriver, say: Say
+) -> Iterator[None]:
     try:
         yield
     except (EndedEarlyError, StoppedError, TrippedError):

@@ -42,7 +42,7 @@ class RepeatError(ExperimentError):
 
 
 @dataclass(frozen=True)
-class Repeat:
+class RecordedInputs:
     """A run to play again.
 
     `command` holds its inputs and readings, over the stretch in which its board was armed first;
@@ -98,10 +98,10 @@ class Repeat:
             shown = [abs(v) for v in getattr(self.command, reading) if v is not None]
             if shown and max(shown) > highest:
                 raise RepeatError(
-                    f"{self.name} went beyond what this bench may: {reading}",
+                    f"{self.name} exceeds a limit of this bench: {reading}",
                     value=f"{max(shown):.4g}",
                     limit=f"{highest:g} ({where})",
-                    action="its currents would be held back; repeat a milder run",
+                    action="the host would reduce its currents; repeat a run within the limits",
                 )
 
     def require_bench(self, uid: str, bench: str) -> None:
@@ -116,14 +116,14 @@ class Repeat:
                 )
 
 
-def read_repeat(path: Path) -> Repeat:
+def read_recorded_inputs(path: Path) -> RecordedInputs:
     """The run of a log. Raises RunLogError for a file that is none, RepeatError."""
     run = read_run(path)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    return repeat_of(run, f"{path.name} sha256:{digest}")
+    return recorded_inputs_of(run, f"{path.name} sha256:{digest}")
 
 
-def repeat_of(run: Run, source: str) -> Repeat:
+def recorded_inputs_of(run: Run, source: str) -> RecordedInputs:
     """The run as inputs. Raises RepeatError, naming what the log lacks and where."""
     name = run.path.name
     columns = run.columns
@@ -133,7 +133,7 @@ def repeat_of(run: Run, source: str) -> Repeat:
     if not (steps > 0.0).all() or float(steps.max(initial=0.0)) > LONGEST_GAP_S:
         worst = int(np.argmax(np.where(steps > 0.0, steps, np.inf)))
         raise RepeatError(
-            f"{name} lacks samples: what was applied between is not known",
+            f"{name} lacks samples: the inputs between them are not known",
             value=f"{t_s[worst]:.2f} s, then {t_s[worst + 1]:.2f} s",
             limit=f"{LONGEST_GAP_S:g} s from one sample to the next",
             action="repeat a run that was recorded whole",
@@ -155,7 +155,7 @@ def repeat_of(run: Run, source: str) -> Repeat:
                 None if np.isnan(v) else round(float(v), _DECIMALS) for v in column
             )
     header = run.header
-    return Repeat(
+    return RecordedInputs(
         name=name,
         source=source,
         command=FollowInputs(

@@ -22,7 +22,7 @@ COLD_K = 1.0
 SETTLE_S = 1.0
 
 
-class Replayer(LiveDriver):
+class RestFirstDriver(LiveDriver):
     """Brings the springs to a known rest before each run.
 
     `start` is the rest that the next run is to begin from; None: any cold one. With `strokes` each
@@ -58,13 +58,17 @@ class Replayer(LiveDriver):
         self.pause(plan, SETTLE_S)
         away = self._away()
         if away and self._elsewhere is not None:
-            self._elsewhere(f"{plan.name} begins elsewhere than the run it repeats: {away}")
+            self._elsewhere(
+                f"{plan.name} starts from another state than the run it repeats: {away}"
+            )
         elif away:
             raise ExperimentError(
-                f"run {plan.name}: the bench does not come to the rest it began from then",
+                f"run {plan.name}: the bench does not return to the state in which the recorded "
+                "run began",
                 value=away,
                 limit=f"{NEAR_MM:g} mm and {NEAR_K:g} K either way",
-                action="see whether something holds the tendon, or begin where it is with --as-is",
+                action="check whether the tendon moves freely, or start from the present state "
+                "with --as-is",
             )
 
     def _stroke(self, plan: Plan, command: DriveCurrent) -> None:
@@ -75,10 +79,10 @@ class Replayer(LiveDriver):
         row = self.sample()
         if self.start is None or row is None:
             return ""
-        return self.start.away(start_of_row(row))
+        return self.start.mismatch(start_of_row(row))
 
 
-class Directly(LiveDriver):
+class InPlaceDriver(LiveDriver):
     """Begins each run where the bench is."""
 
     def rest(self, plan: Plan) -> None:

@@ -6,21 +6,20 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from sim_device.plant.parameters import ParameterSet
+from smad.arrays import Array, Index
 from smad.control.commands import DriveCurrent
 from smad.control.plan import Do, Mark, Plan, UntilDone
 from smad.experiments.base import Comparison, Experiment, Findings, Options
 from smad.experiments.driver import Driver
 from smad.experiments.errors import ExperimentError
-from smad.experiments.estimate import Estimate, Tolerance, bootstrap
+from smad.experiments.estimate import Estimate, Tolerance, bootstrap, estimates_from
 from smad.experiments.recording import Recording
 from smad.report.page import Picture
 from smad.report.plots import label, new_figure, picture
 from smad.style.palette import in_print
 
-Array = NDArray[np.float64]
 LEVELS = 5
 
 
@@ -90,20 +89,14 @@ def resistivity(recording: Recording, model: ParameterSet) -> tuple[Estimate, tu
     n = min(len(i) for i, _, _ in pairs)
     factor = model["wire_diameter"] ** 2 / (4.0 * model["coil_diameter"] * model["coils"])
 
-    def slopes(chosen: NDArray[np.intp]) -> list[float]:
+    def slopes(chosen: Index) -> list[float]:
         return [_slope(i[chosen], v[chosen], set_A[chosen]) for i, v, set_A in pairs]
 
-    def fit(chosen: NDArray[np.intp]) -> Sequence[float]:
+    def fit(chosen: Index) -> Sequence[float]:
         return (math.fsum(slopes(chosen)) / 2.0 * factor,)
 
-    value, low, high = bootstrap(fit, n, seed=27)
-    estimate = Estimate(
-        "resistivity",
-        float(value[0]),
-        float(low[0]),
-        float(high[0]),
-        "resistance",
-        Tolerance(share=0.03),
+    (estimate,) = estimates_from(
+        {"resistivity": Tolerance(share=0.03)}, bootstrap(fit, n, seed=27), "resistance"
     )
     ohm_x, ohm_y = slopes(np.arange(n))
     return estimate, (ohm_x, ohm_y)

@@ -23,7 +23,7 @@ class Start:
     displacement_mm: float | None
     over_water_K: tuple[float | None, float | None]
 
-    def away(self, other: Start, mm: float = NEAR_MM, kelvin: float = NEAR_K) -> str:
+    def mismatch(self, other: Start, mm: float = NEAR_MM, kelvin: float = NEAR_K) -> str:
         """What keeps `other` from being this start, in words; empty when nothing does."""
         pairs = (
             ("displacement", self.displacement_mm, other.displacement_mm, mm, "mm"),

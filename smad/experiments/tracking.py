@@ -7,7 +7,6 @@ from typing import Annotated, ClassVar, TypeVar
 import msgspec
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from smad.control.commands import Follow, Sine, Tune
 from smad.control.metrics import peak, r2_by_period, tracking_r2
@@ -15,8 +14,6 @@ from smad.control.plan import Cooling, Do, Mark, Plan, UntilDone
 from smad.experiments.base import PAPER_CONTROL, Experiment, Options
 from smad.experiments.driver import Mounting
 from smad.experiments.recording import Recording
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

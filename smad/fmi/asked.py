@@ -26,7 +26,7 @@ from smad.fmi.map_file import ChannelRow, InputRow, Map, read_map, require_fit
 from smad.fmi.plant import FmuPlant
 from smad.fmi.unit_file import open_unit
 from smad.progress import Say, silent
-from smad.records.channels import held
+from smad.records.channels import hold_last_value
 from smad.records.column_names import unit_in
 from smad.records.readings import on_lines
 from smad.records.tables import left_out, read_columns, require_rising
@@ -140,7 +140,9 @@ def read_mapped(path: Path, mapped: Map, *, measured: bool = True) -> GapRun:
     there = {n: c for n, c in there.items() if np.isfinite(c).any()}
     written = {n: _written(rows[n], n) for n in there}
     there = {n: written[n].values(c) for n, c in there.items()}
-    inputs = {n: held(c) if rows[n].hold else c for n, c in there.items() if n in mapped.inputs}
+    inputs = {
+        n: hold_last_value(c) if rows[n].hold else c for n, c in there.items() if n in mapped.inputs
+    }
     outputs = {n: on_lines(c) if rows[n].hold else c for n, c in there.items() if n not in inputs}
     lacking = [name for name in mapped.inputs if name not in inputs]
     if lacking or (measured and not outputs):

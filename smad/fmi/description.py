@@ -68,75 +68,54 @@ def _attributes(v: Variable) -> dict[str, str]:
     )
 
 
-def _variability(v: Variable) -> str:
-    return "fixed" if v.causality == "parameter" else "continuous"
+def _described(v: Variable, reference: int) -> dict[str, str]:
+    return {
+        "name": v.name,
+        "valueReference": str(reference),
+        "description": v.description,
+        "causality": v.causality,
+        "variability": "fixed" if v.causality == "parameter" else "continuous",
+        **({"initial": "calculated"} if v.causality == "output" else {}),
+    }
+
+
+def _parts(root: Element, variables: Sequence[Variable], state: str) -> list[Element]:
+    """Add what both versions have; returns its CoSimulation, ModelVariables and ModelStructure."""
+    about = {
+        "modelIdentifier": IDENTIFIER,
+        "canHandleVariableCommunicationStepSize": "true",
+        f"canGetAndSet{state}": "true",
+        f"canSerialize{state}": "true",
+    }
+    unit = SubElement(root, "CoSimulation", about)
+    _units(root, variables)
+    SubElement(root, "DefaultExperiment", {"startTime": "0", "stepSize": _STEP_S})
+    return [unit, SubElement(root, "ModelVariables"), SubElement(root, "ModelStructure")]
 
 
 def _description_2(variables: Sequence[Variable], token: str) -> Element:
     root = _root("2.0", "guid", token, variableNamingConvention="flat")
-    unit = SubElement(
-        root,
-        "CoSimulation",
-        {
-            "modelIdentifier": IDENTIFIER,
-            "canHandleVariableCommunicationStepSize": "true",
-            "canGetAndSetFMUstate": "true",
-            "canSerializeFMUstate": "true",
-        },
-    )
+    unit, known, structure = _parts(root, variables, "FMUstate")
     SubElement(SubElement(unit, "SourceFiles"), "File", {"name": SOURCE[2]})
-    _units(root, variables)
-    SubElement(root, "DefaultExperiment", {"startTime": "0", "stepSize": _STEP_S})
-    known = SubElement(root, "ModelVariables")
-    structure = SubElement(root, "ModelStructure")
     outputs, initial = SubElement(structure, "Outputs"), SubElement(structure, "InitialUnknowns")
     for reference, v in enumerate(variables):
-        about = {
-            "name": v.name,
-            "valueReference": str(reference),
-            "description": v.description,
-            "causality": v.causality,
-            "variability": _variability(v),
-        }
         if v.causality == "output":
-            about["initial"] = "calculated"
             for unknowns in (outputs, initial):
                 SubElement(unknowns, "Unknown", {"index": str(reference + 1)})
-        SubElement(SubElement(known, "ScalarVariable", about), "Real", _attributes(v))
+        variable = SubElement(known, "ScalarVariable", _described(v, reference))
+        SubElement(variable, "Real", _attributes(v))
     return root
 
 
 def _description_3(variables: Sequence[Variable], token: str) -> Element:
     root = _root("3.0", "instantiationToken", token)
-    SubElement(
-        root,
-        "CoSimulation",
-        {
-            "modelIdentifier": IDENTIFIER,
-            "canHandleVariableCommunicationStepSize": "true",
-            "canGetAndSetFMUState": "true",
-            "canSerializeFMUState": "true",
-        },
-    )
-    _units(root, variables)
-    SubElement(root, "DefaultExperiment", {"startTime": "0", "stepSize": _STEP_S})
-    known = SubElement(root, "ModelVariables")
-    structure = SubElement(root, "ModelStructure")
+    _, known, structure = _parts(root, variables, "FMUState")
     for reference, v in enumerate(variables):
-        about = {
-            "name": v.name,
-            "valueReference": str(reference),
-            "description": v.description,
-            "causality": v.causality,
-            "variability": _variability(v),
-        }
-        if v.causality == "output":
-            about["initial"] = "calculated"
-            SubElement(structure, "Output", {"valueReference": str(reference)})
-        SubElement(known, "Float64", {**about, **_attributes(v)})
-    for reference, v in enumerate(variables):
-        if v.causality == "output":
-            SubElement(structure, "InitialUnknown", {"valueReference": str(reference)})
+        SubElement(known, "Float64", {**_described(v, reference), **_attributes(v)})
+    for kind in ("Output", "InitialUnknown"):
+        for reference, v in enumerate(variables):
+            if v.causality == "output":
+                SubElement(structure, kind, {"valueReference": str(reference)})
     time = {
         "name": "time",
         "valueReference": str(len(variables)),

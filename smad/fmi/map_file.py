@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
+import numpy as np
 
 from smad.config.toml_file import read_toml
 from smad.fmi.errors import FmiError
@@ -97,6 +98,15 @@ class TermRow(_RangedRow, frozen=True, kw_only=True):
     def width(self) -> float:
         """The span, 1 where none is given."""
         return 1.0 if math.isnan(self.span) else self.span
+
+    def shaped(self, x: Any) -> Any:
+        """f((x − zero) / span)."""
+        x = (x - self.zero) / self.width
+        if self.shape == "sign":
+            return np.tanh(x)
+        if self.shape == "deadband":
+            return x - np.clip(x, -1.0, 1.0)
+        return x if self.power == 1.0 else np.sign(x) * np.abs(x) ** self.power
 
 
 class Map(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

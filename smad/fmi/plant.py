@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from smad.diagnosis.numerics.lag import lagged
 from smad.diagnosis.places.bare import INPUT, READING
 from smad.diagnosis.plant import (
     Array,
@@ -26,17 +25,15 @@ from smad.diagnosis.plant import (
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.signals import means_over_pieces
 from smad.fmi.errors import FmiError
-from smad.fmi.map_file import ChannelRow, InputRow, Map, ParameterRow, TermRow, require_fit
-from smad.fmi.running import Fed, Runner, shaped
+from smad.fmi.map_file import ChannelRow, InputRow, Map, ParameterRow, require_fit
+from smad.fmi.running import Fed, Runner
 from smad.fmi.unit_file import UnitFile
 from smad.simulators.plant import Failures
 from smad.simulators.processes import Processes
 from smad.simulators.starts import Window, Windows, by_window
+from smad.simulators.transducers import Transduced, effects_of, transduced
 
 _KEPT = 64
-_GAIN = (0.05, 0.5)
-_ZERO_OF_RANGE = (0.02, 0.25)
-_LONGEST_LAG = 10.0
 _MOVED = 0.01
 
 
@@ -69,7 +66,7 @@ class FmuPlant:
             for n, r in mapped.channels.items()
         ]
         self.parameters = [_parameter(n, r, unit) for n, r in mapped.parameters.items()]
-        self.effects = effects_of(mapped)
+        self.effects = effects_of_map(mapped)
         self.window_s = mapped.window_s or 0.0
         self._read = Windows(tuple(mapped.channels))
 
@@ -96,7 +93,7 @@ class FmuPlant:
         for name, column in zip(self._map.channels, course, strict=True):
             row = self._map.channels[name]
             shown = row.scale * column + row.offset
-            shown = _misread(shown, point.effects, name, run.dt_s)
+            shown = transduced(shown, point.effects, name, run.t_s)
             out[name] = shown if run.whole is None else means_over_pieces(run, shown)
         return out
 
@@ -218,7 +215,7 @@ class FmuPlant:
         """What the unit's inputs get, shape (n, inputs), and the terms that follow its outputs."""
         given = {}
         for name, row in self._map.inputs.items():
-            column = _misread(run.inputs[name], point.effects, name, run.dt_s)
+            column = transduced(run.inputs[name], point.effects, name, run.t_s)
             if (row.held or self._map.held) == "from" and run.whole is None:
                 column = np.r_[column[:1], column[:-1]]
             given[name] = column
@@ -232,10 +229,10 @@ class FmuPlant:
                 continue
             place = self._rows.index(term.variable)
             if term.of in self._map.channels:
-                fed.append(_fed(place, list(self._map.channels).index(term.of), size, term))
+                output = list(self._map.channels).index(term.of)
+                fed.append(Fed(row=place, output=output, size=size, term=term))
             elif term.of:
-                x = (given[term.of] - term.zero) / term.width
-                rows[:, place] += size * shaped(x, term.shape, term.power)
+                rows[:, place] += size * term.shaped(given[term.of])
             else:
                 rows[:, place] += size
         return rows, fed
@@ -260,14 +257,19 @@ class FmuPlant:
         self._runner.close()
 
 
-def effects_of(mapped: Map) -> list[Effect]:
+def effects_of_map(mapped: Map) -> list[Effect]:
     """Gain, zero and lag of each reading and drive, then the terms of the map."""
     effects: list[Effect] = []
     everything = tuple(mapped.channels)
-    for name, channel in mapped.channels.items():
-        effects += _errors("reading", name, channel, lag_s=mapped.lag_s, signals=(name,))
-    for name, driven in mapped.inputs.items():
-        effects += _errors("drive", name, driven, lag_s=mapped.lag_s, signals=everything)
+    rows: dict[str, ChannelRow | InputRow] = {**mapped.channels, **mapped.inputs}
+    for name, row in rows.items():
+        drive = name in mapped.inputs
+        signal = Transduced(
+            name=name, unit=row.unit, low=row.low, high=row.high, lag_s=mapped.lag_s, drive=drive,
+            signals=everything if drive else (name,),
+            places=(f"{INPUT if drive else READING}{name}",),
+        )  # fmt: skip
+        effects += effects_of(signal, delay=False)
     drives = {row.variable: f"{INPUT}{name}" for name, row in mapped.inputs.items()}
     for name, term in mapped.terms.items():
         size = EffectParameter(
@@ -289,62 +291,10 @@ def effects_of(mapped: Map) -> list[Effect]:
     return effects
 
 
-def _errors(
-    kind: str, name: str, row: ChannelRow | InputRow, *, lag_s: float, signals: tuple[str, ...]
-) -> list[Effect]:
-    gain, most_gain = _GAIN
-    zero, most_zero = (share * (row.high - row.low) for share in _ZERO_OF_RANGE)
-    parts = (
-        ("gain", "gain error", _value("g", "1", gain, -most_gain, most_gain), "(1 + g)·y"),
-        ("zero", "zero error", _value("b", row.unit, zero, -most_zero, most_zero), "y + b"),
-        ("lag", "lag", _value("tau_s", "s", lag_s, 0.0, _LONGEST_LAG * lag_s), "tau·s' = y − s"),
-    )
-    place = f"{READING if kind == 'reading' else INPUT}{name}"
-    return [
-        Effect(
-            name=f"{name}_{end}",
-            title=f"{title} of the {kind} {name}",
-            parameters=(value,),
-            signals=signals,
-            equation=law,
-            places=(place,),
-        )
-        for end, title, value, law in parts
-    ]
-
-
-def _value(name: str, unit: str, typical: float, low: float, high: float) -> EffectParameter:
-    return EffectParameter(name=name, unit=unit, typical=typical, low=low, high=high)
-
-
-def _misread(
-    column: Array, effects: Mapping[str, Mapping[str, float]], name: str, dt_s: float
-) -> Array:
-    """What a reading, or a drive, makes of a value; the column itself without an effect."""
-    gain = effects.get(f"{name}_gain", {}).get("g", 0.0)
-    zero = effects.get(f"{name}_zero", {}).get("b", 0.0)
-    tau_s = effects.get(f"{name}_lag", {}).get("tau_s", 0.0)
-    if gain != 0.0:
-        column = column * (1.0 + gain)
-    if zero != 0.0:
-        column = column + zero
-    if tau_s > 0.0:
-        keep = float(np.exp(-dt_s / tau_s))
-        column = lagged(column, keep)
-    return np.asarray(column)
-
-
 def _rows(mapped: Map) -> list[str]:
     """The unit's variables that are driven, each once."""
     rows = (*mapped.inputs.values(), *mapped.terms.values())
     return list(dict.fromkeys(r.variable for r in rows))
-
-
-def _fed(row: int, output: int, size: float, term: TermRow) -> Fed:
-    return Fed(
-        row=row, output=output, size=size, zero=term.zero, span=term.width, power=term.power,
-        shape=term.shape,
-    )  # fmt: skip
 
 
 def _parameter(name: str, row: ParameterRow, unit: UnitFile) -> Parameter:

@@ -17,6 +17,7 @@ import numpy as np
 from smad.diagnosis.plant import Array
 from smad.extras import part
 from smad.fmi.errors import FmiError
+from smad.fmi.map_file import TermRow
 from smad.fmi.unit_file import UnitFile
 
 _OK_OR_WARNING = (0, 1)
@@ -24,16 +25,12 @@ _OK_OR_WARNING = (0, 1)
 
 @dataclass(frozen=True, kw_only=True)
 class Fed:
-    """A term that depends on an output: an input's row gets size · f((output − zero) / span) more;
-    see `shaped` for f."""
+    """A term that depends on an output: an input's row gets `size` times `term.shaped` of it."""
 
     row: int
     output: int
     size: float
-    zero: float
-    span: float
-    power: float
-    shape: str = "power"
+    term: TermRow
 
 
 class Runner:
@@ -82,9 +79,9 @@ class Runner:
         out[:, 0] = got_view
         for k in range(1, len(t)):
             put_view[:] = rows[k]
-            for term in fed:
-                x = (got_view[term.output] - term.zero) / term.span
-                put_view[term.row] += term.size * shaped(x, term.shape, term.power)
+            for fed_back in fed:
+                shaped = fed_back.term.shaped(got_view[fed_back.output])
+                put_view[fed_back.row] += fed_back.size * shaped
             worst = max(
                 worst,
                 set_real(unit, self._in, self._n_in, put),
@@ -173,12 +170,3 @@ def _end(started: list[Any], folder: Path) -> None:
             slave.freeInstance()
     started.clear()
     shutil.rmtree(folder, ignore_errors=True)
-
-
-def shaped(x: Any, shape: str, power: float = 1.0) -> Any:
-    """f of a term: |x|^power with the sign of x, tanh(x), or x beyond ±1."""
-    if shape == "sign":
-        return np.tanh(x)
-    if shape == "deadband":
-        return x - np.clip(x, -1.0, 1.0)
-    return x if power == 1.0 else np.sign(x) * np.abs(x) ** power

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+from smad.errors import damaged, first_line
 from smad.extras import part
 from smad.fmi.errors import FmiError
 
@@ -43,7 +44,7 @@ class UnitFile:
             with zipfile.ZipFile(self.path) as archive:
                 archive.extractall(folder)
         except (zipfile.BadZipFile, zlib.error, EOFError, OSError) as error:
-            raise _damaged(self.path, error) from error
+            raise damaged(FmiError, self.path, error) from error
 
 
 def open_unit(path: Path) -> UnitFile:
@@ -59,7 +60,7 @@ def open_unit(path: Path) -> UnitFile:
             version = _version(path, archive)
             names = set(archive.namelist())
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError) as error:
-        raise _damaged(path, error) from error
+        raise damaged(FmiError, path, error) from error
     if version != "2.0":
         raise FmiError(
             f"{path} is of another version of FMI",
@@ -71,7 +72,7 @@ def open_unit(path: Path) -> UnitFile:
         described = fmpy.read_model_description(str(path), validate=True)
     except Exception as error:  # fmpy raises bare exceptions for whatever a description may hold
         raise FmiError(
-            f"{path}: {DESCRIPTION} is not valid: {_first_line(error)}", action="export it again"
+            f"{path}: {DESCRIPTION} is not valid: {first_line(error)}", action="export it again"
         ) from error
     if described.coSimulation is None:
         raise FmiError(f"{path} is for model exchange only", action="export it for co-simulation")
@@ -117,7 +118,7 @@ def _version(path: Path, archive: zipfile.ZipFile) -> str:
             _, root = next(ElementTree.iterparse(file, events=("start",)))
         except (ElementTree.ParseError, StopIteration) as error:
             raise FmiError(
-                f"{path}: {DESCRIPTION} is no XML: {_first_line(error)}", action="export it again"
+                f"{path}: {DESCRIPTION} is no XML: {first_line(error)}", action="export it again"
             ) from None
     return str(root.get("fmiVersion", "unknown"))
 
@@ -132,15 +133,3 @@ def _require_binary(path: Path, identifier: str, names: set[str], fmpy: Any) -> 
             limit=fmpy.platform,
             action="export it on or for such a machine",
         )
-
-
-def _damaged(path: Path, error: Exception) -> FmiError:
-    said = getattr(error, "strerror", None) or _first_line(error)
-    return FmiError(
-        f"cannot read {path}: it is missing, cut short or damaged ({said})",
-        action="restore the file",
-    )
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from smad.arrays import Array
 from smad.config import bench_in
 from smad.errors import RunLogError
 from smad.health.record import Row, Value
-from smad.queue.meter import Meter
+from smad.queue.meter import DEAD_BAND_MM
+from smad.runlog.cycles import Cycles
 from smad.runlog.paths import UNNAMED
 from smad.runlog.reader import Run, read_run
-from smad.runlog.schema import Row as Sample
 
-Array = NDArray[np.float64]
 LEAST_A = 0.3
 LEAST_STROKE_MM = 0.5
 LEAST_SAMPLES = 50
@@ -53,11 +53,10 @@ def row_of(path: Path) -> Row | None:
 
 def cycles_of(columns: Mapping[str, NDArray[np.generic]]) -> float:
     """Return the cycles of displacement, counted as a queue's budget counts them."""
-    meter = Meter()
-    displacement = np.asarray(columns["displacement_mm"], float)
-    for t_s, place_mm in zip(np.asarray(columns["t_s"], float), displacement, strict=True):
-        meter.sample(Sample(t_s=t_s, displacement_mm=None if np.isnan(place_mm) else place_mm))
-    return meter.taken().cycles
+    cycles = Cycles(DEAD_BAND_MM)
+    for displacement_mm in np.asarray(columns["displacement_mm"], float).tolist():
+        cycles.add(displacement_mm)
+    return float(cycles.tops)
 
 
 def _values(run: Run) -> Iterator[tuple[str, Value]]:

@@ -85,8 +85,8 @@ def headline(health: Health) -> str:
     """Return the state of the bench in one sentence."""
     if not health.trends:
         return (
-            f"{len(health.rows)} rows are too few: a trend needs {LEAST_ROWS} of one name and "
-            f"sitting, or {LEAST_SITTINGS} sittings"
+            f"{len(health.rows)} rows are too few: a trend needs {LEAST_ROWS} of one name in one "
+            f"session, or {LEAST_SITTINGS} sessions"
         )
     returned = ", ".join(trend.name for trend in health.returned)
     passed = f"; changed for a while and came back: {returned}" if returned else ""

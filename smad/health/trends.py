@@ -28,9 +28,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from smad.arrays import Array
+
 REFERENCE = 10
 """The first so many rows are the bench as it was."""
 LEAST_ROWS = REFERENCE + 2

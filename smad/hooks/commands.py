@@ -120,7 +120,7 @@ class HookCommands:
                 start_new_session=True,
             )
         except OSError as error:
-            self._say(f"{name}: {self._commands[name][0]} cannot be begun: {error.strerror}")
+            self._say(f"{name}: {self._commands[name][0]} cannot be started: {error.strerror}")
             return
         running = _Running(process, event, self._clock_s() + self._timeout_s)
         self._running[name] = running

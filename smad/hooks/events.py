@@ -30,7 +30,7 @@ class Event(Struct, frozen=True, kw_only=True):
     data: Mapping[str, Any] = {}
 
 
-class Look(Struct, frozen=True, kw_only=True):
+class Observation(Struct, frozen=True, kw_only=True):
     """One look. `status` is None while no daemon answers; `snapshot` while there is no queue.
 
     `message` is the number of the queue's last message.
@@ -46,7 +46,7 @@ class Look(Struct, frozen=True, kw_only=True):
     has_runner: bool = True
 
 
-class Known(Struct, frozen=True, kw_only=True):
+class WatcherState(Struct, frozen=True, kw_only=True):
     """What was seen last, and told. Kept in a file, it lets the next watcher catch up."""
 
     message: int = 0
@@ -63,9 +63,11 @@ class Detector:
     `known` is what has been told by now.
     """
 
-    def __init__(self, bench: str, *, disk_low_MB: float, known: Known | None = None) -> None:
+    def __init__(
+        self, bench: str, *, disk_low_MB: float, known: WatcherState | None = None
+    ) -> None:
         self.disk_low_MB = disk_low_MB
-        self.known = known or Known()
+        self.known = known or WatcherState()
         self._bench = bench
         self._watched = False
         """Whether the bench was seen by this watcher."""
@@ -74,7 +76,7 @@ class Detector:
         self._disk_told = False
         self._runner_told = False
 
-    def events(self, look: Look) -> list[Event]:
+    def events(self, look: Observation) -> list[Event]:
         """Return what happened since the look before, in the order in which it matters."""
         happened = [*self._of_link(look)]
         if look.status is not None:
@@ -91,10 +93,10 @@ class Detector:
         happened += [*self._of_queue(look), *self._of_disk(look)]
         return happened
 
-    def _event(self, look: Look, event: Name, text: str, **data: Any) -> Event:
+    def _event(self, look: Observation, event: Name, text: str, **data: Any) -> Event:
         return Event(event=event, bench=self._bench, unix_s=look.unix_s, text=text, data=data)
 
-    def _of_link(self, look: Look) -> Iterator[Event]:
+    def _of_link(self, look: Observation) -> Iterator[Event]:
         if look.status is not None:
             lost = look.status.link.state == "disconnected"
             what = f"the board does not answer on {look.status.link.port}"
@@ -108,7 +110,7 @@ class Detector:
             yield self._event(look, "on_link_lost", what)
         self._lost = lost
 
-    def _of_bench(self, look: Look, status: Status) -> Iterator[Event]:
+    def _of_bench(self, look: Observation, status: Status) -> Iterator[Event]:
         before, fault = self.known, status.motion.fault
         if fault is not None and before.fault != fault:
             yield self._event(
@@ -127,7 +129,7 @@ class Detector:
         if motion.ended and motion.generation != before.generation and not by_program:
             yield self._event(look, "on_stop", motion.ended)
 
-    def _of_queue(self, look: Look) -> Iterator[Event]:
+    def _of_queue(self, look: Observation) -> Iterator[Event]:
         if len(look.messages) > MOST_AT_ONCE:
             yield self._event(
                 look,
@@ -162,7 +164,7 @@ class Detector:
             )
         self._runner_told = abandoned
 
-    def _of_disk(self, look: Look) -> Iterator[Event]:
+    def _of_disk(self, look: Observation) -> Iterator[Event]:
         free_MB = look.free_MB
         if free_MB is None:
             return

@@ -17,7 +17,7 @@ import zmq
 
 from firmware_protocol.enums import BoardState
 from smad.client.wire import subscribe, telemetry_of
-from smad.errors import SmadError
+from smad.errors import SmadError, refused_by_system
 from smad.processes.parent import signal_at_parents_end
 from smad.progress import Say
 
@@ -114,7 +114,8 @@ class HoldingRelay:
     def renew(self) -> None:
         """Begin the command, the first time. Raises RelayError when it has ended."""
         if self._process is None:
-            try:
+            cause, action = f"cannot start {self._command[0]}", "install it, or name another"
+            with refused_by_system(RelayError, cause, action=action):
                 self._process = subprocess.Popen(
                     self._command,
                     stdin=subprocess.DEVNULL,
@@ -122,11 +123,6 @@ class HoldingRelay:
                     # It must not outlive us: a relay that nobody watches would stay on.
                     preexec_fn=_end_with_parent,  # noqa: PLW1509 (no thread of Python runs here)
                 )
-            except OSError as error:
-                raise RelayError(
-                    f"{self._command[0]} cannot be begun: {error.strerror}",
-                    action="install it, or name another",
-                ) from None
         if (status := self._process.poll()) is not None:
             raise RelayError(
                 f"{self._command[0]} ended, and with it the supply", value=f"status {status}"

@@ -4,6 +4,7 @@ import contextlib
 import shutil
 import time
 from pathlib import Path
+from typing import get_args
 
 import msgspec
 
@@ -12,7 +13,7 @@ from smad.config import HooksConfig, parse_config
 from smad.errors import SmadError
 from smad.files import write_whole
 from smad.hooks.commands import HookCommands
-from smad.hooks.events import Detector, Known, Look
+from smad.hooks.events import Detector, Name, Observation, WatcherState
 from smad.progress import Say
 from smad.queue.lease import RunnerLease
 from smad.queue.states import Snapshot
@@ -20,7 +21,7 @@ from smad.queue.store import FILE, Message, Store
 
 POLL_S = 0.25
 TIMEOUT_S = 0.5
-HOOKS = ("on_fault", "on_stop", "on_link_lost", "on_queue_end", "on_disk_low")
+HOOKS: tuple[str, ...] = get_args(Name)
 
 
 class Watcher:
@@ -41,7 +42,7 @@ class Watcher:
                 self._folder = Path(client.status().recorder.folder)
         return config.hooks
 
-    def known(self) -> Known | None:
+    def known(self) -> WatcherState | None:
         """Return what an earlier watcher saw last; None: there was none, or its file is damaged.
 
         What the queue says from there on is new, and all that a queue says that is not there yet.
@@ -50,12 +51,12 @@ class Watcher:
         if not (self._folder / FILE).exists():
             self._last_message = 0
         with contextlib.suppress(OSError, msgspec.MsgspecError):
-            known = msgspec.json.decode(self._file().read_bytes(), type=Known)
+            known = msgspec.json.decode(self._file().read_bytes(), type=WatcherState)
             self._last_message = known.message
             return known
         return None
 
-    def keep(self, known: Known) -> None:
+    def keep(self, known: WatcherState) -> None:
         """Write down what has been told. A disk that refuses only costs the catching up."""
         with contextlib.suppress(OSError):
             # The daemon makes it with its first run log.
@@ -66,7 +67,7 @@ class Watcher:
         assert self._folder is not None
         return self._folder / f"hooks-{self._bench}.json"
 
-    def look(self) -> Look:
+    def look(self) -> Observation:
         """Return what bench, disk and queue show now."""
         status = None
         try:
@@ -77,7 +78,7 @@ class Watcher:
                 self._folder = Path(status.recorder.folder)
         except SmadError:
             self._disconnect()
-        look = Look(unix_s=time.time(), clock_s=time.monotonic(), status=status)
+        look = Observation(unix_s=time.time(), clock_s=time.monotonic(), status=status)
         if self._folder is None:
             return look
         snapshot: Snapshot | None = None
@@ -86,10 +87,8 @@ class Watcher:
             store = self._opened()
             if store is not None:
                 snapshot, messages = store.snapshot(), self._new_messages(store)
-        return Look(
-            unix_s=look.unix_s,
-            clock_s=look.clock_s,
-            status=status,
+        return msgspec.structs.replace(
+            look,
             free_MB=_free_MB(self._folder),
             snapshot=snapshot,
             messages=messages,
@@ -134,7 +133,7 @@ def watch(watcher: Watcher, detector: Detector, commands: HookCommands, say: Say
     What was told is written down once its commands have ended: a watcher that is killed before
     lets the next one tell it again.
     """
-    written: Known | None = None
+    written: WatcherState | None = None
     while True:
         for event in detector.events(watcher.look()):
             say(f"{event.event}: {event.text}")

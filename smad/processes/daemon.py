@@ -11,7 +11,7 @@ from pathlib import Path
 
 from smad.client.endpoints import FOLDER_VARIABLE, read_connection
 from smad.errors import DaemonError
-from smad.processes.starting import STALLED_S, Activity
+from smad.processes.starting import STALLED_S, StallDetector
 
 END_DEADLINE_S = 30.0
 _POLL_S = 0.02
@@ -66,8 +66,8 @@ class DaemonProcess:
 
         Raises DaemonError with its last line if it ends, or does nothing for STALLED_S.
         """
-        activity = Activity(self.process.pid)
-        while not activity.stalled():
+        stall = StallDetector(self.process.pid)
+        while not stall.stalled():
             if read_connection(self.folder / f"{self.bench}.json") is not None:
                 return
             if self.process.poll() is not None:

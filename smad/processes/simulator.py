@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from smad.errors import DaemonError, PortError
-from smad.processes.starting import STALLED_S, Activity
+from smad.processes.starting import STALLED_S, StallDetector
 from smad.progress import Say
 
 READY = "ready: "
@@ -56,8 +56,8 @@ def simulated_bench(arguments: Sequence[str], symlink: Path, *, waiting: Say) ->
 
 def _wait_until_ready(child: subprocess.Popen[str], waiting: Say) -> None:
     assert child.stdout is not None
-    activity = Activity(child.pid)
-    while not activity.stalled():
+    stall = StallDetector(child.pid)
+    while not stall.stalled():
         waiting("starting the simulated bench (the first time compiles its physics)")
         readable, _, _ = select.select([child.stdout], [], [], 0.5)
         if not readable:

@@ -35,7 +35,7 @@ def processor_s(pid: int) -> float:
     return float(ticks / os.sysconf("SC_CLK_TCK"))
 
 
-class Activity:
+class StallDetector:
     """Says when a process has done nothing for STALLED_S."""
 
     def __init__(

@@ -44,7 +44,7 @@ def end_time(text: str, now: datetime) -> datetime:
                 end = _resolved(end.replace(tzinfo=now.tzinfo), now.tzinfo)
     except ValueError:
         raise ArmingError(
-            "this is no end time",
+            "this is not an end time",
             value=text,
             limit="07:30, or 2026-11-26T07:30",
             action="give it so; nothing was armed",
@@ -52,7 +52,7 @@ def end_time(text: str, now: datetime) -> datetime:
     # Of timestamps: two times of one zone are subtracted as if no clock ever changed.
     if not 0.0 < end.timestamp() - now.timestamp() <= LONGEST_H * 3600.0:
         raise ArmingError(
-            "the end time is not ahead, or too far",
+            "the end time is in the past, or too far ahead",
             value=end.isoformat(timespec="minutes"),
             limit=f"within {LONGEST_H / 24:.0f} days from now",
             action="arm it for less; nothing was armed",

@@ -24,7 +24,7 @@ _BUSY = ("ARMED", "HOLD", "COOL")
 _TROUBLE = ("FAULT", "ESTOP")
 
 
-class View(Struct, frozen=True, kw_only=True):
+class BenchSnapshot(Struct, frozen=True, kw_only=True):
     """What a look showed. `generation` is None while no daemon answers."""
 
     generation: int | None = None
@@ -45,20 +45,20 @@ class BenchWatch:
         self._context: zmq.Context[Any] | None = None
         self._socket: Any = None
         self._meters: dict[bytes, Meter] = {}
-        self._view = View()
+        self._view = BenchSnapshot()
         self._looked_s = -1e9
 
-    def look(self, *, now: bool = False) -> View:
+    def look(self, *, now: bool = False) -> BenchSnapshot:
         """Return how the bench is; `now` asks it, else what is half a second old may do."""
         if now or self._clock_s() - self._looked_s >= _STATUS_EVERY_S:
-            self._view = self._asked()
+            self._view = self._query_daemon()
             self._looked_s = self._clock_s()
         return self._view
 
     def usage(self) -> Usage:
         """Return the energy and the cycles since the last call."""
         self._drain()
-        return sum((meter.taken() for meter in self._meters.values()), Usage())
+        return sum((meter.take_usage() for meter in self._meters.values()), Usage())
 
     def stop_recording(self) -> None:
         """Close the run log of an item that was killed. Raises SmadError."""
@@ -75,16 +75,16 @@ class BenchWatch:
             self._context.destroy(linger=0)
         self._client = self._socket = self._context = None
 
-    def _asked(self) -> View:
+    def _query_daemon(self) -> BenchSnapshot:
         try:
             if self._client is None:
                 self._client = Client(self._bench, timeout_s=TIMEOUT_S)
                 self._subscribe(self._client.connection.telemetry)
-            return _view_of(self._client.status())
+            return _snapshot_of(self._client.status())
         except SmadError:
             # A daemon that comes up again has other sockets.
             self.close()
-            return View()
+            return BenchSnapshot()
 
     def _subscribe(self, address: str) -> None:
         self._context = zmq.Context()
@@ -102,7 +102,7 @@ class BenchWatch:
                         self._meters.setdefault(topic, Meter()).sample(telemetry_of(data))
 
 
-def _view_of(status: api.Status) -> View:
+def _snapshot_of(status: api.Status) -> BenchSnapshot:
     motion = status.motion
     modes = {part.motion.mode for part in status.parts().values()}
     trouble = ""
@@ -113,7 +113,7 @@ def _view_of(status: api.Status) -> View:
     elif status.board is None:
         trouble = "the board does not answer"
     busy = bool(modes & set(_BUSY)) or bool(status.control.holder)
-    return View(
+    return BenchSnapshot(
         generation=motion.generation,
         bench=Readiness(not trouble and not busy, trouble),
         recording=status.recorder.path,

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from smad.errors import refused_by_system
 from smad.queue.errors import QueueError
 
 FILE = "queue.lock"
@@ -35,12 +36,9 @@ class RunnerLease:
 
         Raises QueueError when another runner has it, or the orphan does not end.
         """
-        try:
+        cause, action = f"cannot use {self.path}", "check the folder's permissions"
+        with refused_by_system(QueueError, cause, action=action):
             descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-        except OSError as error:
-            raise QueueError(
-                f"cannot use {self.path}: {error.strerror}", action="check the folder's permissions"
-            ) from None
         deadline_s = clock_s() + ORPHAN_PATIENCE_S
         while not _locked(descriptor):
             runner = self.holder()

@@ -32,7 +32,7 @@ class EndItem(Struct, frozen=True):
     reason: str
 
 
-class Tell(Struct, frozen=True):
+class PostMessage(Struct, frozen=True):
     """Something happened that people want to hear of: an item ended, or the queue paused."""
 
     event: Literal["item_ended", "queue_ended", "queue_paused"]
@@ -40,7 +40,7 @@ class Tell(Struct, frozen=True):
     item: Item | None = None
 
 
-Action = StartItem | EndItem | Tell
+Action = StartItem | EndItem | PostMessage
 
 
 class Readiness(Struct, frozen=True):
@@ -81,7 +81,9 @@ ENDINGS: Mapping[int, Ending] = {
     STOPPED: Ending(State.INTERRUPTED, pauses=True, reason="the bench was stopped"),
     TRIPPED: Ending(State.FAILED, pauses=True, reason="a fault or a limit stopped the bench"),
     LOST: Ending(State.INTERRUPTED, pauses=True, reason="the daemon or the board does not answer"),
-    SHORT: Ending(State.INTERRUPTED, pauses=True, reason="this computer has no room or memory"),
+    SHORT: Ending(
+        State.INTERRUPTED, pauses=True, reason="this computer is out of disk space or memory"
+    ),
 }
 _ERROR = Ending(State.FAILED, pauses=False, reason="it ended with an error")
 _KILLED = Ending(State.INTERRUPTED, pauses=True, reason="its process was killed")
@@ -117,7 +119,7 @@ def paused(snapshot: Snapshot, reason: str, *, end_item: bool = False) -> Change
     after = msgspec.structs.replace(
         snapshot, mode="paused", reason=reason, arming=None, end_item=ends or snapshot.end_item
     )
-    actions: tuple[Action, ...] = (Tell("queue_paused", reason),)
+    actions: tuple[Action, ...] = (PostMessage("queue_paused", reason),)
     if ends and item is not None:
         actions = (EndItem(item, reason), *actions)
     return Change(after=after, actions=actions)
@@ -261,12 +263,12 @@ def placed(snapshot: Snapshot, number: int, place: int) -> Change:
 
 def _queue_ended(snapshot: Snapshot) -> Change:
     change = paused(snapshot, "every item has ended")
-    return Change(after=change.after, actions=(Tell("queue_ended", "every item has ended"),))
+    return Change(after=change.after, actions=(PostMessage("queue_ended", "every item has ended"),))
 
 
-def _item_ended(item: Item) -> Tell:
+def _item_ended(item: Item) -> PostMessage:
     why = f": {item.reason}" if item.reason else ""
-    return Tell("item_ended", f"item {item.id} ({item.title}) {item.state}{why}", item)
+    return PostMessage("item_ended", f"item {item.id} ({item.title}) {item.state}{why}", item)
 
 
 def _with_items(snapshot: Snapshot, *changed: Item) -> Snapshot:

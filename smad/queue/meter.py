@@ -1,6 +1,7 @@
 """What a bench uses: heating energy and cycles of displacement, from its samples. Pure."""
 
 from smad.queue.states import Usage
+from smad.runlog.cycles import Cycles
 from smad.runlog.schema import Row
 
 DEAD_BAND_MM = 0.5
@@ -18,10 +19,9 @@ class Meter:
 
     def __init__(self) -> None:
         self._energy_J = 0.0
-        self._cycles = 0
+        self._cycles = Cycles(DEAD_BAND_MM)
+        self._counted = 0
         self._before: tuple[float, float] | None = None
-        self._extreme_mm: float | None = None
-        self._rising = True
 
     def sample(self, row: Row) -> None:
         """Take in one sample."""
@@ -35,22 +35,10 @@ class Meter:
             if 0.0 < gap_s <= LONGEST_GAP_S:
                 self._energy_J += 0.5 * (power_W + self._before[1]) * gap_s
         self._before = row.t_s, power_W
-        if row.displacement_mm is not None:
-            self._count(row.displacement_mm)
+        self._cycles.add(row.displacement_mm)
 
-    def taken(self) -> Usage:
+    def take_usage(self) -> Usage:
         """Return what was used since the last call."""
-        usage = Usage(energy_J=self._energy_J, cycles=float(self._cycles))
-        self._energy_J, self._cycles = 0.0, 0
+        usage = Usage(energy_J=self._energy_J, cycles=float(self._cycles.tops - self._counted))
+        self._energy_J, self._counted = 0.0, self._cycles.tops
         return usage
-
-    def _count(self, displacement_mm: float) -> None:
-        if self._extreme_mm is None:
-            self._extreme_mm = displacement_mm
-        further = displacement_mm > self._extreme_mm
-        if further == self._rising and displacement_mm != self._extreme_mm:
-            self._extreme_mm = displacement_mm
-        elif abs(displacement_mm - self._extreme_mm) > DEAD_BAND_MM:
-            self._cycles += self._rising
-            self._rising = not self._rising
-            self._extreme_mm = displacement_mm

@@ -132,7 +132,7 @@ class Queue:
     def pause(self, reason: str = "paused by hand", *, now: bool = False) -> Change:
         """Let nothing more begin; `now` ends what runs, in order."""
         change = self.store.change(lambda s: machine.paused(s, reason, end_item=now))
-        self.store.say("queue_paused", reason, None, self._wall_s())
+        self.store.add_message("queue_paused", reason, None, self._wall_s())
         return change
 
     def propose(self, end_unix_s: float, budget: Budget) -> Proposal:

@@ -10,9 +10,9 @@ from typing import Protocol
 from smad.errors import RunLogError, SmadError
 from smad.progress import Say, silent
 from smad.queue import machine
-from smad.queue.bench import View
+from smad.queue.bench import BenchSnapshot
 from smad.queue.errors import QueueError, StoreError
-from smad.queue.machine import Change, EndItem, Obstacle, StartItem, Tell
+from smad.queue.machine import Change, EndItem, Obstacle, PostMessage, StartItem
 from smad.queue.process import Process
 from smad.queue.states import Item, Snapshot, State, Usage
 from smad.queue.store import Store
@@ -31,10 +31,10 @@ _BEFORE_S = 5.0
 """Clocks of files may lag behind ours."""
 
 
-class Watch(Protocol):
+class BenchObserver(Protocol):
     """How the runner sees the bench."""
 
-    def look(self, *, now: bool = False) -> View:
+    def look(self, *, now: bool = False) -> BenchSnapshot:
         """Return how the bench is."""
 
     def usage(self) -> Usage:
@@ -48,7 +48,7 @@ class Watch(Protocol):
 class RunnerParts:
     """What the runner acts with. `check` returns why an item cannot begin now; None: it can."""
 
-    watch: Watch
+    watch: BenchObserver
     start: Callable[[Item], Process]
     check: Callable[[Item], Obstacle | None]
     say: Say = silent
@@ -59,9 +59,9 @@ class RunnerParts:
 class Runner:
     """Carries the items of a store out, one at a time. `tick` does what there is to do now."""
 
-    def __init__(self, store: Store, surroundings: RunnerParts) -> None:
+    def __init__(self, store: Store, parts: RunnerParts) -> None:
         self._store = store
-        self._by = surroundings
+        self._parts = parts
         self._process: Process | None = None
         self._item = 0
         self._asked_to_end_s: float | None = None
@@ -83,7 +83,7 @@ class Runner:
         Raises StoreError.
         """
         interrupted = self._store.snapshot().running
-        change = self._store.change(lambda s: machine.recover(s, self._by.wall_s()))
+        change = self._store.change(lambda s: machine.recover(s, self._parts.wall_s()))
         self._act(change)
         if interrupted is not None:
             self._save_logs(interrupted)
@@ -104,7 +104,7 @@ class Runner:
             self._complaint = ""
         except StoreError as error:
             if str(error) != self._complaint:
-                self._by.say(str(error))
+                self._parts.say(str(error))
             self._complaint = str(error)
             if self._process is not None and not self._may_go_on():
                 self._end_process()
@@ -114,14 +114,14 @@ class Runner:
         with contextlib.suppress(StoreError):
             if self._store.snapshot().mode == "running" or self._process is not None:
                 self._act(self._store.change(lambda s: machine.paused(s, reason, end_item=True)))
-        deadline_s = self._by.clock_s() + KILL_AFTER_S + POLL_S
-        while self._process is not None and self._by.clock_s() < deadline_s:
+        deadline_s = self._parts.clock_s() + KILL_AFTER_S + POLL_S
+        while self._process is not None and self._parts.clock_s() < deadline_s:
             self._end_process()
             self.tick()
             time.sleep(POLL_S)
 
     def _tick(self) -> None:
-        view = self._by.watch.look()
+        view = self._parts.watch.look()
         self._folder = view.folder or self._folder
         self._save_again(view)
         self._meter()
@@ -138,21 +138,21 @@ class Runner:
         obstacles = self._obstacles(snapshot)
         bench = view.bench
         if machine.candidate(snapshot) is not None:
-            bench = self._by.watch.look(now=True).bench
+            bench = self._parts.watch.look(now=True).bench
         self._act(
             self._store.change(
-                lambda s: machine.step(s, self._by.wall_s(), bench, obstacles=obstacles)
+                lambda s: machine.step(s, self._parts.wall_s(), bench, obstacles=obstacles)
             )
         )
 
-    def _armed_tick(self, snapshot: Snapshot, view: View) -> Snapshot:
+    def _armed_tick(self, snapshot: Snapshot, view: BenchSnapshot) -> Snapshot:
         """Pause when a stop came that neither the arming nor an item of ours knows of."""
         assert snapshot.arming is not None
         if not self._armed:
             self._armed, self._generation = True, snapshot.arming.generation
-            self._usage, self._written_s = Usage(), self._by.clock_s()
+            self._usage, self._written_s = Usage(), self._parts.clock_s()
         if self._process is None:
-            view = self._by.watch.look(now=True)
+            view = self._parts.watch.look(now=True)
             if view.generation != self._generation and view.generation is not None:
                 change = self._store.change(
                     lambda s: machine.paused(s, "somebody stopped the bench, or started its daemon")
@@ -165,14 +165,14 @@ class Runner:
         item = machine.candidate(snapshot)
         if item is None or snapshot.arming is None or item.id not in snapshot.arming.items:
             return {}
-        obstacle = self._by.check(item)
+        obstacle = self._parts.check(item)
         return {} if obstacle is None else {item.id: obstacle}
 
     def _meter(self) -> None:
-        now_s = self._by.clock_s()
+        now_s = self._parts.clock_s()
         passed_s = 0.0 if self._looked_s is None else now_s - self._looked_s
         self._looked_s = now_s
-        spent = self._by.watch.usage()
+        spent = self._parts.watch.usage()
         if not self._armed:
             return
         self._usage = self._usage + spent + Usage(seconds=passed_s)
@@ -185,11 +185,11 @@ class Runner:
         said = self._process.last_line() if status else ""
         item = self._store.snapshot().item(self._item)
         change = self._store.change(
-            lambda s: machine.ended(s, item.id, status, self._by.wall_s(), said=said)
+            lambda s: machine.ended(s, item.id, status, self._parts.wall_s(), said=said)
         )
         # Written: from here on the process is forgotten.
         self._process, self._asked_to_end_s = None, None
-        self._generation = self._by.watch.look(now=True).generation
+        self._generation = self._parts.watch.look(now=True).generation
         if change.after.item(item.id).state is State.INTERRUPTED:
             self._save_logs(item)
         self._act(change)
@@ -201,22 +201,24 @@ class Runner:
                     self._start(item)
                 case EndItem():
                     self._end_process()
-                case Tell(event, text, item):
-                    self._by.say(text)
-                    self._store.say(
-                        event, text, None if item is None else item.id, self._by.wall_s()
+                case PostMessage(event, text, item):
+                    self._parts.say(text)
+                    self._store.add_message(
+                        event, text, None if item is None else item.id, self._parts.wall_s()
                     )
 
     def _start(self, item: Item) -> None:
         self._item = item.id
-        self._by.say(f"item {item.id} begins: {item.title}")
+        self._parts.say(f"item {item.id} begins: {item.title}")
         try:
-            self._process = self._by.start(item)
+            self._process = self._parts.start(item)
         except OSError as error:
-            why = f"its process cannot be begun: {error.strerror}"
+            why = f"its process cannot be started: {error.strerror}"
             self._act(
                 self._store.change(
-                    lambda s: machine.ended(s, item.id, machine.SHORT, self._by.wall_s(), said=why)
+                    lambda s: machine.ended(
+                        s, item.id, machine.SHORT, self._parts.wall_s(), said=why
+                    )
                 )
             )
 
@@ -224,7 +226,7 @@ class Runner:
         """Ask the item's process to end, once; kill it when it does not."""
         if self._process is None:
             return
-        now_s = self._by.clock_s()
+        now_s = self._parts.clock_s()
         if self._asked_to_end_s is None:
             self._asked_to_end_s = now_s
             self._process.end()
@@ -240,32 +242,32 @@ class Runner:
                 return not snapshot.end_item
             spent = machine.used(snapshot, self._usage).after.arming
             assert spent is not None
-            return not machine.limit_reached(spent, self._by.wall_s())
+            return not machine.limit_reached(spent, self._parts.wall_s())
         return False
 
-    def _note_log(self, view: View) -> None:
+    def _note_log(self, view: BenchSnapshot) -> None:
         if view.being_recorded and view.recording not in self._store.logs(self._item):
             self._store.add_log(self._item, view.recording)
 
     def _save_logs(self, item: Item) -> None:
         """Close or recover the run logs of an item that was interrupted."""
-        view = self._by.watch.look(now=True)
-        until_s = self._by.clock_s() + SAVE_WITHIN_S
+        view = self._parts.watch.look(now=True)
+        until_s = self._parts.clock_s() + SAVE_WITHIN_S
         self._unsaved |= dict.fromkeys(self._logs_of(item, view), until_s)
         self._save_again(view)
 
-    def _save_again(self, view: View) -> None:
+    def _save_again(self, view: BenchSnapshot) -> None:
         """Save what could not be: the lease of a killed item keeps its log for two seconds."""
         for path, until_s in list(self._unsaved.items()):
             try:
                 self._save_log(path, view)
             except (SmadError, OSError) as error:
-                if self._by.clock_s() < until_s:
+                if self._parts.clock_s() < until_s:
                     continue
-                self._by.say(f"run log {path}: {error}")
+                self._parts.say(f"run log {path}: {error}")
             del self._unsaved[path]
 
-    def _logs_of(self, item: Item, view: View) -> list[Path]:
+    def _logs_of(self, item: Item, view: BenchSnapshot) -> list[Path]:
         """Return the logs that were noted, and those written since the item began."""
         noted = [Path(path) for path in self._store.logs(item.id)]
         # A daemon that was killed cannot say where it recorded: where it did before.
@@ -279,13 +281,13 @@ class Runner:
                         noted.append(path)
         return [path for path in noted if path.exists() and ".recovered" not in path.suffixes]
 
-    def _save_log(self, path: Path, view: View) -> None:
+    def _save_log(self, path: Path, view: BenchSnapshot) -> None:
         if being_written(path):
             if view.generation is None:
                 raise QueueError("its daemon does not answer")
             if view.being_recorded and Path(view.recording) == path:
-                self._by.watch.stop_recording()
-                self._by.say(f"run log {path}: closed")
+                self._parts.watch.stop_recording()
+                self._parts.say(f"run log {path}: closed")
             return
         if recovered_path(path).exists():
             return
@@ -293,6 +295,6 @@ class Runner:
             recovery = recover(path)
         except RunLogError as error:
             if "is whole" not in str(error):
-                self._by.say(f"run log {path}: {error}")
+                self._parts.say(f"run log {path}: {error}")
             return
-        self._by.say(f"run log {path}: recovered to {recovery.path}")
+        self._parts.say(f"run log {path}: recovered to {recovery.path}")

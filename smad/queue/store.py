@@ -52,15 +52,6 @@ class Message(Struct, frozen=True, kw_only=True):
     item: int | None = None
 
 
-class _Head(Struct, frozen=True, kw_only=True):
-    """What a snapshot is without its items."""
-
-    mode: str = "paused"
-    reason: str = "nobody has armed it yet"
-    end_item: bool = False
-    arming: Arming | None = None
-
-
 class Store:
     """The file of one queue. A process may open it often; each call is one transaction.
 
@@ -148,7 +139,7 @@ class Store:
             rows = self._db.execute("SELECT path FROM log WHERE item=? ORDER BY rowid", (item,))
             return tuple(row[0] for row in rows)
 
-    def say(self, event: str, text: str, item: int | None, unix_s: float) -> None:
+    def add_message(self, event: str, text: str, item: int | None, unix_s: float) -> None:
         """Add a message, and forget the oldest beyond a thousand."""
         with self._explained(), self._transaction("IMMEDIATE"):
             self._db.execute(
@@ -202,19 +193,17 @@ class Store:
     def _read(self) -> Snapshot:
         rows = self._db.execute("SELECT record FROM item ORDER BY id").fetchall()
         items = tuple(msgspec.json.decode(row[0], type=Item) for row in rows)
-        head = self._get("head", _Head) or _Head()
-        return msgspec.convert(
-            {**msgspec.structs.asdict(head), "items": items}, Snapshot, from_attributes=True
-        )
+        return msgspec.structs.replace(self._head(), items=items)
+
+    def _head(self) -> Snapshot:
+        """The snapshot without its items, which have a table of their own."""
+        return self._get("head", Snapshot) or Snapshot()
 
     def _write(self, change: Change) -> None:
         for item in change.items:
             self._write_item(item)
-        after = change.after
-        head = _Head(
-            mode=after.mode, reason=after.reason, end_item=after.end_item, arming=after.arming
-        )
-        if head != self._get("head", _Head):
+        head = msgspec.structs.replace(change.after, items=())
+        if head != self._head():
             self._put("head", head)
 
     def _write_item(self, item: Item) -> None:

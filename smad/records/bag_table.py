@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from smad.errors import LogImportError
+from smad.errors import LogImportError, first_line
 from smad.extras import part
 from smad.runlog.bounds import require_bounded
 from smad.runlog.rosbag import JOINT, JOINT_TOPIC, METADATA
@@ -205,5 +205,5 @@ class _reader:
             raise self._unreadable(error) from error
 
     def _unreadable(self, error: Exception) -> LogImportError:
-        first = (str(error).splitlines() or [type(error).__name__])[0]
-        return LogImportError(f"cannot read {self._path}: {first}", action="restore the bag")
+        reason = f"cannot read {self._path}: {first_line(error)}"
+        return LogImportError(reason, action="restore the bag")

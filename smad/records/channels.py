@@ -107,7 +107,7 @@ def _time_of_stamps(table: ForeignTable, given: Mapping[str, ColumnRule]) -> dic
     return {stamps[0]: ColumnRule("t_s", "s")}
 
 
-def held(column: NDArray[np.float64]) -> NDArray[np.float64]:
+def hold_last_value(column: NDArray[np.float64]) -> NDArray[np.float64]:
     """The column, shape (n,), with each number in force until the next; NaN before the first."""
     known = np.isfinite(column)
     last = np.maximum.accumulate(np.where(known, np.arange(len(column)), -1))
@@ -132,7 +132,7 @@ def _converted(
         converted = convert(values * rule.scale + rule.offset, rule.column_unit, channel.unit)
         converted = np.where(np.isinf(converted), np.nan, converted)
         if rule.hold:
-            converted = held(converted)
+            converted = hold_last_value(converted)
         most = np.nanmax(converted, initial=0.0)
         if rule.column_unit == "pct" and name not in given and 0.0 < most <= 0.01:
             raise LogImportError(

@@ -3,13 +3,10 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smad.arrays import Array, Mask
 from smad.records.units import Written, convert
 from smad.units import spelt, units_for
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 BEYOND = 0.02
 """Of a range, by which noise may carry a reading beyond its ends."""

@@ -13,15 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
 from sim_device.plant.units import UNITS
+from smad.arrays import Array, Index, Mask
 from smad.records.declared import Declared, refusal_words
 from smad.units import spelt
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Index = NDArray[np.intp]
 
 CODES = (
     -127.0, 85.0, 999.0, -999.0, 999.9, -999.9, 9999.0, -9999.0, 9999.9, -9999.9, 99999.0, -99999.0,
@@ -117,7 +113,7 @@ def checked_columns(
             remarks.append(Remark("out of range", d.name, column.refusal))
         rows = 1 if d.applied else rows_each(column.values, steady, changing)
         if rows > 1:
-            text = f"{d.name} stands in {rows} rows each: slower than the rest, it was repeated"
+            text = f"{d.name} repeats each value in {rows} rows: it is slower than the rest"
             remarks.append(Remark("repeated", d.name, text, rows=rows))
         known = int(np.sum(np.isfinite(column.values)))
         least = 1.0 - (_MOST_UNKNOWN if d.applied else _MOST_MISSING)

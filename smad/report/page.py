@@ -172,7 +172,7 @@ def markdown_table(table: Table) -> str:
     return "\n".join(lines) + "\n"
 
 
-def text_table(table: Table, indent: str = "") -> str:
+def text_table(table: Table) -> str:
     """The table in columns of plain text, for a terminal."""
     rows = [tuple(table.header), *(tuple(row) for row in table.rows)]
     widths = [max(len(row[k]) for row in rows) for k in range(len(table.header))]
@@ -182,7 +182,7 @@ def text_table(table: Table, indent: str = "") -> str:
             cell.rjust(width) if k in table.numeric else cell.ljust(width)
             for k, (cell, width) in enumerate(zip(row, widths, strict=True))
         ]
-        return indent + "  ".join(cells).rstrip()
+        return "  ".join(cells).rstrip()
 
-    rule = indent + "  ".join("-" * width for width in widths)
+    rule = "  ".join("-" * width for width in widths)
     return "\n".join([line(rows[0]), rule, *(line(row) for row in rows[1:])]) + "\n"

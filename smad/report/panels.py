@@ -10,12 +10,10 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from smad.arrays import Array
 from smad.report.planes import Plane, described
 from smad.style.decimation import Decimation
-
-Array = NDArray[np.float64]
 
 MOST_POINTS = 12_000
 """Points of a trace that a page holds; of a longer one each stretch keeps its extremes."""

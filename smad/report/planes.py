@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from smad.arrays import Array
 from smad.runlog.cycles import TURN_K, TURN_MM, Cycles
-from smad.style.decimation import every
-
-Array = NDArray[np.float64]
+from smad.style.decimation import stride
 
 MOST_POINTS = 4000
 """Samples of a curve that a page holds; of a longer one every second, third, … stays."""
@@ -155,7 +154,7 @@ class _Values:
         self._places: dict[int, tuple[int, Any]] = {}
 
     def describe(self, curve: Curve, plane: Plane) -> dict[str, Any]:
-        step = every(curve.x.size, MOST_POINTS)
+        step = stride(curve.x.size, MOST_POINTS)
         return {
             "label": curve.label,
             "pen": curve.pen,

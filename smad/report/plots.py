@@ -8,8 +8,9 @@ import re
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from smad.arrays import Array
 from smad.report.page import Picture
 from smad.style.decimation import Decimation
 from smad.style.palette import in_print
@@ -18,9 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
-_STYLE: dict[Any, Any] = {
+HOUSE_STYLE: dict[Any, Any] = {
+    # Letters as letters, so that a journal can set its own face.
     "svg.fonttype": "none",
     "svg.hashsalt": "smad",
     "pdf.fonttype": 42,
@@ -50,7 +51,7 @@ def new_figure(
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(HOUSE_STYLE):
         figure = Figure(figsize=(width_in, height_in), layout="constrained")
         axes = figure.subplots(rows, columns, sharex=share_x, squeeze=False)
     return figure, list(axes.flat)
@@ -86,7 +87,7 @@ def _saved(figure: Figure, kind: str, without: tuple[str, ...]) -> bytes:
     import matplotlib as mpl
 
     # DejaVu is measured for the layout; in SVG the reader's own sans-serif is shown.
-    with mpl.rc_context({**_STYLE, "font.sans-serif": ["DejaVu Sans", "sans-serif"]}):
+    with mpl.rc_context({**HOUSE_STYLE, "font.sans-serif": ["DejaVu Sans", "sans-serif"]}):
         buffer = io.BytesIO()
         figure.savefig(buffer, format=kind, metadata=dict.fromkeys(without))
     return buffer.getvalue()

@@ -7,7 +7,7 @@ from smad.errors import CommandError, SmadError, refused_by_system
 from smad.extras import part
 from smad.files import replacing, require_writable
 from smad.report.panels import Panel, Panels
-from smad.report.plots import decimated
+from smad.report.plots import HOUSE_STYLE, decimated
 from smad.style.palette import in_print
 
 FORMATS = ("pdf", "png", "svg")
@@ -18,23 +18,13 @@ _UNDATED: Any = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"
 """Metadata by kind: the same figure gives the same file."""
 _POINTS = 8.0
 _STYLE: dict[str, Any] = {
+    **HOUSE_STYLE,
     "font.size": _POINTS,
     "font.sans-serif": ["Helvetica", "Arial", "DejaVu Sans"],
     "axes.titlesize": _POINTS,
-    "axes.labelsize": _POINTS,
     "legend.fontsize": _POINTS - 1,
-    "legend.frameon": False,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
     "axes.linewidth": 0.6,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": in_print("line"),
     "grid.linewidth": 0.4,
-    # Letters as letters, so that a journal can set its own face.
-    "pdf.fonttype": 42,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "smad",
 }
 
 

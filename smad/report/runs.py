@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from smad.arrays import Array
 from smad.errors import RunLogError
 from smad.report.page import Page, Section, Table, Text
-from smad.report.panels import Array, Mark, Panel, Panels, Trace
+from smad.report.panels import Mark, Panel, Panels, Trace
 from smad.report.planes import planes_of
 from smad.runlog.header import date_of
 from smad.runlog.reader import Column, Run, recorded
@@ -64,7 +65,9 @@ def elapsed_s(t_s: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(steps)])[: t_s.size]
 
 
-def shown(runs: Sequence[Run], from_s: float = -math.inf, to_s: float = math.inf) -> list[RunPart]:
+def run_parts(
+    runs: Sequence[Run], from_s: float = -math.inf, to_s: float = math.inf
+) -> list[RunPart]:
     """The runs by the names of their files, in the order in which they are drawn.
 
     Runs of a bench come after those of a simulation: what was measured lies on top. `from_s` and
@@ -89,7 +92,7 @@ def _part(run: Run, label: str, from_s: float, to_s: float) -> RunPart:
     inside = (x >= from_s) & (x <= to_s)
     if not inside.any():
         raise RunLogError(
-            f"nothing of {run.path} is left to draw",
+            f"{run.path} has no samples between these times",
             value=f"{from_s:g} to {to_s:g} s",
             limit=f"0 to {x[-1]:.2f} s" if x.size else "a log with samples",
             action="choose another part, or another log",

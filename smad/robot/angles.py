@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smad.arrays import Array
 from smad.records.points import TIME, read_points
 
-Array = NDArray[np.float64]
 Pair = tuple[float, float]
 
 POINTS_A_S = 20.0

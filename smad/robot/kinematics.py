@@ -15,11 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from smad.arrays import Array
 from smad.config import Config, SegmentConfig
 from smad.config.axes import coupling_of, inverse
 from smad.control.commands import Samples
 from smad.errors import CommandError, ConfigError
-from smad.robot.angles import Angles, Array
+from smad.robot.angles import Angles
 
 Segment = SegmentConfig
 JOINTS = ("pitch", "yaw")

@@ -9,7 +9,7 @@ import gzip
 import zlib
 from pathlib import Path
 
-from smad.errors import LogImportError, RunLogError
+from smad.errors import LogImportError, RunLogError, damaged
 
 LONGEST_RUN_S = 3600.0
 FASTEST_HZ = 500.0
@@ -76,7 +76,7 @@ def require_bounded_text(path: Path, columns: int) -> int:
                 rows += max(piece.count(b"\n"), piece.count(b"\r"))
                 require_bounded(path, columns=columns, rows=rows, size=size)
     except DAMAGED as error:
-        raise damaged(path, error) from error
+        raise damaged(LogImportError, path, error) from error
     return rows + 1
 
 
@@ -95,14 +95,3 @@ def require_bounded(path: Path, *, columns: int = 0, rows: int = 0, size: int = 
                 limit=f"{most} {what}",
                 action="cut the run, or leave the file out",
             )
-
-
-def damaged(path: Path, error: Exception) -> LogImportError:
-    """What to say of a file whose reading raised one of DAMAGED."""
-    said = (
-        getattr(error, "strerror", None) or (str(error).splitlines() or [type(error).__name__])[0]
-    )
-    return LogImportError(
-        f"cannot read {path}: it is missing, cut short or damaged ({said})",
-        action="restore the file",
-    )

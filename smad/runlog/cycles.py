@@ -15,10 +15,11 @@ TURN_K = 2.0
 
 
 class Cycles:
-    """Counts turning points. `number` is the number of the present cycle, from 0."""
+    """Counts turning points. `number` is that of the present cycle, from 0; `tops` turned down."""
 
     def __init__(self, turn: float = TURN_MM) -> None:
         self.number = 0
+        self.tops = 0
         self._turn = turn
         self._rising = True
         self._extreme = math.nan
@@ -37,6 +38,7 @@ class Cycles:
             self._extreme = max(self._extreme, value)
             if value < self._extreme - self._turn:
                 self._rising, self._extreme = False, value
+                self.tops += 1
         else:
             self._extreme = min(self._extreme, value)
             if value > self._extreme + self._turn:

@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from smad.errors import RunLogError
+from smad.errors import RunLogError, refused_by_system
 
 
 @contextlib.contextmanager
@@ -23,7 +23,7 @@ def whole_folder(target: Path, marker: str, what: str, *, overwrite: bool) -> It
         raise RunLogError(
             f"{target} is no {what}, and is not replaced by one", action="name another folder"
         )
-    try:
+    with refused_by_system(RunLogError, f"cannot write {target}", action="check folder and space"):
         target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=target.parent, prefix=".smad-") as name:
             made = Path(name) / target.name
@@ -31,7 +31,3 @@ def whole_folder(target: Path, marker: str, what: str, *, overwrite: bool) -> It
             if target.exists():
                 shutil.rmtree(target)
             os.replace(made, target)
-    except OSError as error:
-        raise RunLogError(
-            f"cannot write {target}: {error.strerror or error}", action="check folder and space"
-        ) from error

@@ -31,6 +31,7 @@ _INDEX_HEAD = struct.Struct("<BQHI")
 _COMPRESSION_LEVEL = 1
 _NS = 1e9
 
+MESSAGES_A_CHUNK = 256
 ROWS_METADATA_NAME = "smad.rows"
 ROWS_DURATION = "board_s"
 """Board time that the rows cover, so that a list of logs need not read them."""
@@ -79,6 +80,7 @@ class McapFile:
         self._chunk_count = 0
         self._counts = dict.fromkeys(CHANNEL_IDS.values(), 0)
         self._axes: list[str] = []
+        self._filling: list[Packed] = []
         self._first_ns: int | None = None
         self._last_ns = 0
         self._last_row_ns: int | None = None
@@ -102,6 +104,7 @@ class McapFile:
 
     def write_metadata(self, name: str, texts: Mapping[str, str]) -> None:
         """A metadata record, text to text."""
+        self._write_filling()
         builder = RecordBuilder()
         records.Metadata(name=name, metadata=dict(texts)).write(builder)
         data = _taken(builder)
@@ -111,6 +114,19 @@ class McapFile:
         records.MetadataIndex(offset=offset, length=len(data), name=name).write(
             self._metadata_indexes
         )
+
+    def add(self, message: Packed) -> None:
+        """Add a message to the chunk that is filling, which is written once it is full.
+
+        `write_metadata` and `finish` write it, too.
+        """
+        self._filling.append(message)
+        if len(self._filling) >= MESSAGES_A_CHUNK:
+            self._write_filling()
+
+    def _write_filling(self) -> None:
+        filling, self._filling = self._filling, []
+        self.write_chunk(filling)
 
     def write_chunk(self, messages: Sequence[Packed]) -> None:
         """A compressed chunk with its message indexes, in one write. No messages, no chunk."""

@@ -8,11 +8,11 @@ from mcap import records
 from smad.config import config_to_toml, parse_config
 from smad.errors import RunLogError
 from smad.runlog.header import RunHeader
-from smad.runlog.mcap_file import CHANNEL_IDS, Packed, pack
+from smad.runlog.mcap_file import CHANNEL_IDS, pack
 from smad.runlog.reader import read_run
 from smad.runlog.scan import Damage, Message, scan
 from smad.runlog.schema import TOPICS, Row, row_topic
-from smad.runlog.writer import END_METADATA_NAME, MESSAGES_A_CHUNK, create_log
+from smad.runlog.writer import END_METADATA_NAME, create_log
 
 
 def extract(path: str | Path, axis: str, target: str | Path | None = None) -> Path:
@@ -31,7 +31,7 @@ def extract(path: str | Path, axis: str, target: str | Path | None = None) -> Pa
     ids |= {topic: CHANNEL_IDS[kind] for kind, topic in TOPICS.items() if kind is not Row}
     mcap, file = create_log(target, _header_of(run.header, axis))
     known: dict[int, int] = {}
-    batch: list[Packed] = []
+    count = 0
     try:
         with file, path.open("rb") as source:
             for item in scan(source, path.stat().st_size, Damage()):
@@ -41,11 +41,8 @@ def extract(path: str | Path, axis: str, target: str | Path | None = None) -> Pa
                     mcap.write_metadata(item.name, item.metadata)
                 elif isinstance(item, Message) and item.channel_id in known:
                     number = known[item.channel_id]
-                    batch.append(pack(number, len(batch), item.time_ns, item.body))
-                if len(batch) >= MESSAGES_A_CHUNK:
-                    mcap.write_chunk(batch)
-                    batch = []
-            mcap.write_chunk(batch)
+                    mcap.add(pack(number, count, item.time_ns, item.body))
+                    count += 1
             mcap.finish()
     except OSError as error:
         target.unlink(missing_ok=True)

@@ -158,13 +158,13 @@ def read_run(path: str | Path, *, axis: str = "", progress: Share = no_progress)
 
 def _read(path: Path, axis: str, progress: Share) -> Run:
     damage = Damage()
-    intake = _Intake(path, axis)
+    builder = _RunBuilder(path, axis)
     try:
         damage.being_written = open_logs.being_written(path)
         size = path.stat().st_size
         with path.open("rb") as file:
             for count, item in enumerate(scan(file, size, damage)):
-                intake.take(item)
+                builder.add(item)
                 if count % _ITEMS_A_REPORT == 0:
                     progress(file.tell() / size)
     except OSError as error:
@@ -179,14 +179,14 @@ def _read(path: Path, axis: str, progress: Share) -> Run:
             if size
             else "nothing was recorded into it; leave it out",
         ) from None
-    if not intake.has_rows_channel:
+    if not builder.has_rows_channel:
         raise RunLogError(
             f"{path} is no run log: it has no channel {ROW_TOPIC}",
             value=f"{size} bytes",
             action="it was cut before the first sample, so nothing can be recovered; or another "
             "program wrote it",
         )
-    run = intake.finish(damage)
+    run = builder.finish(damage)
     progress(1.0)
     return run
 
@@ -215,7 +215,7 @@ class _Decoder(Generic[T]):
         return decoded
 
 
-class _Intake:
+class _RunBuilder:
     """Collects what a scan yields, and turns rows into columns batch by batch.
 
     A chunk of a few kilobytes can unpack to 256 MiB, so rows and bytes are counted as they come.
@@ -246,7 +246,7 @@ class _Intake:
     def has_rows_channel(self) -> bool:
         return ROW_TOPIC in self._topics.values()
 
-    def take(self, item: object) -> None:
+    def add(self, item: object) -> None:
         if isinstance(item, tuple):
             inbox = self._inbox_of.get(item[0])
             if inbox is not None:

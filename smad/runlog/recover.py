@@ -16,11 +16,10 @@ from smad.errors import RunLogError, refused_by_system
 from smad.progress import Share
 from smad.runlog import open_logs
 from smad.runlog.holes import HOLES, RECOVERED_METADATA_NAME, holes_in, words
-from smad.runlog.mcap_file import CHANNEL_IDS, ROWS_METADATA_NAME, McapFile, Packed, pack
+from smad.runlog.mcap_file import CHANNEL_IDS, ROWS_METADATA_NAME, McapFile, pack
 from smad.runlog.scan import Damage, Message, NotMcapError, no_progress, scan
 from smad.runlog.schema import ROW_TOPIC, TOPICS, axis_of
 
-_MESSAGES_A_CHUNK = 256
 _MESSAGES_A_REPORT = 10_000
 _ID_OF_TOPIC: Mapping[str, int] = {topic: CHANNEL_IDS[record] for record, topic in TOPICS.items()}
 
@@ -148,7 +147,6 @@ class _Rewrite:
         self._mcap = mcap
         self._ids: dict[int, int] = {}
         self._sequences = dict.fromkeys(_ID_OF_TOPIC.values(), 0)
-        self._batch: list[Packed] = []
         self._times: dict[int, list[float]] = {}
 
     @property
@@ -167,7 +165,6 @@ class _Rewrite:
             self._times.setdefault(number, [])
 
     def metadata(self, metadata: records.Metadata) -> None:
-        self._flush()
         self._mcap.write_metadata(metadata.name, metadata.metadata)
 
     def message(self, message: Message) -> None:
@@ -176,17 +173,14 @@ class _Rewrite:
             return
         sequence = self._sequences[channel_id]
         self._sequences[channel_id] = (sequence + 1) & 0xFFFFFFFF
-        self._batch.append(pack(channel_id, sequence, message.time_ns, message.body))
+        self._mcap.add(pack(channel_id, sequence, message.time_ns, message.body))
         self.messages += 1
         if channel_id in self._times:
             # What is no row of ours is left to whoever reads the log.
             with contextlib.suppress(msgspec.MsgspecError, UnicodeDecodeError):
                 self._times[channel_id].append(_decode_time(message.body).t_s)
-        if len(self._batch) >= _MESSAGES_A_CHUNK:
-            self._flush()
 
     def finish(self, path: Path, damage: Damage) -> None:
-        self._flush()
         self._mcap.write_metadata(
             RECOVERED_METADATA_NAME,
             {
@@ -198,7 +192,3 @@ class _Rewrite:
             },
         )
         self._mcap.finish()
-
-    def _flush(self) -> None:
-        self._mcap.write_chunk(self._batch)
-        self._batch = []

@@ -114,7 +114,7 @@ def scan(file: BinaryIO, size: int, damage: Damage) -> Iterator[Item]:
     if damage.being_written:
         damage.notes.append("still being written; what is shown here is what it holds so far")
     else:
-        damage.notes.append(f"recording did not end in order: the file breaks off at byte {offset}")
+        damage.notes.append(f"the recording was cut off at byte {offset}")
 
 
 class DamagedError(Exception):

@@ -22,13 +22,12 @@ import msgspec
 from smad.errors import RunLogError, refused_by_system
 from smad.runlog import open_logs
 from smad.runlog.header import METADATA_NAME, RunHeader
-from smad.runlog.mcap_file import McapFile, Packed
+from smad.runlog.mcap_file import MESSAGES_A_CHUNK, McapFile, Packed
 from smad.runlog.pack import RecordPacker
 from smad.runlog.paths import make_folder, part_path
 from smad.runlog.schema import Event, Record, Row
 
 END_METADATA_NAME = "smad.end"
-MESSAGES_A_CHUNK = 256
 _PAUSE_BETWEEN_CHUNKS_S = 0.001
 _LOOK_S = 1.0
 _NS = 1_000_000_000
@@ -240,14 +239,8 @@ def write_run(
     cause, action = f"cannot write {path}", "free some space or choose a folder"
     try:
         with refused_by_system(RunLogError, cause, action=action), file:
-            batch: list[Packed] = []
             for record in records:
-                given = record if isinstance(record, tuple) else (record,)
-                batch.append(packer.pack(*given))
-                if len(batch) >= MESSAGES_A_CHUNK:
-                    mcap.write_chunk(batch)
-                    batch = []
-            mcap.write_chunk(batch)
+                mcap.add(packer.pack(*(record if isinstance(record, tuple) else (record,))))
             mcap.write_metadata(END_METADATA_NAME, {"dropped": "0"})
             mcap.finish()
     except BaseException:

@@ -10,21 +10,29 @@ _STATIC = Path(__file__).parent / "static"
 _UPLOT_EXPORT = "export { uPlot as default };"
 _IMPORT = re.compile(r"^import .*?;\n", re.MULTILINE | re.DOTALL)
 _PLOTS = ("plots.js", "sheet.js", "plane.js", "panels.js")
-_KINDS = {".js": "text/javascript", ".css": "text/css", ".txt": "text/plain"}
+_KINDS = {
+    ".html": "text/html",
+    ".js": "text/javascript",
+    ".css": "text/css",
+    ".txt": "text/plain",
+}
 
 
 def files() -> Mapping[str, tuple[str, bytes]]:
     """Return each file by its path, with its content type: `style.css`, `plots.js`, vendored."""
-    by_name = {
-        path.relative_to(_STATIC).as_posix(): (
+    return {**files_in(_STATIC), "style.css": (f"{_KINDS['.css']}; charset=utf-8", css().encode())}
+
+
+def files_in(folder: Path) -> dict[str, tuple[str, bytes]]:
+    """Return each file of a folder that a page may ask for, as `files` does."""
+    return {
+        path.relative_to(folder).as_posix(): (
             f"{_KINDS[path.suffix]}; charset=utf-8",
             path.read_bytes(),
         )
-        for path in sorted(_STATIC.rglob("*"))
+        for path in sorted(folder.rglob("*"))
         if path.suffix in _KINDS
     }
-    by_name["style.css"] = ("text/css; charset=utf-8", css().encode())
-    return by_name
 
 
 def style(*, plots: bool) -> str:

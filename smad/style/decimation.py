@@ -3,15 +3,14 @@
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from smad.arrays import Array
 
 LONG_PAUSE = 10.0
 """Times the usual step between two samples: from there on the line is broken."""
 
 
-def every(count: int, most: int) -> int:
+def stride(count: int, most: int) -> int:
     """Return n where every n-th of `count` samples stays, so that at most `most` do."""
     return max(1, -(-count // most))
 
@@ -41,7 +40,7 @@ class Decimation:
             self._breaks = pauses
             points = x
         else:
-            step = every(2 * x.size, most)
+            step = stride(2 * x.size, most)
             pieces = pairwise([0, *pauses.tolist(), x.size])
             starts = [np.arange(begin, end, step) for begin, end in pieces]
             self._starts = np.concatenate(starts)

@@ -61,7 +61,7 @@ class Admitted(NamedTuple):
     key: str = ""
 
 
-class Door:
+class AccessControl:
     """The secrets of one server and the addresses it answers to.
 
     `command` and `watch` are the tokens of the links. `command` is empty where nobody may command

@@ -1,13 +1,13 @@
 """What a page may ask for, and the call of the ordinary client that each becomes.
 
-The tables are `COMMANDS`, for the bench, and `QUESTIONS`, for the server itself (`queries`). A
-stop is in neither: it goes past everything that waits (`server`). What a person asked for is
-refused by the daemon when a stop came that the page had not shown yet: `generation` is its own.
+`Command` is for the bench, `Question` for the server itself (`queries`). A stop is neither: it goes
+past everything that waits (`server`). What a person asked for is refused by the daemon when a stop
+came that the page had not shown yet: `generation` is its own.
 """
 
 import asyncio
-from collections.abc import Awaitable, Callable, Iterator, Mapping
-from typing import Annotated, Any, get_args
+from collections.abc import Iterator
+from typing import Annotated, get_args
 
 import msgspec
 from msgspec import Meta, Struct
@@ -23,184 +23,6 @@ from smad.view.queue import Verb
 LEASE_S = 10.0
 """A page that keeps control and goes away leaves a bench that is disarmed after so long."""
 HOLDER = "live page"
-
-
-class Ask(Struct, tag_field="do", frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Something a page asks for. `id` comes back with the reply; `axis` is the one it looks at."""
-
-    id: int = 0
-    generation: int | None = None
-    axis: str = ""
-
-
-class FrameDrawn(Ask, tag="drawn", frozen=True, kw_only=True):
-    """A frame is on the screen: the next may come."""
-
-
-class Alive(Ask, tag="alive", frozen=True, kw_only=True):
-    """The status has arrived: the page is there, and so is who looks at it."""
-
-
-Channels = Annotated[tuple[str, ...], Meta(max_length=64)]
-
-
-class Show(Ask, tag="show", frozen=True, kw_only=True):
-    """Send these channels of a window from now on, and these for XY plots; `live`: or nothing."""
-
-    window: Annotated[int, Meta(ge=0, lt=len(WINDOWS))] = 0
-    channels: Channels = ()
-    xy: Channels = ()
-    tail_s: Annotated[float, Meta(gt=0.0, le=LONGEST_TAIL_S)] = 60.0
-    live: bool = True
-
-
-class LookAt(Ask, tag="look_at", frozen=True, kw_only=True):
-    """Show another axis from now on: the page begins anew with it."""
-
-
-class LookBack(Ask, tag="look_back", frozen=True, kw_only=True):
-    """Send what was shown between two Unix times, once."""
-
-    from_s: Annotated[float, Meta(ge=0.0, le=1e11)]
-    to_s: Annotated[float, Meta(ge=0.0, le=1e11)]
-
-
-class Stop(Ask, tag="stop", frozen=True, kw_only=True):
-    """Disarm, over the stop channel."""
-
-
-class Arm(Ask, tag="arm", frozen=True, kw_only=True):
-    """Arm the bench, or the `axes` named.
-
-    With `keep_control` nobody else commands, and a page that goes away disarms.
-    """
-
-    keep_control: bool = True
-    axes: Annotated[tuple[str, ...], Meta(max_length=16)] = ()
-
-
-class Clear(Ask, tag="clear", frozen=True, kw_only=True):
-    """Acknowledge the fault that the page showed."""
-
-    fault: int
-
-
-class Move(Ask, tag="move", frozen=True, kw_only=True):
-    """Follow a trajectory."""
-
-    trajectory: Trajectory
-    queue: bool = False
-
-
-class Rest(Ask, tag="idle", frozen=True, kw_only=True):
-    """No current and no water, and stay armed."""
-
-
-def changed(tune: Tune) -> Iterator[tuple[str, object]]:
-    """Yield each field that is to change, and its new value."""
-    for name in tune.__struct_fields__:
-        if (value := getattr(tune, name)) is not None:
-            yield name, value
-
-
-class Gains(Ask, tag="tune", frozen=True, kw_only=True):
-    """Change gains."""
-
-    tune: Tune
-
-    def mark(self) -> str:
-        """Return what stands on the strips where they were changed."""
-        values = ", ".join(f"{name} {value}" for name, value in changed(self.tune))
-        return f"{self.axis}: {values}" if self.axis and values else values
-
-
-class Note(Ask, tag="note", frozen=True, kw_only=True):
-    """Mark this moment on the strips, and in the run log if there is one."""
-
-    text: Annotated[str, Meta(min_length=1, max_length=500)]
-
-    def mark(self) -> str:
-        """Return what stands on the strips."""
-        return self.text
-
-
-class Record(Ask, tag="record", frozen=True, kw_only=True):
-    """Begin a run log."""
-
-    name: Annotated[str, Meta(max_length=64)] = ""
-
-
-class EndRecord(Ask, tag="end_record", frozen=True, kw_only=True):
-    """Close the run log."""
-
-
-class Runs(Ask, tag="runs", frozen=True, kw_only=True):
-    """List the last runs."""
-
-
-class Results(Ask, tag="results", frozen=True, kw_only=True):
-    """Say in a table what a run came to."""
-
-    run: RunName
-
-
-class Experiments(Ask, tag="experiments", frozen=True, kw_only=True):
-    """Make the forms of the experiments."""
-
-
-class Preview(Ask, tag="preview", frozen=True, kw_only=True):
-    """Draw a piece of motion before it is commanded."""
-
-    trajectory: Trajectory
-
-
-class PreviewExperiment(Ask, tag="preview_experiment", frozen=True, kw_only=True):
-    """Draw what an experiment will ask of the bench."""
-
-    experiment: RunName
-    settings: Settings = {}
-
-
-class Begin(Ask, tag="begin", frozen=True, kw_only=True):
-    """Begin a job."""
-
-    job: Job
-
-
-class EndJob(Ask, tag="end_job", frozen=True, kw_only=True):
-    """Interrupt the job, as ctrl-C does."""
-
-
-class ShowQueue(Ask, tag="queue", frozen=True, kw_only=True):
-    """Show the queue. A page that only watches may ask it, too."""
-
-
-class ChangeQueue(Ask, tag="change_queue", frozen=True, kw_only=True):
-    """Add to the queue, change or arm it."""
-
-    change: Verb
-
-
-Command = Arm | Clear | Move | Rest | Gains | Note | Record | EndRecord
-Question = (
-    Runs
-    | Results
-    | Experiments
-    | Preview
-    | PreviewExperiment
-    | Begin
-    | EndJob
-    | ShowQueue
-    | ChangeQueue
-)
-Watching = FrameDrawn | Alive | Show | LookAt | LookBack | Stop | ShowQueue
-Message = Watching | Command | Question
-MARKING = (Note, Gains)
-QUESTIONS = get_args(Question)
-WATCHING = get_args(Watching)
-"""What a page without the right to command may say: anybody may look back, and stop."""
-
-decoder = msgspec.json.Decoder(Message)
 
 
 class Control:
@@ -234,75 +56,240 @@ class Control:
                 await self._client.release_control()
 
 
-async def _arm(client: AsyncClient, control: Control, ask: Arm) -> str:
-    if ask.keep_control:
-        await control.take()
-    try:
-        await client.arm(*ask.axes)
-    except Refused:
-        await control.release()
-        raise
-    control.armed = True
-    return "armed: the bench heats when you command it"
+class PageRequest(Struct, tag_field="do", frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Something a page asks for. `id` comes back with the reply; `axis` is the one it looks at."""
+
+    id: int = 0
+    generation: int | None = None
+    axis: str = ""
+
+    def target(self, client: AsyncClient) -> AsyncCommands:
+        """Return what commands the axis that the page looks at."""
+        return client[self.axis] if self.axis else client
 
 
-async def _clear(client: AsyncClient, control: Control, ask: Clear) -> str:
-    await _target(client, ask).clear(ask.fault)
-    return "the fault is cleared"
+class FrameDrawn(PageRequest, tag="drawn", frozen=True, kw_only=True):
+    """A frame is on the screen: the next may come."""
 
 
-async def _move(client: AsyncClient, control: Control, ask: Move) -> str:
-    await _target(client, ask).move(ask.trajectory, queue=ask.queue)
-    name = type(ask.trajectory).__name__
-    return f"{name}: {'queued' if ask.queue else 'begun'}"
+class Alive(PageRequest, tag="alive", frozen=True, kw_only=True):
+    """The status has arrived: the page is there, and so is who looks at it."""
 
 
-async def _rest(client: AsyncClient, control: Control, ask: Rest) -> str:
-    await _target(client, ask).idle()
-    return "idle: no current, no water; still armed"
+Channels = Annotated[tuple[str, ...], Meta(max_length=64)]
 
 
-async def _tune(client: AsyncClient, control: Control, ask: Gains) -> str:
-    await _target(client, ask).tune(ask.tune)
-    return "set: " + (ask.mark() or "nothing")
+class ShowChannels(PageRequest, tag="show", frozen=True, kw_only=True):
+    """Send these channels of a window from now on, and these for XY plots; `live`: or nothing."""
+
+    window: Annotated[int, Meta(ge=0, lt=len(WINDOWS))] = 0
+    channels: Channels = ()
+    xy: Channels = ()
+    tail_s: Annotated[float, Meta(gt=0.0, le=LONGEST_TAIL_S)] = 60.0
+    live: bool = True
 
 
-def _target(client: AsyncClient, ask: Ask) -> AsyncCommands:
-    return client[ask.axis] if ask.axis else client
+class SelectAxis(PageRequest, tag="look_at", frozen=True, kw_only=True):
+    """Show another axis from now on: the page begins anew with it."""
 
 
-async def _note(client: AsyncClient, control: Control, ask: Note) -> str:
-    try:
-        await client.note(ask.text)
-    except Refused as refused:
-        if refused.reason is not Reason.RECORDER:
+class ShowPast(PageRequest, tag="look_back", frozen=True, kw_only=True):
+    """Send what was shown between two Unix times, once."""
+
+    from_s: Annotated[float, Meta(ge=0.0, le=1e11)]
+    to_s: Annotated[float, Meta(ge=0.0, le=1e11)]
+
+
+class Stop(PageRequest, tag="stop", frozen=True, kw_only=True):
+    """Disarm, over the stop channel."""
+
+
+class Arm(PageRequest, tag="arm", frozen=True, kw_only=True):
+    """Arm the bench, or the `axes` named.
+
+    With `keep_control` nobody else commands, and a page that goes away disarms.
+    """
+
+    keep_control: bool = True
+    axes: Annotated[tuple[str, ...], Meta(max_length=16)] = ()
+
+    async def carry_out(self, client: AsyncClient, control: Control) -> str:
+        """See `carry_out`."""
+        if self.keep_control:
+            await control.take()
+        try:
+            await client.arm(*self.axes)
+        except Refused:
+            await control.release()
             raise
-        return f"marked on the strips alone, as nothing is being recorded: {ask.text}"
-    return f"noted in the run log: {ask.text}"
+        control.armed = True
+        return "armed: the bench heats when you command it"
 
 
-async def _record(client: AsyncClient, control: Control, ask: Record) -> str:
-    return f"recording to {(await client.start_recording(ask.name)).path}"
+class Clear(PageRequest, tag="clear", frozen=True, kw_only=True):
+    """Acknowledge the fault that the page showed."""
+
+    fault: int
+
+    async def carry_out(self, client: AsyncClient, control: Control) -> str:
+        """See `carry_out`."""
+        await self.target(client).clear(self.fault)
+        return "the fault is cleared"
 
 
-async def _end_record(client: AsyncClient, control: Control, ask: EndRecord) -> str:
-    ended = await client.stop_recording()
-    return f"{ended.path}: {ended.rows} samples"
+class Move(PageRequest, tag="move", frozen=True, kw_only=True):
+    """Follow a trajectory."""
+
+    trajectory: Trajectory
+    queue: bool = False
+
+    async def carry_out(self, client: AsyncClient, control: Control) -> str:
+        """See `carry_out`."""
+        await self.target(client).move(self.trajectory, queue=self.queue)
+        return f"{type(self.trajectory).__name__}: {'queued' if self.queue else 'begun'}"
 
 
-COMMANDS: Mapping[type[Ask], Callable[[AsyncClient, Control, Any], Awaitable[str]]] = {
-    Arm: _arm,
-    Clear: _clear,
-    Move: _move,
-    Rest: _rest,
-    Gains: _tune,
-    Note: _note,
-    Record: _record,
-    EndRecord: _end_record,
-}
+class GoIdle(PageRequest, tag="idle", frozen=True, kw_only=True):
+    """No current and no water, and stay armed."""
+
+    async def carry_out(self, client: AsyncClient, control: Control) -> str:
+        """See `carry_out`."""
+        await self.target(client).idle()
+        return "idle: no current, no water; still armed"
+
+
+def changed(tune: Tune) -> Iterator[tuple[str, object]]:
+    """Yield each field that is to change, and its new value."""
+    for name in tune.__struct_fields__:
+        if (value := getattr(tune, name)) is not None:
+            yield name, value
+
+
+class ChangeGains(PageRequest, tag="tune", frozen=True, kw_only=True):
+    """Change gains."""
+
+    tune: Tune
+
+    def mark(self) -> str:
+        """Return what stands on the strips where they were changed."""
+        values = ", ".join(f"{name} {value}" for name, value in changed(self.tune))
+        return f"{self.axis}: {values}" if self.axis and values else values
+
+    async def carry_out(self, client: AsyncClient, control: Control) -> str:
+        """See `carry_out`."""
+        await self.target(client).tune(self.tune)
+        return "set: " + (self.mark() or "nothing")
+
+
+class Note(PageRequest, tag="note", frozen=True, kw_only=True):
+    """Mark this moment on the strips, and in the run log if there is one."""
+
+    text: Annotated[str, Meta(min_length=1, max_length=500)]
+
+    def mark(self) -> str:
+        """Return what stands on the strips."""
+        return self.text
+
+    async def carry_out(self, client: AsyncClient, control: Control) -> str:
+        """See `carry_out`."""
+        try:
+            await client.note(self.text)
+        except Refused as refused:
+            if refused.reason is not Reason.RECORDER:
+                raise
+            return f"marked on the strips alone, as nothing is being recorded: {self.text}"
+        return f"noted in the run log: {self.text}"
+
+
+class Record(PageRequest, tag="record", frozen=True, kw_only=True):
+    """Begin a run log."""
+
+    name: Annotated[str, Meta(max_length=64)] = ""
+
+    async def carry_out(self, client: AsyncClient, control: Control) -> str:
+        """See `carry_out`."""
+        return f"recording to {(await client.start_recording(self.name)).path}"
+
+
+class EndRecord(PageRequest, tag="end_record", frozen=True, kw_only=True):
+    """Close the run log."""
+
+    async def carry_out(self, client: AsyncClient, control: Control) -> str:
+        """See `carry_out`."""
+        ended = await client.stop_recording()
+        return f"{ended.path}: {ended.rows} samples"
+
+
+class Runs(PageRequest, tag="runs", frozen=True, kw_only=True):
+    """List the last runs."""
+
+
+class Results(PageRequest, tag="results", frozen=True, kw_only=True):
+    """Say in a table what a run came to."""
+
+    run: RunName
+
+
+class Experiments(PageRequest, tag="experiments", frozen=True, kw_only=True):
+    """Make the forms of the experiments."""
+
+
+class Preview(PageRequest, tag="preview", frozen=True, kw_only=True):
+    """Draw a piece of motion before it is commanded."""
+
+    trajectory: Trajectory
+
+
+class PreviewExperiment(PageRequest, tag="preview_experiment", frozen=True, kw_only=True):
+    """Draw what an experiment will ask of the bench."""
+
+    experiment: RunName
+    settings: Settings = {}
+
+
+class Begin(PageRequest, tag="begin", frozen=True, kw_only=True):
+    """Begin a job."""
+
+    job: Job
+
+
+class EndJob(PageRequest, tag="end_job", frozen=True, kw_only=True):
+    """Interrupt the job, as ctrl-C does."""
+
+
+class ShowQueue(PageRequest, tag="queue", frozen=True, kw_only=True):
+    """Show the queue. A page that only watches may ask it, too."""
+
+
+class ChangeQueue(PageRequest, tag="change_queue", frozen=True, kw_only=True):
+    """Add to the queue, change or arm it."""
+
+    change: Verb
+
+
+Command = Arm | Clear | Move | GoIdle | ChangeGains | Note | Record | EndRecord
+Question = (
+    Runs
+    | Results
+    | Experiments
+    | Preview
+    | PreviewExperiment
+    | Begin
+    | EndJob
+    | ShowQueue
+    | ChangeQueue
+)
+Watching = FrameDrawn | Alive | ShowChannels | SelectAxis | ShowPast | Stop | ShowQueue
+Message = Watching | Command | Question
+MARKING = (Note, ChangeGains)
+QUESTIONS = get_args(Question)
+WATCHING = get_args(Watching)
+"""What a page without the right to command may say: anybody may look back, and stop."""
+
+decoder = msgspec.json.Decoder(Message)
 
 
 async def carry_out(client: AsyncClient, control: Control, ask: Command) -> str:
     """Do what a page asked for; return what to tell it. Raises what the client raises."""
     client.as_of(ask.generation)
-    return await COMMANDS[type(ask)](client, control, ask)
+    return await ask.carry_out(client, control)

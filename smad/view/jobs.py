@@ -38,7 +38,7 @@ Settings = Annotated[Mapping[SettingName, bool | int | float | str], Meta(max_le
 
 
 class JobError(SmadError):
-    """A job cannot be begun."""
+    """A job cannot be started."""
 
 
 class JobRequest(Struct, tag_field="kind", frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -76,7 +76,7 @@ Job = PageOfRun | Diagnose | CheckUp | RunExperiment
 ON_THE_BENCH = (CheckUp, RunExperiment)
 
 
-class Order(Struct, frozen=True):
+class JobCommand(Struct, frozen=True):
     """A command: what it is called, the words after `smad`, and the page that it writes."""
 
     title: str
@@ -84,7 +84,7 @@ class Order(Struct, frozen=True):
     report: Path
 
 
-def order_of(job: Job, folder: Path, bench: str, axis: str = "") -> Order:
+def job_command(job: Job, folder: Path, bench: str, axis: str = "") -> JobCommand:
     """Return the command of a job. `folder` has the runs; `axis` is that of a bench of several.
 
     Raises JobError for a job that is none.
@@ -116,7 +116,7 @@ def order_of(job: Job, folder: Path, bench: str, axis: str = "") -> Order:
         settings = (f"--set={name}={_word(value)}" for name, value in job.settings.items())
         words = ["run", job.experiment, *settings, f"--report={report}", *on_the_bench]
         title = f"experiment {job.experiment}"
-    return Order(title, tuple(words), report)
+    return JobCommand(title, tuple(words), report)
 
 
 def run_path(folder: Path, name: str, *, of_run: bool = True) -> Path:
@@ -149,7 +149,7 @@ class Jobs:
     def __init__(self) -> None:
         self.version = 0
         self._job: Job | None = None
-        self._order: Order | None = None
+        self._command: JobCommand | None = None
         self._process: Process | None = None
         self._following: asyncio.Task[None] | None = None
         self._ended_early = False
@@ -162,52 +162,52 @@ class Jobs:
 
     async def begin(self, job: Job, folder: Path, bench: str, axis: str = "") -> str:
         """Begin a job; return what to say. Raises JobError, or RunLogError without a folder."""
-        order = order_of(job, folder, bench, axis)
+        command = job_command(job, folder, bench, axis)
         if self.running:
-            assert self._order is not None
+            assert self._command is not None
             raise JobError(
-                "another job is under way",
-                value=self._order.title,
+                "another job is running",
+                value=self._command.title,
                 action="wait for its end, or end it",
             )
         make_folder(folder)
-        self._job, self._order = job, order
+        self._job, self._command = job, command
         self._lines.clear()
         self._failed = self._address = ""
         self._began_s = time.monotonic()
         self._process, self._ended_early, self.running = None, False, True
-        self._following = asyncio.create_task(self._follow(order))
+        self._following = asyncio.create_task(self._follow(command))
         self.version += 1
-        return f"begun: {order.title}"
+        return f"begun: {command.title}"
 
-    async def _follow(self, order: Order) -> None:
+    async def _follow(self, command: JobCommand) -> None:
         try:
-            status = await self._carried_out(order)
+            status = await self._carried_out(command)
             if self._ended_early:
-                self._failed = "it was ended"
-            elif status == REFUSED_STATUS and order.report.exists():
-                self._failed = "it is refused; the report says why"
-                self._address = self._serve(order.report)
+                self._failed = "it was interrupted"
+            elif status == REFUSED_STATUS and command.report.exists():
+                self._failed = "the question was refused; the report says why"
+                self._address = self._serve(command.report)
             elif status:
                 self._failed = f"it ended with status {status}"
-            elif order.report.exists():
-                self._address = self._serve(order.report)
+            elif command.report.exists():
+                self._address = self._serve(command.report)
         except (OSError, ValueError) as error:
             # A word with a NUL is a ValueError.
-            self._failed = f"it cannot be begun: {getattr(error, 'strerror', None) or error}"
+            self._failed = f"it cannot be started: {getattr(error, 'strerror', None) or error}"
         finally:
             self._ended_s = time.monotonic()
             self.running = False
             self.version += 1
 
-    async def _carried_out(self, order: Order) -> int:
+    async def _carried_out(self, command: JobCommand) -> int:
         nice = not isinstance(self._job, ON_THE_BENCH)
         self._process = process = await asyncio.create_subprocess_exec(
             *(("nice", "-n", str(NICER)) if nice else ()),
             sys.executable,
             "-m",
             "smad",
-            *order.words,
+            *command.words,
             stdin=DEVNULL,
             stdout=PIPE,
             stderr=STDOUT,
@@ -265,11 +265,11 @@ class Jobs:
 
     def snapshot(self) -> JobState | None:
         """Return the job that runs, or ran last."""
-        if self._order is None:
+        if self._command is None:
             return None
         until_s = time.monotonic() if self.running else self._ended_s
         return JobState(
-            title=self._order.title,
+            title=self._command.title,
             lines=tuple(self._lines),
             running=self.running,
             on_the_bench=isinstance(self._job, ON_THE_BENCH),

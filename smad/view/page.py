@@ -28,7 +28,7 @@ from smad.view.feed import FRAMES_PER_S, WINDOWS, Cursor, View
 from smad.view.queries import Queries
 from smad.view.source import Axis, Source
 from smad.view.state import MODE_MEANS, Condition, axis_condition, control_condition
-from smad.view.tasks import end
+from smad.view.tasks import cancel_and_wait
 from smad.view.tier import Frame, Moments
 
 IN_FLIGHT = 2
@@ -42,7 +42,7 @@ PATIENCE_S = 10.0
 LOOK_EVERY_S = 0.5
 FRESH_STATUSES = 2
 """So many statuses after arming, one has been asked for since, and knows of it."""
-_HUNG = f"This page answered nothing for {PATIENCE_S:g} seconds and lost its place."
+_HUNG = f"This page did not respond for {PATIENCE_S:g} seconds and was disconnected."
 _WATCH_ONLY = "this link is for watching and stopping: it commands nothing else"
 _encode = msgspec.json.Encoder().encode
 
@@ -72,8 +72,8 @@ class Page:
         self._queries = queries
         self._axis = source.axis("")
         self._cursor = Cursor(self._axis.feed)
-        self._shows = commands.Show(live=False)
-        self._back: commands.LookBack | None = None
+        self._shows = commands.ShowChannels(live=False)
+        self._back: commands.ShowPast | None = None
         self._looked = asyncio.Event()
         self._job_version = 0
         self._marks_set = -1
@@ -98,7 +98,7 @@ class Page:
                 loops = (self._feed, self._work, self._miss, self._look_back, self._inquire)
                 rest = [tasks.create_task(loop()) for loop in loops]
                 await self._read()
-                await end(*rest)
+                await cancel_and_wait(*rest)
         except* ConnectionClosed:
             pass
         finally:
@@ -129,15 +129,15 @@ class Page:
             # Whatever the page asks for renews its lease, so nothing waits behind a renewal.
             if self._waiting.empty():
                 self._waiting.put_nowait(ask)
-        elif isinstance(ask, commands.Show):
+        elif isinstance(ask, commands.ShowChannels):
             await self._show(ask)
-        elif isinstance(ask, commands.LookAt):
+        elif isinstance(ask, commands.SelectAxis):
             self._axis = self._source.axis(ask.axis)
             self._config = None
-        elif isinstance(ask, commands.LookBack):
+        elif isinstance(ask, commands.ShowPast):
             # Of several that wait, only the last is worth an answer.
             if self._looked.is_set() and self._back is not None:
-                await self._reply(self._back.id, False, "another span was asked for")
+                await self._reply(self._back.id, False, "a newer request replaced this one")
             self._back = ask
             self._looked.set()
         elif isinstance(ask, commands.Stop) and len(self._stops) >= MOST_STOPS:
@@ -154,7 +154,7 @@ class Page:
             except asyncio.QueueFull:
                 await self._reply(ask.id, False, f"{MOST_WAITING} commands wait already")
 
-    async def _show(self, ask: commands.Show) -> None:
+    async def _show(self, ask: commands.ShowChannels) -> None:
         unknown = [name for name in (*ask.channels, *ask.xy) if name not in strips.PLACES]
         if unknown:
             await self._reply(ask.id, False, f"there is no channel {unknown[0]}")
@@ -236,7 +236,7 @@ class Page:
             ask = self._back
             assert ask is not None
             if ask.to_s <= ask.from_s:
-                await self._reply(ask.id, False, "a span ends after it begins")
+                await self._reply(ask.id, False, "the end of the span must come after its start")
                 continue
             past = await self._queries.past(self._axis, ask.from_s, ask.to_s, self._cursor.view)
             await self._reply(ask.id, True, "", past)
@@ -286,7 +286,7 @@ class Page:
             self._config = source.config
             self._axis = source.axis(self._axis.name)
             self._cursor = Cursor(self._axis.feed)
-            self._shows = commands.Show(live=False)
+            self._shows = commands.ShowChannels(live=False)
             self._frames = 0
             self._version = self._marks_set = -1
             yield _encode(hello(source, self._axis, self._right)).decode()
@@ -385,20 +385,7 @@ def _arming(source: Source, axis: Axis) -> Iterator[Condition]:
 
 def static_files() -> dict[str, tuple[str, bytes]]:
     """Return each path that is served, with its type and content: nothing else can be asked for."""
-    kinds = {
-        ".html": "text/html",
-        ".css": "text/css",
-        ".js": "text/javascript",
-        ".txt": "text/plain",
-    }
-    folder = Path(__file__).parent / "static"
-    by_name = {
-        f"/{path.relative_to(folder).as_posix()}": (
-            f"{kinds[path.suffix]}; charset=utf-8",
-            path.read_bytes(),
-        )
-        for path in sorted(folder.rglob("*"))
-        if path.suffix in kinds
-    }
-    by_name["/"] = by_name.pop("/index.html")
-    return by_name | {f"/style/{path}": file for path, file in assets.files().items()}
+    by_name = assets.files_in(Path(__file__).parent / "static")
+    by_name[""] = by_name.pop("index.html")
+    by_name |= {f"style/{path}": file for path, file in assets.files().items()}
+    return {f"/{path}": file for path, file in by_name.items()}

@@ -137,8 +137,9 @@ class Queries:
             )
         if self._source.armed and isinstance(ask.job, ON_THE_BENCH):
             raise NotReady(
-                "the bench is armed already, and the job is to be missed when it vanishes",
-                action="disarm; the job arms by itself",
+                "the bench is armed already; a job must arm it itself, so that the bench is "
+                "disarmed when the job crashes",
+                action="disarm it, then begin the job again",
             )
         return await self.jobs.begin(ask.job, self._folder(), self._source.bench, axis.name), None
 
@@ -146,7 +147,7 @@ class Queries:
         return "the job is ending" if self.jobs.interrupt() else "no job is under way", None
 
     async def _queue(self, ask: commands.ShowQueue) -> tuple[str, Any]:
-        return "", await asyncio.to_thread(queue.shown, self._folder(), self._source.bench)
+        return "", await asyncio.to_thread(queue.queue_state, self._folder(), self._source.bench)
 
     async def _change_queue(self, ask: commands.ChangeQueue) -> tuple[str, Any]:
         return await asyncio.to_thread(

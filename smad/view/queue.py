@@ -1,7 +1,6 @@
 """The queue as a page shows and changes it. All of it is files and processes: never the loop's."""
 
 import time
-from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -22,17 +21,41 @@ class Add(Struct, tag_field="verb", tag="add", frozen=True, kw_only=True):
     what: Text = ""
     repeat: Annotated[int, Meta(ge=1, le=1000)] = 1
 
+    def carry_out(self, queue: Queue) -> tuple[str, str]:
+        """See `carry_out`."""
+        what = self.what.strip()
+        if what.startswith("-"):
+            action = "give options on the command line"
+            raise QueueError("this is no name", value=what, action=action)
+        words = {
+            "run": [what],
+            "tune": [what] if what else [],
+            "checkup": [f"--baseline={what}", "--quick"],
+            "move": [str(queue.folder / what)],
+        }[self.kind]
+        added = queue.add(self.kind, *words, repeat=self.repeat)
+        return "queued: " + ", ".join(f"item {item.id}" for item in added), ""
+
 
 class Remove(Struct, tag_field="verb", tag="remove", frozen=True, kw_only=True):
     """Take a queued item away."""
 
     item: int
 
+    def carry_out(self, queue: Queue) -> tuple[str, str]:
+        """See `carry_out`."""
+        queue.remove(self.item)
+        return f"item {self.item} removed", ""
+
 
 class Again(Struct, tag_field="verb", tag="again", frozen=True, kw_only=True):
     """Add an item anew that has ended."""
 
     item: int
+
+    def carry_out(self, queue: Queue) -> tuple[str, str]:
+        """See `carry_out`."""
+        return f"queued: item {queue.again(self.item).id}", ""
 
 
 class Place(Struct, tag_field="verb", tag="place", frozen=True, kw_only=True):
@@ -41,11 +64,21 @@ class Place(Struct, tag_field="verb", tag="place", frozen=True, kw_only=True):
     item: int
     place: int
 
+    def carry_out(self, queue: Queue) -> tuple[str, str]:
+        """See `carry_out`."""
+        queue.move(self.item, self.place)
+        return f"item {self.item} is now number {self.place} of the waiting items", ""
+
 
 class Pause(Struct, tag_field="verb", tag="pause", frozen=True, kw_only=True):
     """Let nothing more begin; `now` ends what runs."""
 
     now: bool = False
+
+    def carry_out(self, queue: Queue) -> tuple[str, str]:
+        """See `carry_out`."""
+        queue.pause(now=self.now)
+        return "paused", ""
 
 
 class Propose(Struct, tag_field="verb", tag="propose", frozen=True, kw_only=True):
@@ -54,11 +87,23 @@ class Propose(Struct, tag_field="verb", tag="propose", frozen=True, kw_only=True
     hours: Annotated[float, Meta(gt=0.0, le=744.0)]
     energy_kJ: Annotated[float, Meta(gt=0.0, le=1e9)] | None = None
 
+    def carry_out(self, queue: Queue) -> tuple[str, str]:
+        """See `carry_out`."""
+        energy_J = None if self.energy_kJ is None else self.energy_kJ * 1e3
+        budget = Budget(hours=self.hours, energy_J=energy_J)
+        proposal = queue.propose(time.time() + self.hours * 3600.0, budget)
+        return f"{len(proposal.arming.items)} items for at most {self.hours:g} h", proposal.code
+
 
 class Confirm(Struct, tag_field="verb", tag="confirm", frozen=True, kw_only=True):
     """Second step, with the code of the first."""
 
     code: Annotated[str, Meta(max_length=16)]
+
+    def carry_out(self, queue: Queue) -> tuple[str, str]:
+        """See `carry_out`."""
+        queue.confirm(self.code)
+        return "the queue runs", ""
 
 
 Verb = Add | Remove | Again | Place | Pause | Propose | Confirm
@@ -85,7 +130,7 @@ class QueueState(Struct, frozen=True, kw_only=True):
     lines: tuple[Line, ...]
 
 
-def shown(folder: Path, bench: str) -> QueueState:
+def queue_state(folder: Path, bench: str) -> QueueState:
     """Return the queue of a folder; one that has no file yet is empty. Raises StoreError."""
     if not (folder / FILE).exists():
         return QueueState(
@@ -108,7 +153,7 @@ def carry_out(folder: Path, bench: str, verb: Verb) -> tuple[str, str]:
     Raises QueueError.
     """
     with Queue(folder, bench=bench) as queue:
-        return _DONE[type(verb)](queue, verb)
+        return verb.carry_out(queue)
 
 
 def _lines(snapshot: Snapshot) -> tuple[Line, ...]:
@@ -129,59 +174,3 @@ def _lines(snapshot: Snapshot) -> tuple[Line, ...]:
 
 def _end(arming: Arming | None) -> float | None:
     return None if arming is None else arming.end_unix_s
-
-
-def _add(queue: Queue, verb: Add) -> tuple[str, str]:
-    what = verb.what.strip()
-    if what.startswith("-"):
-        raise QueueError("this is no name", value=what, action="give options on the command line")
-    words = {
-        "run": [what],
-        "tune": [what] if what else [],
-        "checkup": [f"--baseline={what}", "--quick"],
-        "move": [str(queue.folder / what)],
-    }[verb.kind]
-    added = queue.add(verb.kind, *words, repeat=verb.repeat)
-    return "queued: " + ", ".join(f"item {item.id}" for item in added), ""
-
-
-def _propose(queue: Queue, verb: Propose) -> tuple[str, str]:
-    energy_J = None if verb.energy_kJ is None else verb.energy_kJ * 1e3
-    budget = Budget(hours=verb.hours, energy_J=energy_J)
-    proposal = queue.propose(time.time() + verb.hours * 3600.0, budget)
-    return f"{len(proposal.arming.items)} items for at most {verb.hours:g} h", proposal.code
-
-
-def _confirm(queue: Queue, verb: Confirm) -> tuple[str, str]:
-    queue.confirm(verb.code)
-    return "the queue runs", ""
-
-
-def _remove(queue: Queue, verb: Remove) -> tuple[str, str]:
-    queue.remove(verb.item)
-    return f"item {verb.item} removed", ""
-
-
-def _again(queue: Queue, verb: Again) -> tuple[str, str]:
-    return f"queued: item {queue.again(verb.item).id}", ""
-
-
-def _place(queue: Queue, verb: Place) -> tuple[str, str]:
-    queue.move(verb.item, verb.place)
-    return f"item {verb.item} is number {verb.place} of those that wait", ""
-
-
-def _pause(queue: Queue, verb: Pause) -> tuple[str, str]:
-    queue.pause(now=verb.now)
-    return "paused", ""
-
-
-_DONE: Mapping[type, Callable[..., tuple[str, str]]] = {
-    Add: _add,
-    Remove: _remove,
-    Again: _again,
-    Place: _place,
-    Pause: _pause,
-    Propose: _propose,
-    Confirm: _confirm,
-}

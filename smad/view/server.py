@@ -18,11 +18,11 @@ from websockets.typing import Subprotocol
 from smad.bridge.loopback import HOST, listen, quiet
 from smad.client import AsyncClient
 from smad.client.following import TIMEOUT_S
-from smad.view.access import HEADERS, PROTOCOL, REPORT_HEADERS, Denied, Door, Right
+from smad.view.access import HEADERS, PROTOCOL, REPORT_HEADERS, AccessControl, Denied, Right
 from smad.view.page import Page, static_files
 from smad.view.queries import Queries
 from smad.view.source import Source
-from smad.view.tasks import end
+from smad.view.tasks import cancel_and_wait
 
 MOST_PAGES = 16
 KEPT_FOR_COMMAND = 4
@@ -48,20 +48,20 @@ class Links(NamedTuple):
 class LivePage:
     """Serves the live page of a bench. `links` holds the secrets."""
 
-    def __init__(self, bench: str, door: Door, port: int) -> None:
+    def __init__(self, bench: str, access: AccessControl, port: int) -> None:
         self.source = Source(bench)
         self.queries = Queries(self.source)
         self._bench = bench
-        self._door = door
+        self._access = access
         self._open: Counter[Right] = Counter()
         self._files = static_files()
         address = f"http://{HOST}:{port}/?token="
-        self.links = Links(door.command and address + door.command, address + door.watch)
+        self.links = Links(access.command and address + access.command, address + access.watch)
 
     def answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Answer a request for a file, or let it become a WebSocket (None)."""
         path = urlsplit(request.path).path
-        judged = self._door.admit(
+        judged = self._access.admit(
             request.path, _headers(request.headers), websocket=path == _WEBSOCKET
         )
         if isinstance(judged, Denied):
@@ -87,7 +87,7 @@ class LivePage:
         """Serve one page over its WebSocket."""
         request = connection.request
         assert request is not None
-        judged = self._door.admit(request.path, _headers(request.headers), websocket=True)
+        judged = self._access.admit(request.path, _headers(request.headers), websocket=True)
         if isinstance(judged, Denied) or judged.right is None:
             return
         if full := self._full(judged.right):
@@ -122,7 +122,7 @@ async def serving(bench: str, port: int, *, watch_only: bool = False) -> AsyncIt
     """Serve the page as long as the block lasts. Port 0: any free one. Raises ConfigError."""
     listening = listen(port)
     bound = listening.getsockname()[1]
-    page = LivePage(bench, Door(bound, watch_only=watch_only), bound)
+    page = LivePage(bench, AccessControl(bound, watch_only=watch_only), bound)
     async with serve(
         page.talk,
         sock=listening,
@@ -141,7 +141,7 @@ async def serving(bench: str, port: int, *, watch_only: bool = False) -> AsyncIt
         try:
             yield page
         finally:
-            await end(following)
+            await cancel_and_wait(following)
             await page.queries.close()
             if not following.cancelled():
                 following.result()

@@ -12,7 +12,7 @@ from smad.config import Config
 from smad.style import strips
 from smad.view.feed import Feed
 from smad.view.requests import Mark
-from smad.view.state import MODES, NO_WORD, BenchState, Tile, shown
+from smad.view.state import MODES, NO_WORD, BenchState, Tile, bench_state
 
 STATUS_EVERY_S = 0.5
 SILENT_AFTER_S = 1.5
@@ -78,7 +78,7 @@ class Axis:
         """It is there now."""
         self._last_sample_s = self._clock_s()
 
-    def sampled(self, data: bytes) -> None:
+    def on_sample(self, data: bytes) -> None:
         """Take over a sample. Raises msgspec.ValidationError for one that is none of ours."""
         sample = telemetry_of(data)
         self.now, self.mode = strips.values(sample), sample.mode
@@ -131,7 +131,7 @@ class Source:
         """Follow the bench for ever."""
         await follow(self.bench, self, STATUS_EVERY_S)
 
-    def configured(self, config: Config) -> None:
+    def on_config(self, config: Config) -> None:
         """Take over a configuration; axes that stay keep their past."""
         self.config = config
         axis_configs = config.by_axis()
@@ -140,16 +140,16 @@ class Source:
             axis.config = axis_configs[name]
             axis.heard()
 
-    def sampled(self, axis: str, data: bytes) -> None:
+    def on_sample(self, axis: str, data: bytes) -> None:
         """Take over a sample. Raises msgspec.ValidationError for one that is none of ours."""
-        self.axes[axis].sampled(data)
+        self.axes[axis].on_sample(data)
 
-    def seen(self, status: Status, params: Params) -> None:
+    def on_status(self, status: Status, params: Params) -> None:
         """Take over what the daemon says of itself."""
         recorder = status.recorder
         for name, axis in self.axes.items():
             axis_status = status.of(name)
-            axis.shown = shown(axis_status, params.get(name, {}), self._off_current_mA)
+            axis.shown = bench_state(axis_status, params.get(name, {}), self._off_current_mA)
             if axis.shown.mode == NO_WORD:
                 # The daemon missed the board sooner than we miss its samples.
                 axis.mode = None
@@ -162,7 +162,7 @@ class Source:
         self.why_away = ""
         self.version += 1
 
-    def away(self, why: str) -> None:
+    def on_unreachable(self, why: str) -> None:
         """Take over why the daemon cannot be reached."""
         self.why_away = why
         self.version += 1

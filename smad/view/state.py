@@ -123,14 +123,21 @@ class BenchState(Struct, frozen=True, kw_only=True):
     gains: Mapping[str, float | bool | str]
 
 
-def shown(status: api.Status, params: Mapping[str, float], off_current_mA: float) -> BenchState:
+def running_words(motion: api.Motion) -> str:
+    """Return what runs, and whether it has ended."""
+    return f"{motion.running}, {'done' if motion.done else 'under way'}"
+
+
+def bench_state(
+    status: api.Status, params: Mapping[str, float], off_current_mA: float
+) -> BenchState:
     """Return what the page shows of `status`. `params` are the board's parameters by name."""
     motion, recorder, age = status.motion, status.recorder, status.timing.setpoint_age
     return BenchState(
         bench=status.bench,
         mode=motion.mode,
         armed=motion.armed,
-        running=motion.running + (", done" if motion.done else ", under way"),
+        running=running_words(motion),
         limiter=limiter_of(status),
         warnings=status.warnings,
         trouble=_trouble(motion.fault),
@@ -180,10 +187,10 @@ def conditions(
         None if board is None else board.params_agree,
     )
     yield Condition(
-        "The clocks of board and computer are compared", status.timing.round_trip_us is not None
+        "The clock offset of the board is known", status.timing.round_trip_us is not None
     )
     fault = status.motion.fault
-    yield Condition("No fault stands", fault is None, "" if fault is None else fault.name)
+    yield Condition("No fault is latched", fault is None, "" if fault is None else fault.name)
     yield Condition(
         "The board is in SAFE: not armed, and cooled", mode == "SAFE", f"it is in {mode}"
     )
@@ -228,7 +235,7 @@ def _readings(
     least_mV = params.get("brown_out_mV")
     if row.supply_V is not None:
         yield Condition(
-            "The supply is up",
+            "The supply voltage is high enough",
             None if least_mV is None else row.supply_V * 1e3 >= least_mV,
             f"{row.supply_V:.1f} V"
             + ("" if least_mV is None else f", has to be at least {least_mV / 1e3:g} V"),

@@ -5,7 +5,7 @@ import asyncio
 AGAIN_S = 1.0
 
 
-async def end(*tasks: asyncio.Task[None]) -> None:
+async def cancel_and_wait(*tasks: asyncio.Task[None]) -> None:
     """Cancel tasks until they have ended.
 
     A cancellation that comes together with a time-out, or with what is waited for, may be lost on

@@ -292,7 +292,7 @@ def test_an_experiment_that_is_killed_leaves_a_disarmed_bench_within_its_lease(h
     assert status.motion.fault is None
     assert status.motion.mode in NOT_HEATING
     assert any(
-        "smad run, who had exclusive control, fell silent for 1 s; disarming" in event.text
+        "smad run had exclusive control and sent nothing for 1 s; disarming" in event.text
         for event in status.events
     )
     assert status.control.holder == ""

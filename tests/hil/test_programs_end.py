@@ -50,7 +50,7 @@ def test_a_program_between_two_runs_arms_nothing_after_its_daemon_was_killed_and
             continue
         except Refused as refused:
             refusal = str(refused)
-    assert "the bench was stopped after this was asked for" in refusal
+    assert "the bench was stopped after this command was issued" in refusal
     assert not person.motion().armed
     with pytest.raises(Refused):
         program.move(STEP)

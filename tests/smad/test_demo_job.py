@@ -11,7 +11,7 @@ from smad.demo.job import measured, naming_cause, run_cycle
 from tests.smad.cli.test_commands import STATUS
 from tests.smad.fakedaemon import MOTION, FakeDaemon, fake_daemon
 
-SILENT = "the board fell silent for 513 ms"
+SILENT = "the board sent nothing for 513 ms"
 
 
 def silent_board(daemon: FakeDaemon) -> None:

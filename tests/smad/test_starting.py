@@ -4,7 +4,7 @@ import os
 import subprocess
 import sys
 
-from smad.processes.starting import LEAST_S, STALLED_S, Activity, processor_s
+from smad.processes.starting import LEAST_S, STALLED_S, StallDetector, processor_s
 
 
 def stalled_at(used_s: dict[float, float]) -> float | None:
@@ -14,10 +14,10 @@ def stalled_at(used_s: dict[float, float]) -> float | None:
     def looked(pid: int) -> float:
         return max(s for at, s in used_s.items() if at <= now_s)
 
-    activity = Activity(1, clock_s=lambda: now_s, used_s=looked)
+    stall = StallDetector(1, clock_s=lambda: now_s, used_s=looked)
     while now_s < 2000.0:
         now_s += 0.5
-        if activity.stalled():
+        if stall.stalled():
             return now_s
     return None
 

@@ -5,12 +5,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from smad.arrays import Array
 from smad.control.tuning.errors import TuningError
 from smad.control.tuning.rules import Lag
 
-Array = NDArray[np.float64]
 LAGS_S = (0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6, 2.4)
 LONGEST_DELAY_S = 0.3
 LEAST_DELAY_SAMPLES = 1.0

@@ -124,7 +124,7 @@ class ArmCommand:
             raise Refusal(
                 Reason.STOPPED,
                 f"another axis was stopped while this was being armed ({self._stops.why})",
-                action="nothing is armed of what was asked; see smad status, then arm again",
+                action="no axis was armed; see smad status, then arm again",
             )
 
     def _require_armable(self, axes: Sequence[Axis]) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import zmq
 from zmq.utils import z85
 
+from smad.client.endpoints import new_key_file
 from smad.config.curve_key import is_curve_key
 from smad.errors import ConfigError
 
@@ -20,7 +21,7 @@ _REQUEST_FRAMES = 7
 _LONGEST_FILE_BYTES = 1000
 
 
-class Doorkeeper:
+class KeyAuthenticator:
     """Answers ZeroMQ's question whether a key may connect. Counts those turned away."""
 
     def __init__(self, allowed_keys: Iterable[str]) -> None:
@@ -61,7 +62,7 @@ def server_keys(path: Path, *, follow: bool = False) -> tuple[bytes, bytes]:
     """
     try:
         if not os.path.lexists(path):
-            return _made(path)
+            return new_key_file(path)
         data = _read(path, follow=follow)
     except OSError as error:
         raise ConfigError(
@@ -79,14 +80,6 @@ def server_keys(path: Path, *, follow: bool = False) -> tuple[bytes, bytes]:
             action="delete it to have a new one made",
         )
     return words[1], words[3]
-
-
-def _made(path: Path) -> tuple[bytes, bytes]:
-    public, secret = zmq.curve_keypair()
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-    with os.fdopen(os.open(path, flags, 0o600), "wb") as file:
-        file.write(b"public " + public + b"\nsecret " + secret + b"\n")
-    return public, secret
 
 
 def _read(path: Path, *, follow: bool) -> bytes:

@@ -60,7 +60,7 @@ def require_disarmed(axis: Axis) -> None:
 async def first_samples(boards: Iterable[BoardStop]) -> None:
     """Wait for the first sample of each board: right after a connection it is on its way."""
     for _ in range(_POLLS):
-        if not any(board.phase is Phase.MET for board in boards):
+        if not any(board.phase is Phase.NEW_SESSION for board in boards):
             return
         await asyncio.sleep(_POLL_S)
 

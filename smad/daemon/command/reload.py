@@ -7,14 +7,14 @@ from typing import Any
 import msgspec
 
 from smad.config import Config
-from smad.daemon.command.auth import Doorkeeper
+from smad.daemon.command.auth import KeyAuthenticator
 from smad.errors import ConfigError
 
 _TERMINAL = "/dev/tty"
 
 
 def reread_keys(
-    running: Config, doorkeeper: Doorkeeper | None, reread: Callable[[], Config] | None
+    running: Config, authenticator: KeyAuthenticator | None, reread: Callable[[], Config] | None
 ) -> str:
     """Take over the list of keys from the configuration file; return what came of it, in words.
 
@@ -28,11 +28,11 @@ def reread_keys(
         return f"SIGHUP: the list of keys stays as it was: {error}"
     same = _without_keys(running) == _without_keys(new_config)
     others = "" if same else "; what else has changed waits for a restart"
-    if doorkeeper is None:
+    if authenticator is None:
         return f"SIGHUP: commands over TCP are off, so there is no list of keys{others}"
     if not new_config.daemon.tcp.enabled:
         return f"SIGHUP: the list of keys stays as it was: TCP is off in the file{others}"
-    new, gone = doorkeeper.allow(new_config.daemon.tcp.allowed_keys)
+    new, gone = authenticator.allow(new_config.daemon.tcp.allowed_keys)
     count = len(new_config.daemon.tcp.allowed_keys)
     return f"SIGHUP: read the list of keys anew, {count} in all, {new} new, {gone} gone{others}"
 

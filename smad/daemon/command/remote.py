@@ -15,7 +15,7 @@ import zmq
 
 from smad.api import LARGEST_TAKEN_IN
 from smad.config import TcpConfig
-from smad.daemon.command.auth import ZAP_ADDRESS, Doorkeeper
+from smad.daemon.command.auth import ZAP_ADDRESS, KeyAuthenticator
 from smad.daemon.sockets.descriptors import Reserve
 from smad.daemon.sockets.gate import Gate
 from smad.errors import DaemonError
@@ -99,7 +99,7 @@ class Source:
         self.socket.close(linger=LAST_WORDS_MS)
 
 
-class RemoteDoor:
+class TcpServer:
     """The two ports. `sources` are to be served: stops, who may enter, commands, what happened.
 
     Raises DaemonError when an address cannot be had.
@@ -116,7 +116,7 @@ class RemoteDoor:
         reserve: Reserve,
     ) -> None:
         self.counts = RemoteCounts()
-        self.doorkeeper = Doorkeeper(config.allowed_keys)
+        self.authenticator = KeyAuthenticator(config.allowed_keys)
         self.most = 1024
         """Connections at once: commands get in while there are less than half as many."""
         self.stops: list[Source] = []
@@ -127,7 +127,7 @@ class RemoteDoor:
         self._gates: list[tuple[Gate, float]] = []
         self._open = 0
         try:
-            self._serve_doorkeeper()
+            self._serve_authenticator()
             self.stops.append(self._serve(config.host, config.stop_port, routes.stop, queue, 1.0))
             self.sources.append(
                 self._serve(config.host, config.command_port, routes.command, queue, 0.5)
@@ -208,7 +208,7 @@ class RemoteDoor:
             socket,
             lambda frames: route(socket, frames),
             monitored=True,
-            admits=self.doorkeeper.knows,
+            admits=self.authenticator.knows,
         )
 
     def _monitor(self, socket: Socket) -> None:
@@ -230,13 +230,13 @@ class RemoteDoor:
             self._open += 1
             self._set_gates()
 
-    def _serve_doorkeeper(self) -> None:
+    def _serve_authenticator(self) -> None:
         socket = self._context.socket(zmq.REP)
         socket.setsockopt(zmq.LINGER, 0)
         socket.bind(ZAP_ADDRESS)
 
         def answer(frames: list[bytes]) -> None:
-            reply = self.doorkeeper.answer(frames)
+            reply = self.authenticator.answer(frames)
             with contextlib.suppress(zmq.Again):
                 socket.send_multipart(reply if reply is not None else [b""], zmq.NOBLOCK)
 

@@ -19,9 +19,9 @@ import zmq
 from smad.api import LARGEST_MESSAGE, LARGEST_TAKEN_IN, Reason
 from smad.client.endpoints import Endpoints
 from smad.config import DaemonConfig
-from smad.daemon.command.auth import Doorkeeper, server_keys
+from smad.daemon.command.auth import KeyAuthenticator, server_keys
 from smad.daemon.command.budget import TimeBudget
-from smad.daemon.command.remote import RemoteCounts, RemoteDoor, Routes, Socket, Source
+from smad.daemon.command.remote import RemoteCounts, Routes, Socket, Source, TcpServer
 from smad.daemon.command.rpc import error_reply
 from smad.daemon.errors import Refusal
 from smad.daemon.sockets.address import listen_local
@@ -123,16 +123,16 @@ class CommandServer:
         self._served: list[_Served] = []
         self._watched: list[Source] = []
         self._local: list[_Local] = []
-        self._remote: RemoteDoor | None = None
+        self._remote: TcpServer | None = None
         self._others = 0
         self._looked_ns = 0
         self._turning = False
         self._remote_behind = False
 
     @property
-    def doorkeeper(self) -> Doorkeeper | None:
+    def authenticator(self) -> KeyAuthenticator | None:
         """Who decides on keys; None without TCP."""
-        return None if self._remote is None else self._remote.doorkeeper
+        return None if self._remote is None else self._remote.authenticator
 
     @property
     def remote_counts(self) -> RemoteCounts:
@@ -163,7 +163,7 @@ class CommandServer:
         else:
             public, secret = server_keys(endpoints.server_secret)
         self.server_key = public.decode()
-        self._remote = RemoteDoor(
+        self._remote = TcpServer(
             self._context,
             tcp,
             secret,
@@ -246,7 +246,7 @@ class CommandServer:
     def _open_reserve(self) -> AbstractContextManager[Any]:
         return self._reserve() if self._remote is None else self._remote.reserve()
 
-    def _count_connections(self, remote: RemoteDoor) -> None:
+    def _count_connections(self, remote: TcpServer) -> None:
         now_ns = time.perf_counter_ns()
         if self._others and now_ns - self._looked_ns > _LOOK_NS:
             self._looked_ns = now_ns

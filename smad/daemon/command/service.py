@@ -131,13 +131,15 @@ class Service:
             self._recorder.end_by_itself()
         if gone is not None and self._bench.armed:
             silent_s = gone.duration_us * 1e-6
-            cause = f"{gone.name}, who had exclusive control, fell silent for {silent_s:g} s"
+            cause = f"{gone.name} had exclusive control and sent nothing for {silent_s:g} s"
             data = {"holder": gone.name, "silent_s": silent_s}
             by = f"a lapsed lease: {cause}"
-            self._stops.order(cause, f"{cause}; disarming", data, by=by)
+            self._stops.stop_by_daemon(cause, f"{cause}; disarming", data, by=by)
         if self._dead_man.expired(now_us):
-            cause = "the client that armed has fallen silent"
-            self._stops.order(cause, f"{cause}; disarming", {}, by=f"the dead-man: {cause}")
+            cause = "the client that armed the bench stopped sending"
+            self._stops.stop_by_daemon(
+                cause, f"{cause}; disarming", {}, by=f"the dead-man: {cause}"
+            )
 
     def arm(self, params: api.Arm, caller: Caller) -> Coroutine[Any, Any, api.Motion]:
         """Ask the boards for tokens, begin the run log, confirm: the axes named, or all."""

@@ -53,7 +53,7 @@ class Parameters:
         for axis in range(ident.axes):
             for parameter in PARAMETERS:
                 if axis == 0 or not parameter.shared:
-                    await self._read_one(axis, parameter, ask)
+                    self._note(await ask(ParamGet(axis, parameter.number)))
         self.complete = True
 
     async def set(self, name: str, value: float, ask: Ask) -> api.Param:
@@ -115,9 +115,6 @@ class Parameters:
     def all(self) -> api.ParamList:
         """Return all parameters of our axis. Raises Refusal when they were not read yet."""
         return api.ParamList(params=tuple(self.value_of(p.name) for p in PARAMETERS))
-
-    async def _read_one(self, axis: int, parameter: Parameter, ask: Ask) -> None:
-        self._note(await ask(ParamGet(axis, parameter.number)))
 
     def _note(self, reply: Message) -> None:
         if isinstance(reply, ParamValue):

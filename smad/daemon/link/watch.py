@@ -84,7 +84,7 @@ class BoardWatch:
                 cause = "" if ident is None else f" ({ident.reset_cause.name.lower()})"
                 self._disconnected(f"the board restarted{cause}; it is not armed any more")
             case LinkLost(silent_us):
-                self._disconnected(f"the board fell silent for {silent_us / 1000:.0f} ms")
+                self._disconnected(f"the board sent nothing for {silent_us / 1000:.0f} ms")
             case StatsReceived(stats):
                 self.stats = {name: getattr(stats, name) for name in stats.__struct_fields__}
             case ErrorReceived(error):

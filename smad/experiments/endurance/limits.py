@@ -23,7 +23,7 @@ class EndLimits(msgspec.Struct, frozen=True, kw_only=True):
     place_probability: float | None = None
 
 
-class Watch:
+class LimitMonitor:
     """Takes the cycles in, and says which limit is reached."""
 
     def __init__(self, limits: EndLimits) -> None:

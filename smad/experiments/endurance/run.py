@@ -12,7 +12,7 @@ from msgspec import Struct, structs
 
 from smad.control.plan import Plan
 from smad.errors import RunLogError, SmadError
-from smad.experiments.endurance.limits import EndLimits, Watch
+from smad.experiments.endurance.limits import EndLimits, LimitMonitor
 from smad.experiments.endurance.profile import Profile
 from smad.experiments.endurance.room import Reserve, Room
 from smad.experiments.endurance.statistics import NAMES, Cycle, bounds, cycles_of
@@ -49,7 +49,7 @@ class Judgement(Struct, frozen=True):
 
 @dataclass(frozen=True, kw_only=True)
 class Endurance:
-    """What is asked for. Every `check_every` cycles `check` is called; 0: never.
+    """Settings of an endurance run. Every `check_every` cycles `check` is called; 0: never.
 
     `first` is the number of its first cycle; `longest_s` how long one arming and one file of the
     run log may last.
@@ -65,7 +65,7 @@ class Endurance:
 
 
 @dataclass
-class Ended:
+class EnduranceResult:
     """How a run ended: after how many cycles, why, and what the check-ups said."""
 
     cycles: int = 0
@@ -88,7 +88,7 @@ def whole_lines(path: Path) -> list[str]:
 
 
 def endure(
-    asked: Endurance,
+    settings: Endurance,
     driver: BlockDriver,
     folder: Path,
     room: Room,
@@ -96,39 +96,39 @@ def endure(
     logs: Path | None = None,
     check: Callable[[int], Judgement] | None = None,
     say: Say = silent,
-) -> Ended:
+) -> EnduranceResult:
     """Carry the run out; `cycles.csv` in `folder` has each cycle's statistics as soon as known.
 
     `logs` is where the driver's run logs go, left out: `folder`; the room is reserved there.
 
     Raises what the driver raises: a stop or a fault ends it, with all that was recorded kept.
     """
-    ended = Ended(cycles=asked.first - 1)
-    watch = Watch(asked.limits)
+    ended = EnduranceResult(cycles=settings.first - 1)
+    watch = LimitMonitor(settings.limits)
     reserve = Reserve(logs or folder, room)
-    last = asked.first + asked.cycles - 1
+    last = settings.first + settings.cycles - 1
     try:
         while ended.cycles < last and not ended.reason:
-            block = _Block(ended.cycles + 1, _block(asked, ended.cycles, last))
-            cycles = _carried_out(asked, driver, folder, block)
+            block = _Block(ended.cycles + 1, _block(settings, ended.cycles, last))
+            cycles = _carried_out(settings, driver, folder, block)
             ended.cycles += len(cycles)
             ended.reason = next(filter(None, map(watch.add, cycles)), "")
             say(f"{ended.cycles} of {last} cycles")
-            reserve.use((ended.cycles - asked.first + 1) / asked.cycles)
-            due = asked.check_every and ended.cycles % asked.check_every == 0
+            reserve.use((ended.cycles - settings.first + 1) / settings.cycles)
+            due = settings.check_every and ended.cycles % settings.check_every == 0
             if check is not None and due and not ended.reason:
-                _check(asked, ended, check)
+                _check(settings, ended, check)
     finally:
         reserve.close()
     ended.reason = ended.reason or "all cycles were done"
     return ended
 
 
-def _block(asked: Endurance, done: int, last: int) -> int:
+def _block(settings: Endurance, done: int, last: int) -> int:
     most = last - done
-    if asked.check_every:
-        most = min(most, asked.check_every - done % asked.check_every)
-    return asked.profile.cycles_a_block(most, asked.longest_s)
+    if settings.check_every:
+        most = min(most, settings.check_every - done % settings.check_every)
+    return settings.profile.cycles_a_block(most, settings.longest_s)
 
 
 class _Block(NamedTuple):
@@ -138,35 +138,37 @@ class _Block(NamedTuple):
     cycles: int
 
 
-def _carried_out(asked: Endurance, driver: BlockDriver, folder: Path, block: _Block) -> list[Cycle]:
+def _carried_out(
+    settings: Endurance, driver: BlockDriver, folder: Path, block: _Block
+) -> list[Cycle]:
     """One block; the last cycle has no rise after it, so one more is played than is counted.
 
     Of a block that was ended early the whole cycles count, as far as they were recorded.
     """
     before = driver.log
     try:
-        recording = driver.run(asked.profile.plan(block.first, block.cycles + 1))
+        recording = driver.run(settings.profile.plan(block.first, block.cycles + 1))
     except SmadError:
         if driver.log is not None and driver.log != before:
-            take_over(driver.log, asked.profile, folder, block.first)
+            take_over(driver.log, settings.profile, folder, block.first)
         raise
-    cycles = list(cycles_of(recording.columns, asked.profile, block.first))[: block.cycles]
+    cycles = list(cycles_of(recording.columns, settings.profile, block.first))[: block.cycles]
     if not cycles:
         raise ExperimentError(
-            "the bench made no whole cycle", action="look at its run log and at the profile"
+            "no complete cycle was recorded", action="look at its run log and at the profile"
         )
     _append(folder / CYCLES_FILE, cycles)
-    if asked.full_every > 1 and driver.log is not None:
-        stretches = bounds(recording[asked.profile.reference], asked.profile)
+    if settings.full_every > 1 and driver.log is not None:
+        stretches = bounds(recording[settings.profile.reference], settings.profile)
         whole_cycles = [
             stretch
             for cycle, stretch in zip(cycles, stretches, strict=False)
-            if (cycle.number - asked.first) % asked.full_every == 0
+            if (cycle.number - settings.first) % settings.full_every == 0
         ]
         thin(
             driver.log,
             whole_cycles,
-            f"every {asked.full_every}th cycle; statistics in {CYCLES_FILE}",
+            f"one cycle in {settings.full_every}; statistics in {CYCLES_FILE}",
         )
     return cycles
 
@@ -198,10 +200,10 @@ def take_over_killed(logs: Path, profile: Profile, folder: Path, first: int) -> 
     return take_over(recorded[-1], profile, folder, first) if recorded else 0
 
 
-def _check(asked: Endurance, ended: Ended, check: Callable[[int], Judgement]) -> None:
+def _check(settings: Endurance, ended: EnduranceResult, check: Callable[[int], Judgement]) -> None:
     judgement = check(ended.cycles)
     ended.judgements.append((ended.cycles, judgement))
-    limit = asked.limits.place_probability
+    limit = settings.limits.place_probability
     if limit is not None and judgement.place_probability >= limit:
         ended.reason = (
             f"a place changed with probability {judgement.place_probability:.2f} at cycle "

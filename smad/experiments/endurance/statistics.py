@@ -4,11 +4,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
+from smad.arrays import Array
 from smad.experiments.endurance.profile import Profile
 
-Array = NDArray[np.float64]
 LEAST_A = 0.3
 """Below this current a voltage over a current is noise."""
 

@@ -69,10 +69,7 @@ def results(ask: requests.Results) -> list[tuple[str, str]]:
     from smad.runlog.reader import read_run
 
     run = read_run(ask.path, axis=ask.axis)
-    columns = {
-        name: np.where(column == -1, np.nan, column) if column.dtype.kind == "i" else column
-        for name, column in run.columns.items()
-    }
+    columns = run.columns
     table = [("duration", f"{run.duration_s:.1f} s, {len(run)} samples")]
 
     def add_range(what: str, names: tuple[str, ...], form: str) -> None:

@@ -10,25 +10,24 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 from struct import Struct as Layout
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
-from numpy.typing import NDArray
 
+from smad.arrays import Array
 from smad.runlog import schema
 from smad.runlog.cycles import Cycles
 from smad.runlog.mcap_file import CHANNEL_IDS
 from smad.runlog.paths import part_path
 from smad.runlog.reader import columns_of, recorded
 from smad.runlog.scan import RECORD_HEAD, DamagedError, Message, chunk_data, records_in
-from smad.style.decimation import every, in_order
+from smad.style.decimation import in_order, stride
 from smad.style.strips import MOTION, PLACES
 from smad.view.requests import Mark, Read
 from smad.view.tier import GAP_S, MOST_BUCKETS, MOST_MOMENTS, Curve, Frame, Moments
-
-Array = NDArray[np.float64]
 
 KEPT_S = 0.5
 """Length of the stretches that are kept of a log: 54 MB a day."""
@@ -43,16 +42,18 @@ _event = msgspec.json.Decoder(schema.Event).decode
 _NS = 1e-9
 
 
-class Envelopes:
-    """n stretches of all channels: `t` (n,), `low`, `high`, `first`, `last` (n, channels)."""
+class Envelopes(NamedTuple):
+    """n stretches of all channels: `t` (n,), the others (n, channels)."""
 
-    def __init__(self, t: Array, low: Array, high: Array, first: Array, last: Array) -> None:
-        self.t, self.low, self.high, self.first, self.last = t, low, high, first, last
+    t: Array
+    low: Array
+    high: Array
+    first: Array
+    last: Array
 
     def part(self, begin: int, end: int) -> Envelopes:
         """Return stretches `begin` to `end`."""
-        columns = (self.t, self.low, self.high, self.first, self.last)
-        return Envelopes(*(column[begin:end] for column in columns))
+        return Envelopes(*(column[begin:end] for column in self))
 
     def folded(self, width_s: float) -> Envelopes:
         """Return them put together into stretches of a width."""
@@ -71,10 +72,7 @@ class Envelopes:
 
 def joined(some: Sequence[Envelopes]) -> Envelopes:
     """Return stretches one after the other."""
-    names = ("t", "low", "high", "first", "last")
-    return Envelopes(
-        *(np.concatenate([getattr(envelopes, name) for envelopes in some]) for name in names)
-    )
+    return Envelopes(*map(np.concatenate, zip(*some, strict=True)))
 
 
 def of_rows(t: Array, y: Array) -> Envelopes:
@@ -246,7 +244,7 @@ def frame_of(envelopes: Envelopes, width_s: float, channels: Sequence[str]) -> F
 
 def moments_of(envelopes: Envelopes, xy: Sequence[str]) -> Moments:
     """Return at most 3000 moments; cycles count from the first of them."""
-    step = every(envelopes.t.size, MOST_MOMENTS)
+    step = stride(envelopes.t.size, MOST_MOMENTS)
     t, last = envelopes.t[::step], envelopes.last[::step]
     cycles = Cycles()
     numbers = [cycles.add(value) for value in last[:, MOTION].tolist()]

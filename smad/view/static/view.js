@@ -86,7 +86,7 @@ function take(message) {
   if (message.away) {
     become("away", "The daemon does not answer", `${message.away}. What stands here is old. STOP does not reach the bench from here: use its switch.`, message.silent_s);
   } else if (message.silent_s > 0) {
-    become("silent", "No samples come", `Link: ${status.link}. STOP is sent all the same; what stands here is ${message.silent_s.toFixed(0)} s old.`, message.silent_s);
+    become("silent", "No samples come", `Link: ${status.link}. STOP still works; the values shown are ${message.silent_s.toFixed(0)} s old.`, message.silent_s);
   } else {
     become("live");
   }

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 
 from smad.api import AxisStatus, Motion, Percentiles
+from smad.view.state import running_words
 
 OLD_AFTER_S = 1.0
 """What is older is not shown as if it were of now."""
@@ -14,7 +15,6 @@ def axis_lines(axes: Mapping[str, AxisStatus], skew: Percentiles) -> Iterator[st
     for name, axis in axes.items():
         row, motion = axis.sample, axis.motion
         state = motion.mode if axis.link.state not in ("disconnected", "sync") else axis.link.state
-        done = "done" if motion.done else "under way"
         readings = "no readings yet"
         if row is not None:
             readings = (
@@ -24,11 +24,11 @@ def axis_lines(axes: Mapping[str, AxisStatus], skew: Percentiles) -> Iterator[st
         fault = f", {motion.fault.in_words()}" if motion.fault else ""
         missed = axis.counts.missed
         yield (
-            f"{name:<{width}} {state:<7} {readings}; {motion.running}, {done}; "
+            f"{name:<{width}} {state:<7} {readings}; {running_words(motion)}; "
             f"{axis.link.rate_hz} Hz, {missed} missed{fault}"
         )
     if skew.count:
-        yield f"began together {skew.count} times, within {skew.max_us / 1000:.2f} ms"
+        yield f"{skew.count} simultaneous starts, within {skew.max_us / 1000:.2f} ms"
 
 
 def aged(motion: Motion) -> str:

@@ -9,10 +9,10 @@ from typing import Literal, NamedTuple
 from firmware_protocol import enums
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
 from smad.api import Entry, Percentiles, Status
-from smad.files import shown
+from smad.files import display_path
 from smad.runlog.schema import Row
 from smad.style.strips import STRIPS, Curve, Strip
-from smad.view.state import limiter_of
+from smad.view.state import limiter_of, running_words
 from smad.view.terminal.axis_lines import aged, axis_lines
 
 LEAST_COLUMNS, LEAST_ROWS = 60, 20
@@ -104,9 +104,8 @@ def _pinned(now: Status, columns: int) -> Iterator[Line]:
         yield from (Line(f"  {line}", "bad") for line in wrapped)
     if now.warnings:
         yield Line(f"warnings: {', '.join(now.warnings)}", "warned")
-    done = "done" if motion.done else "under way"
     limiter = limiter_of(now)
-    yield Line(f"{motion.running}, {done}" + (f"; limited by {limiter}" if limiter else ""))
+    yield Line(running_words(motion) + (f"; limited by {limiter}" if limiter else ""))
     yield Line("")
 
 
@@ -158,7 +157,7 @@ def _facts(now: Status) -> Iterator[Line]:
     if recorder.error:
         yield Line(f"run log: {recorder.error}", "bad")
     elif recorder.recording:
-        yield Line(f"recording {shown(recorder.path)}")
+        yield Line(f"recording {display_path(recorder.path)}")
     if now.control.holder:
         yield Line(f"in control: {now.control.holder}, {now.control.left_s:.0f} s left")
 

@@ -9,7 +9,7 @@ import click
 from firmware_protocol.enums import Fault
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
 from smad.api import Percentiles, Status
-from smad.files import shown
+from smad.files import display_path
 from smad.view.state import LINK_MEANS, limiter_of
 from smad.view.terminal.axis_lines import aged, axis_lines, number
 
@@ -103,21 +103,21 @@ def _link(now: Status) -> Iterator[str]:
             f"after {board.reset_cause}; messages {schema}, parameters {agree}",
         )
     timing = now.timing
-    yield labelled("host share", _spread(timing.own_share))
+    yield labelled("host share", spread(timing.own_share))
     yield labelled(
         "age",
-        f"{_spread(timing.setpoint_age)}{' when applied' * bool(timing.setpoint_age.count)}; "
+        f"{spread(timing.setpoint_age)}{' when applied' * bool(timing.setpoint_age.count)}; "
         f"{_lost(counts.setpoints_refused)} refused as too old",
     )
-    yield labelled("jitter", _spread(timing.jitter))
+    yield labelled("jitter", spread(timing.jitter))
 
 
 def _record(now: Status) -> Iterator[str]:
     recorder = now.recorder
     if recorder.recording:
-        yield labelled("recording", f"{shown(recorder.path)}, {recorder.rows} samples")
+        yield labelled("recording", f"{display_path(recorder.path)}, {recorder.rows} samples")
     elif recorder.path:
-        yield labelled("run log", f"{shown(recorder.path)}, {recorder.rows} samples")
+        yield labelled("run log", f"{display_path(recorder.path)}, {recorder.rows} samples")
     if recorder.error:
         yield labelled("", _red(recorder.error))
 
@@ -144,7 +144,8 @@ def _lost(count: int) -> str:
     return _red(str(count)) if count else "0"
 
 
-def _spread(part: Percentiles) -> str:
+def spread(part: Percentiles) -> str:
+    """Percentiles of a duration, in one line."""
     if part.count == 0:
         return "no samples yet"
     return f"p50 {part.p50_us:.0f} µs, p99 {part.p99_us:.0f} µs, p99.9 {part.p999_us:.0f} µs"

@@ -164,7 +164,7 @@ def test_viewers_that_never_read_lose_their_seats_to_others(folder: Path) -> Non
     with bridge_of(folder) as address, contextlib.ExitStack() as stack:
         for _ in range(MOST_VIEWERS):
             stack.enter_context(unread(address))
-        # On a busy machine the first of them may have lost its seat before the last came.
+        # On a busy machine the first of them may have lost its place before the last came.
         deadline = time.monotonic() + PATIENCE_S
         while True:
             assert time.monotonic() < deadline

@@ -153,8 +153,8 @@ def test_an_event_is_passed_on_once_and_the_gains_are_those_in_force() -> None:
     events = (api.Entry(1.0, "connected"), api.Entry(2.0, "too hot", "fault"))
     now = replace(status(host_time_s=3.0), events=events[:1])
     source._sink = sink
-    source.seen(now, {"": {"cold_cC": 4500.0}})
-    source.seen(replace(now, events=events), {})
+    source.on_status(now, {"": {"cold_cC": 4500.0}})
+    source.on_status(replace(now, events=events), {})
     logged = [body["message"] for topic, _, body in sink.published if topic == "/smad/log"]
     assert logged == ["connected", "too hot"]
     assert [t for topic, t, _ in sink.published if topic == "/smad/link"] == [3_000_000_000] * 2
@@ -172,7 +172,7 @@ def test_each_axis_has_a_channel_counters_and_parameters_of_its_own() -> None:
     one.hello()
     ask(one, op="subscribe", subscriptions=[{"id": 1, "channelId": ROWS.id}])
     axes = tuple(AxisConfig(name=name, travel_mm=4.0) for name in ("pitch-1", "yaw-1"))
-    source.configured(Config(axes=axes))
+    source.on_config(Config(axes=axes))
     gone, new = map(json.loads, one.changed())
     assert gone == {"op": "unadvertise", "channelIds": [ROWS.id]}
     assert [c["topic"] for c in new["channels"]] == [f"/smad/axis/{a.name}/row" for a in axes]
@@ -180,7 +180,7 @@ def test_each_axis_has_a_channel_counters_and_parameters_of_its_own() -> None:
     assert not one.wants(ROWS)
     part = status(host_time_s=3.0)
     both = replace(part, axes={"pitch-1": part, "yaw-1": replace(part, gains=Tune(kp_A_per_mm=9))})
-    source.seen(both, {"yaw-1": {"cold_cC": 4500.0}})
+    source.on_status(both, {"yaw-1": {"cold_cC": 4500.0}})
     assert source.parameters["yaw-1.gains.kp_A_per_mm"] == 9
     assert source.parameters["pitch-1.gains.kp_A_per_mm"] == 7.0
     assert source.parameters["yaw-1.board.cold_cC"] == 4500.0

@@ -16,7 +16,7 @@ from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.series import Player, Recorded, finished
 from smad.checkup.store import SCHEMA, read_about
 from smad.cli import execute
-from smad.cli.gap_runs import uncut
+from smad.cli.gap_runs import without_cut_runs
 from smad.diagnosis import spring_pair
 from smad.diagnosis.runs import GapRun
 from smad.runlog.header import RunHeader
@@ -188,7 +188,7 @@ def test_a_diagnosis_takes_no_good_run_that_was_cut(
     whole, cut, table = tmp_path / "whole.mcap", tmp_path / "cut.mcap", tmp_path / "table.csv"
     write_log(whole, played(1))
     write_log(cut, played(2), cut=STOP)
-    assert uncut([whole, cut, table]) == (whole, table)
+    assert without_cut_runs([whole, cut, table]) == (whole, table)
     assert f"cut.mcap was cut ({STOP})" in capsys.readouterr().err
     assert execute(["gap", "diagnose", str(whole), "--good", str(cut)]) == 2
     assert "every good run was cut" in capsys.readouterr().err

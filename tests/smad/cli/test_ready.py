@@ -20,15 +20,15 @@ from smad.client.endpoints import FOLDER_VARIABLE
 from smad.config import Config, config_to_toml
 from smad.errors import SmadError
 from smad.experiments.ready import require_ready
-from smad.files import shown
+from smad.files import display_path
 from tests.smad.cli.test_commands import STATUS
 from tests.smad.fakedaemon import MOTION, FakeDaemon, fake_daemon
 
 DRIVERS = {
     "LiveDriver",
     "LeasedDriver",
-    "Replayer",
-    "Directly",
+    "RestFirstDriver",
+    "InPlaceDriver",
     "leased_driver",
     "live",
     "repeat_on",
@@ -146,5 +146,5 @@ def test_a_path_is_shown_from_here_on_where_it_is_below(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert shown(tmp_path / "runs" / "a.mcap") == f"runs{os.sep}a.mcap"
-    assert shown("/elsewhere/a.mcap") == "/elsewhere/a.mcap"
+    assert display_path(tmp_path / "runs" / "a.mcap") == f"runs{os.sep}a.mcap"
+    assert display_path("/elsewhere/a.mcap") == "/elsewhere/a.mcap"

@@ -7,7 +7,7 @@ import pytest
 
 from smad.cli import execute, tables
 from smad.cli.status import folded
-from smad.experiments.campaign import left
+from smad.experiments.campaign import time_left
 from smad.report.page import Table
 from smad.view.terminal.status_lines import labelled
 from tests.smad.runlog.helpers import write_small_run
@@ -83,10 +83,10 @@ def test_a_page_of_an_earlier_run_is_kept(
 
 
 def test_progress_says_how_many_runs_are_done_and_how_long_the_rest_may_take() -> None:
-    assert left(0, 40, 0.0) == ""
-    assert left(10, 40, 20.0) == "; about 60 s left"
-    assert left(10, 40, 200.0) == "; about 10 min left"
-    assert left(40, 40, 200.0) == ""
+    assert time_left(0, 40, 0.0) == ""
+    assert time_left(10, 40, 20.0) == "; about 60 s left"
+    assert time_left(10, 40, 200.0) == "; about 10 min left"
+    assert time_left(40, 40, 200.0) == ""
 
 
 @pytest.mark.parametrize("width", [60, 70, 80, 100])

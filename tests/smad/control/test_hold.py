@@ -14,7 +14,7 @@ from smad.config import ControlConfig, CoolingConfig, HoldConfig
 from smad.control.commands import Follow, Ramp, Sine, Step, Trajectory
 from smad.control.controller import Controller, Output
 from smad.control.cooling import Pump, PumpStarts
-from smad.control.hold import Direction, KeptPair, QuietHold
+from smad.control.hold import Direction, PairTemperatureControl, QuietHold
 from smad.control.metrics import HoldQuality, hold_quality
 from smad.control.plan import Do, Plan, UntilDone
 from smad.control.runner import run_virtual
@@ -60,9 +60,11 @@ def test_the_quiet_ends_only_at_twice_the_error_at_which_it_began() -> None:
     assert not hold.quiet
 
 
-def kept_pair(**changed: float) -> KeptPair:
+def kept_pair(**changed: float) -> PairTemperatureControl:
     """Springs at 40 and 30 °C, 1 A in X, no error."""
-    return KeptPair(HoldConfig(**changed), 4.0, 1.0, warm_degC=(40.0, 30.0), now_A=1.0, error_m=0.0)
+    return PairTemperatureControl(
+        HoldConfig(**changed), 4.0, 1.0, warm_degC=(40.0, 30.0), now_A=1.0, error_m=0.0
+    )
 
 
 def test_both_springs_are_kept_as_warm_as_they_are_when_the_other_one_is_needed() -> None:
@@ -93,7 +95,9 @@ def test_a_kept_temperature_waits_for_a_spring_that_cannot_follow() -> None:
 
 
 def test_a_hold_that_begins_to_keep_its_temperatures_does_not_jump() -> None:
-    pair = KeptPair(HoldConfig(), 4.0, 1.0, warm_degC=(40.0, 30.0), now_A=-1.0, error_m=-1e-5)
+    pair = PairTemperatureControl(
+        HoldConfig(), 4.0, 1.0, warm_degC=(40.0, 30.0), now_A=-1.0, error_m=-1e-5
+    )
     assert pair.step(-1e-5, (40.0, 30.0), DT_S) == pytest.approx((0.0, 1.0), abs=0.01)
 
 

@@ -114,8 +114,8 @@ class MachineState(NamedTuple):
         return self._replace(axes=(second, first))
 
 
-_ADRIFT = AxisState(Phase.ADRIFT, reachable=False, in_attempt=False)
-AT_START = MachineState((_ADRIFT, _ADRIFT), None, 0)
+_NO_SESSION = AxisState(Phase.NO_SESSION, reachable=False, in_attempt=False)
+AT_START = MachineState((_NO_SESSION, _NO_SESSION), None, 0)
 
 
 class Case:
@@ -272,11 +272,11 @@ def _of_link(case: Callable[[Board], Case], board: Board) -> Iterator[What]:
         met = case(board._replace(mode=mode, confirmed=False))
         met.machine.connected(name)
         yield f"{name}: a new session", met
-    if axis.phase in (Phase.STOPPING, Phase.ADRIFT):
+    if axis.phase in (Phase.STOPPING, Phase.NO_SESSION):
         # So much time without a setpoint: hold and fault, and no token is valid any more.
         mode = "fault" if board.mode == "armed" else board.mode
         quiet = case(board._replace(mode=mode, token=False))
-        quiet.machine.quiet(name)
+        quiet.machine.watchdog_expired(name)
         yield f"{name}: its watchdog's time passes", quiet
     if axis.phase is Phase.ASKED and board.mode == "off" and not board.to_board:
         granted = case(board._replace(token=True, confirmed=False))

@@ -166,7 +166,7 @@ async def test_a_generation_of_an_earlier_daemon_arms_nothing(tmp_path: Path) ->
         await rig.ask("disarm", b"a person")
         await rig.run_until(all_safe(rig))
         for method, params in (("arm", {}), ("together", {"moves": {"yaw-1": [STEP]}})):
-            with pytest.raises(Refused, match="stopped after this was asked for") as refused:
+            with pytest.raises(Refused, match="stopped after this command was issued") as refused:
                 await rig.ask(method, told=before, **params)
             assert refused.value.reason == "stopped"
         assert hot(rig) == []

@@ -89,7 +89,7 @@ async def test_after_a_stop_nothing_arms_but_a_person(tmp_path: Path) -> None:
         await rig.ask("disarm", client=b"other")
         await rig.run_until(all_safe(rig))
         for axis in (None, "pitch-1", ["yaw-1", "pitch-2"]):
-            with pytest.raises(Refused, match=r"asked for \(disarm of a client\)") as refused:
+            with pytest.raises(Refused, match=r"issued \(disarm of a client\)") as refused:
                 await rig.ask("arm", told={**before, "axis": axis})
             assert refused.value.reason == "stopped"
         await rig.run_for(1.0)
@@ -146,7 +146,7 @@ async def test_what_fails_on_an_axis_of_its_own_leaves_the_others_and_their_leas
         await rig.run_for(1.6)
         assert hot(rig) == ["pitch-1", "pitch-2"]
         await rig.ask("move", told={**told, "axis": "pitch-1"}, trajectories=[STEP])
-        with pytest.raises(Refused, match="stopped after this was asked for") as refused:
+        with pytest.raises(Refused, match="stopped after this command was issued") as refused:
             await move_all(rig, told=told)
         assert refused.value.reason == "stopped"
         with pytest.raises(Refused, match="stopped after"):

@@ -16,7 +16,7 @@ import zmq
 
 from campaign.rig import free_ports
 from smad.config import TcpConfig
-from smad.daemon.command.remote import RemoteDoor, Routes, Source
+from smad.daemon.command.remote import Routes, Source, TcpServer
 from smad.daemon.sockets.address import listen_local
 from smad.daemon.sockets.descriptors import (
     RESERVE,
@@ -373,7 +373,7 @@ def test_events_are_read_until_nothing_is_monitored_any_more(
     with zmq.Context() as context:
         tcp = TcpConfig(command_port=command_port, stop_port=stop_port)
         secret = zmq.curve_keypair()[1]
-        RemoteDoor(context, tcp, secret, _IGNORED, queue=10, reserve=nullcontext).close()
+        TcpServer(context, tcp, secret, _IGNORED, queue=10, reserve=nullcontext).close()
     assert closed == [True, True, False, False, False]
 
 
@@ -391,7 +391,7 @@ def test_commands_are_closed_to_newcomers_before_stops_are() -> None:
         return False
 
     with zmq.Context() as context:
-        door = RemoteDoor(context, tcp, secret, _IGNORED, queue=10, reserve=nullcontext)
+        door = TcpServer(context, tcp, secret, _IGNORED, queue=10, reserve=nullcontext)
         door.most = 8
         let_in = []
         for connections in (3, 4, 7, 8, 7, 5, 3, 2):
@@ -416,7 +416,7 @@ def test_a_port_that_is_taken_is_refused_and_leaves_nothing_open() -> None:
         tcp = TcpConfig(command_port=other.getsockname()[1], stop_port=free_ports(1)[0])
         secret = zmq.curve_keypair()[1]
         with pytest.raises(DaemonError, match="cannot listen on tcp"):
-            RemoteDoor(
+            TcpServer(
                 context,
                 tcp,
                 secret,

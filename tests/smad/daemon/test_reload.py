@@ -10,7 +10,7 @@ import zmq
 from smad.client.endpoints import write_anew
 from smad.config import Config, DaemonConfig, LinkConfig, TcpConfig, parse_config
 from smad.config.curve_key import is_curve_key
-from smad.daemon.command.auth import Doorkeeper, server_keys
+from smad.daemon.command.auth import KeyAuthenticator, server_keys
 from smad.daemon.command.reload import reread_keys
 from smad.errors import ConfigError
 
@@ -27,15 +27,15 @@ def broken() -> Config:
 
 
 def test_the_list_is_taken_over_and_the_rest_waits_for_a_restart() -> None:
-    doorkeeper = Doorkeeper((FIRST,))
-    told = reread_keys(config(FIRST), doorkeeper, lambda: config(SECOND, rate_hz=250))
+    authenticator = KeyAuthenticator((FIRST,))
+    told = reread_keys(config(FIRST), authenticator, lambda: config(SECOND, rate_hz=250))
     assert told == (
         "SIGHUP: read the list of keys anew, 1 in all, 1 new, 1 gone; "
         "what else has changed waits for a restart"
     )
-    assert doorkeeper.knows(SECOND)
-    assert not doorkeeper.knows(FIRST)
-    assert doorkeeper.refused == 1
+    assert authenticator.knows(SECOND)
+    assert not authenticator.knows(FIRST)
+    assert authenticator.refused == 1
 
 
 @pytest.mark.parametrize(
@@ -49,9 +49,9 @@ def test_the_list_is_taken_over_and_the_rest_waits_for_a_restart() -> None:
 def test_what_cannot_be_used_leaves_the_list_as_it_was(
     reread: Callable[[], Config] | None, words: str
 ) -> None:
-    doorkeeper = Doorkeeper((FIRST,))
-    assert words in reread_keys(config(FIRST), doorkeeper, reread)
-    assert doorkeeper.knows(FIRST)
+    authenticator = KeyAuthenticator((FIRST,))
+    assert words in reread_keys(config(FIRST), authenticator, reread)
+    assert authenticator.knows(FIRST)
 
 
 def test_without_tcp_there_is_no_list_to_change() -> None:

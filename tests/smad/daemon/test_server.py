@@ -16,7 +16,7 @@ import zmq.asyncio
 from smad.api import LARGEST_TAKEN_IN
 from smad.client.endpoints import Endpoints
 from smad.config import DaemonConfig, TcpConfig, TelemetryConfig
-from smad.daemon.command.auth import Doorkeeper, server_keys
+from smad.daemon.command.auth import KeyAuthenticator, server_keys
 from smad.daemon.command.server import CommandServer, Handlers
 from smad.daemon.sockets.zmtp import GREETING, encoded, ready
 from smad.daemon.telemetry.publisher import Publisher
@@ -199,9 +199,9 @@ async def test_over_tcp_a_listed_key_gets_in_and_a_strangers_does_not(echo: Echo
     await plain.send(b"me too")
     await good.send(b"hello")
     assert await receive(good) == [b"re:hello"]
-    doorkeeper = echo.server.doorkeeper
-    assert doorkeeper is not None
-    while doorkeeper.refused == 0:
+    authenticator = echo.server.authenticator
+    assert authenticator is not None
+    while authenticator.refused == 0:
         await asyncio.sleep(0.01)
     assert echo.order == [b"hello"]
 
@@ -250,9 +250,9 @@ async def test_over_tcp_a_client_whose_machine_is_gone_is_found_out(echo: Echo) 
 
 
 def test_the_doorkeeper_refuses_what_is_no_curve_request() -> None:
-    doorkeeper = Doorkeeper(())
-    assert doorkeeper.answer([b"2.0", b"1"]) is None
-    reply = doorkeeper.answer([b"1.0", b"1", b"smad", b"::1", b"", b"NULL"])
+    authenticator = KeyAuthenticator(())
+    assert authenticator.answer([b"2.0", b"1"]) is None
+    reply = authenticator.answer([b"1.0", b"1", b"smad", b"::1", b"", b"NULL"])
     assert reply is not None
     assert reply[2] == b"400"
 

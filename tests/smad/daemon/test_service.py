@@ -17,7 +17,7 @@ from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
 from smad.api import METHODS
 from smad.config import DaemonConfig, LimitsConfig, RecorderConfig
-from smad.daemon.command.answers import MOST_WAITING_EACH
+from smad.daemon.command.dispatcher import MOST_WAITING_EACH
 from smad.daemon.command.service import Service
 from smad.daemon.errors import Refusal
 from smad.runlog.reader import read_run
@@ -311,9 +311,9 @@ async def test_who_has_control_and_vanishes_leaves_a_disarmed_bench(tmp_path: Pa
         motion = await rig.ask("motion", client=b"bob")
         assert (motion["armed"], motion["running"]) == (False, "idle")
         assert rig.bench.board.state in (BoardState.COOL, BoardState.SAFE)
-        assert "Ada, who had exclusive control, fell silent for 2 s; disarming" in rig.said
+        assert "Ada had exclusive control and sent nothing for 2 s; disarming" in rig.said
         await rig.run_for(5.0)
-        assert rig.said.count("fell silent") == 1
+        assert rig.said.count("sent nothing") == 1
 
 
 async def not_armed(rig: Rig) -> None:
@@ -343,7 +343,7 @@ async def test_the_dead_man_option_disarms_when_the_arming_client_is_silent(
         await rig.run_for(1.0)
 
         await rig.run_until(not_armed(rig))
-        assert "fallen silent" in rig.said
+        assert "stopped sending" in rig.said
 
 
 async def test_a_mistake_in_one_command_is_told_and_the_run_goes_on(
@@ -411,7 +411,7 @@ async def test_thousands_of_mangled_messages_are_answered_and_cost_no_sample(
         await rig.arm()
         replies: list[bytes] = []
         for message in _messages():
-            rig.daemon.answers.command(b"mangler", message, replies.append)
+            rig.daemon.dispatcher.command(b"mangler", message, replies.append)
             await rig.run(1)
         counts = rig.axis.control.counts
         assert counts.skipped == 0

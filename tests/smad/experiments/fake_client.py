@@ -178,7 +178,7 @@ class FakeClient:
     def require_no_stop(self) -> None:
         """Refuse, as the daemon does, what is asked for as of an arming that has ended."""
         if self._since_armed and not self.motion().armed:
-            raise NotReady("the bench was stopped after this was asked for")
+            raise NotReady("the bench was stopped after this command was issued")
 
     def tune(self, command: Tune) -> None:
         self.require_no_stop()

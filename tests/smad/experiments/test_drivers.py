@@ -80,7 +80,7 @@ def test_a_mounting_that_does_not_fit_is_refused_before_anything_moves(
     if fits:
         experiment.check(NoDriver(mounting=mounting))
     else:
-        with pytest.raises(BenchLacksError, match="mounted otherwise"):
+        with pytest.raises(BenchLacksError, match="another mounting of the springs"):
             experiment.run(NoDriver(mounting=mounting), NOMINAL)
 
 

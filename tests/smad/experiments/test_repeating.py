@@ -14,8 +14,8 @@ from smad.control.pieces import rows_in_pieces
 from smad.control.plan import Do, Plan, UntilDone
 from smad.experiments.driver import log_path
 from smad.experiments.errors import EndedEarlyError, ExperimentError
-from smad.experiments.repeating import RepeatError, read_repeat, repeat_of
-from smad.experiments.replayer import Replayer
+from smad.experiments.repeating import RepeatError, read_recorded_inputs, recorded_inputs_of
+from smad.experiments.replayer import RestFirstDriver
 from smad.experiments.rest import Start
 from smad.runlog.reader import Run, read_run
 
@@ -43,7 +43,7 @@ def changed(path: Path, **columns: Any) -> Run:
 
 
 def test_a_closed_loop_run_is_repeated_sample_by_sample(recorded: Path, tmp_path: Path) -> None:
-    repeat = read_repeat(recorded)
+    repeat = read_recorded_inputs(recorded)
     repeat.require_fit(Config())
     again = repeat.plan("again")
     driver(folder=tmp_path).run(again)
@@ -63,19 +63,25 @@ def test_a_closed_loop_run_is_repeated_sample_by_sample(recorded: Path, tmp_path
     [
         (Config(link=LinkConfig(rate_hz=250)), "another rate.*100 Hz.*250 Hz"),
         (Config(control=ControlConfig(current_limit_A=1.0)), "i_x_A is above the host's limit"),
-        (Config(limits=LimitsConfig(displacement_max_mm=2.0)), "went beyond.*displacement_mm"),
-        (Config(limits=LimitsConfig(temperature_max_degC=30.0)), "went beyond.*rtd_x_degC"),
+        (
+            Config(limits=LimitsConfig(displacement_max_mm=2.0)),
+            "exceeds a limit of this bench: .*displacement_mm",
+        ),
+        (
+            Config(limits=LimitsConfig(temperature_max_degC=30.0)),
+            "exceeds a limit of this bench: .*rtd_x_degC",
+        ),
     ],
 )
 def test_a_run_that_does_not_fit_the_bench_is_refused_before_anything_moves(
     recorded: Path, config: Config, said: str
 ) -> None:
     with pytest.raises(RepeatError, match=said):
-        read_repeat(recorded).require_fit(config)
+        read_recorded_inputs(recorded).require_fit(config)
 
 
 def test_a_run_of_another_board_or_of_none_is_refused(recorded: Path) -> None:
-    repeat = read_repeat(recorded)
+    repeat = read_recorded_inputs(recorded)
     for mine in ("", "c0ffee"):
         with pytest.raises(RepeatError, match=r"another bench.*--other-bench"):
             replace(repeat, uid=mine).require_bench("abcdef", "bench")
@@ -100,7 +106,7 @@ def test_a_log_that_does_not_say_what_was_applied_is_refused(recorded: Path) -> 
         ({"mode": never}, "its board was never armed"),
     ):
         with pytest.raises(RepeatError, match=said):
-            repeat_of(changed(recorded, **columns), "x")
+            recorded_inputs_of(changed(recorded, **columns), "x")
 
 
 def test_only_the_stretch_in_which_the_board_was_armed_is_repeated(recorded: Path) -> None:
@@ -109,7 +115,7 @@ def test_only_the_stretch_in_which_the_board_was_armed_is_repeated(recorded: Pat
     armed = int(mode[10])
     mode[:] = armed
     mode[200:] = 0
-    repeat = repeat_of(changed(recorded, mode=mode), "x")
+    repeat = recorded_inputs_of(changed(recorded, mode=mode), "x")
     assert repeat.armed_s == pytest.approx(1.99)
     assert repeat.whole_s > 2.9
 
@@ -118,8 +124,8 @@ def test_a_bench_that_answers_otherwise_ends_the_repeat_and_keeps_the_log(
     recorded: Path, tmp_path: Path
 ) -> None:
     client = FakeClient(tmp_path)
-    live = Replayer(client, sleep=client.let_pass)
-    repeat = read_repeat(recorded)
+    live = RestFirstDriver(client, sleep=client.let_pass)
+    repeat = read_recorded_inputs(recorded)
     far = tuple(20.0 for _ in repeat.command.t_s)
     other = replace(repeat, command=msgspec.structs.replace(repeat.command, displacement_mm=far))
     with pytest.raises(EndedEarlyError, match=r"displacement is .* instead of 20"):
@@ -143,19 +149,19 @@ def test_a_repeat_that_ends_before_all_of_it_is_sent_is_told_as_ended(
                 self.let_pass(1.0)
 
     client = Slow(tmp_path)
-    repeat = read_repeat(recorded)
+    repeat = read_recorded_inputs(recorded)
     far = tuple(20.0 for _ in repeat.command.t_s)
     other = replace(repeat, command=msgspec.structs.replace(repeat.command, displacement_mm=far))
     with pytest.raises(EndedEarlyError, match=r"displacement is .* instead of 20"):
-        Replayer(client, sleep=client.let_pass).run(other.plan("other"))
+        RestFirstDriver(client, sleep=client.let_pass).run(other.plan("other"))
 
 
 def test_a_rest_that_the_bench_does_not_come_to_is_told_and_nothing_is_played(
     tmp_path: Path,
 ) -> None:
     client = FakeClient(tmp_path)
-    live = Replayer(client, sleep=client.let_pass)
+    live = RestFirstDriver(client, sleep=client.let_pass)
     live.start = Start(5.0, (0.0, 0.0))
-    with pytest.raises(ExperimentError, match=r"does not come to the rest.*instead of 5\.00"):
+    with pytest.raises(ExperimentError, match=r"does not return to the state.*instead of 5\.00"):
         live.run(CLOSED_LOOP)
     assert live.log is None

@@ -52,7 +52,7 @@ def test_the_missing_radiation_of_a_heater_is_found_in_what_heats_it(
     ask = ["gap", "diagnose", *runs, "--fmu", str(unit), "--map", str(tmp_path / "map.toml")]
     assert execute([*ask, "--html", str(tmp_path / "gap.html")]) == 0
     said, warned = capfd.readouterr()
-    assert f"smad: runs the code of {unit} as you; use units of those you trust\n" in warned
+    assert f"smad: {unit} contains code that runs with your permissions; " in warned
     assert re.search(r"^a replay takes [\d.e-]+ s: .*\d+ s in all", warned, re.MULTILINE)
     assert said.startswith("the simulator lacks something at the ")
     assert re.search(r"^  name   radiation", said, re.MULTILINE)
@@ -364,8 +364,8 @@ def test_a_unit_needs_its_map_and_is_written_no_model(
     with_map = ["--fmu", str(unit), "--map", str(tmp_path / "map.toml")]
     for options, words in (
         (["--fmu", str(unit)], "--fmu and --map belong together"),
-        ([*with_map, "--apply", "b.toml"], "no model of a unit can be written"),
-        (["--processes", "2"], "--processes is of --fmu and --mjcf"),
+        ([*with_map, "--apply", "b.toml"], "--apply cannot write the model of an FMI unit"),
+        (["--processes", "2"], "--processes needs --fmu or --mjcf"),
     ):
         assert execute(["gap", "diagnose", run, *options]) == 2
         (line,) = capfd.readouterr().err.splitlines()

@@ -85,7 +85,7 @@ def test_a_child_that_a_hook_leaves_with_its_output_holds_up_nobody_for_long() -
 def test_a_hook_that_is_not_there_is_told() -> None:
     hooks = Hooks("/no/such/program")
     hooks.fire()
-    assert hooks.said == ["on_fault: /no/such/program cannot be begun: No such file or directory"]
+    assert hooks.said == ["on_fault: /no/such/program cannot be started: No such file or directory"]
 
 
 def test_a_flood_of_events_begins_one_command_at_a_time_and_drops_the_oldest() -> None:

@@ -14,7 +14,7 @@ from smad.api import (
     Status,
     Timing,
 )
-from smad.hooks.events import MOST_AT_ONCE, SILENT_S, Detector, Event, Look
+from smad.hooks.events import MOST_AT_ONCE, SILENT_S, Detector, Event, Observation
 from smad.queue.states import Arming, Item, Snapshot, State
 from smad.queue.store import Message
 
@@ -45,11 +45,11 @@ def motion(**changes: object) -> Status:
     return msgspec.structs.replace(STATUS, motion=msgspec.structs.replace(ARMED, **changes))
 
 
-def look(at_s: float, status: Status | None = STATUS, **more: object) -> Look:
-    return Look(unix_s=1e9 + at_s, clock_s=at_s, status=status, **more)  # type: ignore[arg-type]
+def look(at_s: float, status: Status | None = STATUS, **more: object) -> Observation:
+    return Observation(unix_s=1e9 + at_s, clock_s=at_s, status=status, **more)  # type: ignore[arg-type]
 
 
-def told(*looks: Look) -> list[tuple[str, str]]:
+def told(*looks: Observation) -> list[tuple[str, str]]:
     detector = Detector("bench", disk_low_MB=2000.0)
     return [(e.event, e.text) for each in looks for e in detector.events(each)]
 

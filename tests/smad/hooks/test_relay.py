@@ -92,7 +92,7 @@ def test_a_holding_command_runs_until_the_supply_is_cut(tmp_path: Path) -> None:
     assert relay._process.poll() is not None
     with pytest.raises(RelayError, match="sleep ended"):
         relay.renew()
-    with pytest.raises(RelayError, match="cannot be begun"):
+    with pytest.raises(RelayError, match="cannot start"):
         HoldingRelay(["/no/such/program"]).renew()
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from smad.hooks.events import Known
+from smad.hooks.events import WatcherState
 from smad.hooks.watch import Watcher
 from smad.queue.machine import Change
 from smad.queue.states import Snapshot
@@ -17,7 +17,7 @@ def say(folder: Path, *texts: str) -> None:
     with Store(folder / FILE) as store:
         store.change(lambda s: Change(after=s))
         for text in texts:
-            store.say("item_ended", text, None, 1.0)
+            store.add_message("item_ended", text, None, 1.0)
 
 
 def texts_of(watcher: Watcher) -> list[str]:
@@ -33,11 +33,11 @@ def test_messages_that_came_while_nobody_watched_are_new_to_the_next_watcher(
     first = Watcher(ABSENT, tmp_path)
     assert first.known() is None
     assert texts_of(first) == []
-    first.keep(Known(message=first.look().message))
+    first.keep(WatcherState(message=first.look().message))
     first.close()
     say(tmp_path, "meanwhile")
     second = Watcher(ABSENT, tmp_path)
-    assert second.known() == Known(message=1)
+    assert second.known() == WatcherState(message=1)
     assert texts_of(second) == ["meanwhile"]
     assert texts_of(second) == []
     second.close()
@@ -47,7 +47,7 @@ def test_a_new_queue_in_the_place_of_the_old_one_is_told_from_its_beginning(
     tmp_path: Path,
 ) -> None:
     watcher = Watcher(ABSENT, tmp_path)
-    watcher.keep(Known(message=40))
+    watcher.keep(WatcherState(message=40))
     watcher.known()
     say(tmp_path, "first of the new one")
     assert texts_of(watcher) == ["first of the new one"]
@@ -60,11 +60,11 @@ def test_a_watcher_that_ran_before_there_was_any_folder_lets_the_next_one_catch_
     folder = tmp_path / "runs"
     first = Watcher(ABSENT, folder)
     assert first.known() is None
-    first.keep(Known())
+    first.keep(WatcherState())
     say(folder, "the first")
     assert texts_of(first) == ["the first"]
     second = Watcher(ABSENT, folder)
-    assert second.known() == Known()
+    assert second.known() == WatcherState()
     assert texts_of(second) == ["the first"]
     for watcher in (first, second):
         watcher.close()
@@ -75,5 +75,5 @@ def test_a_damaged_file_only_costs_the_catching_up(tmp_path: Path, content: str)
     (tmp_path / f"hooks-{ABSENT}.json").write_text(content)
     watcher = Watcher(ABSENT, tmp_path)
     assert watcher.known() is None
-    watcher.keep(Known(message=3))
-    assert watcher.known() == Known(message=3)
+    watcher.keep(WatcherState(message=3))
+    assert watcher.known() == WatcherState(message=3)

@@ -68,8 +68,8 @@ class Stage:
         for lease in self.leases:
             self.rig.begin("motion", b"renewal", told={"lease": lease})
         reply: asyncio.Future[bytes] = self.loop.create_future()
-        answers = self.rig.daemon.answers
-        (answers.stop if stop else answers.command)(b"program", data, reply.set_result)
+        dispatcher = self.rig.daemon.dispatcher
+        (dispatcher.stop if stop else dispatcher.command)(b"program", data, reply.set_result)
         if here and self.phase == "arming":
             await self._stop()
         if method in ("motion", "status"):

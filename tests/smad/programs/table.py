@@ -25,7 +25,7 @@ from smad.control.plan import Do, Pause, Plan
 from smad.demo import job
 from smad.errors import SmadError
 from smad.experiments.driver import log_path
-from smad.experiments.repeating import Repeat
+from smad.experiments.repeating import RecordedInputs
 from smad.experiments.virtual import VirtualDriver
 
 STOPS = ("disarm", "estop", "lapse", "link loss", "board fault")
@@ -130,7 +130,7 @@ def _against_a_baseline(*words: str) -> Callable[[Path], str]:
         baseline = Baseline("bench", programme.digest, reference)  # type: ignore[arg-type]
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(smad.checkup.store, "load", lambda folder, plant: baseline)
-            patch.setattr(Repeat, "require_bench", lambda self, uid, bench: None)
+            patch.setattr(RecordedInputs, "require_bench", lambda self, uid, bench: None)
             # A run that tripped is judged as far as it goes; there is nothing to judge it by here.
             patch.setattr(smad.checkup.check, "judged", _judged)
             patch.setattr(Inquiry, "_judged", _judged)

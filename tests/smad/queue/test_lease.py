@@ -83,14 +83,14 @@ def test_energy_and_cycles_are_those_of_the_samples() -> None:
         meter.sample(
             Row(t_s=0.01 * n, i_meas_x_A=2.0, v_x_V=1.5, i_meas_y_A=1.0, displacement_mm=place_mm)
         )
-    usage = meter.taken()
+    usage = meter.take_usage()
     assert usage.energy_J == pytest.approx(10.0 * (3.0 + 1.0), rel=1e-3)
     assert usage.cycles == 5.0
-    assert meter.taken().energy_J == 0.0
+    assert meter.take_usage().energy_J == 0.0
 
 
 def test_a_gap_between_samples_is_not_integrated() -> None:
     meter = Meter()
     meter.sample(Row(t_s=0.0, i_meas_x_A=2.0, v_x_V=1.0))
     meter.sample(Row(t_s=100.0, i_meas_x_A=2.0, v_x_V=1.0))
-    assert meter.taken().energy_J == 0.0
+    assert meter.take_usage().energy_J == 0.0

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from smad.queue import QueueError, machine
-from smad.queue.machine import EndItem, Obstacle, Readiness, StartItem, Tell
+from smad.queue.machine import EndItem, Obstacle, PostMessage, Readiness, StartItem
 from smad.queue.states import FOLLOWING, Arming, Budget, Item, Snapshot, State, Usage, moved
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -121,7 +121,7 @@ def test_the_last_item_ends_the_queue_and_says_so() -> None:
     over = machine.ended(after_start(item(1)), 1, 0, NOW_S).after
     change = machine.step(over, NOW_S, READY)
     assert change.after.mode == "paused"
-    assert change.actions == (Tell("queue_ended", "every item has ended"),)
+    assert change.actions == (PostMessage("queue_ended", "every item has ended"),)
 
 
 def test_a_runner_that_begins_interrupts_what_ran_and_pauses() -> None:
@@ -161,7 +161,7 @@ def test_a_limit_that_is_reached_ends_the_item_and_pauses(
     before = using(after_start(item(1), **limits), **used)
     change = machine.step(before, NOW_S, READY)
     assert words in change.after.reason
-    assert [type(action) for action in change.actions] == [EndItem, Tell]
+    assert [type(action) for action in change.actions] == [EndItem, PostMessage]
     over = machine.ended(change.after, 1, 143, NOW_S).after
     assert over.item(1).state is State.INTERRUPTED
     assert words in over.item(1).reason

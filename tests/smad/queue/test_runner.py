@@ -8,7 +8,7 @@ import pytest
 
 from smad.errors import DaemonError
 from smad.queue import machine
-from smad.queue.bench import View
+from smad.queue.bench import BenchSnapshot
 from smad.queue.errors import StoreError
 from smad.queue.machine import Change, Obstacle, Readiness
 from smad.queue.runner import KILL_AFTER_S, SAVE_WITHIN_S, Runner, RunnerParts
@@ -52,7 +52,7 @@ class Night:
         self.store = Store(folder / FILE)
         self.now_s = BEGAN_S
         self.leap_s = 0.0
-        self.view = View(generation=5, bench=Readiness(True), folder=str(folder))
+        self.view = BenchSnapshot(generation=5, bench=Readiness(True), folder=str(folder))
         self.spent = Usage()
         self.processes: list[MadeProcess] = []
         self.obstacles: dict[int, Obstacle] = {}
@@ -74,7 +74,7 @@ class Night:
             ),
         )
 
-    def look(self, *, now: bool = False) -> View:
+    def look(self, *, now: bool = False) -> BenchSnapshot:
         return self.view
 
     def usage(self) -> Usage:
@@ -321,7 +321,7 @@ def test_the_run_log_of_an_interrupted_item_is_recovered(night: Night) -> None:
     path = cut_log(night.folder)
     night.view = msgspec.structs.replace(night.view, recording=str(path), being_recorded=True)
     night.tick()
-    night.view = View()
+    night.view = BenchSnapshot()
     night.runner = night.new_runner()
     night.runner.begin()
     recovered = path.with_name(f"{path.stem}.recovered.mcap")
@@ -339,7 +339,7 @@ def test_a_log_that_nobody_noted_is_recovered_where_a_killed_daemon_recorded(
     night.now_s = BEGAN_S
     night.tick()
     path = cut_log(elsewhere)
-    night.view = View()
+    night.view = BenchSnapshot()
     night.processes[0].status = machine.LOST
     night.tick()
     assert path.with_name(f"{path.stem}.recovered.mcap").exists()
@@ -351,7 +351,7 @@ def test_a_process_that_cannot_be_begun_pauses_the_queue(
     def refuse(item: Item) -> MadeProcess:
         raise OSError(12, "Cannot allocate memory")
 
-    object.__setattr__(night.runner._by, "start", refuse)
+    object.__setattr__(night.runner._parts, "start", refuse)
     night.add()
     night.arm()
     night.tick(2)

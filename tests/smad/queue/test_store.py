@@ -142,7 +142,7 @@ def test_proposals_logs_and_messages_are_kept_and_old_messages_forgotten(
         store.add_log(1, "a.mcap")
         assert store.logs(1) == ("a.mcap",)
         for number in range(13):
-            store.say("item_ended", f"{number}", None, 1.0)
+            store.add_message("item_ended", f"{number}", None, 1.0)
         kept = store.messages()
         assert len(kept) == 10
         assert kept[-1].text == "12"

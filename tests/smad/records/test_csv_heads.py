@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smad.errors import LogImportError
-from smad.records.channels import Channels, channels_of, held, read_mapping
+from smad.records.channels import Channels, channels_of, hold_last_value, read_mapping
 from smad.records.column_names import ColumnRule
 from smad.records.csv_table import CsvFormat
 from smad.records.tables import left_out, open_table
@@ -175,4 +175,4 @@ def test_thousands_may_be_grouped_by_commas_and_blanks(tmp_path: Path) -> None:
 
 def test_a_number_in_force_until_the_next_one_is_held() -> None:
     column = np.array([np.nan, 3.0, np.nan, np.nan, 5.0, np.nan])
-    np.testing.assert_array_equal(held(column), [np.nan, 3.0, 3.0, 3.0, 5.0, 5.0])
+    np.testing.assert_array_equal(hold_last_value(column), [np.nan, 3.0, 3.0, 3.0, 5.0, 5.0])

@@ -47,7 +47,7 @@ RIGHT: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
     "a stuck channel": (EVERY, TAKEN, ("stays at",)),
     "an input on change": (EVERY, ANY, ("holds a reading in", "`hold = true`")),
     "a slower channel": (EVERY, ANY, ("samples only", "`hold = true`")),
-    "a reading in five rows each": (EVERY, TAKEN, ("stands in 5 rows each", "repeated")),
+    "a reading in five rows each": (EVERY, TAKEN, ("each value in 5 rows", "slower than the rest")),
     "a time in ms": (EVERY, ANY, ("sense",)),
     "1.1 s long": (DIAGNOSED, ("refused",), ("s long; at least 8 s are needed",)),
     "no input changes": (DIAGNOSED, ("refused",), ("were the inputs recorded, and", "--trust")),

@@ -18,7 +18,7 @@ from smad.cli.log import log
 from smad.errors import RunLogError
 from smad.report.page import Page, Section, render
 from smad.report.panels import Panel, Panels, Trace
-from smad.report.runs import elapsed_s, page_of, panels_of, shown
+from smad.report.runs import elapsed_s, page_of, panels_of, run_parts
 from smad.runlog.reader import read_run
 from smad.runlog.writer import write_run
 from smad.style.decimation import Decimation
@@ -88,7 +88,7 @@ def two_runs(folder: Path) -> tuple[Path, Path]:
 
 
 def test_what_was_measured_is_drawn_over_what_was_simulated(tmp_path: Path) -> None:
-    runs = shown([read_run(path) for path in two_runs(tmp_path)])
+    runs = run_parts([read_run(path) for path in two_runs(tmp_path)])
     assert [one.name for one in runs] == ["A: made", "B: real"]
     displacement = panels_of(runs).panels[0]
     assert [trace.label for trace in displacement.traces] == ["A measured", "B measured"]
@@ -97,7 +97,7 @@ def test_what_was_measured_is_drawn_over_what_was_simulated(tmp_path: Path) -> N
 
 def test_each_quantity_has_an_axis_of_its_own_and_voltages_wait(tmp_path: Path) -> None:
     write_run(tmp_path / "run.mcap", HEADER, (replace(row, v_x_V=1.0) for row in rows(10)))
-    panels = panels_of(shown([read_run(tmp_path / "run.mcap")])).panels
+    panels = panels_of(run_parts([read_run(tmp_path / "run.mcap")])).panels
     assert [(panel.unit, panel.on_demand) for panel in panels] == [
         ("mm", False), ("N", False), ("°C", False), ("%", False), ("V", True),
     ]  # fmt: skip
@@ -106,11 +106,11 @@ def test_each_quantity_has_an_axis_of_its_own_and_voltages_wait(tmp_path: Path) 
 
 def test_a_part_keeps_its_time_and_an_empty_one_is_refused(tmp_path: Path) -> None:
     run = read_run(write_small_run(tmp_path / "run.mcap", 300))
-    (part,) = shown([run], 1.0, 2.0)
+    (part,) = run_parts([run], 1.0, 2.0)
     assert (part.x[0], part.x[-1]) == pytest.approx((1.0, 2.0))
     assert "too hot" in render(page_of([part]))
     with pytest.raises(RunLogError, match=r"0 to 2\.99 s"):
-        shown([run], 50.0, 60.0)
+        run_parts([run], 50.0, 60.0)
 
 
 def test_the_command_writes_a_page_beside_the_first_log(tmp_path: Path) -> None:
@@ -128,7 +128,7 @@ def test_a_browser_draws_zooms_and_says_the_values(tmp_path: Path) -> None:
     from selenium.webdriver.common.by import By
 
     page = tmp_path / "page.html"
-    page.write_text(render(page_of(shown([read_run(path) for path in two_runs(tmp_path)]))))
+    page.write_text(render(page_of(run_parts([read_run(path) for path in two_runs(tmp_path)]))))
     with browser(tmp_path / "profile") as driver:
 
         def pointed() -> str:

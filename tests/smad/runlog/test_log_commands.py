@@ -148,7 +148,7 @@ def test_recover_says_what_was_lost(tmp_path: Path) -> None:
     assert not kept.cut_short
     assert 0 < len(kept) < 2000
     assert f"{len(kept)} messages to" in text
-    assert "breaks off at byte" in text
+    assert "cut off at byte" in text
 
 
 def test_help_of_every_command_is_at_hand() -> None:

@@ -101,7 +101,7 @@ def test_a_diagnosis_that_the_page_begins_ends_in_its_report(page: Any, run: str
     until(page, lambda d: state_of_job(d) == "running")
     # One job at a time, and its progress is told.
     press(page, run, "Page")
-    until(page, lambda d: "another job is under way" in text_of(d, "said"))
+    until(page, lambda d: "another job is running" in text_of(d, "said"))
     WebDriverWait(page, LONG_S).until(ended)
     assert state_of_job(page) == "done", text_of(page, "job-lines")
     assert "nothing is missing" in text_of(page, "job-lines")
@@ -118,7 +118,7 @@ def test_stop_is_as_quick_and_the_job_goes_on(bench: BrowsedBench, run: str, pag
     taken = latencies_ms(bench.folder, page, "idle", STOPS)
     assert taken[0] <= max(GOAL_MS, 3.0 * alone[0])
     # On a busy machine the job may have come to its own end meanwhile; no stop has ended it.
-    assert "it was ended" not in text_of(page, "job-now"), text_of(page, "job-lines")
+    assert "it was interrupted" not in text_of(page, "job-now"), text_of(page, "job-lines")
 
 
 def test_a_job_is_ended_from_the_page(run: str, page: Any) -> None:
@@ -128,7 +128,7 @@ def test_a_job_is_ended_from_the_page(run: str, page: Any) -> None:
         until(page, lambda d: state_of_job(d) == "running")
         page.execute_script("document.getElementById('job-end').click()")
         until(page, ended)
-        if "it was ended" in text_of(page, "job-now"):
+        if "it was interrupted" in text_of(page, "job-now"):
             return
     pytest.fail(text_of(page, "job-lines"))
 
@@ -149,7 +149,7 @@ def test_an_experiment_is_drawn_before_go_and_stop_ends_it(page: Any, bench: Bro
     click(page, "#stop")
     until(page, ended)
     assert not bench.client.motion().armed
-    assert "it was ended" in text_of(page, "job-now"), text_of(page, "job-lines")
+    assert "it was interrupted" in text_of(page, "job-now"), text_of(page, "job-lines")
 
 
 def test_a_motion_beyond_the_limit_is_refused_before_go(page: Any) -> None:

@@ -20,7 +20,7 @@ from smad.runlog.writer import write_run
 from smad.style.strips import PLACES
 from smad.view.server import serving
 from smad.view.source import Source
-from smad.view.state import shown
+from smad.view.state import bench_state
 
 from .browsing import MISSING, PATIENCE_S, choose, click, in_a_browser, is_live, text_of, until
 from .test_forms_and_state import status
@@ -68,7 +68,7 @@ async def follow(source: Source, log: Path) -> None:
         row = known(n / RATE_HZ)
         axis.now = tuple(getattr(row, name) for name in PLACES)
         axis.feed.add(BEGAN_S + row.t_s, axis.now)
-    axis.shown, source.why_away = shown(status("SAFE"), {}, 100.0), ""
+    axis.shown, source.why_away = bench_state(status("SAFE"), {}, 100.0), ""
     while True:
         axis.heard()
         source.version += 1

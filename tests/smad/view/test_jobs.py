@@ -9,22 +9,22 @@ import pytest
 import smad.view
 from smad.diagnosis.plant import Traits
 from smad.errors import REFUSED_STATUS
-from smad.view.jobs import Diagnose, JobRequest, Jobs, Order, PageOfRun, RunExperiment
+from smad.view.jobs import Diagnose, JobCommand, JobRequest, Jobs, PageOfRun, RunExperiment
 
 
 @pytest.mark.parametrize(
     ("status", "failed", "served"),
     [
         (0, "", True),
-        (REFUSED_STATUS, "it is refused; the report says why", True),
+        (REFUSED_STATUS, "the question was refused; the report says why", True),
         (1, "it ended with status 1", False),
     ],
 )
 def test_the_report_of_a_refused_diagnosis_is_served_all_the_same(
     status: int, failed: str, served: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def carried_out(jobs: Jobs, order: Order) -> int:
-        order.report.write_text("why")
+    async def carried_out(jobs: Jobs, command: JobCommand) -> int:
+        command.report.write_text("why")
         return status
 
     monkeypatch.setattr(Jobs, "_carried_out", carried_out)
@@ -63,7 +63,7 @@ def test_a_job_with_a_nul_in_its_words_is_shown_as_one_that_cannot_be_begun(
         assert snapshot is not None
         return snapshot.failed
 
-    assert asyncio.run(told()) == "it cannot be begun: embedded null byte"
+    assert asyncio.run(told()) == "it cannot be started: embedded null byte"
 
 
 def test_the_page_offers_a_diagnosis_of_runs_that_are_long_enough_for_one() -> None:

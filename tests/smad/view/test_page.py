@@ -21,7 +21,7 @@ from smad.view.page import IN_FLIGHT, MOST_STOPS, MOST_WAITING, PATIENCE_S, Page
 from smad.view.queries import Queries
 from smad.view.requests import Mark
 from smad.view.source import SILENT_AFTER_S, Source
-from smad.view.state import NO_WORD, shown
+from smad.view.state import NO_WORD, bench_state
 
 from .test_forms_and_state import status
 
@@ -250,7 +250,7 @@ async def test_a_page_that_keeps_control_renews_it_while_it_is_there(rig: Rig) -
 async def test_control_is_given_back_once_somebody_else_has_stopped_the_bench(rig: Rig) -> None:
     rig.browser.say({"do": "arm", "id": 1})
     await rig.settle()
-    rig.axis.shown = shown(status("COOL"), {}, 100.0)
+    rig.axis.shown = bench_state(status("COOL"), {}, 100.0)
     for version, asked in ((0, "take_control"), (1, "take_control"), (2, "release_control")):
         # The first ones may have been asked for before the bench was armed.
         rig.source.version = version
@@ -316,7 +316,7 @@ async def test_frames_and_status_name_one_mode_and_the_first_message_what_each_m
     rig: Rig,
 ) -> None:
     # The status was asked for before the stop; the samples know of it already.
-    rig.axis.shown = shown(status("ARMED"), {}, 100.0)
+    rig.axis.shown = bench_state(status("ARMED"), {}, 100.0)
     rig.axis.mode = int(BoardState.COOL)
     await rig.frames_pass(1)
     rig.source.version += 1
@@ -337,9 +337,9 @@ async def test_a_status_that_knows_of_a_lost_link_takes_back_the_state_of_the_la
 ) -> None:
     source = rig.source
     source.axis("").mode = int(BoardState.ARMED)
-    source.seen(status("ARMED"), {})
+    source.on_status(status("ARMED"), {})
     assert source.axis("").mode_name == "ARMED"
-    source.seen(status(NO_WORD), {})
+    source.on_status(status(NO_WORD), {})
     assert source.axis("").mode_name == NO_WORD
     source.axis("").mode = int(BoardState.SAFE)
     assert source.axis("").mode_name == "SAFE"
@@ -416,7 +416,7 @@ async def test_a_page_whose_script_answers_nothing_loses_its_place_and_is_told_w
     rig.now_s += PATIENCE_S + 0.1
     async with asyncio.timeout(30.0):
         await rig.running
-    assert "answered nothing for 10 seconds" in rig.browser.ended
+    assert "did not respond for 10 seconds" in rig.browser.ended
 
 
 async def test_a_bench_that_fell_silent_is_said_to_be_and_nothing_old_is_drawn_anew(
@@ -505,7 +505,7 @@ async def test_a_mark_stands_on_the_strips_of_all_pages(rig: Rig) -> None:
 
 
 async def test_a_page_looks_at_one_axis_and_its_commands_are_for_that(rig: Rig) -> None:
-    rig.source.configured(Config(axes=(AxisConfig(name="pitch-1"), AxisConfig(name="yaw-1"))))
+    rig.source.on_config(Config(axes=(AxisConfig(name="pitch-1"), AxisConfig(name="yaw-1"))))
     yaw = rig.source.axis("yaw-1")
     yaw.now = ONES
     yaw.feed.add(1000.0, ONES)
@@ -526,7 +526,7 @@ async def test_a_page_looks_at_one_axis_and_its_commands_are_for_that(rig: Rig) 
 
 
 async def test_a_silent_axis_leaves_the_others_in_sight(rig: Rig) -> None:
-    rig.source.configured(Config(axes=(AxisConfig(name="pitch-1"), AxisConfig(name="yaw-1"))))
+    rig.source.on_config(Config(axes=(AxisConfig(name="pitch-1"), AxisConfig(name="yaw-1"))))
     rig.now_s = 2 * SILENT_AFTER_S
     pitch = rig.source.axis("pitch-1")
     pitch.now, pitch.mode = ONES, int(BoardState.ARMED)
@@ -553,7 +553,7 @@ async def test_a_stop_ends_a_job_on_the_bench_and_no_other(rig: Rig) -> None:
 
 
 async def test_a_job_is_not_begun_after_a_stop_that_the_page_had_not_shown(rig: Rig) -> None:
-    rig.axis.shown = shown(status("SAFE"), {}, 100.0)
+    rig.axis.shown = bench_state(status("SAFE"), {}, 100.0)
     rig.source.folder = "/nowhere"
     job = {"kind": "page", "runs": ["a.mcap"]}
     rig.browser.say({"do": "begin", "id": 1, "generation": 2, "job": job})

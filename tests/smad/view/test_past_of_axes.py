@@ -46,9 +46,9 @@ def test_a_log_of_one_axis_that_was_made_of_several_is_that_axis(log: Path) -> N
 
 
 def test_a_job_is_for_the_axis_that_the_page_shows(tmp_path: Path) -> None:
-    made = jobs.order_of(jobs.RunExperiment(experiment="fig9-cycle"), tmp_path, "bench", "yaw-1")
+    made = jobs.job_command(jobs.RunExperiment(experiment="fig9-cycle"), tmp_path, "bench", "yaw-1")
     assert "--axis=yaw-1" in made.words
-    made = jobs.order_of(jobs.PageOfRun(runs=("a.mcap",)), tmp_path, "bench", "yaw-1")
+    made = jobs.job_command(jobs.PageOfRun(runs=("a.mcap",)), tmp_path, "bench", "yaw-1")
     assert "--axis=yaw-1" in made.words
-    alone = jobs.order_of(jobs.CheckUp(baseline="b"), tmp_path, "bench")
+    alone = jobs.job_command(jobs.CheckUp(baseline="b"), tmp_path, "bench")
     assert not [word for word in alone.words if word.startswith("--axis")]

@@ -20,7 +20,7 @@ def carry_out(folder: Path, **verb: Any) -> tuple[str, str]:
 
 
 def test_a_folder_without_a_queue_shows_an_empty_one_and_makes_no_file(tmp_path: Path) -> None:
-    assert queue.shown(tmp_path, "bench").lines == ()
+    assert queue.queue_state(tmp_path, "bench").lines == ()
     assert list(tmp_path.iterdir()) == []
 
 
@@ -30,7 +30,7 @@ def test_a_page_adds_places_removes_and_arms_in_two_steps(tmp_path: Path) -> Non
     )
     carry_out(tmp_path, verb="place", item=3, place=1)
     carry_out(tmp_path, verb="remove", item=1)
-    lines = queue.shown(tmp_path, "bench").lines
+    lines = queue.queue_state(tmp_path, "bench").lines
     assert [(line.item, line.state, line.place) for line in lines] == [
         (1, "removed", 0),
         (3, "queued", 1),
@@ -43,10 +43,10 @@ def test_a_page_adds_places_removes_and_arms_in_two_steps(tmp_path: Path) -> Non
     lease = RunnerLease(tmp_path)
     lease.acquire()
     assert carry_out(tmp_path, verb="confirm", code=code)[0] == "the queue runs"
-    shown = queue.shown(tmp_path, "bench")
+    shown = queue.queue_state(tmp_path, "bench")
     assert (shown.mode, shown.runner) == ("running", True)
     carry_out(tmp_path, verb="pause", now=True)
-    assert queue.shown(tmp_path, "bench").reason == "paused by hand"
+    assert queue.queue_state(tmp_path, "bench").reason == "paused by hand"
     lease.release()
 
 

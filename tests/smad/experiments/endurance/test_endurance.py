@@ -17,14 +17,14 @@ from smad.control.plan import Plan
 from smad.errors import CommandError
 from smad.experiments.driver import log_path
 from smad.experiments.endurance.judgement import judgement_of
-from smad.experiments.endurance.limits import SETTLING, WINDOW, EndLimits, Watch
+from smad.experiments.endurance.limits import SETTLING, WINDOW, EndLimits, LimitMonitor
 from smad.experiments.endurance.profile import Profile
 from smad.experiments.endurance.room import REST_S, Reserve, Room, longest_block_s, room_for
 from smad.experiments.endurance.run import (
     CYCLES_FILE,
     BlockDriver,
-    Ended,
     Endurance,
+    EnduranceResult,
     Judgement,
     earlier_cycles,
     endure,
@@ -96,7 +96,7 @@ def test_readings_that_are_missing_are_no_error() -> None:
 
 
 def reached(limits: EndLimits, change: Callable[[int], dict[str, float]]) -> tuple[int, str]:
-    watch = Watch(limits)
+    watch = LimitMonitor(limits)
     for number in range(1, 2000):
         cycle = msgspec.structs.replace(CYCLE, number=number, **change(number))
         if reason := watch.add(cycle):
@@ -194,7 +194,7 @@ class Virtual:
         return self.driver.run(plan)
 
 
-def carried_out(folder: Path, bench: BlockDriver, **asked: object) -> Ended:
+def carried_out(folder: Path, bench: BlockDriver, **asked: object) -> EnduranceResult:
     return endure(Endurance(profile=PROFILE, **asked), bench, folder, NO_ROOM)  # type: ignore[arg-type]
 
 
@@ -228,7 +228,7 @@ def test_a_run_in_virtual_time_has_all_its_cycles_and_keeps_every_third_in_full(
     assert 1200 < len(run) < 1500
     assert kept[0].stroke_mm == pytest.approx(float(rows[0]["stroke_mm"]), abs=0.01)
     assert not run.cut_short
-    assert any("every 3th cycle" in note for note in run.header.notes)
+    assert any("one cycle in 3" in note for note in run.header.notes)
     assert earlier_cycles(tmp_path) == 6
     with (tmp_path / CYCLES_FILE).open("a") as file:
         file.write("7,1.0,7.")
@@ -318,7 +318,7 @@ def test_check_ups_without_their_baseline_are_refused_before_anything_moves(
 ) -> None:
     words = ["--cycles", "4", "--every", "2", "checkup", "--baseline", str(tmp_path / "gone")]
     assert execute(["run", "endurance", "--sim", *words, "--folder", str(tmp_path / "e")]) == 1
-    assert "gone is no baseline (any more)" in capsys.readouterr().err
+    assert "there is no baseline in" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 

@@ -24,7 +24,7 @@ MOST_WAITING_EACH = 16
 
 
 @dataclass(frozen=True, eq=False)
-class _Later:
+class _PendingReply:
     """A call whose reply has to wait for the board."""
 
     client: bytes
@@ -34,7 +34,7 @@ class _Later:
     replied: asyncio.Future[None]
 
 
-class Answers:
+class RequestDispatcher:
     """Decodes, performs, replies. Every message with an id gets exactly one reply.
 
     `waiting` says how many things wait for the board; with too many of them, in all or of one
@@ -57,7 +57,7 @@ class Answers:
         self._waiting = waiting
         self._commands = Decoder()
         self._stops = Decoder("stop")
-        self._later: set[_Later] = set()
+        self._pending: set[_PendingReply] = set()
 
     def command(self, client: bytes, data: bytes, send: Send, behind: bool = False) -> None:
         """Answer a message of the command socket; `behind`: it may have come before a stop."""
@@ -94,40 +94,40 @@ class Answers:
             reply(result_reply(call.id, answer))
         else:
             replied = asyncio.get_running_loop().create_future()
-            later = _Later(client, call, reply, answer, replied)
-            self._later.add(later)
-            self._spawn(call.method.name, self._answer_later(later))
+            pending = _PendingReply(client, call, reply, answer, replied)
+            self._pending.add(pending)
+            self._spawn(call.method.name, self._answer_pending(pending))
 
     async def until_replied(self, longest_s: float) -> None:
         """Return once nobody waits for a reply, or after so long."""
-        if self._later:
-            await asyncio.wait([later.replied for later in self._later], timeout=longest_s)
+        if self._pending:
+            await asyncio.wait([pending.replied for pending in self._pending], timeout=longest_s)
 
     def give_up(self) -> None:
         """Tell everybody who still waits for a reply that the daemon ends."""
-        while self._later:
-            later = self._later.pop()
-            self._refuse(later.call, _ending(), later.reply)
-            if inspect.getcoroutinestate(later.answer) == inspect.CORO_CREATED:
-                later.answer.close()
+        while self._pending:
+            pending = self._pending.pop()
+            self._refuse(pending.call, _ending(), pending.reply)
+            if inspect.getcoroutinestate(pending.answer) == inspect.CORO_CREATED:
+                pending.answer.close()
 
-    async def _answer_later(self, later: _Later) -> None:
-        call, reply = later.call, later.reply
+    async def _answer_pending(self, pending: _PendingReply) -> None:
+        call, reply = pending.call, pending.reply
         try:
-            result = await later.answer
+            result = await pending.answer
         except Exception as error:
             self._refuse(call, error, reply)
         else:
             self._counts.done += 1
             reply(result_reply(call.id, result))
         finally:
-            self._later.discard(later)
-            later.replied.set_result(None)
+            self._pending.discard(pending)
+            pending.replied.set_result(None)
 
     def _require_room(self, client: bytes, call: Call) -> None:
         if call.method.access == "stop":
             return
-        of_client = sum(later.client == client for later in self._later)
+        of_client = sum(pending.client == client for pending in self._pending)
         for waiting, most in ((of_client, MOST_WAITING_EACH), (self._waiting(), MOST_WAITING)):
             if waiting >= most:
                 raise Refusal(

@@ -10,7 +10,7 @@ import pytest
 
 from smad.client.endpoints import Connection, Endpoints, prepare_folder, write_connection
 from smad.daemon.lockfile import LockFile
-from smad.daemon.place import Place
+from smad.daemon.runtime_folder import RuntimeFolder
 from smad.daemon.sockets.address import listen_local
 from smad.daemon.sockets.listener import Hooks, Listener, Terms
 
@@ -35,7 +35,7 @@ class Made:
             bench="bench", pid=1, version="", command="", stop=self.endpoints.stop, telemetry=""
         )
         write_connection(self.endpoints.connection_file, connection, umask)
-        self.place = Place(self.endpoints, connection, self.lock, [self.listener])
+        self.place = RuntimeFolder(self.endpoints, connection, self.lock, [self.listener])
         self.lines: list[socket.socket] = []
 
     def connect(self) -> socket.socket:

@@ -19,7 +19,7 @@ _Identity = tuple[int, int] | None
 """Device and number of the file that has a name; None: there is none."""
 
 
-class Place:
+class RuntimeFolder:
     """Lock, sockets and connection file of one bench. All of them must be there by now."""
 
     def __init__(

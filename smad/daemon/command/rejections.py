@@ -16,7 +16,7 @@ _TEXTS = {
 }
 
 
-class Unwelcome:
+class RejectionLog:
     """Logs counts instead of single events, so that a flood does not fill the log."""
 
     def __init__(self, server: CommandServer, commands: CommandCounts, say: Say) -> None:
@@ -25,7 +25,7 @@ class Unwelcome:
         self._say = say
         self._reported = dict.fromkeys(_TEXTS, 0)
 
-    def tell(self) -> None:
+    def report(self) -> None:
         """Log what was refused since the last call, if anything was."""
         for name, total in self._totals().items():
             count = total - self._reported[name]
@@ -35,9 +35,9 @@ class Unwelcome:
 
     def _totals(self) -> dict[str, int]:
         server = self._server
-        remote, doorkeeper = server.remote_counts, server.doorkeeper
+        remote, authenticator = server.remote_counts, server.authenticator
         return {
-            "keys": 0 if doorkeeper is None else doorkeeper.refused,
+            "keys": 0 if authenticator is None else authenticator.refused,
             "messages": self._commands.malformed + server.counts.dropped_messages,
             "connections": remote.connections,
             "ended": remote.ended,
