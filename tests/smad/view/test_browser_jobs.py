@@ -192,6 +192,6 @@ def test_no_experiment_is_begun_on_a_bench_that_is_armed_already(
     opened(page, "experiments")
     until(page, lambda d: text_of(d, "experiment-form"))
     click(page, "#experiment-form button")
-    until(page, lambda d: "the job arms by itself" in text_of(d, "said"))
+    until(page, lambda d: "a job must arm it itself" in text_of(d, "said"))
     assert state_of_job(page) != "running"
     assert bench.client.motion().armed

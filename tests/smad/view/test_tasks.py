@@ -36,7 +36,7 @@ def test_a_task_is_cancelled_until_it_has_ended(
     async def ended() -> bool:
         task = asyncio.ensure_future(work())
         await asyncio.sleep(0.0)
-        await tasks.end(task)
+        await tasks.cancel_and_wait(task)
         if not task.cancelled():
             task.exception()
         return task.done()
