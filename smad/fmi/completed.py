@@ -7,17 +7,21 @@ from collections.abc import Sequence
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from smad.diagnosis.runs import GapRun
 from smad.fmi.errors import FmiError
 from smad.fmi.map_file import Map
-from smad.simulators.columns import correlation_time_s, noise_of, quantum_of, span_of
+from smad.simulators.columns import (
+    LAG_OF_CORRELATION,
+    UNMEASURED,
+    noise_of,
+    quantum_of,
+    span_of,
+    usual_correlation_s,
+)
 
-_LAG_OF_CORRELATION = 0.1
 _SIGN_OF_RANGE = 0.01
-_UNMEASURED = 1e-3
-"""Of a range, the noise of what no run has read."""
+"""Of what a term goes with: beside its whole range tanh is then as steep as a sign."""
 
 
 def completed(mapped: Map, runs: Sequence[GapRun]) -> tuple[Map, str]:
@@ -47,7 +51,7 @@ def completed(mapped: Map, runs: Sequence[GapRun]) -> tuple[Map, str]:
             given["quantum"] = quantum_of(columns)
         if "noise" in lacking:
             noise = noise_of(columns) if columns else 0.0
-            given["noise"] = noise or _UNMEASURED * (given["high"] - given["low"])
+            given["noise"] = noise or UNMEASURED * (given["high"] - given["low"])
         taken.setdefault(", ".join(lacking), []).append(name)
         return msgspec.structs.replace(row, **given)
 
@@ -57,12 +61,8 @@ def completed(mapped: Map, runs: Sequence[GapRun]) -> tuple[Map, str]:
         channels={n: filled("channels", n, r) for n, r in mapped.channels.items()},
     )
     if math.isnan(mapped.lag_s):
-        times = [
-            correlation_time_s(r.t_s, np.nan_to_num(y))
-            for r in runs
-            for y in (r.outputs or r.inputs).values()
-        ]
-        lag_s = _LAG_OF_CORRELATION * float(np.median(times))
+        columns = ((r.t_s, y) for r in runs for y in (r.outputs or r.inputs).values())
+        lag_s = LAG_OF_CORRELATION * usual_correlation_s(columns)
         mapped = msgspec.structs.replace(mapped, lag_s=lag_s)
         taken["lag_s"] = [f"{lag_s:.2g} s"]
     said = "; ".join(f"{what} of {', '.join(names)}" for what, names in taken.items())

@@ -14,27 +14,27 @@ from smad.diagnosis.runs import GapRun
 from smad.records.csv_table import CsvFormat
 from smad.simulators.checks import Roles, roles
 from smad.simulators.columns import (
+    LAG_OF_CORRELATION,
+    UNMEASURED,
     Table,
-    correlation_time_s,
     noise_of,
     quantum_of,
     require_time,
     run_of,
     span_of,
     tables_of,
+    usual_correlation_s,
 )
 from smad.simulators.declare import Simulator
 from smad.simulators.errors import SimulatorError
 from smad.simulators.places import SimulatorPlaces
 from smad.simulators.plant import SimulatedPlant
 
-_LAG_OF_CORRELATION = 0.1
 _SHORTEST = 4.0
 """Correlation times of what is measured that a run must be long, or as long as of any plant."""
 _NEARLY = 0.99
+"""Of the shortest row that their number allows: what is longer was made so by that number."""
 _UNCHANGED = 1e-9
-_UNMEASURED = 1e-3
-"""Of what a reading goes through, its noise where no run has it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +92,7 @@ def bind(
         declared=declared,
         inputs=_signals(declared, [n for n in read if n not in exact], every),
         channels=[_channel(declared, n, [r for group in runs for r in group]) for n in outputs],
-        lag_s=_LAG_OF_CORRELATION * correlation_s,
+        lag_s=LAG_OF_CORRELATION * correlation_s,
         shortest_s=declared.shortest_s or min(Traits().shortest_s, _SHORTEST * correlation_s),
     )
     places = SimulatorPlaces(plant)
@@ -139,18 +139,13 @@ def _channel(declared: Simulator, name: str, runs: Sequence[GapRun]) -> Channel:
         quantum=quantum_of(columns),
         low=ends[0],
         high=ends[1],
-        noise=noise or _UNMEASURED * (high - low),
+        noise=noise or UNMEASURED * (high - low),
     )
 
 
 def _correlation_s(outputs: Sequence[str], tables: Sequence[Table]) -> float:
-    times = [
-        correlation_time_s(t.t_s, np.nan_to_num(t.columns[n]))
-        for t in tables
-        for n in outputs
-        if n in t.columns
-    ]
-    return float(np.median(times))
+    return usual_correlation_s((t.t_s, t.columns[n]) for t in tables for n in outputs
+                               if n in t.columns)  # fmt: skip
 
 
 def _blurred(plant: SimulatorPlaces, runs: Sequence[GapRun], outputs: Sequence[str]) -> list[str]:

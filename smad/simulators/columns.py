@@ -23,6 +23,10 @@ from smad.units import units_for
 
 TIMES = ("t_s", "time_s", "time", "t", "timestamp_s")
 """Names of a column that is the time in s; `Time [ms]` and other units are understood, too."""
+LAG_OF_CORRELATION = 0.1
+"""Of a reading's correlation time, what its sensor may well lag by."""
+UNMEASURED = 1e-3
+"""Of a range, the noise of a reading that no run has."""
 LONG_STEP_S = 2.0
 """Samples further apart, on a time without a unit, are as likely ms of a logger at 1 to 500 Hz."""
 _SAME, _DIGITS = 1e-6, 9
@@ -308,3 +312,8 @@ def correlation_time_s(t_s: Array, y: Array) -> float:
     products = np.fft.irfft(power, size)[: max(n // 2, 1)]
     below = np.flatnonzero(products < products[0] / np.e)
     return float(below[0] if below.size else len(products)) * float(np.median(np.diff(t_s)))
+
+
+def usual_correlation_s(readings: Iterable[tuple[Array, Array]]) -> float:
+    """Median correlation time of readings, each its times and values, in s; missing ones are 0."""
+    return float(np.median([correlation_time_s(t_s, np.nan_to_num(y)) for t_s, y in readings]))
