@@ -51,8 +51,7 @@ def wire_size(message: type[Message]) -> int:
 
 def periodic(direction: Direction) -> int:
     """Return the bytes a second of all messages of that direction with a `per_s`."""
-    infos = ((message, message.info) for message in MESSAGES)
-    return sum(wire_size(m) * info.per_s for m, info in infos if info.direction is direction)
+    return sum(wire_size(m) * m.info.per_s for m in MESSAGES if m.info.direction is direction)
 
 
 def load(rate_hz: int, baud: int, axes: int = 1) -> Load:
