@@ -50,7 +50,12 @@ FORMAT = "smad-checkup-1"
 MIXTURE = {"single": 60, "none": 24, "parameters": 12, "unknown": 24, "pair": 12, "triple": 4}
 OTHER_DAYS = {"none": 12, "room": 12, "preload": 12, "parameters": 12, "drift": 12}
 """Benches without an effect on days unlike those they were commissioned on."""
-MIXTURES = {"scores": MIXTURE, "other-days": OTHER_DAYS, "parameters": {"parameters": 12}}
+MIXTURES = {
+    "scores": MIXTURE,
+    "other-days": OTHER_DAYS,
+    "parameters": {"parameters": 12},
+    "pairs": {"pair": 12},
+}
 ROOM_K = 4.0
 STRENGTHS = (0.3, 30.0)
 """Weakest and strongest effect, in repeat floors of the signal that shows it most."""

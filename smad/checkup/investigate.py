@@ -13,6 +13,7 @@ import numpy as np
 
 from smad.checkup.judge import Judged
 from smad.checkup.paired.difference import Paired, rows_of
+from smad.checkup.paired.reference import RunReference
 from smad.checkup.programme import Programme
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.next_run import separation
@@ -52,8 +53,9 @@ class Proposal:
 def propose(judgement: Judged, costs_s: Mapping[str, float], left_s: float) -> Proposal:
     """The run that best separates what stays, for its time; none when it is settled or of no use.
 
-    `costs_s` is what playing each run takes, `left_s` the time that is left. Where no rival is
-    told, every run of the baseline is played once before that is the answer.
+    `costs_s` is what playing each run takes, `left_s` the time that is left. A run is played once:
+    rivals that it has not separated are wrong in form, or equal to its floor, and stay so. Where no
+    rival is told, every run of the baseline is played before that is the answer.
     """
     verdict, pairs = judgement.verdict, judgement.pairs
     if not verdict.causes:
@@ -71,6 +73,9 @@ def propose(judgement: Judged, costs_s: Mapping[str, float], left_s: float) -> P
         return Proposal(None, f"settled: {verdict.causes[0].words}; no other rival is near")
     either = " or ".join(names)
     offers = tuple(sorted(_offers(judgement), key=lambda o: -o.separation))
+    if not offers:
+        why = f"every run of the baseline was played, and {either} is left open"
+        return Proposal(None, why, names)
     most = offers[0]
     affordable = [o for o in offers if o.separation >= SEPARATED and costs_s[o.run] <= left_s]
     best = max(affordable, key=lambda o: o.separation / costs_s[o.run], default=None)
@@ -90,23 +95,26 @@ def propose(judgement: Judged, costs_s: Mapping[str, float], left_s: float) -> P
 
 
 def _next_new(paired: Paired, costs_s: Mapping[str, float], left_s: float) -> str | None:
-    """The first run of the baseline that was not repeated yet, and for which there is time."""
-    done = {pair.reference.name for pair in paired.pairs}
-    names = [r.name for r in paired.reference.runs if r.name not in done]
+    """The first run of the baseline that was not played yet, and for which there is time."""
+    names = [run.name for run in _not_played(paired)]
     return next((name for name in names if costs_s[name] <= left_s), None)
 
 
+def _not_played(paired: Paired) -> list[RunReference]:
+    """Runs of the baseline that no pair repeats."""
+    done = {pair.reference.name for pair in paired.pairs}
+    return [run for run in paired.reference.runs if run.name not in done]
+
+
 def _offers(judgement: Judged) -> list[Offer]:
-    """Runs of the baseline that were not played as often as the others, with their separation."""
+    """Runs of the baseline that were not played yet, with their separation."""
     pairs = judgement.pairs
-    times = [sum(p.reference.name == r.name for p in pairs.pairs) for r in pairs.reference.runs]
+    sd = np.sqrt(day_variance(pairs.plant))
     out = []
-    for run, played in zip(pairs.reference.runs, times, strict=True):
-        if played == min(times):
-            rows = rows_of(pairs.plant, pairs.reference, run, run.valid)
-            sd = np.sqrt(day_variance(pairs.plant))
-            slopes = rows.shrink(rows.independent(sd[:, None, None] * run.slopes))
-            out.append(_offer(judgement, run.name, run.played, rows, slopes))
+    for run in _not_played(pairs):
+        rows = rows_of(pairs.plant, pairs.reference, run, run.valid)
+        slopes = rows.shrink(rows.independent(sd[:, None, None] * run.slopes))
+        out.append(_offer(judgement, run.name, run.played, rows, slopes))
     return out
 
 

@@ -123,6 +123,14 @@ def test_a_run_that_takes_longer_than_is_left_is_told_and_not_played(lagging: Ju
     assert "the time is spent: short would tell" in found.why
 
 
+def test_a_run_is_played_once_whatever_stays(reference: Reference) -> None:
+    runs = [(played(40 + k, LAG, what=run), run.name) for k, run in enumerate(PROGRAMME.runs)]
+    found = propose(undecided(judged(PLANT, reference, runs), LAG_LIKE, FORCE_LIKE), COSTS, 600.0)
+    assert found.run is None
+    assert found.staying
+    assert found.why.startswith("every run of the baseline was played")
+
+
 def test_a_run_that_the_baseline_lacks_is_offered_by_what_the_model_expects(
     lagging: Judged,
 ) -> None:
