@@ -213,10 +213,10 @@ def investigate(
 ) -> None:
     """Check up, then measure on until one cause is left.
 
-    It repeats the run that separates the rivals best, each run once. It stops when one cause is
-    left, the time is spent, or no other run would separate the rest. Then it repeats the check-up as proof, and writes the
-    model with the cause. It says at each step what it plays and why. An interrupted command
-    continues when it is repeated. The bench is disarmed after each run.
+    It plays the run that separates the rivals best, each run once. It stops when one cause is left,
+    the time is spent, or no other run would separate the rest. Then it repeats the check-up as
+    proof, and writes the model with the cause. It says at each step what it plays and why. An
+    interrupted command continues when it is repeated. The bench is disarmed after each run.
     """
     from smad.checkup.baseline import FIRST, require_same
     from smad.checkup.inquiry import Inquiry, open_folder
