@@ -17,6 +17,10 @@ FINDINGS = "findings"
 ALLOWED_MIB = 320
 """By which one input may raise the highest memory of its process; a log's chunk may take much."""
 
+_TRIES = 3
+"""An input that takes long is tried again: the first one pays for imports, and a busy machine for
+others."""
+
 _OWN = Path(__file__).parent
 _CLEAR_REFS = Path("/proc/self/clear_refs")
 
@@ -26,10 +30,12 @@ def within_limits(run: Harness, allowed_s: float) -> Harness:
 
     def limited(data: bytes) -> None:
         _forget_the_peak()
-        before_s, before_KiB = time.process_time(), _peak_KiB()
-        run(data)
-        took_s = time.process_time() - before_s
+        before_KiB = _peak_KiB()
+        took_s = _took_s(run, data)
         grew_MiB = (_peak_KiB() - before_KiB) / 1024
+        for _ in range(_TRIES - 1):
+            if took_s > allowed_s:
+                took_s = min(took_s, _took_s(run, data))
         require(took_s <= allowed_s, "took {:.1f} s of {} s allowed", took_s, allowed_s)
         require(
             grew_MiB <= ALLOWED_MIB,
@@ -39,6 +45,12 @@ def within_limits(run: Harness, allowed_s: float) -> Harness:
         )
 
     return limited
+
+
+def _took_s(run: Harness, data: bytes) -> float:
+    before_s = time.process_time()
+    run(data)
+    return time.process_time() - before_s
 
 
 def _peak_KiB() -> int:
