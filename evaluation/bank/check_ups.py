@@ -167,9 +167,10 @@ def _good(order: CheckUps, number: int) -> list[float]:
 def _make(order: CheckUps, case: Case, floor: list[float]) -> tuple[Entry, Entry]:
     """Write one case; its manifest entry and its key entry.
 
-    An effect is tried at its usual size and scaled once, to a strength drawn evenly in its
-    logarithm from `STRENGTHS`. `gap_paired` is what it then changes of each signal with day and
-    noise held, in repeat floors, `gap_worst` the largest of these.
+    Each effect is tried alone at its usual size and scaled once, all to one strength drawn evenly
+    in its logarithm from `STRENGTHS`. `gap_paired` is what they then change of each signal with day
+    and noise held, in repeat floors, `gap_worst` the largest of these; `gap_alone` is that of each
+    of several effects without the others.
     """
     programme = read_programme(order.programme)
     number = case.number % order.benches
@@ -179,16 +180,20 @@ def _make(order: CheckUps, case: Case, floor: list[float]) -> tuple[Entry, Entry
     room_K = ROOM_K if case.kind == "room" else 0.0
     seed = int(rng.integers(2**31))
     target = float(np.exp(rng.uniform(*np.log(STRENGTHS))))
-    active = case.choices[0]
     without = play(bench, (), programme, seed)
-    if active:
-        tried = rms_difference(play(bench, active, programme, seed), without) / floor
-        active = raised(active, tried, target)
+
+    def changes(*effects: Active) -> Array:
+        return rms_difference(play(bench, effects, programme, seed), without) / floor
+
+    active = tuple(a for tried in case.choices[0] for a in raised((tried,), changes(tried), target))
     other = active or room_K or tested is not bench
     now = play(tested, active, programme, seed, room_K) if other else without
     gap = rms_difference(now, without) / floor
     _write(order.folder / "cases" / case.name, now)
     entry = answer(case.kind, active, target, gap) | {"bench": number + 1}
+    if len(active) > 1:
+        for effect, described in zip(active, entry["effects"], strict=True):
+            described["gap_alone"] = round(float(changes(effect).max()), 4)
     return {"id": case.name, "bench": f"bench-{number + 1}"}, entry
 
 

@@ -26,11 +26,15 @@ NAMED = 0.5
 
 
 class TrueEffect(msgspec.Struct, frozen=True):
-    """An effect that was at work, and where the model can hold it."""
+    """An effect that was at work, and where the model can hold it.
+
+    `gap_alone` is what it changes without the other one of a pair, in floors; 0 in older keys.
+    """
 
     name: str
     places: list[str]
     known: bool = True
+    gap_alone: float = 0.0
 
 
 class Difference(msgspec.Struct, frozen=True):

@@ -13,6 +13,8 @@ from evaluation.score.intervals import wilson
 from smad.report.page import Table
 
 _BINS = 5
+_SEEN = 3.0
+"""Floors that each effect of a pair changes alone where both of them could be found."""
 _OTHER_DAYS = ("room", "preload", "drift")
 _FIRST_OWN = 4
 _ROUNDING = 1e-6
@@ -133,6 +135,7 @@ def rows(pairs: Sequence[Pair]) -> list[Row]:
     noticed = [p for p in effects if p.noticed]
     listed, unlisted = of_kind(noticed, "single"), of_kind(noticed, "unknown")
     several = of_kind(pairs, "pair")
+    both = [p for p in several if all(e.gap_alone >= _SEEN for e in p.truth.effects)]
     left_out = [p for p in of_kind(pairs, "single") if p.said.left_out]
     of_places, of_names = said_of_places(noticed), said_of_names(noticed)
     kinds = (("listed", listed), ("unlisted", unlisted))
@@ -159,6 +162,7 @@ def rows(pairs: Sequence[Pair]) -> list[Row]:
         share("held-out gap above that of parameters alone", pairs, _worse),
         share("pairs: both places among the first three", several, _both_places),
         share("pairs: both names told", several, _both_names),
+        share("pairs of three floors each: both places among the first three", both, _both_places),
         share("one effect: another place told beside it", noticed, _place_beside),
         share("left out: its place still told", left_out,
               lambda p: any(set(s.places) & p.true_places for s in p.said.left_out.values())),
