@@ -99,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return EXIT_BAD_INPUT
     print(
         f"ended after {stats.samples} samples; {counts.bytes_in} bytes in, {counts.bytes_out} out, "
-        f"{counts.dropped} pieces dropped; behind the clock {stats.grid_restarts} times, "
+        f"{counts.dropped} pieces dropped; fell behind the clock {stats.grid_restarts} times, "
         f"{said_of_host(stats)}"
     )
     return 0

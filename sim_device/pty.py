@@ -63,7 +63,7 @@ class ServeStats:
 
 def said_of_host(stats: ServeStats) -> str:
     """How often the host was late, in words."""
-    return f"waited for its host {stats.host_waits} times, in vain {stats.host_timeouts} times"
+    return f"waited for the host {stats.host_waits} times, {stats.host_timeouts} without an answer"
 
 
 class Server:

@@ -38,7 +38,7 @@ _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
     "air_m_per_s",
     type=float,
     default=0.0,
-    help="With air: speed of a fan's, m/s; 0 is still air.",
+    help="With air: its speed from a fan, m/s; 0 is still air.",
 )
 @click.option("--params", help="The alloy: a parameter set.  [default: A, or the file's base]")
 @click.option("--html", "page", type=FILE, help="Page to write.")
@@ -57,7 +57,7 @@ def design(
     """Compute stroke, force, period and power of a pair of springs.
 
     GEOMETRY is a file (base, wire_mm, coil_mm, turns, pitch_mm, tube_mm, prestrain); an option
-    replaces its value. By default it is the spring of the parameter set. The simulated pair makes
+    replaces its value. The default is the spring of the parameter set. The simulated pair makes
     a full stroke to and fro; docs/guide/design.md says what is scaled and what is not.
     """
     from dataclasses import replace

@@ -4,6 +4,8 @@ from pathlib import Path
 
 import click
 
+from firmware_protocol.nearest import instead
+from smad.cli import complete
 from smad.cli.gap_checkup import checkup, commission, investigate
 from smad.cli.gap_next import next_experiment
 from smad.cli.gap_plan import plan_runs
@@ -83,9 +85,9 @@ def diagnose(
 ) -> None:
     """Say where model and RUNs disagree, and what is missing.
 
-    An effect or a law is named, with the share of the gap that it explains.
+    It names an effect or a law, and the share of the gap that this explains.
 
-    With --good the question is what has changed since those runs, else what differs between model
+    With --good it says what has changed since those runs, else what differs between model
     and bench. Without --hold-out each run is judged by a model of the others.
 
     A RUN is a run log, a table, a folder of them, or a quoted pattern; --map alone is a mapping
@@ -150,7 +152,7 @@ def diagnose(
     "--first", type=click.IntRange(0), help="Only this many causes; 0: the parameters alone."
 )
 def apply(*, verdict: Path, out: Path, first: int | None) -> None:
-    """Write the model of a VERDICT, with all or its first causes.
+    """Write the model of a VERDICT, with all causes or the first few.
 
     A verdict is what --json of `smad gap diagnose` and `smad gap checkup` writes.
     """
@@ -174,13 +176,20 @@ def apply(*, verdict: Path, out: Path, first: int | None) -> None:
 
 
 @gap.command()
+@click.argument("names", nargs=-1, metavar="[NAME]...", shell_complete=complete.effects)
 @variant_option
 @json_option
-def effects(*, variant: str, as_json: bool) -> None:
-    """List the candidate effects, from the registry."""
+def effects(*, names: tuple[str, ...], variant: str, as_json: bool) -> None:
+    """List the effects of the library, or those of NAME: places, units, ranges."""
     from smad.diagnosis.spring_pair import SmaPlant
 
     library = SmaPlant(variant=variant).effects
+    known = [e.name for e in library]
+    for name in names:
+        if name not in known:
+            suggestion = instead(name, known, "smad gap effects lists them")
+            raise click.BadParameter(f"there is no effect {name!r}; {suggestion}")
+    library = [e for e in library if not names or e.name in names]
     if as_json:
         print_json(list(library))
         return

@@ -94,13 +94,13 @@ def commission(
 
 @click.command()
 @click.option("--baseline", "folder", type=FOLDER, help="Play its programme again, and judge.")
-@click.option("--good", type=FOLDER, help="Run files of a good day, best several repeats.")
+@click.option("--good", type=FOLDER, help="Run files of the good bench, best with repeats.")
 @click.option("--now", type=FOLDER, help="New run files with the same inputs as the good ones.")
 @click.option("--quick", is_flag=True, help="With --baseline: the part that separates most.")
 @click.option(
     "--out",
     type=FOLDER,
-    help="With --baseline: where the runs of now go  [default: BASELINE/now-1, now-2 …]",
+    help="With --baseline: folder of the new runs  [default: BASELINE/now-1, now-2 …]",
 )
 @effect_option
 @_bench_options
@@ -110,7 +110,7 @@ def commission(
     "--model",
     "model_path",
     type=FILE,
-    help="Write the model with what was found here: effects and laws.",
+    help="Write the model with the effects and laws that were found.",
 )
 def checkup(
     *,
@@ -128,12 +128,12 @@ def checkup(
     page_path: Path | None,
     model_path: Path | None,
 ) -> None:
-    """Repeat the inputs of a good day; say what has changed.
+    """Repeat the inputs of good runs; say what has changed.
 
-    With --baseline the programme is played (or read, with --now) and compared with the baseline.
-    With --good and --now run files are compared: run logs, CSV or Parquet with units in their
-    columns' names. Runs are paired by their inputs, and by name where several fit. Good runs that
-    a stop cut are listed and left out.
+    With --baseline it plays the programme (with --now: reads its runs) and compares with the
+    baseline. With --good and --now it compares run files: run logs, CSV or Parquet with units in
+    their columns' names. Runs are paired by their inputs, and by name if several fit. Good runs
+    that a stop cut short are listed and left out.
     """
     if (folder is None) == (good is None):
         raise click.UsageError("give --baseline, or --good and --now")
@@ -211,12 +211,12 @@ def investigate(
     seed: int,
     bench: str,
 ) -> None:
-    """Check up, then measure on until one cause is left.
+    """Check up, then measure more until one cause is left.
 
     It plays the run that separates the rivals best, each run once. It stops when one cause is left,
     the time is spent, or no other run would separate the rest. Then it repeats the check-up as
-    proof, and writes the model with the cause. It says at each step what it plays and why. An
-    interrupted command continues when it is repeated. The bench is disarmed after each run.
+    proof, and writes the model with the cause. It says at each step what it plays and why. If it is
+    interrupted, the same command continues. The bench is disarmed after each run.
     """
     from smad.checkup.baseline import FIRST, require_same
     from smad.checkup.inquiry import Inquiry, open_folder

@@ -84,8 +84,8 @@ def next_experiment(
 ) -> None:
     """Recommend the experiment to record next, or run one.
 
-    It is the one that best separates the causes that RUNs leave. Without RUNs the catalogue is
-    listed. --run takes a name from it, and writes a run log.
+    It recommends the one that best separates the causes that RUNs leave possible. Without RUNs it
+    lists the catalogue. --run carries out an experiment of the catalogue and writes a run log.
     """
     if chosen is not None and runs:
         raise click.UsageError("--run carries an experiment out; give RUNs without it")

@@ -51,7 +51,7 @@ def _files(value: str, ctx: click.Context, param: click.Parameter) -> list[Path]
         lacking = f"folder {value!r} holds no run log (*{SUFFIX}), CSV or Parquet file"
     else:
         paths = sorted(p for p in map(Path, glob.glob(value)) if p.is_file())
-        lacking = f"no file, folder or match of a pattern is {value!r}"
+        lacking = f"no file, folder or match of a pattern: {value!r}"
     if not paths:
         raise click.BadParameter(
             f"{lacking}. Give run logs, a folder of them or a quoted pattern", ctx, param

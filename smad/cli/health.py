@@ -15,7 +15,7 @@ from smad.cli.output import FILE, FOLDER, json_option, print_json, progress
     "--folder",
     type=FOLDER,
     default=Path("runs"),
-    help="Run logs of the bench; the record health.jsonl is kept there.",
+    help="Folder of the run logs; health.jsonl is kept there.",
 )
 @click.option(
     "--verdict",

@@ -34,7 +34,7 @@ def hooks() -> None:
 def run(*, bench: str, folder: Path | None) -> None:
     """Watch bench and queue until ctrl-C, and run the hooks.
 
-    What happened since it last ran is reported first.
+    It first reports what happened since it last ran.
     """
     from smad.client.signals import ended_by_signals
     from smad.hooks.events import Detector

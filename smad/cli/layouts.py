@@ -15,11 +15,13 @@ PlotJuggler: open a run log, or start the ZeroMQ stream, then File > Load Layout
 
 @click.command()
 @click.argument("folder", default="layouts", type=FOLDER)
-@click.option("--axis", "axes", multiple=True, help="An axis of a bench of several; give each.")
+@click.option(
+    "--axis", "axes", multiple=True, help="An axis, if the bench has several; may be repeated."
+)
 def layouts(folder: Path, axes: tuple[str, ...]) -> None:
     """Write layouts for PlotJuggler and Foxglove into FOLDER.
 
-    Of several axes, each has a tab.
+    With several axes, each has a tab.
     """
     from smad.view.layouts import layouts as contents
 

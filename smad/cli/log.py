@@ -47,7 +47,7 @@ _folder = click.option(
     help="Folder of the run logs [default: that of the running daemon, else runs]",
 )
 _axis = click.option(
-    "--axis", default="", show_default=False, help="Which axis, of a log of several."
+    "--axis", default="", show_default=False, help="The axis, if the log has several."
 )
 _path = click.argument("path", required=False, type=PATH, shell_complete=complete.runs)
 
@@ -118,7 +118,7 @@ def show(path: Path | None, folder: str, axis: str, as_json: bool) -> None:
     "suffix",
     type=click.Choice(["csv", "parquet", "mat", "rosbag2", "lerobot"]),
     default="csv",
-    help="Format, where --output does not name it.",
+    help="Format, if --output does not name it.",
 )
 @click.option("-o", "--output", type=PATH, help="File, or folder of a bag, to write.")
 @click.option("--overwrite", is_flag=True, help="Replace a file that is there.")
@@ -138,8 +138,8 @@ def export(
 ) -> None:
     """Write a run log as CSV, Parquet, MATLAB, ROS or LeRobot file.
 
-    It goes beside the log unless --output says where. Several axes are written into a file each, or
-    with --wide into one table. rosbag2 is a ROS 2 bag: a folder with an MCAP file of standard
+    The file goes beside the log unless --output says where. Each of several axes gets a file, or
+    with --wide all share a table. rosbag2 is a ROS 2 bag: a folder with an MCAP file of standard
     messages. lerobot is a dataset of LeRobot v3.0: a folder with Parquet files, of one episode.
     """
     from smad.runlog import lerobot
@@ -167,7 +167,7 @@ def export(
 @_path
 @_folder
 def split(path: Path | None, folder: str) -> None:
-    """Write each axis as a run log of its own, beside the log."""
+    """Write one run log for each axis, beside the log."""
     from smad.runlog.one_axis import extract
     from smad.runlog.reader import read_axes
 
@@ -247,7 +247,7 @@ def plot(
 @click.option(
     "--mapping",
     type=PATH,
-    help="TOML file that says what the columns are, where their names do not.",
+    help="TOML file that says what the columns are, if their names do not.",
 )
 @json_option
 def import_command(source: Path, output: Path | None, mapping: Path | None, as_json: bool) -> None:

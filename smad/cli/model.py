@@ -43,11 +43,11 @@ def export(
     version: str,
     overwrite: bool,
 ) -> None:
-    """Write the plant of a MODEL file as a unit of FMI.
+    """Write the plant of a MODEL file as an FMI unit.
 
-    Simulink, OpenModelica and Dymola import such units. Without MODEL it is the plant of a
-    parameter set. The unit is C: source, and a binary for this machine where it has a compiler. See
-    the page docs/guide/fmi.md.
+    Simulink, OpenModelica and Dymola import such units. Without MODEL it takes the plant of a
+    parameter set. The unit contains C source, and a binary for this machine if that has a compiler.
+    More: smad docs guide/fmi.
     """
     from sim_device.plant.errors import PlantError
     from smad.fmi.export import Mounted, export_unit

@@ -108,7 +108,7 @@ bench_option = click.option(
     "--bench",
     default="bench",
     envvar="SMAD_BENCH",
-    help="Name of the bench, where there are several.",
+    help="Name of the bench, if there are several.",
 )
 
 
@@ -124,7 +124,7 @@ _axis_option = click.option(
     envvar="SMAD_AXIS",
     expose_value=False,
     callback=_remember,
-    help="Which axis, where a bench has several.",
+    help="The axis, if the bench has several.",
 )
 
 

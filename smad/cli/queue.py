@@ -163,7 +163,7 @@ def move(*, number: int, place: int, opened: Queue) -> None:
 @_number
 @_on_queue
 def remove(*, number: int, opened: Queue) -> None:
-    """Take a queued ITEM away."""
+    """Remove a queued ITEM."""
     opened.remove(number)
     click.echo(f"item {number} removed")
 
@@ -172,7 +172,7 @@ def remove(*, number: int, opened: Queue) -> None:
 @_number
 @_on_queue
 def again(*, number: int, opened: Queue) -> None:
-    """Add an ITEM anew that has ended or was interrupted."""
+    """Add an ended or interrupted ITEM again."""
     item = opened.again(number)
     click.echo(f"item {item.id}: {item.title}")
 
@@ -210,8 +210,8 @@ def resume(
 ) -> None:
     """Arm the queue, in two steps.
 
-    The first shows what would run until when, the second is --confirm CODE. Give an end: --until,
-    --hours, or both. The first one reached pauses the queue and ends the running item.
+    The first step shows what would run and until when; the second is --confirm CODE. Give --until,
+    --hours, or both: whichever comes first ends the running item and pauses the queue.
     """
     from smad.queue.arming import CONFIRM_WITHIN_S, end_time
     from smad.queue.queue import now_zoned
@@ -245,7 +245,7 @@ def resume(
 @click.option("--until-paused", is_flag=True, help="End when the queue pauses, for scripts.")
 @_on_queue
 def run(*, until_paused: bool, opened: Queue) -> None:
-    """Run the items of the queue until ctrl-C; one runner to a queue.
+    """Run the items of the queue until ctrl-C. A queue has one runner.
 
     After a kill or a restart the item that ran is interrupted, its run log is recovered, and the
     queue is paused until a person resumes it.
@@ -281,7 +281,9 @@ def run(*, until_paused: bool, opened: Queue) -> None:
 
 
 @queue.command()
-@click.option("--after", type=click.IntRange(0), default=0, help="Only those with a higher number.")
+@click.option(
+    "--after", type=click.IntRange(0), default=0, help="Only messages with a higher number."
+)
 @json_option
 @_on_queue
 def messages(*, after: int, as_json: bool, opened: Queue) -> None:

@@ -128,10 +128,10 @@ class _Run(click.Command):
 def run(names: tuple[str, ...], **options: Any) -> None:
     """Run experiments of the paper, analyse them, and write one page.
 
-    NAME is an experiment, `all` is all of them. Without --sim they run on the daemon that is
-    running, which arms the bench.
+    NAME is an experiment, `all` is all of them. Without --sim they run on the bench of the
+    running daemon, and arm it.
 
-    More, each with its --help: `smad run repeat RUN` plays the inputs of a recorded run again,
+    Also, each with its own --help: `smad run repeat RUN` plays the inputs of a recorded run again,
     `smad run six-axes` draws circles with the segments of a robot, `smad run moves FILE` plays the
     trajectories of a file, `smad run endurance` cycles until a limit ends it.
     """

@@ -73,7 +73,10 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
     "--end-stroke-lost", type=_percent, metavar="%", help="End when this much stroke is lost."
 )
 @click.option(
-    "--end-resistance-up", type=_percent, metavar="%", help="End when resistance has risen so far."
+    "--end-resistance-up",
+    type=_percent,
+    metavar="%",
+    help="End when resistance has risen by this much.",
 )
 @click.option("--end-shift", type=_kelvin, metavar="K", help="End when the transformation shifted.")
 @click.option(
@@ -86,7 +89,7 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
     "--full-every",
     type=click.IntRange(1, 1_000_000),
     default=1,
-    help="Keep every n-th cycle in full, of the others only statistics.",
+    help="Keep all samples of every n-th cycle, only statistics of the others.",
 )
 @click.option("--folder", type=FOLDER, default=Path("endurance"), help="Where cycles.csv goes.")
 @click.option("--go-on", is_flag=True, help="Go on after the cycles that the folder has.")
@@ -99,9 +102,9 @@ def endurance(**options: Any) -> None:
     """Cycle between two displacements or temperatures until a limit ends it.
 
     Each block, at most three quarters of the longest time armed or of one file, begins from rest
-    and has a run log of its own. FOLDER/cycles.csv has the statistics of every cycle. The
-    room that it takes on the disk is printed and reserved first. A stop, a fault, or a check-up
-    that fails ends it. Look at the bench before --go-on, which counts what a killed run recorded.
+    and has a run log of its own. FOLDER/cycles.csv has the statistics of every cycle. The disk
+    space is printed and reserved first. A stop, a fault, or a check-up that fails ends the run.
+    Look at the bench before you give --go-on, which also counts what a killed run recorded.
     """
     from smad.experiments.endurance.room import longest_block_s, room_for
     from smad.experiments.endurance.run import earlier_cycles, endure, take_over_killed

@@ -57,8 +57,8 @@ def sim(
 ) -> None:
     """Run the simulated bench alone, without a daemon.
 
-    It prints the name of its port; several axes have a port each, and --fault then begins with
-    AXIS:. Ctrl-C ends it.
+    It prints the name of its port. Each of several axes has a port, and a fault is then
+    --fault AXIS:FAULT. Ctrl-C ends the bench.
     """
     from sim_device.errors import BenchError
     from sim_device.plant.errors import PlantError
@@ -117,7 +117,7 @@ def sim(
     click.echo(
         f"ended after {stats.samples} samples; {counts.bytes_in} bytes in, "
         f"{counts.bytes_out} out, {counts.dropped} writes dropped; "
-        f"behind the clock {stats.grid_restarts} times, {said_of_host(stats)}",
+        f"fell behind the clock {stats.grid_restarts} times, {said_of_host(stats)}",
         err=True,
     )
 

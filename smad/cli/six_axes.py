@@ -32,8 +32,8 @@ def six_axes(
 ) -> None:
     """Let the segments draw circles, in turn and together.
 
-    It arms the bench that is running, or with --sim its own, disarms at the end, and writes a table
-    and a page.
+    It arms the running bench, or with --sim its own. At the end it disarms, and writes a table and
+    a page.
     """
     from smad.cli.tables import print_table
     from smad.experiments.circles import Circles, draw, page_of, table, trackings

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @click.option("--port", help="Serial device of the board, preferably /dev/serial/by-id/….")
 @click.option("--sim", "simulated", is_flag=True, help="Start a simulated bench and use it.")
 @config_option
-@click.option("--bench", help="Name of the bench, where there are several.")
+@click.option("--bench", help="Name of the bench, if there are several.")
 @click.option("--baud", type=int, help="Bits per second of the serial line.")
 @click.option("--without-missing", is_flag=True, help="Start even if some boards are missing.")
 @board_options("With --sim: ")

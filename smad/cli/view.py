@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 @click.command()
 @tcp_port_option(8787)
 @click.option("--no-browser", is_flag=True, help="Only print the links.")
-@click.option("--watch-only", is_flag=True, help="Give no link that commands the bench.")
+@click.option("--watch-only", is_flag=True, help="Print no link that can command the bench.")
 @bench_option
 def view(port: int, no_browser: bool, watch_only: bool, bench: str) -> None:
     """Serve the live page of the bench, and open it in a browser.
 
-    It is reached from this machine only, with the token in its link.
+    Only this machine can open it, by the link with its token.
     """
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(_serve(bench, port, watch_only=watch_only, browser=not no_browser))

@@ -106,7 +106,7 @@ def _step_below(thread: int, priority: int) -> None:
 def _switch_interval() -> Measure:
     # How long another Python thread may keep the interpreter once the loop asks for it.
     sys.setswitchinterval(_SWITCH_INTERVAL_S)
-    return Measure("interpreter handed over", True, True, f"within {_SWITCH_INTERVAL_S * 1e3:g} ms")
+    return Measure("thread switch interval", True, True, f"{_SWITCH_INTERVAL_S * 1e3:g} ms")
 
 
 def _throttle() -> str:

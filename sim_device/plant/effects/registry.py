@@ -46,7 +46,7 @@ def effect(name: str) -> Effect:
         return _BY_NAME[name]
     except KeyError:
         hint = instead(name, _BY_NAME, "smad gap effects lists them")
-        raise EffectError(f"effect {name!r} is not in the registry; {hint}") from None
+        raise EffectError(f"effect {name!r} is not in the library; {hint}") from None
 
 
 def resolve(effects: EffectValues) -> Resolved:

@@ -74,7 +74,7 @@ def _readings(now: Status) -> Iterator[str]:
             name,
             f"{number(degrees, 2)} °C, {number(amperes, 2)} A, {number(volts, 2)} V, "
             f"pump {number(None if duty is None else 100 * duty, 0)} %"
-            + ("" if starts is None else f", started {starts} times")
+            + ("" if starts is None else f", {starts} start{'s'[: starts != 1]}")
             + old,
         )
     yield labelled(

@@ -458,7 +458,7 @@ def test_effects_of_the_command_line_join_those_of_the_model(tmp_path: Path) -> 
 def test_an_effect_that_is_written_wrongly_is_refused_with_its_reason(
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    assert "is not in the registry" in failed(capfd, "sim", "--effect", "wibble")
+    assert "is not in the library" in failed(capfd, "sim", "--effect", "wibble")
     assert "PARAMETER=NUMBER" in failed(capfd, "sim", "--effect", "rtd_lag:tau_s")
     assert "outside 0 to 5 s" in failed(capfd, "sim", "--effect", "rtd_lag:tau_s=99")
     assert "has no parameter" in failed(capfd, "sim", "--effect", "rtd_lag:q=1")
