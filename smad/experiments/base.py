@@ -36,7 +36,7 @@ class Options(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class Comparison:
-    """One row of the table "paper against here".
+    """One row of the comparison with the paper.
 
     `contradiction` is a key of `smad.experiments.contradictions.CONTRADICTIONS`, or empty; another
     one raises KeyError.

@@ -1,4 +1,4 @@
-"""The page of a campaign: one table "paper against here", contradictions, and a section each."""
+"""The page of a campaign: the comparison with the paper, contradictions, and a section each."""
 
 import hashlib
 from collections.abc import Sequence
@@ -14,9 +14,9 @@ from smad.report.page import Code, Fold, Page, Section, Table, Text
 
 
 def comparison_table(result: CampaignResult) -> Table:
-    """The table "paper against here", all experiments."""
+    """The paper's facts beside those of this bench, all experiments."""
     return Table(
-        ("fact", "paper", "here", "note"),
+        ("fact", "paper", "this bench", "note"),
         [
             (row.fact, row.paper, row.here, _note(row))
             for done in result.results
@@ -92,7 +92,7 @@ def campaign_page(
     """The whole page. `given` are the parameters of the simulated bench, None on a real one."""
     digest = hashlib.sha256(parameters_text(model).encode()).hexdigest()[:12]
     sections = [
-        Section("Paper against here", (comparison_table(result),), "paper"),
+        Section("Comparison with the paper", (comparison_table(result),), "paper"),
     ]
     sections += [
         Section(
@@ -104,7 +104,7 @@ def campaign_page(
     ]
     sections.append(
         Section(
-            "What cannot hold together in the paper",
+            "Contradictions in the paper",
             tuple(Text(line) for line in numbered()),
             "contradictions",
         )
@@ -129,6 +129,6 @@ def campaign_page(
         "Experiments of the paper, repeated",
         sections,
         "Cheng et al., J. Intell. Mater. Syst. Struct. 28(16), 2017: each figure and "
-        "characterisation run again, and what goes beyond the paper beside it.",
+        "characterisation repeated, with results beyond the paper beside it.",
         (("model", model.title), ("SHA-256 of its parameters", digest), *facts),
     )

@@ -64,7 +64,7 @@ def write_figure(panels: Panels, path: Path, *, width_mm: float = 85.0) -> Path:
 def _draw(axes: Any, panel: Panel) -> None:
     for trace in panel.traces:
         x, y = decimated(trace.x, trace.y)
-        style: Any = (0, trace.dash) if trace.dash else "-"
+        style: Any = (0, [0.5 * px for px in trace.dash]) if trace.dash else "-"
         axes.plot(
             x, y, linestyle=style, linewidth=0.9, color=in_print(trace.pen), label=trace.label
         )

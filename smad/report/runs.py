@@ -157,7 +157,7 @@ def page_of(runs: Sequence[RunPart]) -> Page:
     several = len(runs) > 1
     caption = "Time from the first sample of each run." if several else ""
     sections = [
-        Section("Panels", [panels_of(runs, caption)]),
+        Section("Signals", [panels_of(runs, caption)]),
         Section("Runs", [_facts(runs), *_notes(runs)]),
         *(
             Section(f"Events of {drawn.label}" if several else "Events", [_events(drawn)])
@@ -233,4 +233,4 @@ def _events(drawn: RunPart) -> Table:
 
 
 def _when(event: Event, start_s: float) -> str:
-    return "" if event.t_s is None else f"{event.t_s - start_s:.3f}"
+    return "" if event.t_s is None else f"{event.t_s - start_s:z.3f}"

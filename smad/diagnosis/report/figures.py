@@ -77,12 +77,12 @@ class Course:
 
     def curves(self, c: int) -> list[tuple[Array, str, str, str, float]]:
         """The curves of a channel: values, label, colour, style and width."""
-        out = [(self.measured[:, c], "now − then" if self.paired else "measured", "main", "-", 2.0)]
+        out = [(self.measured[:, c], "now − then" if self.paired else "measured", "main", "-", 3.2)]
         if not self.paired:
             out.append((self.before[:, c], "simulator as configured", "reference", "--", 1.2))
         if self.after is not None:
             words = "predicted by the cause" if self.paired else "simulator with the cause"
-            out.append((self.after[:, c], words, "x", "-", 1.2))
+            out.append((self.after[:, c], words, "x", "-", 1.0))
         return out
 
 

@@ -27,7 +27,7 @@ from smad.diagnosis.verdict import (
     unit_words,
     with_unit,
 )
-from smad.report.page import Beside, Block, Code, Fold, Page, Section, Table, Text, write_page
+from smad.report.page import Beside, Block, Code, Page, Section, Table, Text, write_page
 
 _QUESTIONS = {
     DIFFERS: "what the simulator lacks",
@@ -40,6 +40,7 @@ def page_of(answer: Answer, arguments: str = "", facts: Sequence[tuple[str, str]
     """The page. `arguments` are the arguments as a shell takes them, `facts` files and the like."""
     v, search = answer.verdict, answer.search
     course = None if search is None else figures.Course.of(answer, search)
+    every = [r for c in v.causes for r in c.rivals] or v.rivals
     cells: list[Sequence[Block]] = [_answer(v)]
     if course is not None:
         cells.append([figures.largest_gap(course), *figures.laws(answer)])
@@ -47,6 +48,7 @@ def page_of(answer: Answer, arguments: str = "", facts: Sequence[tuple[str, str]
     more = course and figures.more_signals(course)
     folded: list[tuple[str, Sequence[Block]]] = [
         ("The gap by signal", [budget(v)] if v.budget else []),
+        ("Each rival, signal by signal", [by_signal(v, every)] if every else []),
         ("More signals", [more] if more else []),
         ("Parameters", [parameters(v)] if v.parameters else []),
         ("What these runs would not have shown", [unseen(v)] if v.unseen else []),
@@ -57,7 +59,7 @@ def page_of(answer: Answer, arguments: str = "", facts: Sequence[tuple[str, str]
     known = [
         ("question", _QUESTIONS.get(v.question, _CHANGED)),
         ("plant", f"{v.plant} {v.plant_version}"),
-        ("time", f"{v.seconds:.0f} s" if v.seconds else ""),
+        ("computing time", f"{v.seconds:.0f} s" if v.seconds else ""),
         *facts,
     ]
     title, _, gap = (v.headline[:1].upper() + v.headline[1:]).partition("; ")
@@ -78,9 +80,6 @@ def _answer(v: Verdict) -> list[Block]:
         out += [rivals(cause.rivals, judged), _cause(cause)]
     if not v.causes and v.rivals:
         out.append(rivals(v.rivals, judged))
-    every = [r for c in v.causes for r in c.rivals] or v.rivals
-    if every:
-        out.append(Fold("Each rival, signal by signal", [by_signal(v, every)]))
     return out + [Text(line, "note") for line in (*repeated_lines(v), *v.notes)]
 
 

@@ -7,6 +7,7 @@ import { saveButtons, sheetOf } from "./sheet.js";
 const PLANE_HEIGHT = 280;
 const MARGIN = 0.04; // of the range, around the curves
 const REACH = 24; // pixels from the pointer to a sample that it names
+const MOST_NAMED = 8; // cycles in a figure's key; of more, the first and the last
 const FADES = 12; // steps in which a tail fades
 const STOPS = ["cycle-first", "cycle-middle", "cycle-last"];
 
@@ -40,9 +41,13 @@ export class Plane {
     const lines = this.curves.flatMap((curve) => {
       const [begin, end] = this.within(curve.t, curve.x.length);
       const cycles = curve.cycle && this.cycles > 1 ? [...new Set(curve.cycle.slice(begin, end))] : [null];
-      return cycles.map((number) => ({
-        x: curve.x.map((value, i) => (i < begin || i >= end || (number != null && curve.cycle[i] !== number) ? null : value)),
-        y: curve.y, pen: curve.pen, dash: curve.dash, label: number == null ? curve.label : "",
+      const last = cycles.length - 1;
+      const key = (number, n) => (last >= MOST_NAMED && n && n < last ? "" : `${n ? "" : "cycle "}${number}`);
+      // The first point of the next cycle ends a line, so that no gap is left.
+      const has = (number, i) => number == null || curve.cycle[i] === number || (i > begin && curve.cycle[i - 1] === number);
+      return cycles.map((number, n) => ({
+        x: curve.x.map((value, i) => (i < begin || i >= end || !has(number, i) ? null : value)),
+        y: curve.y, pen: curve.pen, dash: curve.dash, label: number == null ? curve.label : key(number, n),
         colour: number == null ? undefined : cycleColour((number - 1) / (this.cycles - 1)),
       }));
     });

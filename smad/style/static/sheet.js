@@ -65,7 +65,7 @@ export function sheetOf(boxes, xLabel, widthMm, heightPt = PANEL_PT) {
     text(left, up - 5, `${box.title}${box.unit ? ` (${box.unit})` : ""}`);
     let at = right;
     for (const line of [...box.lines].reverse().filter(({ label }) => label)) {
-      text(at, up - 5, line.label, "right", penOf(line.pen));
+      text(at, up - 5, line.label, "right", line.colour ?? penOf(line.pen));
       at -= line.label.length * SIZE_PT * 0.55 + 8;
     }
     for (const line of box.lines) {
@@ -166,7 +166,7 @@ export function saveButtons(make, name) {
   const button = (kind, blobOf) => {
     const saver = element("button", { type: "button", textContent: kind, title: `Save this figure as ${kind}` });
     saver.dataset.save = kind.toLowerCase();
-    saver.onclick = async () => save(await blobOf(inPrint(() => make(Number(width.value)))), `${name()}.${kind.toLowerCase()}`);
+    saver.onclick = async () => save(await blobOf(inPrint(() => make(Number(width.value)))), `${name().replace(/[^\w.]+/g, "-")}.${kind.toLowerCase()}`);
     return saver;
   };
   return element("span", { className: "save" }, "Save ",

@@ -38,8 +38,9 @@ export function limitLines(plot, scale, channel, limit) {
         const above = value > max;
         const px = devicePixelRatio;
         ctx.textAlign = "right";
+        ctx.textBaseline = above ? "top" : "bottom";
         ctx.fillText(above ? "▲" : "▼",
-          bbox.left + bbox.width - 2 * px, above ? bbox.top + 9 * px : bbox.top + bbox.height - 2 * px);
+          bbox.left + bbox.width - 2 * px, above ? bbox.top + px : bbox.top + bbox.height);
       }
     }
   });

@@ -215,7 +215,7 @@ class Strip {
     if (this.plot.over.matches(":hover")) this.all.pointed(pointed ? drawn.t[idx] : null);
     this.channels.forEach((channel, i) => {
       const value = view.live && !pointed ? data.now.get(channel.name) : drawn.y.get(channel.name)?.[at];
-      setText(this.values[i], `${channel.label} ${shown(value, channel.digits)} ${channel.unit}`);
+      setText(this.values[i], `${channel.label} ${shown(value, channel.digits)}${value == null ? "" : ` ${channel.unit}`}`);
     });
     const [text, near] = view.live ? distanceOf(this.channels, data) : ["", false];
     setText(this.distance, text);

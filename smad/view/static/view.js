@@ -101,8 +101,8 @@ function show(now, anyArmed) {
   setText($("holder"), now.holder ? `${now.holder}, ${now.lease_left_s.toFixed(0)} s left` : "anybody");
   setText($("recording"), now.recorder_error
     || (now.recording ? `${now.log}, ${now.rows} samples` : "no"));
-  setText($("last-minute"), now.last_minute || "in memory only");
-  const age = now.setpoint_age_p99_ms == null ? "" : `, setpoint age ${now.setpoint_age_p99_ms} ms (p99), ${now.setpoints_refused} refused`;
+  setText($("last-minute"), now.last_minute || "in memory, not saved");
+  const age = now.setpoint_age_p99_ms == null ? "" : `, setpoint age ${now.setpoint_age_p99_ms} ms (p99), ${now.setpoints_refused} too old`;
   setText($("link"), `${now.link}, ${now.rate_hz} Hz, ${now.missed} missed${age}`);
   $("trouble").hidden = !now.trouble;
   if (now.trouble) {

@@ -145,7 +145,7 @@ def _facts(now: Status) -> Iterator[Line]:
     if age.count:
         refused = now.counts.setpoints_refused
         yield Line(
-            f"setpoint age p50 {age.p50_us:.0f} µs, p99 {age.p99_us:.0f} µs, {refused} refused",
+            f"setpoint age p50 {age.p50_us:.0f} µs, p99 {age.p99_us:.0f} µs, {refused} too old",
             "bad" if refused else "plain",
         )
     missed = now.counts.missed

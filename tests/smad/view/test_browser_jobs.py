@@ -93,7 +93,7 @@ def test_a_run_is_listed_with_its_results_and_its_page_opens(page: Any, run: str
     assert state_of_job(page) == "done", text_of(page, "job-lines")
     text = report_of(page)
     assert run.removesuffix(".mcap") in text
-    assert "Panels" in text
+    assert "Signals" in text
 
 
 def test_a_diagnosis_that_the_page_begins_ends_in_its_report(page: Any, run: str) -> None:
