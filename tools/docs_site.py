@@ -163,6 +163,7 @@ def site_css() -> str:
         "math { font-family: 'STIX Two Math', math; font-size: 1.1em; }\n"
         ".equation { margin: 1em 0; overflow-y: hidden; }\n"
         ".md-typeset__table { display: block; }\n"
+        ".md-typeset h1 { color: inherit; }\n"
         # What is wider than a phone scrolls by itself; a shadow at an edge says that there is more.
         f"{_WIDE} {{ overflow-x: auto; {_SHADOWS} }}\n"
         "@media print { pre, pre code { white-space: pre-wrap; overflow-wrap: anywhere; } }\n"

@@ -28,7 +28,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--dark", action="store_true", help="in dark colours")
     parser.add_argument("--width", type=int, default=1200)
-    parser.add_argument("--height", type=int, default=1050)
+    parser.add_argument("--height", type=int, default=1142)
     parser.add_argument("-o", "--output", type=Path, default=PICTURE)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="smad-picture-") as name:

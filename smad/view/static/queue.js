@@ -6,6 +6,7 @@ import { element, setText } from "./style/plots.js";
 const $ = (id) => document.getElementById(id);
 const EVERY_MS = 2000;
 const CONFIRM_MS = 120000;
+const WHAT = { run: "experiment", tune: "displacement or temperature", checkup: "folder of a baseline", move: "file of trajectories" };
 
 export class Queue {
   // `ask` asks, `tell` shows an answer; a page that only watches does not `command`.
@@ -15,6 +16,8 @@ export class Queue {
     this.timer = setInterval(() => this.show(), EVERY_MS);
     this.show();
     if (!command) return;
+    $("queue-kind").onchange = () => { $("queue-what").placeholder = WHAT[$("queue-kind").value]; };
+    $("queue-kind").onchange();
     $("queue-add").onsubmit = (event) => {
       event.preventDefault();
       this.change({ verb: "add", kind: $("queue-kind").value, what: $("queue-what").value,
@@ -60,7 +63,7 @@ export class Queue {
     const queue = reply.found;
     const until = queue.end_unix_s && new Date(queue.end_unix_s * 1000).toLocaleString();
     setText($("queue-state"), (queue.mode === "running" ? `running until ${until}` : `paused: ${queue.reason}`)
-      + (queue.runner ? "" : "; no runner is there (smad queue run)"));
+      + (queue.runner ? "" : "; no runner: start smad queue run"));
     const text = JSON.stringify(queue.lines);
     if (text === this.drawn) return;
     this.drawn = text;
@@ -72,8 +75,8 @@ export class Queue {
     const buttons = !this.command ? [] : line.place
       ? [button("↑", "Earlier", change("place", { place: Math.max(1, line.place - 1) })),
         button("↓", "Later", change("place", { place: line.place + 1 })),
-        button("Remove", "Take it away", change("remove"))]
-      : line.state === "running" ? [] : [button("Again", "Add it anew", change("again"))];
+        button("Remove", "Remove it", change("remove"))]
+      : line.state === "running" ? [] : [button("Again", "Add it again", change("again"))];
     const row = element("tr", {},
       element("td", { textContent: line.item }),
       element("th", { scope: "row", textContent: line.title }),

@@ -75,7 +75,7 @@ export class Runs {
       element("td", {}, box),
       element("th", { scope: "row", textContent: run.name.replace(/\.mcap$/, "") }),
       element("td", { textContent: run.duration_s == null ? run.problem : `${run.duration_s.toFixed(1)} s` }),
-      element("td", { textContent: run.rows ?? "" }),
+      element("td", { textContent: run.rows == null ? "" : `${run.rows} samples` }),
       element("td", {}, element("div", { className: "row" },
         button("Results", "What this run came to", () => this.results(run, below, results)),
         button("Page", "The page of this run", () => this.begin({ kind: "page", runs: [run.name] })),
