@@ -248,7 +248,7 @@ class AxisStatus(Struct, frozen=True, kw_only=True):
 
 
 class Status(AxisStatus, frozen=True, kw_only=True):
-    """Everything about the bench now; of several axes, what concerns one is of the first."""
+    """Everything about the bench now; facts of one axis are those of the first of several."""
 
     bench: Annotated[str, Meta(description="name of the bench")]
     version: Annotated[str, Meta(description="version of smad")]

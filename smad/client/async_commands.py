@@ -61,7 +61,7 @@ class AsyncCommands(ABC):
         return await self._call(api.GetMotion(), api.Motion)
 
     async def config(self) -> str:
-        """The configuration in force, as TOML; of an axis, its own."""
+        """The configuration in force, as TOML; on an axis, that of the axis."""
         replied = await self._call(api.GetConfig(), api.ConfigText)
         return replied.toml
 
@@ -70,16 +70,16 @@ class AsyncCommands(ABC):
         return await self._call(api.ResetTiming(), api.Timing)
 
     async def clear(self, fault: int | None = None) -> api.Motion:
-        """Acknowledge the latched fault (or the one of that number, if it is the latched one).
+        """Acknowledge the latched fault; with `fault`, only if it has that number.
 
-        A person has seen what stopped the bench: the next `arm` starts anew.
+        It says that a person has seen what stopped the bench: `arm` is allowed again.
         """
         motion = await self._call(api.Clear(fault=fault), api.Motion)
         self._channel.conversation.begin(None)
         return motion
 
     async def move(self, *trajectories: Trajectory, queue: bool = False) -> api.Motion:
-        """Follow trajectories one after the other; `queue` appends to what runs already."""
+        """Follow trajectories one after the other; `queue` appends them to the present motion."""
         return await self._follow(trajectories, queue=queue)
 
     async def _follow(self, trajectories: Sequence[Trajectory], *, queue: bool) -> api.Motion:
@@ -111,11 +111,11 @@ class AsyncCommands(ABC):
         return await self._call(command, api.Motion)
 
     async def current(self, command: DriveCurrent) -> api.Motion:
-        """Plain currents and pump duties, without feedback."""
+        """Apply currents and pump duties without feedback."""
         return await self._call(command, api.Motion)
 
     async def follow_inputs(self, command: FollowInputs) -> api.Motion:
-        """Play recorded currents and duties; of any length, it is sent in pieces."""
+        """Play recorded currents and duties of any length; they are sent in parts."""
         first, *rest = rows_in_pieces(command)
         motion = await self._call(first, api.Motion)
         for piece in rest:
@@ -129,7 +129,7 @@ class AsyncCommands(ABC):
         )
 
     async def idle(self) -> api.Motion:
-        """No current, no water; stays armed."""
+        """End the motion: no current, no water. The bench stays armed."""
         return await self._call(Idle(), api.Motion)
 
     async def tune(self, command: Tune) -> api.Motion:
@@ -160,9 +160,9 @@ class AsyncCommands(ABC):
         *,
         timeout_s: float | None = None,
     ) -> api.Motion:
-        """Return once everything commanded has been carried out; `progress` sees each poll.
+        """Return when every commanded motion is done; `progress` is called with each poll.
 
-        Raises Stopped when it never will be (disarmed, fault, board gone), NoAnswer after
+        Raises Stopped if a stop ends the motion (disarm, fault, lost board), NoAnswer after
         `timeout_s`.
         """
         wait = Wait(time.monotonic(), timeout_s, self._channel.conversation.generation)
@@ -181,6 +181,6 @@ class AsyncCommands(ABC):
     def telemetry(
         self, *, timeout_s: float | None = None, queue: int = 1000
     ) -> AsyncIterator[api.Telemetry]:
-        """Samples of an axis, as they are published. Raises NoAnswer after `timeout_s` without."""
+        """Iterate over published samples. Raises NoAnswer after `timeout_s` without a sample."""
         limit_s = self.timeout_s if timeout_s is None else timeout_s
         return self._channel.telemetry(limit_s, queue, self.name)

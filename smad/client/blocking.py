@@ -43,20 +43,20 @@ class Axis(Commands):
 
 
 class Client(Commands):
-    """Talks to the daemon of one bench.
+    """A client of the daemon of one bench.
 
-    Finds a daemon on this machine by `bench` (and `folder`, where that is not the usual one).
-    `Client.remote(...)` reaches one on another machine.
+    It finds a daemon on this machine by the name `bench`, in `folder` if its sockets are not in the
+    usual place. `Client.remote(...)` connects to a daemon on another machine.
 
-    Who arms has exclusive control from before it arms until it disarms, under a lease of `lease_s`
-    that is renewed in the background: a program that is killed leaves a bench that is disarmed
-    after so long. None: no lease, nobody is missed, and other clients may command.
+    A client that arms takes exclusive control and keeps it until it disarms, under a lease of
+    `lease_s` that it renews in the background. If the program is killed, the daemon disarms after
+    that time. With None there is no lease: other clients may command, and nothing disarms.
 
-    Of a bench of several axes `client["pitch-1"]` is one; `arm`, `move` and `idle` are for several.
-    With `axis` everything but stops is for that one, as if there were no other.
+    If the bench has several axes, `client["pitch-1"]` is one of them; `arm`, `move` and `idle` act
+    on several. With `axis`, every method except the stops acts on that axis.
 
-    Raises NoDaemon when none is running. Every method may raise NoAnswer after `timeout_s`, and
-    Refused (NotReady, NotInControl, BoardRefused) when the daemon refuses.
+    Raises NoDaemon if no daemon is running. Every method may raise NoAnswer after `timeout_s`, and
+    Refused (NotReady, NotInControl, BoardRefused) if the daemon refuses.
     """
 
     def __init__(
@@ -113,16 +113,16 @@ class Client(Commands):
         self.close()
 
     def close(self) -> None:
-        """Give the sockets back. What was armed under our lease is disarmed when that lapses."""
+        """Close the sockets. If this client has armed, the daemon disarms when the lease lapses."""
         self._renewal.end()
         self._channel.close()
 
     def arm(self, *axes: str) -> api.Motion:
-        """Arm the bench, or the axes named.
+        """Arm the bench, or the named axes.
 
-        What you ask for afterwards is refused once anybody has stopped it. So is another arming:
-        only after a disarm of this client, and no other stop, does it arm again. A person starts
-        it anew: with a new client, `clear`, or `as_of(None)`.
+        After anybody has stopped the bench, the daemon refuses this client's later requests. It
+        also refuses to arm again, unless the only stop was a disarm of this client. A person starts
+        again with a new client, `clear`, or `as_of(None)`.
         """
         # Before anything is armed: who is killed while it arms is missed, too.
         if self._leased or (self.lease_s is not None and not self._conversation.lease):
@@ -155,21 +155,20 @@ class Client(Commands):
         self._leased = False
 
     def as_of(self, generation: int | None) -> int | None:
-        """Refuse what is asked from now on if a stop came after `generation`; None: after none.
+        """Let the daemon refuse later requests, and arming, if a stop came after `generation`.
 
-        For who passes on what a person asked, and for a program at its beginning: the person knew
-        of the stops up to this one (`Motion.generation`). The next arming is refused, too. None
-        starts anew. Returns the generation that was in force.
+        Use it to pass on what a person asked who knew of the stops up to that one
+        (`Motion.generation`). None forgets all stops. Returns the generation that was in force.
         """
         before = self._conversation.known
         self._conversation.begin(generation, known=generation)
         return before
 
     def disarm(self) -> api.Motion:
-        """Current off, water on until cool; returns when the board is not armed any more.
+        """Switch the current off, and the water on until cool; return when the board has disarmed.
 
-        Goes over the stop channel, which is served first. Raises BoardRefused when the board does
-        not confirm within a second; the daemon goes on asking it.
+        The request uses the stop channel, which the daemon serves first. Raises BoardRefused if the
+        board does not confirm within a second; the daemon continues to ask it.
         """
         if self._leased:
             # From here on nothing keeps a bench armed whose disarm is not answered.
@@ -181,7 +180,7 @@ class Client(Commands):
         return motion
 
     def estop(self) -> api.Motion:
-        """Everything off until the board's power is cycled; returns when the board says ESTOP."""
+        """Switch everything off until the power is cycled; return when the board says ESTOP."""
         return self._call(api.EStop(), api.Motion, stop=True)
 
     def move(
@@ -189,10 +188,10 @@ class Client(Commands):
         *trajectories: Trajectory | Mapping[str, Trajectory | Sequence[Trajectory]],
         queue: bool = False,
     ) -> api.Motion:
-        """Follow trajectories one after the other; `queue` appends to what runs already.
+        """Follow trajectories one after the other; `queue` appends them to the present motion.
 
-        Of several axes, give a mapping: they begin together. With `queue` they begin when the
-        slowest of them has ended what it does.
+        A mapping from axes to trajectories begins on all these axes together; with `queue`, when
+        the slowest of them has ended its motion.
         """
         pieces = [piece for piece in trajectories if not isinstance(piece, Mapping)]
         groups = [group for group in trajectories if isinstance(group, Mapping)]
@@ -226,15 +225,15 @@ class Client(Commands):
         return self._call(api.AddNote(text=text), api.RecorderStatus)
 
     def record_last(self, seconds: float = 60.0) -> api.RecorderStatus:
-        """Write what happened in the last seconds into a log; returns its path as `last`."""
+        """Write the last seconds into a log; return its path as `last`."""
         params = api.RecordLast(seconds=seconds)
         return self._call(params, api.RecorderStatus, timeout_s=60.0)
 
     def take_control(self, name: str, lease_s: float = 10.0) -> api.Control:
-        """Take, or renew, exclusive control; every call of yours renews it too.
+        """Take or renew exclusive control; every call of this client renews it, too.
 
-        When you send nothing for `lease_s` while the bench is armed, it is disarmed. Control of a
-        bench that somebody else armed is refused: disarm it first.
+        If you send nothing for `lease_s` while the bench is armed, the daemon disarms it. If
+        another client has armed the bench, you cannot take control: disarm it first.
         """
         self._renewal.end()
         self._leased = False
@@ -251,10 +250,10 @@ class Client(Commands):
 
     @contextlib.contextmanager
     def armed(self) -> Iterator[None]:
-        """Armed for as long as the block lasts: disarmed at its end, on an exception, on ctrl-C.
+        """Arm for the duration of the block; disarm at its end, after an exception, after ctrl-C.
 
-        And on SIGTERM and SIGHUP, where the program has no handler of its own for them. One that
-        is killed cannot disarm; the daemon misses it and does, within the lease.
+        SIGTERM and SIGHUP disarm too, unless the program handles them itself. If the program is
+        killed, the daemon disarms when the lease has lapsed.
         """
         refused = False
         with ended_by_signals():
@@ -285,10 +284,10 @@ class Client(Commands):
 
     @contextlib.contextmanager
     def in_control(self, name: str, lease_s: float = 10.0) -> Iterator[None]:
-        """Have exclusive control for as long as the block lasts; raises NotInControl.
+        """Keep exclusive control for the duration of the block; raises NotInControl.
 
-        The lease is renewed in the background. A program that is killed inside the block leaves a
-        bench that is disarmed after `lease_s`.
+        The lease is renewed in the background. If the program is killed inside the block, the
+        daemon disarms after `lease_s`.
         """
         self.take_control(name, lease_s)
         self._renewal.begin(self._conversation.lease, lease_s)
@@ -299,7 +298,7 @@ class Client(Commands):
 
     @contextlib.contextmanager
     def record(self, name: str = "") -> Iterator[api.RecorderStatus]:
-        """Record for as long as the block lasts; one that is killed ends with its lease."""
+        """Record for the duration of the block; for a killed program, until its lease lapses."""
         try:
             status = self.start_recording(name)
         except Refused:

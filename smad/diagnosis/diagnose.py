@@ -36,12 +36,12 @@ def diagnose(
     constants: Constants | None = None,
     progress: Say = silent,
 ) -> Answer:
-    """What the model lacks beside the runs: rivals refitted by replay, compared by what they leave.
+    """Say what the model lacks compared with the runs: fit rivals by replay and compare their gaps.
 
-    With runs that are known to be `good` the question is what has changed since. `hold_out` are
-    runs to judge on; without them each run is judged by a model that had no part of it.
+    With `good` runs it says what has changed since them. `hold_out` are runs to judge on; without
+    them each run is judged by models that were fitted to the others.
     `candidates` are the effects that may be named. Nothing is random. Raises PlantMismatch for a
-    candidate that the plant does not have, and GapError where the model cannot replay the runs;
+    candidate that the plant does not have, and GapError if the model cannot replay the runs;
     runs that cannot be used are refused in the verdict.
     """
     began = time.perf_counter()

@@ -51,10 +51,10 @@ class Run:
     """A run that was read back.
 
     `columns` holds every channel of the schema, all of one length n: float64 with NaN, or int64
-    with -1, where nothing was recorded. `axis` is that of a bench of several, and `unix_s`, shape
-    (n,), the times of its samples on the clock that all axes share. `being_written` says that a
-    program still writes it; `cut_short`, that none does and that recording did not end in order (a
-    crash, a full disk). `notes` says in words what is wrong or missing, empty for a whole log.
+    with -1, where nothing was recorded. `axis` is its name if the bench has several, and `unix_s`,
+    shape (n,), the times of its samples on the clock that all axes share. `being_written`: a
+    program still writes the log. `cut_short`: none does, and recording did not end properly (a
+    crash, a full disk). `notes` says in words what is wrong or missing; empty for a complete log.
     """
 
     path: Path
@@ -133,13 +133,12 @@ def read_axes(path: str | Path, *, progress: Share = no_progress) -> dict[str, R
 
 
 def read_run(path: str | Path, *, axis: str = "", progress: Share = no_progress) -> Run:
-    """The run in the file at `path`, up to where it is readable; of several axes the one named.
+    """Read the run in the file at `path` as far as possible; with several axes, that of `axis`.
 
-    A log that was made of this axis alone is taken, too.
-
-    `progress` is called now and then with the share of the file that was read, 0 to 1.
-    Raises RunLogError when the file cannot be opened, is no MCAP file, is no run log, holds more
-    than a log of the recorder can, or holds several axes and not the one named.
+    A log of this axis alone is accepted, too. `progress` is called now and then with the share of
+    the file that was read, 0 to 1.
+    Raises RunLogError if the file cannot be opened, is no MCAP file, is no run log, holds more
+    than the recorder writes into a log, or holds several axes but not `axis`.
     """
     run = _read(Path(path), axis, progress)
     if axis and not run.header.axes and run.header.extra.get("axis") == axis:
