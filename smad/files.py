@@ -48,9 +48,8 @@ def replacing(path: Path) -> Iterator[Path]:
 @contextlib.contextmanager
 def named_output(path: Path) -> Iterator[Path]:
     """As `replacing`, for a file that a command was asked for. Raises CommandError."""
-    refused = refused_by_system(
-        CommandError, f"cannot write {path}", action="make room, or name another"
-    )
+    action = "make room, or name another" if path.parent.is_dir() else "make its folder"
+    refused = refused_by_system(CommandError, f"cannot write {path}", action=action)
     with refused, replacing(path) as partial:
         yield partial
 

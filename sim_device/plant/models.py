@@ -126,11 +126,16 @@ def read_model(path: str | Path) -> Model:
     """
     path = Path(path)
     raw = _decode(path)
+    if raw.get("format") != FORMAT:
+        raise ModelError(
+            f"{path.name}: format {raw.get('format')!r} is not {FORMAT!r}; "
+            "smad gap diagnose --apply and smad gap apply write model files"
+        )
     unknown = sorted(set(raw) - _KEYS)
     if unknown:
-        raise ModelError(f"{path.name}: unknown key {unknown[0]!r}; known are {sorted(_KEYS)}")
-    if raw.get("format") != FORMAT:
-        raise ModelError(f"{path.name}: format {raw.get('format')!r} is not {FORMAT!r}")
+        raise ModelError(
+            f"{path.name}: unknown key {unknown[0]!r}; known are {', '.join(sorted(_KEYS))}"
+        )
     variant = raw.get("variant", "extended")
     if variant not in VARIANTS:
         raise ModelError(f"{path.name}: variant {variant!r} is not one of {', '.join(VARIANTS)}")

@@ -107,11 +107,19 @@ def _left_s(within_s: float) -> float:
 def _played(
     plant: SmaPlant, inputs: tuple[Path, ...], experiments: tuple[str, ...]
 ) -> list[GapRun]:
+    from smad.diagnosis.errors import GapError
     from smad.diagnosis.plant import nominal_point
     from smad.diagnosis.spring_pair.signals import read_gap_runs
 
     shown = [plant.perform(name, nominal_point(plant), 0) for name in experiments]
-    return [*read_gap_runs(inputs, inputs), *shown]
+    given = read_gap_runs(inputs, inputs)
+    for run in given:
+        if lacking := [s.name for s in plant.inputs if s.name not in run.inputs]:
+            raise GapError(
+                f"{run.name} lacks inputs: {', '.join(lacking)}",
+                action="name its columns so, or give --map",
+            )
+    return [*given, *shown]
 
 
 def _print(planned: Plan, *, as_json: bool) -> None:

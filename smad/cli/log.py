@@ -105,7 +105,7 @@ def show(path: Path | None, folder: str, axis: str, as_json: bool) -> None:
     _print_summary(summary)
     if run.cut_short or run.damaged:
         click.echo(
-            "\nthe log is not whole: this is what could be read of it; to write that as a whole "
+            "\nthe log is incomplete; this is what could be read. To write that as a complete "
             "log: " + shlex.join(["smad", "log", "recover", summary.path])
         )
 

@@ -65,7 +65,7 @@ def export_unit(
     """
     if target.suffix != ".fmu":
         raise FmiError(
-            "a unit of FMI is a file that ends in .fmu", value=target.name, action="name it so"
+            "the name of an FMI unit ends with .fmu", value=target.name, action="name it so"
         )
     if target.exists() and not overwrite:
         raise FmiError(f"{target} is there already", action="use --overwrite or another name")

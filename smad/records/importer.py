@@ -65,6 +65,12 @@ def import_table(
     mapping = mapping or MappingFile()
     named = channels_of(open_table(source, mapping.csv), mapping.columns)
     assignment = named.assignment
+    if set(named.columns) <= {"t_s", "host_time_s"}:
+        raise LogImportError(
+            f"{source} has no column that is a channel",
+            value=", ".join(assignment.ignored) or "its times alone",
+            action="end names with a unit (force_N, T_x_K), or use a mapping file",
+        )
     columns, notes = _plausible(source, named)
     beside = _read_beside(source)
     header = _header(source, beside.header, assignment, columns)

@@ -129,6 +129,8 @@ def checked_columns(
 def _steady(columns: Mapping[str, Array], declared: Sequence[Declared]) -> Mask:
     """Where no input steps within a few samples, shape (n,)."""
     n = len(next(iter(columns.values()), ()))
+    if not n:
+        return np.zeros(0, dtype=bool)
     stepping = np.zeros(n, dtype=bool)
     for d in (d for d in declared if d.applied):
         steps = np.abs(np.diff(columns[d.name], prepend=columns[d.name][:1]))

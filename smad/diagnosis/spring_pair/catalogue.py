@@ -221,8 +221,8 @@ def timeline_named(name: str) -> Timeline:
     """The experiment of that name. Raises GapError for one that is not in the catalogue."""
     if name not in _BY_NAME:
         raise GapError(
-            "no such experiment in the catalogue",
+            "there is no such experiment in the catalogue",
             value=name,
-            action=instead(name, _BY_NAME, "smad gap next names the one to play"),
+            action=instead(name, _BY_NAME, "smad gap next lists them"),
         )
     return _BY_NAME[name]

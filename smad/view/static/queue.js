@@ -63,7 +63,7 @@ export class Queue {
     const queue = reply.found;
     const until = queue.end_unix_s && new Date(queue.end_unix_s * 1000).toLocaleString();
     setText($("queue-state"), (queue.mode === "running" ? `running until ${until}` : `paused: ${queue.reason}`)
-      + (queue.runner ? "" : "; no runner: start smad queue run"));
+      + (queue.runner ? "" : "; no runner is running: start one with smad queue run"));
     const text = JSON.stringify(queue.lines);
     if (text === this.drawn) return;
     this.drawn = text;

@@ -257,7 +257,7 @@ def test_strengths_left_out_are_zero_once_one_is_given_and_shapes_are_typical():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("warp_drive", ["warp_drive", "not in the registry"]),
+        ("warp_drive", ["warp_drive", "not in the library"]),
         ("tube_fricton", ["tube_fricton", "did you mean tube_friction?"]),
         ("rtd_lag:tau=1", ["tau", "tau_s"]),
         ("rtd_lag:tau_s=-1", ["-1", "0 to 5", "s"]),

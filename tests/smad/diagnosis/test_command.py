@@ -46,6 +46,26 @@ def test_effects_lists_the_whole_library_from_the_registry() -> None:
         assert all(q["low"] <= q["typical"] <= q["high"] for q in e["parameters"])
 
 
+def test_effects_lists_those_that_are_named_and_says_which_is_meant() -> None:
+    shown = json.loads(call("effects", "rtd_lag", "pump_lag", "--json").output)
+    assert {e["name"] for e in shown} == {"rtd_lag", "pump_lag"}
+    refused = call("effects", "rtdlag")
+    assert refused.exit_code == 2
+    assert "did you mean rtd_lag" in refused.output
+
+
+@pytest.mark.parametrize("command", [("diagnose",), ("plan", "--inputs")])
+def test_a_table_without_a_known_column_is_refused_by_the_names_of_its_inputs(
+    tmp_path: Path, command: tuple[str, ...]
+) -> None:
+    table = tmp_path / "other.csv"
+    table.write_text("t_s,temp\n0,1\n1,2\n")
+    refused = call(*command, str(table))
+    assert refused.exit_code in (1, 3)
+    said = f"{refused.output} {refused.exception}"
+    assert "i_applied_x_A, i_applied_y_A, duty_x, duty_y" in said
+
+
 def test_next_without_runs_lists_the_catalogue() -> None:
     assert all(t.name in call("next").output for t in CATALOGUE)
 

@@ -266,7 +266,7 @@ def test_what_cannot_be_exported_is_said_in_one_line(
     for arguments, words in (
         ([str(foreign), "--fmi", str(tmp_path / "a.fmu")], "is not 'smad-model-1'"),
         ([str(tmp_path / "none.toml"), "--fmi", str(tmp_path / "a.fmu")], "none.toml"),
-        ([str(model), "--fmi", str(tmp_path / "a.zip")], "ends in .fmu"),
+        ([str(model), "--fmi", str(tmp_path / "a.zip")], "ends with .fmu"),
         ([str(model), "--fmi", str(tmp_path / "no" / "a.fmu")], "cannot write"),
         ([str(model), "--fmi", str(there)], "is there already"),
     ):

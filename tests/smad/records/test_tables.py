@@ -270,3 +270,11 @@ def test_a_fraction_whose_name_says_percent_is_refused(tmp_path: Path) -> None:
     rule = ColumnRule("duty_x", "%")
     mapping = MappingFile(columns={"Pump X [%]": rule})
     assert list(read_channels(file, mapping=mapping).columns["duty_x"]) == [0.004, 0.01]
+
+
+def test_a_table_without_a_channel_is_not_imported(tmp_path: Path) -> None:
+    table = tmp_path / "other.csv"
+    table.write_text("t_s,temp\n0,1\n1,2\n")
+    with pytest.raises(LogImportError, match="no column that is a channel; got temp"):
+        import_table(table, tmp_path / "other.mcap")
+    assert not (tmp_path / "other.mcap").exists()
