@@ -62,9 +62,12 @@ def plan_runs(
 ) -> None:
     """Rate what inputs could show, before measuring.
 
-    Each parameter, effect and place is rated. identifiable: noticed below its typical size, and
-    unlike any other; weak: noticed only above it, or like another; not: within its range nothing
-    shows, or other values of the parameters imitate it.
+    Each parameter, effect and place is rated:
+
+    \b
+    identifiable  noticed below its typical size, and unlike any other
+    weak          noticed only above its typical size, or like another
+    not           nothing shows within its range, or parameters imitate it
     """
     require_pairs(fmu, mjcf, map_path)
     if not inputs and not experiments:
@@ -117,7 +120,7 @@ def _played(
         if lacking := [s.name for s in plant.inputs if s.name not in run.inputs]:
             raise GapError(
                 f"{run.name} lacks inputs: {', '.join(lacking)}",
-                action="name its columns so, or give --map",
+                action="name the columns of the table so",
             )
     return [*given, *shown]
 

@@ -43,10 +43,10 @@ def health(
 ) -> None:
     """Show how the bench ages, from its run logs and check-ups.
 
-    The new runs of FOLDER are added to the record first. Each run log gives one row: stroke, rest,
-    force, resistances, cooling, gains; each check-up's verdict parameters with their intervals,
-    floors and places. Runs of one name are compared. A change is reported when the cumulative sum
-    of deviations leaves the range of the first ten rows.
+    It first adds the new runs of FOLDER to the record. Each run log gives a row with stroke, rest,
+    force, resistances, cooling and gains; each check-up gives its parameters with intervals, floors
+    and places. Runs of the same name are compared. A change is reported when the cumulative sum of
+    deviations leaves the range of the first ten rows.
     """
     from smad.experiments.ready import require_packages
     from smad.files import require_writable

@@ -45,7 +45,7 @@ def export(
 ) -> None:
     """Write the plant of a MODEL file as an FMI unit.
 
-    Simulink, OpenModelica and Dymola import such units. Without MODEL it takes the plant of a
+    Programs that import FMI, such as Simulink, can run it. Without MODEL it takes the plant of a
     parameter set. The unit contains C source, and a binary for this machine if that has a compiler.
     More: smad docs guide/fmi.
     """
