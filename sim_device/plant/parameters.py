@@ -191,7 +191,7 @@ def _entry(field: Field, raw: object) -> Entry:
     value = unit.to_si(_finite(name, raw["value"]))
     low, high = (unit.to_si(_finite(name, bound)) for bound in bounds)
     if low > high:
-        raise ParameterError(name, f"range {bounds} runs backwards; write [low, high]")
+        raise ParameterError(name, f"range {bounds} is reversed; write [low, high]")
     file_unit, limits = str(raw["unit"]), (field.low, field.high)
     _within(name, low, limits, unit=file_unit, limit="physical limit (range)")
     _within(name, high, limits, unit=file_unit, limit="physical limit (range)")

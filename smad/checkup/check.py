@@ -154,7 +154,7 @@ def checked_files(
     matched = match(plant, good, now)
     if not matched.now:
         raise PairingError(
-            "no run of now has the inputs of a good one",
+            "no new run has the inputs of a good run",
             value=f"{len(good)} good, {len(now)} now",
             action="play the same programme on both days; smad docs guide/check-up says how",
         )

@@ -191,7 +191,7 @@ class Inquiry:
         except OSError as error:
             raise BaselineError(
                 f"cannot write {path}: {error.strerror}",
-                action="make room; the runs are kept, and the same command goes on",
+                action="make room; the runs are kept, and the same command continues",
             ) from error
         return msgspec.structs.replace(report, model=str(path))
 

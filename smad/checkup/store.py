@@ -100,7 +100,7 @@ def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
         arrays[f"{k}.t_s"] = whole.t_s
         arrays |= {f"{k}.input.{n}": v for n, v in whole.inputs.items()}
     cause = f"cannot write the baseline {folder}"
-    action = "make room; the runs are kept, and the same command goes on"
+    action = "make room; the runs are kept, and the same command continues"
     with (
         written_whole(folder / _ABOUT, cause, action) as text,
         written_whole(folder / _ARRAYS, cause, action) as packed,

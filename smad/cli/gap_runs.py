@@ -151,6 +151,6 @@ def without_cut_runs(good: Sequence[Path]) -> tuple[Path, ...]:
             whole.append(path)
     if good and not whole:
         raise click.BadParameter(
-            "every good run was cut. Give runs that came to their end", param_hint="--good"
+            "every good run was cut short. Give complete runs", param_hint="--good"
         )
     return tuple(whole)

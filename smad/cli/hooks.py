@@ -68,7 +68,7 @@ def test(*, name: str, bench: str) -> None:
     if not commands.fire(event):
         raise CommandError(
             f"the daemon's configuration has no {name}",
-            action="set it in its section [hooks], and start the daemon anew",
+            action="set it in section [hooks], and restart the daemon",
         )
     while commands.busy:
         time.sleep(POLL_S)

@@ -127,7 +127,7 @@ def run_virtual(
                 while not controller.done:
                     if sample.t_us >= until_us:
                         raise PlanError(
-                            f"plan {plan.name}: what was commanded did not end in time",
+                            f"plan {plan.name}: the commanded motion did not end in time",
                             value=f"mode {controller.mode} after {timeout_s:g} s",
                             limit=f"{timeout_s:g} s",
                             action="the bench may be too weak, too warm, or not what the "

@@ -131,7 +131,7 @@ class Stops:
             self.require_all_closed()
             raise Refusal(
                 Reason.NOT_CONNECTED,
-                "the board sends no sample, so nothing is known of it",
+                "the board sends no samples, so its state is unknown",
                 value=", ".join(self.arming.open_axes()) or None,
                 action="look at the link (smad status), then arm again",
             )

@@ -71,7 +71,7 @@ def refuse_impossible(parameters: ParameterSet, geometry: Geometry, current_A: f
         raise DesignError(
             f"the wire melts within {1e3 * SLOWEST_SAMPLE_S:g} ms, before a board switches it off",
             value=f"{current_A:g} A",
-            action="take less current, or thicker wire",
+            action="take less current, or a thicker wire",
         )
 
 
@@ -79,13 +79,13 @@ def refuse_fan(cooling: str, air_m_per_s: float) -> None:
     """Raise DesignError for a fan without air, or so slow or fast that its film is not known."""
     if air_m_per_s and cooling != "air":
         raise DesignError(
-            "a fan blows air only",
+            "a fan needs air",
             value=f"cooling {cooling}",
             action="cool with air, or leave it out",
         )
     if air_m_per_s and not SLOWEST_FAN_M_PER_S <= air_m_per_s <= FASTEST_FAN_M_PER_S:
         raise DesignError(
-            "the film of so slow or fast a fan is not known",
+            "the film of a fan this slow or fast is not known",
             value=f"{air_m_per_s:g} m/s",
             limit=f"{SLOWEST_FAN_M_PER_S:g} to {FASTEST_FAN_M_PER_S:g} m/s, or 0 for still air",
         )

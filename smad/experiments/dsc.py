@@ -180,7 +180,7 @@ def _peak(
     top = int(np.argmax(_smooth(excess, temperature, window_K)))
     if excess[top] < 10.0 * noise:
         raise DataFileError(
-            "no peak stands out of the baseline",
+            "no peak stands out from the baseline",
             value=f"{excess[top] * 1e3:.3g} mW",
             limit=f"{10e3 * noise:.3g} mW",
             action="check the file's columns and units",

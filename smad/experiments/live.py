@@ -174,7 +174,7 @@ class LiveDriver:
                 case Pause(seconds):
                     self.pause(plan, seconds)
                 case UntilDone(timeout_s):
-                    self._until_done(plan, "what was commanded did not end in time", timeout_s)
+                    self._until_done(plan, "the commanded motion did not end in time", timeout_s)
 
     def _send(self, command: ModeCommand) -> None:
         client = self._client

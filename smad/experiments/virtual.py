@@ -154,7 +154,7 @@ def _known_parts(lacking: frozenset[str]) -> frozenset[str]:
     unknown = sorted(lacking - set(PARTS))
     if unknown:
         raise ExperimentError(
-            "the simulated bench has no such part to take away",
+            "the simulated bench has no such part to remove",
             value=", ".join(unknown),
             action=instead(unknown[0], PARTS, f"they are {', '.join(PARTS)}"),
         )

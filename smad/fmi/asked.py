@@ -94,7 +94,7 @@ def diagnose_unit(
         raise FmiError(
             f"unit {plant.name} stops or gives no number inside a run",
             value=plant.failures.why,
-            action="mend the unit there, narrow the range of the parameters in the map, or "
+            action="correct the unit there, narrow the range of the parameters in the map, or "
             "leave the run out",
         ) from error
     notes = [*answer.verdict.notes, *filter(None, (taken, why)), *plant.failures.notes]

@@ -134,8 +134,8 @@ class FmuPlant:
             if not np.array_equal(course, again, equal_nan=True):
                 place = np.argwhere(course != again)[0]
                 raise FmiError(
-                    f"unit {self.name} does not start anew: the second replay of run {run.name} is "
-                    f"another one, in {list(self._map.channels)[place[0]]} from "
+                    f"unit {self.name} keeps state between runs: its second replay of "
+                    f"run {run.name} differs in {list(self._map.channels)[place[0]]} from "
                     f"{run.t_s[place[1]]:.6g} s on",
                     value=f"a difference of up to {np.nanmax(np.abs(course - again)):.3g}",
                     limit="the same to the last bit",

@@ -95,7 +95,7 @@ def _identifier(path: Path, name: Any) -> str:
 def _require_bounded(path: Path, archive: zipfile.ZipFile) -> None:
     members = archive.infolist()
     if DESCRIPTION not in archive.namelist():
-        raise FmiError(f"{path} is no unit of FMI: it has no {DESCRIPTION}", action="name another")
+        raise FmiError(f"{path} is no FMI unit: it has no {DESCRIPTION}", action="name another")
     described = archive.getinfo(DESCRIPTION).file_size
     for what, value, most in (
         ("files", len(members), MOST_FILES),

@@ -100,7 +100,7 @@ class TasmotaRelay:
             raise RelayError(
                 f"the plug does not answer: {error}",
                 value=self._address,
-                action="check its address; it falls by itself",
+                action="check its address; the relay opens by itself",
             ) from None
 
 

@@ -48,7 +48,7 @@ def rate_of(rate_hz: int, firmware: str) -> int:
     most_rate_hz = BOARDS[firmware].most_rate_hz
     if rate_hz > most_rate_hz:
         raise SimulatedBenchError(
-            "the board has not the time for so many samples a second",
+            "the board is too slow for so many samples a second",
             value=rate_hz,
             limit=most_rate_hz,
             action=f"take --rate {most_rate_hz}, or --firmware host",

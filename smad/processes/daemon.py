@@ -78,7 +78,7 @@ class DaemonProcess:
             self.end()
         last = self.last_line.removeprefix("smad: ") or f"it did nothing for {STALLED_S:g} s"
         raise DaemonError(
-            f"the daemon did not come up: {last}",
+            f"the daemon did not start: {last}",
             action=f"see {self.log}",
         )
 

@@ -24,7 +24,7 @@ def simulated(*, speed: float = 4.0, options: Sequence[str] = ()) -> Iterator[Cl
     """
     if not 0.0 < speed <= FASTEST:
         raise DaemonError(
-            "a simulated bench cannot go so fast",
+            "a simulated bench cannot run at this speed",
             value=speed,
             limit=f"above 0, at most {FASTEST:g}",
             action="give another speed",

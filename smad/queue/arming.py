@@ -78,7 +78,7 @@ def propose(
     if not snapshot.queued:
         raise ArmingError("the queue is empty", action="add an item first; nothing was armed")
     if snapshot.mode == "running":
-        raise ArmingError("the queue is running already", action="pause it to arm it anew")
+        raise ArmingError("the queue is running already", action="pause it to arm it again")
     for name, amount in msgspec.structs.asdict(budget).items():
         if amount is not None and not 0.0 < amount < float("inf"):
             raise ArmingError(f"the budget {name} is not positive", value=amount)
@@ -119,6 +119,6 @@ def confirm(
         raise ArmingError("the queue has changed since the proposal", action=nothing)
     if generation != proposal.arming.generation:
         raise ArmingError(
-            "the bench was stopped, or its daemon started anew, since the proposal", action=nothing
+            "the bench was stopped, or its daemon was restarted, since the proposal", action=nothing
         )
     return resumed(snapshot, proposal.arming)

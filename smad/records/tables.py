@@ -115,7 +115,7 @@ class ParquetTable:
         most = _MOST_TEXT_BYTES + _MOST_DIGITS_BYTES * self.most_rows
         if size > most:
             raise LogImportError(
-                f"{self.path}: column {name!r} holds longer texts than numbers are",
+                f"{self.path}: column {name!r} holds text too long for numbers",
                 value=f"{size} bytes, unpacked",
                 limit=f"{most} bytes",
                 action="write it as numbers",

@@ -19,12 +19,12 @@ from smad.simulators.errors import SimulatorError
 class Processes:
     """`count` processes that call the same function; safe to ask from several threads.
 
-    Raises SimulatorError where this system forks no processes.
+    Raises SimulatorError where this system cannot fork processes.
     """
 
     def __init__(self, function: Callable[..., Any], count: int) -> None:
         if "fork" not in multiprocessing.get_all_start_methods():
-            raise SimulatorError("this system forks no processes", action="leave processes out")
+            raise SimulatorError("this system cannot fork processes", action="leave processes out")
         self.count = count
         self._pool = ProcessPoolExecutor(
             count, multiprocessing.get_context("fork"), initializer=_begin, initargs=(function,)

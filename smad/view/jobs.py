@@ -123,7 +123,7 @@ def run_path(folder: Path, name: str, *, of_run: bool = True) -> Path:
     """Return the path of a run by the name of its file. Raises JobError: no other file is read."""
     path = folder / name
     if name.startswith(("-", ".")) or path.name != name or (of_run and path.suffix != SUFFIX):
-        raise JobError("this is no name of a run", value=name, action="choose one of the list")
+        raise JobError("there is no such run", value=name, action="choose one from the list")
     return path
 
 

@@ -132,7 +132,7 @@ class Queries:
         now = axis.shown
         if now is not None and ask.generation not in (None, now.generation):
             raise NotReady(
-                "the bench was stopped after what this page had shown",
+                "the bench was stopped after this page last showed it",
                 action="look at it, then begin the job again",
             )
         if self._source.armed and isinstance(ask.job, ON_THE_BENCH):
@@ -157,7 +157,7 @@ class Queries:
     def _folder(self) -> Path:
         if not self._source.folder:
             raise JobError(
-                "where the runs are is not known yet", action="wait until the daemon answers"
+                "the folder of the runs is not known yet", action="wait until the daemon answers"
             )
         return Path(self._source.folder)
 

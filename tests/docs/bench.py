@@ -59,4 +59,4 @@ def _wait_until_ready(
             if asked.returncode == 0 and not unread:
                 return
         time.sleep(0.02)
-    raise RuntimeError(f"the daemon did not come up:\n{log.read_text()}")
+    raise RuntimeError(f"the daemon did not start:\n{log.read_text()}")

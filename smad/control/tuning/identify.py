@@ -41,7 +41,7 @@ def stillness(t_s: ArrayLike, values: ArrayLike, what: str, most_drift_per_s: fl
         raise TuningError(
             f"the bench has no reading of the {what}",
             value=f"{good.sum()} valid samples of {y.size}",
-            action="connect the sensor; nothing can be tuned without it",
+            action="connect the sensor; tuning needs it",
         )
     t, y = t[good], y[good]
     slope, level = np.polyfit(t - t.mean(), y, 1)

@@ -27,8 +27,8 @@ def require_contract(plant: PlantModel, run: GapRun) -> None:
             apart = np.flatnonzero(course != second[name])
             largest = float(np.nanmax(np.abs(course - second[name])))
             raise PlantMismatch(
-                f"simulate of plant {plant.name} does not start anew: the second replay of run "
-                f"{run.name} is another one, in {name} from {run.t_s[apart[0]]:.6g} s on",
+                f"simulate of plant {plant.name} keeps state between runs: its second replay of "
+                f"run {run.name} differs in {name} from {run.t_s[apart[0]]:.6g} s on",
                 value=f"a difference of up to {largest:.3g}",
                 limit="the same to the last bit",
                 action="keep no state from one call to the next, and draw nothing at random",

@@ -62,6 +62,6 @@ def judged_by_command(words: Sequence[str], bench: str, number: int) -> Judgemen
             lines = done.stderr.strip().splitlines() or ["it said nothing"]
             raise SmadError(
                 f"the check-up after {number} cycles failed: {lines[-1].removeprefix('smad: ')}",
-                action="look at the bench; --go-on goes on",
+                action="look at the bench; --go-on continues",
             )
         return judgement_of(verdict.read_bytes())

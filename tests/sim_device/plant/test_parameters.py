@@ -90,7 +90,7 @@ def test_a_file_without_an_entry_is_refused_by_its_name(tmp_path, text, name):
         ("density", ("unit", '"mm"'), ["'mm'", "kg/m3"]),
         ("density", ("unit", '"stone"'), ["'stone'", "kg/m3"]),
         ("density", ("status", '"guessed"'), ["guessed", "assumed"]),
-        ("density", ("range", "[6600, 6300]"), ["backwards"]),
+        ("density", ("range", "[6600, 6300]"), ["reversed"]),
         ("density", ("range", "[1, 1e9]"), ["physical limit"]),
         ("density", ("range", "6450"), ["[low, high]"]),
         ("density", ("source", '""'), ["source"]),

@@ -76,7 +76,7 @@ def test_a_plug_is_switched_on_for_a_short_time_only(plug: tuple[str, list[str]]
 
 
 def test_a_plug_that_does_not_answer_is_told() -> None:
-    with pytest.raises(RelayError, match="falls by itself"):
+    with pytest.raises(RelayError, match="opens by itself"):
         TasmotaRelay("http://127.0.0.1:1").renew()
     with pytest.raises(RelayError, match="does not answer"):
         TasmotaRelay("nonsense").renew()

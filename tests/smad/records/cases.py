@@ -67,7 +67,7 @@ CASES = (
          ("the model gives no number for temperature_degC from", "mend it there, or leave the run",
           "plain0: ", "plain1: ", "plain2: ")),
     Case(10, "a replay that is not repeatable", asked("plain", "heater_keeps"), 1,
-         ("does not start anew: the second replay of run plain", "the same to the last bit")),
+         ("keeps state between runs: its second replay of run plain", "the same to the last bit")),
     Case(12, "a unit in the name of the time", asked("ms", mapped="ms"), 0, (SEES,)),
     Case(12, "a time without a unit whose step makes no sense", asked("noms", mapped="noms"), 1,
          ("the unit of time 'time' is not said, and s make none", "steps of 100 over",
