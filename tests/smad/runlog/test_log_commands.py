@@ -132,12 +132,12 @@ def test_import_says_what_became_of_each_column(tmp_path: Path) -> None:
 
 
 def test_import_takes_a_mapping(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text("Zeit\n0\n1\n")
+    (tmp_path / "a.csv").write_text("Zeit,force_N\n0,1\n1,1\n")
     (tmp_path / "m.toml").write_text('[columns."Zeit"]\nchannel = "t_s"\ncolumn_unit = "ms"\n')
     done = json.loads(
         output("import", tmp_path / "a.csv", "--mapping", tmp_path / "m.toml", "--json")
     )
-    assert done["channel_of"] == {"Zeit": "t_s"}
+    assert done["channel_of"] == {"Zeit": "t_s", "force_N": "force_N"}
 
 
 def test_recover_says_what_was_lost(tmp_path: Path) -> None:
