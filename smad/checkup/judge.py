@@ -97,18 +97,26 @@ def judged(
     pairs = paired(placed, reference, runs)
     known = np.diag(day_variance(placed)) + reference.parameter_covariance(placed)
     question = question_of(
-        free_model(placed, reference.point), pairs.evidence(),
-        [e for e in plant.effects if e.name not in exclude], c, progress,
-        tied=np.asarray(np.linalg.inv(known)), responses=pairs.responses,
-    )  # fmt: skip
+        free_model(placed, reference.point),
+        pairs.evidence(),
+        [e for e in plant.effects if e.name not in exclude],
+        c,
+        progress,
+        tied=np.asarray(np.linalg.inv(known)),
+        responses=pairs.responses,
+    )
     search = searched(question, most=_MOST_CAUSES)
     if search is None:
         raise cannot_replay(question)
     answer = answer_of(placed, search, question=CHECK_UP, constants=c, judged_on=_JUDGED_ON)
     verdict = msgspec.structs.replace(
-        answer.verdict, notes=notes_of(pairs), plant=plant.name, plant_version=plant.version,
-        smad_version=VERSION, seconds=round(time.perf_counter() - began, 2),
-    )  # fmt: skip
+        answer.verdict,
+        notes=notes_of(pairs),
+        plant=plant.name,
+        plant_version=plant.version,
+        smad_version=VERSION,
+        seconds=round(time.perf_counter() - began, 2),
+    )
     return Judged(pairs=pairs, answer=replace(answer, verdict=verdict))
 
 

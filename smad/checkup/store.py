@@ -87,11 +87,16 @@ def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
     """Writes the baseline whole or not at all. Raises BaselineError for a disk that is full."""
     r = baseline.reference
     about = About(
-        schema=SCHEMA, bench=baseline.bench, programme=baseline.programme, plant=identity(plant),
-        repeats=r.repeats, degrees=r.floor.degrees, theta=dict(r.point.theta),
+        schema=SCHEMA,
+        bench=baseline.bench,
+        programme=baseline.programme,
+        plant=identity(plant),
+        repeats=r.repeats,
+        degrees=r.floor.degrees,
+        theta=dict(r.point.theta),
         effects={k: dict(v) for k, v in r.point.effects.items()},
         runs=[_RunFile(x.name, x.played.bins, x.played.start_s, x.around) for x in r.runs],
-    )  # fmt: skip
+    )
     arrays = {f"floor.{n}": getattr(r.floor, n) for n in _FLOOR}
     for k, x in enumerate(r.runs):
         arrays |= {f"{k}.{n}": getattr(x, n) for n in _RUN}
@@ -147,8 +152,8 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
         said = getattr(error, "strerror", None) or error
         raise BaselineError(f"{folder / _ARRAYS} cannot be read: {said}", action=_ANEW) from error
     reference = Reference(
-        runs=runs, point=point, floor=floor, repeats=about.repeats, responses=placed,
-    )  # fmt: skip
+        runs=runs, point=point, floor=floor, repeats=about.repeats, responses=placed
+    )
     return Baseline(about.bench, about.programme, reference)
 
 

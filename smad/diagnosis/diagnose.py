@@ -62,10 +62,16 @@ def diagnose(
         given = (*roles[FIT], *roles[HOLD_OUT], *roles[GOOD])
         c = constants or shipped()
         inquiry = Inquiry(
-            plant=with_places(plant), fit=roles[FIT], held_out=roles[HOLD_OUT], good=roles[GOOD],
-            effects=tuple(effects), period_s=period_s, constants=c, say=progress,
+            plant=with_places(plant),
+            fit=roles[FIT],
+            held_out=roles[HOLD_OUT],
+            good=roles[GOOD],
+            effects=tuple(effects),
+            period_s=period_s,
+            constants=c,
+            say=progress,
             floors=estimate_floors(given, plant, period_s),
-        )  # fmt: skip
+        )
         question = CHANGED if good else DIFFERS
         search = changed(inquiry) if good else differs(inquiry)
         answer = answer_of(

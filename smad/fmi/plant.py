@@ -265,10 +265,15 @@ def effects_of_map(mapped: Map) -> list[Effect]:
     for name, row in rows.items():
         drive = name in mapped.inputs
         signal = Transduced(
-            name=name, unit=row.unit, low=row.low, high=row.high, lag_s=mapped.lag_s, drive=drive,
+            name=name,
+            unit=row.unit,
+            low=row.low,
+            high=row.high,
+            lag_s=mapped.lag_s,
+            drive=drive,
             signals=everything if drive else (name,),
             places=(f"{INPUT if drive else READING}{name}",),
-        )  # fmt: skip
+        )
         effects += effects_of(signal, delay=False)
     drives = {row.variable: f"{INPUT}{name}" for name, row in mapped.inputs.items()}
     for name, term in mapped.terms.items():

@@ -144,8 +144,9 @@ def _channel(declared: Simulator, name: str, runs: Sequence[GapRun]) -> Channel:
 
 
 def _correlation_s(outputs: Sequence[str], tables: Sequence[Table]) -> float:
-    return usual_correlation_s((t.t_s, t.columns[n]) for t in tables for n in outputs
-                               if n in t.columns)  # fmt: skip
+    return usual_correlation_s(
+        (t.t_s, t.columns[n]) for t in tables for n in outputs if n in t.columns
+    )
 
 
 def _blurred(plant: SimulatorPlaces, runs: Sequence[GapRun], outputs: Sequence[str]) -> list[str]:

@@ -108,18 +108,30 @@ class SimulatedPlant:
         for c in self.channels:
             shared: dict[str, Any] = {"name": c.name, "unit": c.unit, "lag_s": self.lag_s}
             low, high = of.ranges.get(c.name, (c.low, c.high))
-            effects += effects_of(Transduced(
-                **shared, low=low, high=high, drive=False, signals=(c.name,),
-                places=(f"reading_{c.name}",),
-            ))  # fmt: skip
+            effects += effects_of(
+                Transduced(
+                    **shared,
+                    low=low,
+                    high=high,
+                    drive=False,
+                    signals=(c.name,),
+                    places=(f"reading_{c.name}",),
+                )
+            )
         for s in (s for s in self.inputs if s.name not in of.forces):
             effects += effects_of(
                 Transduced(
-                    name=s.name, unit=s.unit, lag_s=self.lag_s, low=s.low, high=s.high, drive=True,
-                    signals=self._signals, places=(of.acts_at(s.name),),
+                    name=s.name,
+                    unit=s.unit,
+                    lag_s=self.lag_s,
+                    low=s.low,
+                    high=s.high,
+                    drive=True,
+                    signals=self._signals,
+                    places=(of.acts_at(s.name),),
                 ),
                 saturation=True,
-            )  # fmt: skip
+            )
         return effects
 
     def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
@@ -211,9 +223,11 @@ class SimulatedPlant:
     def _present(self, values: Mapping[str, float]) -> list[str]:
         """The declared effects that a replay with these values has."""
         strengths = [
-            (e.name, value_name(e, q)) for e in self.declared.effects for q in e.parameters
+            (e.name, value_name(e, q))
+            for e in self.declared.effects
+            for q in e.parameters
             if q.strength
-        ]  # fmt: skip
+        ]
         return list({name for name, value in strengths if values[value]})
 
     def play(

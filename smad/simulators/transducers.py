@@ -53,11 +53,15 @@ def effects_of(t: Transduced, *, delay: bool = True, saturation: bool = False) -
         rows.append(("saturation", "saturation", cut, "|y| ≤ (1 − cut)·largest"))
     return [
         Effect(
-            name=f"{t.name}_{end}", title=f"{title} of the {what}", parameters=(value,),
-            signals=t.signals, equation=law, places=t.places,
+            name=f"{t.name}_{end}",
+            title=f"{title} of the {what}",
+            parameters=(value,),
+            signals=t.signals,
+            equation=law,
+            places=t.places,
         )
         for end, title, value, law in rows
-    ]  # fmt: skip
+    ]
 
 
 def transduced(

@@ -134,9 +134,13 @@ def rival_lines(rivals: Sequence[RivalGap]) -> list[str]:
     """The table of rivals: what each leaves of the judged runs, and its probability."""
     if not rivals:
         return []
-    return ["  floors left  probability  rival", *(
-        f"  {r.gap:>11.3g}  {r.probability:>11.2f}  {rival_words(r)}" for r in first_rivals(rivals)
-    )]  # fmt: skip
+    return [
+        "  floors left  probability  rival",
+        *(
+            f"  {r.gap:>11.3g}  {r.probability:>11.2f}  {rival_words(r)}"
+            for r in first_rivals(rivals)
+        ),
+    ]
 
 
 def first_rivals(rivals: Sequence[RivalGap]) -> list[RivalGap]:
