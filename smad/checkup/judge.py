@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-import msgspec
 import numpy as np
 
 from smad.checkup.paired.difference import Paired, paired
@@ -109,15 +108,14 @@ def judged(
     if search is None:
         raise cannot_replay(question)
     answer = answer_of(placed, search, question=CHECK_UP, constants=c, judged_on=_JUDGED_ON)
-    verdict = msgspec.structs.replace(
-        answer.verdict,
+    answer = answer.with_verdict(
         notes=notes_of(pairs),
         plant=plant.name,
         plant_version=plant.version,
         smad_version=VERSION,
         seconds=round(time.perf_counter() - began, 2),
     )
-    return Judged(pairs=pairs, answer=replace(answer, verdict=verdict))
+    return Judged(pairs=pairs, answer=answer)
 
 
 def notes_of(paired: Paired) -> list[str]:

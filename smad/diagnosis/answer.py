@@ -6,8 +6,9 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
+import msgspec
 import numpy as np
 
 from smad.diagnosis.constants import Constants
@@ -61,6 +62,10 @@ class Answer:
     def __repr__(self) -> str:
         """The headline; the rest is in the verdict."""
         return f"<Answer: {self.verdict.headline}>"
+
+    def with_verdict(self, **fields: Any) -> Answer:
+        """The same with some fields of the verdict replaced."""
+        return replace(self, verdict=msgspec.structs.replace(self.verdict, **fields))
 
 
 def answer_of(

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-
-import msgspec
 
 from firmware_protocol.nearest import instead
 from smad.diagnosis.answer import Answer, answer_of
@@ -77,8 +74,7 @@ def diagnose(
         answer = answer_of(
             inquiry.plant, search, question=question, constants=c, judged_on=_judged_on(inquiry)
         )
-    verdict = msgspec.structs.replace(
-        answer.verdict,
+    return answer.with_verdict(
         findings=findings,
         runs=_records(groups),
         plant=plant.name,
@@ -86,7 +82,6 @@ def diagnose(
         smad_version=VERSION,
         seconds=round(time.perf_counter() - began, 2),
     )
-    return replace(answer, verdict=verdict)
 
 
 def library(plant: PlantModel, candidates: Sequence[str] | None) -> list[Effect]:

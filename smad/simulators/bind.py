@@ -89,9 +89,9 @@ def bind(
     said = _said(declared, every, read, found, exact)
     correlation_s = _correlation_s(outputs, every)
     plant = SimulatedPlant(
-        declared=declared,
-        inputs=_signals(declared, [n for n in read if n not in exact], every),
-        channels=[_channel(declared, n, [r for group in runs for r in group]) for n in outputs],
+        declared,
+        _signals(declared, [n for n in read if n not in exact], every),
+        [_channel(declared, n, [r for group in runs for r in group]) for n in outputs],
         lag_s=LAG_OF_CORRELATION * correlation_s,
         shortest_s=declared.shortest_s or min(Traits().shortest_s, _SHORTEST * correlation_s),
     )
