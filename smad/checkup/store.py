@@ -6,6 +6,7 @@ the schema's number, the programme's hash and the plant's version: of another on
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import zlib
 from collections.abc import Mapping
@@ -20,13 +21,13 @@ from smad.checkup.arrays import read_arrays, require
 from smad.checkup.errors import BaselineError
 from smad.checkup.paired.floor import Floor
 from smad.checkup.paired.reference import Reference, RunReference
-from smad.checkup.series import written_whole
 from smad.diagnosis.data.played import Played
 from smad.diagnosis.data.rows import binned
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.places.responses import responses
 from smad.diagnosis.plant import ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
+from smad.files import named_output
 
 SCHEMA = 6
 _ABOUT, _ARRAYS = "baseline.json", "reference.npz"
@@ -106,10 +107,10 @@ def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
         arrays |= {f"{k}.input.{n}": v for n, v in whole.inputs.items()}
     cause = f"cannot write the baseline {folder}"
     action = "make room; the runs are kept, and the same command goes on"
-    with (
-        written_whole(folder / _ABOUT, cause, action) as text,
-        written_whole(folder / _ARRAYS, cause, action) as packed,
-    ):
+    output = functools.partial(
+        named_output, kind=BaselineError, cause=cause, action=action, make_folder=True
+    )
+    with output(folder / _ABOUT) as text, output(folder / _ARRAYS) as packed:
         with packed.open("wb") as file:
             np.savez_compressed(file, **arrays)
         about = msgspec.structs.replace(about, arrays=_digest(packed))

@@ -18,10 +18,11 @@ from smad.diagnosis.rivals.parts import LawPart
 from smad.diagnosis.rivals.rival import Question
 from smad.diagnosis.rivals.search import Searched
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.verdict import CHECK_UP, Cause, labelled, unit_words
+from smad.diagnosis.verdict import CHECK_UP, Cause, labelled
 from smad.report.page import Picture
 from smad.report.plots import decimated, label, new_figure, picture
 from smad.style.palette import in_print
+from smad.units import in_words
 
 _BINS = 24
 _MORE_SIGNALS = 5
@@ -203,7 +204,7 @@ def _law(
             color=in_print(colour),
         )
     top.axhline(0.0, color=in_print("text"), linewidth=0.6)
-    label(top, "", unit_words(cause.unit) or "share", cause.words)
+    label(top, "", in_words(cause.unit) or "share", cause.words)
     low.set_ylim(0.0, 1.05)
     label(
         low, labelled(*plant.state_words(cause.place, state)), "", "how often the runs were there"

@@ -24,10 +24,10 @@ from smad.diagnosis.verdict import (
     RivalGap,
     Verdict,
     labelled,
-    unit_words,
     with_unit,
 )
 from smad.report.page import Beside, Block, Code, Fold, Page, Section, Table, Text, write_page
+from smad.units import in_words
 
 _QUESTIONS = {
     DIFFERS: "what the simulator lacks",
@@ -136,7 +136,7 @@ def parameters(v: Verdict) -> Table:
         (
             q.words or q.name,
             q.name,
-            f"{q.before:.5g} {unit_words(q.unit)}".rstrip(),
+            f"{q.before:.5g} {in_words(q.unit)}".rstrip(),
             with_unit(q.after, q.sd, q.unit),
             "at the end of its range" if q.at_bound else "",
         )
