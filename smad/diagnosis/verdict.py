@@ -11,7 +11,7 @@ from pathlib import Path
 
 import msgspec
 
-from smad.diagnosis.errors import PlantMismatch
+from smad.diagnosis.errors import GapError, PlantMismatch
 from smad.units import in_words
 
 QUIET, PARAMETERS, CAUSES, UNEXPLAINED, REFUSED = (
@@ -345,3 +345,15 @@ def _goes(before: float, after: float) -> str:
     digits = 1 if f"{before:.1f}" != f"{after:.1f}" else 2
     left = f", {after:.{digits}f} floors stay unexplained" if after > _UNEXPLAINED_FLOORS else ""
     return f"the gap goes from {before:.{digits}f} to {after:.{digits}f} floors{left}"
+
+
+def read_verdict(path: Path) -> Verdict:
+    """The verdict in a file that `smad gap diagnose` wrote. Raises GapError for another file."""
+    try:
+        return Verdict.from_json(path.read_bytes())
+    except msgspec.DecodeError as error:
+        raise GapError(
+            f"{path} is no verdict",
+            value=str(error),
+            action="give a file that smad gap diagnose --json wrote",
+        ) from error
