@@ -85,9 +85,14 @@ def try_cold(tool: str, python: str, wheel: Path) -> tuple[float, str]:
         work.mkdir()
         begun_s = time.monotonic()
         done = subprocess.run(
-            [sys.executable, "-m", *command], cwd=work, env=env, capture_output=True, text=True,
-            timeout=LIMIT_S, check=False,
-        )  # fmt: skip
+            [sys.executable, "-m", *command],
+            cwd=work,
+            env=env,
+            capture_output=True,
+            text=True,
+            timeout=LIMIT_S,
+            check=False,
+        )
         taken_s = time.monotonic() - begun_s
         if done.returncode or not list(work.glob("runs/*-demo.html")):
             raise RuntimeError(f"{' '.join(command)}: {done.stdout}\n{done.stderr}")

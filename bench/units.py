@@ -67,9 +67,13 @@ def main() -> int:
 
             def run(unpacked: str = unpacked) -> np.ndarray:
                 shown = fmpy.simulate_fmu(
-                    unpacked, stop_time=LENGTH_S, step_size=STEP_S, output=[SHOWN],
-                    output_interval=STEP_S, start_values={"i_applied_x_A": CURRENT_A},
-                )  # fmt: skip
+                    unpacked,
+                    stop_time=LENGTH_S,
+                    step_size=STEP_S,
+                    output=[SHOWN],
+                    output_interval=STEP_S,
+                    start_values={"i_applied_x_A": CURRENT_A},
+                )
                 return np.asarray(shown[SHOWN])
 
             took_s, outputs = seconds(run)

@@ -180,16 +180,35 @@ def hostile(*, connections: int, messages: int, json_path: Path | None) -> int:
 
 
 @root.command()
-@click.option("--hours", type=Finite(min=0.05, max=24.0), default=8.0, show_default=True,
-              help="Of board time.")  # fmt: skip
-@click.option("--speed", type=Finite(min=1.0, max=50.0), default=50.0, show_default=True,
-              help="Board time over wall time at most.")  # fmt: skip
-@click.option("--wall-hours", type=Finite(min=0.01), default=24.0, show_default=True,
-              help="End early after so long by the wall clock.")  # fmt: skip
+@click.option(
+    "--hours",
+    type=Finite(min=0.05, max=24.0),
+    default=8.0,
+    show_default=True,
+    help="Of board time.",
+)
+@click.option(
+    "--speed",
+    type=Finite(min=1.0, max=50.0),
+    default=50.0,
+    show_default=True,
+    help="Board time over wall time at most.",
+)
+@click.option(
+    "--wall-hours",
+    type=Finite(min=0.01),
+    default=24.0,
+    show_default=True,
+    help="End early after so long by the wall clock.",
+)
 @click.option("--troubles", type=click.IntRange(0, 1000), help="So many  [default: two an hour]")
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=1, show_default=True)
-@click.option("--folder", type=click.Path(file_okay=False, path_type=Path), required=True,
-              help="A new one; queue, run logs, words and health.html stay there.")  # fmt: skip
+@click.option(
+    "--folder",
+    type=click.Path(file_okay=False, path_type=Path),
+    required=True,
+    help="A new one; queue, run logs, words and health.html stay there.",
+)
 def night(
     *, hours: float, speed: float, wall_hours: float, troubles: int | None, seed: int, folder: Path
 ) -> int:

@@ -255,9 +255,11 @@ def _runs(commands: _Commands) -> None:
     check.add_argument("--benches", default="", help="of check-ups: only these, as bench-1,bench-4")
     check.add_argument("--repeats", type=int, help="of check-ups: only so many good repeats")
     check.add_argument(
-        "--leave-out", metavar="KEY", type=Path,
+        "--leave-out",
+        metavar="KEY",
+        type=Path,
         help="judge single effects once more, the right entry out of the library; the key's folder",
-    )  # fmt: skip
+    )
     check.set_defaults(run=_check)
     score = commands.add_parser("score", help="scores as they are published, with their goals")
     score.add_argument("verdicts", type=Path)
@@ -272,9 +274,12 @@ def _recovery(commands: _Commands) -> None:
     recover.add_argument("answers", type=Path, help="file of the answers; goes on from it")
     recover.add_argument("--seed", type=int, default=1)
     recover.add_argument(
-        "--only", action="append", default=[], metavar="QUESTION",
+        "--only",
+        action="append",
+        default=[],
+        metavar="QUESTION",
         help="differs, changed or check-up; may be given twice",
-    )  # fmt: skip
+    )
     recover.add_argument("--cases", type=int, help="only so many of each question, of all kinds")
     recover.add_argument("--jobs", type=int, default=1, help="cases at a time")
     _kept_as(recover)

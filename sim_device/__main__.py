@@ -25,13 +25,26 @@ def make_parser() -> argparse.ArgumentParser:
     add("--seed", type=int, default=0, help="of noise, tokens and damage on the line")
     add("--params", default="A", help="parameter file, or the built-in A, B or conserving")
     add("--variant", default="extended", choices=("extended", "printed"), help="thermal model")
-    add("--fixture", default="antagonistic", choices=("antagonistic", "stretch", "blocked"),
-        help="how the springs are mounted")  # fmt: skip
+    add(
+        "--fixture",
+        default="antagonistic",
+        choices=("antagonistic", "stretch", "blocked"),
+        help="how the springs are mounted",
+    )
     add("--cooling", default="water", choices=("water", "air"), help="tubes with water, or bare")
-    add("--effects", default="{}", metavar="JSON",
-        help='effects switched on, as {"name": {"parameter": value}}')  # fmt: skip
-    add("--fault", action="append", default=[], metavar="NAME@T[:P=V,...]",
-        help="inject a fault at T seconds of board time; repeat for more")  # fmt: skip
+    add(
+        "--effects",
+        default="{}",
+        metavar="JSON",
+        help='effects switched on, as {"name": {"parameter": value}}',
+    )
+    add(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="NAME@T[:P=V,...]",
+        help="inject a fault at T seconds of board time; repeat for more",
+    )
     add("--list-faults", action="store_true", help="list the faults that can be injected, and end")
     add("--clock-start", type=int, default=0, metavar="US", help="board time at power-up")
     add("--symlink", type=Path, help="also make this symlink to the tty; removed at the end")
@@ -41,8 +54,13 @@ def make_parser() -> argparse.ArgumentParser:
         action="store_true",
         help="once armed, wait for the setpoint that answers each STATE",
     )
-    add("--host-timeout", type=float, default=2.0, metavar="S",
-        help="wall time after which a silent host is left behind (default 2)")  # fmt: skip
+    add(
+        "--host-timeout",
+        type=float,
+        default=2.0,
+        metavar="S",
+        help="wall time after which a silent host is left behind (default 2)",
+    )
     add("--max-seconds", type=float, metavar="S", help="end after so much wall time")
     return parser
 

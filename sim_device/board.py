@@ -47,10 +47,16 @@ AGE_MOST_US = 0xFFFE
 AGE_UNKNOWN = 0xFFFF
 
 _COMMON = (
-    Capability.ENCODER | Capability.FORCE_SENSOR | Capability.VOLTAGE_SENSE
-    | Capability.RTD_INLET | Capability.RTD_AMBIENT | Capability.DRAIN
-    | Capability.LEAK_SENSOR | Capability.PUMP_TACHO | Capability.PARAMETER_STORE
-)  # fmt: skip
+    Capability.ENCODER
+    | Capability.FORCE_SENSOR
+    | Capability.VOLTAGE_SENSE
+    | Capability.RTD_INLET
+    | Capability.RTD_AMBIENT
+    | Capability.DRAIN
+    | Capability.LEAK_SENSOR
+    | Capability.PUMP_TACHO
+    | Capability.PARAMETER_STORE
+)
 CAPABILITIES: dict[str, int] = {
     "antagonistic": int(_COMMON),
     "stretch": int(_COMMON | Capability.STAGE),
@@ -59,9 +65,18 @@ CAPABILITIES: dict[str, int] = {
 """What a board says it has, by fixture."""
 
 ALL_VALID = int(
-    ValidBit.I_X | ValidBit.I_Y | ValidBit.V_X | ValidBit.V_Y | ValidBit.RTD_X | ValidBit.RTD_Y
-    | ValidBit.RTD_INLET | ValidBit.RTD_AMBIENT | ValidBit.ENCODER | ValidBit.FORCE | ValidBit.VBUS
-)  # fmt: skip
+    ValidBit.I_X
+    | ValidBit.I_Y
+    | ValidBit.V_X
+    | ValidBit.V_Y
+    | ValidBit.RTD_X
+    | ValidBit.RTD_Y
+    | ValidBit.RTD_INLET
+    | ValidBit.RTD_AMBIENT
+    | ValidBit.ENCODER
+    | ValidBit.FORCE
+    | ValidBit.VBUS
+)
 _SETPOINT_VALID = int(ValidBit.SETPOINT)
 _DRAIN_X, _DRAIN_Y = int(SetpointFlag.DRAIN_X), int(SetpointFlag.DRAIN_Y)
 _STAGE = int(SetpointFlag.STAGE)

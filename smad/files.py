@@ -5,7 +5,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from smad.errors import CommandError, refused_by_system
+from smad.errors import CommandError, SmadError, refused_by_system
 
 
 def require_writable(output: Path) -> None:
@@ -46,12 +46,23 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def named_output(path: Path) -> Iterator[Path]:
-    """As `replacing`, for a file that a command was asked for. Raises CommandError."""
-    action = "make room, or name another" if path.parent.is_dir() else "make its folder"
-    refused = refused_by_system(CommandError, f"cannot write {path}", action=action)
-    with refused, replacing(path) as partial:
-        yield partial
+def named_output(
+    path: Path,
+    kind: type[SmadError] = CommandError,
+    cause: str = "",
+    action: str = "",
+    *,
+    value: str | None = None,
+    make_folder: bool = False,
+) -> Iterator[Path]:
+    """As `replacing`, for a file that a person named. Raises `kind` where the system refuses."""
+    there = make_folder or path.parent.is_dir()
+    action = action or ("make room, or name another" if there else "make its folder")
+    with refused_by_system(kind, cause or f"cannot write {path}", value=value, action=action):
+        if make_folder:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as partial:
+            yield partial
 
 
 def write_whole(path: Path, data: bytes | str) -> None:

@@ -20,17 +20,15 @@ SPELLINGS: Mapping[str, str] = {
 
 _WORDS = ("in", "h", "min", "g", "1")
 """Units of the table that are words as well: a name that ends so, "flow_in", may mean these."""
-_ENDINGS: Mapping[str, str] = dict(sorted(
-    {
-        **{re.sub("[ /]", "_", unit): unit for unit in UNITS if unit not in _WORDS},
-        "Nm": "N m", "J_K": "J/K", "W_K": "W/K", "K_W": "K/W", "W_m2K": "W/(m² K)",
-        "N_m_A": "N m/A", "N_m_s": "N m s", "N_m_s_rad": "N m s/rad", "N_m_rad": "N m/rad",
-        "N_s_m": "N s/m", "V_s_rad": "V s/rad", "N_A": "N/A", "J_kg": "J/kg", "kg_m2": "kg m²",
-        "m_s2": "m/s²", "rad_s2": "rad/s²", "m3_s": "m³/s", "1_s": "1/s", "Hz": "Hz", "Ohm": "Ohm",
-        "J": "J",
-    }.items(),
-    key=lambda pair: -len(pair[0]),
-))  # fmt: skip
+_ABBREVIATED: dict[str, str] = {
+    "Nm": "N m", "J_K": "J/K", "W_K": "W/K", "K_W": "K/W", "W_m2K": "W/(m² K)",
+    "N_m_A": "N m/A", "N_m_s": "N m s", "N_m_s_rad": "N m s/rad", "N_m_rad": "N m/rad",
+    "N_s_m": "N s/m", "V_s_rad": "V s/rad", "N_A": "N/A", "J_kg": "J/kg", "kg_m2": "kg m²",
+    "m_s2": "m/s²", "rad_s2": "rad/s²", "m3_s": "m³/s", "1_s": "1/s", "Hz": "Hz", "Ohm": "Ohm",
+    "J": "J",
+}  # fmt: skip
+_ALL = {re.sub("[ /]", "_", unit): unit for unit in UNITS if unit not in _WORDS} | _ABBREVIATED
+_ENDINGS = dict(sorted(_ALL.items(), key=lambda pair: -len(pair[0])))
 """How the name of a column or a parameter ends, after a "_", and its unit; longer ones first."""
 
 

@@ -45,6 +45,7 @@ FORBIDDEN = {
     "smad": {"firmware", "campaign", "evaluation", "bench", "tests"},
     "evaluation/plant": {"smad", "sim_device", "firmware_protocol"},
 }
+SKIP = "# fmt: skip"
 LONGEST_FUNCTION = 60
 MOST_ARGUMENTS = 7
 """`self` and six others."""
@@ -245,6 +246,67 @@ def test_no_function_of_the_daemon_is_long_and_no_constructor_takes_many_things(
     assert long == []
 
 
+CELLS = (
+    ast.Constant, ast.JoinedStr, ast.FormattedValue, ast.Name, ast.Attribute, ast.Subscript,
+    ast.UnaryOp, ast.unaryop, ast.BinOp, ast.operator, ast.Call, ast.Starred, ast.expr_context,
+    ast.Tuple, ast.List, ast.Set, ast.Dict,
+)  # fmt: skip
+"""What stands in a table: constants, names, sums of them, and records of them by position."""
+
+
+def in_rows(node: ast.AST | None) -> bool:
+    """Whether it is a literal of several lines."""
+    literal = isinstance(node, ast.Tuple | ast.List | ast.Set | ast.Dict)
+    return literal and (node.end_lineno or 0) > node.lineno
+
+
+def skips_without_table(text: str) -> list[int]:
+    """The lines whose `fmt: skip` ends no table.
+
+    A table is a literal in rows of `CELLS`, or a constant of the module in rows of anything. An
+    argument by keyword is no table.
+    """
+    tree, lines = ast.parse(text), text.splitlines()
+    inside = {id(n) for k in ast.walk(tree) if isinstance(k, ast.keyword) for n in ast.walk(k)}
+    tables: list[ast.AST] = [
+        node
+        for node in ast.walk(tree)
+        if in_rows(node)
+        and id(node) not in inside
+        and all(isinstance(cell, CELLS) for cell in ast.walk(node))
+    ]
+    constants = [s.value for s in tree.body if isinstance(s, ast.Assign | ast.AnnAssign)]
+    tables += filter(in_rows, constants)
+
+    def ends_table(number: int) -> bool:
+        for table in tables:
+            end, column = table.end_lineno or 0, table.end_col_offset or 0
+            last = lines[end - 1].encode()[column:].decode()
+            after = "".join([last, *lines[end:number]]).removesuffix(SKIP)
+            if end <= number and not after.strip(" )]},:"):
+                return True
+        return False
+
+    return [n for n, line in enumerate(lines, 1) if line.endswith(SKIP) and not ends_table(n)]
+
+
+def test_the_formatter_is_skipped_for_tables_only() -> None:
+    tracked = subprocess.run(
+        ["git", "ls-files", "*.py"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    texts = {name: (ROOT / name).read_text() for name in tracked if (ROOT / name).is_file()}
+    skipping = {name: text for name, text in texts.items() if SKIP in text}
+    assert len(skipping) > 20
+    assert [f"{n}:{k}" for n, text in skipping.items() for k in skips_without_table(text)] == []
+
+
+def test_a_call_with_keywords_is_no_table() -> None:
+    assert skips_without_table(f"ROWS = [\n    F(1), F(x=2),\n]  {SKIP}\n") == []
+    assert skips_without_table(f"f = G([\n    F(1), F(2),\n])  {SKIP}\n") == []
+    assert skips_without_table(f"f = G([\n    F(1), F(x=2),\n])  {SKIP}\n") == [3]
+    assert skips_without_table(f"f = G(x=[\n    1, 2,\n])  {SKIP}\n") == [3]
+
+
 def test_no_committed_file_names_a_path_of_a_developers_machine() -> None:
     tracked = subprocess.run(
         ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False
@@ -259,10 +321,21 @@ def test_no_committed_file_names_a_path_of_a_developers_machine() -> None:
 
 def test_every_data_file_of_the_packages_is_in_the_wheel(tmp_path: Path) -> None:
     subprocess.run(
-        [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation",
-         "--disable-pip-version-check", "-w", str(tmp_path), str(ROOT)],
+        [
+            sys.executable,
+            "-m",
+            "pip",
+            "wheel",
+            "-q",
+            "--no-deps",
+            "--no-build-isolation",
+            "--disable-pip-version-check",
+            "-w",
+            str(tmp_path),
+            str(ROOT),
+        ],
         check=True,
-    )  # fmt: skip
+    )
     import zipfile
 
     wheel = next(tmp_path.glob("*.whl"))

@@ -38,9 +38,10 @@ def blocking(source: str) -> str:
     """Return the text of what is made from a file of the client for asyncio."""
     target, words = SOURCES[source]
     text = (FOLDER / source).read_text()
-    text = re.sub(r'\A""".*?"""', _DOCSTRING.format(words, source), text, count=1, flags=re.DOTALL)
     for pattern, replacement in _REPLACED:
         text = re.sub(pattern, replacement, text)
+    # Afterwards: the name of the source stays.
+    text = re.sub(r'\A""".*?"""', _DOCSTRING.format(words, source), text, count=1, flags=re.DOTALL)
     for arguments in (["check", "--select", "I", "--fix-only"], ["format"]):
         text = subprocess.run(
             [

@@ -102,10 +102,22 @@ def _jump_clock(bench: Breakable, p: Mapping[str, float]) -> None:
     bench.host.jump_wall_clock(p["seconds"])
 
 
-HOST_STALL = FaultKind("host_stall", "host", "the host does not run for so many seconds",
-                       _stall_host, None, {"seconds": 0.3})  # fmt: skip
-WALL_JUMP = FaultKind("wall_clock_jump", "host", "the host's wall clock jumps by so many seconds",
-                      _jump_clock, None, {"seconds": 3600.0})  # fmt: skip
+HOST_STALL = FaultKind(
+    "host_stall",
+    "host",
+    "the host does not run for so many seconds",
+    _stall_host,
+    None,
+    {"seconds": 0.3},
+)
+WALL_JUMP = FaultKind(
+    "wall_clock_jump",
+    "host",
+    "the host's wall clock jumps by so many seconds",
+    _jump_clock,
+    None,
+    {"seconds": 3600.0},
+)
 
 _RTD = {"channel": whole(0, 3)}
 _X = {"channel": one_of(0.0)}

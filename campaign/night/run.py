@@ -194,13 +194,13 @@ class Night:
         """Queue as much as the night can take."""
         moves = self._rig.folder / "moves.toml"
         moves.write_text(_MOVES)
+        cycles = f"--cycles {CYCLES_A_TURN} --displacement -4 4 --dwell 0.5 --full-every 10"
         turn = (
             *self._queue.add("move", str(moves), repeat=MOVES_A_TURN),
             *self._queue.add(
-                "run", "endurance", "--cycles", str(CYCLES_A_TURN), "--displacement", "-4", "4",
-                "--dwell", "0.5", "--full-every", "10", "--folder", str(self._rig.logs), "--go-on",
+                "run", "endurance", *cycles.split(), "--folder", str(self._rig.logs), "--go-on"
             ),
-        )  # fmt: skip
+        )
         # More than it can take: items that are interrupted are shorter.
         self._queue.add_checked(turn * int(2.0 * self._seconds / TURN_S))
 

@@ -56,14 +56,20 @@ def _of_recovery(path: Path, answers: Sequence[Answer]) -> list[CaseRivals]:
         case, verdict = answer.case, answer.verdict
         if verdict is None or not verdict.first_step:
             continue
-        out.append(CaseRivals(
-            case=case.name, fold=f"{path.stem} part {k % _PARTS}", question=case.question,
-            exact=True, truth=_TRUTHS[case.kind],
-            names=frozenset(canonical(n) for n in case.effects),
-            places=frozenset(p for n in case.effects for p in places[n]),
-            rivals=tuple(verdict.first_step),
-            independent_rows=verdict.independent_rows, **_counts(plant),
-        ))  # fmt: skip
+        out.append(
+            CaseRivals(
+                case=case.name,
+                fold=f"{path.stem} part {k % _PARTS}",
+                question=case.question,
+                exact=True,
+                truth=_TRUTHS[case.kind],
+                names=frozenset(canonical(n) for n in case.effects),
+                places=frozenset(p for n in case.effects for p in places[n]),
+                rivals=tuple(verdict.first_step),
+                independent_rows=verdict.independent_rows,
+                **_counts(plant),
+            )
+        )
     return out
 
 
@@ -80,13 +86,20 @@ def _of_bank(path: Path, file: VerdictFile, keys: Sequence[Path]) -> list[CaseRi
         truth, verdict = truths[name], msgspec.convert(kept, Verdict)
         if truth.question == DIFFERS or not verdict.first_step:
             continue
-        out.append(CaseRivals(
-            case=name, fold=f"{file.bank} {_bench(truth, name)}", question=truth.question,
-            exact=False, truth=_TRUTHS[truth.kind], names=frozenset(e.name for e in truth.effects),
-            places=frozenset(p for e in truth.effects for p in e.places),
-            rivals=tuple(verdict.first_step),
-            independent_rows=verdict.independent_rows, **_counts(plant),
-        ))  # fmt: skip
+        out.append(
+            CaseRivals(
+                case=name,
+                fold=f"{file.bank} {_bench(truth, name)}",
+                question=truth.question,
+                exact=False,
+                truth=_TRUTHS[truth.kind],
+                names=frozenset(e.name for e in truth.effects),
+                places=frozenset(p for e in truth.effects for p in e.places),
+                rivals=tuple(verdict.first_step),
+                independent_rows=verdict.independent_rows,
+                **_counts(plant),
+            )
+        )
     return out
 
 

@@ -54,19 +54,29 @@ def calibrate(
     ):
         print(f"{title}\n{text_table(_scores(said))}")
     for title, c in (("as shipped", before), ("after", after)):
-        print(f"loss {title}: whether {whether(cases, c):.4f}, "
-              f"which {which(noticed(cases, c), c):.4f}")  # fmt: skip
+        print(
+            f"loss {title}: whether {whether(cases, c):.4f}, "
+            f"which {which(noticed(cases, c), c):.4f}"
+        )
     for name in before.__struct_fields__:
         print(f"  {name:<12} {getattr(before, name):>8g} -> {getattr(after, name):g}")
     words = f"{len(cases)} cases of {', '.join(f.stem for f in files)}"
     if result is not None:
         tables = {SCORES: _scores(left_out)} | {
-            heading: Table(("said", "right [95 %]", "cases"), reliability(_of(left_out, of)),
-                           numeric=frozenset({0, 1, 2}))
+            heading: Table(
+                ("said", "right [95 %]", "cases"),
+                reliability(_of(left_out, of)),
+                numeric=frozenset({0, 1, 2}),
+            )
             for heading, of in ((PLACES, _place), (NAMES, _name))
-        }  # fmt: skip
-        keep(result, tables, title=TITLE, command="python -m evaluation calibrate",
-             note=f"{words}; each bench by constants from the others.")  # fmt: skip
+        }
+        keep(
+            result,
+            tables,
+            title=TITLE,
+            command="python -m evaluation calibrate",
+            note=f"{words}; each bench by constants from the others.",
+        )
     if out is not None:
         out.write_text(toml(after, words))
         print(f"written: {out}")
@@ -120,18 +130,28 @@ def _scores(cases: Held) -> Table:
         share("quiet benches called changed", kind(NONE), lambda x: x[0].kind != NOTHING),
         share("parameters told as such", kind(MOVED), lambda x: x[0].kind == PARAMETERS),
         share("effects noticed", effects, lambda x: x[0].noticed),
-        share("effects noticed, of those that parameters do not imitate", clear,
-              lambda x: x[0].noticed),
-        *(share(f"place right first, {words}", some, lambda x: x[0].place[1])
-          for words, some in (("listed", listed), ("unlisted", other))),
-        *(share(f"told places hold the truth, {words}", some,
-                lambda x: x[0].told_places_hold(x[1].credible_level))
-          for words, some in (("listed", listed), ("unlisted", other))),
+        share(
+            "effects noticed, of those that parameters do not imitate",
+            clear,
+            lambda x: x[0].noticed,
+        ),
+        *(
+            share(f"place right first, {words}", some, lambda x: x[0].place[1])
+            for words, some in (("listed", listed), ("unlisted", other))
+        ),
+        *(
+            share(
+                f"told places hold the truth, {words}",
+                some,
+                lambda x: x[0].told_places_hold(x[1].credible_level),
+            )
+            for words, some in (("listed", listed), ("unlisted", other))
+        ),
         share("right name first, listed", listed, lambda x: x[0].name[1]),
         share("right name told, listed", listed, lambda x: x[0].name[1] and x[0].name[0] >= 0.5),
         share("right name, of names told", named, lambda x: x[0].name[1]),
         share("unlisted told by name", other, lambda x: x[0].name[0] >= 0.5),
-    ]  # fmt: skip
+    ]
     lines = [(row.name, number(row), str(row.count)) for row in rows]
     sizes = [len(s.told_places(c.credible_level)) for s, c in answered]
     if sizes:
@@ -139,8 +159,11 @@ def _scores(cases: Held) -> Table:
             ("told places, mean number", f"{statistics.fmean(sizes):.2f}", str(len(sizes)))
         )
     for truth in ALLOWED:
-        logs = [np.log(s.right + 1e-12) for s, _ in kind(truth)
-                if s.case_rivals.right.any() and s.case_rivals.case in visible]  # fmt: skip
+        logs = [
+            np.log(s.right + 1e-12)
+            for s, _ in kind(truth)
+            if s.case_rivals.right.any() and s.case_rivals.case in visible
+        ]
         if logs:
             lines.append((f"mean log probability of the right rival, {truth}",
                           f"{np.mean(logs):.3f}", str(len(logs))))  # fmt: skip

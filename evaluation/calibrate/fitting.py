@@ -125,8 +125,9 @@ def _least(start: Constants, names: Sequence[str], loss: Callable[[Constants], f
     """The constants of some names at which a loss is least."""
 
     def constants(w: Array) -> Constants:
-        return msgspec.structs.replace(start, **{n: _rounded(_value(n, x)) for n, x in
-                                                 zip(names, w, strict=True)})  # fmt: skip
+        return msgspec.structs.replace(
+            start, **{n: _rounded(_value(n, x)) for n, x in zip(names, w, strict=True)}
+        )
 
     def of(w: Array) -> float:
         moved = w - even
@@ -135,9 +136,11 @@ def _least(start: Constants, names: Sequence[str], loss: Callable[[Constants], f
     even, begun = (np.array([_coordinate(n, getattr(c, n)) for n in names]) for c in (_EVEN, start))
     simplex = np.concatenate([begun[None], begun + np.eye(len(begun))])
     found = optimize.minimize(
-        of, begun, method="Nelder-Mead",
+        of,
+        begun,
+        method="Nelder-Mead",
         options={"initial_simplex": simplex, "xatol": 0.02, "fatol": 1e-4, "maxfev": 100},
-    )  # fmt: skip
+    )
     return constants(found.x)
 
 

@@ -85,11 +85,16 @@ class CaseRivals:
         """The probability of each rival, (rivals,)."""
         temper = temper_of(c, free=self.question == DIFFERS)
         return probabilities(
-            np.array([r.scores for r in self.rivals]), [r.kind for r in self.rivals], temper,
-            effects=self.effects, laws=self.laws,
-            log_prior=np.array([r.log_prior for r in self.rivals]), rows=self.independent_rows,
-            near=[r.near for r in self.rivals], first=True,
-        )  # fmt: skip
+            np.array([r.scores for r in self.rivals]),
+            [r.kind for r in self.rivals],
+            temper,
+            effects=self.effects,
+            laws=self.laws,
+            log_prior=np.array([r.log_prior for r in self.rivals]),
+            rows=self.independent_rows,
+            near=[r.near for r in self.rivals],
+            first=True,
+        )
 
     def places_of(self, p: Array) -> dict[str, float]:
         """The probability of each place, from those of the rivals."""
@@ -106,10 +111,18 @@ class CaseRivals:
         allowed = nearer if p[self.more].sum() > 0.5 and nearer.any() else ~self.more
         kind = self.rivals[int(np.argmax(np.where(allowed, p, -1.0)))].kind
         total = max(p[self.more].sum(), 1e-300)
-        names = {r.name: float(x) / total for r, x in zip(self.rivals, p, strict=True)
-                 if r.kind == EFFECT}  # fmt: skip
-        return Said(case_rivals=self, kind=kind, right=float(p[self.right].sum()), names=names,
-                    places=self.places_of(p))  # fmt: skip
+        names = {
+            r.name: float(x) / total
+            for r, x in zip(self.rivals, p, strict=True)
+            if r.kind == EFFECT
+        }
+        return Said(
+            case_rivals=self,
+            kind=kind,
+            right=float(p[self.right].sum()),
+            names=names,
+            places=self.places_of(p),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,8 +172,7 @@ def showing(cases: Sequence[CaseRivals]) -> list[CaseRivals]:
     for x in cases:
         if x.truth in (NONE, MOVED):
             chance[x.question] = max(x.lead, chance.get(x.question, 0.0))
-    return [x for x in cases
-            if x.truth in (NONE, MOVED) or x.lead > chance.get(x.question, 0.0)]  # fmt: skip
+    return [x for x in cases if x.truth in (NONE, MOVED) or x.lead > chance.get(x.question, 0.0)]
 
 
 def folds_of(cases: Sequence[CaseRivals]) -> list[list[CaseRivals]]:

@@ -11,17 +11,41 @@ from evaluation.plant.effect import Effect, Kind
 
 EFFECTS: tuple[Effect, ...] = listed.EFFECTS + unlisted.EFFECTS + opened.EFFECTS + sealed.EFFECTS
 
-SIGNED = frozenset(
-    (
-        "driver_gain", "rtd_offset", "force_offset", "force_gain", "ambient_drift",
-        "convection_exponent", "stress_latent_heat", "rtd_current_pickup", "force_frame_warming",
-        "pump_bourdon", "galvanic_clip", "rtd_warmup", "bracket_growth", "cell_shock",
-        "hall_zero_drift", "motor_beside_sensor", "sliding_clip", "flexed_lead", "squeezed_rtd",
-        "encoder_in_field", "attracting_turns",
-        "tugged_trimmer", "rtd_joints", "counted_motors", "dragged_cable",
-        "coil_in_field", "magnet_near_hall", "graded_wire",
+SIGNED = (
+    frozenset(
+        (
+            "driver_gain",
+            "rtd_offset",
+            "force_offset",
+            "force_gain",
+            "ambient_drift",
+            "convection_exponent",
+            "stress_latent_heat",
+            "rtd_current_pickup",
+            "force_frame_warming",
+            "pump_bourdon",
+            "galvanic_clip",
+            "rtd_warmup",
+            "bracket_growth",
+            "cell_shock",
+            "hall_zero_drift",
+            "motor_beside_sensor",
+            "sliding_clip",
+            "flexed_lead",
+            "squeezed_rtd",
+            "encoder_in_field",
+            "attracting_turns",
+            "tugged_trimmer",
+            "rtd_joints",
+            "counted_motors",
+            "dragged_cable",
+            "coil_in_field",
+            "magnet_near_hall",
+            "graded_wire",
+        )
     )
-) | sealed.SIGNED  # fmt: skip
+    | sealed.SIGNED
+)
 """Effects whose magnitude may be negative."""
 
 BY_NAME = {effect.name: effect for effect in EFFECTS}

@@ -93,8 +93,11 @@ def run(seeds: Sequence[int], out: Path, investigated: Callable[[int], End]) -> 
             failed.append(str(seed))
             continue
         place.write_text(json.dumps(c, indent=1))
-        print(f"{seed} {mark(c)}: {c['effects']} {c['outcome']} {c['names']} {c['minutes']} min; "
-              f"{c['why_over']}", flush=True)  # fmt: skip
+        print(
+            f"{seed} {mark(c)}: {c['effects']} {c['outcome']} {c['names']} {c['minutes']} min; "
+            f"{c['why_over']}",
+            flush=True,
+        )
     if failed:
         raise QuizError(f"not finished: {', '.join(failed)}; the same command tries them again")
 

@@ -190,9 +190,12 @@ class LiveWire:
         with self._said.open("ab") as said:
             child = subprocess.Popen(
                 [sys.executable, "-m", "smad", *arguments],
-                stdin=subprocess.DEVNULL, stdout=said, stderr=said, start_new_session=True,
+                stdin=subprocess.DEVNULL,
+                stdout=said,
+                stderr=said,
+                start_new_session=True,
                 env={**os.environ, FOLDER_VARIABLE: str(self.sockets)},
-            )  # fmt: skip
+            )
         try:
             return child.wait(COMMAND_DEADLINE_S)
         except subprocess.TimeoutExpired:

@@ -96,9 +96,9 @@ def _all(plant: SmaPlant, question: str, seed: int) -> Iterator[Case]:
         name = f"{question}-{words}{'-moved' if moved else ''}"
         own = int(np.random.default_rng([seed, 0, *name.encode()]).integers(2**31))
         values = {"name": name, "question": question, "seed": own}
-        drawn.append((name, msgspec.convert(
-            {**values, "bench": 1 + number if moved else 0, **more}, Case
-        )))  # fmt: skip
+        drawn.append(
+            (name, msgspec.convert({**values, "bench": 1 + number if moved else 0, **more}, Case))
+        )
 
     for moved in (False, True):
         for effect in effects:

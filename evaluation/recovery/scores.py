@@ -110,9 +110,13 @@ def _scores(answers: Sequence[Answer], question: str) -> Table:
             continue
         clear = [a for a in own if identifiable(a)] if kind in (SINGLE, PAIR) else own
         rows = share(name, own, test), share(name, clear, test)
-        met = " / ".join(
-            "–" if r.value is None else "yes" if goal.met(r.value) else "no" for r in rows
-        ) if goal else ""  # fmt: skip
+        met = (
+            " / ".join(
+                "–" if r.value is None else "yes" if goal.met(r.value) else "no" for r in rows
+            )
+            if goal
+            else ""
+        )
         cells = (x for r in rows for x in (number(r), str(r.count)))
         lines.append((name, *cells, str(goal or ""), met))
     seconds = [a.cpu_s for a in answers if a.verdict]
@@ -165,14 +169,22 @@ def _wrong(answers: Sequence[Answer]) -> Table:
         if _right(a):
             continue
         whole = _whole(a)
-        gaps = " → ".join(f"{x:.1f}" for x in (
-            (whole.raw, whole.parameters, whole.final) if whole else ()
-        ))  # fmt: skip
+        gaps = " → ".join(
+            f"{x:.1f}" for x in ((whole.raw, whole.parameters, whole.final) if whole else ())
+        )
         told = ", ".join(
             c.name or f"law: {c.place}" for c in (a.verdict.causes if a.verdict else [])
         )
-        lines.append((a.case.name, outcome(a), told or a.error, first_name(a), gaps,
-                      "" if identifiable(a) or not a.case.effects else "no"))  # fmt: skip
+        lines.append(
+            (
+                a.case.name,
+                outcome(a),
+                told or a.error,
+                first_name(a),
+                gaps,
+                "" if identifiable(a) or not a.case.effects else "no",
+            )
+        )
     head = ("case", "outcome", "told", "likeliest effect", "raw → parameters → told, floors",
             "identifiable")  # fmt: skip
     return Table(head, lines)

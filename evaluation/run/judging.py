@@ -154,9 +154,12 @@ def _diagnosed(check: Check, case: Case) -> Judged:
     def ask(exclude: Sequence[str]) -> Verdict:
         candidates = [e.name for e in check.plant.effects if e.name not in exclude]
         return diagnose(
-            runs["fit"], plant=check.plant, good=runs["good"], hold_out=runs["hold_out"],
+            runs["fit"],
+            plant=check.plant,
+            good=runs["good"],
+            hold_out=runs["hold_out"],
             candidates=candidates,
-        ).verdict  # fmt: skip
+        ).verdict
 
     verdict = ask(())
     cpu_s = _since(began)

@@ -90,8 +90,11 @@ def run(
     manifest = read_manifest(bank)
     _require_known(only, [c.id for c in manifest.cases])
     _require_known(benches, list(manifest.benches))
-    cases = [c for c in manifest.cases
-             if c.id in (only or (c.id,)) and c.bench in (benches or (c.bench,))]  # fmt: skip
+    cases = [
+        c
+        for c in manifest.cases
+        if c.id in (only or (c.id,)) and c.bench in (benches or (c.bench,))
+    ]
     check = Check(folder=bank, manifest=manifest, params=params, variant=variant, repeats=repeats)
     if key is not None:
         refuse_sealed(key)

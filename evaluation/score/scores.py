@@ -123,10 +123,13 @@ def calibration(said: Sequence[Said]) -> float:
 def reliability(said: Sequence[Said]) -> list[tuple[str, ...]]:
     """The reliability diagram as rows: what was said, how often it was right."""
     return [
-        (f"{statistics.fmean(x for x, _ in b):.2f}",
-         number(share("", b, lambda one: one[1])), str(len(b)))
+        (
+            f"{statistics.fmean(x for x, _ in b):.2f}",
+            number(share("", b, lambda one: one[1])),
+            str(len(b)),
+        )
         for b in _bins(said)
-    ]  # fmt: skip
+    ]
 
 
 def rows(pairs: Sequence[Pair]) -> list[Row]:
@@ -140,23 +143,45 @@ def rows(pairs: Sequence[Pair]) -> list[Row]:
     of_places, of_names = said_of_places(noticed), said_of_names(noticed)
     kinds = (("listed", listed), ("unlisted", unlisted))
     out = [
-        share("quiet benches called changed", of_kind(pairs, "none"),
-              lambda p: p.said.outcome not in ("quiet", "refused")),
-        share("parameters given a cause", of_kind(pairs, "parameters"),
-              lambda p: bool(p.said.causes)),
-        *(share(f"called changed on another day: {kind}", days,
-                lambda p: p.said.outcome not in ("quiet", "refused"))
-          for kind in _OTHER_DAYS if (days := of_kind(pairs, kind))),
-        *(share(f"noticed near {s:.0f} floor{'s' if s > 1.0 else ''}",
-                [p for p in effects if p.strength == s], lambda p: p.noticed) for s in STRENGTHS),
+        share(
+            "quiet benches called changed",
+            of_kind(pairs, "none"),
+            lambda p: p.said.outcome not in ("quiet", "refused"),
+        ),
+        share(
+            "parameters given a cause", of_kind(pairs, "parameters"), lambda p: bool(p.said.causes)
+        ),
+        *(
+            share(
+                f"called changed on another day: {kind}",
+                days,
+                lambda p: p.said.outcome not in ("quiet", "refused"),
+            )
+            for kind in _OTHER_DAYS
+            if (days := of_kind(pairs, kind))
+        ),
+        *(
+            share(
+                f"noticed near {s:.0f} floor{'s' if s > 1.0 else ''}",
+                [p for p in effects if p.strength == s],
+                lambda p: p.noticed,
+            )
+            for s in STRENGTHS
+        ),
         *(share(f"place right first, {k}", some, lambda p: p.placed) for k, some in kinds),
         *(share(f"told places hold the truth, {k}", some, _in_told) for k, some in kinds),
-        _over("told places, mean number", [len(p.first.told_places) for p in noticed],
-              statistics.fmean),
+        _over(
+            "told places, mean number",
+            [len(p.first.told_places) for p in noticed],
+            statistics.fmean,
+        ),
         share("right name first, of noticed listed", listed, lambda p: p.likeliest_right),
         share("right name told, of noticed listed", listed, lambda p: p.named),
-        share("right name, of names told", [p for p in noticed if p.first.told_name],
-              lambda p: p.named),
+        share(
+            "right name, of names told",
+            [p for p in noticed if p.first.told_name],
+            lambda p: p.named,
+        ),
         share("unlisted told by name", unlisted, lambda p: bool(p.first.told_name)),
         *(_over(f"gap gone, {k}", _gone(some)) for k, some in kinds),
         share("held-out gap above that of parameters alone", pairs, _worse),
@@ -164,11 +189,17 @@ def rows(pairs: Sequence[Pair]) -> list[Row]:
         share("pairs: both names told", several, _both_names),
         share("pairs of three floors each: both places among the first three", both, _both_places),
         share("one effect: another place told beside it", noticed, _place_beside),
-        share("left out: its place still told", left_out,
-              lambda p: any(set(s.places) & p.true_places for s in p.said.left_out.values())),
-        share("left out: told by name all the same", left_out,
-              lambda p: any(s.name for s in p.said.left_out.values())),
-    ]  # fmt: skip
+        share(
+            "left out: its place still told",
+            left_out,
+            lambda p: any(set(s.places) & p.true_places for s in p.said.left_out.values()),
+        ),
+        share(
+            "left out: told by name all the same",
+            left_out,
+            lambda p: any(s.name for s in p.said.left_out.values()),
+        ),
+    ]
     for what, said in (("places", of_places), ("names", of_names)):
         if said:
             row = Row(f"error of the probabilities of {what}", calibration(said), count=len(said))
@@ -181,12 +212,15 @@ def rows_of_differs(pairs: Sequence[Pair]) -> list[Row]:
     added = [p for p in pairs if p.truth.effects]
     return [
         share("added effect's place among the first three", added, lambda p: _added_among(p, 3)),
-        share("added effect's entry named first at its place",
-              [p for p in added if p.truth.effects[0].known], _added_named),
+        share(
+            "added effect's entry named first at its place",
+            [p for p in added if p.truth.effects[0].known],
+            _added_named,
+        ),
         share("own differences among the first four places", pairs, _own_found),
         share("held-out gap above that of parameters alone", pairs, _worse),
         *_time(pairs),
-    ]  # fmt: skip
+    ]
 
 
 def _time(pairs: Sequence[Pair]) -> list[Row]:
@@ -293,10 +327,15 @@ def _wrong(pairs: Sequence[Pair]) -> Table:
 
     some = sorted((p for p in pairs if wrong(p)), key=lambda p: -p.truth.gap_worst)
     lines = [
-        (p.case, p.truth.kind, " + ".join(e.name for e in p.truth.effects),
-         f"{p.truth.gap_worst:.1f}", p.said.outcome,
-         ", ".join(f"{c.place} {c.told_name}".strip() for c in p.said.causes[:3]))
+        (
+            p.case,
+            p.truth.kind,
+            " + ".join(e.name for e in p.truth.effects),
+            f"{p.truth.gap_worst:.1f}",
+            p.said.outcome,
+            ", ".join(f"{c.place} {c.told_name}".strip() for c in p.said.causes[:3]),
+        )
         for p in some
-    ]  # fmt: skip
+    ]
     head = ("case", "kind", "truth", "floors", "outcome", "places told")
     return Table(head, lines, numeric=frozenset({3}))

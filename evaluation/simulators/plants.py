@@ -44,15 +44,18 @@ def _heater() -> Simulator:
     return simulator(
         heater,
         parameters={
-            "capacity_J_K": (30.0, 20.0, 40.0, 3.0), "loss_W_K": (0.8, 0.5, 1.1, 0.1),
-            "room_degC": (22.0, 17.0, 27.0, 1.0), "fan_W": (4.0, 1.0, 9.0, 2.0),
+            "capacity_J_K": (30.0, 20.0, 40.0, 3.0),
+            "loss_W_K": (0.8, 0.5, 1.1, 0.1),
+            "room_degC": (22.0, 17.0, 27.0, 1.0),
+            "fan_W": (4.0, 1.0, 9.0, 2.0),
         },
         effects={
             "leak_W_K2": Missing(typical=0.1, low=-0.5, high=0.5, places=at_power),
             "overload_W_W2": Missing(typical=0.1, low=-0.5, high=0.5, places=at_power),
         },
-        noise={"temperature_degC": 0.03}, transducers=True,
-    )  # fmt: skip
+        noise={"temperature_degC": 0.03},
+        transducers=True,
+    )
 
 
 def _heater_inputs(seed: int) -> dict[str, Array]:
@@ -125,9 +128,12 @@ _TANK_EFFECTS = {
 
 def _tank() -> Simulator:
     return simulator(
-        mixing_tank, parameters=_TANK, effects=_TANK_EFFECTS,
-        noise={"level_dm": 0.01, "salt_g_L": 0.01}, transducers=True,
-    )  # fmt: skip
+        mixing_tank,
+        parameters=_TANK,
+        effects=_TANK_EFFECTS,
+        noise={"level_dm": 0.01, "salt_g_L": 0.01},
+        transducers=True,
+    )
 
 
 def _tank_inputs(seed: int) -> dict[str, Array]:
@@ -138,9 +144,11 @@ def _tank_inputs(seed: int) -> dict[str, Array]:
         return np.repeat(rng.uniform(low, high, -(-SAMPLES // each)), each)[:SAMPLES]
 
     return {
-        "t_s": np.arange(SAMPLES, dtype=np.float64), "flow_L_min": steps(5.0, 14.0, 60),
-        "valve": steps(0.35, 0.65, 90), "dose_g_min": steps(5.0, 25.0, 45),
-    }  # fmt: skip
+        "t_s": np.arange(SAMPLES, dtype=np.float64),
+        "flow_L_min": steps(5.0, 14.0, 60),
+        "valve": steps(0.35, 0.65, 90),
+        "dose_g_min": steps(5.0, 25.0, 45),
+    }
 
 
 PLANTS = {

@@ -61,8 +61,14 @@ def _asked(
     runs = [_measured(plant, bound.plant.simulate(point, r), r, rng) for r in bound.groups[0]]
     causes = diagnose(runs, of).verdict.causes
     first = causes[0].place if causes else ""
-    return Case(effect=rating.name, rating=rating.rating, size=size, seed=seed, first=first,
-                found=first in effect.places)  # fmt: skip
+    return Case(
+        effect=rating.name,
+        rating=rating.rating,
+        size=size,
+        seed=seed,
+        first=first,
+        found=first in effect.places,
+    )
 
 
 def _measured(

@@ -92,10 +92,17 @@ def side_by_side(folder: Path, which: tuple[str, ...] = (), runs: int = 4) -> li
             for term in first.terms:
                 if term.name.endswith("_rate_sign"):
                     friction, sd = -term.slopes["both"], term.sd["both"]
-        out.append(Row(
-            plant=name, place=place, friction=friction, sd=sd, name=named, seconds=seconds,
-            lines=sum(lines_of(_HOME / f) for f in written[name]),
-        ))  # fmt: skip
+        out.append(
+            Row(
+                plant=name,
+                place=place,
+                friction=friction,
+                sd=sd,
+                name=named,
+                seconds=seconds,
+                lines=sum(lines_of(_HOME / f) for f in written[name]),
+            )
+        )
     return out
 
 
@@ -119,8 +126,13 @@ def _unit(folder: Path, tables: list[dict[str, Array]]) -> Answer:
     paths = []
     for k, table in enumerate(tables):
         path = folder / f"run{k}.csv"
-        np.savetxt(path, np.column_stack(list(table.values())), delimiter=",",
-                   header=",".join(table), comments="")  # fmt: skip
+        np.savetxt(
+            path,
+            np.column_stack(list(table.values())),
+            delimiter=",",
+            header=",".join(table),
+            comments="",
+        )
         paths.append(path)
     return diagnose_unit(Path(built), _HOME / "unit_map.toml", paths)
 
@@ -129,8 +141,12 @@ def _pieces(tables: list[dict[str, Array]]) -> list[GapRun]:
     """Whole runs are lost by a pendulum; a class of one's own is given pieces."""
     out = []
     for k, table in enumerate(tables):
-        run = GapRun(f"run {k}", table["t_s"], {"torque_N_m": table["torque_N_m"]},
-                     {"angle_rad": table["angle_rad"]})  # fmt: skip
+        run = GapRun(
+            f"run {k}",
+            table["t_s"],
+            {"torque_N_m": table["torque_N_m"]},
+            {"angle_rad": table["angle_rad"]},
+        )
         out += [run.part(a, a + _PIECE) for a in range(0, len(run.t_s) - _PIECE + 1, _PIECE)]
     return out
 

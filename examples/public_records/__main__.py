@@ -14,8 +14,12 @@ from smad.diagnosis.report.words import lines
 
 @click.command()
 @click.argument("name", type=click.Choice(list(RECORDS)))
-@click.option("--folder", type=click.Path(path_type=Path), default=Path("public-records"),
-              help="Where the file is, or is put when it has been fetched.")  # fmt: skip
+@click.option(
+    "--folder",
+    type=click.Path(path_type=Path),
+    default=Path("public-records"),
+    help="Where the file is, or is put when it has been fetched.",
+)
 @click.option("--html", type=click.Path(path_type=Path), help="Write the report there.")
 @click.option("--exchange", is_flag=True, help="Fit the runs to judge on, and the other way round.")
 def main(name: str, folder: Path, html: Path | None, exchange: bool) -> None:

@@ -21,8 +21,19 @@ from smad.simulators import simulator
 
 
 @numba.njit(nogil=True)
-def _rates(force, dt, rate, mass_kg, drag_N_s_m, offset_N, friction_N, fading_friction_N,
-           one_way_drag_N_s_m, square_drag, dead_zone_N):  # fmt: skip
+def _rates(
+    force,
+    dt,
+    rate,
+    mass_kg,
+    drag_N_s_m,
+    offset_N,
+    friction_N,
+    fading_friction_N,
+    one_way_drag_N_s_m,
+    square_drag,
+    dead_zone_N,
+):
     shown = np.empty(len(force))
     for k in range(len(force)):
         shown[k] = rate

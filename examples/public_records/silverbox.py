@@ -18,9 +18,22 @@ _FINER = 8
 
 
 @numba.njit(nogil=True)
-def _swing(volts, dt, start_V, rate_V_s, resonance_Hz, damping_ratio, gain, input_zero_V,
-           output_zero_V, cubic_spring, square_spring, soft_stop, friction_V,
-           square_damping):  # fmt: skip
+def _swing(
+    volts,
+    dt,
+    start_V,
+    rate_V_s,
+    resonance_Hz,
+    damping_ratio,
+    gain,
+    input_zero_V,
+    output_zero_V,
+    cubic_spring,
+    square_spring,
+    soft_stop,
+    friction_V,
+    square_damping,
+):
     step = dt * 2.0 * np.pi * resonance_Hz
     shown = np.empty(len(volts))
     x, w = start_V - output_zero_V, rate_V_s * dt / step

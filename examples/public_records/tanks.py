@@ -19,9 +19,24 @@ _FINER = 8
 
 
 @numba.njit(nogil=True)
-def _levels(volts, dt, upper_outlet, lower_outlet, pump, upper_start_V, lower_start_V,
-            sensor_zero_V, upper_overflow, upper_rim_V, to_lower, lower_overflow, lower_rim_V,
-            upper_leak, lower_leak, splash):  # fmt: skip
+def _levels(
+    volts,
+    dt,
+    upper_outlet,
+    lower_outlet,
+    pump,
+    upper_start_V,
+    lower_start_V,
+    sensor_zero_V,
+    upper_overflow,
+    upper_rim_V,
+    to_lower,
+    lower_overflow,
+    lower_rim_V,
+    upper_leak,
+    lower_leak,
+    splash,
+):
     shown = np.empty(len(volts))
     upper, lower = upper_start_V, lower_start_V - sensor_zero_V
     for k in range(len(volts)):

@@ -77,15 +77,20 @@ _HOST = Step(
 _M4 = Step(
     "arm-none-eabi-gcc",
     (
-        "-mcpu=cortex-m4", "-mthumb", "-Os", *_CHIP, "-ffreestanding",
-        "-fno-tree-loop-distribute-patterns", "-nostdlib",
+        "-mcpu=cortex-m4",
+        "-mthumb",
+        "-Os",
+        *_CHIP,
+        "-ffreestanding",
+        "-fno-tree-loop-distribute-patterns",
+        "-nostdlib",
         f"-T{SOURCES / 'cortex_m' / 'stm32f446.ld'}",
         f"-I{SOURCES / 'cortex_m' / 'freestanding'}",
     ),
     (*_CORE, SOURCES / "cortex_m"),
     "smad-nucleo.elf",
     libraries=("-lgcc",),
-)  # fmt: skip
+)
 _WRAPPED = (
     "main", "hal_analog", "hal_rtd", "hal_bridge", "hal_tacho_us", "hal_gate", "hal_current",
     "hal_drain", "hal_sample_timer", "hal_store_read", "hal_store_write", "hal_mark",

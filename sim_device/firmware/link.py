@@ -38,9 +38,20 @@ def pack(
 ) -> bytes:
     """Return the message that lets the firmware run for `dt_us`."""
     head = _IN.pack(
-        dt_us, stall_us, *codes.analog, 0, 0, 0, *codes.rtd, codes.bridge, codes.encoder,
-        *codes.tacho_us, codes.inputs, deaf, len(data),
-    )  # fmt: skip
+        dt_us,
+        stall_us,
+        *codes.analog,
+        0,
+        0,
+        0,
+        *codes.rtd,
+        codes.bridge,
+        codes.encoder,
+        *codes.tacho_us,
+        codes.inputs,
+        deaf,
+        len(data),
+    )
     return head + data
 
 
@@ -51,9 +62,16 @@ def unpack(message: memoryview) -> tuple[Outputs, memoryview]:
     )
     end = _OUT.size + size
     out = Outputs(
-        t_us, (i_x, i_y), (pump_x, pump_y), gate, drain, resets, cycles, tuple(watched),
+        t_us,
+        (i_x, i_y),
+        (pump_x, pump_y),
+        gate,
+        drain,
+        resets,
+        cycles,
+        tuple(watched),
         bytes(message[_OUT.size : end]),
-    )  # fmt: skip
+    )
     return out, message[end:]
 
 

@@ -99,13 +99,19 @@ def _within(name: str, value: float, low: float, high: float) -> None:
         raise ParameterError(name, f"{value:g} is outside {low:g} to {high:g}; give one within")
 
 
-def load_geometry(path: str | Path, *, base: str | None = None) -> tuple[ParameterSet, Geometry]:
-    """The base set and the geometry of a file.
+def load_geometry(
+    path: str | Path | None, *, base: str | None = None
+) -> tuple[ParameterSet, Geometry]:
+    """The base set and the geometry of a file; None: that of the base set itself.
 
     Keys: `base` (a built-in set or a parameter file beside it, default A; the argument replaces
     it), and those of Geometry.
     Raises ParameterError for anything missing, unknown or out of range.
     """
+    if path is None:
+        own = load_parameters(base or "A")
+        wire_mm, coil_mm = 1e3 * own["wire_diameter"], 1e3 * own["coil_diameter"]
+        return own, Geometry(wire_mm=wire_mm, coil_mm=coil_mm, turns=own["coils"])
     path = Path(path)
     try:
         raw = parsed(path, "TOML", tomllib.loads)

@@ -133,9 +133,20 @@ class PlantArray:
 
     def _advance_part(self, first: int, last: int, dt: float, steps: int) -> None:
         k.advance_many(
-            self._states, self._works, self._models, self._rings, self._table, self._laws,
-            self._counts, self._memory, dt, steps, first, last, self.statuses,
-        )  # fmt: skip
+            self._states,
+            self._works,
+            self._models,
+            self._rings,
+            self._table,
+            self._laws,
+            self._counts,
+            self._memory,
+            dt,
+            steps,
+            first,
+            last,
+            self.statuses,
+        )
 
     def error(self, i: int) -> SolverError:
         """The error of a plant whose status is not OK."""

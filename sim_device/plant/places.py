@@ -94,24 +94,41 @@ def _spring(
     needs: tuple[tuple[str, tuple[str, ...]], ...] = (),
 ) -> Place:
     return Place(
-        name=name, label=label, unit=unit, scale=scale, sides=SPRINGS, states=_OWN,
-        channels=channels, needs=needs,
-    )  # fmt: skip
+        name=name,
+        label=label,
+        unit=unit,
+        scale=scale,
+        sides=SPRINGS,
+        states=_OWN,
+        channels=channels,
+        needs=needs,
+    )
 
 
 def _pair(name: str, label: str, unit: str, scale: float, *channels: str) -> Place:
     return Place(
-        name=name, label=label, unit=unit, scale=scale, sides=SHARED, states=_OF_BOTH,
+        name=name,
+        label=label,
+        unit=unit,
+        scale=scale,
+        sides=SHARED,
+        states=_OF_BOTH,
         channels=channels,
-    )  # fmt: skip
+    )
 
 
 def _reading(name: str, label: str, unit: str, scale: float, channel: str) -> Place:
     sided = "{side}" in channel
     return Place(
-        name=name, label=label, unit=unit, scale=scale, sides=SPRINGS if sided else SHARED,
-        states=(*(_OWN if sided else _OF_BOTH), *_READ), channels=(channel,), reading=True,
-    )  # fmt: skip
+        name=name,
+        label=label,
+        unit=unit,
+        scale=scale,
+        sides=SPRINGS if sided else SHARED,
+        states=(*(_OWN if sided else _OF_BOTH), *_READ),
+        channels=(channel,),
+        reading=True,
+    )
 
 
 _WET = (("cooling", ("water",)),)

@@ -148,10 +148,15 @@ class Plants:
         digest = hashlib.sha256()
         digest.update(
             json.dumps(
-                [kernel.text_digest(), self.outputs, self.dt_s, self.keep.__module__,
-                 self.keep.__qualname__]
+                [
+                    kernel.text_digest(),
+                    self.outputs,
+                    self.dt_s,
+                    self.keep.__module__,
+                    self.keep.__qualname__,
+                ]
             ).encode()
-        )  # fmt: skip
+        )
         for i, j in pairs:
             digest.update(self._model_digests[i] + self._run_digests[j])
         return digest.hexdigest()[:32]

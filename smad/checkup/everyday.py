@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
-
-import msgspec
 
 from smad.checkup.commission import commissioned
 from smad.checkup.files import RunFile, match
@@ -47,7 +44,7 @@ def diagnose_files(
     answer = diagnose(fitted, plant=plant, good=known, hold_out=judged_on, progress=progress)
     now = _usable((*runs, *hold_out), [*fitted, *judged_on])
     comparison = repeated(plant, _usable(good, known), now, progress)
-    return replace(answer, verdict=msgspec.structs.replace(answer.verdict, repeated=comparison))
+    return answer.with_verdict(repeated=comparison)
 
 
 def _usable(paths: Sequence[Path], runs: Sequence[GapRun]) -> list[RunFile]:

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-import msgspec
 import numpy as np
 
 from smad.checkup.paired.difference import Paired, paired
@@ -97,19 +96,26 @@ def judged(
     pairs = paired(placed, reference, runs)
     known = np.diag(day_variance(placed)) + reference.parameter_covariance(placed)
     question = question_of(
-        free_model(placed, reference.point), pairs.evidence(),
-        [e for e in plant.effects if e.name not in exclude], c, progress,
-        tied=np.asarray(np.linalg.inv(known)), responses=pairs.responses,
-    )  # fmt: skip
+        free_model(placed, reference.point),
+        pairs.evidence(),
+        [e for e in plant.effects if e.name not in exclude],
+        c,
+        progress,
+        tied=np.asarray(np.linalg.inv(known)),
+        responses=pairs.responses,
+    )
     search = searched(question, most=_MOST_CAUSES)
     if search is None:
         raise cannot_replay(question)
     answer = answer_of(placed, search, question=CHECK_UP, constants=c, judged_on=_JUDGED_ON)
-    verdict = msgspec.structs.replace(
-        answer.verdict, notes=notes_of(pairs), plant=plant.name, plant_version=plant.version,
-        smad_version=VERSION, seconds=round(time.perf_counter() - began, 2),
-    )  # fmt: skip
-    return Judged(pairs=pairs, answer=replace(answer, verdict=verdict))
+    answer = answer.with_verdict(
+        notes=notes_of(pairs),
+        plant=plant.name,
+        plant_version=plant.version,
+        smad_version=VERSION,
+        seconds=round(time.perf_counter() - began, 2),
+    )
+    return Judged(pairs=pairs, answer=answer)
 
 
 def notes_of(paired: Paired) -> list[str]:

@@ -184,9 +184,13 @@ def _read_run(folder: Path, entry: RunEntry) -> ProgrammeRun:
             action="give it these",
         )
     return ProgrammeRun(
-        name=entry.name, title=entry.title, t_s=rows[:, 0], inputs=rows[:, 1:],
-        duration_s=entry.duration_s, quick=entry.quick,
-    )  # fmt: skip
+        name=entry.name,
+        title=entry.title,
+        t_s=rows[:, 0],
+        inputs=rows[:, 1:],
+        duration_s=entry.duration_s,
+        quick=entry.quick,
+    )
 
 
 def chosen(folder: Path | None, *, quick: bool = False) -> Programme:

@@ -17,8 +17,8 @@ import msgspec
 
 from smad.checkup.errors import BaselineError
 from smad.checkup.programme import Programme, ProgrammeRun
-from smad.errors import SmadError, refused_by_system
-from smad.files import replacing
+from smad.errors import SmadError
+from smad.files import named_output
 from smad.progress import Say
 from smad.runlog.header import date_of
 from smad.runlog.reader import read_run
@@ -160,26 +160,17 @@ def keep(log: Path, target: Path) -> None:
     """Copy a log, whole or not at all. Raises BaselineError for a full disk."""
     cause = f"cannot keep the run {target.stem} in {target.parent}"
     action = "make room; the runs before are kept, and the same command goes on"
-    with written_whole(target, cause, action, value=str(log)) as partial:
+    with named_output(
+        target, BaselineError, cause, action, value=str(log), make_folder=True
+    ) as partial:
         shutil.copyfile(log, partial)
 
 
 def write_whole(path: Path, data: bytes) -> None:
     """Write a file whole or not at all. Raises BaselineError for a full disk."""
     action = "make room, or choose another folder; the same command goes on"
-    with written_whole(path, f"cannot write {path}", action) as partial:
+    with named_output(path, BaselineError, action=action, make_folder=True) as partial:
         partial.write_bytes(data)
-
-
-@contextlib.contextmanager
-def written_whole(
-    path: Path, cause: str, action: str, *, value: str | None = None
-) -> Iterator[Path]:
-    """As `smad.files.replacing`, in a folder that is made. Raises BaselineError."""
-    with refused_by_system(BaselineError, cause, value=value, action=action):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as partial:
-            yield partial
 
 
 def _write(folder: Path, state: State) -> None:

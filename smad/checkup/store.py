@@ -6,6 +6,7 @@ the schema's number, the programme's hash and the plant's version: of another on
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import zlib
 from collections.abc import Mapping
@@ -20,13 +21,13 @@ from smad.checkup.arrays import read_arrays, require
 from smad.checkup.errors import BaselineError
 from smad.checkup.paired.floor import Floor
 from smad.checkup.paired.reference import Reference, RunReference
-from smad.checkup.series import written_whole
 from smad.diagnosis.data.played import Played
 from smad.diagnosis.data.rows import binned
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.places.responses import responses
 from smad.diagnosis.plant import ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
+from smad.files import named_output
 
 SCHEMA = 6
 _ABOUT, _ARRAYS = "baseline.json", "reference.npz"
@@ -87,11 +88,16 @@ def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
     """Writes the baseline whole or not at all. Raises BaselineError for a disk that is full."""
     r = baseline.reference
     about = About(
-        schema=SCHEMA, bench=baseline.bench, programme=baseline.programme, plant=identity(plant),
-        repeats=r.repeats, degrees=r.floor.degrees, theta=dict(r.point.theta),
+        schema=SCHEMA,
+        bench=baseline.bench,
+        programme=baseline.programme,
+        plant=identity(plant),
+        repeats=r.repeats,
+        degrees=r.floor.degrees,
+        theta=dict(r.point.theta),
         effects={k: dict(v) for k, v in r.point.effects.items()},
         runs=[_RunFile(x.name, x.played.bins, x.played.start_s, x.around) for x in r.runs],
-    )  # fmt: skip
+    )
     arrays = {f"floor.{n}": getattr(r.floor, n) for n in _FLOOR}
     for k, x in enumerate(r.runs):
         arrays |= {f"{k}.{n}": getattr(x, n) for n in _RUN}
@@ -101,10 +107,10 @@ def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
         arrays |= {f"{k}.input.{n}": v for n, v in whole.inputs.items()}
     cause = f"cannot write the baseline {folder}"
     action = "make room; the runs are kept, and the same command continues"
-    with (
-        written_whole(folder / _ABOUT, cause, action) as text,
-        written_whole(folder / _ARRAYS, cause, action) as packed,
-    ):
+    output = functools.partial(
+        named_output, kind=BaselineError, cause=cause, action=action, make_folder=True
+    )
+    with output(folder / _ABOUT) as text, output(folder / _ARRAYS) as packed:
         with packed.open("wb") as file:
             np.savez_compressed(file, **arrays)
         about = msgspec.structs.replace(about, arrays=_digest(packed))
@@ -147,8 +153,8 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
         said = getattr(error, "strerror", None) or error
         raise BaselineError(f"{folder / _ARRAYS} cannot be read: {said}", action=_ANEW) from error
     reference = Reference(
-        runs=runs, point=point, floor=floor, repeats=about.repeats, responses=placed,
-    )  # fmt: skip
+        runs=runs, point=point, floor=floor, repeats=about.repeats, responses=placed
+    )
     return Baseline(about.bench, about.programme, reference)
 
 

@@ -63,8 +63,7 @@ def design(
     from dataclasses import replace
 
     from sim_device.plant.errors import PlantError
-    from sim_device.plant.geometry import Geometry, load_geometry
-    from sim_device.plant.parameters import load_parameters
+    from sim_device.plant.geometry import load_geometry
     from smad.cli.tables import print_table
     from smad.design.cycle import design_cycle
     from smad.design.page import design_page
@@ -74,15 +73,7 @@ def design(
     if page is not None:
         require_writable(page)
     try:
-        if source is None:
-            base = load_parameters(params or "A")
-            geometry = Geometry(
-                wire_mm=1e3 * base["wire_diameter"],
-                coil_mm=1e3 * base["coil_diameter"],
-                turns=base["coils"],
-            )
-        else:
-            base, geometry = load_geometry(source, base=params)
+        base, geometry = load_geometry(source, base=params)
         geometry = replace(geometry, **{n: v for n in _SIZES if (v := given[n]) is not None})
         made = design_cycle(
             base, geometry, current_A=current_A, cooling=cooling, air_m_per_s=air_m_per_s

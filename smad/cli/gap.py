@@ -156,19 +156,9 @@ def apply(*, verdict: Path, out: Path, first: int | None) -> None:
 
     A verdict is what --json of `smad gap diagnose` and `smad gap checkup` writes.
     """
-    import msgspec
+    from smad.diagnosis.verdict import read_verdict
 
-    from smad.diagnosis.errors import GapError
-    from smad.diagnosis.verdict import Verdict
-
-    try:
-        read = Verdict.from_json(verdict.read_bytes())
-    except msgspec.DecodeError as error:
-        raise GapError(
-            f"{verdict} is no verdict",
-            value=str(error),
-            action="give a file that smad gap diagnose --json wrote",
-        ) from error
+    read = read_verdict(verdict)
     with named_output(out) as path:
         read.write_model(path, first)
     causes = read.causes if first is None else read.causes[:first]

@@ -47,8 +47,11 @@ def _files(value: str, ctx: click.Context, param: click.Parameter) -> list[Path]
     if path.is_file():
         return [path]
     if path.is_dir():
+        from smad.records.tables import KINDS
+
         paths = _in_folder(path)
-        lacking = f"folder {value!r} holds no run log (*{SUFFIX}), CSV or Parquet file"
+        kinds = ", ".join(f"*{kind}" for kind in KINDS)
+        lacking = f"folder {value!r} holds no run log (*{SUFFIX}) and no table ({kinds})"
     else:
         paths = sorted(p for p in map(Path, glob.glob(value)) if p.is_file())
         lacking = f"no file, folder or match of a pattern: {value!r}"

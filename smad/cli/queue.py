@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import time
 from collections.abc import Callable
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +14,7 @@ from smad.cli.output import FOLDER, bench_option, json_option, print_json
 
 if TYPE_CHECKING:
     from smad.queue import Queue
-    from smad.queue.states import Arming, Snapshot
+    from smad.queue.states import Snapshot
 
 _ANYTHING = {"ignore_unknown_options": True, "allow_interspersed_args": False}
 
@@ -95,6 +94,8 @@ def add(
 @_on_queue
 def list_items(*, everything: bool, as_json: bool, opened: Queue) -> None:
     """Show the items and the state of the queue."""
+    from smad.queue.words import state_in_words
+
     snapshot, runner = opened.snapshot(), opened.has_runner
     logs = {item.id: opened.store.logs(item.id) for item in snapshot.items}
     if as_json:
@@ -108,6 +109,7 @@ def list_items(*, everything: bool, as_json: bool, opened: Queue) -> None:
 
 def _print_items(snapshot: Snapshot, *, everything: bool) -> None:
     from smad.cli.tables import print_table
+    from smad.queue.words import clock
     from smad.report.page import Table
 
     ended = [item for item in snapshot.items if item.ended_unix_s]
@@ -119,34 +121,13 @@ def _print_items(snapshot: Snapshot, *, everything: bool) -> None:
             str(item.id),
             item.title,
             item.state,
-            _clock(item.started_unix_s or item.added_unix_s),
+            clock(item.started_unix_s or item.added_unix_s),
             item.reason,
         )
         for item in shown
     ]
     if rows:
         print_table(Table(("item", "command", "state", "since", "why"), rows))
-
-
-def state_in_words(snapshot: Snapshot, *, runner: bool) -> str:
-    """Return what the queue does now, in one line."""
-    without = "" if runner else "; no runner is running: start one with smad queue run"
-    if snapshot.arming is None:
-        return f"paused: {snapshot.reason}{without}"
-    return f"running until {limits_in_words(snapshot.arming)}{without}"
-
-
-def limits_in_words(arming: Arming) -> str:
-    """Return end time, budget and what is used of it, in one line."""
-    usage, budget = arming.usage, arming.budget
-    parts = [_clock(arming.end_unix_s)]
-    if budget.energy_J is not None:
-        parts.append(f"{usage.energy_J / 1e3:.1f} of {budget.energy_J / 1e3:g} kJ")
-    if budget.cycles is not None:
-        parts.append(f"{usage.cycles:.0f} of {budget.cycles:.0f} cycles")
-    if budget.hours is not None:
-        parts.append(f"{usage.seconds / 3600:.2f} of {budget.hours:g} h")
-    return ", or ".join(parts)
 
 
 @queue.command()
@@ -216,6 +197,7 @@ def resume(
     from smad.queue.arming import CONFIRM_WITHIN_S, end_time
     from smad.queue.queue import now_zoned
     from smad.queue.states import Budget
+    from smad.queue.words import limits_in_words, state_in_words
 
     if code is not None:
         if (until, hours, energy_kJ, cycles) != (None,) * 4:
@@ -252,32 +234,10 @@ def run(*, until_paused: bool, opened: Queue) -> None:
     """
     from smad.cli.queue_items import obstacle_of
     from smad.client.signals import ended_by_signals
-    from smad.queue.bench import BenchWatch
-    from smad.queue.lease import RunnerLease
-    from smad.queue.process import begin_item
-    from smad.queue.runner import Runner, RunnerParts
+    from smad.queue.running import run_queue
 
     with ended_by_signals():
-        lease = RunnerLease(opened.folder)
-        lease.acquire()
-        watch = BenchWatch(opened.bench, clock_s=time.monotonic)
-        start = functools.partial(
-            begin_item,
-            folder=opened.folder.resolve(),
-            bench=opened.bench,
-            descriptor=lease.descriptor,
-        )
-        runner = Runner(
-            opened.store, RunnerParts(watch=watch, start=start, check=obstacle_of, say=_say)
-        )
-        try:
-            runner.begin()
-            _say(f"runner of {opened.folder}: {state_in_words(opened.snapshot(), runner=True)}")
-            runner.run(until_paused=until_paused)
-        finally:
-            runner.close()
-            watch.close()
-            lease.release()
+        run_queue(opened, check=obstacle_of, say=_say, until_paused=until_paused)
 
 
 @queue.command()
@@ -288,17 +248,17 @@ def run(*, until_paused: bool, opened: Queue) -> None:
 @_on_queue
 def messages(*, after: int, as_json: bool, opened: Queue) -> None:
     """List how every item ended and why the queue paused."""
+    from smad.queue.words import clock
+
     listed = opened.messages(after)
     if as_json:
         print_json(listed, indent=-1)
         return
     for message in listed:
-        click.echo(f"{message.id:>4}  {_clock(message.unix_s)}  {message.text}")
-
-
-def _clock(unix_s: float) -> str:
-    return datetime.fromtimestamp(unix_s).strftime("%d %b %H:%M:%S")
+        click.echo(f"{message.id:>4}  {clock(message.unix_s)}  {message.text}")
 
 
 def _say(text: str) -> None:
-    click.echo(f"{_clock(time.time())}  {text}", err=True)
+    from smad.queue.words import clock
+
+    click.echo(f"{clock(time.time())}  {text}", err=True)

@@ -5,52 +5,20 @@ which pauses the queue, from a refusal, which does not. It ends with its parent,
 to by the kernel, and killed if it does not.
 """
 
-import errno
 import sys
 import traceback
 from collections.abc import Sequence
 
 import click
 
-from smad.api import Reason
 from smad.cli import root
 from smad.client import Client
-from smad.client.errors import NoAnswer, NoDaemon, Refused, Stopped
-from smad.errors import ComputerError, SmadError
-from smad.experiments.errors import StoppedError, TrippedError
+from smad.errors import SmadError
 from smad.processes.parent import end_group_with
-from smad.queue.machine import LOST, SHORT, STOPPED, TRIPPED
+from smad.queue.ending import is_used_up, status_of
+from smad.queue.machine import SHORT, STOPPED
 
 _INTERRUPTED, _INTERNAL = 130, 70
-_REASONS = {
-    Reason.STOPPED: STOPPED,
-    Reason.NOT_ARMED: STOPPED,
-    # A lease ends when this process gets no turn for so long; the daemon then disarms.
-    Reason.NOT_IN_CONTROL: STOPPED,
-    Reason.FAULTED: TRIPPED,
-    Reason.NOT_CONNECTED: LOST,
-    Reason.NO_REPLY: LOST,
-    Reason.RECORDER: SHORT,
-}
-_STATUSES: tuple[tuple[type[SmadError], int], ...] = (
-    (StoppedError, STOPPED),
-    (Stopped, STOPPED),
-    (TrippedError, TRIPPED),
-    (NoDaemon, LOST),
-    (NoAnswer, LOST),
-    (ComputerError, SHORT),
-)
-_USED_UP = (errno.ENOSPC, errno.EDQUOT, errno.ENOMEM, errno.EMFILE, errno.ENFILE, errno.EIO)
-
-
-def status_of(error: SmadError) -> int:
-    """Return the exit status that says why a command ended."""
-    if isinstance(error, Refused) and error.reason in _REASONS:
-        return _REASONS[error.reason]
-    for kind, status in _STATUSES:
-        if isinstance(error, kind):
-            return status
-    return error.exit_status
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -74,11 +42,6 @@ def main(arguments: Sequence[str]) -> int:
         traceback.print_exc()
         return _INTERNAL
     return STOPPED if _stopped_since(bench) else 0
-
-
-def is_used_up(error: MemoryError | OSError) -> bool:
-    """Return whether the error says that this computer has no room, memory or files left."""
-    return isinstance(error, MemoryError) or error.errno in _USED_UP
 
 
 def _stopped_since(bench: str) -> bool:

@@ -106,8 +106,7 @@ def endurance(**options: Any) -> None:
     space is printed and reserved first. A stop, a fault, or a check-up that fails ends the run.
     Look at the bench before you give --go-on, which also counts what a killed run recorded.
     """
-    from smad.experiments.endurance.room import longest_block_s, room_for
-    from smad.experiments.endurance.run import earlier_cycles, endure, take_over_killed
+    from smad.experiments.endurance.run import earlier_cycles, endure, on_bench, take_over_killed
     from smad.experiments.ready import require_packages
     from smad.runlog.paths import make_folder
 
@@ -129,10 +128,7 @@ def endurance(**options: Any) -> None:
             if late:
                 click.echo(f"{late} cycles of a killed block are taken over from its run log")
             plan = replace(plan, first=plan.first + late)
-        plan = replace(plan, longest_s=longest_block_s(config))
-        block = plan.profile.cycles_a_block(plan.check_every or plan.cycles, plan.longest_s)
-        rate_hz = float(config.link.rate_hz)
-        room = room_for(plan.profile, plan.cycles, plan.full_every, block, rate_hz)
+        plan, room = on_bench(plan, config)
         hours = plan.cycles * plan.profile.period_s / 3600.0
         click.echo(f"{plan.cycles} cycles, about {hours:.1f} h of board time; {room.in_words()}")
         ended = endure(
@@ -217,21 +213,16 @@ def _bench(
 def _checker(
     options: dict[str, Any], folder: Path, driver: BlockDriver
 ) -> Callable[[int], Judgement] | None:
-    from smad.experiments.endurance.judgement import judged_by_command
-    from smad.experiments.leased import LeasedDriver
+    from smad.experiments.endurance.judgement import checker
 
     if not options["every"]:
         return None
 
-    def check(number: int) -> Judgement:
-        words = [f"--baseline={options['baseline']}", f"--out={folder / f'checkup-{number:07d}'}"]
+    def words(number: int) -> list[str]:
+        out = [f"--baseline={options['baseline']}", f"--out={folder / f'checkup-{number:07d}'}"]
         if options["sim"]:
-            words += ["--sim", f"--seed={options['seed'] + number}"]
-            words += [f"--effect={text}" for text in options["effects"]]
-        judgement = judged_by_command(words, options["bench"], number)
-        if isinstance(driver, LeasedDriver):
-            # The check-up's own disarms were orderly: it says so by its status.
-            driver.client.as_of(driver.client.motion().generation)
-        return judgement
+            out += ["--sim", f"--seed={options['seed'] + number}"]
+            out += [f"--effect={text}" for text in options["effects"]]
+        return out
 
-    return check
+    return checker(words, options["bench"], driver)

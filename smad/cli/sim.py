@@ -1,6 +1,5 @@
 """`smad sim`: the simulated bench alone, behind a pseudo-terminal."""
 
-import contextlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -10,11 +9,8 @@ import msgspec
 from smad.cli.output import FILE, PATH, Finite, config_option
 from smad.cli.simulated import board_options, effect_lines, effects_option
 from smad.cli.tables import print_columns
-from smad.processes.boards import SimulatedBenchError, build, faults_of, rate_of
+from smad.processes.boards import SimulatedBenchError, build, built
 from smad.processes.simulator import READY
-
-SEED_STEP = 100_003
-"""Between the seeds of two axes: their noise must not be the same."""
 
 
 @click.command()
@@ -62,7 +58,7 @@ def sim(
     """
     from sim_device.errors import BenchError
     from sim_device.plant.errors import PlantError
-    from sim_device.pty import HOST_TIMEOUT_S, said_of_host, serve, symlink_of
+    from sim_device.pty import HOST_TIMEOUT_S, said_of_host, serve
     from smad.config import Config, load_config
 
     if "list" in faults:
@@ -76,7 +72,6 @@ def sim(
         # A daemon that is killed must not leave a bench behind that nobody knows how to end.
         end_with(parent)
     config = (Config() if path is None else load_config(path)).with_axes(axes)
-    seed = config.plant.seed if seed is None else seed
     if rate is not None:
         # What an axis has of its own stands.
         link = msgspec.structs.replace(config.link, rate_hz=int(rate))
@@ -85,21 +80,16 @@ def sim(
         # Compiling the physics takes seconds the first time; a port that is silent for so long
         # would look like a dead board.
         build(config, rate_hz=100, seed=0).step()
-        with contextlib.ExitStack() as built:
-            benches = {}
-            for k, (axis, axis_config) in enumerate(config.by_axis().items()):
-                benches[axis] = build(
-                    axis_config,
-                    rate_hz=rate_of(axis_config.link.rate_hz, firmware),
-                    seed=(seed + k * SEED_STEP) % 2**32,
-                    faults=faults_of(faults, axis),
-                    model_path=model_path,
-                    effects=effects,
-                    firmware=firmware,
-                    store_path=symlink_of(store_path, axis),
-                    axis=axis,
-                )
-                built.callback(benches[axis].close)
+        boards = built(
+            config,
+            seed=config.plant.seed if seed is None else seed,
+            faults=faults,
+            model_path=model_path,
+            effects=effects,
+            firmware=firmware,
+            store_path=store_path,
+        )
+        with boards as benches:
             for line in effect_lines(next(iter(benches.values())).plant.effects, effects):
                 click.echo(line, err=True)
             stats, counts = serve(

@@ -22,6 +22,7 @@ from smad.errors import CommandError
 from smad.files import write_whole
 
 if TYPE_CHECKING:
+    from smad.control.commands import Spring
     from smad.experiments.tuning import Session
 
 
@@ -110,27 +111,14 @@ def _ask() -> None:
 def _session(
     loop: str, spring: str, *, trial: bool, apply: bool, lease_s: float, bench: str
 ) -> Session:
-    from smad.config import parse_config
-    from smad.control.commands import Tune
-    from smad.experiments.tuning import tune_displacement, tune_temperature
+    from smad.experiments.tuning import tune_bench
 
     with ready_client(bench, extra="sim") as connected, progress() as line:
-        config = parse_config(connected.config()).control
         driver = leased_driver(connected, "smad tune", lease_s, line.say)
-        try:
-            session = (
-                tune_temperature(driver, config, "x" if spring == "x" else "y", trial=trial)
-                if loop == "temperature"
-                else tune_displacement(driver, config, trial=trial)
-            )
-        finally:
-            connected.disarm()
-        if apply and not session.worse:
-            command = session.tuned.command(session.tuned.after)
-            connected.tune(command)
-            if session.tuned.band_mm:
-                connected.tune(Tune(hold_band_mm=session.tuned.band_mm))
-    return session
+        warm: Spring | None = None
+        if loop == "temperature":
+            warm = "x" if spring == "x" else "y"
+        return tune_bench(connected, driver, warm, trial=trial, apply=apply)
 
 
 def _print(session: Session) -> None:

@@ -1,6 +1,6 @@
 """What an axis can be told and asked: the part of the blocking client that has one.
 
-Written by `python -m tools.blocking_client` from commands.py: edit that.
+Written by `python -m tools.blocking_client` from async_commands.py: edit that.
 """
 
 import time

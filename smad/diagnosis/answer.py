@@ -6,8 +6,9 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
+import msgspec
 import numpy as np
 
 from smad.diagnosis.constants import Constants
@@ -62,6 +63,10 @@ class Answer:
         """The headline; the rest is in the verdict."""
         return f"<Answer: {self.verdict.headline}>"
 
+    def with_verdict(self, **fields: Any) -> Answer:
+        """The same with some fields of the verdict replaced."""
+        return replace(self, verdict=msgspec.structs.replace(self.verdict, **fields))
+
 
 def answer_of(
     plant: PlacesPlant, search: Searched, *, question: str, constants: Constants, judged_on: str
@@ -96,9 +101,13 @@ def answer_of(
         ),
     )
     return Answer(
-        verdict=verdict, search=search, stages=stages, model=point, uncertainty=uncertainty,
+        verdict=verdict,
+        search=search,
+        stages=stages,
+        model=point,
+        uncertainty=uncertainty,
         alternatives=_alternatives(search, constants.credible_level),
-    )  # fmt: skip
+    )
 
 
 def _alternatives(search: Searched, level: float) -> tuple[Rival, ...]:
@@ -138,8 +147,15 @@ def _stages(search: Searched) -> tuple[Rival, ...]:
 
 def _gap(signal: str, words: str, unit: str, floor: float, left: Sequence[float]) -> SignalGap:
     raw, parameters, *causes = left
-    return SignalGap(signal=signal, words=words, unit=unit, floor=floor, raw=raw,
-                     parameters=parameters, causes=causes)  # fmt: skip
+    return SignalGap(
+        signal=signal,
+        words=words,
+        unit=unit,
+        floor=floor,
+        raw=raw,
+        parameters=parameters,
+        causes=causes,
+    )
 
 
 def signal_gaps(plant: PlacesPlant, question: Question, stages: Sequence[Rival]) -> list[SignalGap]:
@@ -173,10 +189,14 @@ def _by_run(question: Question, *stages: Rival) -> list[RunGap]:
     counts = np.maximum(question.judged.counts.sum(axis=1), 1.0)
     raw, parameters, final = (np.sqrt(r.squares.sum(axis=1) / counts) for r in stages)
     return [
-        RunGap(run=p.whole.name, raw=float(raw[k]), parameters=float(parameters[k]),
-               final=float(final[k]))
+        RunGap(
+            run=p.whole.name,
+            raw=float(raw[k]),
+            parameters=float(parameters[k]),
+            final=float(final[k]),
+        )
         for k, p in enumerate(question.judged.played)
-    ]  # fmt: skip
+    ]
 
 
 def _table(plant: PlacesPlant, question: Question, rivals: Sequence[Rival]) -> list[RivalGap]:
@@ -190,16 +210,22 @@ def _table(plant: PlacesPlant, question: Question, rivals: Sequence[Rival]) -> l
     titles = {e.name: e.title for e in question.effects}
     return [
         RivalGap(
-            kind=r.kind, name=r.name.removeprefix("law:"), words=described.rival(r),
-            title=titles.get(r.name, ""), values=_values(described, question, r),
-            places=list(r.places), gap=question.gap(r), probability=r.probability,
+            kind=r.kind,
+            name=r.name.removeprefix("law:"),
+            words=described.rival(r),
+            title=titles.get(r.name, ""),
+            values=_values(described, question, r),
+            places=list(r.places),
+            gap=question.gap(r),
+            probability=r.probability,
             by_signal={
                 c.name: float(np.sqrt(r.squares[:, i].sum() / counts[i]))
-                for i, c in enumerate(plant.channels) if counts[i] > 0
+                for i, c in enumerate(plant.channels)
+                if counts[i] > 0
             },
         )
         for r in sorted(shown, key=lambda r: (-round(r.probability, 2), question.gap(r)))
-    ]  # fmt: skip
+    ]
 
 
 def _values(described: Describer, question: Question, rival: Rival) -> list[EffectValue]:
@@ -221,12 +247,17 @@ def _scores(question: Question, rivals: Sequence[Rival]) -> list[RivalScore]:
     """The scores of the rivals that were compared."""
     return [
         RivalScore(
-            kind=r.kind, name=r.name.removeprefix("law:"), places=list(r.places),
-            gap=question.gap(r), scores=[float(x) for x in r.scores], log_prior=r.log_prior,
+            kind=r.kind,
+            name=r.name.removeprefix("law:"),
+            places=list(r.places),
+            gap=question.gap(r),
+            scores=[float(x) for x in r.scores],
+            log_prior=r.log_prior,
             near=question.near(r),
         )
-        for r, refuted in zip(rivals, question.refuted(rivals), strict=True) if not refuted
-    ]  # fmt: skip
+        for r, refuted in zip(rivals, question.refuted(rivals), strict=True)
+        if not refuted
+    ]
 
 
 def _cause(
@@ -340,12 +371,16 @@ def _moved(
     theta = fitted.point.theta
     moved = [
         ParameterMoved(
-            name=q.name, words=q.words, unit=q.unit, before=start.theta.get(q.name, q.nominal),
-            after=theta[q.name], sd=float(sd[k]),
+            name=q.name,
+            words=q.words,
+            unit=q.unit,
+            before=start.theta.get(q.name, q.nominal),
+            after=theta[q.name],
+            sd=float(sd[k]),
             at_bound=bool(theta[q.name] <= q.low or theta[q.name] >= q.high),
         )
         for k, q in enumerate(plant.parameters)
-    ]  # fmt: skip
+    ]
     return sorted(moved, key=lambda q: -abs(q.after - q.before) / max(q.sd, 1e-30))
 
 

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-
-import msgspec
 
 from firmware_protocol.nearest import instead
 from smad.diagnosis.answer import Answer, answer_of
@@ -62,17 +59,22 @@ def diagnose(
         given = (*roles[FIT], *roles[HOLD_OUT], *roles[GOOD])
         c = constants or shipped()
         inquiry = Inquiry(
-            plant=with_places(plant), fit=roles[FIT], held_out=roles[HOLD_OUT], good=roles[GOOD],
-            effects=tuple(effects), period_s=period_s, constants=c, say=progress,
+            plant=with_places(plant),
+            fit=roles[FIT],
+            held_out=roles[HOLD_OUT],
+            good=roles[GOOD],
+            effects=tuple(effects),
+            period_s=period_s,
+            constants=c,
+            say=progress,
             floors=estimate_floors(given, plant, period_s),
-        )  # fmt: skip
+        )
         question = CHANGED if good else DIFFERS
         search = changed(inquiry) if good else differs(inquiry)
         answer = answer_of(
             inquiry.plant, search, question=question, constants=c, judged_on=_judged_on(inquiry)
         )
-    verdict = msgspec.structs.replace(
-        answer.verdict,
+    return answer.with_verdict(
         findings=findings,
         runs=_records(groups),
         plant=plant.name,
@@ -80,7 +82,6 @@ def diagnose(
         smad_version=VERSION,
         seconds=round(time.perf_counter() - began, 2),
     )
-    return replace(answer, verdict=verdict)
 
 
 def library(plant: PlantModel, candidates: Sequence[str] | None) -> list[Effect]:

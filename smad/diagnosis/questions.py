@@ -62,15 +62,24 @@ class Inquiry:
         return recorded_evidence(self.plant, runs, floors, self.period_s, point)
 
     def question(
-        self, model: Model, fit: Sequence[GapRun], held_out: Sequence[GapRun], floors: Array,
+        self,
+        model: Model,
+        fit: Sequence[GapRun],
+        held_out: Sequence[GapRun],
+        floors: Array,
         tied: Array | None = None,
-    ) -> Question:  # fmt: skip
+    ) -> Question:
         """What is asked of some runs with a model."""
         point = model.start
         return question_of(
-            model, self.evidence(fit, point, floors), self.effects, self.constants, self.say,
-            held_out=self.evidence(held_out, point, floors) if held_out else None, tied=tied,
-        )  # fmt: skip
+            model,
+            self.evidence(fit, point, floors),
+            self.effects,
+            self.constants,
+            self.say,
+            held_out=self.evidence(held_out, point, floors) if held_out else None,
+            tied=tied,
+        )
 
 
 def question_of(
@@ -91,18 +100,30 @@ def question_of(
     if tied is not None:
         model = tempered(model, evidence, temper)
     return Question(
-        evidence=evidence, held_out=held_out, model=model, tied=tied, effects=tuple(effects),
-        responses=responses, places=len(places.places), say=say,
-        tau=tau, temper=temper,
-    )  # fmt: skip
+        evidence=evidence,
+        held_out=held_out,
+        model=model,
+        tied=tied,
+        effects=tuple(effects),
+        responses=responses,
+        places=len(places.places),
+        say=say,
+        tau=tau,
+        temper=temper,
+    )
 
 
 def temper_of(c: Constants, *, free: bool, channels: int = CHANNELS) -> Temper:
     """What weighs rivals. Where parameters are `free` in every rival, other values of them without
     a part are the simulator in which nothing is missing. Fewer `channels` say as much together."""
     parameters = c.nothing if free else c.parameters
-    return Temper(evidence=c.evidence * CHANNELS / channels, nothing=c.nothing,
-                  parameters=parameters, effect=c.effect, law=0.0)  # fmt: skip
+    return Temper(
+        evidence=c.evidence * CHANNELS / channels,
+        nothing=c.nothing,
+        parameters=parameters,
+        effect=c.effect,
+        law=0.0,
+    )
 
 
 def free_model(plant: PlacesPlant, start: ModelPoint) -> Model:

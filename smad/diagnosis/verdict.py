@@ -11,7 +11,8 @@ from pathlib import Path
 
 import msgspec
 
-from smad.diagnosis.errors import PlantMismatch
+from smad.diagnosis.errors import GapError, PlantMismatch
+from smad.units import in_words
 
 QUIET, PARAMETERS, CAUSES, UNEXPLAINED, REFUSED = (
     "quiet", "parameters", "causes", "unexplained", "refused",
@@ -23,25 +24,19 @@ DIFFERS, CHANGED, CHECK_UP = "differs", "changed", "check-up"
 
 _NAMED = 2
 """Names beside the first one that a heading lists."""
-_UNITS = {"degC": "°C", "Ohm": "Ω", "1": ""}
 _MOST_DECIMALS, _LARGE = 5, 1e5
 _UNEXPLAINED_FLOORS = 1.5
 """Floors are known to a third, runs differ: from here on a gap is more than noise."""
 
 
-def unit_words(unit: str) -> str:
-    """A unit as users read it; empty for numbers without one."""
-    return _UNITS.get(unit, unit)
-
-
 def labelled(words: str, unit: str) -> str:
     """What an axis shows, with its unit: temperature sensor of spring X, °C."""
-    return f"{words}, {unit_words(unit)}".removesuffix(", ")
+    return f"{words}, {in_words(unit)}".removesuffix(", ")
 
 
 def with_unit(value: float, sd: float, unit: str) -> str:
     """A value with its standard deviation and unit, to the decimals that the deviation leaves."""
-    unit = f" {unit_words(unit)}".rstrip()
+    unit = f" {in_words(unit)}".rstrip()
     decimals = max(0, -math.floor(math.log10(sd))) if 0.0 < sd < math.inf else _MOST_DECIMALS + 1
     if decimals > _MOST_DECIMALS or abs(value) >= _LARGE:
         return f"{value:.4g} ± {sd:.1g}{unit}"
@@ -86,7 +81,7 @@ class LawTerm(msgspec.Struct, frozen=True, kw_only=True):
             f"{'' if side == 'both' else side.upper() + ' '}{v:+.2g} ± {self.sd[side]:.1g}"
             for side, v in self.slopes.items()
         )
-        return f"{self.words}: {slopes} {unit_words(self.unit)}".rstrip()
+        return f"{self.words}: {slopes} {in_words(self.unit)}".rstrip()
 
 
 class EffectValue(msgspec.Struct, frozen=True, kw_only=True):
@@ -350,3 +345,15 @@ def _goes(before: float, after: float) -> str:
     digits = 1 if f"{before:.1f}" != f"{after:.1f}" else 2
     left = f", {after:.{digits}f} floors stay unexplained" if after > _UNEXPLAINED_FLOORS else ""
     return f"the gap goes from {before:.{digits}f} to {after:.{digits}f} floors{left}"
+
+
+def read_verdict(path: Path) -> Verdict:
+    """The verdict in a file that `smad gap diagnose` wrote. Raises GapError for another file."""
+    try:
+        return Verdict.from_json(path.read_bytes())
+    except msgspec.DecodeError as error:
+        raise GapError(
+            f"{path} is no verdict",
+            value=str(error),
+            action="give a file that smad gap diagnose --json wrote",
+        ) from error

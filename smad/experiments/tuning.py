@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass
 
-from smad.config import ControlConfig
-from smad.control.commands import Spring
+from smad.client import Client
+from smad.config import ControlConfig, parse_config
+from smad.control.commands import Spring, Tune
 from smad.control.tuning.errors import TuningError
 from smad.control.tuning.plans import (
     displacement_plan,
@@ -67,6 +68,29 @@ def tune_displacement(driver: Driver, config: ControlConfig, *, trial: bool = Tr
     return Session(
         tuned, (trial_of(before.columns, before.marks), trial_of(after.columns, after.marks))
     )
+
+
+def tune_bench(
+    client: Client, driver: Driver, spring: Spring | None, *, trial: bool, apply: bool
+) -> Session:
+    """Tune the bench of a client: temperature of a `spring`, None: displacement; then disarm it.
+
+    With `apply` gains that are no worse are put in force. Raises as `tune_displacement` does.
+    """
+    config = parse_config(client.config()).control
+    try:
+        session = (
+            tune_displacement(driver, config, trial=trial)
+            if spring is None
+            else tune_temperature(driver, config, spring, trial=trial)
+        )
+    finally:
+        client.disarm()
+    if apply and not session.worse:
+        client.tune(session.tuned.command(session.tuned.after))
+        if session.tuned.band_mm:
+            client.tune(Tune(hold_band_mm=session.tuned.band_mm))
+    return session
 
 
 def _require(driver: Driver, *readings: str) -> None:

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,7 +34,6 @@ from smad.runlog.paths import names_of
 from smad.simulators.columns import LONG_STEP_S
 from smad.simulators.expected import expected, on_standard_error
 from smad.simulators.planning import Plan
-from smad.simulators.processes import in_processes
 from smad.simulators.rating import rate
 from smad.simulators.windows import choose_window
 from smad.units import alternatives, spelt, units_for
@@ -81,7 +79,7 @@ def diagnose_unit(
     plant.window_s, why = 0.0, ""
     try:
         count = processes or 1
-        with in_processes(plant, count):
+        with plant.in_processes(count):
             takes = expected(with_places(plant), every, _replay_s(plant, every[0]))
             if takes.slow:
                 announced(takes.words(count, chosen=False))
@@ -98,7 +96,7 @@ def diagnose_unit(
             "leave the run out",
         ) from error
     notes = [*answer.verdict.notes, *filter(None, (taken, why)), *plant.failures.notes]
-    return replace(answer, verdict=msgspec.structs.replace(answer.verdict, notes=notes))
+    return answer.with_verdict(notes=notes)
 
 
 def _replay_s(plant: FmuPlant, run: GapRun) -> float:

@@ -84,11 +84,16 @@ def variables(parameters: ParameterSet) -> list[Variable]:
     }
     inputs = [
         Variable(
-            name=name, causality="input", unit=unit, description=text, low=low, high=high,
+            name=name,
+            causality="input",
+            unit=unit,
+            description=text,
+            low=low,
+            high=high,
             start=starts.get(name, 0.0),
         )
         for name, unit, text, low, high in INPUTS
-    ]  # fmt: skip
+    ]
     fixed = [
         Variable(
             name=field.name,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
@@ -14,6 +15,10 @@ from smad.errors import SmadError
 if TYPE_CHECKING:
     from sim_device.bench import SimulatedBench
     from smad.config import Config
+
+
+SEED_STEP = 100_003
+"""Between the seeds of two axes: their noise must not be the same."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +103,41 @@ def build(
         axis_name=axis,
         **store,
     )
+
+
+@contextmanager
+def built(
+    config: Config,
+    *,
+    seed: int,
+    faults: tuple[str, ...],
+    model_path: Path | None,
+    effects: tuple[str, ...],
+    firmware: str,
+    store_path: Path | None,
+) -> Iterator[dict[str, SimulatedBench]]:
+    """Build a bench for each axis of the configuration, closed when the block ends; see `build`.
+
+    `faults` of one axis of several begin with its name and a colon. Raises SimulatedBenchError too.
+    """
+    from sim_device.pty import symlink_of
+
+    with ExitStack() as stack:
+        benches = {}
+        for k, (axis, axis_config) in enumerate(config.by_axis().items()):
+            benches[axis] = build(
+                axis_config,
+                rate_hz=rate_of(axis_config.link.rate_hz, firmware),
+                seed=(seed + k * SEED_STEP) % 2**32,
+                faults=faults_of(faults, axis),
+                model_path=model_path,
+                effects=effects,
+                firmware=firmware,
+                store_path=symlink_of(store_path, axis),
+                axis=axis,
+            )
+            stack.callback(benches[axis].close)
+        yield benches
 
 
 def _python(board_type: str) -> Callable[..., SimulatedBench]:

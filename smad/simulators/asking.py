@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
-
-import msgspec
 
 from smad.diagnosis import Answer
 from smad.diagnosis import diagnose as ask
@@ -15,7 +12,6 @@ from smad.simulators.bind import bind
 from smad.simulators.columns import csv_format
 from smad.simulators.declare import Simulator
 from smad.simulators.expected import expected, on_standard_error, spaced
-from smad.simulators.processes import in_processes
 from smad.simulators.windows import choose_window
 
 
@@ -56,7 +52,7 @@ def diagnose(
     if takes.slow:
         announced(takes.words(count, chosen=processes is None))
     progress = progress or (spaced(announced) if takes.slow else silent)
-    with in_processes(plain, count):
+    with plain.in_processes(count):
         progress("choosing a window")
         plain.window_s, why = choose_window(plain, fit, window_s)
         answer = ask(
@@ -68,4 +64,4 @@ def diagnose(
             progress=progress,
         )
     notes = [*answer.verdict.notes, *bound.said, *([why] if why else []), *plain.failures.notes]
-    return replace(answer, verdict=msgspec.structs.replace(answer.verdict, notes=notes))
+    return answer.with_verdict(notes=notes)

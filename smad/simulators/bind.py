@@ -89,9 +89,9 @@ def bind(
     said = _said(declared, every, read, found, exact)
     correlation_s = _correlation_s(outputs, every)
     plant = SimulatedPlant(
-        declared=declared,
-        inputs=_signals(declared, [n for n in read if n not in exact], every),
-        channels=[_channel(declared, n, [r for group in runs for r in group]) for n in outputs],
+        declared,
+        _signals(declared, [n for n in read if n not in exact], every),
+        [_channel(declared, n, [r for group in runs for r in group]) for n in outputs],
         lag_s=LAG_OF_CORRELATION * correlation_s,
         shortest_s=declared.shortest_s or min(Traits().shortest_s, _SHORTEST * correlation_s),
     )
@@ -144,8 +144,9 @@ def _channel(declared: Simulator, name: str, runs: Sequence[GapRun]) -> Channel:
 
 
 def _correlation_s(outputs: Sequence[str], tables: Sequence[Table]) -> float:
-    return usual_correlation_s((t.t_s, t.columns[n]) for t in tables for n in outputs
-                               if n in t.columns)  # fmt: skip
+    return usual_correlation_s(
+        (t.t_s, t.columns[n]) for t in tables for n in outputs if n in t.columns
+    )
 
 
 def _blurred(plant: SimulatorPlaces, runs: Sequence[GapRun], outputs: Sequence[str]) -> list[str]:

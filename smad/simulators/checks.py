@@ -127,13 +127,14 @@ def roles(declared: Simulator, table: Table) -> Roles:
     first = {n: first[n] for n in outputs}
     seconds = _require_same(declared, table, asked, starting, first)
     return Roles(
-        inputs=[n for n in asked.read if n not in outputs], outputs=outputs,
+        inputs=[n for n in asked.read if n not in outputs],
+        outputs=outputs,
         unmeasured=[n for n, s in sources.items() if not s],
         idle=_idle(
             declared, lambda v: called(declared, table.t_s, asked, v, starting), first, seconds
         ),
         seconds=seconds,
-    )  # fmt: skip
+    )
 
 
 def _require_used(declared: Simulator, used: set[str]) -> None:

@@ -247,9 +247,14 @@ def run_of(
     given = {n: table.columns[n] for n in inputs}
     shown = {n: table.columns[n] for n in outputs if n in table.columns}
     return GapRun(
-        table.name, table.t_s, {**given, **flat}, shown, notes=table.notes, trusted=trusted,
+        table.name,
+        table.t_s,
+        {**given, **flat},
+        shown,
+        notes=table.notes,
+        trusted=trusted,
         written=table.written,
-    )  # fmt: skip
+    )
 
 
 def require_time(table: Table) -> None:

@@ -145,11 +145,19 @@ def simulator(
             "two values of the simulator have one name", value=twice[0], action="rename one"
         )
     return Simulator(
-        function=function, name=name, parameters=known, effects=causes,
-        exact=tuple(exact), observed=tuple(observed), forces=_forces(forces),
-        units=dict(units or {}), noise=dict(noise or {}), ranges=dict(ranges or {}),
-        transducers=transducers, shortest_s=shortest_s,
-    )  # fmt: skip
+        function=function,
+        name=name,
+        parameters=known,
+        effects=causes,
+        exact=tuple(exact),
+        observed=tuple(observed),
+        forces=_forces(forces),
+        units=dict(units or {}),
+        noise=dict(noise or {}),
+        ranges=dict(ranges or {}),
+        transducers=transducers,
+        shortest_s=shortest_s,
+    )
 
 
 def _parameter(name: str, row: Sequence[float], units: Mapping[str, str]) -> Parameter:
@@ -221,8 +229,12 @@ def _missing(name: str, row: float | Sequence[float]) -> Missing:
 def _forces(given: Mapping[str, tuple[float, float]] | None) -> dict[str, tuple[float, float]]:
     form = "{name: (low, high)}"
     if given is not None and not isinstance(given, Mapping):
-        raise SimulatorError("forces are not declared by name", value=repr(given), limit=form,
-                             action="give the least and the largest of each")  # fmt: skip
+        raise SimulatorError(
+            "forces are not declared by name",
+            value=repr(given),
+            limit=form,
+            action="give the least and the largest of each",
+        )
     ends = {n: _numbers("force", n, row, (2,), "(low, high)") for n, row in (given or {}).items()}
     return {n: (low, high) for n, (low, high) in ends.items()}
 

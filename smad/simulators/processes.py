@@ -6,12 +6,11 @@ no module of its own.
 
 from __future__ import annotations
 
-import contextlib
 import multiprocessing
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from typing import Any, Protocol
+from typing import Any
 
 from smad.simulators.errors import SimulatorError
 
@@ -45,35 +44,6 @@ class Processes:
     def close(self) -> None:
         """End the processes."""
         self._pool.shutdown(cancel_futures=True)
-
-
-class Separable(Protocol):
-    """A plant whose replays may be made in other processes."""
-
-    processes: Processes | None
-
-    def play(self, *arguments: Any) -> Any:
-        """A replay, from what can be sent to another process."""
-        ...
-
-
-@contextlib.contextmanager
-def in_processes(plant: Separable, count: int) -> Iterator[None]:
-    """A plant whose replays are made in so many processes; 1: in this one.
-
-    Raises SimulatorError for what is no count.
-    """
-    if count < 1:
-        raise SimulatorError("processes is no count", value=count, action="give 1 or more")
-    if count == 1:
-        yield
-        return
-    with contextlib.closing(Processes(plant.play, count)) as pool:
-        plant.processes = pool
-        try:
-            yield
-        finally:
-            plant.processes = None
 
 
 _functions: list[Callable[..., Any]] = []

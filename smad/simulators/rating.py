@@ -145,9 +145,14 @@ def _noticed(c: _Cause, sheet: _Sheet, slopes: Array, gram: Array) -> tuple[floa
 def _rated(c: _Cause, size: float, alike: tuple[str, ...]) -> Rating:
     rating = NOT if size > c.high else WEAK if alike or size > c.typical else IDENTIFIABLE
     return Rating(
-        kind=c.kind, name=c.name, words=c.words, rating=rating, size=float(size), unit=c.unit,
+        kind=c.kind,
+        name=c.name,
+        words=c.words,
+        rating=rating,
+        size=float(size),
+        unit=c.unit,
         alike=alike,
-    )  # fmt: skip
+    )
 
 
 def _alike(k: int, causes: Sequence[_Cause], left: Sequence[Array]) -> tuple[str, ...]:
@@ -174,10 +179,17 @@ def _parameters(
     for q, sd, rows, why in zip(plant.parameters, spread, size, missed_by, strict=True):
         rating = IDENTIFIABLE if sd < _SURE else WEAK if sd < _LITTLE else NOT
         noticed = q.prior_sd / rows if rows > 0.0 else np.inf
-        out.append(Rating(
-            kind="parameter", name=q.name, words=q.name, rating=UNKNOWN if why else rating,
-            size=float(noticed), unit=q.unit, why=why,
-        ))  # fmt: skip
+        out.append(
+            Rating(
+                kind="parameter",
+                name=q.name,
+                words=q.name,
+                rating=UNKNOWN if why else rating,
+                size=float(noticed),
+                unit=q.unit,
+                why=why,
+            )
+        )
     return out
 
 
@@ -275,9 +287,16 @@ def _effects(sheet: _Sheet, ends: float) -> Iterator[_Cause | Rating]:
                 yield _missed("effect", name, effect.title, q.unit, late=late)
                 continue
             yield _Cause(
-                "effect", name, effect.title, q.unit, abs(q.typical), abs(q.typical),
-                max(abs(q.low), abs(q.high)), rows, known & frozenset(effect.places),
-            )  # fmt: skip
+                "effect",
+                name,
+                effect.title,
+                q.unit,
+                abs(q.typical),
+                abs(q.typical),
+                max(abs(q.low), abs(q.high)),
+                rows,
+                known & frozenset(effect.places),
+            )
 
 
 def _places(sheet: _Sheet, ends: float) -> Iterator[_Cause | Rating]:
@@ -292,8 +311,17 @@ def _places(sheet: _Sheet, ends: float) -> Iterator[_Cause | Rating]:
                 yield _missed("place", name, words, place.unit, late=late)
                 continue
             most = _OF_SCALE[place.reading] * place.scale
-            yield _Cause("place", name, words, place.unit, place.scale, most, most, rows,
-                         frozenset({place.name}))  # fmt: skip
+            yield _Cause(
+                "place",
+                name,
+                words,
+                place.unit,
+                place.scale,
+                most,
+                most,
+                rows,
+                frozenset({place.name}),
+            )
 
 
 def _missed(

@@ -67,11 +67,14 @@ def _fit(t: Array, y: Array, powers: tuple[int, ...]) -> _Polynomial:
     left = y - columns @ coefficients
     moving = 1 in powers
     return _Polynomial(
-        value=float(coefficients[0]), rate=float(coefficients[1] / scale) if moving else 0.0,
+        value=float(coefficients[0]),
+        rate=float(coefficients[1] / scale) if moving else 0.0,
         value_error=float(np.linalg.norm(inverse[0])),
         rate_error=float(np.linalg.norm(inverse[1])) / scale if moving else 0.0,
-        squares=float(left @ left), samples=len(t), free=len(t) - len(powers),
-    )  # fmt: skip
+        squares=float(left @ left),
+        samples=len(t),
+        free=len(t) - len(powers),
+    )
 
 
 def _order(fit: _Polynomial) -> tuple[int, float]:
@@ -114,11 +117,11 @@ class Starts:
         self._outputs = outputs
         measured = {n: run.outputs[n] for n in outputs if n in run.outputs}
         self._half = {
-            n: int(np.clip(
-                _OF_CORRELATION * correlation_time_s(run.t_s, y) / run.dt_s, _FEWEST, _MOST
-            ))
+            n: int(
+                np.clip(_OF_CORRELATION * correlation_time_s(run.t_s, y) / run.dt_s, _FEWEST, _MOST)
+            )
             for n, y in measured.items()
-        }  # fmt: skip
+        }
         self._variance = {
             n: noise_of([y]) ** 2 + quantum_of([y]) ** 2 / 12.0 + (_RESOLUTION * np.ptp(y)) ** 2
             for n, y in measured.items()

@@ -5,12 +5,14 @@ Each effect has one strength. At 0 the signal passes unchanged, to the last bit.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from smad.diagnosis.numerics.lag import lagged
-from smad.diagnosis.plant import Array, Effect, EffectParameter, EffectValues
+from smad.diagnosis.places.bare import INPUT, READING
+from smad.diagnosis.plant import Array, Channel, Effect, EffectParameter, EffectValues, Signal
 
 _GAIN = (0.05, 0.5)
 _ZERO_OF_RANGE = (0.02, 0.25)
@@ -18,46 +20,64 @@ _LONGEST = 10.0
 _SATURATES = (0.2, 0.9)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Transduced:
-    """A signal that passes a sensor or a drive: its name, unit and range, and where it is felt.
+def effects_of(
+    channels: Sequence[Channel],
+    drives: Iterable[Signal],
+    lag_s: float,
+    *,
+    acts_at: Callable[[str], str] = INPUT.__add__,
+    delay: bool = True,
+    saturation: bool = False,
+) -> list[Effect]:
+    """The effects of each reading, then of each drive, named `{signal}_gain`, `_zero`, `_lag`.
 
-    `lag_s` is what it may well lag by, `places` the names of the places of the diagnosis.
+    `lag_s` is what either may well lag by; a drive `acts_at` a place of the diagnosis. Only with
+    `delay` may a signal be late, only with `saturation` a drive saturate.
     """
+    everything = tuple(c.name for c in channels)
+    effects: list[Effect] = []
+    for c in channels:
+        own = _Felt(f"reading {c.name}", (c.name,), f"{READING}{c.name}")
+        effects += _effects(c, own, lag_s, delay=delay)
+    for s in drives:
+        own = _Felt(f"drive {s.name}", everything, acts_at(s.name))
+        effects += _effects(s, own, lag_s, delay=delay, saturation=saturation)
+    return effects
 
-    name: str
-    unit: str
-    low: float
-    high: float
-    lag_s: float
-    drive: bool
+
+class _Felt(NamedTuple):
+    """What a signal is in words, the channels that it changes, and its place."""
+
+    words: str
     signals: tuple[str, ...]
-    places: tuple[str, ...] = ()
+    place: str
 
 
-def effects_of(t: Transduced, *, delay: bool = True, saturation: bool = False) -> list[Effect]:
-    """The effects that a signal may have, named `{signal}_gain`, `_zero`, `_lag` and so on."""
-    what = f"{'drive' if t.drive else 'reading'} {t.name}"
+def _effects(
+    of: Channel | Signal, felt: _Felt, lag_s: float, *, delay: bool, saturation: bool = False
+) -> Iterable[Effect]:
     gain, most_gain = _GAIN
-    zero, most_zero = (share * (t.high - t.low) for share in _ZERO_OF_RANGE)
-    longest = _LONGEST * t.lag_s
+    zero, most_zero = (share * (of.high - of.low) for share in _ZERO_OF_RANGE)
+    longest = _LONGEST * lag_s
     rows = [
         ("gain", "gain error", _value("g", "1", gain, -most_gain, most_gain), "(1 + g)·y"),
-        ("zero", "zero error", _value("b", t.unit, zero, -most_zero, most_zero), "y + b"),
-        ("lag", "lag", _value("tau_s", "s", t.lag_s, 0.0, longest), "tau·s' = y − s"),
+        ("zero", "zero error", _value("b", of.unit, zero, -most_zero, most_zero), "y + b"),
+        ("lag", "lag", _value("tau_s", "s", lag_s, 0.0, longest), "tau·s' = y − s"),
     ]
     if delay:
-        rows.append(("delay", "delay", _value("T_s", "s", t.lag_s, 0.0, longest), "y(t − T)"))
+        rows.append(("delay", "delay", _value("T_s", "s", lag_s, 0.0, longest), "y(t − T)"))
     if saturation:
         cut = _value("cut", "1", _SATURATES[0], 0.0, _SATURATES[1])
         rows.append(("saturation", "saturation", cut, "|y| ≤ (1 − cut)·largest"))
-    return [
-        Effect(
-            name=f"{t.name}_{end}", title=f"{title} of the {what}", parameters=(value,),
-            signals=t.signals, equation=law, places=t.places,
+    for end, title, value, law in rows:
+        yield Effect(
+            name=f"{of.name}_{end}",
+            title=f"{title} of the {felt.words}",
+            parameters=(value,),
+            signals=felt.signals,
+            equation=law,
+            places=(felt.place,),
         )
-        for end, title, value, law in rows
-    ]  # fmt: skip
 
 
 def transduced(

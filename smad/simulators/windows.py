@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -21,20 +20,13 @@ from smad.diagnosis.plant import (
     Array,
     Mask,
     ModelPoint,
-    PlantModel,
     moved_parameters,
     nominal_point,
     traits_of,
 )
 from smad.diagnosis.runs import GapRun
 from smad.simulators.errors import SimulatorError
-
-
-class Windowed(PlantModel, Protocol):
-    """A plant whose runs can be replayed in windows that begin from their readings."""
-
-    window_s: float
-
+from smad.simulators.replayed import ReplayedPlant
 
 _FOLLOWS = 0.25
 """Error over the signal's standard deviation up to which a model follows a run, as configured."""
@@ -56,7 +48,7 @@ _MOST_RUNS = 4
 
 
 def choose_window(
-    plant: Windowed, runs: Sequence[GapRun], window_s: float | None
+    plant: ReplayedPlant, runs: Sequence[GapRun], window_s: float | None
 ) -> tuple[float, str]:
     """The length of a window in s, 0 for whole runs, and why in words.
 
@@ -94,13 +86,13 @@ def choose_window(
     )
 
 
-def _usable(plant: Windowed, run: GapRun) -> GapRun:
+def _usable(plant: ReplayedPlant, run: GapRun) -> GapRun:
     """A run as it will be admitted: up to its first hole, without NaN."""
     used = filled(up_to_first_hole(run, row_of_admitted_s([run], plant), lambda *_, **__: None))
     return replace(used, outputs={n: y for n, y in used.outputs.items() if np.isfinite(y).all()})
 
 
-def _given(plant: Windowed, runs: Sequence[GapRun], window_s: float) -> tuple[float, str]:
+def _given(plant: ReplayedPlant, runs: Sequence[GapRun], window_s: float) -> tuple[float, str]:
     if not window_s >= 0.0:
         raise SimulatorError("window_s is no length", value=window_s, action="give s, or 0")
     if window_s == 0.0:
@@ -122,7 +114,7 @@ def _given(plant: Windowed, runs: Sequence[GapRun], window_s: float) -> tuple[fl
     return window_s, f"replayed in windows of {window_s:.3g} s that begin from the readings"
 
 
-def forgets_its_start(plant: Windowed, run: GapRun) -> bool:
+def forgets_its_start(plant: ReplayedPlant, run: GapRun) -> bool:
     """Whether the model shows the same at the end of a run wherever the readings have it begin.
 
     Then errors do not grow, and a window would add that of its start.
@@ -138,7 +130,7 @@ def forgets_its_start(plant: Windowed, run: GapRun) -> bool:
 
 
 def _begun_elsewhere(
-    plant: Windowed, run: GapRun
+    plant: ReplayedPlant, run: GapRun
 ) -> tuple[Mapping[str, Array], Mapping[str, Array]]:
     """What the model predicts of a whole run, from its start and from quite another one."""
     moved = {
@@ -152,7 +144,9 @@ def _begun_elsewhere(
     return base, begun
 
 
-def lost_by(plant: Windowed, point: ModelPoint, runs: Sequence[GapRun], window_s: float) -> float:
+def lost_by(
+    plant: ReplayedPlant, point: ModelPoint, runs: Sequence[GapRun], window_s: float
+) -> float:
     """Prediction error over the signal's standard deviation, both over all runs: of the worst
     channel, the larger of the whole and of the last quarter of each window (or run)."""
     square: dict[str, Array] = {}
@@ -169,7 +163,7 @@ def lost_by(plant: Windowed, point: ModelPoint, runs: Sequence[GapRun], window_s
     return float(max((r if np.isfinite(r) else np.inf for r in ratios), default=0.0))
 
 
-def _late(plant: Windowed, run: GapRun, window_s: float) -> Mask:
+def _late(plant: ReplayedPlant, run: GapRun, window_s: float) -> Mask:
     into = run.t_s - run.t_s[0]
     length = window_s or max(run.duration_s, 1e-9)
     late: Mask = np.mod(into, length) >= 0.75 * length
@@ -177,7 +171,7 @@ def _late(plant: Windowed, run: GapRun, window_s: float) -> Mask:
 
 
 def _replayed(
-    plant: Windowed, point: ModelPoint, runs: Sequence[GapRun], window_s: float
+    plant: ReplayedPlant, point: ModelPoint, runs: Sequence[GapRun], window_s: float
 ) -> list[dict[str, Array]]:
     before, plant.window_s = plant.window_s, window_s
     try:
@@ -186,7 +180,7 @@ def _replayed(
         plant.window_s = before
 
 
-def _lengths(plant: Windowed, runs: Sequence[GapRun]) -> list[float]:
+def _lengths(plant: ReplayedPlant, runs: Sequence[GapRun]) -> list[float]:
     """Lengths that windows may have, longest first: halves of a run, down to a few rows."""
     longest = float(np.median([r.duration_s for r in runs])) / 2.0
     least = _LEAST_ROWS * row_length_s(runs, plant)
@@ -196,7 +190,7 @@ def _lengths(plant: Windowed, runs: Sequence[GapRun]) -> list[float]:
 
 
 def fitted(
-    plant: Windowed, start: ModelPoint, runs: Sequence[GapRun], window_s: float
+    plant: ReplayedPlant, start: ModelPoint, runs: Sequence[GapRun], window_s: float
 ) -> ModelPoint:
     """The parameters that predict best in windows, by least squares with priors."""
 

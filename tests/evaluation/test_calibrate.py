@@ -30,8 +30,9 @@ RUNS, ROWS = 4, 20.0
 def rival(kind: str, name: str, left: float, *places: str, far: float = 0.0) -> RivalScore:
     """A rival that leaves so many floors in each of two channels of every run."""
     score = -2.0 * float(np.log(left**2 + 1.0))
-    return RivalScore(kind=kind, name=name, places=list(places), gap=left,
-                      scores=[score] * RUNS, log_prior=-far)  # fmt: skip
+    return RivalScore(
+        kind=kind, name=name, places=list(places), gap=left, scores=[score] * RUNS, log_prior=-far
+    )
 
 
 def rivals(
@@ -56,15 +57,21 @@ def cases(counts: dict[str, int]) -> list[CaseRivals]:
     effect = {NONE: 0.7, MOVED: 0.7, LISTED: 0.7, UNLISTED: 1.9}
     return [
         CaseRivals(
-            case=f"{truth}-{n}", fold=f"bench {n % 4}", question="check-up",
-            truth=truth, exact=n % 2 == 0,
+            case=f"{truth}-{n}",
+            fold=f"bench {n % 4}",
+            question="check-up",
+            truth=truth,
+            exact=n % 2 == 0,
             names=frozenset({"rtd_lag"} if truth == LISTED else {"slow glue"}),
-            places=frozenset({"reading_rtd"}), effects=41, laws=20,
-            rivals=tuple(rivals(truth, effect[truth], rng)), independent_rows=ROWS,
+            places=frozenset({"reading_rtd"}),
+            effects=41,
+            laws=20,
+            rivals=tuple(rivals(truth, effect[truth], rng)),
+            independent_rows=ROWS,
         )
         for truth, count in counts.items()
         for n in range(count)
-    ]  # fmt: skip
+    ]
 
 
 FEW = {NONE: 4, MOVED: 4, LISTED: 4, UNLISTED: 4}
@@ -92,8 +99,11 @@ def test_what_is_told_holds_the_truth_as_often_as_it_should() -> None:
 def test_an_effect_that_parameters_imitate_says_nothing_of_the_constants() -> None:
     some = cases(ALL)
     rng = np.random.default_rng(4)
-    hidden = [replace(x, rivals=tuple(rivals(LISTED, 0.7, rng, parameters=0.7)))
-              for x in some if x.truth == LISTED]  # fmt: skip
+    hidden = [
+        replace(x, rivals=tuple(rivals(LISTED, 0.7, rng, parameters=0.7)))
+        for x in some
+        if x.truth == LISTED
+    ]
     assert showing([*some, *hidden]) == some
     assert fitted([*some, *hidden]) == fitted(some)
 
@@ -109,10 +119,20 @@ def recovery(folder: Path) -> Path:
     kinds = {NONE: "none", MOVED: "parameters", LISTED: "single"}
     answers = {}
     for x in cases({NONE: 4, MOVED: 4, LISTED: 4}):
-        case = Case(name=x.case, question="differs", kind=kinds[x.truth], seed=1,
-                    effects={"rtd_lag": {"tau_s": 0.6}} if x.truth == LISTED else {})  # fmt: skip
-        verdict = Verdict(question="differs", outcome="quiet", headline="",
-                          first_step=list(x.rivals), independent_rows=ROWS)  # fmt: skip
+        case = Case(
+            name=x.case,
+            question="differs",
+            kind=kinds[x.truth],
+            seed=1,
+            effects={"rtd_lag": {"tau_s": 0.6}} if x.truth == LISTED else {},
+        )
+        verdict = Verdict(
+            question="differs",
+            outcome="quiet",
+            headline="",
+            first_step=list(x.rivals),
+            independent_rows=ROWS,
+        )
         answers[x.case] = Answer(case=case, verdict=verdict)
     path = folder / "recovery.json"
     RecoveryFile(seed=1, source_sha256="", answers=answers).write(path)

@@ -67,9 +67,13 @@ def test_a_bank_keeps_its_key_apart_and_benches_on_days_of_their_own(tmp_path: P
 
 def test_other_days_have_no_effect_and_are_unlike_the_good_ones(tmp_path: Path) -> None:
     order = CheckUps(
-        folder=tmp_path / "bank", programme=_programme(tmp_path / "p"), cases=5, benches=1, seed=3,
+        folder=tmp_path / "bank",
+        programme=_programme(tmp_path / "p"),
+        cases=5,
+        benches=1,
+        seed=3,
         mixture="other-days",
-    )  # fmt: skip
+    )
     make(order)
     key = json.loads((order.key_folder / "KEY.json").read_text())["cases"]
     by_kind = {entry["kind"]: (case, entry) for case, entry in key.items()}

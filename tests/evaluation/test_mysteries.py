@@ -18,9 +18,11 @@ from tests.evaluation.told import effect_told
 
 ANSWER = {"seed": 7, "effects": [{"name": "rtd_lag", "listed": True, "places": ["reading_rtd"]}]}
 VERDICT = Verdict(
-    question=CHECK_UP, outcome=CAUSES, headline="the reading of the RTD has changed",
+    question=CHECK_UP,
+    outcome=CAUSES,
+    headline="the reading of the RTD has changed",
     causes=[effect_told("rtd_lag", "reading_rtd")],
-)  # fmt: skip
+)
 
 
 class FakeWire:
@@ -48,9 +50,16 @@ class FakeWire:
             baseline.mkdir(exist_ok=True)
             have = 1 if again else 0
             about = About(
-                schema=SCHEMA, bench="quiz", programme="", plant="", degrees=1, theta={},
-                repeats=have + int(options["--repeats"]), effects={}, runs=[],
-            )  # fmt: skip
+                schema=SCHEMA,
+                bench="quiz",
+                programme="",
+                plant="",
+                degrees=1,
+                theta={},
+                repeats=have + int(options["--repeats"]),
+                effects={},
+                runs=[],
+            )
             (baseline / "baseline.json").write_bytes(msgspec.json.encode(about))
         else:
             folder = baseline / "investigation-1"
@@ -113,9 +122,14 @@ def test_a_bench_that_fails_does_not_keep_the_others_waiting(
 
 def ended(outcome: str, *names: str, truth: str = "rtd_lag", listed: bool = True) -> dict[str, Any]:
     return {
-        "outcome": outcome, "names": list(names), "effects": [truth], "listed": listed,
-        "minutes": 10.0, "place": "reading_rtd" if names else "", "true_places": ["reading_rtd"],
-    }  # fmt: skip
+        "outcome": outcome,
+        "names": list(names),
+        "effects": [truth],
+        "listed": listed,
+        "minutes": 10.0,
+        "place": "reading_rtd" if names else "",
+        "true_places": ["reading_rtd"],
+    }
 
 
 @pytest.mark.parametrize(

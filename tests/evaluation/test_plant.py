@@ -130,8 +130,9 @@ def test_energy_in_is_energy_kept_and_lost() -> None:
 def test_halving_the_tick_changes_nothing_that_could_be_measured() -> None:
     fast = constant_inputs(5.0, 0.005, i_x=4.0)
     slow = constant_inputs(5.0, DT, i_x=4.0)
-    a = simulate(Bench(), np.vstack([fast, constant_inputs(5.0, 0.005, duty_x=1.0)]), 0.005,
-                 magnitudes())  # fmt: skip
+    a = simulate(
+        Bench(), np.vstack([fast, constant_inputs(5.0, 0.005, duty_x=1.0)]), 0.005, magnitudes()
+    )
     b = simulate(Bench(), np.vstack([slow, constant_inputs(5.0, DT, duty_x=1.0)]), DT, magnitudes())
     assert np.abs(a["T_x_degC"][1::2] - b["T_x_degC"]).max() < 0.25
     assert np.abs(a["true_mm"][1::2] - b["true_mm"]).max() < 0.2

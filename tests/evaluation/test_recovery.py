@@ -87,8 +87,14 @@ def test_parameters_change_between_good_runs_and_now_only_where_that_is_the_ques
 def told(case: Case, *names: str, left: float = 0.7, parameters: float = 9.0) -> Answer:
     """An answer that tells some effects."""
     causes = [effect_told(name, "reading_rtd", gap=left) for name in names]
-    whole = SignalGap(signal="all", unit="floors", floor=1.0, raw=20.0, parameters=parameters,
-                      causes=[left] * len(names))  # fmt: skip
+    whole = SignalGap(
+        signal="all",
+        unit="floors",
+        floor=1.0,
+        raw=20.0,
+        parameters=parameters,
+        causes=[left] * len(names),
+    )
     outcome = CAUSES if causes else "quiet"
     verdict = Verdict(question=DIFFERS, outcome=outcome, headline="", causes=causes, whole=whole)
     return Answer(case=case, verdict=verdict, cpu_s=3.0)

@@ -39,10 +39,15 @@ def cause(
 ) -> dict[str, Any]:
     """A cause at a place; `p` is the probability of its name over all rivals."""
     return {
-        "kind": "effect" if name else "law", "place": code, "name": name, "probability": 0.9,
-        "names": {name: 1.0} if name else {}, "outside": 1.0 - p if name else 1.0,
-        "credible_places": [code, *told], **more,
-    }  # fmt: skip
+        "kind": "effect" if name else "law",
+        "place": code,
+        "name": name,
+        "probability": 0.9,
+        "names": {name: 1.0} if name else {},
+        "outside": 1.0 - p if name else 1.0,
+        "credible_places": [code, *told],
+        **more,
+    }
 
 
 def said(*causes: Any, outcome: str = "causes", **more: Any) -> dict[str, Any]:

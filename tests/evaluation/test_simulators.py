@@ -14,9 +14,10 @@ from smad.simulators.bind import bind
 
 
 def test_a_run_of_the_pendulum_repeats_with_its_seed_and_shows_its_friction() -> None:
-    assert all(np.array_equal(a, b) for a, b in zip(
-        made_run(1).values(), made_run(1).values(), strict=True
-    ))  # fmt: skip
+    assert all(
+        np.array_equal(a, b)
+        for a, b in zip(made_run(1).values(), made_run(1).values(), strict=True)
+    )
     rubbed, free = (made_run(1, friction=f)["angle_rad"] for f in (FRICTION_N_M, 0.0))
     assert np.std(rubbed) < np.std(free)
 

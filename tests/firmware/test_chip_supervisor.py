@@ -44,10 +44,17 @@ def run(program: Path, rows: "array[int]", folder: Path, answers: int) -> "array
     end, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     end.settimeout(60.0)
     chip = subprocess.Popen(
-        [simavr, "--elf", str(program), "--link", str(theirs.fileno()), "--store",
-         str(folder / "store")],
+        [
+            simavr,
+            "--elf",
+            str(program),
+            "--link",
+            str(theirs.fileno()),
+            "--store",
+            str(folder / "store"),
+        ],
         pass_fds=[theirs.fileno()],
-    )  # fmt: skip
+    )
     theirs.close()
     data, heard = rows.tobytes(), bytearray()
     codes = encode(Measurements(), Hardware())

@@ -48,9 +48,14 @@ def test_a_converter_gives_the_temperature_of_the_platinum_curve() -> None:
 
 def test_a_reading_comes_through_the_converters_within_a_code() -> None:
     m = Measurements(
-        i_mA=[0, 4000], v_mV=[3040, 11_500], rtd_cC=[2700, 8123, -32_768, 32_767],
-        pump_rpm=[0, 5980], vbus_mV=11_900, leak=1, encoder_invalid=1,
-    )  # fmt: skip
+        i_mA=[0, 4000],
+        v_mV=[3040, 11_500],
+        rtd_cC=[2700, 8123, -32_768, 32_767],
+        pump_rpm=[0, 5980],
+        vbus_mV=11_900,
+        leak=1,
+        encoder_invalid=1,
+    )
     read = Measurements()
     decode(encode(m, Hardware()), read)
     assert read.i_mA == pytest.approx(m.i_mA, abs=5)

@@ -15,6 +15,7 @@ from firmware_protocol.generate.vectors import random_message
 from firmware_protocol.parameters import PARAMETERS
 from firmware_protocol.schema import decompress, describe, own_crc
 from firmware_protocol.wire import Direction
+from sim_device.board import CAPABILITIES
 from sim_device.faults import injection
 from sim_device.firmware.bench import ChipBench, firmware_bench
 from tests.firmware.conftest import Make, MakeFirmware, needs
@@ -66,6 +67,7 @@ def test_it_says_who_it_is_and_streams_at_its_rate(
     assert (ident.major, ident.schema_crc) == (wire.PROTOCOL_MAJOR, own_crc())
     assert (ident.boot_count, ident.reset_cause) == (1, ResetCause.POWER_ON)
     assert ident.firmware.startswith("smad-")
+    assert ident.capabilities == CAPABILITIES["antagonistic"]
     begin = len(loop.states)
     loop.step(200)
     times = [state.t_us for state in loop.states[begin:]]

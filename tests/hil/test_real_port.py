@@ -37,14 +37,25 @@ def line(tmp_path: Path) -> Iterator[Path]:
 
 def test_the_suite_runs_against_the_port_that_the_environment_names(line: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-rs", "-n", "0", "-p", "no:cacheprovider",
-         "tests/hil/test_bench_fails_well.py", "-k", f"port and ({TRIED})"],
+        [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-rs",
+            "-n",
+            "0",
+            "-p",
+            "no:cacheprovider",
+            "tests/hil/test_bench_fails_well.py",
+            "-k",
+            f"port and ({TRIED})",
+        ],
         cwd=Path(__file__).parents[2],
         env={**os.environ, "SMAD_HIL_PORT": str(line), "SMAD_HIL_BAUD": BAUD},
         capture_output=True,
         text=True,
         check=False,
-    )  # fmt: skip
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "a real board's power cannot be cut by a test" in done.stdout
     assert "2 passed, 1 skipped" in done.stdout

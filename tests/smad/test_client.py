@@ -74,9 +74,19 @@ def test_there_is_a_client_method_for_every_method_of_the_api(
         daemon.answers[method.name] = Silent()
     client.timeout_s = 0.0
     calls = (
-        client.status, client.motion, client.config, client.reset_timing, client.arm,
-        client.disarm, client.estop, client.clear, client.params, client.save_params,
-        client.idle, client.start_recording, client.release_control,
+        client.status,
+        client.motion,
+        client.config,
+        client.reset_timing,
+        client.arm,
+        client.disarm,
+        client.estop,
+        client.clear,
+        client.params,
+        client.save_params,
+        client.idle,
+        client.start_recording,
+        client.release_control,
         lambda: client.move(Step(displacement_mm=1.0, duration_s=1.0)),
         lambda: client.move({"a": Step(displacement_mm=1.0, duration_s=1.0)}),
         lambda: client.heat("x", 50.0),
@@ -86,8 +96,9 @@ def test_there_is_a_client_method_for_every_method_of_the_api(
         lambda: client.tune(Tune(kp_A_per_mm=1.0)),
         lambda: client.get_param("a"),
         lambda: client.set_param("a", 1.0),
-        lambda: client.note("a"), lambda: client.take_control("me"),
-    )  # fmt: skip
+        lambda: client.note("a"),
+        lambda: client.take_control("me"),
+    )
     for call in calls:
         with pytest.raises(NoAnswer):
             call()

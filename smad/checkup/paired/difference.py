@@ -109,9 +109,15 @@ def _pair(plant: PlantModel, reference: Reference, run: GapRun, then: RunReferen
     valid = now.valid & then.valid & now.covered[:, None]
     rows = rows_of(plant, reference, then, valid).carried(moved)
     return Pair(
-        now=run.name, reference=then, difference=difference, rows=rows, share=now.share,
-        carried=other, around=around, played=played,
-    )  # fmt: skip
+        now=run.name,
+        reference=then,
+        difference=difference,
+        rows=rows,
+        share=now.share,
+        carried=other,
+        around=around,
+        played=played,
+    )
 
 
 def rows_of(plant: PlantModel, reference: Reference, then: RunReference, valid: Mask) -> RunRows:

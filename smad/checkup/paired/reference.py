@@ -160,10 +160,18 @@ def reference_from(
             ]
         runs.append(
             RunReference(
-                name=group[0].name, played=r.played, mean=mean, valid=count > 0, count=count,
-                inputs=r.first, regime=regime, around=r.middle, base=base[k], slopes=J[k],
+                name=group[0].name,
+                played=r.played,
+                mean=mean,
+                valid=count > 0,
+                count=count,
+                inputs=r.first,
+                regime=regime,
+                around=r.middle,
+                base=base[k],
+                slopes=J[k],
             )
-        )  # fmt: skip
+        )
     return Reference(
         runs=tuple(runs),
         point=point,
@@ -180,12 +188,19 @@ def _fitted_point(
 ) -> ModelPoint:
     """The parameters that leave least of the means of good runs, fitted as those of any rival."""
     trials = [
-        Trial(played=p, target=mean, rows=RunRows(
-            sd=np.broadcast_to(least, mean.shape), valid=count > 0,
-            day=np.zeros((0, *mean.shape)), day_sd=np.zeros(0), rho=np.zeros(len(least)),
-        ))
+        Trial(
+            played=p,
+            target=mean,
+            rows=RunRows(
+                sd=np.broadcast_to(least, mean.shape),
+                valid=count > 0,
+                day=np.zeros((0, *mean.shape)),
+                day_sd=np.zeros(0),
+                rho=np.zeros(len(least)),
+            ),
+        )
         for p, (mean, count) in zip(played, means, strict=True)
-    ]  # fmt: skip
+    ]
     evidence = Evidence(trials=tuple(trials))
     temper = temper_of(shipped(), free=True, channels=evidence.channels)
     model = tempered(free_model(plant, nominal_point(plant)), evidence, temper)
@@ -234,6 +249,10 @@ def _on_one_grid(plant: PlantModel, group: Sequence[GapRun]) -> _Repeats:
     for other in repeats:
         require_like_inputs(other, reference)
     return _Repeats(
-        played=played, first=reference, values=np.array([b.values for b in repeats]),
-        valid=np.array([b.valid for b in repeats]), around=around, middle=middle,
-    )  # fmt: skip
+        played=played,
+        first=reference,
+        values=np.array([b.values for b in repeats]),
+        valid=np.array([b.valid for b in repeats]),
+        around=around,
+        middle=middle,
+    )

@@ -67,11 +67,15 @@ class BarePlaces:
         shared: dict[str, Any] = {"sides": (BOTH,), "states": tuple(states)}
         readings = [
             Place(
-                name=f"{READING}{c.name}", label=f"reading of {c.name}", unit=c.unit,
-                scale=max(c.quantum, c.noise, 1e-3 * (c.high - c.low)), reading=True, **shared,
+                name=f"{READING}{c.name}",
+                label=f"reading of {c.name}",
+                unit=c.unit,
+                scale=max(c.quantum, c.noise, 1e-3 * (c.high - c.low)),
+                reading=True,
+                **shared,
             )
             for c in self.plain.channels
-        ]  # fmt: skip
+        ]
         inputs = [
             Place(
                 name=f"{INPUT}{s.name}",
@@ -161,9 +165,8 @@ class BarePlaces:
         best, least = out, float(np.linalg.norm(images[0]))
         for _ in range(_PASSES):
             parts = np.split(pushed, len(names))
-            shown = dict(self.plain.simulate(
-                point, _pushed(run, dict(zip(names, parts, strict=True))), fast=fast
-            ))  # fmt: skip
+            moved = _pushed(run, dict(zip(names, parts, strict=True)))
+            shown = dict(self.plain.simulate(point, moved, fast=fast))
             image = series(shown)
             if not np.isfinite(image).all():
                 return best
@@ -209,8 +212,9 @@ def _mixed(images: Sequence[Array], residuals: Sequence[Array]) -> Array:
 
 def _measured(run: GapRun, shown: Mapping[str, Array]) -> dict[str, Array]:
     """What was measured of each channel; where it was not, what is predicted."""
-    return {n: y if np.isfinite(y := run.outputs.get(n, shown[n])).all() else shown[n]
-            for n in shown}  # fmt: skip
+    return {
+        n: y if np.isfinite(y := run.outputs.get(n, shown[n])).all() else shown[n] for n in shown
+    }
 
 
 def _value(law: Law, states: Mapping[str, Array], run: GapRun) -> Array:

@@ -18,10 +18,11 @@ from smad.diagnosis.rivals.parts import LawPart
 from smad.diagnosis.rivals.rival import Question
 from smad.diagnosis.rivals.search import Searched
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.verdict import CHECK_UP, Cause, labelled, unit_words
+from smad.diagnosis.verdict import CHECK_UP, Cause, labelled
 from smad.report.page import Picture
 from smad.report.plots import decimated, label, new_figure, picture
 from smad.style.palette import in_print
+from smad.units import in_words
 
 _BINS = 24
 _MORE_SIGNALS = 5
@@ -68,12 +69,16 @@ class Course:
         channels = question.model.plant.channels
         ranked = np.argsort(-(squares / counts)[k], kind="stable")
         return cls(
-            run=trial.played.whole.name, t_s=np.asarray((np.arange(bins) + 0.5) * period_s),
+            run=trial.played.whole.name,
+            t_s=np.asarray((np.arange(bins) + 0.5) * period_s),
             measured=measured,
-            before=before, after=after, floors=trial.rows.sd,
+            before=before,
+            after=after,
+            floors=trial.rows.sd,
             order=tuple(int(c) for c in ranked if trial.rows.valid[:, c].any()),
-            labels=tuple(labelled(c.words or c.name, c.unit) for c in channels), paired=paired,
-        )  # fmt: skip
+            labels=tuple(labelled(c.words or c.name, c.unit) for c in channels),
+            paired=paired,
+        )
 
     def curves(self, c: int) -> list[tuple[Array, str, str, str, float]]:
         """The curves of a channel: values, label, colour, style and width."""
@@ -98,13 +103,24 @@ def largest_gap(course: Course) -> Picture:
     """The signal with the largest gap: measured and simulated, and below what is left of it."""
     c = course.order[0]
     # Between two days there is only the difference.
-    figure, axes = new_figure(1 if course.paired else 2, height_in=2.6 if course.paired else 4.4,
-                              share_x=True, width_in=7.0)  # fmt: skip
+    figure, axes = new_figure(
+        1 if course.paired else 2,
+        height_in=2.6 if course.paired else 4.4,
+        share_x=True,
+        width_in=7.0,
+    )
     _draw(axes[0], course.t_s, course.curves(c))
     label(axes[0], "", "", course.labels[c])
     left = axes[-1]
-    left.fill_between(course.t_s, -course.floors[:, c], course.floors[:, c], linewidth=0.0,
-                      color=in_print("reference"), alpha=0.35, label="floor")  # fmt: skip
+    left.fill_between(
+        course.t_s,
+        -course.floors[:, c],
+        course.floors[:, c],
+        linewidth=0.0,
+        color=in_print("reference"),
+        alpha=0.35,
+        label="floor",
+    )
     if not course.paired:
         measured, *simulated = course.curves(c)
         _draw(left, course.t_s, [(measured[0] - y, "", *pen) for y, _, *pen in simulated])
@@ -180,10 +196,15 @@ def _law(
         top.fill_between(
             middle, mean - sd, mean + sd, color=in_print(colour), alpha=0.2, linewidth=0.0
         )
-        low.bar(middle, count / max(int(count.max()), 1), width=np.diff(edges), alpha=0.4,
-                color=in_print(colour))  # fmt: skip
+        low.bar(
+            middle,
+            count / max(int(count.max()), 1),
+            width=np.diff(edges),
+            alpha=0.4,
+            color=in_print(colour),
+        )
     top.axhline(0.0, color=in_print("text"), linewidth=0.6)
-    label(top, "", unit_words(cause.unit) or "share", cause.words)
+    label(top, "", in_words(cause.unit) or "share", cause.words)
     low.set_ylim(0.0, 1.05)
     label(
         low, labelled(*plant.state_words(cause.place, state)), "", "how often the runs were there"

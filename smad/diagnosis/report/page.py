@@ -24,10 +24,10 @@ from smad.diagnosis.verdict import (
     RivalGap,
     Verdict,
     labelled,
-    unit_words,
     with_unit,
 )
 from smad.report.page import Beside, Block, Code, Page, Section, Table, Text, write_page
+from smad.units import in_words
 
 _QUESTIONS = {
     DIFFERS: "what the simulator lacks",
@@ -132,10 +132,15 @@ def budget(v: Verdict) -> Table:
 def parameters(v: Verdict) -> Table:
     """The parameters before and in the model that is told."""
     rows = [
-        (q.words or q.name, q.name, f"{q.before:.5g} {unit_words(q.unit)}".rstrip(),
-         with_unit(q.after, q.sd, q.unit), "at the end of its range" if q.at_bound else "")
+        (
+            q.words or q.name,
+            q.name,
+            f"{q.before:.5g} {in_words(q.unit)}".rstrip(),
+            with_unit(q.after, q.sd, q.unit),
+            "at the end of its range" if q.at_bound else "",
+        )
         for q in v.parameters
-    ]  # fmt: skip
+    ]
     header = ("parameter", "name", "as it was", "fitted ± standard deviation", "")
     caption = "The standard deviation is what the scatter of these runs leaves open."
     return Table(header, rows, caption, frozenset((2, 3)))

@@ -23,9 +23,9 @@ from smad.diagnosis.verdict import (
     RivalGap,
     SignalGap,
     Verdict,
-    unit_words,
     with_unit,
 )
+from smad.units import in_words
 
 _FACTS = (
     "note", "gaps", "no reading", "repeated", "samples lost", "truncated", "channel missing",
@@ -134,9 +134,13 @@ def rival_lines(rivals: Sequence[RivalGap]) -> list[str]:
     """The table of rivals: what each leaves of the judged runs, and its probability."""
     if not rivals:
         return []
-    return ["  floors left  probability  rival", *(
-        f"  {r.gap:>11.3g}  {r.probability:>11.2f}  {rival_words(r)}" for r in first_rivals(rivals)
-    )]  # fmt: skip
+    return [
+        "  floors left  probability  rival",
+        *(
+            f"  {r.gap:>11.3g}  {r.probability:>11.2f}  {rival_words(r)}"
+            for r in first_rivals(rivals)
+        ),
+    ]
 
 
 def first_rivals(rivals: Sequence[RivalGap]) -> list[RivalGap]:
@@ -183,7 +187,7 @@ def budget_lines(rows: Sequence[SignalGap], question: str) -> list[str]:
     for s in (*shown, whole):
         numbers = (*(s.raw, s.parameters, s.final)[: len(stages)], s.floor)
         row = "".join(f" {x:>11.3g}" for x in numbers)
-        out.append(f"  {s.signal:<21} {unit_words(s.unit):<7}{row}")
+        out.append(f"  {s.signal:<21} {in_words(s.unit):<7}{row}")
     if rest := len(signals) - len(shown):
         out.insert(-1, f"  {rest} other signal{'s'[: rest > 1]} at the floor")
     return out

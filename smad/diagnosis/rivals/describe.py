@@ -83,9 +83,14 @@ class Describer:
             slopes[law.side] = place.scale * float(value) / span
             spread[law.side] = place.scale * float(deviation) / span
             out[term.name] = LawTerm(
-                name=term.name, state=state, words=words, slopes=slopes, sd=spread, unit=unit,
+                name=term.name,
+                state=state,
+                words=words,
+                slopes=slopes,
+                sd=spread,
+                unit=unit,
                 alike=self._alike(place.name, state, seen),
-            )  # fmt: skip
+            )
         return list(out.values())
 
     def _alike(self, place: str, state: str, seen: Sequence[Mapping[str, Array]]) -> str:

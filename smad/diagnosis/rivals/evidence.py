@@ -79,9 +79,8 @@ class Evidence:
     @cached_property
     def channel_of_row(self) -> Index:
         """Number of the channel of each row, (n,)."""
-        return np.concatenate([
-            np.tile(np.arange(t.target.shape[1], dtype=np.intp), len(t.target)) for t in self.trials
-        ])  # fmt: skip
+        shapes = [t.target.shape for t in self.trials]
+        return np.concatenate([np.tile(np.arange(c, dtype=np.intp), n) for n, c in shapes])
 
     @cached_property
     def valid(self) -> Array:
@@ -191,9 +190,12 @@ def recorded_evidence(
     for played, values, valid in zip(measured.played, measured.values, measured.valid, strict=True):
         day = _wandering(plant, point, played)
         rows = RunRows(
-            np.broadcast_to(floors, valid.shape), valid, day, np.ones(len(day)),
+            np.broadcast_to(floors, valid.shape),
+            valid,
+            day,
+            np.ones(len(day)),
             np.zeros(len(floors)),
-        )  # fmt: skip
+        )
         trials.append(Trial(played=played, target=values, rows=rows))
     return Evidence(trials=tuple(trials))
 

@@ -81,8 +81,9 @@ class Fit:
         return self.model.point(self.x)
 
 
-def replayed(evidence: Evidence, point: ModelPoint, model: Model, *, exact: bool
-             ) -> list[Array] | None:  # fmt: skip
+def replayed(
+    evidence: Evidence, point: ModelPoint, model: Model, *, exact: bool
+) -> list[Array] | None:
     """Predictions of all trials by a point; None where the model cannot run.
 
     They are exact where the model has a quick part, too.
@@ -98,9 +99,12 @@ def reference_at(evidence: Evidence, model: Model, x: Array) -> Reference | None
     if exact is None or averaged is None:
         return None
     return Reference(
-        model=model, x=x, exact=tuple(exact), averaged=tuple(averaged),
+        model=model,
+        x=x,
+        exact=tuple(exact),
+        averaged=tuple(averaged),
         slopes=slopes_at(evidence, model, x, range(model.parameters)),
-    )  # fmt: skip
+    )
 
 
 def slopes_at(evidence: Evidence, model: Model, x: Array, which: Sequence[int]) -> Array:
@@ -250,8 +254,9 @@ def fit(
     shift = reference.shift
     if model.quick:
         shift = tuple(np.zeros_like(s) for s in shift)
-    even = _Descent(evidence=evidence, model=model, shift=shift, tau=tau, weight=evidence.valid,
-                    alike=alike)  # fmt: skip
+    even = _Descent(
+        evidence=evidence, model=model, shift=shift, tau=tau, weight=evidence.valid, alike=alike
+    )
     stand = even.at(np.clip(start, low, high))
     if stand is None:
         return None
@@ -273,8 +278,14 @@ def fit(
             corrected = False
         else:
             break
-    return Fit(model=model, x=stand.x, left=stand.left, slopes=slopes.astype(np.float32),
-               objective=stand.value, shift=shift)  # fmt: skip
+    return Fit(
+        model=model,
+        x=stand.x,
+        left=stand.left,
+        slopes=slopes.astype(np.float32),
+        objective=stand.value,
+        shift=shift,
+    )
 
 
 def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
@@ -286,9 +297,12 @@ def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
     if exact is None or averaged is None:
         return None
     return Reference(
-        model=fitted.model, x=fitted.x, exact=tuple(exact), averaged=tuple(averaged),
+        model=fitted.model,
+        x=fitted.x,
+        exact=tuple(exact),
+        averaged=tuple(averaged),
         slopes=fitted.slopes,
-    )  # fmt: skip
+    )
 
 
 def polished(
@@ -302,8 +316,9 @@ def polished(
     known = 0 if fresh else fitted.model.parameters
     for _ in range(_POLISHES):
         here = rebased(evidence, replace(fitted, slopes=fitted.slopes[:known]))
-        made = here and fit(evidence, fitted.model, fitted.x, here, tau=tau, rounds=_POLISH_ROUNDS,
-                            alike=alike)  # fmt: skip
+        made = here and fit(
+            evidence, fitted.model, fitted.x, here, tau=tau, rounds=_POLISH_ROUNDS, alike=alike
+        )
         if not made:
             return fitted
         gained, fitted = fitted.objective - made.objective, made
@@ -354,8 +369,7 @@ def covariance(evidence: Evidence, fitted: Fit, tau: Array) -> Array:
     return np.asarray(np.linalg.inv(J @ J.T + precision + _RIDGE * np.eye(len(precision))))
 
 
-def _weighted(evidence: Evidence, slopes: Array, left: Array, weight: Array
-              ) -> tuple[Array, Array]:  # fmt: skip
+def _weighted(evidence: Evidence, slopes: Array, left: Array, weight: Array) -> tuple[Array, Array]:
     """Slopes (k, n) and rows (n,) at their weights (n,), each run's directions open."""
     both = evidence.weighted(weight)(np.concatenate([slopes, left[None]]))
     return both[:-1], both[-1]

@@ -55,9 +55,12 @@ class LawSpace:
         plant: PlacesPlant = reference.model.plant  # type: ignore[assignment]
         point = reference.model.point(reference.x)
         made = known or responses(
-            plant, point, evidence.played, progress=progress,
+            plant,
+            point,
+            evidence.played,
+            progress=progress,
             space=candidate_laws(plant, point, evidence.played),
-        )  # fmt: skip
+        )
         left = evidence.left(reference.exact)
         beside = opened(evidence, reference, weights(evidence, left, tau))
         z = beside(left[None])[0]
@@ -82,9 +85,8 @@ class LawSpace:
             if known is None or worth > known[0]:
                 start = fitted(self.rows.products(columns)).mean
                 part = LawPart(candidate, columns, self.responses)
-                best[candidate.place] = (
-                    worth, SelectedLaw(part=part, coordinates=start, share=share)
-                )  # fmt: skip
+                selected = SelectedLaw(part=part, coordinates=start, share=share)
+                best[candidate.place] = (worth, selected)
         ordered = sorted(best.values(), key=lambda pair: -pair[0])
         return [law for _, law in ordered]
 

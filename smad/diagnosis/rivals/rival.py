@@ -95,8 +95,14 @@ class Question:
         if squares is None:
             return None
         scores = log_scores(squares, self.judged.counts)
-        return Rival(kind=kind, name=name, fit=fitted, squares=squares, scores=scores,
-                     log_prior=fitted.model.log_prior(fitted.x))  # fmt: skip
+        return Rival(
+            kind=kind,
+            name=name,
+            fit=fitted,
+            squares=squares,
+            scores=scores,
+            log_prior=fitted.model.log_prior(fitted.x),
+        )
 
     def fitted(self, kind: str, name: str, reference: Reference) -> Rival | None:
         """The model of a reference fitted from there on to its end, as a rival."""
@@ -167,12 +173,16 @@ class Question:
         same = [r.fit.model for r in compared if r.fit and r.kind not in (EFFECT, LAW)]
         formed = first or any(model.parts for model in same)
         p = probabilities(
-            np.array([r.scores for r in compared]), [r.kind for r in compared], self.temper,
-            effects=len(self.effects), laws=self.places,
+            np.array([r.scores for r in compared]),
+            [r.kind for r in compared],
+            self.temper,
+            effects=len(self.effects),
+            laws=self.places,
             log_prior=np.array([r.log_prior for r in compared]),
-            rows=self.independent_rows, first=first,
+            rows=self.independent_rows,
+            first=first,
             near=[formed and self.near(r) for r in compared],
-        )  # fmt: skip
+        )
         made = [replace(r, probability=float(x)) for r, x in zip(compared, p, strict=True)]
         made += [replace(r, probability=0.0) for r, out in zip(rivals, refuted, strict=True) if out]
         return sorted(made, key=lambda r: -r.probability)

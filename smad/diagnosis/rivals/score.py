@@ -116,15 +116,13 @@ def probabilities(
     where each one's parameters are: what imitates an effect by moving them far is less likely than
     the effect.
     """
-    prior = log_prior + np.array([
-        {
-            NOTHING: temper.nothing,
-            PARAMETERS: temper.parameters,
-            EFFECT: temper.each_effect(effects),
-            LAW: temper.each_law(laws),
-        }[kind]
-        for kind in kinds
-    ])  # fmt: skip
+    of_kind = {
+        NOTHING: temper.nothing,
+        PARAMETERS: temper.parameters,
+        EFFECT: temper.each_effect(effects),
+        LAW: temper.each_law(laws),
+    }
+    prior = log_prior + np.array([of_kind[kind] for kind in kinds])
     total = _draws(scores.shape[1]) @ scores.T
     of_run, of_rows = 0.5 * temper.evidence, 0.5 * rows
     of_which = of_run / scores.shape[1]

@@ -39,8 +39,9 @@ class Change:
     def typical(self) -> EffectParameter | None:
         """The strength that is at its typical value, where everything else is usual; else None."""
         acting = [q for q in self.effect.parameters if q.strength and self.values[q.name] != 0.0]
-        usual = all(self.values[q.name] == q.typical for q in self.effect.parameters
-                    if not q.strength)  # fmt: skip
+        usual = all(
+            self.values[q.name] == q.typical for q in self.effect.parameters if not q.strength
+        )
         one = len(acting) == 1 and self.values[acting[0].name] == acting[0].typical
         return acting[0] if one and usual else None
 

@@ -92,10 +92,15 @@ def searched(question: Question, *, most: int, exchange: bool = True) -> Searche
         # What leaves more of the judged runs than parameters alone is not told, whatever it is.
         search.current, search.moved = search.parameters, True
     return Searched(
-        question=question, nominal=search.nominal, changes=search.changes,
-        configured=search.configured, parameters=search.parameters, steps=tuple(steps),
-        final=search.current, moved=search.moved,
-    )  # fmt: skip
+        question=question,
+        nominal=search.nominal,
+        changes=search.changes,
+        configured=search.configured,
+        parameters=search.parameters,
+        steps=tuple(steps),
+        final=search.current,
+        moved=search.moved,
+    )
 
 
 @dataclass(kw_only=True, eq=False)
@@ -136,10 +141,17 @@ class _Search:
         if configured is None or parameters is None or current is None:
             return None
         question.say("screening the effects")
-        return cls(question=question, nominal=nominal, configured=configured,
-                   changes=changes_at(e, nominal, [x for x in question.effects if x.parameters]),
-                   parameters=parameters, current=current, moved=question.tied is None,
-                   responses=question.responses, exchange=exchange)  # fmt: skip
+        return cls(
+            question=question,
+            nominal=nominal,
+            configured=configured,
+            changes=changes_at(e, nominal, [x for x in question.effects if x.parameters]),
+            parameters=parameters,
+            current=current,
+            moved=question.tied is None,
+            responses=question.responses,
+            exchange=exchange,
+        )
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -309,9 +321,14 @@ class _Fits:
     """
 
     def __init__(
-        self, question: Question, nominal: Reference, *, moved: bool, without: float,
+        self,
+        question: Question,
+        nominal: Reference,
+        *,
+        moved: bool,
+        without: float,
         least: float = float("inf"),
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.least = least
         self._question, self._nominal = question, nominal
         self._moved, self._without = moved, without
@@ -326,8 +343,9 @@ class _Fits:
             question.evidence, reference, model, start
         ):
             model = reference.model.with_parts([*reference.model.parts, replace(part, quick=True)])
-        made = fit(question.evidence, model, start, reference, tau=question.tau,
-                   rounds=_FIRST_ROUNDS)  # fmt: skip
+        made = fit(
+            question.evidence, model, start, reference, tau=question.tau, rounds=_FIRST_ROUNDS
+        )
         known = self._found.get(part.name)
         if made and (known is None or made.objective < known[1].objective):
             self._found[part.name] = kind, made
@@ -341,8 +359,9 @@ class _Fits:
         for name in _best(fits)[:_POLISHED]:
             if fits[name].objective < self.least + _WITHIN:
                 near.append(name)
-                fits[name] = polished(question.evidence, fits[name], question.tau,
-                                      fresh=self._moved)  # fmt: skip
+                fits[name] = polished(
+                    question.evidence, fits[name], question.tau, fresh=self._moved
+                )
                 self.least = min(self.least, fits[name].objective)
         kinds = {name: kind for name, (kind, _) in self._found.items()}
         scored = {name: question.rival(kinds[name], name, f) for name, f in fits.items()}

@@ -90,29 +90,36 @@ def _levels(amplitude: float, dwell: float, rng: np.random.Generator) -> Sequenc
 
 def _sines(rng: np.random.Generator) -> Sequence[Part]:
     ranges = (((1.5, 3), (6, 9), 4), ((4, 7), (14, 20), 3))
-    return [(61.0, _follow(*(
+    sines = (
         Sine(
             amplitude_mm=float(rng.uniform(*amplitude)),
             period_s=float(rng.uniform(*period)),
             cycles=cycles,
         )
         for amplitude, period, cycles in ranges
-    )))]  # fmt: skip
+    )
+    return [(61.0, _follow(*sines))]
 
 
 def _stairs(rng: np.random.Generator) -> Sequence[Part]:
     step = float(rng.uniform(1.2, 2.2)) * (1 if rng.random() < 0.5 else -1)
-    return [(61.0, _follow(*(
+    stairs = (
         Staircase(step_mm=mm, steps=4, dwell_s=3.5, there_and_back=True) for mm in (step, -step)
-    )))]  # fmt: skip
+    )
+    return [(61.0, _follow(*stairs))]
 
 
 def _mixed(rng: np.random.Generator) -> Sequence[Part]:
     return [
-        (22.0, _wave(3.0, period_s=7.0)), (5.0, Idle()),
-        (3.0, _current(x=float(rng.uniform(2, 3.5)))), (4.0, Idle()), (4.0, _current(px=1.0)),
-        (3.0, _current(y=float(rng.uniform(2, 3.5)))), (4.0, _current(py=0.6)), (5.0, Idle()),
-    ]  # fmt: skip
+        (22.0, _wave(3.0, period_s=7.0)),
+        (5.0, Idle()),
+        (3.0, _current(x=float(rng.uniform(2, 3.5)))),
+        (4.0, Idle()),
+        (4.0, _current(px=1.0)),
+        (3.0, _current(y=float(rng.uniform(2, 3.5)))),
+        (4.0, _current(py=0.6)),
+        (5.0, Idle()),
+    ]
 
 
 def _fixed(

@@ -131,9 +131,14 @@ class SmaPlant:
         if name == "warming_share":
             high = min(high, 1.0)
         return Parameter(
-            name=name, unit=entry.unit, nominal=entry.value, low=low, high=high, prior_sd=sd,
+            name=name,
+            unit=entry.unit,
+            nominal=entry.value,
+            low=low,
+            high=high,
+            prior_sd=sd,
             words=entry.meaning,
-        )  # fmt: skip
+        )
 
     @cached_property
     def effects(self) -> Sequence[Effect]:
@@ -160,10 +165,15 @@ class SmaPlant:
                 check_place_needs(entry.name, options)
                 offered.append(
                     Place(
-                        name=entry.name, label=entry.label, unit=entry.unit, scale=entry.scale,
-                        sides=entry.sides, states=entry.states, reading=entry.reading,
+                        name=entry.name,
+                        label=entry.label,
+                        unit=entry.unit,
+                        scale=entry.scale,
+                        sides=entry.sides,
+                        states=entry.states,
+                        reading=entry.reading,
                     )
-                )  # fmt: skip
+                )
         return tuple(offered)
 
     def trajectory(
@@ -331,18 +341,28 @@ class SmaPlant:
 
 def _effect(entry: RegistryEffect) -> Effect:
     return Effect(
-        name=entry.name, title=entry.title, sub_model=entry.subsystem, signals=entry.signals,
-        equation=entry.equation, confused_with=entry.confused_with, separates=entry.separated_by,
-        reference=entry.reference, places=entry.places,
+        name=entry.name,
+        title=entry.title,
+        sub_model=entry.subsystem,
+        signals=entry.signals,
+        equation=entry.equation,
+        confused_with=entry.confused_with,
+        separates=entry.separated_by,
+        reference=entry.reference,
+        places=entry.places,
         parameters=tuple(
             EffectParameter(
-                name=q.name, unit=q.unit, typical=q.typical, low=q.low, high=q.high,
+                name=q.name,
+                unit=q.unit,
+                typical=q.typical,
+                low=q.low,
+                high=q.high,
                 strength=q.is_strength,
             )
             for q in entry.parameters
             if not q.switch
         ),
-    )  # fmt: skip
+    )
 
 
 def _clipped(value: float, low: float, high: float) -> float:

@@ -44,10 +44,16 @@ def _channel(stem: str, unit: str, side: str = "") -> Channel:
     name = named.get(side, f"{stem}_{unit}")
     low, high = RANGES[stem.removesuffix("_inlet").removesuffix("_ambient")]
     return Channel(
-        name=name, unit=unit, quantum=quantum, low=low, high=high, noise=2 * quantum,
-        side=side.upper(), twin=named["y" if side == "x" else "x"] if side else "",
+        name=name,
+        unit=unit,
+        quantum=quantum,
+        low=low,
+        high=high,
+        noise=2 * quantum,
+        side=side.upper(),
+        twin=named["y" if side == "x" else "x"] if side else "",
         words=schema.CHANNELS[name].description,
-    )  # fmt: skip
+    )
 
 
 CHANNELS = (

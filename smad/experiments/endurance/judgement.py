@@ -4,14 +4,15 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import msgspec
 from msgspec import Struct
 
 from smad.errors import SmadError
-from smad.experiments.endurance.run import Judgement
+from smad.experiments.endurance.run import BlockDriver, Judgement
+from smad.experiments.leased import LeasedDriver
 
 
 class _Rival(Struct, frozen=True):
@@ -65,3 +66,18 @@ def judged_by_command(words: Sequence[str], bench: str, number: int) -> Judgemen
                 action="look at the bench; --go-on continues",
             )
         return judgement_of(verdict.read_bytes())
+
+
+def checker(
+    words: Callable[[int], Sequence[str]], bench: str, driver: BlockDriver
+) -> Callable[[int], Judgement]:
+    """What plays the check-up with these words after so many cycles, between blocks of a driver."""
+
+    def check(number: int) -> Judgement:
+        judgement = judged_by_command(words(number), bench, number)
+        if isinstance(driver, LeasedDriver):
+            # The check-up's own disarms were orderly: it says so by its status.
+            driver.client.as_of(driver.client.motion().generation)
+        return judgement
+
+    return check

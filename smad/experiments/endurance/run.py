@@ -4,17 +4,18 @@ import contextlib
 import csv
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from msgspec import Struct, structs
 
+from smad.config import Config
 from smad.control.plan import Plan
 from smad.errors import RunLogError, SmadError
 from smad.experiments.endurance.limits import EndLimits, LimitMonitor
 from smad.experiments.endurance.profile import Profile
-from smad.experiments.endurance.room import Reserve, Room
+from smad.experiments.endurance.room import Reserve, Room, longest_block_s, room_for
 from smad.experiments.endurance.statistics import NAMES, Cycle, bounds, cycles_of
 from smad.experiments.endurance.thin import thin
 from smad.experiments.errors import ExperimentError
@@ -122,6 +123,15 @@ def endure(
         reserve.close()
     ended.reason = ended.reason or "all cycles were done"
     return ended
+
+
+def on_bench(settings: Endurance, config: Config) -> tuple[Endurance, Room]:
+    """The settings with the longest block of a bench, and the room that they take there."""
+    settings = replace(settings, longest_s=longest_block_s(config))
+    profile, cycles = settings.profile, settings.cycles
+    block = profile.cycles_a_block(settings.check_every or cycles, settings.longest_s)
+    rate_hz = float(config.link.rate_hz)
+    return settings, room_for(profile, cycles, settings.full_every, block, rate_hz)
 
 
 def _block(settings: Endurance, done: int, last: int) -> int:

@@ -55,9 +55,16 @@ def diagnose_mjcf(
     declared, groups = declare_mjcf(model, map_path, runs, good, hold_out)
     fit, known, held_out = groups
     return diagnose(
-        fit, declared, good=known, hold_out=held_out, trusted=trusted, window_s=window_s,
-        processes=processes, progress=progress, announced=announced,
-    )  # fmt: skip
+        fit,
+        declared,
+        good=known,
+        hold_out=held_out,
+        trusted=trusted,
+        window_s=window_s,
+        processes=processes,
+        progress=progress,
+        announced=announced,
+    )
 
 
 def plan_mjcf(
@@ -122,14 +129,21 @@ def _declared(
         for n in forces
     }
     return Simulator(
-        function=replay, name=mapped.name or name,
+        function=replay,
+        name=mapped.name or name,
         parameters=tuple(_parameter(replay, n, r) for n, r in mapped.parameters.items()),
         effects=(*(e.effect for e in effects), *(e for _, e in replay.plays)),
-        exact=tuple(n for n, r in mapped.inputs.items() if r.exact), observed=mapped.observed,
-        forces=forces, felt_at=felt, labels=labels, units=units, transducers=True,
+        exact=tuple(n for n, r in mapped.inputs.items() if r.exact),
+        observed=mapped.observed,
+        forces=forces,
+        felt_at=felt,
+        labels=labels,
+        units=units,
+        transducers=True,
         noise={n: r.noise for n, r in mapped.channels.items() if r.noise is not None},
-        shortest_s=mapped.shortest_s, save=saver(replay),
-    )  # fmt: skip
+        shortest_s=mapped.shortest_s,
+        save=saver(replay),
+    )
 
 
 def _driving(replay: MujocoModel, joint: int) -> dict[str, float]:
@@ -165,8 +179,9 @@ def _parameter(replay: MujocoModel, name: str, row: ParameterRow) -> Parameter:
             limit=unit,
             action=f"give its values in {unit}, and name it so",
         )
-    return Parameter(name=name, unit=unit, nominal=nominal, low=row.low, high=row.high,
-                     prior_sd=prior)  # fmt: skip
+    return Parameter(
+        name=name, unit=unit, nominal=nominal, low=row.low, high=row.high, prior_sd=prior
+    )
 
 
 def _mapped(table: Table, mapped: MjcfMap) -> Table:

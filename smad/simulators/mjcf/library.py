@@ -82,8 +82,14 @@ def joint_effects(
             what.write(model, number, what.read(model, number) + values["size"])
 
         name = f"{joint}_{_NAMES[key]}"
-        made = Effect(name=name, title=f"{title} of joint {joint}", parameters=(strength,),
-                      signals=(), equation=f"{key} += size", places=(place,))  # fmt: skip
+        made = Effect(
+            name=name,
+            title=f"{title} of joint {joint}",
+            parameters=(strength,),
+            signals=(),
+            equation=f"{key} += size",
+            places=(place,),
+        )
         return ModelEffect(effect=made, write=write)
 
     effects = [

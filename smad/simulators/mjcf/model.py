@@ -249,9 +249,13 @@ class MujocoModel:
         steps = (len(control) - 1) * pieces + 1
         with _quiet(mujoco):
             states, sensors = mujoco.rollout.rollout(
-                m, d, first[None], np.repeat(control, pieces, axis=0)[None, :steps],
-                control_spec=int(spec), skip_checks=False,
-            )  # fmt: skip
+                m,
+                d,
+                first[None],
+                np.repeat(control, pieces, axis=0)[None, :steps],
+                control_spec=int(spec),
+                skip_checks=False,
+            )
         if d.warning.number.any():
             return {x.name: np.full(len(control), np.nan) for x in self._shown}
         # A state is that after its step, sensors are those before it.

@@ -83,9 +83,14 @@ def test_temperatures_stand_in_the_order_in_which_they_protect() -> None:
     limits = compiled_limits()
     host = host_limits(limits)
     assert (
-        limits.cold_cC < host.temperature_cC < limits.fold_start_cC < limits.fold_end_cC
-        < limits.temperature_limit_cC < 10_000 < limits.rail_high_cC
-    )  # fmt: skip
+        limits.cold_cC
+        < host.temperature_cC
+        < limits.fold_start_cC
+        < limits.fold_end_cC
+        < limits.temperature_limit_cC
+        < 10_000
+        < limits.rail_high_cC
+    )
 
 
 @pytest.mark.parametrize("name", HOST_ROWS)

@@ -106,8 +106,13 @@ pulse = st.tuples(st.floats(0, 4), st.floats(0, 4), st.floats(0, 1), st.floats(0
 
 
 @settings(derandomize=True, deadline=None, max_examples=60)
-@given(one_set, st.lists(pulse, min_size=1, max_size=6), st.sampled_from(["water", "air"]),
-       st.sampled_from(["antagonistic", "blocked"]), st.sampled_from([1e-3, 1e-2]))  # fmt: skip
+@given(
+    one_set,
+    st.lists(pulse, min_size=1, max_size=6),
+    st.sampled_from(["water", "air"]),
+    st.sampled_from(["antagonistic", "blocked"]),
+    st.sampled_from([1e-3, 1e-2]),
+)
 def test_equilibrium_is_found_and_tension_is_never_negative(values, pulses, cooling, fixture, dt_s):
     drives = np.repeat(np.array(pulses), 120, axis=0)
     t = np.arange(len(drives)) * 0.02

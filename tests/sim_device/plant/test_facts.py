@@ -111,9 +111,15 @@ def tracked(period_s, cycles, cooling):
     """R² of each cycle under PI on displacement, pump by duty, as the reference's prototype."""
     amplitude_m, gain, integral = 2e-3, 15e3, 3e3
     quiet = dict.fromkeys(
-        ("noise_temperature", "noise_displacement", "noise_force", "noise_current",
-         "noise_voltage"), 0.0
-    )  # fmt: skip
+        (
+            "noise_temperature",
+            "noise_displacement",
+            "noise_force",
+            "noise_current",
+            "noise_voltage",
+        ),
+        0.0,
+    )
     plant = Plant(load_parameters("A").replace(**quiet), cooling=cooling)
     total, n = 0.0, int(period_s * 100)
     wanted = amplitude_m * np.sin(2 * np.pi * np.arange(n * cycles) / n)

@@ -365,9 +365,12 @@ def test_a_programme_comes_back_as_it_was_written(tmp_path: Path) -> None:
 def test_a_programme_with_too_much_current_is_refused() -> None:
     with pytest.raises(ProgrammeError, match="i_x_A leaves its range"):
         ProgrammeRun(
-            name="hot", title="", t_s=np.array([0.0]), inputs=np.array([[4.5, 0.0, 0.0, 0.0]]),
+            name="hot",
+            title="",
+            t_s=np.array([0.0]),
+            inputs=np.array([[4.5, 0.0, 0.0, 0.0]]),
             duration_s=5.0,
-        )  # fmt: skip
+        )
 
 
 def test_the_shipped_programme_has_a_quick_part_of_three_minutes() -> None:

@@ -41,8 +41,10 @@ COSTS = {"short": 60.0, "still": 60.0}
 
 @pytest.fixture(scope="module")
 def reference() -> Reference:
-    groups = [[played(10 * k + seed, what=run) for seed in (1, 2, 3)]
-              for k, run in enumerate(PROGRAMME.runs)]  # fmt: skip
+    groups = [
+        [played(10 * k + seed, what=run) for seed in (1, 2, 3)]
+        for k, run in enumerate(PROGRAMME.runs)
+    ]
     return commissioned(PLANT, groups)
 
 
@@ -65,19 +67,41 @@ SMALL = law("reading_force", "both", 1e-4)
 def undecided(found: Judged, *laws: Law) -> Judged:
     """The check-up with a cause told, and these laws between which nothing is decided."""
     cause = Cause(
-        kind="law", name="", place=laws[0].place, side="x", words=laws[0].place, probability=0.9,
-        names={}, outside=1.0, credible_names=[], credible_places=[laws[0].place], places={},
-        place_words={}, values=[], terms=[], largest=1.0, unit="K", gap=1.0, rivals=[],
-    )  # fmt: skip
+        kind="law",
+        name="",
+        place=laws[0].place,
+        side="x",
+        words=laws[0].place,
+        probability=0.9,
+        names={},
+        outside=1.0,
+        credible_names=[],
+        credible_places=[laws[0].place],
+        places={},
+        place_words={},
+        values=[],
+        terms=[],
+        largest=1.0,
+        unit="K",
+        gap=1.0,
+        rivals=[],
+    )
     point = found.pairs.reference.point
     rivals = []
     for k, law in enumerate(laws):
         model = free_model(found.pairs.plant, replace(point, laws=(law,)))
         none = np.zeros((0, 0))
-        made = Fit(model=model, x=np.zeros(model.parameters), left=none, slopes=none, objective=0.0,
-                   shift=())  # fmt: skip
-        rivals.append(Rival(kind="effect", name=f"{law.place} {k}", fit=made, squares=none,
-                            scores=none))  # fmt: skip
+        made = Fit(
+            model=model,
+            x=np.zeros(model.parameters),
+            left=none,
+            slopes=none,
+            objective=0.0,
+            shift=(),
+        )
+        rivals.append(
+            Rival(kind="effect", name=f"{law.place} {k}", fit=made, squares=none, scores=none)
+        )
     verdict = msgspec.structs.replace(found.verdict, outcome="causes", causes=[cause])
     answer = replace(found.answer, verdict=verdict, alternatives=tuple(rivals))
     return replace(found, answer=answer)
@@ -174,9 +198,15 @@ def inquiry(
         return Recorded(log, "it tripped" if k == trips_at else "", took_s=60.0)
 
     return Inquiry(
-        plant=PLANT, reference=reference, programme=PROGRAMME, originals=folder, folder=folder,
-        play=play, say=lambda text: None, seconds=600.0,
-    )  # fmt: skip
+        plant=PLANT,
+        reference=reference,
+        programme=PROGRAMME,
+        originals=folder,
+        folder=folder,
+        play=play,
+        say=lambda text: None,
+        seconds=600.0,
+    )
 
 
 def test_an_investigation_names_the_cause_proves_it_and_writes_the_model(

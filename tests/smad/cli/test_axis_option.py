@@ -73,21 +73,44 @@ def test_an_axis_of_a_client_names_itself_and_a_mapping_begins_together(
 def test_the_status_of_several_axes_is_a_line_each() -> None:
     motion = msgspec.structs.replace(MOTION, running="displacement", done=False)
     link = api.LinkStatus(
-        port="", baud=0, rate_hz=250, state="running", notes=(), bytes_in=0, bytes_out=0,
-        short_writes=0, losses=0, frames={}, board_stats={},
-    )  # fmt: skip
+        port="",
+        baud=0,
+        rate_hz=250,
+        state="running",
+        notes=(),
+        bytes_in=0,
+        bytes_out=0,
+        short_writes=0,
+        losses=0,
+        frames={},
+        board_stats={},
+    )
     counts = api.Counts(
-        samples=9, missed=2, skipped=0, setpoints=0, setpoints_dropped=0, commands=0, refused=0,
-        telemetry_dropped=0, setpoints_refused=0,
-    )  # fmt: skip
+        samples=9,
+        missed=2,
+        skipped=0,
+        setpoints=0,
+        setpoints_dropped=0,
+        commands=0,
+        refused=0,
+        telemetry_dropped=0,
+        setpoints_refused=0,
+    )
     none = api.Percentiles()
     timing = api.Timing(
         own_share=none, setpoint_age=none, jitter=none, round_trip_us=None, collections=0
     )
     axis = api.AxisStatus(
-        link=link, board=None, motion=motion, limiter="none", faults=(), warnings=(), sample=None,
-        counts=counts, timing=timing,
-    )  # fmt: skip
+        link=link,
+        board=None,
+        motion=motion,
+        limiter="none",
+        faults=(),
+        warnings=(),
+        sample=None,
+        counts=counts,
+        timing=timing,
+    )
     away = msgspec.structs.replace(axis, link=msgspec.structs.replace(link, state="sync"))
     lines = list(axis_lines({"pitch-1": axis, "yaw-1": away}, none))
     assert lines == [

@@ -73,16 +73,26 @@ def _backlash(x, gap):
 
 def _channel(name, unit, quantum, span, noise, side="", twin=""):  # noqa: PLR0917
     return Channel(
-        name=name, unit=unit, quantum=quantum, low=span[0], high=span[1], noise=noise, side=side,
+        name=name,
+        unit=unit,
+        quantum=quantum,
+        low=span[0],
+        high=span[1],
+        noise=noise,
+        side=side,
         twin=twin,
-    )  # fmt: skip
+    )
 
 
 def _effect(name, title, sub_model, parameters, signals, equation=""):  # noqa: PLR0917
     return Effect(
-        name=name, title=title, sub_model=sub_model, parameters=parameters, signals=signals,
+        name=name,
+        title=title,
+        sub_model=sub_model,
+        parameters=parameters,
+        signals=signals,
         equation=equation,
-    )  # fmt: skip
+    )
 
 
 def _strength(name, unit, typical, high, low=0.0):
@@ -156,11 +166,22 @@ class HeaterPlant:
     def _thermal(self, theta, effects, run, p_l, p_r):  # type: ignore[no-untyped-def]
         start = theta["t_a_degC"]
         return _plates(
-            run.dt_s, p_l, p_r, run.inputs["fan"], theta["c_J_K"], theta["ha_W_K"],
-            theta["fan_gain"], start, start, start, _value(effects, "sensor_lag", "tau_s"),
-            _value(effects, "radiation", "rad_W"), _value(effects, "coupling", "g_W_K"),
-            _value(effects, "melt", "J_K"), _value(effects, "sticky_fan", "tau_s"),
-        )  # fmt: skip
+            run.dt_s,
+            p_l,
+            p_r,
+            run.inputs["fan"],
+            theta["c_J_K"],
+            theta["ha_W_K"],
+            theta["fan_gain"],
+            start,
+            start,
+            start,
+            _value(effects, "sensor_lag", "tau_s"),
+            _value(effects, "radiation", "rad_W"),
+            _value(effects, "coupling", "g_W_K"),
+            _value(effects, "melt", "J_K"),
+            _value(effects, "sticky_fan", "tau_s"),
+        )
 
     def regimes(self, run: GapRun, side: str) -> dict[str, Mask]:
         own = "lr" if side == "" else side.lower()

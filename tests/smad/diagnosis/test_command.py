@@ -157,12 +157,24 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result, Path]:
     run = recorded("mixed", plant, bench, 1, duration_s=12.0)
     columns = {"t_s": run.t_s, **run.inputs, **run.outputs}
     table = folder / "run.csv"
-    np.savetxt(table, np.column_stack(list(columns.values())), delimiter=",",
-               header=",".join(columns), comments="", fmt="%.7g")  # fmt: skip
+    np.savetxt(
+        table,
+        np.column_stack(list(columns.values())),
+        delimiter=",",
+        header=",".join(columns),
+        comments="",
+        fmt="%.7g",
+    )
     said = call(
-        "diagnose", str(table), "--json", str(folder / "v.json"), "--html",
-        str(folder / "v.html"), "--apply", str(folder / "all.toml"),
-    )  # fmt: skip
+        "diagnose",
+        str(table),
+        "--json",
+        str(folder / "v.json"),
+        "--html",
+        str(folder / "v.html"),
+        "--apply",
+        str(folder / "all.toml"),
+    )
     assert said.exit_code == 0
     return folder, said, table
 

@@ -129,10 +129,11 @@ def test_the_verdict_does_not_hang_on_the_length_of_a_row(
 def every_second(run: GapRun) -> GapRun:
     """The record as a logger of half the rate would have written it."""
     return replace(
-        run, t_s=run.t_s[1::2],
+        run,
+        t_s=run.t_s[1::2],
         inputs={k: v[1::2] for k, v in run.inputs.items()},
         outputs={k: v[1::2] for k, v in run.outputs.items()},
-    )  # fmt: skip
+    )
 
 
 def test_records_of_half_the_rate_give_the_same_places() -> None:

@@ -78,8 +78,16 @@ def compiled_unit(folder: Path, of: Path) -> Path:
     return target
 
 
-def run_file(path: Path, seed: int, *, capacity: float = 32.0, loss: float = 0.74,
-             tau_s: float = 0.0, radiated: float = 0.0, noise: float = 0.03) -> Path:  # fmt: skip
+def run_file(
+    path: Path,
+    seed: int,
+    *,
+    capacity: float = 32.0,
+    loss: float = 0.74,
+    tau_s: float = 0.0,
+    radiated: float = 0.0,
+    noise: float = 0.03,
+) -> Path:
     """A run of a bench whose thermometer lags by `tau_s`; power holds up to the row's time."""
     rng = np.random.default_rng(seed)
     power = np.repeat(rng.choice([0.0, 15.0, 30.0, 45.0], 12), 50)

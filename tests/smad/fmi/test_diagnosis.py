@@ -21,7 +21,6 @@ from smad.fmi.errors import FmiError
 from smad.fmi.map_file import Map, read_map
 from smad.fmi.plant import FmuPlant
 from smad.fmi.unit_file import MOST_BYTES, open_unit
-from smad.simulators.processes import in_processes
 from tests.smad.diagnosis.cases import strong
 from tests.smad.runlog.helpers import write_small_run
 
@@ -109,7 +108,7 @@ def test_processes_replay_a_unit_as_one_does(unit: Path, tmp_path: Path) -> None
     here, there = plant_of(unit, tmp_path), plant_of(unit, tmp_path)
     run = read_mapped(run_file(tmp_path / "a.csv", 1), read_map(tmp_path / "map.toml"))
     points = [ModelPoint({"capacity_J_K": c}) for c in np.linspace(20.0, 40.0, 6)]
-    with in_processes(there, 2), ThreadPoolExecutor(2) as threads:
+    with there.in_processes(2), ThreadPoolExecutor(2) as threads:
         assert there.traits.together == 2
         shown = list(threads.map(lambda point: there.simulate(point, run), points))
     for point, other in zip(points, shown, strict=True):

@@ -83,9 +83,15 @@ def difference(unit: Path, folder: Path, given: Model, mounted: Mounted) -> floa
     if mounted.fixture != "antagonistic":
         inputs["stage_m"] = 2e-3 * np.sin(t_s)
     expected = replayed(
-        given.parameters, t_s, inputs, variant=given.variant, effects=given.effects,
-        laws=given.laws, fixture=mounted.fixture, cooling=mounted.cooling,
-    )  # fmt: skip
+        given.parameters,
+        t_s,
+        inputs,
+        variant=given.variant,
+        effects=given.effects,
+        laws=given.laws,
+        fixture=mounted.fixture,
+        cooling=mounted.cooling,
+    )
     with loaded(unit, folder) as running:
         rows = running.run(t_s, inputs, OUTPUTS)
     assert np.ptp(expected["rtd_x_degC"]) > 1.0
@@ -109,11 +115,15 @@ HEAT = Law(
     "heat_into_wire",
     "both",
     (
-        Term(name="drag", coefficient=0.4, factors=(
-            Factor(state="current", kind="bend", lag_s=0.5, low=0, high=4, centre=1, scale=1),
-        )),
+        Term(
+            name="drag",
+            coefficient=0.4,
+            factors=(
+                Factor(state="current", kind="bend", lag_s=0.5, low=0, high=4, centre=1, scale=1),
+            ),
+        ),
     ),
-)  # fmt: skip
+)
 WRONG_RTD = Law("reading_rtd", "x", (Term(name="offset", coefficient=0.7),))
 CALM = {"unified_kinetics", "cooling_front", "water_warming"}
 """Effects for which other equations are solved; in units of their own."""

@@ -76,9 +76,12 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> dict[int, tuple[Path, 
             plant, tmp_path_factory.mktemp("unit") / "pair.fmu", version=version
         ).path
         shown = fmpy.simulate_fmu(
-            str(unit), stop_time=6.0, step_size=0.01, start_values={"i_applied_x_A": 2.5},
+            str(unit),
+            stop_time=6.0,
+            step_size=0.01,
+            start_values={"i_applied_x_A": 2.5},
             output=SHOWN,
-        )[-1]  # fmt: skip
+        )[-1]
         units[version] = unit, [float(shown[name]) for name in SHOWN]
     return units
 

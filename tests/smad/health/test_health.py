@@ -39,9 +39,13 @@ def noise(seed: int) -> np.ndarray:
 
 def row(number: int, **values: float) -> Row:
     return Row(
-        unix_s=float(number), kind="run", source=f"{number}.mcap", group="standard", cycles=500.0,
+        unix_s=float(number),
+        kind="run",
+        source=f"{number}.mcap",
+        group="standard",
+        cycles=500.0,
         values={name: Value(value) for name, value in values.items()},
-    )  # fmt: skip
+    )
 
 
 def test_noise_alone_is_told_as_a_change_in_one_of_a_hundred_series_at_most() -> None:

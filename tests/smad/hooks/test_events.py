@@ -19,25 +19,61 @@ from smad.queue.states import Arming, Item, Snapshot, State
 from smad.queue.store import Message
 
 LINK = LinkStatus(
-    port="/dev/ttyUSB0", baud=1, rate_hz=100, state="running", notes=(), bytes_in=0, bytes_out=0,
-    short_writes=0, losses=0, frames={}, board_stats={},
-)  # fmt: skip
+    port="/dev/ttyUSB0",
+    baud=1,
+    rate_hz=100,
+    state="running",
+    notes=(),
+    bytes_in=0,
+    bytes_out=0,
+    short_writes=0,
+    losses=0,
+    frames={},
+    board_stats={},
+)
 COUNTS = Counts(
-    samples=0, missed=0, skipped=0, setpoints=0, setpoints_dropped=0, setpoints_refused=0,
-    commands=0, refused=0, telemetry_dropped=0,
-)  # fmt: skip
+    samples=0,
+    missed=0,
+    skipped=0,
+    setpoints=0,
+    setpoints_dropped=0,
+    setpoints_refused=0,
+    commands=0,
+    refused=0,
+    telemetry_dropped=0,
+)
 NONE = Percentiles()
 TIMING = Timing(own_share=NONE, setpoint_age=NONE, jitter=NONE, round_trip_us=None, collections=0)
 ARMED = Motion(
-    running="displacement", done=False, armed=True, mode="ARMED", reference_mm=None,
-    displacement_mm=None, board_time_s=1.0, generation=3,
-)  # fmt: skip
+    running="displacement",
+    done=False,
+    armed=True,
+    mode="ARMED",
+    reference_mm=None,
+    displacement_mm=None,
+    board_time_s=1.0,
+    generation=3,
+)
 STATUS = Status(
-    bench="bench", version="0", pid=1, uptime_s=1.0, memory_MiB=1.0, realtime=(), link=LINK,
-    board=None, motion=ARMED, limiter="", faults=(), warnings=(), sample=None, counts=COUNTS,
-    timing=TIMING, recorder=RecorderStatus(recording=False),
-    control=Control(holder="smad run"), events=(),
-)  # fmt: skip
+    bench="bench",
+    version="0",
+    pid=1,
+    uptime_s=1.0,
+    memory_MiB=1.0,
+    realtime=(),
+    link=LINK,
+    board=None,
+    motion=ARMED,
+    limiter="",
+    faults=(),
+    warnings=(),
+    sample=None,
+    counts=COUNTS,
+    timing=TIMING,
+    recorder=RecorderStatus(recording=False),
+    control=Control(holder="smad run"),
+    events=(),
+)
 FAULT = Fault(number=6, name="OVER_TEMPERATURE")
 
 
@@ -59,8 +95,9 @@ def test_a_bench_that_runs_is_no_news() -> None:
 
 
 def test_a_fault_is_told_once() -> None:
-    faulted = motion(armed=False, mode="FAULT", generation=4, ended="stopped by a fault",
-                     fault=FAULT)  # fmt: skip
+    faulted = motion(
+        armed=False, mode="FAULT", generation=4, ended="stopped by a fault", fault=FAULT
+    )
     assert told(look(0), look(1, faulted), look(2, faulted)) == [("on_fault", "OVER_TEMPERATURE")]
 
 
@@ -114,12 +151,14 @@ FAULTED = motion(armed=False, mode="FAULT", generation=4, ended="stopped by a fa
     ("after", "expected"),
     [
         (STATUS, []),
-        (motion(armed=False, generation=4, ended="stopped by loss of the link"),
-         ["stopped by loss of the link"]),
+        (
+            motion(armed=False, generation=4, ended="stopped by loss of the link"),
+            ["stopped by loss of the link"],
+        ),
         (motion(armed=False, generation=9, ended="stopped by disarm of smad tune"), []),
         (FAULTED, ["OVER_TEMPERATURE"]),
     ],
-)  # fmt: skip
+)
 def test_a_watcher_that_was_away_tells_what_happened_meanwhile_and_the_next_one_not_again(
     after: Status, expected: list[str]
 ) -> None:

@@ -98,9 +98,13 @@ class Rig:
             return running
         with (self.folder / f"{name}.log").open("ab") as log:
             self._parts[name] = subprocess.Popen(
-                [sys.executable, "-m", "smad", *words], stdin=subprocess.DEVNULL, stdout=log,
-                stderr=log, cwd=self.folder, start_new_session=True,
-            )  # fmt: skip
+                [sys.executable, "-m", "smad", *words],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                cwd=self.folder,
+                start_new_session=True,
+            )
         return self._parts[name]
 
     def ready(self) -> None:
@@ -108,8 +112,16 @@ class Rig:
 
         def in_order() -> bool:
             # Started anew when it found its pseudo-terminal taken by a daemon of somebody else.
-            self.start("daemon", "start", "--sim", "--paced-by-host", "--speed", str(self._speed),
-                       "--config", str(self.folder / "config.toml"))  # fmt: skip
+            self.start(
+                "daemon",
+                "start",
+                "--sim",
+                "--paced-by-host",
+                "--speed",
+                str(self._speed),
+                "--config",
+                str(self.folder / "config.toml"),
+            )
             return self.in_order()
 
         until(in_order, "the bench is not in order")
@@ -239,8 +251,11 @@ def runner_of(rig: Rig, folder: Path, name: str) -> subprocess.Popen[bytes]:
     with (folder / f"{name}.log").open("wb") as log:
         return subprocess.Popen(
             [sys.executable, "-m", "smad", "queue", "run", "--folder", str(folder)],
-            stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,
-        )  # fmt: skip
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=log,
+            start_new_session=True,
+        )
 
 
 def text_of(path: Path) -> str:

@@ -20,9 +20,13 @@ QUEUE = Snapshot(
 
 def proposal(generation: int | None = 7) -> Proposal:
     return arming.propose(
-        QUEUE, code="WXYZ", now_unix_s=100.0, end_unix_s=3700.0, budget=Budget(),
+        QUEUE,
+        code="WXYZ",
+        now_unix_s=100.0,
+        end_unix_s=3700.0,
+        budget=Budget(),
         generation=generation,
-    )  # fmt: skip
+    )
 
 
 def confirmed(
@@ -68,9 +72,13 @@ def test_an_empty_queue_and_a_budget_of_nothing_are_not_armed() -> None:
         )
     with pytest.raises(ArmingError, match="energy_J is not positive"):
         arming.propose(
-            QUEUE, code="A", now_unix_s=0.0, end_unix_s=1.0, budget=Budget(energy_J=0.0),
+            QUEUE,
+            code="A",
+            now_unix_s=0.0,
+            end_unix_s=1.0,
+            budget=Budget(energy_J=0.0),
             generation=None,
-        )  # fmt: skip
+        )
 
 
 def hours_until(text: str, now: datetime) -> float:
@@ -84,8 +92,9 @@ def test_an_end_time_is_the_next_such_time() -> None:
     assert hours_until("2026-11-26T07:00", evening) == 9.0
 
 
-def test_the_night_of_the_end_of_summer_time_is_an_hour_longer_and_of_its_beginning_shorter(
-) -> None:  # fmt: skip
+def test_the_night_of_the_end_of_summer_time_is_an_hour_longer_and_of_its_beginning_shorter() -> (
+    None
+):
     assert hours_until("07:00", datetime(2026, 10, 24, 22, 0, tzinfo=BERLIN)) == 10.0
     assert hours_until("07:00", datetime(2026, 3, 28, 22, 0, tzinfo=BERLIN)) == 8.0
 
@@ -104,6 +113,10 @@ def test_an_end_time_that_is_none_or_not_ahead_is_refused(text: str) -> None:
 def test_states_that_are_not_queued_are_not_armed() -> None:
     ended = Item(id=3, position=3.0, kind="run", title="t", words=(), state=State.DONE)
     assert arming.propose(
-        Snapshot(items=(*QUEUE.items, ended)), code="A", now_unix_s=0.0, end_unix_s=1.0,
-        budget=Budget(), generation=None,
-    ).arming.items == (1, 2)  # fmt: skip
+        Snapshot(items=(*QUEUE.items, ended)),
+        code="A",
+        now_unix_s=0.0,
+        end_unix_s=1.0,
+        budget=Budget(),
+        generation=None,
+    ).arming.items == (1, 2)

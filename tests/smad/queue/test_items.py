@@ -9,7 +9,6 @@ import pytest
 
 from smad.api import Reason
 from smad.cli import execute
-from smad.cli.queue_child import is_used_up, status_of
 from smad.cli.queue_items import KINDS, items_of, obstacle_of
 from smad.client.errors import (
     BoardRefused,
@@ -23,6 +22,7 @@ from smad.client.errors import (
 from smad.errors import ComputerError, SmadError
 from smad.experiments.errors import StoppedError, TrippedError
 from smad.queue import Queue, QueueError, machine
+from smad.queue.ending import is_used_up, status_of
 from smad.queue.machine import Obstacle
 
 MOVES = '[[pieces]]\nkind = "step"\ndisplacement_mm = {mm}\nduration_s = 2.0\n'

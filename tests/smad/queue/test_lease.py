@@ -56,9 +56,12 @@ def test_an_orphan_that_has_the_lock_keeps_a_new_runner_waiting(tmp_path: Path) 
 
 def process(folder: Path, code: str) -> ItemProcess:
     return ItemProcess(
-        [sys.executable, "-c", code], folder=folder, output=folder / "queue" / "item.txt",
-        environment={}, descriptor=-1,
-    )  # fmt: skip
+        [sys.executable, "-c", code],
+        folder=folder,
+        output=folder / "queue" / "item.txt",
+        environment={},
+        descriptor=-1,
+    )
 
 
 def test_an_item_that_floods_fills_no_disk_and_its_last_line_is_known(tmp_path: Path) -> None:

@@ -17,9 +17,13 @@ NOW_S = 1_000.0
 
 def item(number: int, state: State = State.QUEUED) -> Item:
     return Item(
-        id=number, position=float(number), kind="run", title=f"run {number}", words=("run",),
+        id=number,
+        position=float(number),
+        kind="run",
+        title=f"run {number}",
+        words=("run",),
         state=state,
-    )  # fmt: skip
+    )
 
 
 def armed(*items: Item, **limits: float) -> Snapshot:
@@ -167,8 +171,7 @@ def test_a_limit_that_is_reached_ends_the_item_and_pauses(
     assert words in over.item(1).reason
 
 
-def test_a_wall_clock_that_leaps_ahead_ends_the_arming_and_one_that_leaps_back_does_not_prolong_it(
-) -> None:  # fmt: skip
+def test_a_wall_clock_that_leaps_ahead_ends_the_arming_and_one_that_leaps_back_does_not() -> None:
     running = after_start(item(1))
     assert machine.step(running, NOW_S + 7200.0, READY).after.mode == "paused"
     leapt_back = using(running, seconds=3600.0)

@@ -211,8 +211,9 @@ def prepare(folder: Path) -> None:
     (folder / "pair.csv").write_text(text)
     changed(folder, "change", on_change)
     changed(folder, "const", constant)
-    log = as_log({name: column[:1000] for name, column in pair().columns.items()},
-                 folder / "whole.mcap")  # fmt: skip
+    log = as_log(
+        {name: column[:1000] for name, column in pair().columns.items()}, folder / "whole.mcap"
+    )
     log.rename(folder / "whole.mcap.part")
     capitals = folder / "capitals"
     capitals.mkdir()

@@ -39,9 +39,11 @@ def torn(run: GapRun, hole_s: float) -> GapRun:
     begin_s = run.t_s[0] + AT * run.duration_s
     kept = (run.t_s <= begin_s) | (run.t_s > begin_s + hole_s)
     return replace(
-        run, t_s=run.t_s[kept], inputs={n: c[kept] for n, c in run.inputs.items()},
+        run,
+        t_s=run.t_s[kept],
+        inputs={n: c[kept] for n, c in run.inputs.items()},
         outputs={n: c[kept] for n, c in run.outputs.items()},
-    )  # fmt: skip
+    )
 
 
 def rows(fit: Sequence[GapRun], held_out: Sequence[GapRun]) -> Iterator[str]:

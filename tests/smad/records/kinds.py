@@ -61,9 +61,10 @@ class Heater:
     name, version = "heater", "1"
     inputs = (Signal("power_W", "W", 0.0, 50.0),)
     channels = (
-        Channel(name="temperature_degC", unit="degC", quantum=0.01, low=-20.0, high=150.0,
-                noise=0.03),
-    )  # fmt: skip
+        Channel(
+            name="temperature_degC", unit="degC", quantum=0.01, low=-20.0, high=150.0, noise=0.03
+        ),
+    )
     parameters = (Parameter(name="loss", unit="W/K", nominal=0.6, low=0.4, high=1.1, prior_sd=0.1),)
     effects = ()
 
@@ -314,8 +315,10 @@ def benches(count: int) -> list[tuple[bool, GapRun]]:
         theta = {q.name: float(np.clip(value, q.low, q.high)) for q, value in drawn}
         effect = plant.effects[int(rng.integers(len(plant.effects)))]
         times = rng.uniform(1.0, 3.0)
-        values = {q.name: float(np.clip(q.typical * (times if q.strength else 1.0), q.low, q.high))
-                  for q in effect.parameters}  # fmt: skip
+        values = {
+            q.name: float(np.clip(q.typical * (times if q.strength else 1.0), q.low, q.high))
+            for q in effect.parameters
+        }
         point = ModelPoint(theta, {effect.name: values} if k % 2 else {})
         # Some draws are no set of parameters: martensite would finish before it starts.
         with contextlib.suppress(SmadError, PlantError):

@@ -58,8 +58,12 @@ PLANTS = {
 def plants() -> Iterator[str]:
     """Case 11: a plant that breaks its contract."""
     columns = heated().columns
-    run = GapRun("a", columns["t_s"], {"power_W": columns["power_W"]},
-                 {"temperature_degC": columns["temperature_degC"]})  # fmt: skip
+    run = GapRun(
+        "a",
+        columns["t_s"],
+        {"power_W": columns["power_W"]},
+        {"temperature_degC": columns["temperature_degC"]},
+    )
     for name, plant in PLANTS.items():
         try:
             said = diagnose([run], plant=plant).verdict.headline
@@ -152,8 +156,16 @@ def benches(folder: Path) -> Iterator[str]:
             daemon.kill()
             daemon.wait()
             yield f"23 the daemon is killed: {smad_says('status', folder=folder)}"
-    with started("start", "--sim", "--fault", "sensor_open@30", "--bench", BENCH, "--no-realtime",
-                 folder=folder):  # fmt: skip
+    with started(
+        "start",
+        "--sim",
+        "--fault",
+        "sensor_open@30",
+        "--bench",
+        BENCH,
+        "--no-realtime",
+        folder=folder,
+    ):
         wait_for("°C", folder)
         smad_says("arm", folder=folder)
         wait_for("fault", folder)

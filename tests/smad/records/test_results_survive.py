@@ -100,13 +100,17 @@ def written_late(block: list[ast.stmt], *, printed: bool = False) -> list[int]:
     """Lines of a block of code that write a file after something was printed."""
     late: list[int] = []
     for statement in block:
-        inner = [b for name in ("body", "orelse", "finalbody")
-                 if (b := getattr(statement, name, []))]  # fmt: skip
+        inner = [
+            b for name in ("body", "orelse", "finalbody") if (b := getattr(statement, name, []))
+        ]
         for branch in inner:
             late += written_late(branch, printed=printed)
         calls = [c for c in ast.walk(statement) if isinstance(c, ast.Call)]
-        names = {getattr(c.func, "attr", getattr(c.func, "id", "")) for c in calls
-                 if not any(k.arg == "err" for k in c.keywords)}  # fmt: skip
+        names = {
+            getattr(c.func, "attr", getattr(c.func, "id", ""))
+            for c in calls
+            if not any(k.arg == "err" for k in c.keywords)
+        }
         if printed and not inner and names & _WRITES:
             late.append(statement.lineno)
         leaves = any(isinstance(b[-1], ast.Return | ast.Raise) for b in inner)
@@ -117,9 +121,11 @@ def written_late(block: list[ast.stmt], *, printed: bool = False) -> list[int]:
 def test_every_command_writes_its_files_before_it_prints() -> None:
     files = sorted(Path(smad.cli.__file__).parent.glob("*.py"))
     functions = [
-        (file.name, f) for file in files for f in ast.walk(ast.parse(file.read_text()))
+        (file.name, f)
+        for file in files
+        for f in ast.walk(ast.parse(file.read_text()))
         if isinstance(f, ast.FunctionDef)
-    ]  # fmt: skip
+    ]
     assert {name: late for name, f in functions if (late := written_late(f.body))} == {}
     late = ast.parse("def f():\n    click.echo(1)\n    write_page(page, path)\n").body
     assert written_late(late[0].body) == [3]  # type: ignore[attr-defined]

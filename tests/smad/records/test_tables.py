@@ -242,8 +242,10 @@ def test_reading_a_table_takes_little_more_memory_than_its_numbers(
             path.write_bytes(gzip.compress(lines.encode(), 1))
     done = subprocess.run(
         [sys.executable, "-c", READING, str(small), str(big)],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=True,
+    )
 
     assert float(done.stdout) < MOST_TIMES
 

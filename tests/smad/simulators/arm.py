@@ -64,9 +64,12 @@ def rubbing(model: Any) -> None:
 
 
 def arm_run(
-    seed: int, change: Callable[[Any], None] = nothing, *, seconds: float = 12.0,
+    seed: int,
+    change: Callable[[Any], None] = nothing,
+    *,
+    seconds: float = 12.0,
     noise: float = 1e-3,
-) -> dict[str, Array]:  # fmt: skip
+) -> dict[str, Array]:
     model = mujoco.MjModel.from_xml_string(MODEL)
     change(model)
     data = mujoco.MjData(model)

@@ -27,9 +27,13 @@ def _plate(power, dt, capacity, loss, room, tau):  # noqa: PLR0917
 def heater(t, inputs, values, start):
     """A heated plate whose thermometer may be slow."""
     shown = _plate(
-        np.array(inputs["power_W"]), HEATER_DT, values["capacity_J_K"], values["loss_W_K"],
-        values["room_degC"], values["slow_sensor"],
-    )  # fmt: skip
+        np.array(inputs["power_W"]),
+        HEATER_DT,
+        values["capacity_J_K"],
+        values["loss_W_K"],
+        values["room_degC"],
+        values["slow_sensor"],
+    )
     return {"temperature_degC": shown}
 
 
@@ -73,9 +77,15 @@ def _swing(torque, dt, mass, length, damping, friction, angle, rate):  # noqa: P
 def pendulum(t, inputs, values, start):
     """A driven pendulum that may rub."""
     shown = _swing(
-        np.array(inputs["torque_N_m"]), PENDULUM_DT, values["mass_kg"], values["length_m"],
-        values["damping"], values["dry_friction"], start["angle_rad"], start["angle_rad_rate"],
-    )  # fmt: skip
+        np.array(inputs["torque_N_m"]),
+        PENDULUM_DT,
+        values["mass_kg"],
+        values["length_m"],
+        values["damping"],
+        values["dry_friction"],
+        start["angle_rad"],
+        start["angle_rad_rate"],
+    )
     return {"angle_rad": shown}
 
 
@@ -83,11 +93,13 @@ def declared_pendulum(**more) -> Simulator:
     return simulator(
         pendulum,
         parameters={
-            "mass_kg": (1.0, 0.5, 2.0), "length_m": (0.5, 0.3, 0.8), "damping": (0.05, 0.0, 0.3),
+            "mass_kg": (1.0, 0.5, 2.0),
+            "length_m": (0.5, 0.3, 0.8),
+            "damping": (0.05, 0.0, 0.3),
         },
         effects={"dry_friction": (0.05, 0.0, 0.5)},
         **more,
-    )  # fmt: skip
+    )
 
 
 def pendulum_run(

@@ -55,10 +55,19 @@ def test_runs_may_be_files_a_pattern_tables_or_made_runs(tmp_path: Path) -> None
     for n, run in enumerate(RUNS[:2]):
         rows = np.column_stack(list(run.values()))
         np.savetxt(tmp_path / f"r{n}.csv", rows, delimiter=",", header=",".join(run), comments="")
-    made = GapRun("made", RUNS[0]["t_s"], {"power_W": RUNS[0]["power_W"]},
-                  {"temperature_degC": RUNS[0]["temperature_degC"]})  # fmt: skip
-    for given in (str(tmp_path / "r*.csv"), [tmp_path / "r0.csv", tmp_path / "r1.csv"],
-                  RUNS[:2], RUNS[0], made):  # fmt: skip
+    made = GapRun(
+        "made",
+        RUNS[0]["t_s"],
+        {"power_W": RUNS[0]["power_W"]},
+        {"temperature_degC": RUNS[0]["temperature_degC"]},
+    )
+    for given in (
+        str(tmp_path / "r*.csv"),
+        [tmp_path / "r0.csv", tmp_path / "r1.csv"],
+        RUNS[:2],
+        RUNS[0],
+        made,
+    ):
         (fit,) = bind(declared_heater(), given).groups
         np.testing.assert_allclose(fit[0].inputs["power_W"], RUNS[0]["power_W"])
         np.testing.assert_allclose(
@@ -81,9 +90,12 @@ def test_a_thinned_run_shows_the_means_of_the_run_as_it_was_recorded() -> None:
     point = ModelPoint({})
     each = bound.plant.simulate(point, run)["temperature_degC"]
     thin = GapRun(
-        "thin", run.t_s[4::5], {"power_W": run.inputs["power_W"].reshape(-1, 5).mean(axis=1)},
-        {}, whole=run,
-    )  # fmt: skip
+        "thin",
+        run.t_s[4::5],
+        {"power_W": run.inputs["power_W"].reshape(-1, 5).mean(axis=1)},
+        {},
+        whole=run,
+    )
     means = bound.plant.simulate(point, thin)["temperature_degC"]
     np.testing.assert_allclose(means, each.reshape(-1, 5).mean(axis=1), atol=1e-9)
     pushed = thin.with_columns(inputs={"power_W": thin.inputs["power_W"] + 2.0})
@@ -108,9 +120,12 @@ def test_an_exact_input_is_no_place_and_an_observed_column_may_be_in_a_law() -> 
     runs = [{**r, "wind_m_s": np.sin(0.1 * r["t_s"])} for r in runs]
     runs[0]["enable"][:10] = 0.0
     declared = simulator(
-        gated, parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
-        effects={"slow_sensor": (2.0, 0.0, 8.0)}, exact=("enable",), observed=("wind_m_s",),
-    )  # fmt: skip
+        gated,
+        parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
+        effects={"slow_sensor": (2.0, 0.0, 8.0)},
+        exact=("enable",),
+        observed=("wind_m_s",),
+    )
     bound = bind(declared, runs)
     assert [p.name for p in bound.plant.places] == ["reading_temperature_degC", "input_power_W"]
     assert all("wind_m_s" in p.states for p in bound.plant.places)
@@ -146,8 +161,11 @@ def test_what_drives_a_heater_beside_its_power_is_found_as_a_law_over_the_observ
 def test_a_column_that_no_run_changes_and_one_that_is_not_read_are_said() -> None:
     runs = with_input("enable", lambda r: np.ones(len(r["t_s"])))
     runs = [{**r, "humidity": r["t_s"]} for r in runs]
-    declared = simulator(gated, parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
-                         effects={"slow_sensor": 2.0})  # fmt: skip
+    declared = simulator(
+        gated,
+        parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
+        effects={"slow_sensor": 2.0},
+    )
     bound = bind(declared, runs)
     assert [s.name for s in bound.plant.inputs] == ["power_W"]
     (said,) = bound.said
@@ -161,9 +179,10 @@ def test_a_value_that_changes_nothing_is_said() -> None:
         return heater(t, inputs, known, start)
 
     declared = simulator(
-        deaf, effects={"slow_sensr": 2.0},
+        deaf,
+        effects={"slow_sensr": 2.0},
         parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0), "volume_L": (2.0, 1.0, 3.0)},
-    )  # fmt: skip
+    )
     (said,) = bind(declared, RUNS).said
     assert "values that change nothing in run 1: volume_L, slow_sensr." in said
 
@@ -327,8 +346,9 @@ def test_shapes_of_an_effect_reach_the_function_beside_its_size() -> None:
     rim = Missing(typical=0.5, high=1.0, shapes={"rim_m": (2.0, 1.0, 3.0)}, places=("input_x",))
     declared = simulator(noting, parameters=PARAMETERS, effects={"overflow": rim})
     bound = bind(declared, RUNS[:1])
-    bound.plant.simulate(ModelPoint({}, {"overflow": {"size": 0.7, "rim_m": 1.5}}),
-                         bound.groups[0][0])  # fmt: skip
+    bound.plant.simulate(
+        ModelPoint({}, {"overflow": {"size": 0.7, "rim_m": 1.5}}), bound.groups[0][0]
+    )
     assert (seen["overflow"], seen["rim_m"]) == (0.7, 1.5)
     assert bound.plant.effects[0].places == ("input_x",)
 
@@ -339,8 +359,11 @@ def test_a_model_that_gives_no_numbers_for_the_true_values_is_asked_up_to_there(
         return shown if values["loss_W_K"] > 0.745 else {n: np.nan * c for n, c in shown.items()}
 
     runs = [heater_run(seed, tau=2.0) for seed in range(3)]
-    declared = simulator(fragile, parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
-                         effects={"slow_sensor": (2.0, 0.0, 8.0)})  # fmt: skip
+    declared = simulator(
+        fragile,
+        parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
+        effects={"slow_sensor": (2.0, 0.0, 8.0)},
+    )
     assert diagnose(runs, declared).verdict.causes[0].name == "slow_sensor"
 
 
@@ -432,9 +455,10 @@ def test_models_that_explode_are_dropped_and_said() -> None:
         return heater(t, inputs, values, start)
 
     declared = simulator(
-        explosive, parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
+        explosive,
+        parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
         effects={"slow_sensor": (2.0, 0.0, 8.0), "burst": (0.5, -5.0, 5.0)},
-    )  # fmt: skip
+    )
     verdict = diagnose(RUNS, declared).verdict
     assert verdict.causes[0].name == "slow_sensor"
     (said,) = (n for n in verdict.notes if "gave no numbers" in n)
@@ -710,8 +734,11 @@ def test_processes_answer_as_one_does_for_a_function_made_inside_another() -> No
             raise ArithmeticError("too much")
         return heater(t, inputs, values, start)
 
-    declared = simulator(inner, parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
-                         effects={"slow_sensor": (2.0, 0.0, 8.0)})  # fmt: skip
+    declared = simulator(
+        inner,
+        parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
+        effects={"slow_sensor": (2.0, 0.0, 8.0)},
+    )
     one, two = (diagnose([run, RUNS[1], RUNS[2]], declared, processes=n).verdict for n in (1, 2))
     assert one.causes == two.causes
     assert one.whole == two.whole

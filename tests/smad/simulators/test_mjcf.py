@@ -38,13 +38,19 @@ def test_friction_that_a_model_lacks_is_placed_named_and_sized_by_the_command(
     runs = [tmp_path / f"r{seed}.csv" for seed in (1, 3)]
     for seed, path in zip((1, 3), runs, strict=True):
         run = arm_run(seed, rubbing)
-        np.savetxt(path, np.column_stack(list(run.values())), delimiter=",",
-                   header=",".join(run), comments="")  # fmt: skip
+        np.savetxt(
+            path,
+            np.column_stack(list(run.values())),
+            delimiter=",",
+            header=",".join(run),
+            comments="",
+        )
     answers: list[Answer] = []
     monkeypatch.setattr(
-        asked, "diagnose_mjcf",
+        asked,
+        "diagnose_mjcf",
         lambda *given, **more: answers.append(diagnose_mjcf(*given, **more)) or answers[0],
-    )  # fmt: skip
+    )
     better = tmp_path / "better.toml"
     status = execute(["gap", "diagnose", *map(str, runs), "--mjcf", str(model),
                       "--map", str(mapped), "--apply", str(better),
@@ -115,8 +121,9 @@ def test_a_parameter_has_the_unit_of_its_field_and_is_refused_by_the_name_of_ano
     assert {p.name: p.unit for p in declared.parameters} == {
         "mass_kg": "kg", "damping": "N m s/rad",
     }  # fmt: skip
-    grams = MAP.replace("mass_kg", "mass [g]").replace("[parameters.mass [g]]",
-                                                       '[parameters."mass [g]"]')  # fmt: skip
+    grams = MAP.replace("mass_kg", "mass [g]").replace(
+        "[parameters.mass [g]]", '[parameters."mass [g]"]'
+    )
     with pytest.raises(SimulatorError, match="another unit than the model's field; got g; allowed"):
         declare_mjcf(*files(tmp_path, mapped=grams), [arm_run(0, seconds=2.0)])
     metres = MAP.replace("mass_kg", "mass_m")
@@ -150,10 +157,20 @@ def test_an_effect_of_no_size_changes_nothing_and_each_of_usual_size_does(tmp_pa
     base = shown(bound)["angle_rad"]
     names = [e.name for e in bound.plant.effects]
     assert {
-        "hinge_dry_friction", "hinge_viscous_friction", "hinge_armature", "hinge_spring",
-        "arm_payload", "angle_rad_backlash", "angle_rad_delay", "angle_rad_zero", "angle_rad_gain",
-        "torque_N_m_gain", "torque_N_m_lag", "torque_N_m_delay", "torque_N_m_saturation",
-    } <= set(names)  # fmt: skip
+        "hinge_dry_friction",
+        "hinge_viscous_friction",
+        "hinge_armature",
+        "hinge_spring",
+        "arm_payload",
+        "angle_rad_backlash",
+        "angle_rad_delay",
+        "angle_rad_zero",
+        "angle_rad_gain",
+        "torque_N_m_gain",
+        "torque_N_m_lag",
+        "torque_N_m_delay",
+        "torque_N_m_saturation",
+    } <= set(names)
     for effect in bound.plant.effects:
         none = ModelPoint({}, {effect.name: strong(effect, 0.0)})
         some = ModelPoint({}, {effect.name: strong(effect, 1.0)})
@@ -167,9 +184,10 @@ def test_a_parameter_sets_what_mujoco_compiles_from_the_same_number(tmp_path: Pa
     (tmp_path / "other").mkdir()
     again = bound_arm(tmp_path / "other", model=heavier)
     np.testing.assert_allclose(
-        shown(bound, ModelPoint({"mass_kg": 1.3}))["angle_rad"], shown(again)["angle_rad"],
+        shown(bound, ModelPoint({"mass_kg": 1.3}))["angle_rad"],
+        shown(again)["angle_rad"],
         atol=1e-9,
-    )  # fmt: skip
+    )
 
 
 def test_a_payload_is_a_point_mass_as_mujoco_would_compile_it() -> None:
@@ -266,9 +284,10 @@ def test_the_better_model_is_mjcf_that_moves_as_the_point_does(tmp_path: Path) -
     again = tmp_path / "other"
     again.mkdir()
     np.testing.assert_allclose(
-        shown(bound_arm(again, model=better))["angle_rad"], shown(bound, point)["angle_rad"],
+        shown(bound_arm(again, model=better))["angle_rad"],
+        shown(bound, point)["angle_rad"],
         atol=1e-4,
-    )  # fmt: skip
+    )
 
 
 def test_what_no_field_of_mjcf_has_goes_into_a_model_file_with_the_mjcf(tmp_path: Path) -> None:
@@ -312,8 +331,9 @@ def test_options_that_do_not_go_together_are_refused(
 
 
 def test_a_joint_that_turns_by_a_servo_keeps_its_input_as_a_place(tmp_path: Path) -> None:
-    servo = MODEL.replace('<motor name="motor" joint="hinge"/>',
-                          '<position name="motor" joint="hinge" kp="20"/>')  # fmt: skip
+    servo = MODEL.replace(
+        '<motor name="motor" joint="hinge"/>', '<position name="motor" joint="hinge" kp="20"/>'
+    )
     places = [p.name for p in bound_arm(tmp_path, model=servo).plant.places]
     assert places == ["reading_angle_rad", "input_torque_N_m", "input_hinge_torque"]
     (tmp_path / "other").mkdir()

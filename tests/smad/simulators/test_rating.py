@@ -74,9 +74,12 @@ def test_parameters_imitate_no_more_than_their_ranges_allow_and_is_likely() -> N
             for n, v in (("capacity_J_K", 30.0), ("loss_W_K", 0.8), ("room_degC", 22.0))
         }
         declared = simulator(
-            heater, parameters=parameters, effects={"slow_sensor": (2.0, 0.0, 8.0)},
-            noise={"temperature_degC": 0.03}, transducers=True,
-        )  # fmt: skip
+            heater,
+            parameters=parameters,
+            effects={"slow_sensor": (2.0, 0.0, 8.0)},
+            noise={"temperature_degC": 0.03},
+            transducers=True,
+        )
         return by_name(plan([given], declared).ratings)["effect power_W_gain"]
 
     wide, near, unlikely = gain(0.3, 0.5), gain(0.9, 0.5), gain(0.3, 0.1)

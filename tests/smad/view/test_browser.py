@@ -148,10 +148,16 @@ def test_stop_disarms_while_others_flood(page: Any, bench: BrowsedBench) -> None
     arm(page)
     generation = bench.client.motion().generation
     flood = subprocess.Popen(
-        [sys.executable, "-m", "bench.stop_latency", "--flood", "current",
-         bench.client.connection.command],
+        [
+            sys.executable,
+            "-m",
+            "bench.stop_latency",
+            "--flood",
+            "current",
+            bench.client.connection.command,
+        ],
         cwd=Path(__file__).parents[3],
-    )  # fmt: skip
+    )
     try:
         refused = bench.client.status().counts.refused
         until(page, lambda d: bench.client.status().counts.refused > refused + 100)

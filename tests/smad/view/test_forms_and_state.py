@@ -132,10 +132,16 @@ def status(mode: str = "SAFE", fault: api.Fault | None = None, **row: Any) -> ap
         "bytes_out": 0, "short_writes": 0, "losses": 0, "frames": {}, "board_stats": {},
     }  # fmt: skip
     motion = {
-        "running": "idle", "done": True, "armed": mode == "ARMED", "mode": mode,
-        "reference_mm": None, "displacement_mm": None, "board_time_s": 1.0,
-        "fault": None if fault is None else msgspec.to_builtins(fault), "generation": 3,
-    }  # fmt: skip
+        "running": "idle",
+        "done": True,
+        "armed": mode == "ARMED",
+        "mode": mode,
+        "reference_mm": None,
+        "displacement_mm": None,
+        "board_time_s": 1.0,
+        "fault": None if fault is None else msgspec.to_builtins(fault),
+        "generation": 3,
+    }
     raw |= {
         "bench": "b", "version": "1", "pid": 1, "uptime_s": 1.0, "memory_MiB": 1.0, "link": link,
         "board": board, "motion": motion, "limiter": "none", "faults": [], "warnings": [],

@@ -19,10 +19,12 @@ class Plates:
     name, version, parameters, effects = "plates", "1", (), ()
     inputs = tuple(Signal(n, "W", 0.0, 50.0) for n in ("a_W", "b_W"))
     channels = (
-        *(Channel(name=f"{n}_degC", unit="degC", quantum=0.01, low=-20.0, high=150.0, noise=0.03)
-          for n in "ab"),
+        *(
+            Channel(name=f"{n}_degC", unit="degC", quantum=0.01, low=-20.0, high=150.0, noise=0.03)
+            for n in "ab"
+        ),
         Channel(name="force_N", unit="N", quantum=0.001, low=-5.0, high=60.0, noise=0.003),
-    )  # fmt: skip
+    )
 
     def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
         out = {}

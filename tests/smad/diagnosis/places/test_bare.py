@@ -41,8 +41,9 @@ def line(state: str, slope: float, low: float, high: float, zero: float = 0.0) -
 def test_a_plant_without_places_has_one_for_each_reading_and_each_input() -> None:
     assert isinstance(PLANT, Forceable)
     assert [p.name for p in PLANT.places] == [
-        *(f"reading_{c.name}" for c in HEATER.channels), *(f"input_{s.name}" for s in HEATER.inputs)
-    ]  # fmt: skip
+        *(f"reading_{c.name}" for c in HEATER.channels),
+        *(f"input_{s.name}" for s in HEATER.inputs),
+    ]
     units = {c.name: c.unit for c in HEATER.channels} | {s.name: s.unit for s in HEATER.inputs}
     for place in PLANT.places:
         assert place.unit == units[place.name.partition("_")[2]]

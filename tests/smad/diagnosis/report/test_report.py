@@ -41,15 +41,30 @@ from tests.smad.diagnosis.cases import GAIN, OTHER, bank
 from tests.smad.diagnosis.heater_plant import HeaterPlant
 
 LAG = EffectValue(name="tau_s", value=0.6, sd=0.004, unit="s")
-TERM = LawTerm(name="velocity", state="velocity", words="velocity", slopes={"x": 0.2, "y": -0.1},
-               sd={"x": 0.01, "y": 0.02}, unit="N/(m/s)")  # fmt: skip
-ALWAYS = LawTerm(name="constant", state="", words="always", slopes={"both": 1.0},
-                 sd={"both": 0.1}, unit="N")  # fmt: skip
+TERM = LawTerm(
+    name="velocity",
+    state="velocity",
+    words="velocity",
+    slopes={"x": 0.2, "y": -0.1},
+    sd={"x": 0.01, "y": 0.02},
+    unit="N/(m/s)",
+)
+ALWAYS = LawTerm(
+    name="constant", state="", words="always", slopes={"both": 1.0}, sd={"both": 0.1}, unit="N"
+)
 
 
 def rival(kind: str, name: str, gap: float, probability: float, **more: Any) -> RivalGap:
-    return RivalGap(kind=kind, name=name, words=name, places=[], gap=gap, probability=probability,
-                    by_signal={"rod_um": gap}, **more)  # fmt: skip
+    return RivalGap(
+        kind=kind,
+        name=name,
+        words=name,
+        places=[],
+        gap=gap,
+        probability=probability,
+        by_signal={"rod_um": gap},
+        **more,
+    )
 
 
 RIVALS = [
@@ -59,22 +74,50 @@ RIVALS = [
     rival("nothing", "the simulator as configured", 40.0, 0.0),
 ]
 EFFECT = Cause(
-    kind="effect", name="lag", place="reading", side="both", words="reading of the rod",
-    probability=0.97, names={"lag": 0.96, "near-0": 0.03}, outside=0.2, credible_names=["lag"],
-    credible_places=["reading"], places={"reading": 0.97, "room": 0.02},
-    place_words={"reading": "reading of the rod"}, values=[LAG], terms=[], largest=0.0, unit="um",
-    gap=1.0, rivals=RIVALS,
-)  # fmt: skip
+    kind="effect",
+    name="lag",
+    place="reading",
+    side="both",
+    words="reading of the rod",
+    probability=0.97,
+    names={"lag": 0.96, "near-0": 0.03},
+    outside=0.2,
+    credible_names=["lag"],
+    credible_places=["reading"],
+    places={"reading": 0.97, "room": 0.02},
+    place_words={"reading": "reading of the rod"},
+    values=[LAG],
+    terms=[],
+    largest=0.0,
+    unit="um",
+    gap=1.0,
+    rivals=RIVALS,
+)
 LAW = msgspec.structs.replace(
-    EFFECT, kind="law", name="", values=[], terms=[TERM, ALWAYS], names={}, credible_names=[],
+    EFFECT,
+    kind="law",
+    name="",
+    values=[],
+    terms=[TERM, ALWAYS],
+    names={},
+    credible_names=[],
     rivals=[rival("law", "reading", 2.0, 0.6)],
-)  # fmt: skip
-SIGNAL = SignalGap(signal="rod_um", words="length of the rod", unit="um", floor=0.2, raw=3.0,
-                   parameters=2.0, causes=[0.5])  # fmt: skip
-SILENT = SignalGap(signal="room_degC", unit="degC", floor=0.2, raw=0.1, parameters=0.1,
-                   causes=[0.1])  # fmt: skip
-WHOLE = SignalGap(signal="all signals", unit="floors", floor=1.0, raw=40.0, parameters=29.5,
-                  causes=[1.0])  # fmt: skip
+)
+SIGNAL = SignalGap(
+    signal="rod_um",
+    words="length of the rod",
+    unit="um",
+    floor=0.2,
+    raw=3.0,
+    parameters=2.0,
+    causes=[0.5],
+)
+SILENT = SignalGap(
+    signal="room_degC", unit="degC", floor=0.2, raw=0.1, parameters=0.1, causes=[0.1]
+)
+WHOLE = SignalGap(
+    signal="all signals", unit="floors", floor=1.0, raw=40.0, parameters=29.5, causes=[1.0]
+)
 
 
 def verdict(outcome: str, question: str = DIFFERS, **changes: Any) -> Verdict:
@@ -88,7 +131,7 @@ def verdict(outcome: str, question: str = DIFFERS, **changes: Any) -> Verdict:
         headline = headline_of(question, outcome, full["causes"], full["whole"])
     return Verdict(
         question=question, outcome=outcome, headline=headline, judged_on="2 runs", **full
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("question", [DIFFERS, CHANGED, CHECK_UP])

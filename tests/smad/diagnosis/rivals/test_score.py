@@ -30,8 +30,17 @@ def of(
 ) -> list[float]:
     """Probabilities of rivals whose scores over all runs lead the first one by so much."""
     scores = np.array([[lead / RUNS] * RUNS for lead in leads])
-    p = probabilities(scores, KINDS, TEMPER, effects=41, laws=20, rows=ROWS, near=near,
-                      first=first, log_prior=np.zeros(len(KINDS)))  # fmt: skip
+    p = probabilities(
+        scores,
+        KINDS,
+        TEMPER,
+        effects=41,
+        laws=20,
+        rows=ROWS,
+        near=near,
+        first=first,
+        log_prior=np.zeros(len(KINDS)),
+    )
     return [float(x) for x in p]
 
 
@@ -70,10 +79,19 @@ def test_a_lead_that_hangs_on_one_run_is_less_sure_than_the_same_lead_in_every_r
     even, one = np.zeros((2, RUNS)), np.zeros((2, RUNS))
     even[1], one[1, 0] = 2.0 / RUNS, 2.0
     of_parts = [
-        probabilities(x, (NOTHING, EFFECT), TEMPER, effects=41, laws=20, rows=ROWS,
-                      near=(True, False), first=True, log_prior=np.zeros(2))[1]
+        probabilities(
+            x,
+            (NOTHING, EFFECT),
+            TEMPER,
+            effects=41,
+            laws=20,
+            rows=ROWS,
+            near=(True, False),
+            first=True,
+            log_prior=np.zeros(2),
+        )[1]
         for x in (even, one)
-    ]  # fmt: skip
+    ]
     assert of_parts[1] < 0.75 < of_parts[0]
 
 
@@ -81,9 +99,16 @@ def test_of_two_effects_the_better_one_is_not_sure_however_many_runs_there_are()
     for runs in (RUNS, 4 * RUNS):
         scores = np.array([[0.0] * runs, [1.0] * runs, [1.5] * runs])
         p = probabilities(
-            scores, (NOTHING, EFFECT, EFFECT), TEMPER, effects=41, laws=20, rows=ROWS,
-            near=(False,) * 3, first=True, log_prior=np.zeros(3),
-        )  # fmt: skip
+            scores,
+            (NOTHING, EFFECT, EFFECT),
+            TEMPER,
+            effects=41,
+            laws=20,
+            rows=ROWS,
+            near=(False,) * 3,
+            first=True,
+            log_prior=np.zeros(3),
+        )
         assert 0.75 < p[2] / (p[1] + p[2]) < 0.85
 
 

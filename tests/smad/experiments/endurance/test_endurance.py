@@ -39,9 +39,16 @@ from smad.runlog.reader import read_run
 
 PROFILE = Profile(low=-3.0, high=3.0, rate=2.0, dwell_s=0.5)
 CYCLE = Cycle(
-    number=1, t_s=0.0, duration_s=7.0, stroke_mm=6.0, force_max_N=2.0, resistance_ohm=0.8,
-    transformation_degC=42.0, peak_degC=45.0, energy_J=80.0,
-)  # fmt: skip
+    number=1,
+    t_s=0.0,
+    duration_s=7.0,
+    stroke_mm=6.0,
+    force_max_N=2.0,
+    resistance_ohm=0.8,
+    transformation_degC=42.0,
+    peak_degC=45.0,
+    energy_J=80.0,
+)
 NO_ROOM = Room(0.0, 0.0, 0.0)
 
 
