@@ -19,7 +19,7 @@ QUIET, PARAMETERS, CAUSES, UNEXPLAINED, REFUSED = (
 )  # fmt: skip
 OUTCOMES = (QUIET, PARAMETERS, CAUSES, UNEXPLAINED, REFUSED)
 """Nothing beyond the floor; other values of the parameters explain it; causes are told; more than
-the parameters is missing, and no rival brings the judged runs nearer; no verdict."""
+the parameters is missing, and no rival explains it; no verdict."""
 DIFFERS, CHANGED, CHECK_UP = "differs", "changed", "check-up"
 
 _NAMED = 2

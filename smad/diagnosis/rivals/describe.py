@@ -32,7 +32,7 @@ class Describer:
         if rival.kind == NOTHING:
             if rival.fit is None:
                 return "the simulator as configured"
-            return "nothing more" if rival.fit.model.parts else "nothing but what a day changes"
+            return "nothing more" if rival.fit.model.parts else "day-to-day variation alone"
         if rival.kind == PARAMETERS:
             return "parameters alone"
         if rival.kind == EFFECT:
