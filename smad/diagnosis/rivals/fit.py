@@ -24,19 +24,15 @@ from smad.diagnosis.plant import ModelPoint
 from smad.diagnosis.rivals.evidence import Evidence
 from smad.diagnosis.rivals.parts import Model
 
-_DAMPING = (0.0, 0.03, 1.0, 30.0)
+_DAMPING = (0.0, 0.003, 0.03, 0.3, 3.0, 30.0)
 _LONGER = (1.0, 2.0, 4.0, 8.0)
-_CURVED = 4.0 / 3.0
-"""Times what it promised that a step must give for twice the step to give more: along a parabola
-that begins as promised."""
 _RIDGE, _TINY = 1e-9, 1e-12
 _ROUNDS = 8
-_ENOUGH = 0.5
-"""Of F, a quarter of a nat where every row counts: a round that lessens it by less is the last."""
+_ENOUGH = 0.2
+_WORTH = 0.05
+"""Of F, that a step must promise to be tried."""
 _HIDDEN = 0.5
 """Of what a part changes, that averaged inputs may hide: a slope half wrong still leads on."""
-_LOUD = 4.0
-"""A mean square in floors of twice the noise: below it channels count alike anyway."""
 _POLISHES, _POLISH_ROUNDS, _POLISH_ENOUGH = 12, 4, 2.0
 
 
@@ -213,17 +209,17 @@ class _Descent:
         for damping in _DAMPING:
             step = bounded_step(A, g, low - stand.x, high - stand.x, damping)
             promised = 2.0 * g @ step - step @ A @ step
-            if promised < _ENOUGH:
+            if promised < _WORTH:
                 break
             best = stand
-            # The weights of the log-likelihood lag behind the fit: what gives much more than it
-            # promised was too short.
+            # The weights of the log-likelihood lag behind the fit: what gives more than it promised
+            # was too short.
             for times in _LONGER:
                 moved = self.at(np.clip(stand.x + times * step, low, high))
                 if moved is None or not moved.value < best.value:
                     break
                 best = moved
-                if stand.value - best.value < _CURVED * promised:
+                if stand.value - best.value < promised:
                     break
             if best is not stand:
                 return best
@@ -336,7 +332,7 @@ def fit_to_end(evidence: Evidence, reference: Reference, tau: Array) -> Fit | No
     anew = replace(reference, slopes=reference.slopes[:0])
     loudest = max(float(evidence.variances(evidence.left(reference.exact)).max()), 1.0)
     made = fit(evidence, reference.model, reference.x, anew, tau=tau, alike=loudest)
-    for alike in [a for a in (loudest, loudest**0.5) if a > _LOUD] + [1.0]:
+    for alike in dict.fromkeys((loudest, loudest**0.5, 1.0)):
         if made:
             made = polished(evidence, replace(made, objective=np.inf), tau, alike=alike)
     return made
