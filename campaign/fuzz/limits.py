@@ -18,8 +18,8 @@ ALLOWED_MIB = 320
 """By which one input may raise the highest memory of its process; a log's chunk may take much."""
 
 _TRIES = 3
-"""An input that takes long is tried again: the first one pays for imports, and a busy machine for
-others."""
+"""How often an input that takes too long is run: imports of the first input, or other work of the
+machine, may have cost the time. The shortest one counts."""
 
 _OWN = Path(__file__).parent
 _CLEAR_REFS = Path("/proc/self/clear_refs")

@@ -14,7 +14,7 @@ from smad.report.page import Table
 
 _BINS = 5
 _SEEN = 3.0
-"""Floors that each effect of a pair changes alone where both of them could be found."""
+"""Least floors that each effect of a pair must change alone for the row of strong pairs."""
 _OTHER_DAYS = ("room", "preload", "drift")
 _FIRST_OWN = 4
 _ROUNDING = 1e-6

@@ -53,9 +53,9 @@ class Proposal:
 def propose(judgement: Judged, costs_s: Mapping[str, float], left_s: float) -> Proposal:
     """The run that best separates what stays, for its time; none when it is settled or of no use.
 
-    `costs_s` is what playing each run takes, `left_s` the time that is left. A run is played once:
-    rivals that it has not separated are wrong in form, or equal to its floor, and stay so. Where no
-    rival is told, every run of the baseline is played before that is the answer.
+    `costs_s` is what playing each run takes, `left_s` the time that is left. Each run is
+    played once, since a repeat does not separate rivals that the first play left open. If no rival
+    is told, every run of the baseline is played before that is the answer.
     """
     verdict, pairs = judgement.verdict, judgement.pairs
     if not verdict.causes:
