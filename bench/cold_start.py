@@ -28,10 +28,8 @@ _VERSION = "import sys; print(*sys.version_info[:2])"
 
 def build_wheel(folder: Path) -> Path:
     """Build the wheel of this checkout in `folder`; return its path."""
-    subprocess.run(
-        [sys.executable, "-m", "uv", "build", "--quiet", "--wheel", "-o", str(folder), str(ROOT)],
-        check=True,
-    )
+    build = [sys.executable, "-m", "uv", "build", "--quiet", "--wheel", "--no-build-isolation"]
+    subprocess.run([*build, "--python", sys.executable, "-o", str(folder), str(ROOT)], check=True)
     (wheel,) = folder.glob("smad-*.whl")
     return wheel
 

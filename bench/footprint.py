@@ -17,6 +17,8 @@ import venv
 from pathlib import Path
 from statistics import median
 
+from bench.cold_start import build_wheel
+
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 GOAL_MB = 60.0
@@ -80,23 +82,7 @@ def main(extras: list[str]) -> int:
     """Measure, print, and return 1 where a goal is missed."""
     with tempfile.TemporaryDirectory(prefix="smad-footprint-") as place:
         folder = Path(place)
-        subprocess.run(
-            [
-                sys.executable,
-                "-m",
-                "pip",
-                "wheel",
-                "-q",
-                "--no-deps",
-                "--no-build-isolation",
-                "--disable-pip-version-check",
-                "-w",
-                place,
-                str(ROOT),
-            ],
-            check=True,
-        )
-        (wheel,) = folder.glob("smad-*.whl")
+        wheel = build_wheel(folder)
         environment = Environment(folder / "env")
         environment.install(*PROJECT["dependency-groups"]["bench"])
         environment.install("--no-deps", str(wheel))

@@ -4,14 +4,15 @@ import ast
 import functools
 import re
 import subprocess
-import sys
 import tomllib
+import zipfile
 from collections.abc import Mapping
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
+from bench.cold_start import build_wheel
 from smad.cli import pages
 from smad.errors import SmadError
 
@@ -320,25 +321,7 @@ def test_no_committed_file_names_a_path_of_a_developers_machine() -> None:
 
 
 def test_every_data_file_of_the_packages_is_in_the_wheel(tmp_path: Path) -> None:
-    subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "pip",
-            "wheel",
-            "-q",
-            "--no-deps",
-            "--no-build-isolation",
-            "--disable-pip-version-check",
-            "-w",
-            str(tmp_path),
-            str(ROOT),
-        ],
-        check=True,
-    )
-    import zipfile
-
-    wheel = next(tmp_path.glob("*.whl"))
+    wheel = build_wheel(tmp_path)
     inside = set(zipfile.ZipFile(wheel).namelist())
     packages = tomllib.loads((ROOT / "pyproject.toml").read_text())
     wanted = {

@@ -58,7 +58,8 @@ class Result:
     carried_out: int
     """Commands of the attacker that the daemon carried out."""
     missed: int
-    still_armed: bool
+    disarmed: str
+    """What the daemon said last where the bench was disarmed; nothing while it is armed."""
     age_p99_us: float
     age_max_us: float
     answer_max_ms: float
@@ -72,7 +73,7 @@ class Result:
             "it was not logged": not self.logged,
             "it was carried out": self.carried_out != 0,
             "samples were missed": self.missed != 0,
-            "the bench was disarmed": not self.still_armed,
+            f"the bench was disarmed: {self.disarmed}": bool(self.disarmed),
             "memory grew": self.rss_growth_MiB > _RSS_MOST_MIB,
             "descriptors stayed open": self.descriptors_left > 0,
         }
@@ -265,7 +266,7 @@ def _carry_out(rig: HostileRig, attack: Attack) -> Result:
         logged=rig.journal_says(attack.message),
         carried_out=0,
         missed=after.counts.missed - before.counts.missed,
-        still_armed=after.motion.armed and after.motion.fault is None,
+        disarmed="" if after.motion.armed and not after.motion.fault else rig.daemon.last_line,
         age_p99_us=age.p99_us,
         age_max_us=age.max_us,
         answer_max_ms=rig.slowest_s * 1e3,

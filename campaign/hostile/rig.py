@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,7 +33,9 @@ class Scale:
 class HostileRig(DaemonRig):
     """A bench in motion under a daemon that listens on ipc and, for `friend`'s key, on TCP."""
 
-    def __init__(self, folder: Path, port: str, scale: Scale) -> None:
+    def __init__(
+        self, folder: Path, port: str, scale: Scale, arguments: Sequence[str] = ()
+    ) -> None:
         self.scale = scale
         self.friend = tuple(key.decode() for key in zmq.curve_keypair())
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
@@ -45,7 +47,7 @@ class HostileRig(DaemonRig):
             allowed_keys=(self.friend[0],),
         )
         config = rig_config(folder, port, daemon=DaemonConfig(tcp=tcp))
-        super().__init__(folder, start_daemon(folder, config))
+        super().__init__(folder, start_daemon(folder, config, arguments))
         self.slowest_s = 0.0
         self._heard_until = 0
         self.connect()
@@ -121,12 +123,14 @@ class HostileRig(DaemonRig):
 
 @contextlib.contextmanager
 def hostile_rig(scale: Scale) -> Iterator[HostileRig]:
-    pace = [] if scale.speed is None else ["--speed", str(scale.speed), "--paced-by-host"]
+    pace, patience = [], []
+    if scale.speed is not None:
+        pace, patience = ["--speed", str(scale.speed), "--paced-by-host"], ["--patience", "20"]
     # Socket paths are short.
     with tempfile.TemporaryDirectory(prefix="smad-hostile-") as name:
         folder = Path(name)
-        with simulated_bench(pace, folder / "tty", waiting=lambda text: None) as port:
-            rig = HostileRig(folder, port, scale)
+        with simulated_bench([*pace, *patience], folder / "tty", waiting=lambda text: None) as port:
+            rig = HostileRig(folder, port, scale, patience)
             try:
                 yield rig
             finally:

@@ -34,9 +34,12 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module", params=[3, 2], ids=["fmi3", "fmi2"])
-def unit(model: Path, request: pytest.FixtureRequest) -> Path:
-    name = f"model{request.param}.fmu"
-    return export_unit(read_model(model), model.with_name(name), version=request.param).path
+def unit(
+    model: Path, request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    # Made again where a worker takes over tests of another: into a folder of its own.
+    path = tmp_path_factory.mktemp("unit") / f"model{request.param}.fmu"
+    return export_unit(read_model(model), path, version=request.param).path
 
 
 def a_run(parameters: ParameterSet, n: int = 601) -> tuple[np.ndarray, dict[str, np.ndarray]]:

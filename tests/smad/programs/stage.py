@@ -10,7 +10,7 @@ import asyncio
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 import pytest
@@ -25,6 +25,7 @@ from smad.experiments.leased import LeasedDriver
 from smad.experiments.live import LiveDriver
 from tests.smad.daemon.rig import Rig
 
+T = TypeVar("T")
 POLL_SAMPLES = 5
 FROZEN_S = 3.0
 """Longer than a lease."""
@@ -41,14 +42,27 @@ class Stage:
         self.asked: list[str] = []
         self.leases: set[str] = set()
         self.loop = asyncio.get_running_loop()
+        self._program_thread: threading.Thread | None = None
+
+    async def play(self, program: Callable[..., T], *arguments: object) -> T:
+        """Run a program in a thread of its own, and return what it returns."""
+
+        def played() -> T:
+            self._program_thread = threading.current_thread()
+            return program(*arguments)
+
+        return await self.loop.run_in_executor(None, played)
 
     def do(self, work: Any) -> Any:
         """Let the loop do something for the program's thread, and wait for it."""
         return asyncio.run_coroutine_threadsafe(work, self.loop).result()
 
     def sleep(self, seconds: float) -> None:
-        """Let board time pass, and renew the leases as the client's thread does."""
-        if threading.current_thread() is threading.main_thread():
+        """Let board time pass, and renew the leases as the client's thread does.
+
+        Other threads sleep as ever: that of the run log must not renew a frozen program's lease.
+        """
+        if threading.current_thread() is not self._program_thread:
             _really_sleep(seconds)
             return
         self.do(self._pass(max(1, round(seconds * 1e6 / self.rig.bench.period_us))))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +41,7 @@ async def test_a_stop_ends_the_program_and_nothing_is_armed_afterwards(
         monkeypatch.setattr(job, "ARM_DEADLINE_S", 0.1)
         monkeypatch.setattr(replayer, "STROKE_DEGC", WARM_DEGC)
         program = PROGRAMS[name][0]
-        said = await asyncio.get_running_loop().run_in_executor(None, program, tmp_path)
+        said = await stage.play(program, tmp_path)
         assert stage.stopped, f"{name} never came to {phase}: {said}"
         assert said, f"{name} ended as if nothing had been"
         await rig.run_for(1.0)
@@ -79,7 +78,7 @@ async def test_who_armed_and_met_a_fault_gives_control_back_and_cannot_heat_afte
                     again()
             said.append(bench.status().control.holder)
 
-        await asyncio.get_running_loop().run_in_executor(None, program)
+        await stage.play(program)
         assert stage.stopped
         assert said == ["", ""]
         assert rig.said.count("→ ARMED") == 1
