@@ -87,8 +87,9 @@ $(VENV)/.packages: pyproject.toml uv.lock $(VENV)/.python
 	@$(SYNC) --extra all
 	@touch $@
 
-$(VENV)/.installed: $(VENV)/.packages
+$(VENV)/.installed: $(VENV)/.packages $(wildcard sim_device/plant/kernel/*.py)
 	@echo "compiling the physics kernel (once)"
+	@$(PY) -m smad.fmi.library
 	@$(PY) -m sim_device.plant.warm
 	@touch $@
 
@@ -113,5 +114,5 @@ $(VENV)/.site-installed: $(VENV)/.packages
 	@touch $@
 
 clean:  ## remove what the build made (not your runs)
-	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) sim_device/plant/kernel/kernel.so build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

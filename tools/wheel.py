@@ -1,6 +1,6 @@
 """Built into a wheel: the kernel as a library, where a C compiler is; else the wheel is for all.
 
-A hook of hatchling. An editable installation has none: its kernel is compiled by numba.
+A hook of hatchling. Of an editable installation `make setup` compiles it beside its source.
 """
 
 from __future__ import annotations

@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from itertools import combinations
-from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -188,24 +186,12 @@ def own_states(place_name: str, side: str, states: Mapping[str, Array]) -> dict[
 
 def lagged(values: Array, t_s: Array, lag_s: float) -> Array:
     """A first-order lag of samples, shape (n,), that starts at the first of them."""
-    return _compiled_lag()(np.ascontiguousarray(values), 1.0 - np.exp(-np.diff(t_s) / lag_s))
+    # Here, because the text of a law needs no kernel.
+    from sim_device.plant import kernel
 
-
-@cache
-def _compiled_lag() -> Callable[[Array, Array], Array]:
-    # Here, because a plant needs no numba.
-    from numba import njit
-
-    return cast(Callable[[Array, Array], Array], njit(cache=True, nogil=True)(_lagged))
-
-
-def _lagged(values: Array, rest: Array) -> Array:
     out = np.empty(len(values))
-    behind = values[0]
-    out[0] = behind
-    for k in range(1, len(values)):
-        behind += (values[k] - behind) * rest[k - 1]
-        out[k] = behind
+    shares = 1.0 - np.exp(-np.diff(t_s) / lag_s)
+    kernel.lag_samples(np.ascontiguousarray(values), shares, len(values), out)
     return out
 
 

@@ -59,7 +59,7 @@ class PlantArray:
         self._rings = np.zeros((size, 1, k.RING_COLUMNS))
         self._laws = np.zeros((size, *setup.laws.shape))
         self._memory = np.zeros((size, *setup.memory().shape))
-        self._counts = np.zeros(size, dtype=np.int64)
+        self._counts = np.zeros(size)
         self.rows: Array = k.numbers(self._states).reshape(size, -1)
         """Numbers of the states; where one stands says `kernel.place_of(State, …)`."""
         self._work_rows = k.numbers(self._works).reshape(size, -1)
@@ -70,7 +70,7 @@ class PlantArray:
         self._drawn = np.full(size, _BLOCK)
         self._streams = [np.random.default_rng(0) for _ in range(size)]
         self._every = np.arange(size)
-        self.statuses = np.zeros(size, dtype=np.int64)
+        self.statuses = np.zeros(size)
         self._executor = executor
         parts = max(1, min(workers if executor is not None else 1, size // _LEAST_A_THREAD))
         edges = np.linspace(0, size, parts + 1).astype(int).tolist()
@@ -136,11 +136,13 @@ class PlantArray:
             self._states,
             self._works,
             self._models,
-            self._rings,
+            self._rings.reshape(-1, k.RING_COLUMNS),
+            self._rings.shape[1],
             self._table,
-            self._laws,
+            self._laws.reshape(-1, self._laws.shape[2]),
+            self._memory.reshape(-1, self._memory.shape[2]),
+            self._laws.shape[1],
             self._counts,
-            self._memory,
             dt,
             steps,
             first,

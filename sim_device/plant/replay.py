@@ -266,7 +266,7 @@ class Replay:
             raise InputError(f"output {unknown[0]!r} is unknown; known are {', '.join(OUTPUTS)}")
         self._outputs = tuple(outputs)
         places = [k.place_of(k.State, OUTPUTS[name][0]) for name in outputs]
-        self._places = np.array(places, dtype=np.int64)
+        self._places = np.array(places, dtype=np.float64)
 
     def run(
         self,
@@ -314,7 +314,7 @@ class Replay:
         state = setup.state(temperature_K)
         row = k.numbers(state)
         out = np.empty((self.inputs.t_s.size, self._places.size))
-        status, _ = k.replay(
+        status = k.replay(
             state,
             k.zeros(k.Work),
             setup.model,
@@ -349,7 +349,7 @@ def trajectory(replay: Replay, setup: Setup, *, dt_s: float = DEFAULT_STEP_S) ->
     # Only under a forcing are readings kept as they were before it.
     forcing = replay._forcing if len(replay._forcing) else np.zeros((n, k.FORCED_SLOTS))
     whole._forcing = forcing
-    whole._places = np.array([k.place_of(k.State, path) for path in paths], dtype=np.int64)
+    whole._places = np.array([k.place_of(k.State, path) for path in paths], dtype=np.float64)
     columns = dict(zip(paths, whole._columns(setup, dt_s, None), strict=True))
     return {
         name: np.asarray(sum(columns[path] for path in parts)) for name, parts in TRAJECTORY.items()

@@ -1,4 +1,4 @@
-"""Compile the kernel once, at installation, so that the first run need not wait for it."""
+"""Run the kernel once, at installation: without a library of C, numba compiles it then."""
 
 from sim_device.plant import Drive, Inputs, Plant, Replay, load_parameters, simulate
 

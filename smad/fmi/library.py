@@ -1,6 +1,6 @@
-"""The kernel as a library of C that a wheel brings, so that a plant runs without numba.
+"""The kernel as a library of C, which loads at once: with it a plant needs no numba.
 
-python -m smad.fmi.library FILE     write it, where a C compiler is
+python -m smad.fmi.library     compile it beside its source, where a C compiler is
 """
 
 from __future__ import annotations
@@ -10,18 +10,29 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
 from sim_device.plant import kernel as k
-from sim_device.plant.kernel.library import PREFIX
+from sim_device.plant.kernel.compiled import PACKAGE
+from sim_device.plant.kernel.library import FILE, PREFIX
 from smad.fmi.to_c import Program
 
 RECORDS = {"states": k.State, "works": k.Work, "models": k.Model, "mounts": k.Mounting}
 """Layout of the parameters of the kernel's entries that are arrays of one record."""
-ENTRIES = (k.rest, k.advance, k.lay_curves, k.film_conductance_of, k.compliance_of)
-"""What a plant calls."""
+ENTRIES = (
+    k.advance,
+    k.advance_many,
+    k.compliance_of,
+    k.film_conductance_of,
+    k.lag_samples,
+    k.lay_curves,
+    k.outer_curve,
+    k.replay,
+    k.replay_drivers,
+    k.rest,
+)
+"""Everything of the kernel that Python calls."""
 # No operation is fused, so that it computes what numba's code does.
 FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
 
@@ -63,4 +74,5 @@ def build_library(target: Path, flags: tuple[str, ...] = FLAGS) -> bool:
 
 
 if __name__ == "__main__":
-    sys.exit(0 if build_library(Path(sys.argv[1])) else "no C compiler")
+    if not build_library(PACKAGE / FILE):
+        print("no C compiler here: numba compiles the kernel when it is first called")

@@ -109,7 +109,7 @@ class Program:
             (kind,) = get_args(hint.__origin__)
             inner = self.type_of(kind)
             return Type(inner.name, "row", inner.layout)
-        if get_origin(hint) is UnionType or get_origin(hint) is Sequence:
+        if get_origin(hint) is UnionType:
             return Type("double", "row")
         if is_array(hint):
             return TABLE
@@ -361,6 +361,16 @@ class _Body:
                 return f"{text}._{n}", kind.parts[n]
             case "pointer", ast.Constant(value=0):
                 return text, kind
+            case "pointer", ast.Slice(lower=ast.expr() as first):
+                return f"({text} + {self._expression(first)[0]})", kind
+            case "table", ast.Slice(lower=ast.expr() as first, upper=ast.expr() as end):
+                begin, stop = self._expression(first)[0], self._expression(end)[0]
+                place = f"{text}.at + ({begin}) * {text}.columns"
+                size = f"({stop}) - ({begin}), {text}.columns"
+                return f"((Table){{{place}, {size}}})", TABLE
+            case "table", row if not isinstance(row, ast.Slice):
+                place = f"{text}.at + ({self._expression(row)[0]}) * {text}.columns"
+                return f"({place})", Type("double", "row")
             case "row", index:
                 place = f"{text}[{self._expression(index)[0]}]"
                 if kind.layout is None:

@@ -10,10 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from numba.core.caching import _CacheLocator
-
-from sim_device.plant.kernel.compiled import PACKAGE
-
 ROOT = Path(__file__).resolve().parents[2]
 COPIED = (
     "bench", "campaign", "docs", "evaluation", "examples", "firmware", "firmware_protocol", "paper",
@@ -27,6 +23,7 @@ FILES = (
     "README.md",
     "pyproject.toml",
 )
+KERNEL = "sim_device/plant/kernel/"
 _HEAT = "--deselect=tests/firmware_protocol/supervisor/test_checks.py::test_"
 LONGEST = (
     f"{_HEAT}i2t_lowers_the_ceiling_and_trips_only_a_driver_that_does_not_obey",
@@ -88,6 +85,8 @@ class Recipe:
         for step in self.steps:
             if step is not left_out:
                 step.carry_out(tree)
+        if any(isinstance(s, Insert) and KERNEL in s.path for s in self.steps):
+            run(tree, "-m", "smad.fmi.library")
         checks = [("tools/generate.py", "--check"), ("-m", "ruff", "check", "-q", ".")]
         checks += [("-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *self.tests)]
         if left_out is None:
@@ -120,21 +119,9 @@ def copy_of_the_tree(folder: Path, *, whole: bool) -> Path:
         shutil.copytree(ROOT / name, folder / name, ignore=ignored)
     for name in FILES:
         shutil.copy2(ROOT / name, folder / name)
-    _take_over_what_was_compiled(folder)
     if whole and (ROOT / ".mypy_cache").is_dir():
         shutil.copytree(ROOT / ".mypy_cache", folder / ".mypy_cache")
     return folder
-
-
-def _take_over_what_was_compiled(tree: Path) -> None:
-    # numba names a folder of its cache after the place of the sources.
-    package = tree / PACKAGE.relative_to(ROOT)
-    ours, theirs = (
-        _CacheLocator.get_suitable_cache_subpath(str(place / "step.py"))
-        for place in (PACKAGE, package)
-    )
-    for folder in (package / "__pycache__").glob(f"kernel-*/{ours}"):
-        folder.rename(folder.with_name(theirs))
 
 
 def run(tree: Path, *words: str) -> subprocess.CompletedProcess[str]:
@@ -146,8 +133,6 @@ def run(tree: Path, *words: str) -> subprocess.CompletedProcess[str]:
             **os.environ,
             "PYTHONPATH": str(tree),
             "OPENBLAS_NUM_THREADS": "1",
-            # An edited kernel is compiled for a few seconds of its use.
-            "NUMBA_OPT": "1",
         },
         capture_output=True,
         text=True,

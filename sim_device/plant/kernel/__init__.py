@@ -6,7 +6,7 @@ Equation numbers are those of Cheng et al., J. Intell. Mater. Syst. Struct. 28(1
 quantities are SI. Only what this package exports is called from outside.
 """
 
-from sim_device.plant.kernel.compiled import text_digest
+from sim_device.plant.kernel.compiled import PACKAGE, text_digest
 from sim_device.plant.kernel.curves import lay_curves
 from sim_device.plant.kernel.forcing import FIRST_READING, MEMORY_COLUMNS
 from sim_device.plant.kernel.layout import copied, fill, filled, numbers, place_of, zeros
@@ -22,7 +22,12 @@ from sim_device.plant.kernel.model import (
     Effects,
     Model,
 )
-from sim_device.plant.kernel.probes import compliance_of, film_conductance_of, outer_curve
+from sim_device.plant.kernel.probes import (
+    compliance_of,
+    film_conductance_of,
+    lag_samples,
+    outer_curve,
+)
 from sim_device.plant.kernel.replay import replay, replay_drivers
 from sim_device.plant.kernel.rest import Mounting, rest
 from sim_device.plant.kernel.state import (
@@ -47,6 +52,7 @@ __all__ = [
     "NOT_CONVERGED",
     "NOT_FINITE",
     "OK",
+    "PACKAGE",
     "PROGRESS_HIGH",
     "PROGRESS_LOW",
     "RING_COLUMNS",
@@ -66,6 +72,7 @@ __all__ = [
     "fill",
     "filled",
     "film_conductance_of",
+    "lag_samples",
     "lay_curves",
     "numbers",
     "outer_curve",

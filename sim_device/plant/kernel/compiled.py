@@ -1,7 +1,8 @@
 """How the kernel is compiled, and where compiled code is kept.
 
-With numba every function is compiled on its first call. Without it, what Python calls comes from
-the library that a wheel brings (`library`).
+What Python calls comes from a library of C (`library`) where there is one of the present text;
+else, as after an edit, numba compiles every function on its first call. Both give the same bits.
+SMAD_KERNEL=numba leaves the library out; NUMBA_DISABLE_JIT=1 leaves plain Python.
 
 numba keeps compiled functions by the text of their own file only: a caller in another module would
 go on using an old copy of a callee that has been edited. So the folder that they are kept in is
@@ -21,26 +22,7 @@ from typing import Any, TypeVar, cast
 
 from sim_device.plant.kernel.library import from_library, shipped
 
-njit: Any = None
-config: Any = None
-DefaultOptions: Any = None
-with contextlib.suppress(ModuleNotFoundError):
-    from numba import njit
-    from numba.core import config
-    from numba.core.options import DefaultOptions
-
 _Function = TypeVar("_Function", bound=Callable[..., Any])
-
-# Numbers and borrowed arrays only: without `_nrt` every call in the inner loop would count
-# references atomically, which doubles the time. The option is numba's own but not documented, so
-# it is used where this numba has it.
-_FAST: dict[str, Any] = {"_nrt": False} if hasattr(DefaultOptions, "_nrt") else {}
-# error_model "numpy" leaves out a check of every division; the divisors here cannot be zero. No
-# fast-math, so that no operation is reordered or fused.
-_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", **_FAST}
-
-_INTERNAL: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-
 PACKAGE = Path(__file__).parent
 KEPT = 3
 """So many folders stay, the latest ones: who goes back to an earlier text need not compile anew."""
@@ -52,6 +34,31 @@ def text_digest(package: Path = PACKAGE) -> str:
     for module in sorted(package.glob("*.py")):
         digest.update(module.name.encode() + b"\0" + module.read_bytes())
     return digest.hexdigest()[:16]
+
+
+_NO_LIBRARY = (
+    os.environ.get("SMAD_KERNEL") == "numba" or os.environ.get("NUMBA_DISABLE_JIT", "0") != "0"
+)
+_LIBRARY = None if _NO_LIBRARY else shipped(PACKAGE, text_digest())
+njit: Any = None
+config: Any = None
+DefaultOptions: Any = None
+if _LIBRARY is None:
+    # numba takes a second to import and to begin.
+    with contextlib.suppress(ModuleNotFoundError):
+        from numba import njit
+        from numba.core import config
+        from numba.core.options import DefaultOptions
+
+# Numbers and borrowed arrays only: without `_nrt` every call in the inner loop would count
+# references atomically, which doubles the time. The option is numba's own but not documented, so
+# it is used where this numba has it.
+_FAST: dict[str, Any] = {"_nrt": False} if hasattr(DefaultOptions, "_nrt") else {}
+# error_model "numpy" leaves out a check of every division; the divisors here cannot be zero. No
+# fast-math, so that no operation is reordered or fused.
+_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", **_FAST}
+
+_INTERNAL: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
 def _homes() -> list[Path]:
@@ -99,7 +106,6 @@ def cache_folder(homes: list[Path] | None = None) -> Path | None:
 
 
 FOLDER = None if njit is None else cache_folder()
-_LIBRARY = shipped(PACKAGE, text_digest()) if njit is None else None
 
 
 def _made(function: _Function, **options: Any) -> _Function:

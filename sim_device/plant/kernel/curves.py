@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import MutableSequence
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,7 @@ from sim_device.plant.kernel.model import (
     Effects,
 )
 
-Row = Sequence[float] | npt.NDArray[np.float64]
+Row = MutableSequence[float] | npt.NDArray[np.float64]
 
 HALF_PI = 0.5 * math.pi
 # unified_kinetics: the logistic curve as steep in the middle as the cosine, and what keeps ratios

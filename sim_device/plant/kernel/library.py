@@ -1,8 +1,7 @@
-"""The kernel's entries from a library of C, where numba is not installed.
+"""The kernel's entries from a library of C, which needs no numba and loads at once.
 
-A wheel that was built where a C compiler is brings the library (`smad.fmi.library` writes its
-source). It takes the records as numpy stores them, so nothing is copied. It has what a plant needs
-sample by sample; whatever else is called says that numba is missing.
+`smad.fmi.library` makes it where a C compiler is: beside the source, and in a wheel. It takes the
+records as numpy stores them, so nothing is copied.
 """
 
 from __future__ import annotations
@@ -22,6 +21,7 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 FILE = "kernel.so"
 PREFIX = "smad_"
+_BYTE = ctypes.c_char.from_buffer
 MISSING = "numba is not installed, and this installation of smad has no library of the kernel"
 
 
@@ -58,23 +58,26 @@ class Library:
 def _kind(hint: Any) -> str:
     if hint in (int, float):
         return str(hint.__name__)
-    return "table" if is_array(hint) else "record"
+    return "table" if is_array(hint) else "place"
 
 
-def _address(records: np.ndarray) -> tuple[int]:
-    return (records.ctypes.data,)
+def _address(array: np.ndarray) -> tuple[int]:
+    if not array.flags.c_contiguous:
+        raise ValueError("the library takes arrays row by row, without gaps")
+    if array.dtype.char == "d" and array.size and array.flags.writeable:
+        # Four times as fast as numpy's own way; of records it would describe every field.
+        return (ctypes.addressof(_BYTE(array.data)),)
+    return (array.ctypes.data,)
 
 
 def _table(array: np.ndarray) -> tuple[int, ...]:
-    if not array.flags.c_contiguous:
-        raise ValueError("the library takes arrays row by row, without gaps")
     return *_address(array), *array.shape
 
 
 _WAYS: dict[str, tuple[tuple[Any, ...], Callable[[Any], tuple[Any, ...]]]] = {
     "int": ((ctypes.c_long,), lambda value: (int(value),)),
     "float": ((ctypes.c_double,), lambda value: (float(value),)),
-    "record": ((ctypes.c_void_p,), _address),
+    "place": ((ctypes.c_void_p,), _address),
     "table": ((ctypes.c_void_p, ctypes.c_long, ctypes.c_long), _table),
 }
 

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sim_device.plant.kernel.compiled import entry
+from sim_device.plant.kernel.curves import Row
 from sim_device.plant.kernel.layout import OneRecord
 from sim_device.plant.kernel.step import advance
 
@@ -18,33 +19,37 @@ def advance_many(
     works: OneRecord,
     models: OneRecord,
     rings: Array,
+    ring_rows: int,
     table: Array,
     laws: Array,
-    counts: npt.NDArray[np.int64],
     memory: Array,
+    most_laws: int,
+    counts: Row,
     dt: float,
     steps: int,
     first: int,
     last: int,
-    statuses: npt.NDArray[np.int64],
+    statuses: Row,
 ) -> None:
     """Advance plants `first` to `last` (not included), each as `advance` does.
 
-    Arrays of one record a plant; rings (n, rows, columns); laws (n, m, 17) and memory (n, m, 4), of
-    which each plant uses the first `counts` (n,); `statuses` (n,) gets what `advance` returns.
-    Parts of the arrays may be advanced by several threads at once.
+    Arrays of one record a plant, and tables of one plant after the other: of rings `ring_rows`
+    each, of laws (17 columns) and memory (4 columns) `most_laws` each, of which a plant uses the
+    first `counts` (n,). `statuses` (n,) gets what `advance` returns. Parts of the arrays may be
+    advanced by several threads at once.
     """
     for i in range(first, last):
         j = i + 1
-        n_laws = counts[i]
+        begin = i * most_laws
+        end = begin + int(counts[i])
         statuses[i] = advance(
             states[i:j],
             works[i:j],
             models[i:j],
-            rings[i],
+            rings[i * ring_rows : j * ring_rows],
             table,
-            laws[i, :n_laws],
-            memory[i, :n_laws],
+            laws[begin:end],
+            memory[begin:end],
             dt,
             steps,
         )

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sim_device.plant.kernel.compiled import entry
-from sim_device.plant.kernel.curves import interpolate_outer_curve
+from sim_device.plant.kernel.curves import Row, interpolate_outer_curve
 from sim_device.plant.kernel.film import film_conductance
 from sim_device.plant.kernel.layout import OneRecord
 from sim_device.plant.kernel.mechanics import compliance
@@ -29,6 +29,19 @@ def compliance_of(models: OneRecord, xi: float) -> float:
 
 
 @entry
-def outer_curve(curve: Array, progress: float) -> tuple[float, float]:
-    """One of the tabled outer curves of unified_kinetics at a progress, and its slope."""
-    return interpolate_outer_curve(progress, curve)
+def outer_curve(curve: Row, progress: float, out: Row) -> None:
+    """One of the tabled outer curves of unified_kinetics at a progress, and its slope: `out`."""
+    out[0], out[1] = interpolate_outer_curve(progress, curve)
+
+
+@entry
+def lag_samples(values: Row, shares: Row, count: int, out: Row) -> None:
+    """A first-order lag of `count` samples that begins at the first of them, into `out`.
+
+    shares (count − 1,): how much of the way to the next sample it goes.
+    """
+    behind = values[0]
+    out[0] = behind
+    for k in range(1, count):
+        behind += (values[k] - behind) * shares[k - 1]
+        out[k] = behind

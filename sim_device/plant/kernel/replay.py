@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sim_device.plant.kernel.compiled import entry, inlined
+from sim_device.plant.kernel.curves import Row
 from sim_device.plant.kernel.forcing import force_readings
 from sim_device.plant.kernel.layout import OneRecord
 from sim_device.plant.kernel.state import FORCED_SLOTS, Driven, Feeds, Work
@@ -15,11 +16,10 @@ from sim_device.plant.kernel.step import OK, advance, wake_sensors
 from sim_device.plant.kernel.supply import drive_current
 
 Array = npt.NDArray[np.float64]
-Slots = npt.NDArray[np.int64]
 
 
 @inlined
-def load_feeds(feeds: Feeds, flags: Array, rows: Array, k: int) -> None:
+def load_feeds(feeds: Feeds, flags: Row, rows: Array, k: int) -> None:
     """Feeds of the sample that ends at row k. Rows: i_x, i_y, T_x, T_y, F, u, inlet, ambient."""
     feeds.feeds_current = flags[0]
     feeds.feeds_temperature = flags[1]
@@ -41,7 +41,7 @@ def load_feeds(feeds: Feeds, flags: Array, rows: Array, k: int) -> None:
 
 
 @inlined
-def load_drive(drive: Driven, row: Array) -> None:
+def load_drive(drive: Driven, row: Row) -> None:
     """What the board applies, from a row of `Inputs.rows`."""
     drive.i_x = row[0]
     drive.i_y = row[1]
@@ -73,31 +73,29 @@ def replay(
     models: OneRecord,
     ring: Array,
     table: Array,
-    flags: Array,
+    flags: Row,
     rows: Array,
     drives: Array,
     env: Array,
     forcing: Array,
     laws: Array,
     memory: Array,
-    times: Array,
+    times: Row,
     dt_max: float,
-    flat: Array,
-    slots: Slots,
+    flat: Row,
+    slots: Row,
     out: Array,
-) -> tuple[int, int]:
+) -> int:
     """Advance through recorded samples; row k of `drives` is in force up to times[k].
 
     flags (5,) and rows (n, 8): which signals are fed, and the signals, see `load_feeds`. env
     (n, 2): inlet and ambient, K. forcing (n, FORCED_SLOTS), or no row: what is forced at each
     place. laws (m, 17), memory (m, 4): as of `advance`. flat: the numbers of the state.
-    out (n, len(slots)): those of them at `slots` after each sample. Returns (status, row it
-    stopped at).
+    out (n, len(slots)): those of them at `slots` after each sample. Returns a status.
     """
     state, work, model = states[0], works[0], models[0]
-    n = times.shape[0]
     work.forces = 1.0 if forcing.shape[0] > 0 or laws.shape[0] > 0 else 0.0
-    for k in range(n):
+    for k in range(drives.shape[0]):
         state.shared.given_inlet = env[k, 0]
         state.shared.given_air = env[k, 1]
         if k == 0:
@@ -113,22 +111,22 @@ def replay(
             load_forcing(work, forcing, k)
             status = advance(states, works, models, ring, table, laws, memory, span / steps, steps)
             if status != OK:
-                return status, k
-        for j in range(slots.shape[0]):
-            out[k, j] = flat[slots[j]]
-    return OK, n
+                return status
+        for j in range(out.shape[1]):
+            out[k, j] = flat[int(slots[j])]
+    return OK
 
 
 @entry
 def replay_drivers(
-    states: OneRecord, models: OneRecord, drives: Array, times: Array, dt_max: float, out: Array
+    states: OneRecord, models: OneRecord, drives: Array, times: Row, dt_max: float, out: Array
 ) -> None:
     """The drivers alone, as in `replay`: nothing else of the plant acts on a current.
 
     out (n, 4): currents of x and y as they are measured, then as they are, after each sample.
     """
     x, y, model = states[0].x, states[0].y, models[0]
-    for k in range(times.shape[0]):
+    for k in range(drives.shape[0]):
         if k > 0:
             span = times[k] - times[k - 1]
             steps = count_substeps(span, dt_max)

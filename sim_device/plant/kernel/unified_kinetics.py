@@ -8,10 +8,10 @@ the points where such legs turned before (docs/decisions/0103).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 from sim_device.plant.kernel.compiled import inlined
 from sim_device.plant.kernel.curves import (
+    Row,
     clip01,
     interpolate_outer_curve,
     remaining,
@@ -74,7 +74,7 @@ def copy_lines(w: SpringWork, other: SpringWork) -> None:
 
 
 @inlined
-def curve_at_begin(leg: Leg, known: Curve, curve: Sequence[float]) -> float:
+def curve_at_begin(leg: Leg, known: Curve, curve: Row) -> float:
     """The outer curve where a leg began, worked out once in a substep when it is needed."""
     if known.begin < 0.0:
         known.begin = interpolate_outer_curve(leg.progress, curve)[0]
@@ -82,7 +82,7 @@ def curve_at_begin(leg: Leg, known: Curve, curve: Sequence[float]) -> float:
 
 
 @inlined
-def curve_at_turn(leg: Leg, known: Curve, curve: Sequence[float]) -> float:
+def curve_at_turn(leg: Leg, known: Curve, curve: Row) -> float:
     """The same where such a leg turned last."""
     if known.turn < 0.0:
         known.turn = interpolate_outer_curve(leg.turned_at[0], curve)[0]
@@ -91,7 +91,7 @@ def curve_at_turn(leg: Leg, known: Curve, curve: Sequence[float]) -> float:
 
 @inlined
 def remaining_on_branch(
-    now: float, x: float, leg: Leg, other: Leg, known: Curve, curve: Sequence[float], e: Effects
+    now: float, x: float, leg: Leg, other: Leg, known: Curve, curve: Row, e: Effects
 ) -> tuple[float, float]:
     """What is left of a fraction `x` at progress `now`, and its slope.
 

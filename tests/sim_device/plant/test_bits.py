@@ -1,4 +1,4 @@
-"""The compiled kernel and plain Python give the same bits."""
+"""The library of C, numba and plain Python give the same bits."""
 
 import hashlib
 import os
@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 
 from sim_device.plant import Inputs, load_parameters, simulate
 from sim_device.plant.effects import EFFECTS
@@ -33,13 +34,14 @@ def fingerprints():
     return found
 
 
-def test_plain_python_gives_the_same_bits_as_the_compiled_kernel():
+@pytest.mark.parametrize("way", [{"NUMBA_DISABLE_JIT": "1"}, {"SMAD_KERNEL": "numba"}], ids=str)
+def test_every_way_to_run_the_kernel_gives_the_same_bits(way):
     code = "from tests.sim_device.plant.test_bits import fingerprints; print(*fingerprints())"
-    plain = subprocess.run(
+    other = subprocess.run(
         [sys.executable, "-c", code],
-        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+        env={**os.environ, **way},
         capture_output=True,
         text=True,
         check=True,
     )
-    assert plain.stdout.split() == fingerprints()
+    assert other.stdout.split() == fingerprints()

@@ -84,9 +84,11 @@ def test_the_film_of_what_has_run_away_is_read_within_the_table() -> None:
 
 
 def test_a_curve_is_read_within_its_table_wherever_the_progress_is() -> None:
-    curve = np.ones(k.CURVE_SIZE)
-    assert np.isnan(k.outer_curve(curve, float("nan"))[0])
-    assert k.outer_curve(curve, k.PROGRESS_HIGH)[0] == pytest.approx(1.0)
+    curve, out = np.ones(k.CURVE_SIZE), np.zeros(2)
+    k.outer_curve(curve, float("nan"), out)
+    assert np.isnan(out[0])
+    k.outer_curve(curve, k.PROGRESS_HIGH, out)
+    assert out[0] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(

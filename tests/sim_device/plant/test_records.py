@@ -64,11 +64,3 @@ def test_state_and_model_are_of_numbers_without_gaps():
         row = k.numbers(k.zeros(layout))
         assert row.dtype == np.float64
         assert row.size * 8 == dtype_of(layout).itemsize
-
-
-def test_what_the_kernel_exports_can_be_called_from_python():
-    """Inner functions are compiled without that: Python that called one would crash."""
-    compiled = [value for value in vars(k).values() if hasattr(value, "targetoptions")]
-    assert compiled
-    for function in compiled:
-        assert not function.targetoptions.get("no_cpython_wrapper", False), function

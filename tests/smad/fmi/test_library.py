@@ -1,71 +1,54 @@
-"""The kernel as a library of C: a plant computes on it what it does on numba."""
+"""The kernel as a library of C: it has every entry, and stands for the present text only."""
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from sim_device.plant import Plant, kernel, load_parameters
-from sim_device.plant.kernel.library import Library, from_library
-from sim_device.plant.records import Drive
-from smad.fmi.library import FLAGS, build_library
+from sim_device.plant import kernel
+from sim_device.plant.kernel.library import FILE, Library
+from smad.fmi.library import ENTRIES, build_library
 
 WITHOUT_NUMBA = """
 import sys
 sys.modules["numba"] = None
 from sim_device.plant import Plant, load_parameters
+Plant(load_parameters('A'))
 """
 
 
-@pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("library") / "kernel.so"
-    assert build_library(path, tuple(flag for flag in FLAGS if flag != "-O2"))
-    return path
+def test_the_library_has_every_function_that_the_kernel_exports() -> None:
+    functions = [f for name in kernel.__all__ if hasattr(f := getattr(kernel, name), "py_func")]
+    assert {f.__name__ for f in functions} == {entry.__name__ for entry in ENTRIES}
+    library = Library(kernel.PACKAGE / FILE, kernel.text_digest())
+    for function in functions:
+        library.entry(function.py_func)
 
 
-def heated() -> tuple[np.ndarray, float]:
-    plant = Plant(load_parameters("A"), effects={"unified_kinetics": {}})
-    for drive in (Drive((3.0, 0.0)), Drive((0.0, 2.0), (0.9, 0.0))):
-        for _ in range(150):
-            plant.advance(drive, 0.02)
-    return plant.numbers.copy(), plant.energy.closing
-
-
-def test_a_plant_on_the_library_is_the_one_on_numba(
-    built: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    numbers, closing = heated()
-    library = Library(built, kernel.text_digest())
-    for name in ("rest", "advance", "lay_curves", "compliance_of"):
-        function = getattr(kernel, name)
-        monkeypatch.setattr(kernel, name, library.entry(getattr(function, "py_func", function)))
-    other, other_closing = heated()
-    np.testing.assert_allclose(other, numbers, rtol=1e-9, atol=1e-12)
-    assert other_closing == pytest.approx(closing, abs=1e-9)
-
-
-def test_a_library_of_another_text_of_the_kernel_is_refused(built: Path) -> None:
+def test_a_library_of_another_text_of_the_kernel_is_refused(tmp_path: Path) -> None:
+    assert build_library(tmp_path / FILE, ("-std=c11", "-O0", "-shared", "-fPIC"))
+    Library(tmp_path / FILE, kernel.text_digest())
     with pytest.raises(OSError, match="another text"):
-        Library(built, "0123456789abcdef")
+        Library(tmp_path / FILE, "0123456789abcdef")
 
 
-def test_what_the_library_lacks_asks_for_numba(built: Path) -> None:
-    library = Library(built, kernel.text_digest())
-    replay = from_library(library, getattr(kernel.replay, "py_func", kernel.replay))
-    with pytest.raises(ModuleNotFoundError) as refused:
-        replay()
-    assert refused.value.name == "numba"
-
-
-def test_without_numba_and_library_a_plant_asks_for_numba() -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", f"{WITHOUT_NUMBA}Plant(load_parameters('A'))"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+def test_an_edited_kernel_is_not_run_from_the_library_of_its_former_text(tmp_path: Path) -> None:
+    """Numba would compile it; where that is missing, the plant says so."""
+    root = kernel.PACKAGE.parents[2]
+    for package in ("sim_device", "firmware_protocol"):
+        shutil.copytree(
+            root / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__")
+        )
+    run = [
+        sys.executable,
+        "-c",
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n{WITHOUT_NUMBA}",
+    ]
+    assert subprocess.run(run, check=False, cwd=tmp_path).returncode == 0
+    with (tmp_path / "sim_device/plant/kernel/film.py").open("a") as module:
+        module.write("# edited\n")
+    done = subprocess.run(run, capture_output=True, text=True, check=False, cwd=tmp_path)
     assert done.returncode == 1
     assert "ModuleNotFoundError: numba is not installed" in done.stderr
