@@ -5,18 +5,14 @@ The independent plant above all: it takes twenty seconds. Compiled code is kept 
 
 from __future__ import annotations
 
-import numpy as np
-
 from evaluation.bank.recorder import record
 from evaluation.plant.parameters import Bench
-from smad.diagnosis.numerics.lag import lagged
 from tests.smad.simulators.systems import heater_run, pendulum_run
 
 
 def warm() -> None:
     """Call what is compiled."""
     record(Bench(), (), "steps", 5, seconds=13.0)
-    lagged(np.zeros(2), 0.5)
     heater_run(1)
     pendulum_run(1)
 

@@ -5,8 +5,9 @@ Not scipy's own, because `scipy.signal` takes a second to import, in every comma
 
 from __future__ import annotations
 
+from itertools import accumulate
+
 import numpy as np
-from numba import njit
 
 from smad.diagnosis.numerics.folds import Array
 
@@ -16,16 +17,14 @@ def lagged(y: Array, keep: float) -> Array:
 
     It begins settled at the first sample.
     """
-    columns = np.ascontiguousarray(y.reshape(len(y), -1).T, dtype=np.float64)
-    return np.asarray(_lagged(columns, keep).T.reshape(y.shape))
 
+    def follow(behind: float, new: float) -> float:
+        return keep * behind + new
 
-@njit(cache=True, nogil=True)
-def _lagged(columns: Array, keep: float) -> Array:
-    out = np.empty_like(columns)
-    for k in range(len(columns)):
-        value = keep * columns[k, 0]
-        for n in range(columns.shape[1]):
-            out[k, n] = value + (1.0 - keep) * columns[k, n]
-            value = keep * out[k, n]
-    return out
+    columns = y.reshape(len(y), -1).T
+    out = np.empty(columns.shape)
+    for row, column in zip(out, columns, strict=True):
+        if len(column):
+            news = ((1.0 - keep) * column).tolist()
+            row[:] = list(accumulate(news, follow, initial=float(column[0])))[1:]
+    return out.T.reshape(y.shape)
