@@ -112,10 +112,11 @@ def table(cases: Sequence[End]) -> Table:
     rows = []
     listed = [c for c in cases if c["listed"]]
     other = [c for c in cases if not c["listed"]]
-    for title, own in (("in the library", listed), ("not in it", other), ("all", cases)):
+    groups = (("in the library", listed), ("not in it", other), ("all", cases))
+    for title, own in (group for group in groups if group[1]):
         took = [c["minutes"] for c in own]
         minutes = f"{median(took):.1f} ({max(took):.1f})"
-        for what, how in (("name", mark), ("place", placed)) if own else ():
+        for what, how in (("name", mark), ("place", placed)):
             ends = [how(c) for c in own]
             shares = (_share(ends.count(end), len(own)) for end in _ENDS)
             rows.append((f"{title}: {what}", str(len(own)), *shares, minutes))

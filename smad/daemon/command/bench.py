@@ -65,7 +65,7 @@ class Bench:
                 "this command is for one axis",
                 value=", ".join(names) or "none named",
                 limit=self._names,
-                action="nothing was changed; name one of these (`axis`)",
+                action="nothing was changed; name one of these (--axis; in Python `axis`)",
             )
         return axes[0]
 

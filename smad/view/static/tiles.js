@@ -16,7 +16,7 @@ export class Tiles {
       box.setAttribute("aria-current", tile.axis === looked);
       mode.dataset.mode = tile.mode;
       setText(mode, tile.mode || "–");
-      setText(values, `${shown(tile.displacement_mm, 2)} mm   X ${shown(tile.rtd_x_degC, 1)}   Y ${shown(tile.rtd_y_degC, 1)} °C`);
+      setText(values, `${shown(tile.displacement_mm, 2)}\u00a0mm   X\u00a0${shown(tile.rtd_x_degC, 1)}   Y\u00a0${shown(tile.rtd_y_degC, 1)}\u00a0°C`);
       setText(trouble, tile.trouble || tile.running);
       trouble.classList.toggle("refused", Boolean(tile.trouble));
     }
