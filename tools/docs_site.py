@@ -43,6 +43,8 @@ _EQUATION = re.compile(
     r'<(div|span) class="arithmatex">\\([\[(])(.*?)\\[\])]</\1>', re.DOTALL
 )  # as pymdownx.arithmatex marks them
 
+_MERMAID = re.compile(r"^```mermaid\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+_ARROW = re.compile(r"^ *(\S+?) *--> *(?:\|(.*?)\|)? *(\w+)(?:: (.*))?$", re.MULTILINE)
 _AS_IT_IS = re.compile(r"(<(code|pre|math|script)\b.*?</\2>|<[^>]*>)", re.DOTALL)
 _SYMBOL = re.compile(r"(?<![A-Za-z0-9_.])([A-Za-zα-ω])_([A-Za-z0-9]{1,4}(?:,[a-z0-9]\b)?)(?!\w)")
 
@@ -85,7 +87,15 @@ def on_page_markdown(markdown: str, *, page: Any, config: Any, files: Files) -> 
         way = posixpath.relpath(goal, posixpath.dirname(place) or ".")
         return f"{picture}[{text}]({way}{anchor or ''})"
 
-    return _PICTURE.sub(r"\1", _LINK.sub(with_place, markdown))
+    return _PICTURE.sub(r"\1", _LINK.sub(with_place, _MERMAID.sub(transitions, markdown)))
+
+
+def transitions(drawn: re.Match[str]) -> str:
+    """The arrows of a drawing of states as a table: Mermaid, which draws it, is of a network."""
+    rows = ["| from | to | when |", "| --- | --- | --- |"]
+    for state, label, then, when in _ARROW.findall(drawn[1]):
+        rows.append(f"| {state.replace('[*]', 'power on')} | {then} | {label or when} |")
+    return "\n".join(rows)
 
 
 def on_page_content(content: str, *, page: Any, **_: Any) -> str:

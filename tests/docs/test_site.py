@@ -50,6 +50,15 @@ def test_the_equations_of_the_physics_are_set(site: Path) -> None:
     assert "$$" not in page
 
 
+def test_every_arrow_of_a_drawing_of_states_is_a_row_of_a_table(site: Path) -> None:
+    page, source = (site / "safety.html").read_text(), (ROOT / "docs/safety.md").read_text()
+    assert "--&gt;" not in page
+    tables = [t for t in page.split("<table>") if "<th>from</th>" in t]
+    rows = sum(table.split("</table>")[0].count("<tr>") - 1 for table in tables)
+    assert rows == source.count("-->") - source.count("<!--")
+    assert "<td>SAFE</td>\n<td>ARMED</td>\n<td>ARM_CONFIRM with a valid token" in page
+
+
 def test_what_is_no_equation_is_left_alone(site: Path) -> None:
     pages = {page: page.read_text() for page in site.rglob("*.html")}
     with_equations = {page.name for page, text in pages.items() if "<math" in text}
