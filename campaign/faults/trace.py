@@ -76,6 +76,6 @@ class WatchedBench(SimulatedBench):
             self.faults.add(replace(self.arriving.popleft(), at_us=self.now_us))
         state = super().advance()
         outputs = self.board.outputs
-        hottest_degC = max(self.plant.truth.T_K) - ZERO_C
+        hottest_degC = max(self.plant.T_K) - ZERO_C
         self.trace.add(self.now_us, self.heater_J, hottest_degC, outputs.state, bool(outputs.gate))
         return state

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import math
 import tomllib
@@ -105,7 +106,15 @@ def load_parameters(source: str | Path) -> ParameterSet:
     Raises ParameterError, whose message starts with the entry's name, for anything missing,
     unknown, out of range, with a wrong unit, or out of order.
     """
-    path = DATA / BUILT_IN[str(source)] if str(source) in BUILT_IN else Path(source)
+    return _built_in(str(source)) if str(source) in BUILT_IN else _loaded(Path(source))
+
+
+@functools.cache
+def _built_in(name: str) -> ParameterSet:
+    return _loaded(DATA / BUILT_IN[name])
+
+
+def _loaded(path: Path) -> ParameterSet:
     title, raw = _read(path, seen=())
     missing = [name for name in NAMES if name not in raw]
     if missing:

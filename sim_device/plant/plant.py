@@ -39,6 +39,11 @@ _FORCES = k.place_of(k.Work, "forces")
 _CURRENT_X, _CURRENT_Y = k.place_of(k.State, "x.current"), k.place_of(k.State, "y.current")
 _HEAT_X, _HEAT_Y = k.place_of(k.State, "x.heat_in"), k.place_of(k.State, "y.heat_in")
 _CYCLES = k.place_of(k.State, "x.cycles"), k.place_of(k.State, "y.cycles")
+_T_X, _T_Y = k.place_of(k.State, "x.T_wire"), k.place_of(k.State, "y.T_wire")
+_XI_X, _XI_Y = (
+    tuple(k.place_of(k.State, f"{spring}.memory.{part}") for part in ("xi_S", "xi_T"))
+    for spring in "xy"
+)
 _GIVEN_INLET = k.place_of(k.State, "shared.given_inlet")
 _GIVEN_AIR = k.place_of(k.State, "shared.given_air")
 _OF_SPRINGS = (
@@ -173,6 +178,17 @@ class Plant:
     def truth(self) -> PlantTruth:
         """The state behind the readings."""
         return truth_of(self._row)
+
+    @property
+    def xi(self) -> tuple[float, float]:
+        """Martensite fraction of each spring, as `truth.xi`; for every sample."""
+        row = self._row
+        return float(row[_XI_X[0]] + row[_XI_X[1]]), float(row[_XI_Y[0]] + row[_XI_Y[1]])
+
+    @property
+    def T_K(self) -> tuple[float, float]:
+        """Temperature of each wire, K, as `truth.T_K`; for every sample."""
+        return float(self._row[_T_X]), float(self._row[_T_Y])
 
     @property
     def numbers(self) -> np.ndarray:

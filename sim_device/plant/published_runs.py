@@ -77,7 +77,7 @@ def heated_in_air(
     drive, step_s, rises = Drive((current_A, 0.0)), 0.1, []
     for _ in range(3000):
         plant.advance(drive, step_s)
-        rises.append(plant.truth.T_K[0] - _ROOM_K_OF_K)
+        rises.append(plant.T_K[0] - _ROOM_K_OF_K)
     return rises[-1], step_s * sum(1.0 - rise / rises[-1] for rise in rises)
 
 
@@ -112,7 +112,7 @@ def relaxing(
     times_s = []
     for drive, dt_s, done in phases:
         taken_s = 0.0
-        while not done(plant.truth.xi[0]):
+        while not done(plant.xi[0]):
             if taken_s > _LONGEST_S:
                 return math.inf, math.inf
             plant.advance(drive, dt_s)
@@ -148,7 +148,7 @@ def force_of_l(wire_mm: float) -> Callable[[], float]:
             fixture="stretch",
         )
         drive = Drive((current_A, 0.0), stage_m=1e-3 * stroke_mm)
-        while plant.truth.xi[0] > _HOT:
+        while plant.xi[0] > _HOT:
             plant.advance(drive, 0.02)
         return plant.truth.spring_force_N[0]
 

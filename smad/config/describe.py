@@ -3,6 +3,7 @@
 The commented default file, the table in the guide and the limits in error messages come from here.
 """
 
+import functools
 import inspect
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -44,6 +45,7 @@ class SectionDescription:
         return f"[[{self.name}]]" if self.many else f"[{self.name}]"
 
 
+@functools.cache
 def sections() -> tuple[SectionDescription, ...]:
     """Every table of the configuration, in file order."""
     return tuple(_walk(Config, ""))

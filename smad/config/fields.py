@@ -3,6 +3,7 @@
 Forms, the command line, the configuration's errors and the generated reference read types here.
 """
 
+import functools
 from typing import Any
 
 import msgspec
@@ -14,6 +15,7 @@ def fields_of(struct: type[msgspec.Struct]) -> tuple[types.Field, ...]:
     return info_of(struct).fields
 
 
+@functools.cache
 def info_of(struct: type[msgspec.Struct]) -> types.StructType:
     """Return what msgspec knows of a record type."""
     info = types.type_info(struct)

@@ -200,7 +200,7 @@ class _Phase:
 def _run(plant: Plant, phase: _Phase, seen: _Seen) -> float:
     """Carry out a phase; return its length in s. Raises DesignError for one that does not end."""
     elapsed_s, current_A = 0.0, phase.drive.i_A[phase.spring]
-    while not phase.done(plant.truth.xi[phase.spring]):
+    while not phase.done(plant.xi[phase.spring]):
         if elapsed_s > LONGEST_S:
             raise DesignError(
                 f"a spring {phase.failure} within {LONGEST_S:g} s",

@@ -78,9 +78,14 @@ FEW = {NONE: 4, MOVED: 4, LISTED: 4, UNLISTED: 4}
 ALL = {NONE: 8, MOVED: 8, LISTED: 8, UNLISTED: 8}
 
 
-def test_fitted_constants_make_the_right_rivals_likelier_than_others_do() -> None:
+@pytest.fixture(scope="module")
+def c() -> Constants:
+    """Fitted to all cases."""
+    return fitted(cases(ALL))
+
+
+def test_fitted_constants_make_the_right_rivals_likelier_than_others_do(c: Constants) -> None:
     some = cases(ALL)
-    c = fitted(some)
     effects = [x for x in some if x.truth in (LISTED, UNLISTED)]
     assert whether(some, c) <= whether(some, shipped())
     assert which(effects, c) <= which(effects, shipped())
@@ -89,14 +94,13 @@ def test_fitted_constants_make_the_right_rivals_likelier_than_others_do() -> Non
     assert all(x.said(c).noticed for x in some if x.truth == LISTED)
 
 
-def test_what_is_told_holds_the_truth_as_often_as_it_should() -> None:
+def test_what_is_told_holds_the_truth_as_often_as_it_should(c: Constants) -> None:
     some = cases(ALL)
-    c = fitted(some)
     said = [x.said(c) for x in some if x.truth in (LISTED, UNLISTED)]
     assert all(s.told_places(c.credible_level) & s.case_rivals.places for s in said)
 
 
-def test_an_effect_that_parameters_imitate_says_nothing_of_the_constants() -> None:
+def test_an_effect_that_parameters_imitate_says_nothing_of_the_constants(c: Constants) -> None:
     some = cases(ALL)
     rng = np.random.default_rng(4)
     hidden = [
@@ -105,7 +109,7 @@ def test_an_effect_that_parameters_imitate_says_nothing_of_the_constants() -> No
         if x.truth == LISTED
     ]
     assert showing([*some, *hidden]) == some
-    assert fitted([*some, *hidden]) == fitted(some)
+    assert fitted([*some, *hidden]) == c
 
 
 @pytest.mark.parametrize("kind", [NONE, MOVED, LISTED])

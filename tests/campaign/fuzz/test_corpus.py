@@ -29,7 +29,8 @@ from smad.daemon.control import ControlTask
 from smad.records import channels
 from smad.runlog import scan
 
-MUTATIONS = 100
+MUTATIONS = 50
+"""`python -m campaign fuzz --blind` tries as many as one likes."""
 CORPUS_LIMIT_BYTES = 500_000
 
 every_target = pytest.mark.parametrize("target", TARGETS.values(), ids=list(TARGETS))

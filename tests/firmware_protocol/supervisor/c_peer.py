@@ -144,8 +144,8 @@ def answer(code: int, s: Memory, count: int) -> list[int]:
 def flat(record: Measurements | Command | Memory) -> list[int]:
     """Return all numbers of a record in field order."""
     numbers: list[int] = []
-    for field in fields(record):
-        value = getattr(record, field.name)
+    for name in record.__slots__:
+        value = getattr(record, name)
         if isinstance(value, list):
             numbers += value
         else:

@@ -2,6 +2,7 @@
 
 import io
 import json
+import shutil
 import tracemalloc
 import zipfile
 from dataclasses import replace
@@ -19,7 +20,7 @@ from smad.checkup.commission import commissioned
 from smad.checkup.errors import BaselineError, ProgrammeError
 from smad.checkup.everyday import repeated
 from smad.checkup.files import RunFile, read_file, read_folder, require_other_recordings
-from smad.checkup.judge import judged
+from smad.checkup.judge import Judged, judged
 from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import (
     Programme,
@@ -62,10 +63,23 @@ def value(verdict: Verdict, name: str, parameter: str) -> float:
     return next(v.value for v in cause.values if v.name == parameter)
 
 
+@pytest.fixture(scope="module")
+def stored(reference: Reference, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a baseline; a test changes a copy of it."""
+    folder = tmp_path_factory.mktemp("stored")
+    save(Baseline("bench", "digest", reference), PLANT, folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def quiet(reference: Reference) -> Judged:
+    return judged(PLANT, reference, [(played(10), "short")])
+
+
 def test_a_bench_without_a_change_is_quiet_and_says_what_it_would_not_have_shown(
-    reference: Reference,
+    quiet: Judged,
 ) -> None:
-    verdict = checked(PLANT, reference, [(played(10), "short")])
+    verdict = quiet.verdict
     assert verdict.outcome == "quiet"
     assert verdict.whole is not None
     assert verdict.whole.raw < 1.5
@@ -89,7 +103,7 @@ def test_the_budget_goes_down_to_the_floor(reference: Reference) -> None:
     assert force.final < 2.0 * force.floor
 
 
-def test_the_page_shows_rivals_values_and_what_is_told(reference: Reference) -> None:
+def test_the_page_shows_rivals_values_and_what_is_told(reference: Reference, quiet: Judged) -> None:
     now = played(20, LAG)
     found = judged(PLANT, reference, [(now, "short")])
     page = render(page_of(found.answer, facts=[("baseline", "somewhere")]))
@@ -98,7 +112,6 @@ def test_the_page_shows_rivals_values_and_what_is_told(reference: Reference) -> 
         "What these runs would not have shown",
     ):  # fmt: skip
         assert words in page
-    quiet = judged(PLANT, reference, [(played(10), "short")])
     assert "No change beyond the repeat floor" in render(page_of(quiet.answer))
 
 
@@ -422,7 +435,7 @@ def forged(folder: Path, **changes: Any) -> None:
     path = folder / "reference.npz"
     with np.load(path) as file:
         arrays = {name: file[name] for name in file.files} | changes
-    np.savez_compressed(path, **arrays)
+    np.savez(path, **arrays)
     about = json.loads((folder / "baseline.json").read_text())
     (folder / "baseline.json").write_text(json.dumps({**about, "arrays": ""}))
 
@@ -444,13 +457,13 @@ def forged(folder: Path, **changes: Any) -> None:
         ("0.responses", lambda a: a[0]),
         ("0.t_s", lambda a: a[::-1]),
         ("0.t_s", lambda a: np.float64(1.0)),
-        ("0.base", lambda a: np.zeros((100_000_000,))),
+        ("0.base", lambda a: np.zeros((1_000_000,))),
     ],
 )
 def test_a_forged_array_of_a_baseline_is_refused_in_one_line(
-    name: str, change: Any, reference: Reference, tmp_path: Path
+    name: str, change: Any, stored: Path, tmp_path: Path
 ) -> None:
-    save(Baseline("bench", "digest", reference), PLANT, tmp_path)
+    shutil.copytree(stored, tmp_path, dirs_exist_ok=True)
     with np.load(tmp_path / "reference.npz") as file:
         was = file[name]
     forged(tmp_path, **{name: change(was)})

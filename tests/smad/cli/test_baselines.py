@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import count
@@ -66,7 +67,11 @@ class ScriptedBench:
 
 @pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ScriptedBench:
-    own = ScriptedBench(tmp_path)
+    return scripted(monkeypatch, tmp_path)
+
+
+def scripted(monkeypatch: pytest.MonkeyPatch, folder: Path) -> ScriptedBench:
+    own = ScriptedBench(folder)
     monkeypatch.setattr(commands, "_player", own.player)
     monkeypatch.setattr(spring_pair, "SmaPlant", lambda: PLANT)
     monkeypatch.setattr(programme, "chosen", lambda folder, quick: PROGRAMME)
@@ -75,6 +80,23 @@ def bench(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ScriptedBench:
 
 def commission(folder: Path, *options: str) -> int:
     return execute(["gap", "commission", "--sim", "--baseline", str(folder), *options])
+
+
+@pytest.fixture(scope="module")
+def commissioned(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int]:
+    """A baseline, and how many runs were played for it; a test changes a copy of it."""
+    folder = tmp_path_factory.mktemp("commissioned")
+    with pytest.MonkeyPatch.context() as patch:
+        own = scripted(patch, folder)
+        assert commission(folder / "baseline") == 0
+    return folder / "baseline", own.runs
+
+
+@pytest.fixture
+def baseline(bench: ScriptedBench, commissioned: tuple[Path, int], tmp_path: Path) -> Path:
+    """The folder of a baseline that this bench has played."""
+    made, bench.runs = commissioned
+    return Path(shutil.copytree(made, tmp_path / "baseline"))
 
 
 def test_a_commissioning_that_was_interrupted_goes_on_and_again_adds_what_was_asked(
@@ -93,10 +115,9 @@ def test_a_commissioning_that_was_interrupted_goes_on_and_again_adds_what_was_as
 
 
 def test_repeats_that_were_played_and_not_yet_counted_are_not_played_once_more(
-    bench: ScriptedBench, tmp_path: Path
+    bench: ScriptedBench, baseline: Path
 ) -> None:
-    folder = tmp_path / "baseline"
-    assert commission(folder) == 0
+    folder = baseline
     before = [(folder / n, (folder / n).read_bytes()) for n in ("baseline.json", "reference.npz")]
     assert commission(folder, "--again", "--repeats", "1") == 0
     for path, data in before:
@@ -107,10 +128,9 @@ def test_repeats_that_were_played_and_not_yet_counted_are_not_played_once_more(
 
 @pytest.mark.parametrize("broken", ["baseline.json", "reference.npz"])
 def test_a_baseline_that_cannot_be_read_is_computed_anew_and_nothing_is_played(
-    bench: ScriptedBench, tmp_path: Path, broken: str, capsys: pytest.CaptureFixture[str]
+    bench: ScriptedBench, baseline: Path, broken: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder = tmp_path / "baseline"
-    assert commission(folder) == 0
+    folder = baseline
     path = folder / broken
     text = path.read_bytes()
     path.write_bytes(
@@ -140,12 +160,11 @@ def test_good_runs_of_another_programme_are_not_mixed_with_it(
 
 
 def test_good_runs_and_those_of_another_bench_are_no_runs_of_now(
-    bench: ScriptedBench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    baseline: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder, elsewhere = tmp_path / "baseline", tmp_path / "elsewhere"
+    folder, elsewhere = baseline, tmp_path / "elsewhere"
     elsewhere.mkdir()
     write_log(elsewhere / "short.mcap", played(1), "board-2")
-    assert commission(folder) == 0
     checkup = ["gap", "checkup", "--baseline", str(folder), "--now"]
     assert execute([*checkup, str(folder / "good-2")]) != 0
     assert "is the same recording as" in capsys.readouterr().err
@@ -194,11 +213,8 @@ def test_a_diagnosis_takes_no_good_run_that_was_cut(
     assert "every good run was cut" in capsys.readouterr().err
 
 
-def test_a_repeat_with_a_cut_run_is_no_part_of_a_baseline(
-    bench: ScriptedBench, tmp_path: Path
-) -> None:
-    folder = tmp_path / "baseline"
-    assert commission(folder) == 0
+def test_a_repeat_with_a_cut_run_is_no_part_of_a_baseline(baseline: Path) -> None:
+    folder = baseline
     cut = folder / "good-2" / "short.mcap"
     cut.unlink()
     write_log(cut, played(92), "board-1", cut=STOP)

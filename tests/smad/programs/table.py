@@ -99,7 +99,7 @@ def _moved(folder: Path) -> str:
 
 @functools.cache
 def _recorded() -> bytes:
-    plan = Plan("recorded", (Do(DriveCurrent(i_x_A=1.0)), Pause(20.0)))
+    plan = Plan("recorded", (Do(DriveCurrent(i_x_A=1.0)), Pause(5.0)))
     with tempfile.TemporaryDirectory() as folder:
         VirtualDriver(built_in("A"), folder=Path(folder)).run(plan)
         return log_path(Path(folder), plan).read_bytes()
