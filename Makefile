@@ -87,7 +87,7 @@ $(VENV)/.packages: pyproject.toml uv.lock $(VENV)/.python
 	@$(SYNC) --extra all
 	@touch $@
 
-$(VENV)/.installed: $(VENV)/.packages $(wildcard sim_device/plant/kernel/*.py)
+$(VENV)/.installed: $(VENV)/.packages $(wildcard sim_device/plant/kernel/*.py) smad/fmi/library.py smad/fmi/to_c.py
 	@echo "compiling the physics kernel (once)"
 	@$(PY) -m smad.fmi.library
 	@$(PY) -m sim_device.plant.warm

@@ -91,7 +91,7 @@ def on_page_markdown(markdown: str, *, page: Any, config: Any, files: Files) -> 
 
 
 def transitions(drawn: re.Match[str]) -> str:
-    """The arrows of a drawing of states as a table: Mermaid, which draws it, is of a network."""
+    """A Mermaid diagram of states as a table: its script would have to come from a network."""
     rows = ["| from | to | when |", "| --- | --- | --- |"]
     for state, label, then, when in _ARROW.findall(drawn[1]):
         rows.append(f"| {state.replace('[*]', 'power on')} | {then} | {label or when} |")

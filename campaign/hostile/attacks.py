@@ -58,8 +58,8 @@ class Result:
     carried_out: int
     """Commands of the attacker that the daemon carried out."""
     missed: int
-    disarmed: str
-    """What the daemon said last where the bench was disarmed; nothing while it is armed."""
+    disarmed: str | None
+    """What the daemon said last where the bench was disarmed; None while it is armed."""
     age_p99_us: float
     age_max_us: float
     answer_max_ms: float
@@ -73,7 +73,7 @@ class Result:
             "it was not logged": not self.logged,
             "it was carried out": self.carried_out != 0,
             "samples were missed": self.missed != 0,
-            f"the bench was disarmed: {self.disarmed}": bool(self.disarmed),
+            f"the bench was disarmed: {self.disarmed}": self.disarmed is not None,
             "memory grew": self.rss_growth_MiB > _RSS_MOST_MIB,
             "descriptors stayed open": self.descriptors_left > 0,
         }
@@ -266,7 +266,7 @@ def _carry_out(rig: HostileRig, attack: Attack) -> Result:
         logged=rig.journal_says(attack.message),
         carried_out=0,
         missed=after.counts.missed - before.counts.missed,
-        disarmed="" if after.motion.armed and not after.motion.fault else rig.daemon.last_line,
+        disarmed=None if after.motion.armed and not after.motion.fault else rig.daemon.last_line,
         age_p99_us=age.p99_us,
         age_max_us=age.max_us,
         answer_max_ms=rig.slowest_s * 1e3,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +18,8 @@ from smad.control.commands import Sine
 from smad.processes.simulator import simulated_bench
 
 _MOTION = Sine(amplitude_mm=2.0, period_s=10.0, cycles=10_000)
+_PATIENCE = "20"
+"""Times as long as usual that daemon and bench wait for each other, 2 s: 40 s."""
 
 
 @dataclass(frozen=True)
@@ -29,13 +31,16 @@ class Scale:
     connections: int = 10_000
     speed: float | None = None
 
+    @property
+    def patience(self) -> tuple[str, ...]:
+        """Options of daemon and bench: a busy machine makes a paced bench slower, never wrong."""
+        return () if self.speed is None else ("--patience", _PATIENCE)
+
 
 class HostileRig(DaemonRig):
     """A bench in motion under a daemon that listens on ipc and, for `friend`'s key, on TCP."""
 
-    def __init__(
-        self, folder: Path, port: str, scale: Scale, arguments: Sequence[str] = ()
-    ) -> None:
+    def __init__(self, folder: Path, port: str, scale: Scale) -> None:
         self.scale = scale
         self.friend = tuple(key.decode() for key in zmq.curve_keypair())
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
@@ -47,7 +52,7 @@ class HostileRig(DaemonRig):
             allowed_keys=(self.friend[0],),
         )
         config = rig_config(folder, port, daemon=DaemonConfig(tcp=tcp))
-        super().__init__(folder, start_daemon(folder, config, arguments))
+        super().__init__(folder, start_daemon(folder, config, scale.patience))
         self.slowest_s = 0.0
         self._heard_until = 0
         self.connect()
@@ -123,14 +128,14 @@ class HostileRig(DaemonRig):
 
 @contextlib.contextmanager
 def hostile_rig(scale: Scale) -> Iterator[HostileRig]:
-    pace, patience = [], []
-    if scale.speed is not None:
-        pace, patience = ["--speed", str(scale.speed), "--paced-by-host"], ["--patience", "20"]
+    pace = [] if scale.speed is None else ["--speed", str(scale.speed), "--paced-by-host"]
     # Socket paths are short.
     with tempfile.TemporaryDirectory(prefix="smad-hostile-") as name:
         folder = Path(name)
-        with simulated_bench([*pace, *patience], folder / "tty", waiting=lambda text: None) as port:
-            rig = HostileRig(folder, port, scale, patience)
+        with simulated_bench(
+            [*pace, *scale.patience], folder / "tty", waiting=lambda text: None
+        ) as port:
+            rig = HostileRig(folder, port, scale)
             try:
                 yield rig
             finally:

@@ -6,7 +6,7 @@ Equation numbers are those of Cheng et al., J. Intell. Mater. Syst. Struct. 28(1
 quantities are SI. Only what this package exports is called from outside.
 """
 
-from sim_device.plant.kernel.compiled import PACKAGE, text_digest
+from sim_device.plant.kernel.compiled import text_digest
 from sim_device.plant.kernel.curves import lay_curves
 from sim_device.plant.kernel.forcing import FIRST_READING, MEMORY_COLUMNS
 from sim_device.plant.kernel.layout import copied, fill, filled, numbers, place_of, zeros
@@ -52,7 +52,6 @@ __all__ = [
     "NOT_CONVERGED",
     "NOT_FINITE",
     "OK",
-    "PACKAGE",
     "PROGRESS_HIGH",
     "PROGRESS_LOW",
     "RING_COLUMNS",

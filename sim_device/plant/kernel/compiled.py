@@ -20,7 +20,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from sim_device.plant.kernel.library import from_library, shipped
+from sim_device.plant.kernel.library import shipped, without_numba
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 PACKAGE = Path(__file__).parent
@@ -123,8 +123,10 @@ def _made(function: _Function, **options: Any) -> _Function:
 
 
 def entry(function: _Function) -> _Function:
-    """Compile a function that Python calls; plain Python under NUMBA_DISABLE_JIT=1, same bits."""
-    return from_library(_LIBRARY, function) if njit is None else _made(function)
+    """A function that Python calls, as it is compiled here."""
+    if _LIBRARY is not None:
+        return _LIBRARY.entry(function)
+    return without_numba(function) if njit is None else _made(function)
 
 
 def compiled(function: _Function) -> _Function:

@@ -54,7 +54,8 @@ class Library:
 
         @functools.wraps(function)
         def called(*arguments: Any) -> Any:
-            # A plant calls with the same arrays at every sample: their addresses are known then.
+            # A plant calls with the same arrays at every sample: their addresses are kept, and the
+            # arrays with them until others come.
             nonlocal last
             given, (known, numbers) = picked(arguments), last
             if not (known and all(map(is_, given, known))):
@@ -97,13 +98,8 @@ _WAYS: dict[str, tuple[tuple[Any, ...], Callable[[Any], tuple[Any, ...]]]] = {
 }
 
 
-def from_library(library: Library | None, function: _Function) -> _Function:
-    """The library's function; where there is none, one that says that numba is missing."""
-    try:
-        if library is not None:
-            return library.entry(function)
-    except AttributeError:
-        pass
+def without_numba(function: _Function) -> _Function:
+    """What stands for a function where neither a library nor numba is: it says so."""
 
     @functools.wraps(function)
     def missing(*arguments: Any) -> Any:

@@ -29,6 +29,7 @@ _LONGER = (1.0, 2.0, 4.0, 8.0)
 _RIDGE, _TINY = 1e-9, 1e-12
 _ROUNDS = 8
 _ENOUGH = 0.2
+"""Of F, a tenth of a nat where every row counts: by less, a round has led no further."""
 _WORTH = 0.05
 """Of F, that a step must promise to be tried."""
 _HIDDEN = 0.5

@@ -29,8 +29,7 @@ from smad.daemon.control import ControlTask
 from smad.records import channels
 from smad.runlog import scan
 
-MUTATIONS = 50
-"""`python -m campaign fuzz --blind` tries as many as one likes."""
+MUTATIONS = 100
 CORPUS_LIMIT_BYTES = 500_000
 
 every_target = pytest.mark.parametrize("target", TARGETS.values(), ids=list(TARGETS))

@@ -23,18 +23,32 @@ print(out[0], sum(outer_curve.stats.cache_hits.values()), FOLDER)
 """
 
 
-def called(folder: Path) -> tuple[float, bool, Path]:
-    """Result of the call in a copy of the package, whether it was kept, and where."""
-    environment = {**os.environ, "PYTHONPATH": str(folder), "SMAD_KERNEL": "numba"}
+WITHOUT_NUMBA = """
+import sys
+sys.modules["numba"] = None
+from sim_device.plant import Plant, load_parameters
+Plant(load_parameters("A"))
+"""
+
+
+def python_in(folder: Path, code: str, **more: str) -> subprocess.CompletedProcess[str]:
+    """Run code on a copy of the package."""
+    environment = {**os.environ, "PYTHONPATH": str(folder), **more}
     environment.pop("NUMBA_CACHE_DIR", None)
-    done = subprocess.run(
-        [sys.executable, "-c", CALL],
+    return subprocess.run(
+        [sys.executable, "-c", code],
         cwd=folder,
         env=environment,
         capture_output=True,
         text=True,
-        check=True,
+        check=False,
     )
+
+
+def called(folder: Path) -> tuple[float, bool, Path]:
+    """Result of the call in a copy of the package, whether it was kept, and where."""
+    done = python_in(folder, CALL, SMAD_KERNEL="numba")
+    assert done.returncode == 0, done.stderr
     value, hits, home = done.stdout.split()
     return float(value), hits == "1", Path(home)
 
@@ -66,6 +80,15 @@ def test_an_edit_of_a_callee_changes_what_its_kept_caller_gives(copy):
     assert not kept
     assert other.parent == home.parent
     assert other != home
+
+
+def test_an_edited_kernel_is_not_run_from_the_library_of_its_former_text(copy):
+    """Numba would compile it; where that is missing, the plant says so."""
+    assert python_in(copy, WITHOUT_NUMBA).returncode == 0
+    edited(copy)
+    done = python_in(copy, WITHOUT_NUMBA)
+    assert done.returncode == 1
+    assert "ModuleNotFoundError: numba is not installed" in done.stderr
 
 
 def test_the_name_of_the_folder_follows_every_module(tmp_path):

@@ -435,7 +435,7 @@ def forged(folder: Path, **changes: Any) -> None:
     path = folder / "reference.npz"
     with np.load(path) as file:
         arrays = {name: file[name] for name in file.files} | changes
-    np.savez(path, **arrays)
+    np.savez_compressed(path, **arrays)
     about = json.loads((folder / "baseline.json").read_text())
     (folder / "baseline.json").write_text(json.dumps({**about, "arrays": ""}))
 
@@ -457,7 +457,7 @@ def forged(folder: Path, **changes: Any) -> None:
         ("0.responses", lambda a: a[0]),
         ("0.t_s", lambda a: a[::-1]),
         ("0.t_s", lambda a: np.float64(1.0)),
-        ("0.base", lambda a: np.zeros((1_000_000,))),
+        ("0.base", lambda a: np.zeros((100_000_000,))),
     ],
 )
 def test_a_forged_array_of_a_baseline_is_refused_in_one_line(
