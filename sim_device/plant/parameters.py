@@ -85,6 +85,8 @@ class ParameterSet:
         for name, value in values.items():
             entry = self.entry(name)
             number = _finite(name, value)
+            if number == entry.value:
+                continue
             field = _FIELDS[name]
             limits = field.low, field.high
             _within(name, number, limits, unit=entry.file_unit, limit="physical limit")

@@ -104,9 +104,9 @@ class Inputs:
     """Recorded inputs, n samples; times need not be even. Springs in the order (X, Y).
 
     t_s (n,), increasing. i_A (n, 2): currents that the driver was given. pump_duty (n, 2), 0 to 1.
-    drain (n, 2), 0 or 1. stage_m (n,). inlet_K, ambient_K (n,): temperatures of water and air;
-    left out, the parameter set's. Row k is in force over the interval that ends at t_s[k], as a
-    board reports what it applies together with what it measures.
+    drain (n, 2), 0 or 1. stage_m (n,). inlet_K, ambient_K (n,), or one for all: temperatures of
+    water and air; left out, the parameter set's. Row k is in force over the interval that ends at
+    t_s[k], as a board reports what it applies together with what it measures.
     """
 
     t_s: Array
@@ -114,8 +114,8 @@ class Inputs:
     pump_duty: Array
     drain: Array | None = None
     stage_m: Array | None = None
-    inlet_K: Array | None = None
-    ambient_K: Array | None = None
+    inlet_K: Array | float | None = None
+    ambient_K: Array | float | None = None
     rows: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -139,11 +139,18 @@ class Inputs:
         object.__setattr__(self, "t_s", time)
         object.__setattr__(self, "rows", rows)
 
-    def surrounded(self, inlet_K: Array, ambient_K: Array) -> Inputs:
-        """The same, already checked, with other temperatures of water and air."""
+    def surrounded(
+        self, inlet_K: Array | float, ambient_K: Array | float, times_i_y: float = 1.0
+    ) -> Inputs:
+        """The same, already checked, with other temperatures of water and air, Y's current scaled
+        by `times_i_y`, which is positive."""
         other = copy.copy(self)
         object.__setattr__(other, "inlet_K", inlet_K)
         object.__setattr__(other, "ambient_K", ambient_K)
+        if times_i_y != 1.0:
+            rows = self.rows.copy()
+            rows[:, 1] *= times_i_y
+            object.__setattr__(other, "rows", rows)
         return other
 
     def environment(self, parameters: ParameterSet) -> Array:
@@ -156,7 +163,8 @@ class Inputs:
             if series is None:
                 env[:, column] = parameters[name]
             else:
-                env[:, column] = _checked(name, series, (n,), 200.0, 400.0)
+                shape = (n,) if np.ndim(series) else (1,)
+                env[:, column] = _checked(name, series, shape, 200.0, 400.0)
         return env
 
 

@@ -252,9 +252,11 @@ def _stuck(values: Array, good: Mask, steady: Mask, declared: Declared) -> list[
     y = values[index]
     leap = _least_jump(y, declared.span) if len(np.unique(y)) > _LEVELS else np.inf
     out = []
-    for start, stop in _same(y):
+    ends = _same(y)
+    leaping = _leaping(y, ends, leap)
+    for (start, stop), leaps in zip(ends, leaping, strict=True):
         n = stop - start
-        if _leaps_there_and_back(y, start, stop, leap) and steady[index[[start, stop]]].all():
+        if leaps and steady[index[[start, stop]]].all():
             out.append((index[start:stop], ", leaps there and back: no reading"))
             continue
         if n < STUCK_SAMPLES or y[start] in (0.0, y.min(), y.max()):
@@ -272,12 +274,18 @@ def _stuck(values: Array, good: Mask, steady: Mask, declared: Declared) -> list[
     return out
 
 
-def _leaps_there_and_back(y: Array, start: int, stop: int, leap: float) -> bool:
-    """Whether a reading leaps to a value that it seldom has, and back to where it was."""
-    if not 0 < start < stop < len(y) or np.mean(y == y[start]) > _DROPPED:
-        return False
-    there, back = abs(y[start] - y[start - 1]), abs(y[stop] - y[start])
-    return bool(min(there, back) > max(leap, 2.0 * abs(y[stop] - y[start - 1])))
+def _leaping(y: Array, ends: Sequence[tuple[int, int]], leap: float) -> list[bool]:
+    """Which stretches leap to a value that the reading seldom has, and back to where it was."""
+    out = [False] * len(ends)
+    inside = [n for n, (start, stop) in enumerate(ends) if 0 < start < stop < len(y)]
+    if not inside:
+        return out
+    start, stop = np.array([ends[n] for n in inside]).T
+    there, back = np.abs(y[start] - y[start - 1]), np.abs(y[stop] - y[start])
+    far = np.minimum(there, back) > np.maximum(leap, 2.0 * np.abs(y[stop] - y[start - 1]))
+    for n in np.array(inside)[far]:
+        out[n] = bool(np.mean(y == y[ends[n][0]]) <= _DROPPED)
+    return out
 
 
 def doubted_step(t_s: Array, longest_s: float) -> str:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from smad.diagnosis.data.grid import PERIOD_S, thinned
 from smad.diagnosis.data.rows import bin_numbers
+from smad.diagnosis.numerics.folds import Index
 from smad.diagnosis.numerics.threads import each
 from smad.diagnosis.plant import (
     Array,
+    Mask,
     ModelPoint,
     PlantModel,
     Signal,
@@ -22,6 +25,9 @@ from smad.diagnosis.runs import GapRun
 _THETA_STEP = 0.1
 _PIECES = 5
 _COARSE = 2
+_Bins = tuple[Index, Array, Mask, Array]
+"""Of the samples that are in a bin: their bins, how many each stands for, which they are, and how
+many each bin has."""
 
 
 @dataclass(frozen=True)
@@ -66,14 +72,24 @@ class Played:
 
         `exact`: the samples are those of the run as it was recorded.
         """
-        run = self.whole if exact else self.run
-        bin_of_row = bin_numbers(run, self.start_s, self.period_s)
-        inside = (bin_of_row >= 0) & (bin_of_row < self.bins)
-        size = np.ones(len(bin_of_row)) if exact else run.pieces
-        bin_of_row, size = bin_of_row[inside], size[inside]
-        count = np.maximum(np.bincount(bin_of_row, size, minlength=self.bins), 1.0)
+        bin_of_row, size, inside, count = self._exact_bins if exact else self._bins
         sums = [np.bincount(bin_of_row, s[inside] * size, minlength=self.bins) for s in series]
         return np.array(sums) / count
+
+    @cached_property
+    def _bins(self) -> _Bins:
+        return self._bins_of(self.run, self.run.pieces)
+
+    @cached_property
+    def _exact_bins(self) -> _Bins:
+        return self._bins_of(self.whole, np.ones(len(self.whole.t_s)))
+
+    def _bins_of(self, run: GapRun, size: Array) -> _Bins:
+        bin_of_row = bin_numbers(run, self.start_s, self.period_s)
+        inside = (bin_of_row >= 0) & (bin_of_row < self.bins)
+        bin_of_row, size = bin_of_row[inside], size[inside]
+        count = np.maximum(np.bincount(bin_of_row, size, minlength=self.bins), 1.0)
+        return bin_of_row, size, inside, count
 
     @property
     def coarse(self) -> Played:

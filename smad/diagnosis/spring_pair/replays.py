@@ -7,6 +7,7 @@ only is worked out once (`GivenRun`, `GivenPoint`), and kept for as long as it i
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
@@ -101,7 +102,6 @@ class GivenRun:
 
     def __init__(self, run: GapRun) -> None:
         self.run = run
-        self._inputs: dict[float, Inputs] = {}
         self._began = run.at_start(TRAITS.environment.values())
 
     def inputs(self, point: GivenPoint) -> Inputs:
@@ -109,21 +109,17 @@ class GivenRun:
 
         The two temperatures of the parameter set then act as corrections of those measurements.
         """
-        root_y = point.root["y"]
-        known = self._inputs.get(root_y)
-        if known is None:
-            known = self._recorded(root_y)
-            self._inputs = {root_y: known}
-        around = []
-        for name, channel in TRAITS.environment.items():
-            base = point.parameters[name]
-            if channel in self._began:
-                base += self._began[channel] + ZERO_C - point.nominal[name]
-            around.append(np.full(len(self.run.t_s), base))
-        return known.surrounded(*around)
+        inlet_K, ambient_K = (self._around(point, *pair) for pair in TRAITS.environment.items())
+        return self._recorded.surrounded(inlet_K, ambient_K, point.root["y"])
 
-    def _recorded(self, root_y: float) -> Inputs:
-        """The recorded inputs, the current of Y `root_y` times what was recorded."""
+    def _around(self, point: GivenPoint, name: str, channel: str) -> float:
+        value = point.parameters[name]
+        if channel not in self._began:
+            return value
+        return value + (self._began[channel] + ZERO_C - point.nominal[name])
+
+    @cached_property
+    def _recorded(self) -> Inputs:
         run = self.run
 
         def both(stem: str) -> Array:
@@ -131,7 +127,7 @@ class GivenRun:
 
         return Inputs(
             run.t_s,
-            i_A=both("i_applied_{}_A") * np.array([1.0, root_y]),
+            i_A=both("i_applied_{}_A"),
             pump_duty=np.clip(both("duty_{}"), 0.0, 1.0),
             drain=both("drain_{}") if "drain_x" in run.inputs and "drain_y" in run.inputs else None,
         )
