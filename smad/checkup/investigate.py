@@ -112,7 +112,7 @@ def _offers(judgement: Judged) -> list[Offer]:
     sd = np.sqrt(day_variance(pairs.plant))
     out = []
     for run in _not_played(pairs):
-        rows = rows_of(pairs.plant, pairs.reference, run, run.valid)
+        rows = rows_of(pairs.plant, pairs.reference, run, run.valid, np.zeros(run.base.shape))
         slopes = rows.shrink(rows.independent(sd[:, None, None] * run.slopes))
         out.append(_offer(judgement, run.name, run.played, rows, slopes))
     return out

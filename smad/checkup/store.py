@@ -29,7 +29,7 @@ from smad.diagnosis.plant import ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
 from smad.files import named_output
 
-SCHEMA = 6
+SCHEMA = 7
 _ABOUT, _ARRAYS = "baseline.json", "reference.npz"
 _FLOOR = ("sd", "rho", "day_sd", "gauge")
 _RUN = ("mean", "valid", "count", "regime", "base", "slopes")

@@ -107,7 +107,7 @@ def _pair(plant: PlantModel, reference: Reference, run: GapRun, then: RunReferen
         played = again
     difference = difference - moved
     valid = now.valid & then.valid & now.covered[:, None]
-    rows = rows_of(plant, reference, then, valid).carried(moved)
+    rows = rows_of(plant, reference, then, valid, moved)
     return Pair(
         now=run.name,
         reference=then,
@@ -120,9 +120,14 @@ def _pair(plant: PlantModel, reference: Reference, run: GapRun, then: RunReferen
     )
 
 
-def rows_of(plant: PlantModel, reference: Reference, then: RunReference, valid: Mask) -> RunRows:
-    """White space of one more recording of a run, `valid` where it has readings."""
-    day = day_directions(plant, then.slopes, then.base)
+def rows_of(
+    plant: PlantModel, reference: Reference, then: RunReference, valid: Mask, moved: Array
+) -> RunRows:
+    """White space of one more recording of a run, `valid` where it has readings.
+
+    `moved` (bins, channels) is what the model carried over.
+    """
+    day = day_directions(plant, then.slopes, then.base, moved)
     inflate = np.sqrt(1.0 + 1.0 / np.maximum(then.count, 1))
     return RunRows(
         sd=reference.floor.of(then.regime, day) * inflate,

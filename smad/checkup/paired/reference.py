@@ -24,6 +24,7 @@ from smad.diagnosis.runs import GapRun
 from smad.progress import Say, silent
 
 _CLOCK_SD_S = 0.004
+_CARRIED_SD = 0.4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,16 +94,18 @@ def carried(
     return out
 
 
-def day_directions(plant: PlantModel, J: Array, base: Array) -> Array:
-    """Day parameters' slopes and a shift of the run's clock by a second, (days, bins, channels)."""
+def day_directions(plant: PlantModel, J: Array, base: Array, moved: Array) -> Array:
+    """What one day differs from another by, (directions, bins, channels): slopes of the day's
+    parameters, a shift of the run's clock by a second, and `moved`, what the model carried over."""
     index = {q.name: i for i, q in enumerate(plant.parameters)}
     clock = np.gradient(base, PERIOD_S, axis=0)
-    return np.concatenate([J[[index[n] for n in traits_of(plant).day]], clock[None]])
+    return np.concatenate([J[[index[n] for n in traits_of(plant).day]], clock[None], moved[None]])
 
 
 def usual_day(plant: PlantModel) -> Array:
-    """Spread of each day direction before any repeat, (days,): in prior deviations, and in s."""
-    return np.array([*traits_of(plant).day.values(), _CLOCK_SD_S])
+    """Spread of each day direction before any repeat, (directions,): in prior deviations, in s,
+    and as a share of what the model carried over."""
+    return np.array([*traits_of(plant).day.values(), _CLOCK_SD_S, _CARRIED_SD])
 
 
 def regime_numbers(plant: PlantModel, run: GapRun, bins: int, start_s: float) -> tuple[Array, int]:
@@ -151,12 +154,16 @@ def reference_from(
         mean, count = r.mean(values)
         regime, names = regime_numbers(plant, _longest(group), r.played.bins, r.played.start_s)
         regimes = max(regimes, names)
-        off = (values - mean) * np.sqrt(count / np.maximum(count - 1, 1))
-        day = day_directions(plant, J[k], base[k])
+        single = np.sqrt(count / np.maximum(count - 1, 1))
         if len(group) > 1:
             deviations += [
-                Deviation(residual, valid, regime, day)
-                for residual, valid in zip(off, r.valid & (count > 1), strict=True)
+                Deviation(
+                    values=(value - mean) * single,
+                    valid=valid & (count > 1),
+                    regime=regime,
+                    day=day_directions(plant, J[k], base[k], shift * single),
+                )
+                for value, valid, shift in zip(values, r.valid, moved, strict=True)
             ]
         runs.append(
             RunReference(

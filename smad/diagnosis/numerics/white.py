@@ -7,7 +7,7 @@ are shrunk by their spread. Missing rows are 0 in everything.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -72,20 +72,6 @@ class RunRows:
         step = (scaled[:, 1:] - self.rho * scaled[:, :-1]) / np.sqrt(1.0 - self.rho**2)
         out[:, 1:] = np.where(self.valid[1:] & self.valid[:-1], step, scaled[:, 1:])
         return out.reshape(len(values), self.sd.size)
-
-    def carried(self, moved: Array) -> RunRows:
-        """The same beside what the model carried over, as a day direction of its own.
-
-        What it makes of a warmer room is wrong in size and form as its slopes of days are.
-        `moved` is (bins, channels).
-        """
-        weight = np.ones(1)
-        return replace(
-            self,
-            sd=with_day_form(self.sd, moved[None], weight),
-            day=np.concatenate([self.day, moved[None]]),
-            day_sd=np.append(self.day_sd, _DAY_FORM * weight),
-        )
 
     @cached_property
     def days(self) -> Array:

@@ -91,8 +91,9 @@ def replayed(
 
 def reference_at(evidence: Evidence, model: Model, x: Array) -> Reference | None:
     """Predictions and parameter slopes of a model without parts; None where it cannot run."""
-    exact = replayed(evidence, model.point(x), model, exact=True)
-    averaged = replayed(evidence, model.point(x), model, exact=False)
+    point = model.point(x)
+    exact = replayed(evidence, point, model, exact=True)
+    averaged = replayed(evidence, point, model, exact=False)
     if exact is None or averaged is None:
         return None
     return Reference(
@@ -287,14 +288,13 @@ def fit(
 
 def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
     """The fitted model as a reference of its own, with the slopes that the fit has."""
-    exact = replayed(evidence, fitted.point, fitted.model, exact=True)
-    averaged = (
-        exact if fitted.model.quick else replayed(evidence, fitted.point, fitted.model, exact=False)
-    )
+    model, point = fitted.model, fitted.point
+    exact = replayed(evidence, point, model, exact=True)
+    averaged = exact if model.quick else replayed(evidence, point, model, exact=False)
     if exact is None or averaged is None:
         return None
     return Reference(
-        model=fitted.model,
+        model=model,
         x=fitted.x,
         exact=tuple(exact),
         averaged=tuple(averaged),
@@ -305,23 +305,38 @@ def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
 def polished(
     evidence: Evidence, fitted: Fit, tau: Array, *, fresh: bool = True, alike: float = 1.0
 ) -> Fit:
-    """The fit carried on by exact replays of where it stands, until that lessens F no further.
+    """The fit carried on from exact replays of where it stands, as long as these say that F falls.
 
     Slopes of the parts are made anew at each, and with `fresh` those of the parameters, since they
     may be far from where those were made.
     """
     known = 0 if fresh else fitted.model.parameters
+    best, least = fitted, np.inf
     for _ in range(_POLISHES):
         here = rebased(evidence, replace(fitted, slopes=fitted.slopes[:known]))
-        made = here and fit(
+        if here is None:
+            break
+        reached = _exact(evidence, fitted, here, tau, alike)
+        gained = least - reached.objective
+        if gained > 0.0:
+            best, least = reached, reached.objective
+        if gained < _POLISH_ENOUGH:
+            break
+        made = fit(
             evidence, fitted.model, fitted.x, here, tau=tau, rounds=_POLISH_ROUNDS, alike=alike
         )
-        if not made:
-            return fitted
-        gained, fitted = fitted.objective - made.objective, made
-        if abs(gained) < _POLISH_ENOUGH:
+        if made is None or reached.objective - made.objective < _POLISH_ENOUGH:
             break
-    return fitted
+        fitted = made
+    return best
+
+
+def _exact(evidence: Evidence, fitted: Fit, here: Reference, tau: Array, alike: float) -> Fit:
+    """The fit with what its exact replays `here` leave."""
+    left = evidence.left(here.exact)
+    freed = evidence.freed(left, weights(evidence, left, tau, alike))
+    value = objective(evidence, fitted.model, fitted.x, freed, tau, alike=alike)
+    return replace(fitted, left=left, objective=value, shift=here.shift)
 
 
 def fit_to_end(evidence: Evidence, reference: Reference, tau: Array) -> Fit | None:
@@ -335,7 +350,7 @@ def fit_to_end(evidence: Evidence, reference: Reference, tau: Array) -> Fit | No
     made = fit(evidence, reference.model, reference.x, anew, tau=tau, alike=loudest)
     for alike in dict.fromkeys((loudest, loudest**0.5, 1.0)):
         if made:
-            made = polished(evidence, replace(made, objective=np.inf), tau, alike=alike)
+            made = polished(evidence, made, tau, alike=alike)
     return made
 
 
