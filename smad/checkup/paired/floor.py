@@ -22,7 +22,7 @@ _LEAST_SHARE = 0.25
 _PSEUDO = 4.0
 _T = 1.0
 _GAUGE_ROWS = 50.0
-_GAUGES = (0.1, 2.0)
+_GAUGES = (0.9, 2.0)
 
 
 @dataclass(frozen=True)

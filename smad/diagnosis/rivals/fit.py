@@ -305,7 +305,8 @@ def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
 def polished(
     evidence: Evidence, fitted: Fit, tau: Array, *, fresh: bool = True, alike: float = 1.0
 ) -> Fit:
-    """The fit carried on from exact replays of where it stands, as long as these say that F falls.
+    """The fit carried on by exact replays of where it stands, until it stays there; the best of
+    these by exact replays.
 
     Slopes of the parts are made anew at each, and with `fresh` those of the parameters, since they
     may be far from where those were made.
@@ -320,7 +321,7 @@ def polished(
         gained = least - reached.objective
         if gained > 0.0:
             best, least = reached, reached.objective
-        if gained < _POLISH_ENOUGH:
+        if abs(gained) < _POLISH_ENOUGH:
             break
         made = fit(
             evidence, fitted.model, fitted.x, here, tau=tau, rounds=_POLISH_ROUNDS, alike=alike
