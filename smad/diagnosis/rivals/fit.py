@@ -305,39 +305,23 @@ def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
 def polished(
     evidence: Evidence, fitted: Fit, tau: Array, *, fresh: bool = True, alike: float = 1.0
 ) -> Fit:
-    """The fit carried on by exact replays of where it stands, until it stays there; the best of
-    these by exact replays.
+    """The fit carried on by exact replays of where it stands, until that lessens F no further.
 
     Slopes of the parts are made anew at each, and with `fresh` those of the parameters, since they
     may be far from where those were made.
     """
     known = 0 if fresh else fitted.model.parameters
-    best, least = fitted, np.inf
     for _ in range(_POLISHES):
         here = rebased(evidence, replace(fitted, slopes=fitted.slopes[:known]))
-        if here is None:
-            break
-        reached = _exact(evidence, fitted, here, tau, alike)
-        gained = least - reached.objective
-        if gained > 0.0:
-            best, least = reached, reached.objective
-        if abs(gained) < _POLISH_ENOUGH:
-            break
-        made = fit(
+        made = here and fit(
             evidence, fitted.model, fitted.x, here, tau=tau, rounds=_POLISH_ROUNDS, alike=alike
         )
-        if made is None or reached.objective - made.objective < _POLISH_ENOUGH:
+        if not made:
+            return fitted
+        gained, fitted = fitted.objective - made.objective, made
+        if abs(gained) < _POLISH_ENOUGH:
             break
-        fitted = made
-    return best
-
-
-def _exact(evidence: Evidence, fitted: Fit, here: Reference, tau: Array, alike: float) -> Fit:
-    """The fit with what its exact replays `here` leave."""
-    left = evidence.left(here.exact)
-    freed = evidence.freed(left, weights(evidence, left, tau, alike))
-    value = objective(evidence, fitted.model, fitted.x, freed, tau, alike=alike)
-    return replace(fitted, left=left, objective=value, shift=here.shift)
+    return fitted
 
 
 def fit_to_end(evidence: Evidence, reference: Reference, tau: Array) -> Fit | None:
@@ -351,7 +335,7 @@ def fit_to_end(evidence: Evidence, reference: Reference, tau: Array) -> Fit | No
     made = fit(evidence, reference.model, reference.x, anew, tau=tau, alike=loudest)
     for alike in dict.fromkeys((loudest, loudest**0.5, 1.0)):
         if made:
-            made = polished(evidence, made, tau, alike=alike)
+            made = polished(evidence, replace(made, objective=np.inf), tau, alike=alike)
     return made
 
 
