@@ -30,14 +30,22 @@ from smad.diagnosis.runs import GapRun
 from smad.files import named_output
 
 SCHEMA = 7
+"""One more where arrays get another meaning: baselines of before are then computed anew."""
 _ABOUT, _ARRAYS = "baseline.json", "reference.npz"
 _FLOOR = ("sd", "rho", "day_sd", "gauge")
 _RUN = ("mean", "valid", "count", "regime", "base", "slopes")
 _ANEW = "commission again in the same folder: it is computed anew from the runs that are there"
 _BROKEN = (
-    OSError, ValueError, KeyError, IndexError, EOFError, BadZipFile, NotImplementedError,
-    RuntimeError, zlib.error,
-)  # fmt: skip
+    OSError,
+    ValueError,
+    KeyError,
+    IndexError,
+    EOFError,
+    BadZipFile,
+    NotImplementedError,
+    RuntimeError,
+    zlib.error,
+)
 """What unpacking raises of a file that is damaged, encrypted or of another kind."""
 
 

@@ -253,8 +253,7 @@ def _stuck(values: Array, good: Mask, steady: Mask, declared: Declared) -> list[
     leap = _least_jump(y, declared.span) if len(np.unique(y)) > _LEVELS else np.inf
     out = []
     ends = _same(y)
-    leaping = _leaping(y, ends, leap)
-    for (start, stop), leaps in zip(ends, leaping, strict=True):
+    for (start, stop), leaps in zip(ends, _leaping(y, ends, leap), strict=True):
         n = stop - start
         if leaps and steady[index[[start, stop]]].all():
             out.append((index[start:stop], ", leaps there and back: no reading"))

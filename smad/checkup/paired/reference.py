@@ -25,6 +25,8 @@ from smad.progress import Say, silent
 
 _CLOCK_SD_S = 0.004
 _CARRIED_SD = 0.4
+"""Share by which what the model carries over is off, until good runs show it: as much as the form
+of a day direction is (`numerics.white`)."""
 
 
 @dataclass(frozen=True, kw_only=True)

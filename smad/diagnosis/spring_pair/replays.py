@@ -113,6 +113,7 @@ class GivenRun:
         return self._recorded.surrounded(inlet_K, ambient_K, point.root["y"])
 
     def _around(self, point: GivenPoint, name: str, channel: str) -> float:
+        """Temperature of water or room in K, as a parameter and the channel of its RTD say it."""
         value = point.parameters[name]
         if channel not in self._began:
             return value
