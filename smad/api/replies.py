@@ -181,8 +181,8 @@ class Motion(Struct, frozen=True, kw_only=True):
 
     running: Annotated[str, Meta(description="idle, displacement, temperature, current, inputs")]
     done: Annotated[bool, Meta(description="everything commanded has been carried out")]
-    armed: Annotated[bool, Meta(description="the board lets current through")]
-    mode: Annotated[str, Meta(description="state of the board")]
+    armed: Annotated[bool, Meta(description="the daemon armed the board and has not disarmed it")]
+    mode: Annotated[str, Meta(description="state of the board in its last sample")]
     reference_mm: Annotated[float | None, Meta(description="where displacement should be")]
     displacement_mm: Annotated[float | None, Meta(description="where it is")]
     board_time_s: Annotated[float, Meta(description="board time of the last sample")]
