@@ -29,7 +29,7 @@ from smad.diagnosis.plant import ModelPoint, PlantModel
 from smad.diagnosis.runs import GapRun
 from smad.files import named_output
 
-SCHEMA = 7
+SCHEMA = 8
 """One more where arrays get another meaning: baselines of before are then computed anew."""
 _ABOUT, _ARRAYS = "baseline.json", "reference.npz"
 _FLOOR = ("sd", "rho", "day_sd", "gauge")

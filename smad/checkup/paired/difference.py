@@ -31,11 +31,13 @@ _LEAST_ROWS = 50
 class Pair:
     """A run of now beside its reference. `share` of the programme's run was recorded; `carried`
     says that inputs differed and the model carried the difference over. `played` is what the model
-    replays: the reference's inputs, or the run's own where they were carried."""
+    replays: the surroundings of now with the reference's inputs, or with the run's own where they
+    were carried. `target` (bins, channels) is what it should show: what the reference model shows
+    there, and what the bench has changed by."""
 
     now: str
     reference: RunReference
-    difference: Array
+    target: Array
     rows: RunRows
     share: float
     carried: bool
@@ -52,15 +54,9 @@ class Paired:
     pairs: tuple[Pair, ...]
 
     def evidence(self) -> Evidence:
-        """The pairs as rows: what the simulator should show now is what it showed then, plus what
-        the bench has changed by."""
-        played = [p.played for p in self.pairs]
-        base = predictions(self.plant, self.reference.point, played, exact=True)
+        """The pairs as rows."""
         return Evidence(
-            trials=tuple(
-                Trial(played=p.played, target=b + p.difference, rows=p.rows)
-                for p, b in zip(self.pairs, base, strict=True)
-            )
+            trials=tuple(Trial(played=p.played, target=p.target, rows=p.rows) for p in self.pairs)
         )
 
     @property
@@ -98,25 +94,22 @@ def _pair(plant: PlantModel, reference: Reference, run: GapRun, then: RunReferen
     require_like_inputs(now, then.inputs)
     around = run.at_start(traits_of(plant).environment.values())
     other = not same_inputs(now, then.inputs)
-    difference = now.values - then.mean
-    played, base = then.played, then.base
     again = _again(then, run if other else None, around, start)
-    predicted = predictions(plant, reference.point, [again])[0]
-    moved = np.where(np.isfinite(predicted) & now.covered[:, None], predicted - base, 0.0)
-    if other:
-        played = again
-    difference = difference - moved
+    (predicted,) = predictions(plant, reference.point, [again], exact=True)
+    moved = np.where(np.isfinite(predicted) & now.covered[:, None], predicted - then.base, 0.0)
+    # In the surroundings of now, since what has changed may act otherwise there.
+    target = predicted + (now.values - then.mean) - moved
     valid = now.valid & then.valid & now.covered[:, None]
     rows = rows_of(plant, reference, then, valid, moved)
     return Pair(
         now=run.name,
         reference=then,
-        difference=difference,
+        target=target,
         rows=rows,
         share=now.share,
         carried=other,
         around=around,
-        played=played,
+        played=again,
     )
 
 

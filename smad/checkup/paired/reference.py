@@ -146,7 +146,7 @@ def reference_from(
     point = _fitted_point(plant, played, means, least)
     progress("slopes of the parameters")
     J = slopes(plant, point, played)
-    base = predictions(plant, point, played)
+    base = predictions(plant, point, played, exact=True)
     runs: list[RunReference] = []
     deviations: list[Deviation] = []
     regimes = 1
