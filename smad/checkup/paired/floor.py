@@ -22,7 +22,7 @@ _LEAST_SHARE = 0.25
 _PSEUDO = 4.0
 _T = 1.0
 _GAUGE_ROWS = 50.0
-_GAUGES = (0.9, 2.0)
+_MOST_GAUGE = 2.0
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def _day(values: Array, weight: Array, day: Array, day_sd: Array) -> tuple[Array
 
 
 def _gauge(repeats: Sequence[Deviation], sd: Array, rho: Array, day_sd: Array) -> Array:
-    """Root mean square of the repeats' own white rows, (channels,), within `_GAUGES`."""
+    """Root mean square of the repeats' own white rows, (channels,), at most `_MOST_GAUGE`."""
     total, count = np.full(len(rho), _GAUGE_ROWS), np.full(len(rho), _GAUGE_ROWS)
     for d in repeats:
         sd_with_day = with_day_form(d.of_regime(sd), d.day, day_sd)
@@ -114,7 +114,7 @@ def _gauge(repeats: Sequence[Deviation], sd: Array, rho: Array, day_sd: Array) -
         white = rows.shrink(rows.independent(d.values[None]))[0].reshape(d.values.shape)
         total = total + (white**2 * d.valid).sum(axis=0)
         count += d.valid.sum(axis=0)
-    return np.asarray(np.clip(np.sqrt(total / count), *_GAUGES))
+    return np.asarray(np.minimum(np.sqrt(total / count), _MOST_GAUGE))
 
 
 def _pooled(left: Sequence[Deviation], regimes: int, least: Array) -> Array:

@@ -62,7 +62,8 @@ class Fit:
     """A fitted model: coordinates x (k,), rows `left` (n,), `slopes` (k, n) = −d left/dx in single
     precision, since an answer keeps dozens.
 
-    `objective` is F. `shift` is what exact predictions differ by from those of averaged inputs.
+    `objective` is F. `shift` is what exact predictions differ by from those of averaged inputs; None
+    where the fit's predictions are exact.
     """
 
     model: Model
@@ -70,7 +71,7 @@ class Fit:
     left: Array
     slopes: Array
     objective: float
-    shift: tuple[Array, ...]
+    shift: tuple[Array, ...] | None
 
     @property
     def point(self) -> ModelPoint:
@@ -180,22 +181,27 @@ class _Stand:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Descent:
-    """One round of a fit: F with the weights of where it began."""
+    """One round of a fit: F with the weights of where it began.
+
+    Predictions are exact without a `shift`, else those of averaged inputs with it.
+    """
 
     evidence: Evidence
     model: Model
-    shift: tuple[Array, ...]
+    shift: tuple[Array, ...] | None
     tau: Array
     weight: Array
     alike: float
 
     def at(self, x: Array) -> _Stand | None:
         """A stand at coordinates `x`; None where the model cannot run."""
-        averaged = replayed(self.evidence, self.model.point(x), self.model, exact=False)
-        if averaged is None:
+        exact = self.shift is None
+        predicted = replayed(self.evidence, self.model.point(x), self.model, exact=exact)
+        if predicted is None:
             return None
-        left = self.evidence.left([a + s for a, s in zip(averaged, self.shift, strict=True)])
-        return self.valued(_Stand(x=x, left=left))
+        if self.shift is not None:
+            predicted = [p + s for p, s in zip(predicted, self.shift, strict=True)]
+        return self.valued(_Stand(x=x, left=self.evidence.left(predicted)))
 
     def valued(self, stand: _Stand) -> _Stand:
         """The stand with F by these weights."""
@@ -237,21 +243,20 @@ def fit(
     tau: Array,
     rounds: int = _ROUNDS,
     alike: float = 1.0,
+    exact: bool = False,
 ) -> Fit | None:
     """Fit a model from `start`; None where it cannot run there.
 
     Channels that leave less than `alike`, a mean square in floors, count alike. Above 1 it leads
     past local minima of F, in which one channel has been given up.
 
-    Predictions are those of averaged inputs shifted by what exact replays of the `reference` differ
-    by. Slopes are the reference's, and where it has none made where the fit begins. Each step
+    Predictions are `exact`, or those of averaged inputs shifted by what exact replays of the
+    `reference` differ by: where a spring hangs at a reversal the two part at the first step. Slopes are the reference's, and where it has none made where the fit begins. Each step
     corrects them by what it showed (Broyden); where it can go no further those of the parts are
     made anew.
     """
     low, high = model.bounds
-    shift = reference.shift
-    if model.quick:
-        shift = tuple(np.zeros_like(s) for s in shift)
+    shift = None if exact or model.quick else reference.shift
     even = _Descent(
         evidence=evidence, model=model, shift=shift, tau=tau, weight=evidence.valid, alike=alike
     )
@@ -305,7 +310,7 @@ def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
 def polished(
     evidence: Evidence, fitted: Fit, tau: Array, *, fresh: bool = True, alike: float = 1.0
 ) -> Fit:
-    """The fit carried on by exact replays of where it stands, until that lessens F no further.
+    """The fit carried on by exact replays, until they lessen F no further.
 
     Slopes of the parts are made anew at each, and with `fresh` those of the parameters, since they
     may be far from where those were made.
@@ -314,7 +319,14 @@ def polished(
     for _ in range(_POLISHES):
         here = rebased(evidence, replace(fitted, slopes=fitted.slopes[:known]))
         made = here and fit(
-            evidence, fitted.model, fitted.x, here, tau=tau, rounds=_POLISH_ROUNDS, alike=alike
+            evidence,
+            fitted.model,
+            fitted.x,
+            here,
+            tau=tau,
+            rounds=_POLISH_ROUNDS,
+            alike=alike,
+            exact=True,
         )
         if not made:
             return fitted

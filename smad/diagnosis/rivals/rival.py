@@ -199,7 +199,7 @@ class Question:
         """What a fit predicts of the judged runs, (bins, channels) each, without a part in them.
 
         Without runs held out each fold is predicted by coordinates fitted to the others, or to all
-        where the model cannot run at those; shifted as in the fit. None where it cannot run at all.
+        where the model cannot run at those; replayed as in the fit. None where it cannot run at all.
         """
         if self.held_out is not None:
             return replayed(self.held_out, fitted.point, fitted.model, exact=True)
@@ -209,13 +209,14 @@ class Question:
             for k in np.unique(evidence.run_of_row[evidence.fold == f]):
                 for point in (fitted.model.point(x), fitted.point):
                     (predicted,) = predictions(
-                        fitted.model.plant, point, [evidence.played[k]], exact=fitted.model.quick
+                        fitted.model.plant, point, [evidence.played[k]], exact=fitted.shift is None
                     )
                     if np.isfinite(predicted).all():
                         break
                 else:
                     return None
-                predicted = predicted + fitted.shift[k]
+                if fitted.shift is not None:
+                    predicted = predicted + fitted.shift[k]
                 fold = evidence.fold[evidence.spans[k]].reshape(predicted.shape)
                 # A row that does not count has no fold; any prediction may stand there.
                 out[k] = np.where((fold == f) | (fold < 0), predicted, out[k])
