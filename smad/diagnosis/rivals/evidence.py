@@ -26,6 +26,8 @@ from smad.diagnosis.runs import GapRun
 _MOST_CORRELATED = 0.98
 _FOLDS = 4
 _TURNS = 2
+_UNTOLD = 0.05
+"""Share of what a place wanders by that readings cannot tell: of 0.2 K the last digit of an RTD."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,23 +204,34 @@ def recorded_evidence(
 
 def _wandering(plant: PlacesPlant, point: ModelPoint, played: Played) -> Array:
     """What a constant and a straight line at each place that wanders change, at its usual size, and
-    what a run's start may be off by."""
-    run = played.run
-    elapsed = run.t_s - run.t_s[0]
-    courses = (np.ones(len(run.t_s)), elapsed / max(float(elapsed[-1]), 1e-9))
+    what a run's start may be off by.
+
+    Near a reversal a spring goes one way or the other by less than a reading can tell: a small
+    constant, up and down, is replayed as recorded.
+    """
+    run, whole = played.run, played.whole
+    steady, small = np.ones(len(run.t_s)), np.full(len(whole.t_s), _UNTOLD)
+    line = (run.t_s - run.t_s[0]) / max(run.duration_s, 1e-9)
     base = _shown(plant, plant.forced(point, run, {}, fast=True), played)
+    exact = _shown(plant, plant.forced(point, whole, {}), played, exact=True)
     out = [np.zeros((0, *base.shape))]
     places = {p.name: p for p in plant.places}
     for name, size in traits_of(plant).drift.items():
         for side in places[name].sides:
-            for course in courses:
+            for course in (steady, line):
                 forced = plant.forced(point, run, {(name, side): size * course}, fast=True)
                 out.append((_shown(plant, forced, played) - base)[None])
+            for course in (small, -small):
+                forced = plant.forced(point, whole, {(name, side): size * course})
+                out.append((_shown(plant, forced, played, exact=True) - exact)[None])
     if isinstance(plant, BarePlaces):
         begun = plant.begun_otherwise(point, run)
         out += [(_shown(plant, shown, played) - base)[None] for shown in begun]
     return np.concatenate(out)
 
 
-def _shown(plant: PlacesPlant, outputs: Mapping[str, Array], played: Played) -> Array:
-    return np.ascontiguousarray(played.means(np.stack([outputs[c.name] for c in plant.channels])).T)
+def _shown(
+    plant: PlacesPlant, outputs: Mapping[str, Array], played: Played, *, exact: bool = False
+) -> Array:
+    series = np.stack([outputs[c.name] for c in plant.channels])
+    return np.ascontiguousarray(played.means(series, exact=exact).T)

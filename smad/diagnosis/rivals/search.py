@@ -173,8 +173,10 @@ class _Search:
             ended = [self._ended(rival, entered) for rival in same]
             ranked = question.ranked([*ended, *rivals[len(same) :]], first=first)
             entered = self._entering(ranked)
-        if first and self.moved and entered is None and _same(ranked)[0].kind == NOTHING:
-            self.moved = False
+        if first and self.moved and entered is None:
+            # Fitted parameters are as likely as true ones; what shows nothing needs no others.
+            nothing = _same(ranked)[0].kind == NOTHING or question.near(self.configured)
+            self.moved = not nothing
         if entered is not None:
             self.moved |= entered.kind == PARAMETERS
             effects = sorted((r for r in ranked if r.kind == EFFECT), key=question.log_weight)
