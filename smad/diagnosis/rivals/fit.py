@@ -62,8 +62,8 @@ class Fit:
     """A fitted model: coordinates x (k,), rows `left` (n,), `slopes` (k, n) = −d left/dx in single
     precision, since an answer keeps dozens.
 
-    `objective` is F. `shift` is what exact predictions differ by from those of averaged inputs; None
-    where the fit's predictions are exact.
+    `objective` is F. `shift` is what exact predictions differ by from those of averaged inputs, and
+    None where the fit's predictions are exact.
     """
 
     model: Model
@@ -251,9 +251,10 @@ def fit(
     past local minima of F, in which one channel has been given up.
 
     Predictions are `exact`, or those of averaged inputs shifted by what exact replays of the
-    `reference` differ by: where a spring hangs at a reversal the two part at the first step. Slopes are the reference's, and where it has none made where the fit begins. Each step
-    corrects them by what it showed (Broyden); where it can go no further those of the parts are
-    made anew.
+    `reference` differ by: where a spring hangs at a reversal the two part at the first step.
+
+    Slopes are the reference's, and where it has none made where the fit begins. Each step corrects
+    them by what it showed (Broyden); where it can go no further those of the parts are made anew.
     """
     low, high = model.bounds
     shift = None if exact or model.quick else reference.shift

@@ -199,7 +199,7 @@ class Question:
         """What a fit predicts of the judged runs, (bins, channels) each, without a part in them.
 
         Without runs held out each fold is predicted by coordinates fitted to the others, or to all
-        where the model cannot run at those; replayed as in the fit. None where it cannot run at all.
+        where the model cannot run at those; replayed as in the fit. None where it cannot run.
         """
         if self.held_out is not None:
             return replayed(self.held_out, fitted.point, fitted.model, exact=True)
