@@ -309,12 +309,18 @@ def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
 
 
 def polished(
-    evidence: Evidence, fitted: Fit, tau: Array, *, fresh: bool = True, alike: float = 1.0
+    evidence: Evidence,
+    fitted: Fit,
+    tau: Array,
+    *,
+    fresh: bool = True,
+    alike: float = 1.0,
+    exact: bool = True,
 ) -> Fit:
-    """The fit carried on by exact replays, until they lessen F no further.
+    """The fit carried on, by exact replays or averaged inputs, until that lessens F no further.
 
-    Slopes of the parts are made anew at each, and with `fresh` those of the parameters, since they
-    may be far from where those were made.
+    Slopes of the parts are made anew each time, and with `fresh` those of the parameters, since
+    they may be far from where those were made.
     """
     known = 0 if fresh else fitted.model.parameters
     for _ in range(_POLISHES):
@@ -327,7 +333,7 @@ def polished(
             tau=tau,
             rounds=_POLISH_ROUNDS,
             alike=alike,
-            exact=True,
+            exact=exact,
         )
         if not made:
             return fitted
@@ -337,18 +343,28 @@ def polished(
     return fitted
 
 
-def fit_to_end(evidence: Evidence, reference: Reference, tau: Array) -> Fit | None:
+def fit_to_end(
+    evidence: Evidence, reference: Reference, tau: Array, *, near: bool = False
+) -> Fit | None:
     """The model of a reference fitted from there on to its end; None where it cannot run.
 
     It begins by least squares, in which channels count alike that leave less than the loudest, and
-    comes to F by way of the geometric mean.
+    comes to F by way of the geometric mean; or with F, where it begins `near` its end.
     """
     anew = replace(reference, slopes=reference.slopes[:0])
     loudest = max(float(evidence.variances(evidence.left(reference.exact)).max()), 1.0)
-    made = fit(evidence, reference.model, reference.x, anew, tau=tau, alike=loudest)
-    for alike in dict.fromkeys((loudest, loudest**0.5, 1.0)):
+    alikes = (1.0,) if near else (loudest, loudest**0.5, 1.0)
+    made = fit(evidence, reference.model, reference.x, anew, tau=tau, alike=alikes[0])
+    for alike in dict.fromkeys(alikes):
         if made:
-            made = polished(evidence, replace(made, objective=np.inf), tau, alike=alike)
+            made = polished(
+                evidence,
+                replace(made, objective=np.inf),
+                tau,
+                alike=alike,
+                # What is far from its end needs no more than a direction.
+                exact=alike < loudest or alike == 1.0,
+            )
     return made
 
 

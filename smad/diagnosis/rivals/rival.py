@@ -104,9 +104,14 @@ class Question:
             log_prior=fitted.model.log_prior(fitted.x),
         )
 
-    def fitted(self, kind: str, name: str, reference: Reference) -> Rival | None:
-        """The model of a reference fitted from there on to its end, as a rival."""
-        made = fit_to_end(self.evidence, reference, self.tau)
+    def fitted(
+        self, kind: str, name: str, reference: Reference, *, near: bool = False
+    ) -> Rival | None:
+        """The model of a reference fitted from there on to its end, as a rival.
+
+        `near`: it is not far from there.
+        """
+        made = fit_to_end(self.evidence, reference, self.tau, near=near)
         return None if made is None else self.rival(kind, name, made)
 
     def parameters_kept_if_likelier(

@@ -137,7 +137,7 @@ class _Search:
         parameters = question.fitted(PARAMETERS, PARAMETERS, replace(nominal, model=free))
         current = parameters
         if question.tied is not None:
-            current = question.fitted(NOTHING, NOTHING, nominal)
+            current = question.fitted(NOTHING, NOTHING, nominal, near=True)
         if configured is None or parameters is None or current is None:
             return None
         question.say("screening the effects")
@@ -206,7 +206,7 @@ class _Search:
             return rival
         there = replace(rival.fit, x=beside.fit.x[: len(rival.fit.x)])
         here = rebased(self.question.evidence, there)
-        made = here and self.question.fitted(rival.kind, rival.name, here)
+        made = here and self.question.fitted(rival.kind, rival.name, here, near=True)
         if not made or made.fit is None or made.fit.objective >= rival.fit.objective:
             return rival
         if rival.fit is self.parameters.fit:
