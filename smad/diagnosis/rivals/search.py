@@ -206,7 +206,9 @@ class _Search:
             return rival
         there = replace(rival.fit, x=beside.fit.x[: len(rival.fit.x)])
         here = rebased(self.question.evidence, there)
-        made = here and self.question.fitted(rival.kind, rival.name, here, near=True)
+        # Free parameters that were far may have to come far.
+        tied = self.question.tied is not None
+        made = here and self.question.fitted(rival.kind, rival.name, here, near=tied)
         if not made or made.fit is None or made.fit.objective >= rival.fit.objective:
             return rival
         if rival.fit is self.parameters.fit:
