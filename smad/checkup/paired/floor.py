@@ -23,6 +23,7 @@ _PSEUDO = 4.0
 _T = 1.0
 _GAUGE_ROWS = 50.0
 _MOST_GAUGE = 2.0
+"""So far may repeats raise the floor; what differs more shows as a gap."""
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ def test_without_repeats_two_fifths_of_what_was_carried_over_may_be_wrong() -> N
     assert floor_of([]).day_sd[-1] == USUAL[-1]
 
 
-@pytest.mark.parametrize(("rho", "least"), [(0.0, 1e-3), (0.8, 1e-3), (0.0, 0.3)])
+@pytest.mark.parametrize(("rho", "least"), [(0.0, 1e-3), (0.8, 1e-3), (0.99, 1e-3), (0.0, 0.3)])
 def test_rows_of_a_good_run_have_unit_variance_in_other_surroundings(
     rho: float, least: float
 ) -> None:
