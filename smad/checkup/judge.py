@@ -103,6 +103,7 @@ def judged(
         progress,
         tied=np.asarray(np.linalg.inv(known)),
         responses=pairs.responses,
+        changes=pairs.changes,
     )
     search = searched(question, most=_MOST_CAUSES)
     if search is None:

@@ -26,10 +26,11 @@ from smad.diagnosis.data.rows import binned
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.places.responses import responses
 from smad.diagnosis.plant import ModelPoint, PlantModel
+from smad.diagnosis.rivals.changes import Changes, values_asked
 from smad.diagnosis.runs import GapRun
 from smad.files import named_output
 
-SCHEMA = 8
+SCHEMA = 9
 """One more where arrays get another meaning: baselines of before are then computed anew."""
 _ABOUT, _ARRAYS = "baseline.json", "reference.npz"
 _FLOOR = ("sd", "rho", "day_sd", "gauge")
@@ -110,6 +111,7 @@ def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
     for k, x in enumerate(r.runs):
         arrays |= {f"{k}.{n}": getattr(x, n) for n in _RUN}
         arrays[f"{k}.responses"] = r.responses.runs[k]
+        arrays[f"{k}.changes"] = r.changes.runs[k]
         whole = x.played.whole
         arrays[f"{k}.t_s"] = whole.t_s
         arrays |= {f"{k}.input.{n}": v for n, v in whole.inputs.items()}
@@ -161,7 +163,15 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
         said = getattr(error, "strerror", None) or error
         raise BaselineError(f"{folder / _ARRAYS} cannot be read: {said}", action=_ANEW) from error
     reference = Reference(
-        runs=runs, point=point, floor=floor, repeats=about.repeats, responses=placed
+        runs=runs,
+        point=point,
+        floor=floor,
+        repeats=about.repeats,
+        responses=placed,
+        changes=Changes(
+            effects=tuple(plant.effects),
+            runs=tuple(arrays[f"{k}.changes"] for k in range(len(runs))),
+        ),
     )
     return Baseline(about.bench, about.programme, reference)
 
@@ -197,6 +207,7 @@ def _require_fitting(about: About, plant: PlantModel, arrays: Mapping[str, np.nd
     require(arrays, "floor.rho", (channels,), "floats", least=0.0, below=1.0)
     require(arrays, "floor.gauge", (channels,), "floats", above=0.0)
     require(arrays, "floor.day_sd", (-1,), "floats", above=0.0)
+    asked = len(values_asked(plant.effects))
     for k, run in enumerate(about.runs):
         grid = (run.bins, channels)
         samples = arrays[f"{k}.t_s"].size
@@ -212,6 +223,7 @@ def _require_fitting(about: About, plant: PlantModel, arrays: Mapping[str, np.nd
         require(arrays, f"{k}.regime", grid, "whole numbers", least=0, below=regimes)
         require(arrays, f"{k}.slopes", (len(plant.parameters), *grid), "floats")
         require(arrays, f"{k}.responses", (-1, *grid), "floats")
+        require(arrays, f"{k}.changes", (asked, *grid), "floats")
 
 
 def _run(k: int, x: _RunFile, arrays: Mapping[str, np.ndarray], plant: PlantModel) -> RunReference:

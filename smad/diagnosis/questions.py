@@ -20,6 +20,7 @@ from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Effect, ModelPoint, nominal_point, traits_of
+from smad.diagnosis.rivals.changes import Changes
 from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
 from smad.diagnosis.rivals.fit import covariance
 from smad.diagnosis.rivals.parts import Model
@@ -92,6 +93,7 @@ def question_of(
     held_out: Evidence | None = None,
     tied: Array | None = None,
     responses: Responses | None = None,
+    changes: Changes | None = None,
 ) -> Question:
     """A question with the constants' temper; every place of the plant may be asked for a law."""
     places: PlacesPlant = model.plant  # type: ignore[assignment]
@@ -106,6 +108,7 @@ def question_of(
         tied=tied,
         effects=tuple(effects),
         responses=responses,
+        changes=changes,
         places=len(places.places),
         say=say,
         tau=tau,

@@ -19,8 +19,9 @@ from smad.diagnosis.data.rows import (
 from smad.diagnosis.errors import PairingError
 from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.places.place import PlacesPlant
-from smad.diagnosis.places.responses import Responses
+from smad.diagnosis.places.responses import Responses, Singles
 from smad.diagnosis.plant import Array, Mask, PlantModel, traits_of
+from smad.diagnosis.rivals.changes import Changes
 from smad.diagnosis.rivals.evidence import Evidence, Trial
 from smad.diagnosis.runs import GapRun
 
@@ -62,11 +63,23 @@ class Paired:
     @property
     def responses(self) -> Responses | None:
         """Responses of the run that each pair repeats; None where a run has other inputs."""
+        known = self.reference.responses
+        runs = self._repeated(known.runs)
+        return None if runs is None else replace(known, runs=runs)
+
+    @property
+    def changes(self) -> Changes | None:
+        """What effects change of those runs, in the surroundings of then; None as above."""
+        known = self.reference.changes
+        runs = self._repeated(known.runs)
+        return None if runs is None else replace(known, runs=runs)
+
+    def _repeated(self, of_runs: Sequence[Singles]) -> tuple[Singles, ...] | None:
+        """Of arrays of the reference's runs, that of each pair."""
         if any(p.carried for p in self.pairs):
             return None
-        known = self.reference.responses
-        of_run = {r.name: x for r, x in zip(self.reference.runs, known.runs, strict=True)}
-        return replace(known, runs=tuple(of_run[p.reference.name] for p in self.pairs))
+        of_run = {r.name: x for r, x in zip(self.reference.runs, of_runs, strict=True)}
+        return tuple(of_run[p.reference.name] for p in self.pairs)
 
 
 def paired(plant: PlacesPlant, reference: Reference, runs: Sequence[tuple[GapRun, str]]) -> Paired:

@@ -18,6 +18,7 @@ from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses, responses
 from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, nominal_point, traits_of
 from smad.diagnosis.questions import CORRELATED, free_model, temper_of, tempered
+from smad.diagnosis.rivals.changes import Changes, changes_at
 from smad.diagnosis.rivals.evidence import Evidence, Trial
 from smad.diagnosis.rivals.fit import fit_to_end, reference_at
 from smad.diagnosis.runs import GapRun
@@ -53,7 +54,7 @@ class RunReference:
 class Reference:
     """Everything that a check-up needs of the good bench.
 
-    `responses` are those of the plant's places, of each run.
+    `responses` are those of the plant's places, `changes` those of its effects, of each run.
     """
 
     runs: tuple[RunReference, ...]
@@ -61,6 +62,7 @@ class Reference:
     floor: Floor
     repeats: int
     responses: Responses
+    changes: Changes
 
     def parameter_covariance(self, plant: PlantModel) -> Array:
         """How well the good runs say where the parameters are, (p, p), in prior deviations.
@@ -189,6 +191,7 @@ def reference_from(
             deviations, sum(len(g) - 1 for g in groups), regimes, least, usual_day(plant)
         ),
         responses=responses(plant, point, played, progress=progress),
+        changes=changes_at(plant, point, played, plant.effects),
     )
 
 

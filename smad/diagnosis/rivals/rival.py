@@ -15,6 +15,7 @@ from smad.diagnosis.data.played import predictions
 from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Effect, ModelPoint
+from smad.diagnosis.rivals.changes import Changes
 from smad.diagnosis.rivals.evidence import Evidence
 from smad.diagnosis.rivals.fit import Fit, Reference, fit, fit_to_end, leave_out, replayed, weights
 from smad.diagnosis.rivals.parts import Model
@@ -66,9 +67,9 @@ class Question:
 
     `effects` may be told; `places` are how many places there are. `tied` (p, p) is the precision of
     the parameters until other values of them are the answer; None: they are free from the start.
-    `responses` are those of laws where they are known. `tau` (channels,) are correlation times in
-    rows. `form_share` is the largest share of a floor's square that the model's form makes, and
-    `good` how many runs say so.
+    `responses` are those of laws, and `changes` those of effects, where they are known. `tau`
+    (channels,) are correlation times in rows. `form_share` is the largest share of a floor's square
+    that the model's form makes, and `good` how many runs say so.
     """
 
     evidence: Evidence
@@ -76,6 +77,7 @@ class Question:
     model: Model
     tied: Array | None
     responses: Responses | None
+    changes: Changes | None
     effects: tuple[Effect, ...]
     places: int
     temper: Temper

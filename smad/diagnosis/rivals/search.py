@@ -16,6 +16,7 @@ import numpy as np
 
 from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.responses import Responses
+from smad.diagnosis.rivals.changes import Change, changes_at
 from smad.diagnosis.rivals.fit import (
     Fit,
     Reference,
@@ -29,7 +30,7 @@ from smad.diagnosis.rivals.laws import LawSpace
 from smad.diagnosis.rivals.parts import EffectPart, Part
 from smad.diagnosis.rivals.rival import Question, Rival
 from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS
-from smad.diagnosis.rivals.screening import Change, Screened, changes_at, screened
+from smad.diagnosis.rivals.screening import Screened, screened
 
 _SCREENED = 8
 """Effects of each reference that are fitted."""
@@ -140,12 +141,15 @@ class _Search:
             current = question.fitted(NOTHING, NOTHING, nominal, near=True)
         if configured is None or parameters is None or current is None:
             return None
-        question.say("screening the effects")
+        known = question.changes
+        if known is None:
+            question.say("what each effect changes")
+            known = changes_at(free.plant, free.start, e.played, question.effects)
         return cls(
             question=question,
             nominal=nominal,
             configured=configured,
-            changes=changes_at(e, nominal, [x for x in question.effects if x.parameters]),
+            changes=known.rows(e, question.effects),
             parameters=parameters,
             current=current,
             moved=question.tied is None,

@@ -21,12 +21,11 @@ from smad.diagnosis.places.place import Forcing
 from smad.diagnosis.plant import Array, EffectValues, ModelPoint
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.signals import TRAITS, means_over_pieces
+from smad.diagnosis.spring_pair.steps import LONGEST_STEP_S, STEP_S, Steps
 
 _OPTIONS = {"fixture": "antagonistic", "cooling": "water"}
-# Two steps a sample at 100 Hz, jittered ones too. One is too few for a current that chatters.
-_STEP_S = 6e-3
 _FAST_STEP_S = 1e-2
-_RETRIES = (1.0, 0.5, 0.2)
+_RETRIES = (1.0, 0.1, 0.03)
 """Shares of the step: on a kink of the kinetics the kernel may find no solution in one of them."""
 _READINGS = ("rtd_x_degC", "rtd_y_degC", "displacement_m", "force_N")
 _OUTPUTS = ("i_x_A", "i_y_A", "v_x_V", "v_y_V", "rtd_inlet_degC", "rtd_ambient_degC", *_READINGS)
@@ -104,13 +103,23 @@ class GivenRun:
         self.run = run
         self._began = run.at_start(TRAITS.environment.values())
 
-    def inputs(self, point: GivenPoint) -> Inputs:
-        """Inputs of a replay. Water and room start where the run measured them at its start.
+    def inputs(self, point: GivenPoint, steps: Steps | None = None) -> Inputs:
+        """Inputs of a replay, a row for each sample, or for each of the `steps`.
 
-        The two temperatures of the parameter set then act as corrections of those measurements.
+        Water and room start where the run measured them at its start. The two temperatures of the
+        parameter set then act as corrections of those measurements.
         """
+        inputs = self.recorded if steps is None else steps.inputs
         inlet_K, ambient_K = (self._around(point, *pair) for pair in TRAITS.environment.items())
-        return self._recorded.surrounded(inlet_K, ambient_K, point.root["y"])
+        return inputs.surrounded(inlet_K, ambient_K, point.root["y"])
+
+    def steps(self, forcing: Forcing) -> Steps:
+        """In what steps the kernel replays the run under a forcing."""
+        return Steps.of(self.recorded, list(forcing.values())) if forcing else self._unforced
+
+    @cached_property
+    def _unforced(self) -> Steps:
+        return Steps.of(self.recorded)
 
     def _around(self, point: GivenPoint, name: str, channel: str) -> float:
         """Temperature of water or room in K, as a parameter and the channel of its RTD say it."""
@@ -120,7 +129,8 @@ class GivenRun:
         return value + (self._began[channel] + ZERO_C - point.nominal[name])
 
     @cached_property
-    def _recorded(self) -> Inputs:
+    def recorded(self) -> Inputs:
+        """Inputs with water and room as in the parameter set."""
         run = self.run
 
         def both(stem: str) -> Array:
@@ -138,9 +148,7 @@ class OneReplay:
     """The replay of one run at one model point."""
 
     def __init__(self, given: GivenPoint, recorded: GivenRun, *, fast: bool) -> None:
-        self._given, self._run, self._inputs = given, recorded.run, recorded.inputs(given)
-        # A jittered sample must not cost a second step.
-        self._dt_s = max(_FAST_STEP_S, 1.5 * self._run.dt_s) if fast else _STEP_S
+        self._given, self._recorded, self._fast = given, recorded, fast
 
     def forced(self, forcing: Forcing) -> dict[str, Array]:
         """Channels under a forcing, (n,) each, under the names and in the units of the run log.
@@ -157,24 +165,35 @@ class OneReplay:
 
     def trajectory(self) -> dict[str, Array]:
         """All states that a law may depend on, (n,) each."""
-        replay = Replay(self._inputs, variant=self._given.variant)
-        return trajectory(replay, self._given.setup, dt_s=self._dt_s)
+        replay = Replay(self._recorded.inputs(self._given), variant=self._given.variant)
+        dt_s = self._quick_s if self._fast else STEP_S
+        return trajectory(replay, self._given.setup, dt_s=dt_s)
+
+    @property
+    def _quick_s(self) -> float:
+        """One step a sample, jittered ones too."""
+        return max(_FAST_STEP_S, 1.5 * self._recorded.run.dt_s)
 
     def _solved(self, forcing: Forcing) -> dict[str, Array]:
         """Outputs of the plant, those of a thinned run as means over its samples.
 
         Currents are in force over a sample already, and voltages go with their means.
         """
-        replay = Replay(
-            self._inputs, variant=self._given.variant, forcing=forcing, outputs=_OUTPUTS
-        )
+        run, steps = self._recorded.run, None if self._fast else self._recorded.steps(forcing)
+        dt_s = self._quick_s
+        if steps is not None:
+            dt_s = LONGEST_STEP_S
+            forcing = {key: np.asarray(series)[steps.sample] for key, series in forcing.items()}
+        inputs = self._recorded.inputs(self._given, steps)
+        replay = Replay(inputs, variant=self._given.variant, forcing=forcing, outputs=_OUTPUTS)
         for share in _RETRIES:
             try:
-                result = replay.run_setup(self._given.setup, dt_s=share * self._dt_s)
+                result = replay.run_setup(self._given.setup, dt_s=share * dt_s)
             except SolverError as error:
                 failed = error
             else:
-                if self._run.whole is None:
+                result = result if steps is None else steps.at_samples(result)
+                if run.whole is None:
                     return result
-                return result | {k: means_over_pieces(self._run, result[k]) for k in _READINGS}
+                return result | {k: means_over_pieces(run, result[k]) for k in _READINGS}
         raise failed

@@ -1,0 +1,106 @@
+"""Changes: what each effect of the library changes of runs, by a replay of each strength and sign.
+
+Made once, at a reference point; those of a baseline are kept with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from smad.diagnosis.data.played import Played, finite, predictions
+from smad.diagnosis.numerics.folds import Array
+from smad.diagnosis.places.responses import Singles
+from smad.diagnosis.plant import Effect, EffectParameter, ModelPoint, PlantModel
+from smad.diagnosis.rivals.evidence import Evidence
+
+_LEVELS = (0.3, 1.0)
+"""Of the typical strength, that an effect is asked at."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Change:
+    """What an effect changes with these values, as rows (n,)."""
+
+    effect: Effect
+    values: dict[str, float]
+    rows: Array
+
+    @property
+    def typical(self) -> EffectParameter | None:
+        """The strength that is at its typical value, where everything else is usual; else None."""
+        acting = [q for q in self.effect.parameters if q.strength and self.values[q.name] != 0.0]
+        usual = all(
+            self.values[q.name] == q.typical for q in self.effect.parameters if not q.strength
+        )
+        one = len(acting) == 1 and self.values[acting[0].name] == acting[0].typical
+        return acting[0] if one and usual else None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Changes:
+    """What the `effects` change: one array a run, (values asked, bins, channels).
+
+    The values of one effect follow those of the one before.
+    """
+
+    effects: tuple[Effect, ...]
+    runs: tuple[Singles, ...]
+
+    @cached_property
+    def asked(self) -> tuple[tuple[Effect, dict[str, float]], ...]:
+        """The effects with the values that each array begins with."""
+        return values_asked(self.effects)
+
+    def rows(self, evidence: Evidence, effects: Sequence[Effect]) -> tuple[Change, ...]:
+        """Those of some effects as rows of evidence of the same runs."""
+        names = {effect.name for effect in effects}
+        kept = [k for k, (effect, _) in enumerate(self.asked) if effect.name in names]
+        rows = evidence.rows([run[kept].astype(np.float64) for run in self.runs]).astype(np.float32)
+        pairs = zip((self.asked[k] for k in kept), rows, strict=True)
+        return tuple(Change(effect=e, values=values, rows=r) for (e, values), r in pairs)
+
+
+def values_asked(effects: Sequence[Effect]) -> tuple[tuple[Effect, dict[str, float]], ...]:
+    """The values that effects are asked at; those without parameters are not asked."""
+    return tuple((e, values) for e in effects if e.parameters for values in _values(e))
+
+
+def changes_at(
+    plant: PlantModel, point: ModelPoint, runs: Sequence[Played], effects: Sequence[Effect]
+) -> Changes:
+    """What effects change at `point`, by coarse replays; 0 where the model cannot run."""
+    coarse = [run.coarse for run in runs]
+    base = predictions(plant, point, coarse)
+    asked = values_asked(effects)
+    out = [np.zeros((len(asked), *b.shape), dtype=np.float32) for b in base]
+    for k, (effect, values) in enumerate(asked):
+        with_effect = ModelPoint(point.theta, {**point.effects, effect.name: values}, point.laws)
+        predicted = predictions(plant, with_effect, coarse)
+        if finite(predicted):
+            for run, shown, without in zip(out, predicted, base, strict=True):
+                run[k] = shown - without
+    return Changes(effects=tuple(effects), runs=tuple(out))
+
+
+def _values(effect: Effect) -> list[dict[str, float]]:
+    """Values that an effect is asked at: each strength alone, at two levels and either sign.
+
+    At its typical strength each shape is asked at the ends of its range, too: an effect of one
+    spring alone is often hidden where both are asked. An effect that has no strength is there or
+    not.
+    """
+    rest = {q.name: 0.0 if q.strength else q.typical for q in effect.parameters}
+    shapes = [q for q in effect.parameters if not q.strength]
+    out = [] if len(shapes) < len(effect.parameters) else [rest]
+    out += [{**rest, q.name: end} for q in (shapes if out else ()) for end in (q.low, q.high)]
+    for q in (q for q in effect.parameters if q.strength):
+        for sign in (1.0, -1.0) if q.low < 0.0 < q.high else (1.0,):
+            levels = [sign * level * q.typical for level in _LEVELS]
+            out += [{**rest, q.name: v} for v in levels if q.low <= v <= q.high]
+            typical = {**rest, q.name: min(max(sign * q.typical, q.low), q.high)}
+            out += [{**typical, s.name: end} for s in shapes for end in (s.low, s.high)]
+    return out
