@@ -28,7 +28,7 @@ LONGEST_STEP_S = 1.5 * _IDLE_STEP_S
 """So that a jittered sample does not cost a second one."""
 _SETTLING_S = 0.3
 """How long a change acts at once: longer than the slowest driver takes."""
-_MORE = 0.25
+_MORE = 0.3
 """Of a step, that it may be longer before it is cut in two."""
 
 

@@ -455,6 +455,7 @@ def forged(folder: Path, **changes: Any) -> None:
         ("0.valid", lambda a: a.astype(float)),
         ("0.regime", lambda a: a + 1000),
         ("0.responses", lambda a: a[0]),
+        ("0.changes", lambda a: a[:-1]),
         ("0.t_s", lambda a: a[::-1]),
         ("0.t_s", lambda a: np.float64(1.0)),
         ("0.base", lambda a: np.zeros((100_000_000,))),
