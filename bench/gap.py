@@ -49,7 +49,7 @@ def rows() -> list[Row]:
     # Beginnings as long as those that tell how coarse replays may be: the pace stays the same.
     shorter, _, _ = _seconds(some, [r.part(0, 2 * len(r.t_s) // 3) for r in runs])
     fewer, _, _ = _seconds(replace(some, only=some.only[:13] if some.only else None), runs)
-    one_s, solver = _replay_s(some, runs[0])
+    quick_s, exact_s, even_s, solver = _replay_s(some, runs[0])
     return [
         Row(f"diagnosis, {RUNS} runs of {RUN_S:g} s, {CANDIDATES} candidates", whole, "s"),
         Row("  processor time of it", cpu, "s"),
@@ -57,8 +57,10 @@ def rows() -> list[Row]:
         Row("  peak memory of the process", _peak_MB(), "MB"),
         Row("runs of 50 s (ratio to whole; linear is 0.67)", shorter, "s", shorter / whole),
         Row("13 of 25 candidates (ratio to whole; linear is 0.5)", fewer, "s", fewer / whole),
-        Row("one replay of one run", 1e3 * one_s, "ms"),
-        Row("same replays by solve_ivp, estimated", solver * evaluations, "s", solver / one_s),
+        Row("one replay of averaged inputs of one run", 1e3 * quick_s, "ms"),
+        Row("one exact replay (ratio to averaged)", 1e3 * exact_s, "ms", exact_s / quick_s),
+        Row("  the same in even steps", 1e3 * even_s, "ms", even_s / exact_s),
+        Row("same replays by solve_ivp, estimated", solver * evaluations, "s", solver / quick_s),
     ]
 
 
@@ -112,27 +114,38 @@ class _Counting:
         return self._plant.forced(*args, **options)
 
 
-def _replay_s(plant: SmaPlant, run: GapRun) -> tuple[float, float]:
-    """Processor seconds of one replay by the kernel, and by solve_ivp."""
+def _replay_s(plant: SmaPlant, run: GapRun) -> tuple[float, float, float, float]:
+    """Processor seconds of one replay: of averaged inputs, exact, exact in even steps, and by
+    solve_ivp."""
     import numpy as np
 
     from sim_device.plant.reference import Reference
+    from sim_device.plant.replay import Replay
+    from smad.diagnosis.data.grid import PERIOD_S
+    from smad.diagnosis.data.played import Played
     from smad.diagnosis.plant import ModelPoint
+    from smad.diagnosis.spring_pair.replays import GivenPoint, GivenRun
+    from smad.diagnosis.spring_pair.steps import STEP_S
 
-    def kernel() -> None:
-        plant.simulate(ModelPoint({}), run, fast=True)
-
+    averaged = Played.of(run, plant.inputs, period_s=PERIOD_S).run
+    given = GivenPoint(plant, ModelPoint({}))
+    samples = Replay(GivenRun(run).inputs(given), variant=plant.variant)
     drives = np.column_stack(
         [run.inputs[n] for n in ("i_applied_x_A", "i_applied_y_A", "duty_x", "duty_y")]
     )
     reference = Reference.make(plant.parameter_set)
+    return (
+        _least_s(lambda: plant.simulate(ModelPoint({}), averaged, fast=True)),
+        _least_s(lambda: plant.simulate(ModelPoint({}), run)),
+        _least_s(lambda: samples.run_setup(given.setup, dt_s=STEP_S)),
+        _least_s(lambda: reference.solve(run.t_s, drives, rtol=1e-5, atol=1e-7), times=2),
+    )
 
-    def solver() -> None:
-        reference.solve(run.t_s, drives, rtol=1e-5, atol=1e-7)
 
-    kernel()
-    solver()
-    return min(_timed(kernel) for _ in range(5)), min(_timed(solver) for _ in range(2))
+def _least_s(call: Callable[[], object], times: int = 5) -> float:
+    """Least processor seconds of some calls, after one that does not count."""
+    call()
+    return min(_timed(call) for _ in range(times))
 
 
 def _timed(call: Callable[[], object]) -> float:

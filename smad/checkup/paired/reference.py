@@ -183,6 +183,8 @@ def reference_from(
                 slopes=J[k],
             )
         )
+    placed = responses(plant, point, played, progress=progress)
+    progress("what each effect changes")
     return Reference(
         runs=tuple(runs),
         point=point,
@@ -190,7 +192,7 @@ def reference_from(
         floor=repeat_floor(
             deviations, sum(len(g) - 1 for g in groups), regimes, least, usual_day(plant)
         ),
-        responses=responses(plant, point, played, progress=progress),
+        responses=placed,
         changes=changes_at(plant, point, played, plant.effects),
     )
 

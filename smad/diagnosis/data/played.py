@@ -14,7 +14,6 @@ from smad.diagnosis.numerics.folds import Index
 from smad.diagnosis.numerics.threads import each
 from smad.diagnosis.plant import (
     Array,
-    Mask,
     ModelPoint,
     PlantModel,
     Signal,
@@ -25,9 +24,20 @@ from smad.diagnosis.runs import GapRun
 _THETA_STEP = 0.1
 _PIECES = 5
 _COARSE = 2
-_Bins = tuple[Index, Array, Mask, Array]
-"""Of the samples that are in a bin: their bins, how many each stands for, which they are, and how
-many each bin has."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Bins:
+    """The samples `inside` of the grid, and how many each stands for, `size`.
+
+    Those of each of the bins `filled` begin at `starts`; `count` (bins,) is what each bin has.
+    """
+
+    inside: slice
+    size: Array
+    filled: Index
+    starts: Index
+    count: Array
 
 
 @dataclass(frozen=True)
@@ -72,9 +82,11 @@ class Played:
 
         `exact`: the samples are those of the run as it was recorded.
         """
-        bin_of_row, size, inside, count = self._exact_bins if exact else self._bins
-        sums = [np.bincount(bin_of_row, s[inside] * size, minlength=self.bins) for s in series]
-        return np.array(sums) / count
+        bins = self._exact_bins if exact else self._bins
+        sums = np.zeros((len(series), self.bins))
+        inside = series[:, bins.inside] * bins.size
+        sums[:, bins.filled] = np.add.reduceat(inside, bins.starts, axis=1)
+        return sums / bins.count
 
     @cached_property
     def _bins(self) -> _Bins:
@@ -85,11 +97,13 @@ class Played:
         return self._bins_of(self.whole, np.ones(len(self.whole.t_s)))
 
     def _bins_of(self, run: GapRun, size: Array) -> _Bins:
-        bin_of_row = bin_numbers(run, self.start_s, self.period_s)
-        inside = (bin_of_row >= 0) & (bin_of_row < self.bins)
-        bin_of_row, size = bin_of_row[inside], size[inside]
-        count = np.maximum(np.bincount(bin_of_row, size, minlength=self.bins), 1.0)
-        return bin_of_row, size, inside, count
+        # Time increases, and the bins with it.
+        number = bin_numbers(run, self.start_s, self.period_s)
+        inside = slice(*(int(k) for k in np.searchsorted(number, (0, self.bins))))
+        number, size = number[inside], size[inside]
+        filled, starts = np.unique(number, return_index=True)
+        count = np.maximum(np.bincount(number, size, minlength=self.bins), 1.0)
+        return _Bins(inside=inside, size=size, filled=filled, starts=starts, count=count)
 
     @property
     def coarse(self) -> Played:
