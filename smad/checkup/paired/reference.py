@@ -20,7 +20,7 @@ from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, nominal_po
 from smad.diagnosis.questions import CORRELATED, free_model, temper_of, tempered
 from smad.diagnosis.rivals.changes import Changes, changes_at
 from smad.diagnosis.rivals.evidence import Evidence, Trial
-from smad.diagnosis.rivals.fit import fit_to_end, reference_at
+from smad.diagnosis.rivals.fit import fit_from_several, reference_at
 from smad.diagnosis.runs import GapRun
 from smad.progress import Say, silent
 
@@ -219,7 +219,7 @@ def _fitted_point(
     temper = temper_of(shipped(), free=True, channels=evidence.channels)
     model = tempered(free_model(plant, nominal_point(plant)), evidence, temper)
     nominal = reference_at(evidence, model, np.zeros(model.parameters))
-    made = nominal and fit_to_end(evidence, nominal, np.full(evidence.channels, CORRELATED))
+    made = nominal and fit_from_several(evidence, nominal, np.full(evidence.channels, CORRELATED))
     return made.point if made else model.start
 
 

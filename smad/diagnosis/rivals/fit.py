@@ -368,6 +368,24 @@ def fit_to_end(
     return made
 
 
+def fit_from_several(evidence: Evidence, reference: Reference, tau: Array) -> Fit | None:
+    """The best of fits to their end from three starts, for what much else is compared with.
+
+    Where springs reverse F has many minima: 583 and 215 of the same good runs. They begin at the
+    reference, by least squares and with F, and half way from there to where the first one ended.
+    """
+    first = fit_to_end(evidence, reference, tau)
+    if first is None:
+        return None
+    half = reference_at(evidence, reference.model, 0.5 * (reference.x + first.x))
+    fits = (
+        first,
+        fit_to_end(evidence, reference, tau, near=True),
+        half and fit_to_end(evidence, half, tau),
+    )
+    return min((made for made in fits if made), key=lambda made: made.objective)
+
+
 def leave_out(evidence: Evidence, fitted: Fit, tau: Array) -> tuple[Array, ...]:
     """Coordinates without each fold, one Gauss–Newton step from those of all rows."""
     model, x = fitted.model, fitted.x
