@@ -13,6 +13,7 @@ import math
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from types import UnionType
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
@@ -21,6 +22,8 @@ import numpy as np
 from sim_device.plant.kernel.layout import is_array
 
 Function = Callable[..., Any]
+_hints = cache(get_type_hints)
+"""Every use of a field asks for the types of its record."""
 
 PREAMBLE = """\
 #include <math.h>
@@ -116,11 +119,11 @@ class Program:
         if get_origin(hint) is tuple:
             return self.tuple_of([self.type_of(part) for part in get_args(hint)])
         if _is_named_tuple(hint):
-            fields = get_type_hints(hint)
+            fields = _hints(hint)
             parts = "".join(f"{self.type_of(kind).declared}{n}; " for n, kind in fields.items())
             self.structs.setdefault(hint.__name__, f"typedef struct {{ {parts}}} {hint.__name__};")
             return Type(hint.__name__, "named", hint)
-        if isinstance(hint, type) and get_type_hints(hint):
+        if isinstance(hint, type) and _hints(hint):
             self.record(hint)
             return Type(hint.__name__, "pointer", hint)
         raise Untranslatable(f"type {hint!r}")
@@ -137,7 +140,7 @@ class Program:
         if layout.__name__ in self.structs:
             return
         lines = []
-        for name, hint in get_type_hints(layout, include_extras=True).items():
+        for name, hint in _hints(layout, include_extras=True).items():
             kind = self.type_of(hint)
             size = f"[{hint.__metadata__[0]}]" if kind.kind == "row" else ""
             lines.append(f"    {kind.name} {name}{size};")
@@ -157,7 +160,7 @@ class _Body:
         (definition,) = source.body
         assert isinstance(definition, ast.FunctionDef)
         self._definition = definition
-        hints = get_type_hints(plain)
+        hints = _hints(plain)
         self._arguments = {
             name: program.type_of(program.records.get(name, hints.get(name)))
             for name in inspect.signature(plain).parameters
@@ -342,7 +345,7 @@ class _Body:
         text, kind = self._expression(node.value)
         if kind.layout is None:
             raise self._fail(node)
-        inner = self._program.type_of(get_type_hints(kind.layout, include_extras=True)[node.attr])
+        inner = self._program.type_of(_hints(kind.layout, include_extras=True)[node.attr])
         if kind.kind == "named":
             return f"{text}.{node.attr}", inner
         place = f"{text}->{node.attr}"
@@ -417,7 +420,7 @@ class _Body:
         if not callable(target):
             raise self._fail(node)
         plain = self._program.call(target)
-        kind = self._program.type_of(get_type_hints(plain)["return"])
+        kind = self._program.type_of(_hints(plain)["return"])
         return f"k_{plain.__name__}({', '.join(texts)})", kind
 
 
