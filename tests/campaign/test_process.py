@@ -1,5 +1,6 @@
 """The process campaign: two of its faults, whole, and that its table fits the daemon."""
 
+import gc
 import importlib
 import signal
 import tempfile
@@ -70,6 +71,13 @@ def test_a_program_that_is_killed_while_it_arms_leaves_nothing_armed_after_its_l
             assert not watcher.motion().armed
         # Else no program was killed late enough to be missed.
         assert any(state in HOT for _, state, _ in rig.bench.trace.changes)
+
+
+def test_what_was_left_before_a_bench_is_not_looked_through_beside_it() -> None:
+    left = [[n] for n in range(1000)]
+    with tempfile.TemporaryDirectory(prefix="smad-rig-") as folder, rig_in(Path(folder), 1):
+        looked_through = {id(each) for each in gc.get_objects()}
+        assert not any(id(each) in looked_through for each in left)
 
 
 def test_every_part_that_is_to_break_exists() -> None:
