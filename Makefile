@@ -15,7 +15,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 FIRMWARE ?= python
-.PHONY: help firmware demo test recipes notebooks check bench campaign site generate wheel cold paper lock setup setup-test format clean
+.PHONY: help firmware demo test long-tests recipes notebooks check bench campaign site generate wheel cold paper lock setup setup-test format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 18
@@ -30,6 +30,9 @@ test: $(VENV)/.test-installed  ## all the tests; says how long they took the las
 	@cat $(VENV)/.test-took 2>/dev/null || echo "the time that they take is kept for the next run"
 	@began=$$(date +%s); $(PY) -m pytest -n 4 --dist worksteal && \
 	  echo "all passed; the last run took $$(( ($$(date +%s) - began + 59) / 60 )) min" | tee $(VENV)/.test-took
+
+long-tests: $(VENV)/.test-installed  ## the tests of campaigns, which make test leaves out
+	@$(PY) -m pytest -n 2 -m campaign
 
 recipes: $(VENV)/.test-installed  ## every step of docs/architecture.md's recipes left out once: something must complain
 	@$(PY) -m pytest -n 2 -m campaign tests/recipes

@@ -11,7 +11,6 @@ import pytest
 
 _PAGE = "tests/docs/test_commands.py::test_every_command_shown_runs["
 LONGEST = (
-    "tests/recipes/test_recipes.py::test_what_the_recipes_say_together_is_enough",
     f"{_PAGE}docs/guide/check-up.md",
     f"{_PAGE}docs/guide/diagnose-a-gap.md",
     f"{_PAGE}docs/your-simulator.md",

@@ -1,8 +1,8 @@
 """The recipes of docs/architecture.md are complete, and no step of them can be left out.
 
-Here all are tried together, without types and without the kernel, which an effect compiles anew.
-`make recipes` tries them one by one, whole and with each step left out: each takes a Python of its
-own or three.
+Here their edits are made together, and the linter is asked. `make recipes` tries what they lead to,
+all together and one by one, whole and with each step left out: each takes a Python of its own or
+three.
 """
 
 from pathlib import Path
@@ -21,7 +21,9 @@ WITHOUT = [
 ]
 
 
+@pytest.mark.campaign
 def test_what_the_recipes_say_together_is_enough(tmp_path: Path) -> None:
+    # Without types and without the kernel, which an effect compiles anew.
     recipe = together([recipe for recipe in RECIPES if recipe is not EFFECT])
     assert recipe.complaints(copy_of_the_tree(tmp_path, whole=False), None, types=False) == ""
 

@@ -1,4 +1,8 @@
-"""A bounded run of atheris itself on every target, and what its command makes of it."""
+"""A bounded run of atheris itself, and what its command makes of it.
+
+On every target it is left to `make long-tests`: each takes a Python of its own, whose imports are
+instrumented. `make campaign CAMPAIGN="fuzz --seconds 600"` is the long one.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +30,7 @@ MORE_RUNS = 20
 """Beyond those that load the corpus."""
 
 
+@pytest.mark.campaign
 @needs_atheris
 @pytest.mark.parametrize("target", TARGETS.values(), ids=list(TARGETS))
 def test_atheris_finds_nothing_new_in_a_bounded_run(target: Target) -> None:
