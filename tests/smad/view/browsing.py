@@ -6,15 +6,14 @@ instead.
 
 from __future__ import annotations
 
-import contextlib
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from bench.browser import LivePage, browser, what_is_missing
+from bench.browser import LivePage, what_is_missing
 from smad.client import Client
 from smad.processes.daemon import DaemonProcess
 
@@ -23,8 +22,6 @@ REQUIRED = bool(os.environ.get("SMAD_REQUIRE_BROWSER"))
 in_a_browser = pytest.mark.skipif(bool(MISSING) and not REQUIRED, reason=MISSING)
 PATIENCE_S = 120.0
 """Until something is there that comes within a second on a machine that is not busy."""
-_SLOW_SCREEN = """const refresh = window.requestAnimationFrame;
-window.requestAnimationFrame = (draw) => setTimeout(() => refresh(draw), 200);"""
 
 
 class BrowsedBench:
@@ -35,17 +32,6 @@ class BrowsedBench:
         self.daemon = daemon
         self.page = page
         self.client = Client(folder=folder, timeout_s=PATIENCE_S)
-
-
-@contextlib.contextmanager
-def slow_browser(profile: Path) -> Iterator[Any]:
-    """A browser whose screen shows five pictures a second.
-
-    Drawing thirty takes two thirds of a processor, and no test of the page asks for so many.
-    """
-    with browser(profile) as driver:
-        driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": _SLOW_SCREEN})
-        yield driver
 
 
 def until(driver: Any, true: Callable[[Any], Any]) -> Any:

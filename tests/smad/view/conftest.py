@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from bench.browser import live_page, resize, running_daemon
+from bench.browser import browser, live_page, resize, running_daemon
 
-from .browsing import MISSING, BrowsedBench, is_live, shown_generation, slow_browser, until
+from .browsing import MISSING, BrowsedBench, is_live, shown_generation, until
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BrowsedBench]:
 
 @pytest.fixture(scope="module")
 def chromium(bench: BrowsedBench) -> Iterator[Any]:
-    with slow_browser(bench.folder / "profile") as driver:
+    with browser(bench.folder / "profile") as driver:
         yield driver
 
 

@@ -10,7 +10,7 @@ import psutil
 import pytest
 from selenium.webdriver.support.ui import WebDriverWait
 
-from bench.browser import live_page
+from bench.browser import browser, live_page
 from bench.view_stop import GOAL_MS, latencies_ms
 from smad.client.arming import arm_when_allowed
 from smad.control.commands import Sine
@@ -24,7 +24,6 @@ from .browsing import (
     in_a_browser,
     is_live,
     shown_generation,
-    slow_browser,
     text_of,
     until,
 )
@@ -170,7 +169,7 @@ def test_a_mark_with_a_note_stands_on_the_page_also_without_a_run_log(page: Any)
 
 
 def test_the_job_ends_with_the_server(bench: BrowsedBench, run: str, tmp_path: Path) -> None:
-    with live_page(bench.folder) as view, slow_browser(tmp_path / "profile") as driver:
+    with live_page(bench.folder) as view, browser(tmp_path / "profile") as driver:
         driver.get(view.command)
         until(driver, is_live)
         press(driver, run, "Diagnose")
