@@ -42,7 +42,8 @@ class Reference:
     """A point with its predictions: as recorded, and of averaged inputs, (bins, channels) a run.
 
     `slopes` are rows of what a unit of each coordinate changes there, of the first ones: (p, n) of
-    the parameters, or (k, n) with those of the parts.
+    the parameters, or (k, n) with those of the parts. Those of the parameters were `measured` at
+    these values of them, (p,).
     """
 
     model: Model
@@ -50,6 +51,7 @@ class Reference:
     exact: tuple[Array, ...]
     averaged: tuple[Array, ...]
     slopes: Array
+    measured: Array
 
     @cached_property
     def shift(self) -> tuple[Array, ...]:
@@ -62,6 +64,7 @@ class Fit:
     """A fitted model: coordinates x (k,), rows `left` (n,), `slopes` (k, n) = −d left/dx in single
     precision, since an answer keeps dozens.
 
+    Slopes of the parameters were `measured` at these values of them, (p,), and corrected since.
     `objective` is F. `shift` is what exact predictions differ by from those of averaged inputs, and
     None where the fit's predictions are exact.
     """
@@ -70,6 +73,7 @@ class Fit:
     x: Array
     left: Array
     slopes: Array
+    measured: Array
     objective: float
     shift: tuple[Array, ...] | None
 
@@ -103,6 +107,7 @@ def reference_at(evidence: Evidence, model: Model, x: Array) -> Reference | None
         exact=tuple(exact),
         averaged=tuple(averaged),
         slopes=slopes_at(evidence, model, x, range(model.parameters)),
+        measured=x[: model.parameters],
     )
 
 
@@ -265,6 +270,8 @@ def fit(
     if stand is None:
         return None
     parts = range(model.parameters, len(start))
+    known = len(reference.slopes) >= model.parameters
+    measured = reference.measured if known else stand.x[: model.parameters]
     unknown = range(len(reference.slopes), len(start))
     slopes = np.concatenate([reference.slopes, slopes_at(evidence, model, stand.x, unknown)])
     corrected = False
@@ -287,6 +294,7 @@ def fit(
         x=stand.x,
         left=stand.left,
         slopes=slopes.astype(np.float32),
+        measured=measured,
         objective=stand.value,
         shift=shift,
     )
@@ -305,7 +313,16 @@ def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
         exact=tuple(exact),
         averaged=tuple(averaged),
         slopes=fitted.slopes,
+        measured=fitted.measured,
     )
+
+
+def slopes_still_good(made: Reference | Fit) -> Array:
+    """Slopes (p, n) of the parameters, or none (0, n) where one of them has moved by more than the
+    step that its slope was measured with."""
+    count = made.model.parameters
+    moved = np.abs(made.x[:count] - made.measured)
+    return made.slopes[: 0 if (moved > made.model.steps(made.x)[:count]).any() else count]
 
 
 def polished(
@@ -319,12 +336,12 @@ def polished(
 ) -> Fit:
     """The fit carried on, by exact replays or averaged inputs, until that lessens F no further.
 
-    Slopes of the parts are made anew each time, and with `fresh` those of the parameters, since
-    they may be far from where those were made.
+    Slopes of the parts are made anew each time, and with `fresh` those of the parameters where they
+    are far from where those were measured.
     """
-    known = 0 if fresh else fitted.model.parameters
     for _ in range(_POLISHES):
-        here = rebased(evidence, replace(fitted, slopes=fitted.slopes[:known]))
+        slopes = slopes_still_good(fitted) if fresh else fitted.slopes[: fitted.model.parameters]
+        here = rebased(evidence, replace(fitted, slopes=slopes))
         made = here and fit(
             evidence,
             fitted.model,
@@ -351,10 +368,10 @@ def fit_to_end(
     It begins by least squares, in which channels count alike that leave less than the loudest, and
     comes to F by way of the geometric mean; or with F, where it begins `near` its end.
     """
-    anew = replace(reference, slopes=reference.slopes[:0])
+    begun = replace(reference, slopes=slopes_still_good(reference))
     loudest = max(float(evidence.variances(evidence.left(reference.exact)).max()), 1.0)
     alikes = (1.0,) if near else (loudest, loudest**0.5, 1.0)
-    made = fit(evidence, reference.model, reference.x, anew, tau=tau, alike=alikes[0])
+    made = fit(evidence, reference.model, reference.x, begun, tau=tau, alike=alikes[0])
     for alike in dict.fromkeys(alikes):
         if made:
             made = polished(
