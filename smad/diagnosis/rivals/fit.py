@@ -43,7 +43,7 @@ class Reference:
 
     `slopes` are rows of what a unit of each coordinate changes there, of the first ones: (p, n) of
     the parameters, or (k, n) with those of the parts. Those of the parameters were `measured` at
-    these values of them, (p,).
+    these coordinates.
     """
 
     model: Model
@@ -64,7 +64,7 @@ class Fit:
     """A fitted model: coordinates x (k,), rows `left` (n,), `slopes` (k, n) = −d left/dx in single
     precision, since an answer keeps dozens.
 
-    Slopes of the parameters were `measured` at these values of them, (p,), and corrected since.
+    Slopes of the parameters were `measured` at these coordinates, and corrected since.
     `objective` is F. `shift` is what exact predictions differ by from those of averaged inputs, and
     None where the fit's predictions are exact.
     """
@@ -107,7 +107,7 @@ def reference_at(evidence: Evidence, model: Model, x: Array) -> Reference | None
         exact=tuple(exact),
         averaged=tuple(averaged),
         slopes=slopes_at(evidence, model, x, range(model.parameters)),
-        measured=x[: model.parameters],
+        measured=x,
     )
 
 
@@ -270,8 +270,10 @@ def fit(
     if stand is None:
         return None
     parts = range(model.parameters, len(start))
-    known = len(reference.slopes) >= model.parameters
-    measured = reference.measured if known else stand.x[: model.parameters]
+    measured = stand.x
+    if len(reference.slopes) >= model.parameters:
+        new = model.absent(stand.x, reference.model.parts)
+        measured = np.concatenate([reference.measured, new])
     unknown = range(len(reference.slopes), len(start))
     slopes = np.concatenate([reference.slopes, slopes_at(evidence, model, stand.x, unknown)])
     corrected = False
@@ -289,13 +291,14 @@ def fit(
             corrected = False
         else:
             break
+    ended = replace(even, weight=weights(evidence, stand.left, tau, alike)).valued(stand)
     return Fit(
         model=model,
         x=stand.x,
         left=stand.left,
         slopes=slopes.astype(np.float32),
         measured=measured,
-        objective=stand.value,
+        objective=ended.value,
         shift=shift,
     )
 
@@ -317,12 +320,16 @@ def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
     )
 
 
-def slopes_still_good(made: Reference | Fit) -> Array:
-    """Slopes (p, n) of the parameters, or none (0, n) where one of them has moved by more than the
-    step that its slope was measured with."""
-    count = made.model.parameters
-    moved = np.abs(made.x[:count] - made.measured)
-    return made.slopes[: 0 if (moved > made.model.steps(made.x)[:count]).any() else count]
+def far_from(measured: Array, model: Model, x: Array) -> bool:
+    """Whether coordinates `x` are further from where the parameters' slopes were `measured` than
+    the steps that they were measured with; so they are where a part has gone."""
+    return len(measured) != len(x) or bool((np.abs(x - measured) > model.steps(measured)).any())
+
+
+def still_good(made: Reference | Fit) -> Array:
+    """Slopes (p, n) of the parameters, or none (0, n) where they were measured far from here."""
+    count = 0 if far_from(made.measured, made.model, made.x) else made.model.parameters
+    return made.slopes[:count]
 
 
 def polished(
@@ -330,18 +337,16 @@ def polished(
     fitted: Fit,
     tau: Array,
     *,
-    fresh: bool = True,
     alike: float = 1.0,
     exact: bool = True,
 ) -> Fit:
     """The fit carried on, by exact replays or averaged inputs, until that lessens F no further.
 
-    Slopes of the parts are made anew each time, and with `fresh` those of the parameters where they
-    are far from where those were measured.
+    Slopes of the parts are made anew each time, those of the parameters where they are far from
+    where those were measured.
     """
     for _ in range(_POLISHES):
-        slopes = slopes_still_good(fitted) if fresh else fitted.slopes[: fitted.model.parameters]
-        here = rebased(evidence, replace(fitted, slopes=slopes))
+        here = rebased(evidence, replace(fitted, slopes=still_good(fitted)))
         made = here and fit(
             evidence,
             fitted.model,
@@ -368,7 +373,7 @@ def fit_to_end(
     It begins by least squares, in which channels count alike that leave less than the loudest, and
     comes to F by way of the geometric mean; or with F, where it begins `near` its end.
     """
-    begun = replace(reference, slopes=slopes_still_good(reference))
+    begun = replace(reference, slopes=still_good(reference))
     loudest = max(float(evidence.variances(evidence.left(reference.exact)).max()), 1.0)
     alikes = (1.0,) if near else (loudest, loudest**0.5, 1.0)
     made = fit(evidence, reference.model, reference.x, begun, tau=tau, alike=alikes[0])

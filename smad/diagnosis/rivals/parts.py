@@ -53,6 +53,10 @@ class Part(Protocol):
         """Finite-difference steps at coordinates `p`."""
         ...
 
+    def absent(self, p: Array) -> Array:
+        """The coordinates nearest `p` at which it changes nothing; infinite where none are."""
+        ...
+
     def added(self, point: ModelPoint, p: Array) -> ModelPoint:
         """The point with this part at coordinates `p`."""
         ...
@@ -110,6 +114,10 @@ class EffectPart:
         strengths = [q.strength for q in self.effect.parameters]
         return np.where(strengths, share * p, p)
 
+    def absent(self, p: Array) -> Array:
+        strengths = any(q.strength for q in self.effect.parameters)
+        return self.weaker(p, 0.0) if strengths else np.full(self.size, np.inf)
+
     def values(self, p: Array) -> dict[str, float]:
         """The effect's values at coordinates `p`."""
         pairs = zip(self.effect.parameters, p, strict=True)
@@ -150,6 +158,9 @@ class LawPart:
 
     def steps(self, p: Array) -> Array:
         return np.asarray(np.maximum(_PARAMETER_STEP, _PARAMETER_STEP * np.abs(p)))
+
+    def absent(self, p: Array) -> Array:
+        return np.zeros(self.size)
 
     def added(self, point: ModelPoint, p: Array) -> ModelPoint:
         laws = self.responses.law_of(self.columns, p)
@@ -215,6 +226,11 @@ class Model:
         """Finite-difference steps of all coordinates."""
         of_parts = [part.steps(x[s]) for part, s in zip(self.parts, self.slices, strict=True)]
         return np.concatenate([np.full(self.parameters, _PARAMETER_STEP), *of_parts])
+
+    def absent(self, x: Array, present: Sequence[Part]) -> Array:
+        """Coordinates of the parts after those `present`, where each would change nothing."""
+        new = list(zip(self.parts, self.slices, strict=True))[len(present) :]
+        return np.concatenate([np.zeros(0), *(part.absent(x[s]) for part, s in new)])
 
     def point(self, x: Array) -> ModelPoint:
         """The simulator at coordinates `x`."""

@@ -246,7 +246,7 @@ class _Search:
                 continue
             candidates = self._screened(base)
             gain = max((s.gain for s in candidates if s.part.name == name), default=0.0)
-            fits = _Fits(question, self.nominal, moved=self.moved, without=np.inf)
+            fits = _Fits(question, self.nominal, without=np.inf)
             for s in [s for s in candidates if s.gain > gain][:_SCREENED]:
                 fits.begin(EFFECT, s.reference, s.part, np.r_[s.reference.x, s.coordinates])
             ranked = question.ranked([replace(current, kind=EFFECT, name=name), *fits.rivals()])
@@ -279,7 +279,7 @@ class _Search:
         if here is None:
             return []
         without = question.gap(current)
-        fits = _Fits(question, self.nominal, moved=self.moved, without=without)
+        fits = _Fits(question, self.nominal, without=without)
         references = [here]
         if self.moved and not self.parts:
             # Where the parameters have moved to imitate an effect it is hidden.
@@ -301,7 +301,7 @@ class _Search:
         space = LawSpace.at(e, here, question.tau, self.responses, question.say)
         self.responses = space.responses
         present = {part.name for part in here.model.parts}
-        laws = _Fits(question, self.nominal, moved=self.moved, without=without, least=fits.least)
+        laws = _Fits(question, self.nominal, without=without, least=fits.least)
         for law in space.selected()[:_LAWS]:
             if law.part.name not in present:
                 laws.begin(LAW, here, law.part, np.r_[here.x, law.coordinates])
@@ -324,8 +324,7 @@ def _named(rival: Rival, ranked: Sequence[Rival]) -> Rival:
 class _Fits:
     """Fits that compete: a few rounds for all, the best go on to their end.
 
-    `moved`: parameters are free, and may be far from where their slopes were made. `without` is the
-    gap of the simulator without them, `least` the least F of a fit so far.
+    `without` is the gap of the simulator without them, `least` the least F of a fit so far.
     """
 
     def __init__(
@@ -333,13 +332,12 @@ class _Fits:
         question: Question,
         nominal: Reference,
         *,
-        moved: bool,
         without: float,
         least: float = float("inf"),
     ) -> None:
         self.least = least
         self._question, self._nominal = question, nominal
-        self._moved, self._without = moved, without
+        self._without = without
         self._found: dict[str, tuple[str, Fit]] = {}
 
     def begin(self, kind: str, reference: Reference, part: Part, start: Array) -> None:
@@ -367,9 +365,7 @@ class _Fits:
         for name in _best(fits)[:_POLISHED]:
             if fits[name].objective < self.least + _WITHIN:
                 near.append(name)
-                fits[name] = polished(
-                    question.evidence, fits[name], question.tau, fresh=self._moved
-                )
+                fits[name] = polished(question.evidence, fits[name], question.tau)
                 self.least = min(self.least, fits[name].objective)
         kinds = {name: kind for name, (kind, _) in self._found.items()}
         scored = {name: question.rival(kinds[name], name, f) for name, f in fits.items()}

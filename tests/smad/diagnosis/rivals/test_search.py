@@ -34,6 +34,6 @@ class Steady:
 def test_parameters_stay_only_where_the_part_then_explains_something(
     steady: float, taken: float
 ) -> None:
-    fits = _Fits(cast(Any, Steady(steady)), cast(Any, None), moved=True, without=15.0)
+    fits = _Fits(cast(Any, Steady(steady)), cast(Any, None), without=15.0)
     made = fits._steadied(cast(Any, Leaving(10.0)), "law", "law:input", cast(Any, None))
     assert cast(Any, made).floors == taken
