@@ -55,11 +55,6 @@ class Bench:
         """All constants in the order of the fields, for the compiled code."""
         return np.array([getattr(self, f.name) for f in fields(self)])
 
-    @classmethod
-    def from_vector(cls, values: NDArray[np.float64]) -> "Bench":
-        """The bench whose :meth:`vector` is `values`."""
-        return cls(*(float(v) for v in values))
-
 
 NAMES = tuple(f.name for f in fields(Bench))
 

@@ -34,13 +34,12 @@ _MOST_LINES = 1000
 
 @dataclass(frozen=True)
 class Head:
-    """Names of the columns, the number of their line, and how many lines the numbers come after.
+    """Names of the columns, and how many lines the numbers come after.
 
     `passed_over` says in words which lines were not read; `first` are the cells of the first row.
     """
 
     names: list[str]
-    names_line: int
     lines: int
     delimiter: str
     passed_over: tuple[str, ...] = ()
@@ -107,7 +106,7 @@ def read_head(path: Path, file: TextIO, delimiter: str = "") -> Head:
         f"line {x.number} is no line of names: {x.text.strip()[:60]}" for x in before[:row]
     )
     first_cells = [] if first is None else cells
-    return Head(names, before[row].number, before[last].number, delimiter, passed, first_cells)
+    return Head(names, before[last].number, delimiter, passed, first_cells)
 
 
 def _fitting(row: list[str], cells: Sequence[str]) -> list[str]:
@@ -154,7 +153,7 @@ def _named_by_comment(
         names = _fitting(_cells(path, comments[-1], delimiter), cells)
         if len(names) == len(cells) and not comments[-1].holds_numbers:
             _require_distinct(path, names, comments[-1].number)
-            return Head(names, comments[-1].number, numbers.number - 1, delimiter, (), cells)
+            return Head(names, numbers.number - 1, delimiter, (), cells)
     raise _unnamed(path, numbers)
 
 

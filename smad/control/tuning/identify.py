@@ -26,11 +26,10 @@ SATURATED_A = 0.1
 
 @dataclass(frozen=True)
 class Stillness:
-    """What a sensor shows at rest: noise (RMS), smallest step, drift per second."""
+    """What a sensor shows at rest: noise (RMS), smallest step."""
 
     noise: float
     count: float
-    drift_per_s: float
 
 
 def stillness(t_s: ArrayLike, values: ArrayLike, what: str, most_drift_per_s: float) -> Stillness:
@@ -54,9 +53,7 @@ def stillness(t_s: ArrayLike, values: ArrayLike, what: str, most_drift_per_s: fl
         )
     steps = np.diff(np.unique(np.round(y, 9)))
     rest = y - level - slope * (t - t.mean())
-    return Stillness(
-        float(np.sqrt(np.mean(rest**2))), float(steps.min()) if steps.size else 0.0, float(slope)
-    )
+    return Stillness(float(np.sqrt(np.mean(rest**2))), float(steps.min()) if steps.size else 0.0)
 
 
 def pulled(
