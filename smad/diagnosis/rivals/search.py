@@ -202,24 +202,26 @@ class _Search:
 
     def _ended(self, rival: Rival, beside: Rival) -> Rival:
         """A rival without a part, fitted once more from the coordinates that it shares with one
-        that has the part; as it was where that lessens F no further.
+        that has the part, and from its own end; as it was where neither lessens F further.
 
         What a part takes counts only where the fit without it has ended.
         """
-        if rival.fit is None or beside.fit is None:
+        own = rival.fit
+        if own is None or beside.fit is None:
             return rival
-        there = replace(rival.fit, x=beside.fit.x[: len(rival.fit.x)])
-        here = rebased(self.question.evidence, there)
         # Free parameters that were far may have to come far.
-        tied = self.question.tied is not None
-        made = here and self.question.fitted(rival.kind, rival.name, here, near=tied)
-        if not made or made.fit is None or made.fit.objective >= rival.fit.objective:
-            return rival
+        starts = ((beside.fit.x[: len(own.x)], self.question.tied is not None), (own.x, True))
+        best, least = rival, own.objective
+        for x, near in starts:
+            here = rebased(self.question.evidence, replace(own, x=x, slopes=own.slopes[:0]))
+            made = here and self.question.fitted(rival.kind, rival.name, here, near=near)
+            if made and made.fit and made.fit.objective < least:
+                best, least = made, made.fit.objective
         if rival.fit is self.parameters.fit:
-            self.parameters = made
+            self.parameters = best
         if rival.fit is self.current.fit:
-            self.current = replace(made, kind=self.current.kind, name=self.current.name)
-        return made
+            self.current = replace(best, kind=self.current.kind, name=self.current.name)
+        return best
 
     def _freed(self) -> Rival | None:
         """What has entered so far, with free parameters."""
