@@ -20,7 +20,7 @@ from smad.diagnosis.rivals.evidence import Evidence
 from smad.diagnosis.rivals.fit import Fit, covariance
 from smad.diagnosis.rivals.parts import EffectPart, LawPart
 from smad.diagnosis.rivals.rival import Question, Rival
-from smad.diagnosis.rivals.score import EFFECT, LAW, credible_set
+from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, credible_set
 from smad.diagnosis.rivals.search import Searched, Step
 from smad.diagnosis.rivals.unseen import unseen_strengths
 from smad.diagnosis.verdict import (
@@ -122,10 +122,15 @@ def _alternatives(search: Searched, level: float) -> tuple[Rival, ...]:
 
 
 def _outcome(search: Searched, causes: Sequence[Cause]) -> str:
-    """Causes, parameters, or quiet; unexplained where much is left and no rival takes it."""
+    """Causes, parameters, or quiet; unexplained where much is left and no rival takes it.
+
+    What days differ by is nothing new: with that the rival *nothing* is fitted.
+    """
     if causes:
         return CAUSES
-    if search.question.gap(search.final) > search.question.quiet_gap:
+    last = search.steps[-1].rivals if search.steps else ()
+    rivals = [search.final, *(r for r in last if r.kind == NOTHING)]
+    if min(map(search.question.gap, rivals)) > search.question.quiet_gap:
         return UNEXPLAINED
     return PARAMETERS if search.moved else QUIET
 
