@@ -202,7 +202,8 @@ class _Search:
 
     def _ended(self, rival: Rival, beside: Rival) -> Rival:
         """A rival without a part, fitted once more from the coordinates that it shares with one
-        that has the part, and from its own end; as it was where neither lessens F further.
+        that has the part, and from its own end where it leaves little more; as it was where that
+        lessens F no further.
 
         What a part takes counts only where the fit without it has ended.
         """
@@ -210,7 +211,9 @@ class _Search:
         if own is None or beside.fit is None:
             return rival
         # Free parameters that were far may have to come far.
-        starts = ((beside.fit.x[: len(own.x)], self.question.tied is not None), (own.x, True))
+        starts = [(beside.fit.x[: len(own.x)], self.question.tied is not None)]
+        if own.objective < beside.fit.objective + _WITHIN:
+            starts.append((own.x, True))
         best, least = rival, own.objective
         for x, near in starts:
             here = rebased(self.question.evidence, replace(own, x=x, slopes=own.slopes[:0]))
