@@ -320,6 +320,15 @@ def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
     )
 
 
+def measured_anew(evidence: Evidence, fitted: Fit) -> Reference | None:
+    """The fitted model as a reference with slopes measured there, since many fits begin with them."""
+    here = rebased(evidence, fitted)
+    if here is None:
+        return None
+    slopes = slopes_at(evidence, here.model, here.x, range(len(here.x)))
+    return replace(here, slopes=slopes, measured=here.x)
+
+
 def far_from(measured: Array, model: Model, x: Array) -> bool:
     """Whether coordinates `x` are further from where the parameters' slopes were `measured` than
     the steps that they were measured with; so they are where a part has gone."""

@@ -22,6 +22,7 @@ from smad.diagnosis.rivals.fit import (
     Reference,
     averages_hide,
     fit,
+    measured_anew,
     polished,
     rebased,
     reference_at,
@@ -280,7 +281,7 @@ class _Search:
     def _rivals(self, current: Rival) -> list[Rival]:
         """Effects and laws beside what a model has, each fitted and scored."""
         question, e = self.question, self.question.evidence
-        here = None if current.fit is None else rebased(e, current.fit)
+        here = None if current.fit is None else measured_anew(e, current.fit)
         if here is None:
             return []
         without = question.gap(current)
