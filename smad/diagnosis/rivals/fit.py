@@ -321,7 +321,7 @@ def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
 
 
 def measured_anew(evidence: Evidence, fitted: Fit) -> Reference | None:
-    """The fitted model as a reference with slopes measured there, since many fits begin with them."""
+    """The fitted model as a reference with slopes measured there: many fits begin with them."""
     here = rebased(evidence, fitted)
     if here is None:
         return None
