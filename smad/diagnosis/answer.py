@@ -124,7 +124,7 @@ def _alternatives(search: Searched, level: float) -> tuple[Rival, ...]:
 def _outcome(search: Searched, causes: Sequence[Cause]) -> str:
     """Causes, parameters, or quiet; unexplained where much is left and no rival takes it.
 
-    What days differ by is nothing new: with that the rival *nothing* is fitted.
+    Day-to-day variation is nothing new: the rival *nothing* is fitted with it, and counts here.
     """
     if causes:
         return CAUSES

@@ -42,8 +42,8 @@ class Reference:
     """A point with its predictions: as recorded, and of averaged inputs, (bins, channels) a run.
 
     `slopes` are rows of what a unit of each coordinate changes there, of the first ones: (p, n) of
-    the parameters, or (k, n) with those of the parts. Those of the parameters were `measured` at
-    these coordinates.
+    the parameters, or (k, n) with those of the parts. Those of the parameters were measured at the
+    coordinates `linearized_at`.
     """
 
     model: Model
@@ -51,7 +51,7 @@ class Reference:
     exact: tuple[Array, ...]
     averaged: tuple[Array, ...]
     slopes: Array
-    measured: Array
+    linearized_at: Array
 
     @cached_property
     def shift(self) -> tuple[Array, ...]:
@@ -64,7 +64,7 @@ class Fit:
     """A fitted model: coordinates x (k,), rows `left` (n,), `slopes` (k, n) = −d left/dx in single
     precision, since an answer keeps dozens.
 
-    Slopes of the parameters were `measured` at these coordinates, and corrected since.
+    Slopes of the parameters were measured at the coordinates `linearized_at`, and corrected since.
     `objective` is F. `shift` is what exact predictions differ by from those of averaged inputs, and
     None where the fit's predictions are exact.
     """
@@ -73,7 +73,7 @@ class Fit:
     x: Array
     left: Array
     slopes: Array
-    measured: Array
+    linearized_at: Array
     objective: float
     shift: tuple[Array, ...] | None
 
@@ -95,7 +95,7 @@ def replayed(
 
 
 def reference_at(evidence: Evidence, model: Model, x: Array) -> Reference | None:
-    """Predictions and parameter slopes of a model without parts; None where it cannot run."""
+    """Predictions and slopes of all coordinates, made at `x`; None where the model cannot run."""
     point = model.point(x)
     exact = replayed(evidence, point, model, exact=True)
     averaged = replayed(evidence, point, model, exact=False)
@@ -106,8 +106,8 @@ def reference_at(evidence: Evidence, model: Model, x: Array) -> Reference | None
         x=x,
         exact=tuple(exact),
         averaged=tuple(averaged),
-        slopes=slopes_at(evidence, model, x, range(model.parameters)),
-        measured=x,
+        slopes=slopes_at(evidence, model, x, range(len(x))),
+        linearized_at=x,
     )
 
 
@@ -270,10 +270,10 @@ def fit(
     if stand is None:
         return None
     parts = range(model.parameters, len(start))
-    measured = stand.x
+    linearized_at = stand.x
     if len(reference.slopes) >= model.parameters:
         new = model.absent(stand.x, reference.model.parts)
-        measured = np.concatenate([reference.measured, new])
+        linearized_at = np.concatenate([reference.linearized_at, new])
     unknown = range(len(reference.slopes), len(start))
     slopes = np.concatenate([reference.slopes, slopes_at(evidence, model, stand.x, unknown)])
     corrected = False
@@ -297,7 +297,7 @@ def fit(
         x=stand.x,
         left=stand.left,
         slopes=slopes.astype(np.float32),
-        measured=measured,
+        linearized_at=linearized_at,
         objective=ended.value,
         shift=shift,
     )
@@ -316,38 +316,20 @@ def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
         exact=tuple(exact),
         averaged=tuple(averaged),
         slopes=fitted.slopes,
-        measured=fitted.measured,
+        linearized_at=fitted.linearized_at,
     )
 
 
-def measured_anew(evidence: Evidence, fitted: Fit) -> Reference | None:
-    """The fitted model as a reference with slopes measured there: many fits begin with them."""
-    here = rebased(evidence, fitted)
-    if here is None:
-        return None
-    slopes = slopes_at(evidence, here.model, here.x, range(len(here.x)))
-    return replace(here, slopes=slopes, measured=here.x)
-
-
-def far_from(measured: Array, model: Model, x: Array) -> bool:
-    """Whether coordinates `x` are further from where the parameters' slopes were `measured` than
-    the steps that they were measured with; so they are where a part has gone."""
-    return len(measured) != len(x) or bool((np.abs(x - measured) > model.steps(measured)).any())
-
-
-def still_good(made: Reference | Fit) -> Array:
-    """Slopes (p, n) of the parameters, or none (0, n) where they were measured far from here."""
-    count = 0 if far_from(made.measured, made.model, made.x) else made.model.parameters
-    return made.slopes[:count]
+def reusable_slopes(made: Reference | Fit) -> Array:
+    """Slopes (p, n) of the parameters, or none (0, n) where a coordinate has moved since by more
+    than the step that slopes are measured with, or a part has come or gone."""
+    x, then = made.x, made.linearized_at
+    far = len(then) != len(x) or (np.abs(x - then) > made.model.steps(then)).any()
+    return made.slopes[: 0 if far else made.model.parameters]
 
 
 def polished(
-    evidence: Evidence,
-    fitted: Fit,
-    tau: Array,
-    *,
-    alike: float = 1.0,
-    exact: bool = True,
+    evidence: Evidence, fitted: Fit, tau: Array, *, alike: float = 1.0, exact: bool = True
 ) -> Fit:
     """The fit carried on, by exact replays or averaged inputs, until that lessens F no further.
 
@@ -355,7 +337,7 @@ def polished(
     where those were measured.
     """
     for _ in range(_POLISHES):
-        here = rebased(evidence, replace(fitted, slopes=still_good(fitted)))
+        here = rebased(evidence, replace(fitted, slopes=reusable_slopes(fitted)))
         made = here and fit(
             evidence,
             fitted.model,
@@ -382,7 +364,7 @@ def fit_to_end(
     It begins by least squares, in which channels count alike that leave less than the loudest, and
     comes to F by way of the geometric mean; or with F, where it begins `near` its end.
     """
-    begun = replace(reference, slopes=still_good(reference))
+    begun = replace(reference, slopes=reusable_slopes(reference))
     loudest = max(float(evidence.variances(evidence.left(reference.exact)).max()), 1.0)
     alikes = (1.0,) if near else (loudest, loudest**0.5, 1.0)
     made = fit(evidence, reference.model, reference.x, begun, tau=tau, alike=alikes[0])

@@ -22,7 +22,6 @@ from smad.diagnosis.rivals.fit import (
     Reference,
     averages_hide,
     fit,
-    measured_anew,
     polished,
     rebased,
     reference_at,
@@ -281,7 +280,9 @@ class _Search:
     def _rivals(self, current: Rival) -> list[Rival]:
         """Effects and laws beside what a model has, each fitted and scored."""
         question, e = self.question, self.question.evidence
-        here = None if current.fit is None else measured_anew(e, current.fit)
+        fitted = current.fit
+        # Many fits begin with these slopes.
+        here = None if fitted is None else reference_at(e, fitted.model, fitted.x)
         if here is None:
             return []
         without = question.gap(current)

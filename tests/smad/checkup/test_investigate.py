@@ -96,7 +96,7 @@ def undecided(found: Judged, *laws: Law) -> Judged:
             x=np.zeros(model.parameters),
             left=none,
             slopes=none,
-            measured=np.zeros(model.parameters),
+            linearized_at=np.zeros(model.parameters),
             objective=0.0,
             shift=(),
         )

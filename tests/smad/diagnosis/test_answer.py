@@ -13,7 +13,7 @@ from smad.diagnosis.verdict import QUIET, UNEXPLAINED
 
 
 @pytest.mark.parametrize(("left_by_days", "outcome"), [(0.9, QUIET), (1.7, UNEXPLAINED)])
-def test_what_days_differ_by_is_no_unexplained_change(left_by_days: float, outcome: str) -> None:
+def test_day_to_day_variation_is_no_unexplained_change(left_by_days: float, outcome: str) -> None:
     as_configured = SimpleNamespace(kind=NOTHING, floors=1.8)
     other_days = SimpleNamespace(kind=NOTHING, floors=left_by_days)
     search = SimpleNamespace(

@@ -60,7 +60,7 @@ def test_a_fit_that_has_ended_is_lower_by_exact_replays_and_says_how_low(
         x=start,
         left=evidence.left(here.exact),
         slopes=here.slopes.astype(np.float32),
-        measured=here.measured,
+        linearized_at=here.linearized_at,
         objective=np.inf,
         shift=here.shift,
     )
