@@ -10,9 +10,8 @@ import msgspec
 
 from evaluation.recovery.cases import NONE, Case, bench_parameters
 from evaluation.recovery.playing import FIT, HELD_OUT, REPEATS, Bench
-from smad.checkup.commission import commissioned
+from smad.checkup.commission import Reference, commissioned
 from smad.checkup.judge import judged
-from smad.checkup.paired.reference import Reference
 from smad.diagnosis.diagnose import diagnose
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant

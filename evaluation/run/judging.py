@@ -19,10 +19,9 @@ from evaluation.errors import BankError
 from evaluation.run.manifest import ROLES, BankRun, Case, Manifest
 from evaluation.score.answers import Cause as ScoredCause
 from sim_device.plant import load_parameters
-from smad.checkup.commission import commissioned
+from smad.checkup.commission import Reference, commissioned
 from smad.checkup.files import read_file
 from smad.checkup.judge import judged
-from smad.checkup.paired.reference import Reference
 from smad.diagnosis.diagnose import diagnose
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant

@@ -11,10 +11,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from smad.checkup.commission import commissioned
+from smad.checkup.commission import Reference, commissioned
 from smad.checkup.errors import BaselineError
 from smad.checkup.files import read_folder, require_one_bench
-from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import Programme, shipped
 from smad.checkup.series import Player, finished, folder_for, play_series, read_state
 from smad.checkup.store import Baseline, load, save

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from smad.diagnosis.data.guards import same_recording
-from smad.diagnosis.data.rows import binned, edges_s, input_difference, offset_s
 from smad.diagnosis.errors import PairingError
+from smad.diagnosis.paired.match import same_programme
 from smad.diagnosis.plant import PlantModel
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.signals import read_recorded, require_columns
@@ -18,7 +18,6 @@ from smad.records.tables import KINDS
 from smad.runlog.bounds import Together
 
 _KINDS = (".mcap", *KINDS)
-_LIKE = 0.05
 
 
 @dataclass(frozen=True)
@@ -200,16 +199,5 @@ def require_one_bench(runs: Sequence[RunFile]) -> None:
 
 
 def _repeats(plant: PlantModel, run: RunFile, other: RunFile) -> bool:
-    """Whether two runs have the same inputs over what both recorded."""
-    a, b = run.run, other.run
-    if not len(edges_s(a)) or not len(edges_s(b)):
-        return run.name == other.name
-    start = float(b.t_s[0] - b.dt_s)
-    bins = max(1, int(b.duration_s / 0.2))
-    first = binned(b, bins, plant, start)
-    second = binned(a, bins, plant, start + offset_s(a, b))
-    both = first.covered & second.covered
-    if both.mean() < 0.05:
-        return False
-    off = input_difference(second, first)[both].max(axis=1)
-    return bool(off.mean() < _LIKE)
+    named = (replace(f.run, name=f.name) for f in (run, other))
+    return same_programme(plant, *named)

@@ -12,15 +12,15 @@ from pathlib import Path
 
 import msgspec
 
+from smad.checkup.commission import Reference
 from smad.checkup.errors import BaselineError
 from smad.checkup.files import read_file
 from smad.checkup.investigate import Proposal, propose, unpaired_offers
 from smad.checkup.judge import Judged, SavablePlant, judged, save_model_of
-from smad.checkup.paired.difference import paired
-from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.series import Play, keep, newest_open, write_whole
 from smad.diagnosis.answer import gaps_on
+from smad.diagnosis.paired.difference import paired
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.verdict import SignalGap, Verdict
 from smad.progress import Say

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from smad.checkup.judge import Judged
-from smad.checkup.paired.difference import Paired, rows_of
-from smad.checkup.paired.reference import RunReference
 from smad.checkup.programme import Programme
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.next_run import separation
 from smad.diagnosis.numerics.white import RunRows, Shrink
+from smad.diagnosis.paired.difference import Paired, rows_of
+from smad.diagnosis.paired.good import GoodRun
 from smad.diagnosis.plant import Array
 from smad.diagnosis.questions import day_variance
 from smad.diagnosis.rivals.describe import Describer
@@ -100,10 +100,10 @@ def _next_new(paired: Paired, costs_s: Mapping[str, float], left_s: float) -> st
     return next((name for name in names if costs_s[name] <= left_s), None)
 
 
-def _not_played(paired: Paired) -> list[RunReference]:
+def _not_played(paired: Paired) -> list[GoodRun]:
     """Runs of the baseline that no pair repeats."""
-    done = {pair.reference.name for pair in paired.pairs}
-    return [run for run in paired.reference.runs if run.name not in done]
+    done = {pair.then.name for pair in paired.pairs}
+    return [run for run in paired.good.runs if run.name not in done]
 
 
 def _offers(judgement: Judged) -> list[Offer]:
@@ -112,7 +112,7 @@ def _offers(judgement: Judged) -> list[Offer]:
     sd = np.sqrt(day_variance(pairs.plant))
     out = []
     for run in _not_played(pairs):
-        rows = rows_of(pairs.plant, pairs.reference, run, run.valid, np.zeros(run.base.shape))
+        rows = rows_of(pairs.plant, pairs.good, run, run.valid, np.zeros(run.base.shape))
         slopes = rows.shrink(rows.independent(sd[:, None, None] * run.slopes))
         out.append(_offer(judgement, run.name, run.played, rows, slopes))
     return out
@@ -123,8 +123,8 @@ def unpaired_offers(judgement: Judged, programme: Programme) -> list[Offer]:
 
     Without a good recording the model's own form error stays in, so this is more than they bring.
     """
-    reference = judgement.pairs.reference
-    known, floor = {r.name for r in reference.runs}, reference.floor
+    good = judgement.pairs.good
+    known, floor = {r.name for r in good.runs}, good.floor
     sd = (floor.gauge * floor.sd.max(axis=1)) * np.sqrt(2.0)
     out = []
     for run in programme.runs:
@@ -139,7 +139,7 @@ def unpaired_offers(judgement: Judged, programme: Programme) -> list[Offer]:
 
 def _offer(judgement: Judged, run: str, played: Played, rows: RunRows, slopes: Array) -> Offer:
     """A run with the separation of the rivals that stay, in rows beside `slopes`."""
-    plant, point, tie = judgement.pairs.plant, judgement.pairs.reference.point, Shrink(slopes)
+    plant, point, tie = judgement.pairs.plant, judgement.pairs.good.point, Shrink(slopes)
     (base,) = predictions(plant, point, [played])
     shown = []
     for rival in judgement.answer.alternatives:

@@ -8,17 +8,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
-from smad.checkup.paired.difference import Paired, paired
-from smad.checkup.paired.reference import Reference
+from smad.checkup.commission import Reference
 from smad.diagnosis.answer import Answer, answer_of
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.numerics.threads import repeatable
+from smad.diagnosis.paired.difference import Paired, paired
+from smad.diagnosis.paired.notes import EACH_BY_OTHERS, notes_of
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import ModelPoint, PlantModel, SavesModel, Uncertainty
 from smad.diagnosis.questions import cannot_replay, day_variance, free_model, question_of
@@ -29,7 +30,6 @@ from smad.progress import Say, silent
 from smad.version import VERSION
 
 _MOST_CAUSES = 3
-_JUDGED_ON = "each run by rivals fitted to the others"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +47,7 @@ class Judged:
     @property
     def model(self) -> ModelPoint:
         """The reference model with what was found."""
-        return self.answer.model or self.pairs.reference.point
+        return self.answer.model or self.pairs.good.point
 
     @property
     def has_model(self) -> bool:
@@ -94,6 +94,8 @@ def judged(
     c = constants or shipped()
     placed = with_places(plant)
     pairs = paired(placed, reference, runs)
+    arrays = (reference.responses.runs, reference.changes.runs)
+    responses, changes = (pairs.repeated(of_runs) for of_runs in arrays)
     known = np.diag(day_variance(placed)) + reference.parameter_covariance(placed)
     question = question_of(
         free_model(placed, reference.point),
@@ -102,13 +104,14 @@ def judged(
         c,
         progress,
         tied=np.asarray(np.linalg.inv(known)),
-        responses=pairs.responses,
-        changes=pairs.changes,
+        responses=None if responses is None else replace(reference.responses, runs=responses),
+        # In the surroundings of then.
+        changes=None if changes is None else replace(reference.changes, runs=changes),
     )
     search = searched(question, most=_MOST_CAUSES)
     if search is None:
         raise cannot_replay(question)
-    answer = answer_of(placed, search, question=CHECK_UP, constants=c, judged_on=_JUDGED_ON)
+    answer = answer_of(placed, search, question=CHECK_UP, constants=c, judged_on=EACH_BY_OTHERS)
     answer = answer.with_verdict(
         notes=notes_of(pairs),
         plant=plant.name,
@@ -117,42 +120,3 @@ def judged(
         seconds=round(time.perf_counter() - began, 2),
     )
     return Judged(pairs=pairs, answer=answer)
-
-
-def notes_of(paired: Paired) -> list[str]:
-    """What a reader must know of the runs that were compared."""
-    out = []
-    if paired.reference.repeats < 2:
-        out.append(
-            "a run was recorded good only once: the repeat floor is a guess; record it again "
-            "on another day"
-        )
-    for p in paired.pairs:
-        if p.share < 0.98:
-            out.append(
-                f"{p.now} counts as far as it goes: {100 * p.share:.0f} % of it was recorded"
-            )
-        if p.carried:
-            out.append(f"{p.now}: inputs differed from the good run's; the model carried that over")
-    if lost := _lost(paired):
-        out.append(f"recorded then and not now, and left out: {lost}")
-    warm = [
-        f"{c} {p.around[c] - p.reference.around[c]:+.1f} K in {p.now}"
-        for p in paired.pairs
-        for c in p.around
-        if c in p.reference.around and abs(p.around[c] - p.reference.around[c]) > 1.0
-    ]
-    if warm:
-        out.append("carried over by the model: " + ", ".join(warm))
-    return out
-
-
-def _lost(paired: Paired) -> str:
-    """Channels of which now most readings are missing that the good runs have, with the runs."""
-    runs: dict[str, list[str]] = {}
-    for p in paired.pairs:
-        had, has = p.reference.valid.sum(axis=0), p.rows.valid.sum(axis=0)
-        for c, then, now in zip(paired.plant.channels, p.share * had, has, strict=True):
-            if now < 0.5 * then:
-                runs.setdefault(c.name, []).append(p.now)
-    return ", ".join(f"{channel} ({', '.join(names)})" for channel, names in runs.items())

@@ -18,11 +18,12 @@ import msgspec
 import numpy as np
 
 from smad.checkup.arrays import read_arrays, require
+from smad.checkup.commission import Reference
 from smad.checkup.errors import BaselineError
-from smad.checkup.paired.floor import Floor
-from smad.checkup.paired.reference import Reference, RunReference
 from smad.diagnosis.data.played import Played
 from smad.diagnosis.data.rows import binned
+from smad.diagnosis.paired.floor import Floor
+from smad.diagnosis.paired.good import GoodRun
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.places.responses import responses
 from smad.diagnosis.plant import ModelPoint, PlantModel
@@ -226,11 +227,11 @@ def _require_fitting(about: About, plant: PlantModel, arrays: Mapping[str, np.nd
         require(arrays, f"{k}.changes", (asked, *grid), "floats")
 
 
-def _run(k: int, x: _RunFile, arrays: Mapping[str, np.ndarray], plant: PlantModel) -> RunReference:
+def _run(k: int, x: _RunFile, arrays: Mapping[str, np.ndarray], plant: PlantModel) -> GoodRun:
     t_s, prefix = arrays[f"{k}.t_s"], f"{k}.input."
     inputs = {name.removeprefix(prefix): v for name, v in arrays.items() if name.startswith(prefix)}
     whole = GapRun(x.name, t_s, inputs, {c: np.full(len(t_s), v) for c, v in x.around.items()})
-    return RunReference(
+    return GoodRun(
         name=x.name,
         played=Played.of(whole, plant.inputs, x.start_s),
         around=x.around,

@@ -122,7 +122,7 @@ def diagnose(
             )
             arguments = ""
         else:
-            from smad.checkup.everyday import diagnose_files
+            from smad.diagnosis.spring_pair.files import diagnose_files
             from smad.records.channels import read_mapping
 
             mapping = None if map_path is None else read_mapping(map_path)

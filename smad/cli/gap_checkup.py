@@ -178,7 +178,7 @@ def checkup(
                 say=line.note,
                 progress=line.say,
             )
-    facts = [("baseline", str(folder or good)), ("repeats", str(judgement.pairs.reference.repeats))]
+    facts = [("baseline", str(folder or good)), ("repeats", str(judgement.pairs.good.repeats))]
     written = write_verdict(judgement.answer, json_path, page_path, facts=facts)
     if model_path is not None:
         with named_output(model_path) as path:

@@ -112,12 +112,12 @@ def next_experiment(
         if not runs:
             _list_catalogue()
             return
-        from smad.checkup import everyday
         from smad.diagnosis.next_run import offers
+        from smad.diagnosis.spring_pair.files import diagnose_files
 
         good = without_cut_runs(good)
         with progress() as line:
-            answer = everyday.diagnose_files(plant, runs, good, hold_out, progress=line.say)
+            answer = diagnose_files(plant, runs, good, hold_out, progress=line.say)
         print_answer(answer.verdict, "")
         require_answered(answer.verdict)
         with progress() as line:

@@ -13,6 +13,7 @@ from smad.diagnosis.data.guards import FIT, GOOD, HOLD_OUT, goes_further, too_fe
 from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.errors import PlantMismatch
 from smad.diagnosis.numerics.threads import repeatable
+from smad.diagnosis.paired.notes import EACH_BY_OTHERS, compared, notes_of
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import Effect, PlantModel
 from smad.diagnosis.questions import Inquiry, changed, differs
@@ -70,10 +71,14 @@ def diagnose(
             floors=estimate_floors(given, plant, period_s),
         )
         question = CHANGED if good else DIFFERS
-        search = changed(inquiry) if good else differs(inquiry)
+        search, pairs = changed(inquiry) if good else (differs(inquiry), None)
+        judged_on = _judged_on(inquiry) if pairs is None else EACH_BY_OTHERS
         answer = answer_of(
-            inquiry.plant, search, question=question, constants=c, judged_on=_judged_on(inquiry)
+            inquiry.plant, search, question=question, constants=c, judged_on=judged_on
         )
+        if pairs is not None:
+            asked = [run.name for run in (*inquiry.fit, *inquiry.held_out)]
+            answer = answer.with_verdict(notes=[*compared(pairs, asked), *notes_of(pairs)])
     return answer.with_verdict(
         findings=findings,
         runs=_records(groups),

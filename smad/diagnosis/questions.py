@@ -3,8 +3,9 @@
 *Differs*: parameters are free from the start, and a rival acts in every run. *Changed*: the good
 runs are asked first, as *differs*; the simulator that they leave is the model of the runs in
 question, its parameters tied to where the good runs have them, give or take a day, until other
-values of them are the answer. What the good runs are left with counts as floor: what the simulator
-still gets wrong everywhere is not new.
+values of them are the answer. If runs repeat the inputs of good ones, they are compared with those
+as in a check-up: what the model gets wrong is in both. Else what the good runs are left with counts
+as floor: what the simulator still gets wrong everywhere is not new.
 """
 
 from __future__ import annotations
@@ -17,9 +18,12 @@ import numpy as np
 from smad.diagnosis.constants import Constants
 from smad.diagnosis.errors import GapError
 from smad.diagnosis.numerics.folds import Array
+from smad.diagnosis.paired.difference import Paired, paired
+from smad.diagnosis.paired.good import good_runs, on_one_grid
+from smad.diagnosis.paired.match import grouped, same_programme
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
-from smad.diagnosis.plant import Effect, ModelPoint, nominal_point, traits_of
+from smad.diagnosis.plant import Effect, Mask, ModelPoint, nominal_point, traits_of
 from smad.diagnosis.rivals.changes import Changes
 from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
 from smad.diagnosis.rivals.fit import covariance
@@ -156,28 +160,83 @@ def differs(inquiry: Inquiry) -> Searched:
     return _searched(question)
 
 
-def changed(inquiry: Inquiry) -> Searched:
-    """What is new since the good runs. Raises GapError as `differs`."""
+def changed(inquiry: Inquiry) -> tuple[Searched, Paired | None]:
+    """What is new since the good runs, and the pairs that say so; None where no run repeats a good
+    one. Raises GapError as `differs`."""
+    groups = grouped(inquiry.plant, inquiry.good)
+    pairs = []
+    for run in (*inquiry.fit, *inquiry.held_out):
+        same = next((g for g in groups if same_programme(inquiry.plant, run, g[0])), None)
+        if same is not None:
+            pairs.append((run, same))
+    return _changed_pairs(inquiry, pairs) if pairs else (_changed_runs(inquiry), None)
+
+
+def _changed_pairs(
+    inquiry: Inquiry, repeats: Sequence[tuple[GapRun, Sequence[GapRun]]]
+) -> tuple[Searched, Paired]:
+    """What is new in runs beside the good ones that they repeat; what the model gets wrong is in
+    both, so that it needs parameters only."""
     plant = inquiry.plant
-    model = free_model(plant, nominal_point(plant))
+    good = _of_good(inquiry, most=0)
+    groups = {g[0].name: g for _, g in repeats}
+    known = good_runs(
+        plant, [on_one_grid(plant, g, inquiry.period_s) for g in groups.values()], good.start
+    )
+    pairs = paired(plant, known, [(run, g[0].name) for run, g in repeats])
+    question = question_of(
+        free_model(plant, good.start),
+        pairs.evidence(),
+        inquiry.effects,
+        inquiry.constants,
+        inquiry.say,
+        tied=good.tied,
+    )
+    return _searched(question), pairs
+
+
+def _changed_runs(inquiry: Inquiry) -> Searched:
+    """What is new in runs with inputs of their own."""
+    good = _of_good(inquiry, most=_MOST_OF_GOOD)
+    model = free_model(inquiry.plant, good.start)
+    new = inquiry.question(model, inquiry.fit, inquiry.held_out, good.floors, good.tied)
+    # What the good runs leave above the noise is the model's form, and stands in these runs, too. A
+    # lead may come from any channel: the one with the largest share decides.
+    form = 1.0 - (inquiry.floors / good.floors)[good.recorded] ** 2
+    return _searched(replace(new, form_share=float(form.max()), good=len(inquiry.good)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Good:
+    """What the good runs say: the model, how surely its parameters are there (p, p), and floors
+    (channels,) that hold what it leaves of them; `recorded` are the channels that they have."""
+
+    start: ModelPoint
+    tied: Array
+    floors: Array
+    recorded: Mask
+
+
+def _of_good(inquiry: Inquiry, *, most: int) -> _Good:
+    """The good runs, asked as *differs*: parameters, and at `most` so many causes."""
+    plant = inquiry.plant
+    n = len(plant.parameters)
     inquiry.say("the good runs")
+    model = free_model(plant, nominal_point(plant))
     question = inquiry.question(model, inquiry.good, (), inquiry.floors)
-    good = _searched(question, most=_MOST_OF_GOOD, exchange=False)
+    good = _searched(question, most=most, exchange=False)
     counts = question.judged.counts.sum(axis=0)
     left = np.sqrt(good.final.squares.sum(axis=0) / np.maximum(counts, 1.0))
-    floors = inquiry.floors * np.maximum(left, 1.0)
-    n = len(plant.parameters)
-    known = np.diag(day_variance(plant))
-    start = model.start
+    start, known = model.start, np.diag(day_variance(plant))
     if good.final.fit is not None:
         start = good.final.fit.point
         known = known + covariance(question.evidence, good.final.fit, question.tau)[:n, :n]
-    tied = np.asarray(np.linalg.inv(known))
-    new = inquiry.question(free_model(plant, start), inquiry.fit, inquiry.held_out, floors, tied)
-    # What the good runs leave above the noise is the model's form, and stands in these runs, too. A
-    # lead may come from any channel: the one with the largest share decides.
-    form = 1.0 - (inquiry.floors / floors)[counts > 0] ** 2
-    return _searched(replace(new, form_share=float(form.max()), good=len(inquiry.good)))
+    return _Good(
+        start=start,
+        tied=np.asarray(np.linalg.inv(known)),
+        floors=inquiry.floors * np.maximum(left, 1.0),
+        recorded=counts > 0,
+    )
 
 
 def _searched(question: Question, *, most: int = _MOST_CAUSES, exchange: bool = True) -> Searched:

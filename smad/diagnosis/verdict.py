@@ -238,15 +238,6 @@ class RunGap(msgspec.Struct, frozen=True, kw_only=True):
     final: float
 
 
-class Repeated(msgspec.Struct, frozen=True, kw_only=True):
-    """What runs say that repeat the inputs of known-good ones: pairs in words, and their answer."""
-
-    lines: list[str]
-    repeats: int
-    outcome: str = ""
-    headline: str = ""
-
-
 class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     """The answer to one question: *differs* (no good runs), *changed* (since the good runs) or
     *check-up* (the same inputs).
@@ -275,7 +266,6 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     notes: list[str] = []
     findings: list[Finding] = []
     runs: list[RunRecord] = []
-    repeated: Repeated | None = None
     models: list[str] = []
     plant: str = ""
     plant_version: str = ""

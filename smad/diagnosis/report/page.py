@@ -15,7 +15,6 @@ from smad.diagnosis.report.words import (
     judged_lines,
     name_words,
     place_words,
-    repeated_lines,
 )
 from smad.diagnosis.verdict import (
     CHECK_UP,
@@ -80,7 +79,7 @@ def _answer(v: Verdict) -> list[Block]:
         out += [rivals(cause.rivals, judged), _cause(cause)]
     if not v.causes and v.rivals:
         out.append(rivals(v.rivals, judged))
-    return out + [Text(line, "note") for line in (*repeated_lines(v), *v.notes)]
+    return out + [Text(line, "note") for line in v.notes]
 
 
 def rivals(rows: Sequence[RivalGap], judged: str) -> Table:

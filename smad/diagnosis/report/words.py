@@ -60,7 +60,6 @@ def lines(verdict: Verdict) -> list[str]:
         out += parameter_lines(v.parameters)
     out += budget_lines((*v.budget, v.whole) if v.whole else (), v.question)
     out += judged_lines(v)
-    out += repeated_lines(v)
     if v.unseen:
         out.append("these runs would not have shown (the page lists all of them)")
         out += [f"  {text}" for text in v.unseen[:_UNSEEN]]
@@ -200,18 +199,6 @@ def judged_lines(v: Verdict) -> list[str]:
     most = max(v.by_run, key=lambda r: r.final)
     largest = f"; the largest gap left is in {most.run}" if len(v.by_run) > 1 else ""
     return [f"judged on {v.judged_on}{largest}"]
-
-
-def repeated_lines(v: Verdict) -> list[str]:
-    """What runs say that repeat known-good ones."""
-    r = v.repeated
-    if r is None:
-        return []
-    count = f"{len(r.lines)} run{'s'[: len(r.lines) > 1]} repeat{'s'[: len(r.lines) == 1]}"
-    if not r.outcome:
-        why = r.headline or ("compare them with smad gap checkup once each is recorded good twice")
-        return [f"{count} known-good ones: {why}"]
-    return [f"{count} known-good ones; as a check-up: {r.headline}"]
 
 
 def advice(verdict: Verdict, arguments: str) -> list[tuple[str, str]]:

@@ -276,12 +276,6 @@ def read_recorded(path: Path, together: Together | None = None) -> tuple[GapRun,
     return replace(used, notes=(*run.notes, *notes)), log
 
 
-def usable(run: GapRun) -> GapRun | None:
-    """The run up to its first hole without what is no reading; None where columns are refused."""
-    used, _, refused = _usable(run)
-    return None if refused else used
-
-
 def _usable(run: GapRun) -> tuple[GapRun, list[str], list[str]]:
     """The run up to its first hole without what is no reading; what was left out, and refused."""
     said: dict[bool, list[str]] = {False: [], True: []}

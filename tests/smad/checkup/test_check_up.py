@@ -16,12 +16,10 @@ import pytest
 from evaluation.programme.segments import run_of
 from evaluation.programme.writing import write_programme
 from smad.checkup.check import checked_files
-from smad.checkup.commission import commissioned
+from smad.checkup.commission import Reference, commissioned
 from smad.checkup.errors import BaselineError, ProgrammeError
-from smad.checkup.everyday import repeated
 from smad.checkup.files import RunFile, read_file, read_folder, require_other_recordings
 from smad.checkup.judge import Judged, judged
-from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import (
     Programme,
     ProgrammeRun,
@@ -324,7 +322,7 @@ def test_a_hole_ends_a_run_of_now_and_a_good_one_and_is_told(tmp_path: Path) -> 
     (pair,) = judgement.pairs.pairs
     assert pair.share == pytest.approx(0.5, abs=0.03)
     assert any("counts as far as it goes" in note for note in judgement.verdict.notes)
-    (reference,) = judgement.pairs.reference.runs
+    (reference,) = judgement.pairs.good.runs
     assert reference.count[-5:].max() == 2
     assert reference.count[: len(reference.count) // 3].max() == 3
 
@@ -400,34 +398,6 @@ def test_what_was_recorded_after_an_early_end_does_not_count(reference: Referenc
     ended = cut.with_columns(inputs=idle, outputs={"rtd_x_degC": warm})
     verdict = checked(PLANT, reference, [(ended, "short")])
     assert verdict.outcome == "quiet"
-
-
-def as_found(names: str, *runs: GapRun) -> list[RunFile]:
-    """Runs as if they had been read from files of these names."""
-    return [RunFile.of(Path(f"{n}.mcap"), r) for n, r in zip(names.split(), runs, strict=True)]
-
-
-def test_everyday_runs_that_repeat_good_ones_are_compared_with_them() -> None:
-    good = as_found("monday tuesday", played(1), played(2))
-    lagging = played(11, {"rtd_lag": {"tau_s": 0.3, "y_share": 1.0}})
-    said = repeated(PLANT, good, as_found("friday", lagging))
-    assert said is not None
-    assert (said.repeats, said.outcome) == (2, "causes")
-    assert said.lines == ["friday.mcap repeats 2 good runs: monday.mcap, tuesday.mcap"]
-
-
-def test_without_a_second_good_recording_there_is_no_answer_but_the_pair() -> None:
-    said = repeated(PLANT, as_found("monday", played(1)), as_found("friday", played(11)))
-    assert said is not None
-    assert (said.repeats, said.outcome, said.headline) == (1, "", "")
-    assert said.lines == ["friday.mcap repeats 1 good run: monday.mcap"]
-
-
-def test_runs_with_inputs_of_their_own_repeat_nothing() -> None:
-    good = as_found("monday tuesday", played(1), played(2))
-    other = run_of("other", "one pulse", [(5.0, 0, 0, 0, 0), (10.0, 0, 1.0, 0, 0)])
-    assert repeated(PLANT, good, as_found("friday", played(3, what=other))) is None
-    assert repeated(PLANT, good, good[:1]) is None
 
 
 def forged(folder: Path, **changes: Any) -> None:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from smad.checkup.paired.floor import Deviation, Floor, repeat_floor
 from smad.diagnosis.numerics.white import RunRows
+from smad.diagnosis.paired.floor import Deviation, Floor, repeat_floor
 from smad.diagnosis.plant import Array
 
 BINS, CHANNELS = 400, 2

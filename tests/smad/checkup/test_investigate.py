@@ -10,12 +10,11 @@ import pytest
 
 from evaluation.programme.segments import run_of
 from sim_device.plant.laws import Factor, Law, Term
-from smad.checkup.commission import commissioned
+from smad.checkup.commission import Reference, commissioned
 from smad.checkup.errors import BaselineError
 from smad.checkup.inquiry import Inquiry, Report
 from smad.checkup.investigate import propose, unpaired_offers
 from smad.checkup.judge import Judged, judged
-from smad.checkup.paired.reference import Reference
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.series import Recorded
 from smad.diagnosis.plant import EffectValues
@@ -86,7 +85,7 @@ def undecided(found: Judged, *laws: Law) -> Judged:
         gap=1.0,
         rivals=[],
     )
-    point = found.pairs.reference.point
+    point = found.pairs.good.point
     rivals = []
     for k, law in enumerate(laws):
         model = free_model(found.pairs.plant, replace(point, laws=(law,)))

@@ -2,9 +2,8 @@
 
 import pytest
 
-from smad.checkup.commission import commissioned
+from smad.checkup.commission import Reference, commissioned
 from smad.checkup.judge import judged
-from smad.checkup.paired.reference import Reference
 from smad.diagnosis import Verdict
 from smad.diagnosis.plant import EffectValues
 from smad.diagnosis.runs import GapRun

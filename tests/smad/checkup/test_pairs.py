@@ -3,9 +3,9 @@
 import numpy as np
 
 from smad.checkup.commission import commissioned
-from smad.checkup.paired.difference import paired
-from smad.checkup.paired.reference import least_sd
 from smad.checkup.programme import shipped
+from smad.diagnosis.paired.difference import paired
+from smad.diagnosis.paired.good import least_sd
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import ModelPoint
 from smad.diagnosis.questions import free_model

@@ -19,6 +19,8 @@ from smad.diagnosis.spring_pair.recorded import recorded
 from smad.diagnosis.verdict import Verdict
 from smad.errors import SmadError
 
+DIAGNOSED = "smad.diagnosis.spring_pair.files.diagnose_files"
+
 
 def call(*arguments: str) -> Result:
     result = CliRunner().invoke(gap, list(arguments), catch_exceptions=True)
@@ -80,7 +82,7 @@ def test_next_prints_what_is_confused_and_each_experiment_that_parts_it_the_best
         ]
 
     left = Answer(verdict=Verdict(question="differs", outcome="causes", headline="it lacks"))
-    monkeypatch.setattr("smad.checkup.everyday.diagnose_files", lambda *asked, **options: left)
+    monkeypatch.setattr(DIAGNOSED, lambda *asked, **options: left)
     monkeypatch.setattr("smad.diagnosis.next_run.offers", offered)
     path = tmp_path / "a.mcap"
     path.touch()
@@ -94,7 +96,7 @@ def test_next_says_so_where_nothing_is_confused(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     left = Answer(verdict=Verdict(question="differs", outcome="quiet", headline="no gap"))
-    monkeypatch.setattr("smad.checkup.everyday.diagnose_files", lambda *asked, **options: left)
+    monkeypatch.setattr(DIAGNOSED, lambda *asked, **options: left)
     path = tmp_path / "a.mcap"
     path.touch()
     assert call("next", str(path)).output.splitlines()[-1].startswith("Nothing is confused")

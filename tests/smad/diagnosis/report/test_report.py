@@ -28,7 +28,6 @@ from smad.diagnosis.verdict import (
     EffectValue,
     Finding,
     LawTerm,
-    Repeated,
     RivalGap,
     RunGap,
     SignalGap,
@@ -242,12 +241,6 @@ def test_why_runs_were_refused_is_said_once_and_then_what_was_left_out_of_them()
     assert lines(verdict(REFUSED, findings=found)) == [
         "no run can be used", "a, b: none is left", "a: at its end: not used",
     ]  # fmt: skip
-
-
-def test_what_runs_say_that_repeat_good_ones_is_said_beside() -> None:
-    pairs = Repeated(lines=["a as b"], repeats=1, outcome=QUIET, headline="nothing new")
-    text = "\n".join(lines(verdict(QUIET, CHANGED, repeated=pairs)))
-    assert "1 run repeats known-good ones; as a check-up: nothing new" in text
 
 
 def test_what_to_do_next_goes_with_the_outcome() -> None:

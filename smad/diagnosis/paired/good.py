@@ -1,4 +1,4 @@
-"""What good repeats of a programme are worth: means, floor, reference model, signatures."""
+"""What good recordings of the same inputs are worth: their mean, and what they differ in."""
 
 from __future__ import annotations
 
@@ -8,21 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from smad.checkup.paired.floor import Deviation, Floor, repeat_floor
-from smad.diagnosis.constants import shipped
 from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.data.played import Played, predictions, slopes
 from smad.diagnosis.data.rows import Binned, bin_numbers, binned, offset_s, require_like_inputs
-from smad.diagnosis.numerics.white import RunRows
-from smad.diagnosis.places.place import PlacesPlant
-from smad.diagnosis.places.responses import Responses, responses
-from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, nominal_point, traits_of
-from smad.diagnosis.questions import CORRELATED, free_model, temper_of, tempered
-from smad.diagnosis.rivals.changes import Changes, changes_at
-from smad.diagnosis.rivals.evidence import Evidence, Trial
-from smad.diagnosis.rivals.fit import fit_from_several, reference_at
+from smad.diagnosis.paired.floor import Deviation, Floor, repeat_floor
+from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, traits_of
 from smad.diagnosis.runs import GapRun
-from smad.progress import Say, silent
 
 _CLOCK_SD_S = 0.004
 _CARRIED_SD = 0.4
@@ -31,10 +22,10 @@ of a day direction is (`numerics.white`)."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunReference:
-    """One run of a baseline: the mean of its repeats, carried to their mean surroundings.
+class GoodRun:
+    """A run of which there are good recordings: their mean, carried to their mean surroundings.
 
-    `inputs` is that of its longest repeat, `around` what the environment's channels showed at the
+    `inputs` is that of the longest repeat, `around` what the environment's channels showed at the
     start, `count` how many repeats each bin rests on.
     """
 
@@ -51,34 +42,16 @@ class RunReference:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reference:
-    """Everything that a check-up needs of the good bench.
+class GoodRuns:
+    """Good runs beside the model at a point, and their repeat floor.
 
-    `responses` are those of the plant's places, `changes` those of its effects, of each run.
+    `repeats` is how many recordings the run has that has fewest.
     """
 
-    runs: tuple[RunReference, ...]
+    runs: tuple[GoodRun, ...]
     point: ModelPoint
     floor: Floor
     repeats: int
-    responses: Responses
-    changes: Changes
-
-    def parameter_covariance(self, plant: PlantModel) -> Array:
-        """How well the good runs say where the parameters are, (p, p), in prior deviations.
-
-        What the model leaves of them counts as noise.
-        """
-        runs = self.runs
-        off = [np.where(r.valid, r.mean - r.base, 0.0) for r in runs]
-        rows = sum(r.valid.sum(axis=0) for r in runs)
-        square = sum((x**2).sum(axis=0) for x in off) / np.maximum(rows, 1)
-        sd = np.sqrt((square + least_sd(plant) ** 2) * CORRELATED)
-        X = np.concatenate(
-            [(np.where(r.valid, r.slopes, 0.0) / sd).reshape(len(r.slopes), -1) for r in runs],
-            axis=1,
-        )
-        return np.asarray(np.linalg.inv(X @ X.T + np.eye(len(X))))
 
 
 def least_sd(plant: PlantModel) -> Array:
@@ -98,11 +71,13 @@ def carried(
     return out
 
 
-def day_directions(plant: PlantModel, J: Array, base: Array, moved: Array) -> Array:
+def day_directions(
+    plant: PlantModel, J: Array, base: Array, moved: Array, period_s: float
+) -> Array:
     """What one day differs from another by, (directions, bins, channels): slopes of the day's
     parameters, a shift of the run's clock by a second, and `moved`, what the model carried over."""
     index = {q.name: i for i, q in enumerate(plant.parameters)}
-    clock = np.gradient(base, PERIOD_S, axis=0)
+    clock = np.gradient(base, period_s, axis=0)
     return np.concatenate([J[[index[n] for n in traits_of(plant).day]], clock[None], moved[None]])
 
 
@@ -112,15 +87,16 @@ def usual_day(plant: PlantModel) -> Array:
     return np.array([*traits_of(plant).day.values(), _CLOCK_SD_S, _CARRIED_SD])
 
 
-def regime_numbers(plant: PlantModel, run: GapRun, bins: int, start_s: float) -> tuple[Array, int]:
+def _regime_numbers(plant: PlantModel, run: GapRun, played: Played) -> tuple[Array, int]:
     """Regime of each bin for each channel, the first that holds, (bins, channels); their count."""
+    bins = played.bins
     cache: dict[str, NDArray[np.intp]] = {}
     count = 1
     for side in {c.side for c in plant.channels}:
         number = np.zeros(bins, dtype=np.intp)
         masks = list(plant.regimes(run, side).values())
         count = max(count, len(masks) + 1)
-        bin_of_row = np.clip(bin_numbers(run, start_s), 0, bins - 1)
+        bin_of_row = np.clip(bin_numbers(run, played.start_s, played.period_s), 0, bins - 1)
         size = np.maximum(np.bincount(bin_of_row, minlength=bins), 1)
         for k in range(len(masks), 0, -1):
             inside = (
@@ -131,47 +107,34 @@ def regime_numbers(plant: PlantModel, run: GapRun, bins: int, start_s: float) ->
     return np.column_stack([cache[c.side] for c in plant.channels]), count
 
 
-def reference_from(
-    plant: PlacesPlant,
-    groups: Sequence[Sequence[GapRun]],
-    progress: Say = silent,
-) -> Reference:
-    """The reference that good runs make: `groups` are the repeats of each run of the programme.
-
-    Raises PairingError when the runs of a group do not have the same inputs.
-    """
-    least = least_sd(plant)
-    repeated = [_on_one_grid(plant, group) for group in groups]
+def good_runs(plant: PlantModel, repeated: Sequence[Repeats], point: ModelPoint) -> GoodRuns:
+    """What repeats of some runs are worth, beside the model at `point`."""
     played = [r.played for r in repeated]
-    progress("reference model")
-    means = [r.mean(r.values) for r in repeated]
-    point = _fitted_point(plant, played, means, least)
-    progress("slopes of the parameters")
     J = slopes(plant, point, played)
     base = predictions(plant, point, played, exact=True)
-    runs: list[RunReference] = []
+    runs: list[GoodRun] = []
     deviations: list[Deviation] = []
     regimes = 1
-    for k, (group, r) in enumerate(zip(groups, repeated, strict=True)):
+    for k, r in enumerate(repeated):
         moved = np.array([carried(plant, J[k], around, r.middle) for around in r.around])
         values = r.values - moved
         mean, count = r.mean(values)
-        regime, names = regime_numbers(plant, _longest(group), r.played.bins, r.played.start_s)
+        regime, names = _regime_numbers(plant, r.longest, r.played)
         regimes = max(regimes, names)
         single = np.sqrt(count / np.maximum(count - 1, 1))
-        if len(group) > 1:
+        if len(values) > 1:
             deviations += [
                 Deviation(
                     values=(value - mean) * single,
                     valid=valid & (count > 1),
                     regime=regime,
-                    day=day_directions(plant, J[k], base[k], shift * single),
+                    day=day_directions(plant, J[k], base[k], shift * single, r.played.period_s),
                 )
                 for value, valid, shift in zip(values, r.valid, moved, strict=True)
             ]
         runs.append(
-            RunReference(
-                name=group[0].name,
+            GoodRun(
+                name=r.name,
                 played=r.played,
                 mean=mean,
                 valid=count > 0,
@@ -183,53 +146,27 @@ def reference_from(
                 slopes=J[k],
             )
         )
-    placed = responses(plant, point, played, progress=progress)
-    progress("what each effect changes")
-    return Reference(
+    counts = [len(r.values) for r in repeated]
+    return GoodRuns(
         runs=tuple(runs),
         point=point,
-        repeats=min(len(g) for g in groups),
+        repeats=min(counts),
         floor=repeat_floor(
-            deviations, sum(len(g) - 1 for g in groups), regimes, least, usual_day(plant)
+            deviations, sum(counts) - len(counts), regimes, least_sd(plant), usual_day(plant)
         ),
-        responses=placed,
-        changes=changes_at(plant, point, played, plant.effects),
     )
 
 
-def _fitted_point(
-    plant: PlacesPlant, played: Sequence[Played], means: Sequence[tuple[Array, Array]], least: Array
-) -> ModelPoint:
-    """The parameters that leave least of the means of good runs, fitted as those of any rival."""
-    trials = [
-        Trial(
-            played=p,
-            target=mean,
-            rows=RunRows(
-                sd=np.broadcast_to(least, mean.shape),
-                valid=count > 0,
-                day=np.zeros((0, *mean.shape)),
-                day_sd=np.zeros(0),
-                rho=np.zeros(len(least)),
-            ),
-        )
-        for p, (mean, count) in zip(played, means, strict=True)
-    ]
-    evidence = Evidence(trials=tuple(trials))
-    temper = temper_of(shipped(), free=True, channels=evidence.channels)
-    model = tempered(free_model(plant, nominal_point(plant)), evidence, temper)
-    nominal = reference_at(evidence, model, np.zeros(model.parameters))
-    made = nominal and fit_from_several(evidence, nominal, np.full(evidence.channels, CORRELATED))
-    return made.point if made else model.start
-
-
 @dataclass(frozen=True, kw_only=True)
-class _Repeats:
-    """Repeats of one run on the grid of the first, each with what its surroundings showed.
+class Repeats:
+    """Recordings of the same inputs on the grid of the longest, each with its surroundings.
 
-    `values` are readings (repeats, bins, channels), `valid` which of them count.
+    `name` is that of the first. `values` are readings (repeats, bins, channels), `valid` which of
+    them count.
     """
 
+    name: str
+    longest: GapRun
     played: Played
     first: Binned
     values: Array
@@ -249,7 +186,11 @@ def _longest(group: Sequence[GapRun]) -> GapRun:
     return next(run for run in group if run.duration_s > longest_s - PERIOD_S)
 
 
-def _on_one_grid(plant: PlantModel, group: Sequence[GapRun]) -> _Repeats:
+def on_one_grid(plant: PlantModel, group: Sequence[GapRun], period_s: float = PERIOD_S) -> Repeats:
+    """The recordings of a group in rows of `period_s`.
+
+    Raises PairingError when their inputs are not the same.
+    """
     first = _longest(group)
     start_s = float(first.t_s[0] - first.dt_s)
     around = [r.at_start(traits_of(plant).environment.values()) for r in group]
@@ -257,12 +198,14 @@ def _on_one_grid(plant: PlantModel, group: Sequence[GapRun]) -> _Repeats:
     middle = {n: float(np.mean([a[n] for a in around])) for n in sorted(shared)}
     shown = {c: np.full(len(first.t_s), v) for c, v in middle.items()}
     whole = GapRun(first.name, first.t_s, first.inputs, shown)
-    played = Played.of(whole, plant.inputs, start_s)
-    repeats = [binned(r, played.bins, plant, start_s + offset_s(r, first)) for r in group]
-    reference = binned(first, played.bins, plant, start_s)
+    played = Played.of(whole, plant.inputs, start_s, period_s)
+    repeats = [binned(r, played.bins, plant, start_s + offset_s(r, first), period_s) for r in group]
+    reference = binned(first, played.bins, plant, start_s, period_s)
     for other in repeats:
         require_like_inputs(other, reference)
-    return _Repeats(
+    return Repeats(
+        name=group[0].name,
+        longest=first,
         played=played,
         first=reference,
         values=np.array([b.values for b in repeats]),

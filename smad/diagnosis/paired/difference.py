@@ -1,0 +1,143 @@
+"""The paired residual: (measured now − predicted now) − (measured then − predicted then)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from smad.diagnosis.data.played import Played, predictions
+from smad.diagnosis.data.rows import (
+    binned,
+    offset_s,
+    require_like_inputs,
+    same_inputs,
+    without_other_end,
+)
+from smad.diagnosis.errors import PairingError
+from smad.diagnosis.numerics.white import RunRows
+from smad.diagnosis.paired.good import GoodRun, GoodRuns, day_directions
+from smad.diagnosis.places.place import PlacesPlant
+from smad.diagnosis.places.responses import Singles
+from smad.diagnosis.plant import Array, Mask, PlantModel, traits_of
+from smad.diagnosis.rivals.evidence import Evidence, Trial
+from smad.diagnosis.runs import GapRun
+
+_LEAST_ROWS = 50
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """A run of now beside the good run that it repeats, `then`. `share` of that was recorded;
+    `carried` says that inputs differed and the model carried the difference over. `played` is what
+    the model replays: the surroundings of now with the inputs of then, or with the run's own where
+    they were carried. `target` (bins, channels) is what it should show: what the model of the good
+    runs shows there, and what the bench has changed by."""
+
+    now: str
+    then: GoodRun
+    target: Array
+    rows: RunRows
+    share: float
+    carried: bool
+    around: Mapping[str, float]
+    played: Played
+
+    @property
+    def trial(self) -> Trial:
+        """The pair as a run to be judged."""
+        return Trial(played=self.played, target=self.target, rows=self.rows)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Paired:
+    """Pairs beside the good runs."""
+
+    plant: PlacesPlant
+    good: GoodRuns
+    pairs: tuple[Pair, ...]
+
+    def evidence(self) -> Evidence:
+        """The pairs as rows."""
+        return Evidence(trials=tuple(p.trial for p in self.pairs))
+
+    def repeated(self, of_runs: Sequence[Singles]) -> tuple[Singles, ...] | None:
+        """Of arrays of the good runs, that of each pair; None where a run has other inputs."""
+        if any(p.carried for p in self.pairs):
+            return None
+        of_run = {r.name: x for r, x in zip(self.good.runs, of_runs, strict=True)}
+        return tuple(of_run[p.then.name] for p in self.pairs)
+
+
+def paired(plant: PlacesPlant, good: GoodRuns, runs: Sequence[tuple[GapRun, str]]) -> Paired:
+    """Pairs of `runs`, each with the name of the good run that it repeats.
+
+    Raises PairingError for inputs that differ too much and when too little is left to judge.
+    """
+    by_name = {r.name: r for r in good.runs}
+    pairs = tuple(pair(plant, good, run, by_name[name]) for run, name in runs)
+    count = sum(int(p.rows.valid.sum()) for p in pairs)
+    if count < _LEAST_ROWS:
+        raise PairingError(
+            "too little was recorded both then and now to judge",
+            value=f"{count} readings on the grid",
+            limit=_LEAST_ROWS,
+            action="play the runs again to their end",
+        )
+    return Paired(plant=plant, good=good, pairs=pairs)
+
+
+def pair(plant: PlantModel, good: GoodRuns, run: GapRun, then: GoodRun) -> Pair:
+    """A run beside the good run `then`. Raises PairingError for inputs that differ too much."""
+    start = then.played.start_s + offset_s(run, then.played.whole)
+    now = binned(run, then.played.bins, plant, start, then.played.period_s)
+    now = without_other_end(now, then.inputs)
+    require_like_inputs(now, then.inputs)
+    around = run.at_start(traits_of(plant).environment.values())
+    other = not same_inputs(now, then.inputs)
+    again = _again(then, run, other, around, start)
+    (predicted,) = predictions(plant, good.point, [again], exact=True)
+    moved = np.where(np.isfinite(predicted) & now.covered[:, None], predicted - then.base, 0.0)
+    # In the surroundings of now, since what has changed may act otherwise there.
+    target = predicted + (now.values - then.mean) - moved
+    valid = now.valid & then.valid & now.covered[:, None]
+    rows = rows_of(plant, good, then, valid, moved)
+    return Pair(
+        now=run.name,
+        then=then,
+        target=target,
+        rows=rows,
+        share=now.share,
+        carried=other,
+        around=around,
+        played=again,
+    )
+
+
+def rows_of(plant: PlantModel, good: GoodRuns, then: GoodRun, valid: Mask, moved: Array) -> RunRows:
+    """White space of one more recording of a run, `valid` where it has readings.
+
+    `moved` (bins, channels) is what the model carried over.
+    """
+    day = day_directions(plant, then.slopes, then.base, moved, then.played.period_s)
+    inflate = np.sqrt(1.0 + 1.0 / np.maximum(then.count, 1))
+    return RunRows(
+        sd=good.floor.of(then.regime, day) * inflate,
+        valid=valid,
+        day=day,
+        day_sd=good.floor.day_sd * float(inflate.mean()),
+        rho=good.floor.rho,
+    )
+
+
+def _again(
+    then: GoodRun, run: GapRun, other: bool, around: Mapping[str, float], start_s: float
+) -> Played:
+    """The good run in other surroundings, with the inputs of `run` where it has others."""
+    source = run if other else then.played.whole
+    shown = {c: np.full(len(source.t_s), around.get(c, value)) for c, value in then.around.items()}
+    again = GapRun(run.name, source.t_s, source.inputs, shown)
+    begin_s = start_s if other else then.played.start_s
+    played = Played.of(again, then.played.inputs, begin_s, then.played.period_s)
+    return replace(played, bins=then.played.bins)

@@ -1,0 +1,61 @@
+"""What a reader must know of the runs that were compared with good ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from smad.diagnosis.paired.difference import Paired
+
+EACH_BY_OTHERS = "each run by rivals fitted to the others"
+
+
+def compared(paired: Paired, asked: Sequence[str]) -> list[str]:
+    """Which runs were compared with which good ones, and which of those `asked` were not."""
+    then = {p.now: p.then.name for p in paired.pairs}
+    named = ", ".join(f"{now} with {good}" for now, good in then.items())
+    out = [f"runs of the same inputs were compared: {named}"]
+    if alone := [name for name in asked if name not in then]:
+        out.append(
+            f"not judged, since no good run has the same inputs: {', '.join(alone)}; "
+            "ask of them alone, or record them on the good bench"
+        )
+    return out
+
+
+def notes_of(paired: Paired) -> list[str]:
+    """Facts that weaken the comparison, a sentence each."""
+    out = []
+    if paired.good.repeats < 2:
+        out.append(
+            "a run was recorded good only once: the repeat floor is a guess; record it again "
+            "on another day"
+        )
+    for p in paired.pairs:
+        if p.share < 0.98:
+            out.append(
+                f"{p.now} counts as far as it goes: {100 * p.share:.0f} % of it was recorded"
+            )
+        if p.carried:
+            out.append(f"{p.now}: inputs differed from the good run's; the model carried that over")
+    if lost := _lost(paired):
+        out.append(f"recorded then and not now, and left out: {lost}")
+    warm = [
+        f"{c} {p.around[c] - p.then.around[c]:+.1f} K in {p.now}"
+        for p in paired.pairs
+        for c in p.around
+        if c in p.then.around and abs(p.around[c] - p.then.around[c]) > 1.0
+    ]
+    if warm:
+        out.append("carried over by the model: " + ", ".join(warm))
+    return out
+
+
+def _lost(paired: Paired) -> str:
+    """Channels of which now most readings are missing that the good runs have, with the runs."""
+    runs: dict[str, list[str]] = {}
+    for p in paired.pairs:
+        had, has = p.then.valid.sum(axis=0), p.rows.valid.sum(axis=0)
+        for c, then, now in zip(paired.plant.channels, p.share * had, has, strict=True):
+            if now < 0.5 * then:
+                runs.setdefault(c.name, []).append(p.now)
+    return ", ".join(f"{channel} ({', '.join(names)})" for channel, names in runs.items())
