@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from smad.diagnosis.constants import shipped
+from smad.diagnosis.data.grid import PERIOD_S
+from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.numerics.threads import repeatable
 from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.paired.good import GoodRuns, Repeats, good_runs, least_sd, on_one_grid
@@ -63,7 +65,8 @@ def commissioned(
     placed = with_places(plant)
     repeated = [on_one_grid(placed, group) for group in groups]
     progress("reference model")
-    good = good_runs(placed, repeated, _fitted_point(placed, repeated))
+    noise = estimate_floors([run for group in groups for run in group], placed, PERIOD_S)
+    good = good_runs(placed, repeated, _fitted_point(placed, repeated), noise)
     played = [r.played for r in repeated]
     known = responses(placed, good.point, played, progress=progress)
     progress("what each effect changes")

@@ -181,7 +181,10 @@ def _changed_pairs(
     good = _of_good(inquiry, most=0)
     groups = {g[0].name: g for _, g in repeats}
     known = good_runs(
-        plant, [on_one_grid(plant, g, inquiry.period_s) for g in groups.values()], good.start
+        plant,
+        [on_one_grid(plant, g, inquiry.period_s) for g in groups.values()],
+        good.start,
+        inquiry.floors,
     )
     pairs = paired(plant, known, [(run, g[0].name) for run, g in repeats])
     question = question_of(

@@ -21,7 +21,7 @@ from smad.diagnosis.paired.good import GoodRun, GoodRuns, day_directions
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Singles
 from smad.diagnosis.plant import Array, Mask, PlantModel, traits_of
-from smad.diagnosis.rivals.evidence import Evidence, Trial
+from smad.diagnosis.rivals.evidence import Evidence, Trial, wandering
 from smad.diagnosis.runs import GapRun
 
 _LEAST_ROWS = 50
@@ -76,7 +76,7 @@ def paired(plant: PlacesPlant, good: GoodRuns, runs: Sequence[tuple[GapRun, str]
     Raises PairingError for inputs that differ too much and when too little is left to judge.
     """
     by_name = {r.name: r for r in good.runs}
-    pairs = tuple(pair(plant, good, run, by_name[name]) for run, name in runs)
+    pairs = tuple(_pair(plant, good, run, by_name[name]) for run, name in runs)
     count = sum(int(p.rows.valid.sum()) for p in pairs)
     if count < _LEAST_ROWS:
         raise PairingError(
@@ -88,8 +88,7 @@ def paired(plant: PlacesPlant, good: GoodRuns, runs: Sequence[tuple[GapRun, str]
     return Paired(plant=plant, good=good, pairs=pairs)
 
 
-def pair(plant: PlantModel, good: GoodRuns, run: GapRun, then: GoodRun) -> Pair:
-    """A run beside the good run `then`. Raises PairingError for inputs that differ too much."""
+def _pair(plant: PlacesPlant, good: GoodRuns, run: GapRun, then: GoodRun) -> Pair:
     start = then.played.start_s + offset_s(run, then.played.whole)
     now = binned(run, then.played.bins, plant, start, then.played.period_s)
     now = without_other_end(now, then.inputs)
@@ -103,6 +102,14 @@ def pair(plant: PlantModel, good: GoodRuns, run: GapRun, then: GoodRun) -> Pair:
     target = predicted + (now.values - then.mean) - moved
     valid = now.valid & then.valid & now.covered[:, None]
     rows = rows_of(plant, good, then, valid, moved)
+    if not good.floor.degrees:
+        # Nothing has shown how much a room wanders from one time to another.
+        open_ = wandering(plant, good.point, again)
+        rows = replace(
+            rows,
+            day=np.concatenate([rows.day, open_]),
+            day_sd=np.concatenate([rows.day_sd, np.ones(len(open_))]),
+        )
     return Pair(
         now=run.name,
         then=then,

@@ -66,15 +66,21 @@ class Floor:
 
 
 def repeat_floor(
-    repeats: Sequence[Deviation], degrees: int, regimes: int, least: Array, usual_day: Array
+    repeats: Sequence[Deviation],
+    degrees: int,
+    regimes: int,
+    *,
+    least: Array,
+    noise: Array,
+    usual_day: Array,
 ) -> Floor:
     """The floor from repeats, of which `degrees` are independent of the means.
 
-    `least` is a channel's smallest believed sd, and its usual one where nothing was repeated.
+    `least` is a channel's smallest believed sd, `noise` its sd where nothing was repeated.
     `usual_day` is the spread of each day direction before any repeat.
     """
     channels = len(least)
-    sd = np.tile(4.0 * least[:, None], (1, regimes))
+    sd = np.tile(np.maximum(noise, least)[:, None], (1, regimes))
     rho, day_sd = np.full(channels, 0.5), usual_day.copy()
     if degrees == 0:
         return Floor(sd, rho, day_sd, 0, np.ones(channels))

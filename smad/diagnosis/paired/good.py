@@ -107,8 +107,13 @@ def _regime_numbers(plant: PlantModel, run: GapRun, played: Played) -> tuple[Arr
     return np.column_stack([cache[c.side] for c in plant.channels]), count
 
 
-def good_runs(plant: PlantModel, repeated: Sequence[Repeats], point: ModelPoint) -> GoodRuns:
-    """What repeats of some runs are worth, beside the model at `point`."""
+def good_runs(
+    plant: PlantModel, repeated: Sequence[Repeats], point: ModelPoint, noise: Array
+) -> GoodRuns:
+    """What repeats of some runs are worth, beside the model at `point`.
+
+    `noise` (channels,) is that of a row, the floor where nothing was repeated.
+    """
     played = [r.played for r in repeated]
     J = slopes(plant, point, played)
     base = predictions(plant, point, played, exact=True)
@@ -152,7 +157,12 @@ def good_runs(plant: PlantModel, repeated: Sequence[Repeats], point: ModelPoint)
         point=point,
         repeats=min(counts),
         floor=repeat_floor(
-            deviations, sum(counts) - len(counts), regimes, least_sd(plant), usual_day(plant)
+            deviations,
+            sum(counts) - len(counts),
+            regimes,
+            least=least_sd(plant),
+            noise=noise,
+            usual_day=usual_day(plant),
         ),
     )
 

@@ -190,7 +190,7 @@ def recorded_evidence(
     measured = Measured.of(plant, runs, period_s)
     trials = []
     for played, values, valid in zip(measured.played, measured.values, measured.valid, strict=True):
-        day = _wandering(plant, point, played)
+        day = wandering(plant, point, played)
         rows = RunRows(
             np.broadcast_to(floors, valid.shape),
             valid,
@@ -202,7 +202,7 @@ def recorded_evidence(
     return Evidence(trials=tuple(trials))
 
 
-def _wandering(plant: PlacesPlant, point: ModelPoint, played: Played) -> Array:
+def wandering(plant: PlacesPlant, point: ModelPoint, played: Played) -> Array:
     """What a constant and a straight line at each place that wanders change, at its usual size, and
     what a run's start may be off by.
 

@@ -32,7 +32,14 @@ def repeat(rng: np.random.Generator, *, wrong: float = 0.0, rho: float = 0.8) ->
 
 
 def floor_of(repeats: list[Deviation], least: float = 1e-3) -> Floor:
-    return repeat_floor(repeats, len(repeats), 1, np.full(CHANNELS, least), USUAL)
+    return repeat_floor(
+        repeats,
+        len(repeats),
+        1,
+        least=np.full(CHANNELS, least),
+        noise=np.full(CHANNELS, least),
+        usual_day=USUAL,
+    )
 
 
 @pytest.mark.parametrize(("wrong", "least", "most"), [(0.02, 0.0, 0.2), (0.4, 0.3, 0.6)])

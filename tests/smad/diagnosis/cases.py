@@ -18,11 +18,12 @@ def bank(
     theta: Mapping[str, float] | None = None,
     effects: Mapping[str, Mapping[str, float]] | None = None,
     seed: int = 0,
+    day: int = 99,
 ) -> list[GapRun]:
-    """Four runs of two families."""
+    """Four runs of two families, with the noise of a day."""
     families = ("random", "random", "sines", "sines")
     return [
-        recorded(family, seed + i, theta, effects, duration_s=50.0)
+        recorded(family, seed + i, theta, effects, duration_s=50.0, day=day)
         for i, family in enumerate(families, start=1)
     ]
 

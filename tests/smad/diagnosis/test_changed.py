@@ -81,3 +81,53 @@ def test_an_effect_is_named_where_parameters_have_moved_far_as_well() -> None:
     found = ask(bank({**OTHER, "ha_W_K": 0.66}, GAIN)[:2], good=good())
     assert [c.name for c in found.causes] == ["driver_gain"]
     assert found.causes[0].values[0].value == pytest.approx(0.05, abs=0.005)
+
+
+WAX = {"melt": {"J_K": 30.0}}
+"""What the library lacks, on the good bench as now: half of a plate's capacity."""
+WEAK = {"sensor_lag": {"tau_s": 0.2}}
+
+
+@pytest.fixture(scope="module")
+def waxen() -> list[GapRun]:
+    return bank(OTHER, WAX, day=1)
+
+
+def test_what_the_model_gets_wrong_hides_nothing_in_runs_that_repeat_good_ones(
+    waxen: list[GapRun],
+) -> None:
+    now = bank(OTHER, WAX | WEAK)
+    found = ask(now, good=waxen)
+    (cause,) = found.causes
+    assert cause.name == "sensor_lag"
+    assert cause.values[0].value == pytest.approx(0.2, abs=0.03)
+    other_inputs = ask(bank(OTHER, WAX | WEAK, seed=40), good=waxen)
+    assert found.whole is not None
+    assert other_inputs.whole is not None
+    assert found.whole.final < 0.6
+    assert other_inputs.whole.final > 1.2
+
+
+def test_runs_that_repeat_good_ones_without_a_change_have_nothing_new(waxen: list[GapRun]) -> None:
+    found = ask(bank(OTHER, WAX), good=waxen)
+    assert (found.outcome, found.causes) == (QUIET, [])
+
+
+def test_beside_runs_that_repeat_good_ones_others_are_not_judged_and_it_is_said(
+    waxen: list[GapRun],
+) -> None:
+    repeated, *_ = bank(OTHER, WAX | WEAK)
+    (other, *_) = bank(OTHER, WAX | WEAK, seed=40)
+    found = ask([repeated], good=waxen, hold_out=[other])
+    assert [r.run for r in found.by_run] == [repeated.name]
+    compared, alone, *_ = found.notes
+    assert compared == f"runs of the same inputs were compared: {repeated.name} with random 1"
+    assert f"no good run has the same inputs: {other.name}" in alone
+
+
+def test_good_runs_of_the_same_inputs_count_as_repeats(waxen: list[GapRun]) -> None:
+    once, twice = (
+        ask(bank(OTHER, WAX), good=g) for g in (waxen, [*waxen, *bank(OTHER, WAX, day=2)])
+    )
+    assert any("recorded good only once" in note for note in once.notes)
+    assert not any("recorded good only once" in note for note in twice.notes)
