@@ -167,10 +167,14 @@ class Question:
     def refuted(self, rivals: Sequence[Rival]) -> list[bool]:
         """Which rivals leave more than nothing new leaves, as long as another one does not.
 
-        Where floors hold an error of form κ is too soft to refute a simulator by its score.
+        Where floors hold an error of form κ is too soft to refute a simulator by its score. Else a
+        part may be nearly right.
         """
         above = [self.gap(r) > self.quiet_gap for r in rivals]
-        return above if self.form_share and not all(above) else [False] * len(above)
+        if all(above):
+            return [False] * len(above)
+        asked = [bool(self.form_share) or r.kind not in (EFFECT, LAW) for r in rivals]
+        return [a and b for a, b in zip(above, asked, strict=True)]
 
     def ranked(self, rivals: Sequence[Rival], *, first: bool = False) -> list[Rival]:
         """Rivals with their probabilities, the likeliest first; `first`: nothing has entered."""

@@ -121,7 +121,7 @@ def test_beside_runs_that_repeat_good_ones_others_are_not_judged_and_it_is_said(
     found = ask([repeated], good=waxen, hold_out=[other])
     assert [r.run for r in found.by_run] == [repeated.name]
     compared, alone, *_ = found.notes
-    assert compared == f"runs of the same inputs were compared: {repeated.name} with random 1"
+    assert compared == f"runs of the same inputs were compared: {repeated.name} with random 1 (2)"
     assert f"no good run has the same inputs: {other.name}" in alone
 
 

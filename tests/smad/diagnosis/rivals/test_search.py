@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
+from smad.diagnosis.rivals.rival import Question
+from smad.diagnosis.rivals.score import EFFECT, NOTHING
 from smad.diagnosis.rivals.search import _Fits
 
 
@@ -37,3 +40,34 @@ def test_parameters_stay_only_where_the_part_then_explains_something(
     fits = _Fits(cast(Any, Steady(steady)), cast(Any, None), without=15.0)
     made = fits._steadied(cast(Any, Leaving(10.0)), "law", "law:input", cast(Any, None))
     assert cast(Any, made).floors == taken
+
+
+@pytest.mark.parametrize(
+    ("form_share", "effect", "refuted"),
+    [
+        (0.0, 0.6, [True, False]),
+        (0.0, 1.5, [False, False]),
+        (0.9, 0.6, [True, False]),
+    ],
+)
+def test_a_simulator_that_leaves_more_than_nothing_new_leaves_is_refuted_by_one_that_does_not(
+    form_share: float, effect: float, refuted: list[bool]
+) -> None:
+    question = SimpleNamespace(
+        gap=lambda rival: rival.floors, quiet_gap=1.35, form_share=form_share
+    )
+    rivals = [
+        SimpleNamespace(kind=NOTHING, floors=1.5),
+        SimpleNamespace(kind=EFFECT, floors=effect),
+    ]
+    assert Question.refuted(cast(Any, question), cast(Any, rivals)) == refuted
+
+
+def test_a_part_that_is_nearly_right_is_refuted_only_where_floors_hold_an_error_of_form() -> None:
+    left = [SimpleNamespace(kind=EFFECT, floors=1.5), SimpleNamespace(kind=NOTHING, floors=0.9)]
+    for form_share, refuted in ((0.0, False), (0.9, True)):
+        question = SimpleNamespace(
+            gap=lambda rival: rival.floors, quiet_gap=1.35, form_share=form_share
+        )
+        first, _ = Question.refuted(cast(Any, question), cast(Any, left))
+        assert first is refuted
