@@ -104,8 +104,8 @@ def test_what_the_model_gets_wrong_hides_nothing_in_runs_that_repeat_good_ones(
     other_inputs = ask(bank(OTHER, WAX | WEAK, seed=40), good=waxen)
     assert found.whole is not None
     assert other_inputs.whole is not None
-    assert found.whole.final < 0.6
-    assert other_inputs.whole.final > 1.2
+    assert found.whole.causes[0] < 0.6
+    assert other_inputs.whole.causes[0] > 1.2
 
 
 def test_runs_that_repeat_good_ones_without_a_change_have_nothing_new(waxen: list[GapRun]) -> None:
