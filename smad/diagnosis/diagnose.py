@@ -56,7 +56,6 @@ def diagnose(
         headline = f"no run {lacking} can be used"
         answer = Answer(verdict=Verdict(question=question, outcome=REFUSED, headline=headline))
     else:
-        findings += goes_further(roles, plant)
         given = (*roles[FIT], *roles[HOLD_OUT], *roles[GOOD])
         c = constants or shipped()
         inquiry = Inquiry(
@@ -72,6 +71,8 @@ def diagnose(
         )
         question = CHANGED if good else DIFFERS
         search, pairs = changed(inquiry) if good else (differs(inquiry), None)
+        if pairs is None:
+            findings += goes_further(roles, plant)
         judged_on = _judged_on(inquiry) if pairs is None else EACH_BY_OTHERS
         answer = answer_of(
             inquiry.plant, search, question=question, constants=c, judged_on=judged_on

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from smad.diagnosis.paired.difference import Paired
+from smad.diagnosis.paired.good import GoodRun
 
 EACH_BY_OTHERS = "each run by rivals fitted to the others"
 
 
 def compared(paired: Paired, asked: Sequence[str]) -> list[str]:
     """Which runs were compared with which good ones, and which of those `asked` were not."""
-    then = {p.now: p.then.name for p in paired.pairs}
+    then = {p.now: _recordings(p.then) for p in paired.pairs}
     named = ", ".join(f"{now} with {good}" for now, good in then.items())
     out = [f"runs of the same inputs were compared: {named}"]
     if alone := [name for name in asked if name not in then]:
@@ -48,6 +49,11 @@ def notes_of(paired: Paired) -> list[str]:
     if warm:
         out.append("carried over by the model: " + ", ".join(warm))
     return out
+
+
+def _recordings(then: GoodRun) -> str:
+    more = int(then.count.max(initial=1)) - 1
+    return f"{then.name} and {more} more" if more > 0 else then.name
 
 
 def _lost(paired: Paired) -> str:
