@@ -12,17 +12,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
-import numpy as np
-
 from smad.checkup.commission import Reference
 from smad.diagnosis.answer import Answer, answer_of
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.numerics.threads import repeatable
-from smad.diagnosis.paired.difference import Paired, paired
+from smad.diagnosis.paired.difference import Paired, paired, question_of_pairs
 from smad.diagnosis.paired.notes import EACH_BY_OTHERS, notes_of
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import ModelPoint, PlantModel, SavesModel, Uncertainty
-from smad.diagnosis.questions import cannot_replay, day_variance, free_model, question_of
+from smad.diagnosis.rivals.question import cannot_replay
 from smad.diagnosis.rivals.search import searched
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import CHECK_UP, QUIET, Verdict
@@ -96,14 +94,11 @@ def judged(
     pairs = paired(placed, reference, runs)
     arrays = (reference.responses.runs, reference.changes.runs)
     responses, changes = (pairs.repeated(of_runs) for of_runs in arrays)
-    known = np.diag(day_variance(placed)) + reference.parameter_covariance(placed)
-    question = question_of(
-        free_model(placed, reference.point),
-        pairs.evidence(),
+    question = question_of_pairs(
+        pairs,
         [e for e in plant.effects if e.name not in exclude],
         c,
         progress,
-        tied=np.asarray(np.linalg.inv(known)),
         responses=None if responses is None else replace(reference.responses, runs=responses),
         # In the surroundings of then.
         changes=None if changes is None else replace(reference.changes, runs=changes),

@@ -11,8 +11,8 @@ from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.errors import RunRefused
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import ModelPoint, PlantModel, nominal_point
-from smad.diagnosis.questions import cannot_replay, free_model, question_of
 from smad.diagnosis.rivals.evidence import recorded_evidence
+from smad.diagnosis.rivals.question import cannot_replay, free_model, question_of
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import SignalGap
 from smad.progress import silent

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from smad.diagnosis.constants import Constants
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.data.rows import (
     binned,
@@ -19,10 +20,14 @@ from smad.diagnosis.errors import PairingError
 from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.paired.good import GoodRun, GoodRuns, day_directions
 from smad.diagnosis.places.place import PlacesPlant
-from smad.diagnosis.places.responses import Singles
-from smad.diagnosis.plant import Array, Mask, PlantModel, traits_of
+from smad.diagnosis.places.responses import Responses, Singles
+from smad.diagnosis.plant import Array, Effect, Mask, PlantModel, traits_of
+from smad.diagnosis.rivals.changes import Changes
 from smad.diagnosis.rivals.evidence import Evidence, Trial, wandering
+from smad.diagnosis.rivals.question import day_variance, free_model, question_of
+from smad.diagnosis.rivals.rival import Question
 from smad.diagnosis.runs import GapRun
+from smad.progress import Say
 
 _LEAST_ROWS = 50
 
@@ -86,6 +91,33 @@ def paired(plant: PlacesPlant, good: GoodRuns, runs: Sequence[tuple[GapRun, str]
             action="play the runs again to their end",
         )
     return Paired(plant=plant, good=good, pairs=pairs)
+
+
+def question_of_pairs(
+    pairs: Paired,
+    effects: Sequence[Effect],
+    c: Constants,
+    say: Say,
+    *,
+    responses: Responses | None = None,
+    changes: Changes | None = None,
+) -> Question:
+    """What is new in pairs: the parameters are where the good runs have them, give or take a day.
+
+    `responses` and `changes` are those of the pairs' runs, where they are known.
+    """
+    plant, good = pairs.plant, pairs.good
+    known = np.diag(day_variance(plant)) + good.parameter_covariance(plant)
+    return question_of(
+        free_model(plant, good.point),
+        pairs.evidence(),
+        effects,
+        c,
+        say,
+        tied=np.asarray(np.linalg.inv(known)),
+        responses=responses,
+        changes=changes,
+    )
 
 
 def _pair(plant: PlacesPlant, good: GoodRuns, run: GapRun, then: GoodRun) -> Pair:

@@ -8,11 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from smad.diagnosis.constants import shipped
 from smad.diagnosis.data.grid import PERIOD_S
+from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.data.played import Played, predictions, slopes
 from smad.diagnosis.data.rows import Binned, bin_numbers, binned, offset_s, require_like_inputs
+from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.paired.floor import Deviation, Floor, repeat_floor
-from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, traits_of
+from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, nominal_point, traits_of
+from smad.diagnosis.rivals.evidence import Evidence, Trial
+from smad.diagnosis.rivals.fit import fit_from_several, reference_at
+from smad.diagnosis.rivals.question import CORRELATED, free_model, temper_of, tempered
 from smad.diagnosis.runs import GapRun
 
 _CLOCK_SD_S = 0.004
@@ -52,6 +58,22 @@ class GoodRuns:
     point: ModelPoint
     floor: Floor
     repeats: int
+
+    def parameter_covariance(self, plant: PlantModel) -> Array:
+        """How well the good runs say where the parameters are, (p, p), in prior deviations.
+
+        What the model leaves of them counts as noise.
+        """
+        runs = self.runs
+        off = [np.where(r.valid, r.mean - r.base, 0.0) for r in runs]
+        rows = sum(r.valid.sum(axis=0) for r in runs)
+        square = sum((x**2).sum(axis=0) for x in off) / np.maximum(rows, 1)
+        sd = np.sqrt((square + least_sd(plant) ** 2) * CORRELATED)
+        X = np.concatenate(
+            [(np.where(r.valid, r.slopes, 0.0) / sd).reshape(len(r.slopes), -1) for r in runs],
+            axis=1,
+        )
+        return np.asarray(np.linalg.inv(X @ X.T + np.eye(len(X))))
 
 
 def least_sd(plant: PlantModel) -> Array:
@@ -108,12 +130,15 @@ def _regime_numbers(plant: PlantModel, run: GapRun, played: Played) -> tuple[Arr
 
 
 def good_runs(
-    plant: PlantModel, repeated: Sequence[Repeats], point: ModelPoint, noise: Array
+    plant: PlantModel, groups: Sequence[Sequence[GapRun]], period_s: float = PERIOD_S
 ) -> GoodRuns:
-    """What repeats of some runs are worth, beside the model at `point`.
+    """What good runs are worth, the recordings of each in a group, in rows of `period_s`.
 
-    `noise` (channels,) is that of a row, the floor where nothing was repeated.
+    Raises PairingError when the recordings of a group do not have the same inputs.
     """
+    repeated = [_on_one_grid(plant, group, period_s) for group in groups]
+    noise = estimate_floors([run for group in groups for run in group], plant, period_s)
+    point = _fitted_point(plant, repeated)
     played = [r.played for r in repeated]
     J = slopes(plant, point, played)
     base = predictions(plant, point, played, exact=True)
@@ -167,8 +192,30 @@ def good_runs(
     )
 
 
+def _fitted_point(plant: PlantModel, repeated: Sequence[_Repeats]) -> ModelPoint:
+    """The parameters that leave least of the means of good runs, fitted as those of any rival."""
+    least = least_sd(plant)
+    trials = []
+    for r in repeated:
+        mean, count = r.mean(r.values)
+        rows = RunRows(
+            sd=np.broadcast_to(least, mean.shape),
+            valid=count > 0,
+            day=np.zeros((0, *mean.shape)),
+            day_sd=np.zeros(0),
+            rho=np.zeros(len(least)),
+        )
+        trials.append(Trial(played=r.played, target=mean, rows=rows))
+    evidence = Evidence(trials=tuple(trials))
+    temper = temper_of(shipped(), free=True, channels=evidence.channels)
+    model = tempered(free_model(plant, nominal_point(plant)), evidence, temper)
+    nominal = reference_at(evidence, model, np.zeros(model.parameters))
+    made = nominal and fit_from_several(evidence, nominal, np.full(evidence.channels, CORRELATED))
+    return made.point if made else model.start
+
+
 @dataclass(frozen=True, kw_only=True)
-class Repeats:
+class _Repeats:
     """Recordings of the same inputs on the grid of the longest, each with its surroundings.
 
     `name` is that of the first. `values` are readings (repeats, bins, channels), `valid` which of
@@ -196,11 +243,10 @@ def _longest(group: Sequence[GapRun]) -> GapRun:
     return next(run for run in group if run.duration_s > longest_s - PERIOD_S)
 
 
-def on_one_grid(plant: PlantModel, group: Sequence[GapRun], period_s: float = PERIOD_S) -> Repeats:
-    """The recordings of a group in rows of `period_s`.
-
-    Raises PairingError when their inputs are not the same.
-    """
+def _on_one_grid(
+    plant: PlantModel, group: Sequence[GapRun], period_s: float = PERIOD_S
+) -> _Repeats:
+    """The recordings of a group in rows of `period_s`."""
     first = _longest(group)
     start_s = float(first.t_s[0] - first.dt_s)
     around = [r.at_start(traits_of(plant).environment.values()) for r in group]
@@ -213,7 +259,7 @@ def on_one_grid(plant: PlantModel, group: Sequence[GapRun], period_s: float = PE
     reference = binned(first, played.bins, plant, start_s, period_s)
     for other in repeats:
         require_like_inputs(other, reference)
-    return Repeats(
+    return _Repeats(
         name=group[0].name,
         longest=first,
         played=played,

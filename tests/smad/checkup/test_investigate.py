@@ -18,8 +18,8 @@ from smad.checkup.judge import Judged, judged
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.series import Recorded
 from smad.diagnosis.plant import EffectValues
-from smad.diagnosis.questions import free_model
 from smad.diagnosis.rivals.fit import Fit
+from smad.diagnosis.rivals.question import free_model
 from smad.diagnosis.rivals.rival import Rival
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import Cause

@@ -8,8 +8,8 @@ from smad.diagnosis.paired.difference import paired
 from smad.diagnosis.paired.good import least_sd
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import ModelPoint
-from smad.diagnosis.questions import free_model
 from smad.diagnosis.rivals.fit import replayed
+from smad.diagnosis.rivals.question import free_model
 
 from .short import PLANT, played
 

@@ -10,7 +10,6 @@ import pytest
 from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.plant import ModelPoint, nominal_point
-from smad.diagnosis.questions import free_model
 from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
 from smad.diagnosis.rivals.fit import (
     Fit,
@@ -21,6 +20,7 @@ from smad.diagnosis.rivals.fit import (
     replayed,
     weights,
 )
+from smad.diagnosis.rivals.question import free_model
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded
 
