@@ -199,5 +199,5 @@ def require_one_bench(runs: Sequence[RunFile]) -> None:
 
 
 def _repeats(plant: PlantModel, run: RunFile, other: RunFile) -> bool:
-    named = (replace(f.run, name=f.name) for f in (run, other))
-    return same_programme(plant, *named)
+    one, two = (replace(f.run, name=f.name) for f in (run, other))
+    return same_programme(plant, one, two)

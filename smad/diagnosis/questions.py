@@ -93,12 +93,13 @@ def differs(inquiry: Inquiry) -> Searched:
 def changed(inquiry: Inquiry) -> tuple[Searched, Paired | None]:
     """What is new since the good runs, and the pairs that say so; None where no run repeats a good
     one. Raises GapError as `differs`."""
-    groups = grouped(inquiry.plant, inquiry.good)
+    plant, period_s = inquiry.plant, inquiry.period_s
+    groups = grouped(plant, inquiry.good, period_s)
     pairs = []
     for run in (*inquiry.fit, *inquiry.held_out):
-        same = next((g for g in groups if same_programme(inquiry.plant, run, g[0])), None)
-        if same is not None:
-            pairs.append((run, same[0].name))
+        same = (g[0] for g in groups if same_programme(plant, run, g[0], period_s))
+        if (good := next(same, None)) is not None:
+            pairs.append((run, good.name))
     return _changed_pairs(inquiry, groups, pairs) if pairs else (_changed_runs(inquiry), None)
 
 

@@ -4,38 +4,48 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
+from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.data.rows import binned, edges_s, input_difference, offset_s
 from smad.diagnosis.plant import PlantModel
 from smad.diagnosis.runs import GapRun
 
 _LIKE = 0.05
-_ROW_S = 0.2
+"""Of what an input moves, that two runs may differ by on average."""
+_LEAST_MOVE = 0.1
+"""Of an input's range, that counts as what it moves at least: less may be noise."""
 _LEAST_SHARE = 0.05
 
 
-def same_programme(plant: PlantModel, run: GapRun, other: GapRun) -> bool:
-    """Whether two runs have the same inputs over what both recorded.
+def same_programme(
+    plant: PlantModel, run: GapRun, other: GapRun, period_s: float = PERIOD_S
+) -> bool:
+    """Whether two runs have the same inputs over what both recorded, in rows of `period_s`.
 
-    Where no input steps nothing says when a run begins; then those of one name are the same.
+    Where no input steps, runs begin together, or have the same name.
     """
-    if not len(edges_s(run)) or not len(edges_s(other)):
-        return run.name == other.name
-    start = float(other.t_s[0] - other.dt_s)
-    bins = max(1, int(other.duration_s / _ROW_S))
-    first = binned(other, bins, plant, start)
-    second = binned(run, bins, plant, start + offset_s(run, other))
+    stepped = len(edges_s(run)) and len(edges_s(other))
+    if not stepped and run.name == other.name:
+        return True
+    start_s = float(other.t_s[0] - other.dt_s)
+    bins = max(1, int(other.duration_s / period_s))
+    first = binned(other, bins, plant, start_s, period_s)
+    second = binned(run, bins, plant, start_s + offset_s(run, other), period_s)
     both = first.covered & second.covered
     if both.mean() < _LEAST_SHARE:
         return False
-    off = input_difference(second, first)[both].max(axis=1)
-    return bool(off.mean() < _LIKE)
+    moves = np.maximum(*(np.ptp(b.inputs[both], axis=0) for b in (first, second)))
+    off = input_difference(second, first)[both] / np.maximum(moves, _LEAST_MOVE)
+    # Inputs that stay where they are tell no programme from another.
+    return bool((stepped or moves.max() > _LEAST_MOVE) and off.max(axis=1).mean() < _LIKE)
 
 
-def grouped(plant: PlantModel, runs: Sequence[GapRun]) -> list[list[GapRun]]:
+def grouped(plant: PlantModel, runs: Sequence[GapRun], period_s: float) -> list[list[GapRun]]:
     """The runs, those of the same inputs together."""
     groups: list[list[GapRun]] = []
     for run in runs:
-        mine = next((g for g in groups if same_programme(plant, run, g[0])), None)
+        mine = next((g for g in groups if same_programme(plant, run, g[0], period_s)), None)
         if mine is None:
             groups.append([run])
         else:
