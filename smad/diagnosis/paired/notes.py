@@ -26,9 +26,9 @@ def compared(paired: Paired, asked: Sequence[str]) -> list[str]:
 def notes_of(paired: Paired) -> list[str]:
     """Facts that weaken the comparison, a sentence each."""
     out = []
-    if paired.good.repeats < 2:
+    if not paired.good.floor.degrees:
         out.append(
-            "a run was recorded good only once: the repeat floor is a guess; record it again "
+            "each run was recorded good only once: the repeat floor is a guess; record one again "
             "on another day"
         )
     for p in paired.pairs:

@@ -33,6 +33,7 @@ _QUESTIONS = {
     CHECK_UP: "what has changed, with the same inputs",
 }
 _CHANGED = "what is new since the good runs"
+_FLOORS = {DIFFERS: "the noise of a reading", CHECK_UP: "what two good days differ in"}
 
 
 def page_of(answer: Answer, arguments: str = "", facts: Sequence[tuple[str, str]] = ()) -> Page:
@@ -73,7 +74,7 @@ def write_report(answer: Answer, path: Path | str) -> Path:
 
 def _answer(v: Verdict) -> list[Block]:
     out: list[Block] = [Text(line, "warning") for line in finding_lines(v, doubtful=True)]
-    floor = "what two good days differ in" if v.question == CHECK_UP else "the noise of a reading"
+    floor = _FLOORS.get(v.question, "what good runs differ in, or the simulator leaves of them")
     judged = f"{''.join(judged_lines(v))}. A floor is {floor}."
     for cause in v.causes:
         out += [rivals(cause.rivals, judged), _cause(cause)]

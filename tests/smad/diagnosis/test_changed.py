@@ -129,5 +129,5 @@ def test_good_runs_of_the_same_inputs_count_as_repeats(waxen: list[GapRun]) -> N
     once, twice = (
         ask(bank(OTHER, WAX), good=g) for g in (waxen, [*waxen, *bank(OTHER, WAX, day=2)])
     )
-    assert any("recorded good only once" in note for note in once.notes)
-    assert not any("recorded good only once" in note for note in twice.notes)
+    assert any("was recorded good only once" in note for note in once.notes)
+    assert not any("was recorded good only once" in note for note in twice.notes)
