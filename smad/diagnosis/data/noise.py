@@ -97,11 +97,19 @@ def estimate_floors(runs: Sequence[GapRun], plant: PlantModel, period_s: float) 
     """Return what a residual of each channel is measured by, in its unit; (channels,).
 
     The noise of one row of `period_s`, and the resolution that no simulator is trusted below, in
-    quadrature. Noise is at least that of the quantum. A channel that no run has keeps its typical
-    noise.
+    quadrature.
+    """
+    resolution = [_RESOLUTION * _excursion(runs, c.name) for c in plant.channels]
+    return np.asarray(np.hypot(row_noise(runs, plant, period_s), resolution))
+
+
+def row_noise(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> Array:
+    """The noise of a row of `period_s` of each channel, in its unit; (channels,).
+
+    It is at least that of the quantum. A channel that no run has keeps its typical noise.
     """
     grids = [Grid.of(run, period_s) for run in runs]
-    floors = np.array([max(c.noise, c.quantum) for c in plant.channels])
+    noise = np.array([max(c.noise, c.quantum) for c in plant.channels])
     for i, channel in enumerate(plant.channels):
         name = channel.name
         if not any(name in run.outputs for run in runs):
@@ -117,14 +125,15 @@ def estimate_floors(runs: Sequence[GapRun], plant: PlantModel, period_s: float) 
             sigma = _difference_sigma(runs, grids, name)
         if sigma <= 0.0 and least == 0.0:
             sigma = channel.noise
-        resolution = _RESOLUTION * _excursion(runs, name)
-        floors[i] = np.hypot(max(sigma, least), resolution)
-    return floors
+        noise[i] = max(sigma, least)
+    return noise
 
 
 def _excursion(runs: Sequence[GapRun], name: str) -> float:
     """Median over runs of the range that a channel goes through, less its extreme percents."""
     having = [r for r in runs if name in r.outputs]
+    if not having:
+        return 0.0
     return float(
         np.median([np.ptp(np.quantile(r.outputs[name][r.good], (0.01, 0.99))) for r in having])
     )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.data.grid import PERIOD_S
-from smad.diagnosis.data.noise import estimate_floors
+from smad.diagnosis.data.noise import row_noise
 from smad.diagnosis.data.played import Played, predictions, slopes
 from smad.diagnosis.data.rows import Binned, bin_numbers, binned, offset_s, require_like_inputs
 from smad.diagnosis.numerics.white import RunRows
@@ -137,7 +137,7 @@ def good_runs(
     Raises PairingError when the recordings of a group do not have the same inputs.
     """
     repeated = [_on_one_grid(plant, group, period_s) for group in groups]
-    noise = estimate_floors([run for group in groups for run in group], plant, period_s)
+    noise = row_noise([run for group in groups for run in group], plant, period_s)
     point = _fitted_point(plant, repeated)
     played = [r.played for r in repeated]
     J = slopes(plant, point, played)
