@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
 import sys
 import tomllib
 from collections.abc import Mapping
@@ -744,6 +746,23 @@ def test_processes_answer_as_one_does_for_a_function_made_inside_another() -> No
     assert one.whole == two.whole
     with pytest.raises(SimulatorError, match="processes is no count"):
         diagnose(RUNS, declared, processes=0)
+
+
+def test_a_process_that_was_killed_ends_the_diagnosis() -> None:
+    here = os.getpid()
+
+    def killed(t, inputs, values, start):
+        if os.getpid() != here and values["loss_W_K"] != 0.8:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return heater(t, inputs, values, start)
+
+    declared = simulator(
+        killed,
+        parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
+        effects={"slow_sensor": (2.0, 0.0, 8.0)},
+    )
+    with pytest.raises(SimulatorError, match=r"a process of the simulator was killed, .*fewer"):
+        diagnose(RUNS, declared, processes=2)
 
 
 def test_a_run_that_begins_with_a_step_begins_at_rest() -> None:
