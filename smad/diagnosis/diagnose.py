@@ -47,7 +47,7 @@ def diagnose(
     period_s = row_of_admitted_s([*runs, *hold_out, *good], plant)
     groups = admit_groups({FIT: runs, HOLD_OUT: hold_out, GOOD: good}, plant, period_s)
     roles = {role: a.admitted for role, a in groups.items()}
-    findings = [f for a in groups.values() for f in a.findings]
+    findings = sorted((f for a in groups.values() for f in a.findings), key=lambda f: f.run)
     findings += too_few(roles, asked_good=bool(good))
     lacking = _lacking(groups)
     if lacking:

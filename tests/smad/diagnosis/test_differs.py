@@ -176,7 +176,9 @@ def test_a_channel_that_the_bench_lacks_is_not_judged_and_the_rest_is() -> None:
     found = ask(runs)
     assert [c.name for c in found.causes] == ["driver_gain"]
     assert "rod_um" not in {s.signal for s in found.budget}
-    assert any(f.kind == "channel missing" and "rod_um" in f.text for f in found.findings)
+    missing = [f for f in found.findings if f.kind == "channel missing"]
+    assert {f.text for f in missing} == {"rod_um not recorded, so not compared"}
+    assert [f.run for f in missing] == sorted(r.name for r in runs)
 
 
 def test_swapped_cables_are_named_and_give_no_verdict() -> None:
