@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import FILE, PATH, json_option, print_json
+from smad.cli.output import OUTPUT, PATH, json_option, print_json
 from smad.errors import SmadError
 
 _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
@@ -41,7 +41,7 @@ _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
     help="With air: its speed from a fan, m/s; 0 is still air.",
 )
 @click.option("--params", help="The alloy: a parameter set.  [default: A, or the file's base]")
-@click.option("--html", "page", type=FILE, help="Page to write.")
+@click.option("--html", "page", type=OUTPUT, help="Page to write.")
 @json_option
 def design(
     *,

@@ -5,7 +5,8 @@ import time
 import click
 
 from smad.api import Status
-from smad.cli.output import Finite, axis_option, client, progress
+from smad.cli.output import axis_option, client, progress
+from smad.cli.quantity import Quantity
 from smad.errors import PortError
 from smad.view.terminal.status_lines import spread
 
@@ -18,7 +19,9 @@ def link() -> None:
 
 
 @link.command()
-@click.option("--for", "duration_s", type=Finite(0.01, 3600), default=5.0, help="Seconds to count.")
+@click.option(
+    "--for", "duration_s", type=Quantity("s", 0.01, 3600.0), default=5.0, help="Seconds to count."
+)
 @axis_option
 def test(duration_s: float, bench: str) -> None:
     """Count samples, errors and delays for some seconds.
