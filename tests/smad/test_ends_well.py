@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from smad.cli import execute
-from smad.client import Client, NoAnswer
+from smad.client import Client, NoAnswer, NoDaemon
 from smad.client.endpoints import Connection, write_connection
 from smad.errors import DaemonError
 from smad.fmi.errors import FmiError
@@ -99,6 +99,18 @@ def test_who_asks_a_daemon_that_has_ended_hears_so_at_once(tmp_path: Path) -> No
             client.disarm()
     finally:
         client.close()
+
+
+def test_a_closed_client_says_that_it_is_closed(tmp_path: Path) -> None:
+    daemon = FakeDaemon(tmp_path)
+    try:
+        with Client(folder=tmp_path) as client:
+            samples = client.telemetry()
+        for call in (client.motion, client.disarm, lambda: next(samples)):
+            with pytest.raises(NoDaemon, match="this client is closed; make another"):
+                call()
+    finally:
+        daemon.close()
 
 
 def test_a_daemon_that_had_to_be_killed_is_an_error(

@@ -36,6 +36,8 @@ from smad.errors import SmadError
         ("clear 0", "there is no fault '0'"),
         ("link test --for 2h", "'2h' is not within 0.01 to 3600 s"),
         ("robot circle a 400", "'400' is not within 0 to 180 °"),
+        ("queue remove x", "'x' is not a whole number. See"),
+        ("params set cold_cC 3A", "'3A' is not a number. See"),
         ("record last --seconds soon", "'soon' is not a number of s"),
     ],
 )
@@ -79,6 +81,7 @@ def test_fault_list_names_every_fault_and_an_unknown_one_is_told_them_too() -> N
     [
         ("Expected `float` <= 1.0", "it has to be at most 1"),
         ("Expected `int` >= 1", "it has to be at least 1"),
+        ("Expected `array` of length >= 1", "it has to be a list of at least 1"),
         ("Expected `float` > 0.0", "it has to be above 0"),
         ("Expected `bool`, got `str`", "it has to be true or false, not text"),
         ("Expected `float`, got `null`", "it has to be a number, not nothing"),
