@@ -35,6 +35,7 @@ from smad.errors import SmadError
         ("clear over-temprature", "there is no fault 'over-temprature'; did you mean "),
         ("clear 0", "there is no fault '0'"),
         ("link test --for 2h", "'2h' is not within 0.01 to 3600 s"),
+        ("design --wire 2kg", "'2kg': give it in mm, alone or with m, cm, mm, um (µm), in."),
         ("robot circle a 400", "'400' is not within 0 to 180 °"),
         ("queue remove x", "'x' is not a whole number. See"),
         ("params set cold_cC 3A", "'3A' is not a number. See"),

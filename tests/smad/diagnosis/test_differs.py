@@ -244,3 +244,8 @@ def test_what_was_asked_is_not_exchanged_when_a_group_of_runs_is_refused(
 
 def test_a_verdict_comes_back_from_its_file_as_it_was(gain: Verdict) -> None:
     assert Verdict.from_json(gain.to_json()) == gain
+
+
+def test_files_are_no_runs_until_they_are_read() -> None:
+    with pytest.raises(PlantMismatch, match="a run is no GapRun; got str; read a file with"):
+        diagnose(["run.mcap"], plant=HeaterPlant())  # type: ignore[list-item]
