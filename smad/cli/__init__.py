@@ -39,6 +39,8 @@ SYNONYMS: Mapping[str, str] = {"mark": "note", "check-up": "checkup", "ls": "lis
 
 _NO_COMMAND = re.compile(r"No such command '([^']+)'")
 _EXTRA = re.compile(r"Got unexpected extra argument \((\S+)\)")
+_NO_NUMBER = re.compile(r"is not a valid (float|integer)( range)?")
+_NUMBERS = {"float": "number", "integer": "whole number"}
 _INTERRUPTED = 130
 _INTERNAL = 70
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -151,6 +153,7 @@ def run_group(group: click.Group, arguments: Sequence[str], program: str) -> int
     except click.UsageError as error:
         path = error.ctx.command_path if error.ctx is not None else program
         what = (_hint(error) or error.format_message()).rstrip(".").replace("?.", "?")
+        what = _NO_NUMBER.sub(lambda match: f"is not a {_NUMBERS[match[1]]}", what)
         end = "" if what.endswith("?") else "."
         return _complain(f"{what}{end} See {path} --help.", error.exit_code)
     except click.ClickException as error:

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import FILE, PATH, json_option, print_json
+from smad.cli.output import OUTPUT, PATH, json_option, print_json
+from smad.cli.quantity import Quantity
 from smad.errors import SmadError
 
 _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
@@ -12,18 +13,21 @@ _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
 
 @click.command()
 @click.argument("source", metavar="[GEOMETRY]", required=False, type=PATH)
-@click.option("--wire", "wire_mm", type=float, help="Diameter of the wire, mm.")
-@click.option("--coil", "coil_mm", type=float, help="Mean diameter of the coil, mm.")
+@click.option("--wire", "wire_mm", type=Quantity("mm"), help="Diameter of the wire, mm.")
+@click.option("--coil", "coil_mm", type=Quantity("mm"), help="Mean diameter of the coil, mm.")
 @click.option("--turns", type=float, help="Active turns.")
 @click.option(
-    "--pitch", "pitch_mm", type=float, help="Free space between turns, mm; used in still air."
+    "--pitch",
+    "pitch_mm",
+    type=Quantity("mm"),
+    help="Free space between turns, mm; used in still air.",
 )
-@click.option("--tube", "tube_mm", type=float, help="Inner diameter of the tube, mm.")
+@click.option("--tube", "tube_mm", type=Quantity("mm"), help="Inner diameter of the tube, mm.")
 @click.option("--prestrain", type=float, help="Shear strain of the mounted springs.")
 @click.option(
     "--current",
     "current_A",
-    type=click.FloatRange(0.01, 50.0),
+    type=Quantity("A", 0.01, 50.0),
     default=4.0,
     help="Current of the heated spring, A.",
 )
@@ -41,7 +45,7 @@ _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
     help="With air: its speed from a fan, m/s; 0 is still air.",
 )
 @click.option("--params", help="The alloy: a parameter set.  [default: A, or the file's base]")
-@click.option("--html", "page", type=FILE, help="Page to write.")
+@click.option("--html", "page", type=OUTPUT, help="Page to write.")
 @json_option
 def design(
     *,

@@ -36,7 +36,7 @@ from smad.cli.gap_simulator import (
     require_pairs,
     simulator_options,
 )
-from smad.cli.output import EXISTING, FILE, json_option, print_json, progress
+from smad.cli.output import EXISTING, OUTPUT, json_option, print_json, progress
 from smad.files import named_output, require_writable
 
 
@@ -60,9 +60,9 @@ gap.add_command(plan_runs)
 @trust_option
 @params_option
 @variant_option
-@click.option("--json", "json_path", type=FILE, help="Write the whole verdict here.")
-@click.option("--html", "html_path", type=FILE, help="Write the report page here.")
-@click.option("--apply", "model_path", type=FILE, help="Write the better model here.")
+@click.option("--json", "json_path", type=OUTPUT, help="Write the whole verdict here.")
+@click.option("--html", "html_path", type=OUTPUT, help="Write the report page here.")
+@click.option("--apply", "model_path", type=OUTPUT, help="Write the better model here.")
 @simulator_options
 @processes_option
 def diagnose(
@@ -147,7 +147,7 @@ def diagnose(
 
 @gap.command()
 @click.argument("verdict", type=EXISTING)
-@click.option("--out", type=FILE, required=True, help="The model file to write.")
+@click.option("--out", type=OUTPUT, required=True, help="The model file to write.")
 @click.option(
     "--first", type=click.IntRange(0), help="Only this many causes; 0: the parameters alone."
 )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from smad.cli.gap_print import print_verdict, write_verdict
-from smad.cli.output import FILE, FOLDER, F, Progress, axis_option, progress, ready_client
+from smad.cli.output import FOLDER, OUTPUT, F, Progress, axis_option, progress, ready_client
 from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
 from smad.files import named_output, require_writable
 
@@ -104,12 +104,12 @@ def commission(
 )
 @effect_option
 @_bench_options
-@click.option("--json", "json_path", type=FILE, help="Write the verdict here.")
-@click.option("--report", "page_path", type=FILE, help="Write a page with figures here.")
+@click.option("--json", "json_path", type=OUTPUT, help="Write the verdict here.")
+@click.option("--report", "page_path", type=OUTPUT, help="Write a page with figures here.")
 @click.option(
     "--model",
     "model_path",
-    type=FILE,
+    type=OUTPUT,
     help="Write the model with the effects and laws that were found.",
 )
 def checkup(

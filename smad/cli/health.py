@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import FILE, FOLDER, json_option, print_json, progress
+from smad.cli.output import FILE, FOLDER, OUTPUT, json_option, print_json, progress
 
 
 @click.command()
@@ -31,7 +31,7 @@ from smad.cli.output import FILE, FOLDER, json_option, print_json, progress
     metavar="NAME=VALUE",
     help="Predict the cycles to a limit, such as stroke_mm=8; may be repeated.",
 )
-@click.option("--report", type=FILE, help="Write one page with all trends here.")
+@click.option("--report", type=OUTPUT, help="Write one page with all trends here.")
 @json_option
 def health(
     *,

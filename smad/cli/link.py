@@ -5,7 +5,8 @@ import time
 import click
 
 from smad.api import Status
-from smad.cli.output import Finite, axis_option, client, progress
+from smad.cli.output import axis_option, client, progress
+from smad.cli.quantity import Quantity
 from smad.errors import PortError
 from smad.view.terminal.status_lines import spread
 
@@ -18,7 +19,9 @@ def link() -> None:
 
 
 @link.command()
-@click.option("--for", "duration_s", type=Finite(0.01, 3600), default=5.0, help="Seconds to count.")
+@click.option(
+    "--for", "duration_s", type=Quantity("s", 0.01, 3600.0), default=5.0, help="Seconds to count."
+)
 @axis_option
 def test(duration_s: float, bench: str) -> None:
     """Count samples, errors and delays for some seconds.
@@ -28,22 +31,24 @@ def test(duration_s: float, bench: str) -> None:
     with client(bench) as bench_client, progress() as line:
         bench_client.reset_timing()
         before = bench_client.status()
-        deadline = time.monotonic() + duration_s
+        began_s = time.monotonic()
+        deadline = began_s + duration_s
         while (left := deadline - time.monotonic()) > 0:
             line.say(f"testing the link, {left:.0f} s to go")
             time.sleep(min(0.5, left))
         # The percentiles are worked out once a second.
         time.sleep(1.1)
         after = bench_client.status()
+        took_s = time.monotonic() - began_s
     samples = after.counts.samples - before.counts.samples
     if samples == 0:
         raise PortError(
             "no sample came",
             value=f"link is {after.link.state}",
-            limit=f"{after.link.rate_hz * duration_s:.0f} in {duration_s:g} s",
+            limit=f"{after.link.rate_hz * took_s:.0f} in {took_s:.1f} s",
             action="check cable and power of the board; smad status says more",
         )
-    lost = _report(before, after, samples)
+    lost = _report(before, after, samples, took_s)
     if lost:
         raise PortError(
             "the link is not clean",
@@ -53,7 +58,7 @@ def test(duration_s: float, bench: str) -> None:
         )
 
 
-def _report(before: Status, after: Status, samples: int) -> int:
+def _report(before: Status, after: Status, samples: int, took_s: float) -> int:
     counts, earlier = after.counts, before.counts
     missed = counts.missed - earlier.missed
     skipped = counts.skipped - earlier.skipped
@@ -62,7 +67,9 @@ def _report(before: Status, after: Status, samples: int) -> int:
         after.link.frames.get(name, 0) - before.link.frames.get(name, 0) for name in _ERRORS
     )
     age, share = after.timing.setpoint_age, after.timing.own_share
-    click.echo(f"samples       {samples} (asked for {after.link.rate_hz} a second)")
+    click.echo(
+        f"samples       {samples} in {took_s:.1f} s (asked for {after.link.rate_hz} a second)"
+    )
     click.echo(f"missed        {missed}")
     click.echo(f"skipped       {skipped} (a newer one was there already)")
     click.echo(f"damaged       {damaged} frames from the board")

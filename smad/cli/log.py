@@ -15,7 +15,7 @@ import click
 
 from smad.cli import complete
 from smad.cli.layouts import layouts
-from smad.cli.output import FILE, PATH, json_option, print_json
+from smad.cli.output import FILE, OUTPUT, PATH, json_option, print_json
 from smad.cli.tables import print_columns
 from smad.errors import RunLogError
 from smad.files import display_path, require_writable
@@ -180,7 +180,7 @@ def split(path: Path | None, folder: str) -> None:
 @log.command()
 @click.argument("paths", metavar="[RUN]...", nargs=-1, type=PATH, shell_complete=complete.runs)
 @_folder
-@click.option("-o", "--output", type=PATH, help="Page to write.")
+@click.option("-o", "--output", type=OUTPUT, help="Page to write.")
 @click.option("--from", "from_s", type=float, help="First second to draw.")
 @click.option("--to", "to_s", type=float, help="Last second to draw.")
 @click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")

@@ -26,11 +26,30 @@ _LINE_EVERY_S = 5.0
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+
+class _Output(click.Path):
+    """A file to write. It never replaces a recording."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the path. Fails as a usage error where a recording would be lost."""
+        if (path := Path(value)).is_file():
+            from smad.records.tables import is_table
+            from smad.runlog.paths import SUFFIX
+
+            if path.name.lower().endswith(SUFFIX) or is_table(path):
+                self.fail(
+                    f"{value!r} is a recording, and would be lost. Name another file.", param, ctx
+                )
+        return super().convert(value, param, ctx)
+
+
 PATH = click.Path(path_type=Path)
 FILE = click.Path(dir_okay=False, path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
 EXISTING = click.Path(exists=True, dir_okay=False, path_type=Path)
-"""Types of options and arguments: anything, no folder, no file, a file that is there."""
+OUTPUT = _Output(dir_okay=False, path_type=Path)
+"""Types of options and arguments: anything, no folder, no file, a file that is there, a file to
+write that is no recording."""
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 wait_option = click.option(

@@ -15,12 +15,13 @@ _TYPED = re.compile(r"(?P<number>[-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(?P<unit>\S*)")
 
 
 class Quantity(click.ParamType[float]):
-    """A number of `unit`, with or without a unit of the same kind behind it."""
+    """A number of `unit` within a range, with or without a unit of the same kind behind it."""
 
     name = "number"
 
-    def __init__(self, unit: str) -> None:
+    def __init__(self, unit: str, low: float = -math.inf, high: float = math.inf) -> None:
         self.unit = unit
+        self.low, self.high = low, high
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
@@ -38,14 +39,17 @@ class Quantity(click.ParamType[float]):
         if unit and unit not in units_for(self.unit):
             allowed = alternatives(self.unit)
             self.fail(f"{value!r}: give it in {shown}, alone or with {allowed}.", param, ctx)
-        if math.isnan(number):
+        if not math.isfinite(number):
             self.fail(f"{value!r} is not a finite number.", param, ctx)
         if unit and ctx is not None and param is not None:
             ctx.meta[_WITH_UNIT] = {**typed_units(ctx), param.name: unit}
         if unit and unit != self.unit:
             number = UNITS[self.unit].from_si(UNITS[unit].to_si(number))
         # 250 ms are 0.25 s, not 0.25000000000000006.
-        return float(f"{number:.15g}")
+        number = float(f"{number:.15g}")
+        if not self.low <= number <= self.high:
+            self.fail(f"{value!r} is not within {self.low:g} to {self.high:g} {shown}.", param, ctx)
+        return number
 
 
 def typed_units(ctx: click.Context) -> Mapping[str | None, str]:

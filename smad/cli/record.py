@@ -3,6 +3,7 @@
 import click
 
 from smad.cli.output import bench_option, client
+from smad.cli.quantity import Quantity
 from smad.files import display_path
 
 
@@ -38,7 +39,7 @@ def stop(bench: str) -> None:
 
 
 @record.command()
-@click.option("--seconds", type=float, default=60.0, help="How far back.")
+@click.option("--seconds", type=Quantity("s"), default=60.0, help="How far back.")
 @bench_option
 def last(seconds: float, bench: str) -> None:
     """Write the last seconds into a log, recorded or not.

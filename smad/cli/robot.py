@@ -10,12 +10,12 @@ import click
 from smad.cli.output import (
     NEGATIVE,
     PATH,
-    Finite,
     bench_option,
     client,
     wait_for_motion,
     wait_option,
 )
+from smad.cli.quantity import Quantity
 
 if TYPE_CHECKING:
     from smad.client import Client
@@ -42,10 +42,14 @@ def angles(bench: str) -> None:
 
 @robot.command(context_settings=NEGATIVE)
 @_segment
-@click.argument("pitch_deg", type=Finite())
-@click.argument("yaw_deg", type=Finite())
+@click.argument("pitch_deg", type=Quantity("deg"))
+@click.argument("yaw_deg", type=Quantity("deg"))
 @click.option(
-    "--for", "duration_s", type=Finite(0.1, 3600), default=10.0, help="Seconds to stay there."
+    "--for",
+    "duration_s",
+    type=Quantity("s", 0.1, 3600.0),
+    default=10.0,
+    help="Seconds to stay there.",
 )
 @wait_option
 @bench_option
@@ -64,9 +68,13 @@ def step(
 
 @robot.command(context_settings=NEGATIVE)
 @_segment
-@click.argument("radius_deg", type=Finite(0.0, 180.0))
+@click.argument("radius_deg", type=Quantity("deg", 0.0, 180.0))
 @click.option(
-    "--period", "period_s", type=Finite(0.5, 3600), default=20.0, help="Seconds for one circle."
+    "--period",
+    "period_s",
+    type=Quantity("s", 0.5, 3600.0),
+    default=20.0,
+    help="Seconds for one circle.",
 )
 @click.option("--cycles", type=click.IntRange(1, 1000), default=1, help="Number of circles.")
 @wait_option

@@ -13,6 +13,7 @@ from smad.cli import complete
 from smad.cli.output import (
     FILE,
     FOLDER,
+    OUTPUT,
     axis_option,
     json_option,
     lease_option,
@@ -111,11 +112,11 @@ class _Run(click.Command):
 )
 @click.option(
     "--report",
-    type=FILE,
+    type=OUTPUT,
     help="Page to write [default: experiments.html; experiments-2.html and so on if it exists]",
 )
 @click.option(
-    "--save-parameters", type=FILE, help="Write the recovered parameters to this parameter file."
+    "--save-parameters", type=OUTPUT, help="Write the recovered parameters to this parameter file."
 )
 @click.option("--save-logs", type=FOLDER, help="With --sim, write the run logs into this folder.")
 @click.option(

@@ -19,6 +19,7 @@ from smad.cli.output import (
     progress,
     ready_client,
 )
+from smad.cli.quantity import Quantity
 from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
 from smad.errors import SmadError
 from smad.progress import Say
@@ -37,14 +38,14 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
 @click.option(
     "--displacement",
     nargs=2,
-    type=Finite(-20.0, 20.0),
+    type=Quantity("mm", -20.0, 20.0),
     metavar="LOW HIGH",
     help="Cycle between these, mm  [default: -5 5]",
 )
 @click.option(
     "--temperature",
     nargs=2,
-    type=Finite(0.0, 95.0),
+    type=Quantity("degC", 0.0, 95.0),
     metavar="LOW HIGH",
     help="Cycle one spring between these instead, °C.",
 )
@@ -59,7 +60,7 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
     help="Rate of the ramps; K/s with --temperature.",
 )
 @click.option(
-    "--dwell", type=Finite(0.0, 600.0), default=1.0, metavar="S", help="Pause at each end."
+    "--dwell", type=Quantity("s", 0.0, 600.0), default=1.0, metavar="S", help="Pause at each end."
 )
 @click.option(
     "--every",

@@ -6,7 +6,8 @@ from pathlib import Path
 import click
 import msgspec
 
-from smad.cli.output import FILE, PATH, Finite, config_option
+from smad.cli.output import FILE, PATH, config_option
+from smad.cli.quantity import Quantity
 from smad.cli.simulated import board_options, effect_lines, effects_option
 from smad.cli.tables import print_columns
 from smad.processes.boards import SimulatedBenchError, build, built
@@ -30,7 +31,9 @@ from smad.processes.simulator import READY
     type=FILE,
     help="With --firmware: file of the parameter memory, to survive this process.",
 )
-@click.option("--for", "seconds", type=Finite(min=0), metavar="S", help="End after this time.")
+@click.option(
+    "--for", "seconds", type=Quantity("s", 0.0, 1e9), metavar="S", help="End after this time."
+)
 @click.option("--transport", default="pty", help="pty, or fd:N,… (sockets).")
 def sim(
     *,

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import PATH, Finite, bench_option, client, progress
+from smad.cli.output import OUTPUT, bench_option, client, progress
+from smad.cli.quantity import Quantity
 
 if TYPE_CHECKING:
     from smad.client import Client
@@ -21,11 +22,17 @@ TITLE = "circles of the segments of a robot, in turn and together"
 
 @click.command("six-axes")
 @click.option("--sim", is_flag=True, help="On a simulated bench of six axes.")
-@click.option("--radius", "radius_deg", type=Finite(0.1, 180.0), default=15.0, help="Degrees.")
 @click.option(
-    "--period", "period_s", type=Finite(0.5, 3600), default=20.0, help="Seconds for one circle."
+    "--radius", "radius_deg", type=Quantity("deg", 0.1, 180.0), default=15.0, help="Degrees."
 )
-@click.option("--report", type=PATH, help="Page; by default beside the log.")
+@click.option(
+    "--period",
+    "period_s",
+    type=Quantity("s", 0.5, 3600.0),
+    default=20.0,
+    help="Seconds for one circle.",
+)
+@click.option("--report", type=OUTPUT, help="Page; by default beside the log.")
 @bench_option
 def six_axes(
     *, sim: bool, radius_deg: float, period_s: float, report: Path | None, bench: str

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from smad.cli.output import (
-    FILE,
+    OUTPUT,
     axis_option,
     json_option,
     lease_option,
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 @click.option("--apply", is_flag=True, help="Put the new gains in force on the running daemon.")
 @click.option(
     "--save",
-    type=FILE,
+    type=OUTPUT,
     metavar="FILE",
     help="Write the section of the configuration to a new file.",
 )

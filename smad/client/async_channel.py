@@ -18,6 +18,7 @@ from smad.client.wire import (
     has_ended,
     no_answer,
     no_telemetry,
+    require_open,
     subscribe,
     telemetry_of,
 )
@@ -51,8 +52,9 @@ class AsyncChannel:
         stop: bool,
         axes: str | tuple[str, ...] | None = None,
     ) -> Reply:
-        """Return the reply to a request. Raises NoAnswer after `limit_s`, and Refused."""
+        """Return the reply to a request. Raises NoAnswer after `limit_s`, Refused, NoDaemon."""
         socket = self._stops if stop else self._commands
+        require_open(socket)
         async with self._turn[stop]:
             call_id, data = self.conversation.request(params, axes)
             try:
@@ -71,6 +73,7 @@ class AsyncChannel:
 
     async def telemetry(self, limit_s: float, queue: int, axis: str) -> AsyncGenerator[Telemetry]:
         """Published samples of an axis, as they come. Raises NoAnswer after `limit_s` without."""
+        require_open(self._commands)
         topic = topic_of(axis).encode()
         socket = subscribe(self._context, self.connection.telemetry, topic, queue)
         try:

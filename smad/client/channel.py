@@ -19,6 +19,7 @@ from smad.client.wire import (
     has_ended,
     no_answer,
     no_telemetry,
+    require_open,
     subscribe,
     telemetry_of,
 )
@@ -50,8 +51,9 @@ class Channel:
         stop: bool,
         axes: str | tuple[str, ...] | None = None,
     ) -> Reply:
-        """Return the reply to a request. Raises NoAnswer after `limit_s`, and Refused."""
+        """Return the reply to a request. Raises NoAnswer after `limit_s`, Refused, NoDaemon."""
         socket: Any = self._stops if stop else self._commands
+        require_open(socket)
         call_id, data = self.conversation.request(params, axes)
         deadline_s = time.monotonic() + limit_s
         try:
@@ -72,6 +74,7 @@ class Channel:
 
     def telemetry(self, limit_s: float, queue: int, axis: str) -> Generator[Telemetry]:
         """Published samples of an axis, as they come. Raises NoAnswer after `limit_s` without."""
+        require_open(self._commands)
         topic = topic_of(axis).encode()
         socket = subscribe(self._context, self.connection.telemetry, topic, queue)
         try:

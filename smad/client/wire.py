@@ -272,6 +272,12 @@ def has_ended(connection: Connection) -> NoAnswer:
     )
 
 
+def require_open(socket: zmq.Socket[Any]) -> None:
+    """Raise NoDaemon if the client whose socket this is was closed."""
+    if socket.closed:
+        raise NoDaemon("this client is closed", action="make another: smad.Client()")
+
+
 def no_telemetry(limit_s: float) -> NoAnswer:
     """Return the error of a sample that did not come."""
     return NoAnswer(

@@ -15,6 +15,7 @@ _KINDS = {
     "null": "nothing",
 }
 """Types of a schema, as a person calls what they allow."""
+_LENGTH = re.compile(r"Expected `array` of length (?P<side>[<>]=?) (?P<limit>\d+)")
 _SIDES = {"<=": "at most", ">=": "at least", "<": "below", ">": "above"}
 
 
@@ -23,6 +24,8 @@ def in_words(cause: str) -> str:
     bound = _BOUND.fullmatch(cause)
     if bound is not None:
         return f"it has to be {_SIDES[bound['side']]} {float(bound['limit']):g}"
+    if length := _LENGTH.fullmatch(cause):
+        return f"it has to be a list of {_SIDES[length['side']]} {length['limit']}"
     kind = _KIND.fullmatch(cause)
     if kind is None or kind["wanted"] not in _KINDS:
         return cause

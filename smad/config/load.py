@@ -105,9 +105,10 @@ def _refuse(message: str, text: str, source: str) -> NoReturn:
         # A check of several keys together; its message says what to do.
         place = f"[{path}] " if path else ""
         raise ConfigError(f"{source}: {place}{in_words(cause)}") from None
+    value = value_at(tomllib.loads(text), f"{section_name}.{name}")
     raise ConfigError(
         f"{source}: {path} is not allowed",
-        value=value_at(tomllib.loads(text), f"{section_name}.{name}"),
+        value=f'"{value}"' if "got `str`" in cause else value,
         limit=key.allowed,
         action=f"correct it ({key.description})",
     ) from None

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from smad.api import Motion, Status
-from smad.client import Client, NoAnswer, Refused, Stopped
+from smad.client import BoardRefused, Client, NoAnswer, NotReady, Refused, Stopped
 from smad.client.arming import arm_when_allowed
 from smad.control.commands import Hold, Sine, Step, Trajectory
 from smad.errors import SmadError
@@ -84,7 +84,7 @@ def naming_cause(client: Client) -> Iterator[None]:
     """Give an error of the bench the words of the daemon's journal, while there is one to ask."""
     try:
         yield
-    except (Stopped, Refused, NoAnswer) as error:
+    except (Stopped, NotReady, BoardRefused, NoAnswer) as error:
         why = "" if isinstance(error, NoAnswer) else _why(client)
         if why and why not in error.cause:
             error.cause = f"{error.cause}: {why}"

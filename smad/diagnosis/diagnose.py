@@ -39,16 +39,17 @@ def diagnose(
     With `good` runs it says what has changed since them. `hold_out` are runs to judge on; without
     them each run is judged by models that were fitted to the others.
     `candidates` are the effects that may be named. Nothing is random. Raises PlantMismatch for a
-    candidate that the plant does not have, and GapError if the model cannot replay the runs;
-    runs that cannot be used are refused in the verdict.
+    candidate that the plant does not have or what is no run, and GapError if the model cannot
+    replay the runs; runs that cannot be used are refused in the verdict.
     """
     began = time.perf_counter()
     effects = library(plant, candidates)
+    _require_runs((*runs, *hold_out, *good))
     progress("admission")
     period_s = row_of_admitted_s([*runs, *hold_out, *good], plant)
     groups = admit_groups({FIT: runs, HOLD_OUT: hold_out, GOOD: good}, plant, period_s)
     roles = {role: a.admitted for role, a in groups.items()}
-    findings = [f for a in groups.values() for f in a.findings]
+    findings = sorted((f for a in groups.values() for f in a.findings), key=lambda f: f.run)
     findings += too_few(roles, asked_good=bool(good))
     lacking = _lacking(groups)
     if lacking:
@@ -88,6 +89,16 @@ def diagnose(
         smad_version=VERSION,
         seconds=round(time.perf_counter() - began, 2),
     )
+
+
+def _require_runs(given: Sequence[object]) -> None:
+    for run in given:
+        if not isinstance(run, GapRun):
+            raise PlantMismatch(
+                "a run is no GapRun",
+                value=type(run).__name__,
+                action="read a file with read_gap_run, or make one of its columns",
+            )
 
 
 def library(plant: PlantModel, candidates: Sequence[str] | None) -> list[Effect]:

@@ -3,7 +3,7 @@
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
@@ -20,6 +20,7 @@ from smad.experiments.estimate import Estimate, with_estimates
 from smad.experiments.inverse import feedforward_of
 from smad.experiments.recording import Recording
 from smad.experiments.virtual import VirtualDriver
+from smad.processes.parent import begin_worker, interrupts_held
 from smad.progress import Say, silent
 from smad.report.panels import Panels
 from smad.report.planes import planes_of
@@ -104,7 +105,9 @@ def run_here(
     processes = min(jobs or os.cpu_count() or 1, trials)
     if processes == 1:
         return run_campaign(experiments, bench, model, progress=progress)
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(
+        processes, get_context("spawn"), initializer=begin_worker, initargs=(os.getpid(),)
+    ) as pool:
         return run_campaign(experiments, bench, model, pool, progress)
 
 
@@ -195,11 +198,12 @@ def _conduct_there(
 ) -> dict[str, dict[str, Any]]:
     # The experiment with the most trials first: its long ones would otherwise be left at the end.
     order = sorted(experiments, key=lambda experiment: -len(experiment.trials()))
-    places = {
-        executor.submit(_conduct_one, experiment, trial, bench): (experiment.name, trial)
-        for experiment in order
-        for trial in experiment.trials()
-    }
+    with interrupts_held():
+        places = {
+            executor.submit(_conduct_one, experiment, trial, bench): (experiment.name, trial)
+            for experiment in order
+            for trial in experiment.trials()
+        }
     outcomes: dict[str, dict[str, Any]] = {experiment.name: {} for experiment in experiments}
     began_s = time.monotonic()
     try:
@@ -208,8 +212,12 @@ def _conduct_there(
             outcomes[name][trial] = future.result()
             rest = time_left(count, len(places), time.monotonic() - began_s)
             progress(f"{count} of {len(places)} runs done, last {trial}{rest}")
-    except BaseException:
+    except BrokenExecutor as error:
+        raise ExperimentError(
+            "a process that simulates runs was killed",
+            action="if memory was short, take fewer of them (--jobs 1)",
+        ) from error
+    finally:
         for future in places:
             future.cancel()
-        raise
     return outcomes

@@ -1,10 +1,12 @@
 """A child that ends with who started it, however that ends. Linux."""
 
+import contextlib
 import ctypes
 import os
 import signal
 import threading
 import time
+from collections.abc import Iterator
 
 _PR_SET_PDEATHSIG = 1
 _ORPHAN_S = 10.0
@@ -33,8 +35,38 @@ def end_group_with(parent: int) -> None:
     threading.Thread(target=_kill_orphan, args=(parent,), daemon=True).start()
 
 
+@contextlib.contextmanager
+def interrupts_held() -> Iterator[None]:
+    """SIGINT waits for the end of the block; `begin_worker` lets it through in what began here."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def begin_worker(parent: int) -> None:
+    """Begin a process of a pool of `parent`: it ends with it, and at ctrl-C at once and silently.
+
+    As an exception, ctrl-C could lose what the pool waits for. Which thread of `parent` started
+    the process does not matter.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    threading.Thread(target=_end_orphan, args=(parent,), daemon=True).start()
+
+
+def _end_orphan(parent: int) -> None:
+    _wait_for_end(parent)
+    os._exit(128 + signal.SIGTERM)
+
+
 def _kill_orphan(parent: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(0.5)
+    _wait_for_end(parent)
     time.sleep(_ORPHAN_S)
     os.killpg(0, signal.SIGKILL)
+
+
+def _wait_for_end(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(0.5)

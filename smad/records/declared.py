@@ -82,11 +82,12 @@ def likely_unit(values: Array, declared: Declared) -> str:
     bits = next((b for b in _BITS if numbers.max() < 2**b), 0)
     if bits and low >= 0.0 == declared.low and np.all(numbers == np.rint(numbers)):
         scale = declared.high / (2**bits - 1)
-        give = f"`scale = {scale:.6g}`" if declared.applied else f"what makes them {declared.unit}"
+        in_map = f"`scale = {scale:.6g}` in a map"
+        give = in_map if declared.applied else f"what makes them {declared.unit}"
         spreads[f"counts of {bits} bits? give {give}"] = numbers.max() * scale
     signed = unit not in units_for("K")
     if signed and low < 0.0 and not declared.beyond(-values).any():
-        spreads["is its sign reversed? give `scale = -1`"] = -low
+        spreads["is its sign reversed? give `scale = -1` in a map"] = -low
     if spreads:
         return max(spreads, key=lambda words: spreads[words])
     if low < 0.0 <= declared.low:
@@ -97,5 +98,5 @@ def likely_unit(values: Array, declared: Declared) -> str:
 def _in_unit(unit: str, declared: Declared) -> str:
     """The words for values that are in another unit of the table."""
     if unit == "pct" and declared.high == 1.0:
-        return "percent? give `scale = 0.01`"
+        return "percent? give `scale = 0.01` in a map"
     return f"in {unit}? say so, in the name of its column or by `column_unit` in a map"

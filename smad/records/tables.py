@@ -188,7 +188,7 @@ def open_table(path: Path, form: CsvFormat | None = None) -> ForeignTable:
     if kind is None:
         raise LogImportError(
             f"{path} is no table",
-            value=path.suffix,
+            value=path.suffix or "no suffix",
             limit=", ".join(KINDS),
             action="convert it, or name it .csv if it is text",
         )

@@ -64,6 +64,12 @@ def bind(
 
     Raises SimulatorError for runs or a function that cannot be used.
     """
+    if not isinstance(declared, Simulator):
+        raise SimulatorError(
+            "what should simulate is not declared",
+            value=type(declared).__name__,
+            action="give the runs first, then simulator(f, parameters=…)",
+        )
     tables = [tables_of(group, time, form) for group in groups]
     every = [t for group in tables for t in group]
     if not every:

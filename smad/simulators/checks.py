@@ -176,10 +176,12 @@ def _first(
     try:
         return called(declared, table.t_s, asked, values, starting)
     except KeyError as error:
-        if why := table.why_unread(str(error.args[0])):
+        name = str(error.args[0])
+        empty = f"{table.name}: column {name!r} holds no number" if table.source_of(name) else ""
+        if why := table.why_unread(name) or empty:
             raise SimulatorError(why) from error
         raise SimulatorError(
-            f"{declared.name} asks for {error.args[0]!r}, which is neither a column nor a value",
+            f"{declared.name} asks for {name!r}, which is neither a column nor a value",
             limit=", ".join([*table.columns, *values]),
             action="correct the name, or declare it",
         ) from error

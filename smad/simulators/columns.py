@@ -29,6 +29,8 @@ UNMEASURED = 1e-3
 """Of a range, the noise of a reading that no run has."""
 LONG_STEP_S = 2.0
 """Samples further apart, on a time without a unit, are as likely ms of a logger at 1 to 500 Hz."""
+_FEWEST = 8
+"""Samples of a run, to look at all. A diagnosis needs more."""
 _SAME, _DIGITS = 1e-6, 9
 _WHOLE = 0.02
 """Steps between values this near to a whole number of the least one are of a rounded column."""
@@ -113,7 +115,8 @@ def tables_of(runs: Any, time: str = "", form: CsvFormat | None = None) -> list[
     name ends with, else in s. `form` says how a CSV file is written.
     Raises SimulatorError for what is none of these, or has no time.
     """
-    if isinstance(runs, (str, Path, GapRun, Table)) or hasattr(runs, "keys"):
+    one = isinstance(runs, (str, Path, GapRun, Table)) or hasattr(runs, "keys")
+    if one or not isinstance(runs, Iterable):
         runs = [runs]
     return [
         table for n, run in enumerate(runs, 1) for table in _tables(run, f"run {n}", time, form)
@@ -131,12 +134,28 @@ def _tables(run: Any, name: str, time: str, form: CsvFormat | None) -> Iterable[
             raise SimulatorError(f"no file is {str(run)!r}", action="correct the path or pattern")
         return [_of_file(Path(p), time, form) for p in paths]
     if hasattr(run, "keys"):
-        return [_timed(name, {str(k): np.asarray(run[k]) for k in run}, name, time, {})]
+        given = {str(k): np.asarray(run[k]) for k in run} | _index_of(run)
+        stamps = {n: _since_first(c) for n, c in given.items() if c.dtype.kind in "mM"}
+        time = time or ("" if _times(given) else next(iter(stamps), ""))
+        return [_timed(name, given | stamps, name, time, {}, stamps=tuple(stamps))]
     raise SimulatorError(
         "a run is neither a file nor a table of columns",
         value=type(run).__name__,
         action="give paths, mappings of columns, data frames or GapRuns",
     )
+
+
+def _index_of(run: Any) -> dict[str, Any]:
+    """The index of a data frame as a column, where it has a name or consists of stamps."""
+    index = getattr(run, "index", None)
+    values = np.asarray(index)
+    name = getattr(index, "name", None) or ("time" if values.dtype.kind in "mM" else "")
+    return {str(name): values} if name else {}
+
+
+def _since_first(stamps: Any) -> Array:
+    """Stamps, or durations, in s since the first."""
+    return np.asarray((stamps - stamps[:1]) / np.timedelta64(1, "s"), dtype=np.float64)
 
 
 def _of_file(path: Path, time: str, form: CsvFormat | None) -> Table:
@@ -175,13 +194,18 @@ def _timed(
     texts: dict[str, str] = dict(unread)
     for n, c in given.items():
         try:
-            numbers[n] = np.asarray(c, dtype=np.float64)
+            numbers[n] = np.atleast_1d(np.squeeze(np.asarray(c, dtype=np.float64)))
         except (TypeError, ValueError) as error:
             texts[n] = f"{where}: column {n!r} is not numbers: {error}"
     if time not in numbers:
         raise SimulatorError(texts[time], action="give it in s")
     notes = left_out([n for n in texts if n not in unread], ", since they are not numbers")
     column = numbers.pop(time)
+    odd = {n: c.shape for n, c in numbers.items() if c.shape != column.shape}
+    for n, shape in odd.items():
+        del numbers[n]
+        texts[n] = f"{where}: column {n!r} has the shape {shape}, its time {column.shape}"
+    notes += left_out(list(odd), ", since they are not as long as their time")
     t_s = column if time in stamps else _in_s(column, time, where, said=bool(called))
     return Table(name, t_s, numbers, notes=notes, unread=texts)
 
@@ -260,9 +284,12 @@ def run_of(
 def require_time(table: Table) -> None:
     """Raise SimulatorError for a time that does not increase, or too few samples."""
     require_rising(table.t_s, f"{table.name}: its time", SimulatorError)
-    if len(table.t_s) < 8:
+    count = len(table.t_s)
+    if count < _FEWEST:
         raise SimulatorError(
-            f"{table.name} has only {len(table.t_s)} samples", action="leave the run out"
+            f"{table.name} has only {count} sample{'s'[: count != 1]}",
+            limit=f"{_FEWEST} or more",
+            action="leave the run out",
         )
 
 

@@ -11,6 +11,7 @@ from smad.diagnosis.plant import Array, Channel, Mask, ModelPoint, Signal
 from smad.diagnosis.runs import GapRun
 from smad.simulators.calling import called
 from smad.simulators.declare import Simulator, value_name
+from smad.simulators.errors import LostProcessError
 from smad.simulators.replayed import ReplayedPlant
 from smad.simulators.starts import Window
 from smad.simulators.transducers import effects_of, transduced
@@ -104,6 +105,8 @@ class SimulatedPlant(ReplayedPlant):
             out = {n: np.concatenate([part[n] for part in shown]) for n in self._signals}
             away = [c.name for c in self.channels if not _bounded(c, out[c.name])]
             why = f"{away[0]} runs away" if away else ""
+        except LostProcessError:
+            raise
         except Exception as error:  # whatever somebody else's function does at some point
             why = f"{type(error).__name__}: {error}"
         self.failures.count(self._present(values), failed=bool(why))

@@ -7,12 +7,15 @@ no module of its own.
 from __future__ import annotations
 
 import multiprocessing
+import os
 import warnings
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
-from smad.simulators.errors import SimulatorError
+from smad.processes.parent import begin_worker, interrupts_held
+from smad.simulators.errors import LostProcessError, SimulatorError
 
 
 class Processes:
@@ -26,17 +29,26 @@ class Processes:
             raise SimulatorError("this system cannot fork processes", action="leave processes out")
         self.count = count
         self._pool = ProcessPoolExecutor(
-            count, multiprocessing.get_context("fork"), initializer=_begin, initargs=(function,)
+            count,
+            multiprocessing.get_context("fork"),
+            initializer=_begin,
+            initargs=(function, os.getpid()),
         )
 
     def called(self, *arguments: Any) -> Any:
-        """What the function returns. Raises RuntimeError for what it raised."""
-        with warnings.catch_warnings():
-            # Forking beside threads is what Python 3.12 warns of; ours hold no lock that a function
-            # could want.
-            warnings.simplefilter("ignore", DeprecationWarning)
-            asked = self._pool.submit(_call, *arguments)
-        returned, why = asked.result()
+        """What the function returns. Raises RuntimeError for what it raised, LostProcessError."""
+        try:
+            with warnings.catch_warnings(), interrupts_held():
+                # Forking beside threads is what Python 3.12 warns of; ours hold no lock that a
+                # function could want.
+                warnings.simplefilter("ignore", DeprecationWarning)
+                asked = self._pool.submit(_call, *arguments)
+            returned, why = asked.result()
+        except BrokenProcessPool as error:
+            raise LostProcessError(
+                "a process of the simulator was killed, or ended by itself",
+                action="if memory was short, take fewer (processes = 1: none but this one)",
+            ) from error
         if why:
             raise RuntimeError(why)
         return returned
@@ -50,7 +62,8 @@ _functions: list[Callable[..., Any]] = []
 """In a process of the pool: what it calls."""
 
 
-def _begin(function: Callable[..., Any]) -> None:
+def _begin(function: Callable[..., Any], parent: int) -> None:
+    begin_worker(parent)
     _functions[:] = [function]
 
 

@@ -164,6 +164,11 @@ def test_an_unknown_section_is_refused() -> None:
     assert "did you mean limits?" in refusal("[limit]\n")
 
 
+def test_a_number_in_quotes_is_shown_with_them() -> None:
+    said = refusal('[control]\nkp_A_per_mm = "3"\n')
+    assert 'control.kp_A_per_mm is not allowed; got "3"; allowed: 0 to 1000' in said
+
+
 def test_a_rate_that_the_board_does_not_know_is_refused() -> None:
     assert "link.rate_hz is not allowed; got 99; allowed: 100 or 250 or 500" in refusal(
         "[link]\nrate_hz = 99"

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from smad import api
-from smad.client import Client, Stopped
+from smad.client import Client, Refused, Stopped
 from smad.demo.job import measured, naming_cause, run_cycle
 from tests.smad.cli.test_commands import STATUS
 from tests.smad.fakedaemon import MOTION, FakeDaemon, fake_daemon
@@ -32,6 +32,14 @@ def test_an_end_that_the_daemon_knows_is_told_in_its_words(tmp_path: Path) -> No
         silent_board(daemon)
         with pytest.raises(Stopped, match=SILENT), naming_cause(client):
             run_cycle(client, lambda text: None)
+
+
+def test_a_demo_that_cannot_record_does_not_blame_a_busy_machine(tmp_path: Path) -> None:
+    with fake_daemon(tmp_path) as daemon, Client(folder=tmp_path) as client:
+        silent_board(daemon)
+        with pytest.raises(Refused) as told, naming_cause(client):
+            raise Refused("no folder", reason=api.Reason.RECORDER, action="name another")
+    assert told.value.action == "name another"
 
 
 def test_a_stretch_that_the_machine_was_too_busy_for_is_not_measured_and_says_why(

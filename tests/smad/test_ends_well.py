@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from smad.cli import execute
-from smad.client import Client, NoAnswer
+from smad.client import Client, NoAnswer, NoDaemon
 from smad.client.endpoints import Connection, write_connection
 from smad.errors import DaemonError
 from smad.fmi.errors import FmiError
@@ -45,6 +45,48 @@ def test_a_child_ends_with_a_parent_that_is_killed(number: signal.Signals) -> No
     parent.stdout.close()
 
 
+_POOL = """
+import os, sys, time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from smad.processes.parent import begin_worker, interrupts_held
+
+if __name__ == "__main__":
+    begun = {"initializer": begin_worker, "initargs": (os.getpid(),)}
+    with ProcessPoolExecutor(1, get_context("spawn"), **begun) as pool:
+        with interrupts_held():
+            first, asked = pool.submit(os.getpid), pool.submit(time.sleep, 600)
+        if "begun" in sys.argv:
+            first.result()
+        print("ready", flush=True)
+        asked.result()
+"""
+
+
+@pytest.mark.parametrize("when", ["begun", "beginning"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_processes_of_a_pool_end_silently_at_ctrl_c_and_with_their_parent(
+    number: signal.Signals, when: str, tmp_path: Path
+) -> None:
+    script = tmp_path / "pool.py"
+    script.write_text(_POOL)
+    parent = subprocess.Popen(
+        [sys.executable, script, when],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    assert parent.stdout is not None
+    assert parent.stdout.readline() == "ready\n"
+    # Ctrl-C goes to all processes of a terminal, SIGTERM to the one that is asked to end.
+    (os.killpg if number == signal.SIGINT else os.kill)(parent.pid, number)
+    out, said = parent.communicate(timeout=60.0)
+    assert out == ""
+    assert said.count("Traceback") == (number == signal.SIGINT)
+    assert parent.returncode == -number
+
+
 def test_who_asks_a_daemon_that_has_ended_hears_so_at_once(tmp_path: Path) -> None:
     daemon = FakeDaemon(tmp_path)
     client = Client(folder=tmp_path, timeout_s=300.0)
@@ -57,6 +99,18 @@ def test_who_asks_a_daemon_that_has_ended_hears_so_at_once(tmp_path: Path) -> No
             client.disarm()
     finally:
         client.close()
+
+
+def test_a_closed_client_says_that_it_is_closed(tmp_path: Path) -> None:
+    daemon = FakeDaemon(tmp_path)
+    try:
+        with Client(folder=tmp_path) as client:
+            samples = client.telemetry()
+        for call in (client.motion, client.disarm, lambda: next(samples)):
+            with pytest.raises(NoDaemon, match="this client is closed; make another"):
+                call()
+    finally:
+        daemon.close()
 
 
 def test_a_daemon_that_had_to_be_killed_is_an_error(

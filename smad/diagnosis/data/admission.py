@@ -124,7 +124,7 @@ def _only(group: RunSet, channels: set[str]) -> RunSet:
     for run in group.admitted:
         outputs = {k: v for k, v in run.outputs.items() if k in channels}
         for name in (n for n in run.outputs if n not in channels):
-            text = f"runs of another group all lack {name}: its residual is switched off"
+            text = f"{name} not in the runs of another group, so not compared"
             findings.append(Finding(run.name, "channel not shared", text, refuses=False))
         if outputs:
             admitted.append(replace(run, outputs=outputs))

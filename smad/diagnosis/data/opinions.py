@@ -123,11 +123,11 @@ def _fault_of(
     """Kind and text of what makes a channel of a run unusable, if anything does."""
     name = channel.name
     if name not in run.outputs:
-        return "channel missing", f"{name} is not recorded: its residual is switched off"
+        return "channel missing", f"{name} not recorded, so not compared"
     y = run.outputs[name]
     y = y[run.good & np.isfinite(y)]
     if not y.size:
-        return "channel empty", f"{name} holds no number: its residual is switched off"
+        return "channel empty", f"{name} without any number, so not compared"
     span = float(np.ptp(y))
     expected = float(np.ptp(predicted[name])) if name in predicted else 0.0
     dead = span < _CONSTANT_QUANTA * channel.quantum or span == 0.0

@@ -163,6 +163,8 @@ class BarePlaces:
         pushed = series(_measured(run, out))
         images, residuals = [series(out)], [series(out)]
         best, least = out, float(np.linalg.norm(images[0]))
+        if not np.isfinite(least):
+            return best
         for _ in range(_PASSES):
             parts = np.split(pushed, len(names))
             moved = _pushed(run, dict(zip(names, parts, strict=True)))

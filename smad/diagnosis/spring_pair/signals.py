@@ -230,14 +230,14 @@ def _recorded(columns: Mapping[str, NDArray[Any]], name: str) -> Array | None:
 
 
 def read_gap_run(
-    path: Path, together: Together | None = None, mapping: MappingFile | None = None
+    path: str | Path, together: Together | None = None, mapping: MappingFile | None = None
 ) -> GapRun:
     """A run log or a table as it was recorded; the admission of a diagnosis looks at its values.
 
     `mapping` says how a table is written. Raises RunLogError (of a table LogImportError) when it
     cannot be read at all, and where it is one too many of those held `together`.
     """
-    return _read(path, together, mapping)[0]
+    return _read(Path(path), together, mapping)[0]
 
 
 def read_gap_runs(

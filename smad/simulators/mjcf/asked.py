@@ -76,15 +76,21 @@ def plan_mjcf(
     within_s: float = 5.0,
 ) -> Plan:
     """What runs with these inputs would show of a MuJoCo model; as `smad.simulators.plan`."""
-    declared, (tables,) = declare_mjcf(model, map_path, inputs)
+    declared, (tables,) = declare_mjcf(model, map_path, inputs, measured=False)
     return plan(tables, declared, window_s=window_s, within_s=within_s)
 
 
-def declare_mjcf(model: Path, map_path: Path, *groups: Any) -> tuple[Simulator, list[list[Table]]]:
-    """The model as a simulator, with the runs of each group by the columns that the map names."""
+def declare_mjcf(
+    model: Path, map_path: Path, *groups: Any, measured: bool = True
+) -> tuple[Simulator, list[list[Table]]]:
+    """The model as a simulator, with the runs of each group by the columns that the map names.
+
+    Raises SimulatorError for a run without an input or, where `measured`, without any channel.
+    """
     mapped, spec = read_map(map_path), load(model)
     tables = [
-        [_mapped(t, mapped) for t in tables_of(group, mapped.time, mapped.csv)] for group in groups
+        [_mapped(t, mapped, measured=measured) for t in tables_of(group, mapped.time, mapped.csv)]
+        for group in groups
     ]
     replay = MujocoModel(spec, mapped)
     assumed = [
@@ -184,17 +190,19 @@ def _parameter(replay: MujocoModel, name: str, row: ParameterRow) -> Parameter:
     )
 
 
-def _mapped(table: Table, mapped: MjcfMap) -> Table:
+def _mapped(table: Table, mapped: MjcfMap, *, measured: bool) -> Table:
     """The columns that the map names, by its own names and in their units."""
     rows: dict[str, InputRow | ChannelRow] = {**mapped.inputs, **mapped.channels}
     there = {n: c for n, row in rows.items() if (c := row.column or n) in table.columns}
     written = {name: _written(rows[name], name) for name in there}
     columns = {name: written[name].values(table.columns[c]) for name, c in there.items()}
     lacking = [n for n in mapped.inputs if n not in columns]
+    if measured and not columns.keys() & mapped.channels.keys():
+        lacking += mapped.channels
     if lacking:
         raise SimulatorError(
-            f"{table.name} has no column {mapped.inputs[lacking[0]].column or lacking[0]!r}, "
-            "which the map names",
+            f"{table.name} has no column {rows[lacking[0]].column or lacking[0]!r}, which the map "
+            "names",
             limit=", ".join(table.columns),
             action="correct the map, or leave the run out",
         )

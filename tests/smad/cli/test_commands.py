@@ -1,6 +1,7 @@
 """What the commands print, and how they fail: one line, a status, never a traceback."""
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -337,8 +338,10 @@ def test_the_link_test_fails_when_something_was_lost(
     replies = [STATUS, msgspec.structs.replace(STATUS, counts=counts)]
     daemon.answers["status"] = lambda request: replies.pop(0)
     daemon.answers["timing.reset"] = STATUS.timing
-    line = failed(capfd, "link", "test", "--for", "0.01")
+    assert execute(["link", "test", "--for", "10ms"]) == 1
+    out, line = capfd.readouterr()
     assert "2 losses in 200 samples" in line
+    assert re.search(r"200 in \d+\.\d s \(asked for 100 a second\)", out)
 
 
 def test_faults_are_explained_by_name_by_number_and_as_latched(

@@ -34,6 +34,12 @@ from smad.errors import SmadError
         ("clear nosuch", "there is no fault 'nosuch'; there are 31; smad faults list shows them."),
         ("clear over-temprature", "there is no fault 'over-temprature'; did you mean "),
         ("clear 0", "there is no fault '0'"),
+        ("link test --for 2h", "'2h' is not within 0.01 to 3600 s"),
+        ("design --wire 2kg", "'2kg': give it in mm, alone or with m, cm, mm, um (µm), in."),
+        ("robot circle a 400", "'400' is not within 0 to 180 °"),
+        ("queue remove x", "'x' is not a whole number. See"),
+        ("params set cold_cC 3A", "'3A' is not a number. See"),
+        ("record last --seconds soon", "'soon' is not a number of s"),
     ],
 )
 def test_a_slip_is_answered_in_words(
@@ -41,6 +47,25 @@ def test_a_slip_is_answered_in_words(
 ) -> None:
     assert execute(words.split()) == 2
     assert told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["run.mcap", "Run.CSV", "run.parquet"])
+def test_what_is_written_never_replaces_a_recording(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / name
+    run.write_text("t_s\n0\n")
+    for words in (
+        f"gap diagnose {run} --apply",
+        f"gap diagnose {run} --json",
+        f"gap checkup --baseline {tmp_path} --report",
+        f"log plot {run} -o",
+        "run dsc --sim --report",
+        "design --html",
+    ):
+        assert execute([*words.split(), str(run)]) == 2
+        assert "is a recording, and would be lost. Name another file" in capsys.readouterr().err
+    assert run.read_text() == "t_s\n0\n"
 
 
 def test_fault_list_names_every_fault_and_an_unknown_one_is_told_them_too() -> None:
@@ -57,6 +82,7 @@ def test_fault_list_names_every_fault_and_an_unknown_one_is_told_them_too() -> N
     [
         ("Expected `float` <= 1.0", "it has to be at most 1"),
         ("Expected `int` >= 1", "it has to be at least 1"),
+        ("Expected `array` of length >= 1", "it has to be a list of at least 1"),
         ("Expected `float` > 0.0", "it has to be above 0"),
         ("Expected `bool`, got `str`", "it has to be true or false, not text"),
         ("Expected `float`, got `null`", "it has to be a number, not nothing"),

@@ -176,7 +176,9 @@ def test_a_channel_that_the_bench_lacks_is_not_judged_and_the_rest_is() -> None:
     found = ask(runs)
     assert [c.name for c in found.causes] == ["driver_gain"]
     assert "rod_um" not in {s.signal for s in found.budget}
-    assert any(f.kind == "channel missing" and "rod_um" in f.text for f in found.findings)
+    missing = [f for f in found.findings if f.kind == "channel missing"]
+    assert {f.text for f in missing} == {"rod_um not recorded, so not compared"}
+    assert [f.run for f in missing] == sorted(r.name for r in runs)
 
 
 def test_swapped_cables_are_named_and_give_no_verdict() -> None:
@@ -242,3 +244,8 @@ def test_what_was_asked_is_not_exchanged_when_a_group_of_runs_is_refused(
 
 def test_a_verdict_comes_back_from_its_file_as_it_was(gain: Verdict) -> None:
     assert Verdict.from_json(gain.to_json()) == gain
+
+
+def test_files_are_no_runs_until_they_are_read() -> None:
+    with pytest.raises(PlantMismatch, match="a run is no GapRun; got str; read a file with"):
+        diagnose(["run.mcap"], plant=HeaterPlant())  # type: ignore[list-item]

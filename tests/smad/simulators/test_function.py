@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
 import sys
 import tomllib
 from collections.abc import Mapping
@@ -20,7 +22,7 @@ from smad.diagnosis.rivals.evidence import recorded_evidence
 from smad.diagnosis.runs import GapRun
 from smad.simulators import Missing, diagnose, plan, simulator
 from smad.simulators.bind import bind
-from smad.simulators.columns import csv_format
+from smad.simulators.columns import csv_format, tables_of
 from smad.simulators.errors import SimulatorError
 from smad.simulators.expected import Expected, expected, spaced
 from smad.simulators.starts import Starts
@@ -726,6 +728,39 @@ def test_a_table_of_another_locale_is_read_as_it_is_said_to_be_written(tmp_path:
         diagnose(tmp_path / "a.csv", declared_heater(), csv={"decimals": ","})
 
 
+def test_data_frames_have_their_time_in_stamps_or_in_the_index() -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame(RUNS[0])
+    stamps = pandas.Timestamp("2026-11-27 08:00") + pandas.to_timedelta(frame.t_s, unit="s")
+    rest = frame.drop(columns="t_s")
+    for one in (
+        frame.set_index("t_s"),
+        rest.assign(time=stamps),
+        rest.assign(time=pandas.to_timedelta(frame.t_s, unit="s")),
+        rest.set_index(pandas.DatetimeIndex(stamps, name=None)),
+        rest.set_index(pandas.DatetimeIndex(stamps, name="Datum")),
+        frame.assign(logged=stamps),
+    ):
+        (table,) = tables_of(one)
+        assert table.t_s == pytest.approx(RUNS[0]["t_s"], abs=1e-8)
+        assert set(table.columns) >= {"power_W", "temperature_degC"}
+
+
+def test_what_is_no_simulator_or_no_column_is_named() -> None:
+    rows = {**RUNS[0], "power_W": RUNS[0]["power_W"][:-1]}
+    with pytest.raises(SimulatorError, match=r"has the shape \(599,\), its time \(600,\)"):
+        diagnose(rows, declared_heater())
+    with pytest.raises(SimulatorError, match=r"run 1: column 'power_W' holds no number"):
+        diagnose({**RUNS[0], "power_W": np.full(600, np.nan)}, declared_heater())
+    with pytest.raises(SimulatorError, match=r"is not declared; got function; give the runs first"):
+        diagnose(RUNS, heater)  # type: ignore[arg-type]
+    with pytest.raises(SimulatorError, match=r"nor a table of columns; got NoneType"):
+        diagnose(None, declared_heater())
+    (table,) = tables_of({"fs": 10.0, **{n: c[:, None] for n, c in RUNS[0].items()}})
+    assert list(table.columns) == ["power_W", "temperature_degC"]
+    assert table.notes == ("columns left out, since they are not as long as their time: fs",)
+
+
 def test_processes_answer_as_one_does_for_a_function_made_inside_another() -> None:
     run = {n: c[:200] for n, c in RUNS[0].items()}
 
@@ -744,6 +779,23 @@ def test_processes_answer_as_one_does_for_a_function_made_inside_another() -> No
     assert one.whole == two.whole
     with pytest.raises(SimulatorError, match="processes is no count"):
         diagnose(RUNS, declared, processes=0)
+
+
+def test_a_process_that_was_killed_ends_the_diagnosis() -> None:
+    here = os.getpid()
+
+    def killed(t, inputs, values, start):
+        if os.getpid() != here and values["loss_W_K"] != 0.8:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return heater(t, inputs, values, start)
+
+    declared = simulator(
+        killed,
+        parameters={**PARAMETERS, "room_degC": (22.0, 17.0, 27.0)},
+        effects={"slow_sensor": (2.0, 0.0, 8.0)},
+    )
+    with pytest.raises(SimulatorError, match=r"a process of the simulator was killed, .*fewer"):
+        diagnose(RUNS, declared, processes=2)
 
 
 def test_a_run_that_begins_with_a_step_begins_at_rest() -> None:

@@ -96,6 +96,16 @@ def test_a_column_in_another_unit_than_the_map_names_it_by_is_converted(tmp_path
         declare_mjcf(*files(tmp_path, mapped=mapped.replace("Torque [mN m]", "Angle [°]")), given)
 
 
+@pytest.mark.parametrize("lacking", ["torque_N_m", "angle_rad"])
+def test_a_run_without_an_input_or_any_channel_is_refused_by_the_name_in_the_map(
+    lacking: str, tmp_path: Path
+) -> None:
+    run = arm_run(0, seconds=2.0)
+    named = {"other": run[lacking], **{n: c for n, c in run.items() if n != lacking}}
+    with pytest.raises(SimulatorError, match=f"run 1 has no column '{lacking}', which the map"):
+        diagnose_mjcf(*files(tmp_path), [named])
+
+
 @pytest.mark.parametrize(
     ("column", "unit", "said"),
     [("q[deg]", "deg", ""), ("q (°)", "deg", ""), ("q", "rad", "q has no unit in its name or")],
