@@ -20,6 +20,7 @@ from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.paired.difference import Paired, paired, question_of_pairs
 from smad.diagnosis.paired.good import good_runs
 from smad.diagnosis.paired.match import grouped, same_programme
+from smad.diagnosis.places.bare import InWindows
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import Effect, ModelPoint, nominal_point
 from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
@@ -94,7 +95,8 @@ def changed(inquiry: Inquiry) -> tuple[Searched, Paired | None]:
     """What is new since the good runs, and the pairs that say so; None where no run repeats a good
     one. Raises GapError as `differs`."""
     plant, period_s = inquiry.plant, inquiry.period_s
-    groups = grouped(plant, inquiry.good, period_s)
+    # What is replayed from its readings begins elsewhere on another day: nothing cancels.
+    groups = [] if isinstance(plant, InWindows) else grouped(plant, inquiry.good, period_s)
     pairs = []
     for run in (*inquiry.fit, *inquiry.held_out):
         same = (g[0] for g in groups if same_programme(plant, run, g[0], period_s))

@@ -798,6 +798,16 @@ def test_a_process_that_was_killed_ends_the_diagnosis() -> None:
         diagnose(RUNS, declared, processes=2)
 
 
+def test_what_is_replayed_from_its_readings_is_compared_with_no_good_run_of_the_same_inputs() -> (
+    None
+):
+    noise = np.random.default_rng(9).normal(0.0, 0.03, 600)
+    now = [{**r, "temperature_degC": r["temperature_degC"] + noise} for r in RUNS]
+    answer = diagnose(now, declared_heater(), good=RUNS)
+    assert answer.verdict.outcome == "quiet"
+    assert not any("same inputs" in note for note in answer.verdict.notes)
+
+
 def test_a_run_that_begins_with_a_step_begins_at_rest() -> None:
     """A motor whose speed follows within 50 ms, its angle read at 100 Hz."""
     rng = np.random.default_rng(0)
