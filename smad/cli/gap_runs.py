@@ -121,7 +121,7 @@ hold_out_option = click.option(
     multiple=True,
     callback=files,
     metavar="RUN…",
-    help="Runs to judge on, never fitted to: files, patterns or folders, up to the next option.",
+    help="Runs to judge on, not fitted to unless they repeat good ones: files, patterns or folders.",
 )
 good_option = click.option(
     "--good",

@@ -36,8 +36,9 @@ def diagnose(
 ) -> Answer:
     """Say what the model lacks compared with the runs: fit rivals by replay and compare their gaps.
 
-    With `good` runs it says what has changed since them. `hold_out` are runs to judge on; without
-    them each run is judged by models that were fitted to the others.
+    With `good` runs it says what has changed since them: in the runs that repeat their inputs,
+    where there are such, and each of these is judged by models that were fitted to the others. Else
+    `hold_out` are runs to judge on; without them, too, each run is judged by models of the others.
     `candidates` are the effects that may be named. Nothing is random. Raises PlantMismatch for a
     candidate that the plant does not have or what is no run, and GapError if the model cannot
     replay the runs; runs that cannot be used are refused in the verdict.
