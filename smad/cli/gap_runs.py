@@ -121,7 +121,7 @@ hold_out_option = click.option(
     multiple=True,
     callback=files,
     metavar="RUN…",
-    help="Runs to judge on, not fitted to unless they repeat good ones: files, patterns or folders.",
+    help="Runs to judge on, not fitted to unless they repeat good ones: files or folders.",
 )
 good_option = click.option(
     "--good",
