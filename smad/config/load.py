@@ -108,7 +108,8 @@ def _refuse(message: str, text: str, source: str) -> NoReturn:
     value = value_at(tomllib.loads(text), f"{section_name}.{name}")
     raise ConfigError(
         f"{source}: {path} is not allowed",
-        value=f'"{value}"' if "got `str`" in cause else value,
+        # Of a number in quotes they are what is wrong with it.
+        value=f'"{value}"' if "got `str`" in cause and "`bool`" not in cause else value,
         limit=key.allowed,
         action=f"correct it ({key.description})",
     ) from None

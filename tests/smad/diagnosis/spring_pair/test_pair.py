@@ -14,7 +14,7 @@ from smad.diagnosis.plant import ModelPoint, Uncertainty
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded
-from smad.diagnosis.spring_pair.signals import CHANNELS, run_from_columns, usable
+from smad.diagnosis.spring_pair.signals import CHANNELS, _usable, run_from_columns
 from tests.smad.diagnosis.cases import strong
 
 PLANT, PRINTED = SmaPlant(), SmaPlant(variant="printed")
@@ -91,8 +91,8 @@ def test_columns_of_a_log_become_a_run_whose_gaps_do_not_count_once_it_is_admitt
     assert set(run.inputs) == {"i_applied_x_A", "i_applied_y_A", "duty_x", "duty_y"}
     assert "force_N" not in run.outputs
     assert np.isnan(run.outputs["v_x_V"]).sum() == 3
-    bridged = usable(run)
-    assert bridged is not None
+    bridged, _, refused = _usable(run)
+    assert not refused
     assert bridged.good.sum() == n - 3
     assert np.isfinite(bridged.outputs["v_x_V"]).all()
 
