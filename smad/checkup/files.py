@@ -9,7 +9,7 @@ from pathlib import Path
 
 from smad.diagnosis.data.guards import same_recording
 from smad.diagnosis.errors import PairingError
-from smad.diagnosis.paired.match import same_programme
+from smad.diagnosis.paired.match import grouped, same_programme
 from smad.diagnosis.plant import PlantModel
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.signals import read_recorded, require_columns
@@ -129,13 +129,7 @@ class Matched:
 
 def match(plant: PlantModel, good: Sequence[RunFile], now: Sequence[RunFile]) -> Matched:
     """Pairs files by name where names repeat over folders and inputs agree, else by inputs."""
-    groups: list[list[RunFile]] = []
-    for run in good:
-        mine = next((g for g in groups if _repeats(plant, run, g[0])), None)
-        if mine is None:
-            groups.append([run])
-        else:
-            mine.append(run)
+    groups = grouped(good, lambda run, other: _repeats(plant, run, other))
     pairs: list[tuple[RunFile, list[RunFile]]] = []
     alone: list[str] = []
     for run in now:
@@ -199,5 +193,5 @@ def require_one_bench(runs: Sequence[RunFile]) -> None:
 
 
 def _repeats(plant: PlantModel, run: RunFile, other: RunFile) -> bool:
-    one, two = (replace(f.run, name=f.name) for f in (run, other))
-    return same_programme(plant, one, two)
+    named, named_other = (replace(f.run, name=f.name) for f in (run, other))
+    return same_programme(plant, named, named_other)

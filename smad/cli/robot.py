@@ -22,6 +22,13 @@ if TYPE_CHECKING:
     from smad.robot import Angles
 
 _segment = click.argument("segment")
+circle_period_option = click.option(
+    "--period",
+    "period_s",
+    type=Quantity("s", 0.5, 3600.0),
+    default=20.0,
+    help="Seconds for one circle.",
+)
 
 
 @click.group()
@@ -69,13 +76,7 @@ def step(
 @robot.command(context_settings=NEGATIVE)
 @_segment
 @click.argument("radius_deg", type=Quantity("deg", 0.0, 180.0))
-@click.option(
-    "--period",
-    "period_s",
-    type=Quantity("s", 0.5, 3600.0),
-    default=20.0,
-    help="Seconds for one circle.",
-)
+@circle_period_option
 @click.option("--cycles", type=click.IntRange(1, 1000), default=1, help="Number of circles.")
 @wait_option
 @bench_option

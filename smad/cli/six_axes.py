@@ -13,6 +13,7 @@ import click
 
 from smad.cli.output import OUTPUT, bench_option, client, progress
 from smad.cli.quantity import Quantity
+from smad.cli.robot import circle_period_option
 
 if TYPE_CHECKING:
     from smad.client import Client
@@ -25,13 +26,7 @@ TITLE = "circles of the segments of a robot, in turn and together"
 @click.option(
     "--radius", "radius_deg", type=Quantity("deg", 0.1, 180.0), default=15.0, help="Degrees."
 )
-@click.option(
-    "--period",
-    "period_s",
-    type=Quantity("s", 0.5, 3600.0),
-    default=20.0,
-    help="Seconds for one circle.",
-)
+@circle_period_option
 @click.option("--report", type=OUTPUT, help="Page; by default beside the log.")
 @bench_option
 def six_axes(

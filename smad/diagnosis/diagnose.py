@@ -10,7 +10,6 @@ from smad.diagnosis.answer import Answer, answer_of
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.data.admission import RunSet, admit_groups, row_of_admitted_s
 from smad.diagnosis.data.guards import FIT, GOOD, HOLD_OUT, goes_further, too_few
-from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.errors import PlantMismatch
 from smad.diagnosis.numerics.threads import repeatable
 from smad.diagnosis.paired.notes import EACH_BY_OTHERS, compared, notes_of
@@ -58,7 +57,6 @@ def diagnose(
         headline = f"no run {lacking} can be used"
         answer = Answer(verdict=Verdict(question=question, outcome=REFUSED, headline=headline))
     else:
-        given = (*roles[FIT], *roles[HOLD_OUT], *roles[GOOD])
         c = constants or shipped()
         inquiry = Inquiry(
             plant=with_places(plant),
@@ -69,7 +67,6 @@ def diagnose(
             period_s=period_s,
             constants=c,
             say=progress,
-            floors=estimate_floors(given, plant, period_s),
         )
         question = CHANGED if good else DIFFERS
         search, pairs = changed(inquiry) if good else (differs(inquiry), None)
@@ -80,8 +77,8 @@ def diagnose(
             inquiry.plant, search, question=question, constants=c, judged_on=judged_on
         )
         if pairs is not None:
-            asked = [run.name for run in (*inquiry.fit, *inquiry.held_out)]
-            answer = answer.with_verdict(notes=[*compared(pairs, asked), *notes_of(pairs)])
+            names = [run.name for run in (*inquiry.fit, *inquiry.held_out)]
+            answer = answer.with_verdict(notes=[*compared(pairs, names), *notes_of(pairs)])
     return answer.with_verdict(
         findings=findings,
         runs=_records(groups),

@@ -12,10 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 
 from smad.diagnosis.constants import Constants
+from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.paired.difference import Paired, paired, question_of_pairs
 from smad.diagnosis.paired.good import good_runs
@@ -46,7 +48,7 @@ _MOST_OF_GOOD = 2
 class Inquiry:
     """Runs that were admitted: `fit` to fit, `held_out` to judge on (or none), and `good` ones.
 
-    `floors` (channels,) is the noise of a row of `period_s`, in channel units.
+    Rows are of `period_s`.
     """
 
     plant: PlacesPlant
@@ -55,9 +57,14 @@ class Inquiry:
     good: tuple[GapRun, ...]
     effects: tuple[Effect, ...]
     period_s: float
-    floors: Array
     constants: Constants
     say: Say
+
+    @cached_property
+    def floors(self) -> Array:
+        """What a residual of a row is measured by, in channel units, (channels,)."""
+        runs = (*self.fit, *self.held_out, *self.good)
+        return estimate_floors(runs, self.plant, self.period_s)
 
     def evidence(self, runs: Sequence[GapRun], point: ModelPoint, floors: Array) -> Evidence:
         """Some of the runs as rows."""
@@ -94,14 +101,15 @@ def differs(inquiry: Inquiry) -> Searched:
 def changed(inquiry: Inquiry) -> tuple[Searched, Paired | None]:
     """What is new since the good runs, and the pairs that say so; None where no run repeats a good
     one. Raises GapError as `differs`."""
-    plant, period_s = inquiry.plant, inquiry.period_s
     # What is replayed from its readings begins elsewhere on another day: nothing cancels.
-    groups = [] if isinstance(plant, InWindows) else grouped(plant, inquiry.good, period_s)
+    comparable = () if isinstance(inquiry.plant, InWindows) else inquiry.good
+    same = partial(same_programme, inquiry.plant, period_s=inquiry.period_s)
+    groups = grouped(comparable, same)
     pairs = []
     for run in (*inquiry.fit, *inquiry.held_out):
-        same = (g[0] for g in groups if same_programme(plant, run, g[0], period_s))
-        if (good := next(same, None)) is not None:
-            pairs.append((run, good.name))
+        repeated = next((good for good, *_ in groups if same(run, good)), None)
+        if repeated is not None:
+            pairs.append((run, repeated.name))
     return _changed_pairs(inquiry, groups, pairs) if pairs else (_changed_runs(inquiry), None)
 
 

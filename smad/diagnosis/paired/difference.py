@@ -30,6 +30,7 @@ from smad.diagnosis.runs import GapRun
 from smad.progress import Say
 
 _LEAST_ROWS = 50
+"""Readings of all pairs: less is five rows of the spring pair's ten channels."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,11 +137,11 @@ def _pair(plant: PlacesPlant, good: GoodRuns, run: GapRun, then: GoodRun) -> Pai
     rows = rows_of(plant, good, then, valid, moved)
     if not good.floor.degrees:
         # Nothing has shown how much a room wanders from one time to another.
-        open_ = wandering(plant, good.point, again)
+        wanders = wandering(plant, good.point, again)
         rows = replace(
             rows,
-            day=np.concatenate([rows.day, open_]),
-            day_sd=np.concatenate([rows.day_sd, np.ones(len(open_))]),
+            day=np.concatenate([rows.day, wanders]),
+            day_sd=np.concatenate([rows.day_sd, np.ones(len(wanders))]),
         )
     return Pair(
         now=run.name,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,6 +17,9 @@ _LIKE = 0.05
 _LEAST_MOVE = 0.1
 """Of an input's range, that counts as what it moves at least: less may be noise."""
 _LEAST_SHARE = 0.05
+"""Of a run, that the other must have recorded as well: of less their inputs say nothing."""
+
+Run = TypeVar("Run")
 
 
 def same_programme(
@@ -41,11 +45,11 @@ def same_programme(
     return bool((stepped or moves.max() > _LEAST_MOVE) and off.max(axis=1).mean() < _LIKE)
 
 
-def grouped(plant: PlantModel, runs: Sequence[GapRun], period_s: float) -> list[list[GapRun]]:
-    """The runs, those of the same inputs together."""
-    groups: list[list[GapRun]] = []
+def grouped(runs: Sequence[Run], same: Callable[[Run, Run], bool]) -> list[list[Run]]:
+    """The runs, those together that are the `same` as the first of their group."""
+    groups: list[list[Run]] = []
     for run in runs:
-        mine = next((g for g in groups if same_programme(plant, run, g[0], period_s)), None)
+        mine = next((g for g in groups if same(run, g[0])), None)
         if mine is None:
             groups.append([run])
         else:

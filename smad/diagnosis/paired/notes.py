@@ -10,12 +10,12 @@ from smad.diagnosis.paired.good import GoodRun
 EACH_BY_OTHERS = "each run by rivals fitted to the others"
 
 
-def compared(paired: Paired, asked: Sequence[str]) -> list[str]:
-    """Which runs were compared with which good ones, and which of those `asked` were not."""
+def compared(paired: Paired, names: Sequence[str]) -> list[str]:
+    """Which runs were compared with which good ones; which of those in question, `names`, not."""
     then = {p.now: _recordings(p.then) for p in paired.pairs}
     named = ", ".join(f"{now} with {good}" for now, good in then.items())
     out = [f"runs of the same inputs were compared: {named}"]
-    if alone := [name for name in asked if name not in then]:
+    if alone := [name for name in names if name not in then]:
         out.append(
             f"not judged, since no good run has the same inputs: {', '.join(alone)}; "
             "ask of them alone, or record them on the good bench"

@@ -173,8 +173,10 @@ class Question:
         above = [self.gap(r) > self.quiet_gap for r in rivals]
         if all(above):
             return [False] * len(above)
-        asked = [bool(self.form_share) or r.kind not in (EFFECT, LAW) for r in rivals]
-        return [a and b for a, b in zip(above, asked, strict=True)]
+        return [
+            too_much and (bool(self.form_share) or r.kind not in (EFFECT, LAW))
+            for too_much, r in zip(above, rivals, strict=True)
+        ]
 
     def ranked(self, rivals: Sequence[Rival], *, first: bool = False) -> list[Rival]:
         """Rivals with their probabilities, the likeliest first; `first`: nothing has entered."""

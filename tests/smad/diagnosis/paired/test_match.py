@@ -53,7 +53,7 @@ def test_inputs_that_stay_where_they_are_are_the_same_where_the_run_has_the_same
 def test_good_runs_are_grouped_by_their_inputs() -> None:
     runs = [recorded("random", seed, day=day) for day in (1, 2) for seed in (1, 2)]
     runs.append(recorded("sines", 1))
-    groups = grouped(PLANT, runs, PERIOD_S)
+    groups = grouped(runs, same)
     assert [[r.name for r in g] for g in groups] == [
         ["random 1", "random 1"], ["random 2", "random 2"], ["sines 1"],
     ]  # fmt: skip
