@@ -15,7 +15,6 @@ from evaluation.plant.layout import (
     AMPERE,
     CUSHION,
     CUSHION_RATE,
-    DRAINED,
     EMPTIED,
     FLOW,
     FORCE_X,
@@ -23,7 +22,6 @@ from evaluation.plant.layout import (
     GLANCE,
     HELD_DOWN,
     HOSE_SOFT,
-    HOT,
     LAG_A,
     LAG_B,
     LAG_C,
@@ -31,8 +29,6 @@ from evaluation.plant.layout import (
     LOWERED,
     OHM,
     PUMP,
-    PUMP_ON,
-    RAMPED,
     RELIEVED,
     RETURN_WARM,
     RING_DUTY_X,
@@ -41,7 +37,6 @@ from evaluation.plant.layout import (
     RINGING_RATE,
     RTD_B,
     SETPOINT,
-    SETTLED,
     SPEED,
     SPIN,
     SPIN_RATE,
@@ -63,16 +58,9 @@ Y_FLOW = index("y_flow")
 DRIVER_GAIN = slot("driver_gain")
 SLOW_DRIVER = slot("driver_lag")
 SATURATION = slot("saturation")
-BEAT = slot("supply_beat")
 DEAD_TIME = slot("pump_dead_time")
 SHORTFALL = slot("flow_shortfall")
 LEAK = slot("valve_leak")
-CAVITATION = slot("pump_cavitation")
-BATTERY = slot("tired_battery")
-SOFT_START = slot("soft_start")
-COASTING = slot("coasting_pump")
-CROSSTALK = slot("driver_crosstalk")
-HOLD = slot("absorbing_hold")
 KINKED = slot("kinked_hose")
 CHATTER = slot("chattering_plug")
 PEAK_AND_HOLD = slot("peak_and_hold")
@@ -132,24 +120,9 @@ def current(
         i = side[s, SETPOINT]
     if e[s, DRIVER_GAIN] != 0.0:
         i *= 1.0 + e[s, DRIVER_GAIN] * (1.0 - 0.08 * i)
-    if e[s, BEAT] > 0.0:
-        hertz = 0.17 + 0.23 * e[2, BEAT]
-        i *= 1.0 + e[s, BEAT] * math.sin(2.0 * math.pi * hertz * pair[TIME] + 0.6 * s)
     if e[s, SATURATION] > 0.0:
         knee = CURRENT_LIMIT_A / e[s, SATURATION] * p[RESISTANCE] / side[s, OHM]
         i /= (1.0 + (i / knee) ** 8) ** 0.125
-    if e[0, BATTERY] > 0.0:
-        load = (side[0, AMPERE] + side[1, AMPERE]) / CURRENT_LIMIT_A
-        side[s, DRAINED] = approach(side[s, DRAINED], load, dt, 40.0)
-        i *= max(0.1, 1.0 - e[0, BATTERY] * side[s, DRAINED])
-    if e[s, SOFT_START] > 0.0:
-        side[s, RAMPED] = min(i, approach(side[s, RAMPED], i, dt, e[s, SOFT_START]))
-        i = side[s, RAMPED]
-    if e[1 - s, CROSSTALK] > 0.0:
-        i += e[1 - s, CROSSTALK] * max(side[1 - s, AMPERE] - 1.0, 0.0)
-    if e[s, HOLD] > 0.0:
-        side[s, SETTLED] = approach(side[s, SETTLED], i, dt, 7.0)
-        i -= e[s, HOLD] * (i - side[s, SETTLED])
     if e[s, CHATTER] > 0.0:
         speed = abs(pair[SPEED])
         i *= 1.0 - min(e[s, CHATTER], 0.9) * speed / (speed + 2e-3)
@@ -196,8 +169,7 @@ def _pump_speed(
 ) -> float:
     dead = e[s, DEAD_TIME]
     duty = late(ring, RING_DUTY_X + s, pair[GLANCE], dead / dt)
-    longer = e[s, COASTING] if duty < side[s, PUMP] else 0.0
-    side[s, PUMP] = approach(side[s, PUMP], duty, dt, p[PUMP_LAG] + longer)
+    side[s, PUMP] = approach(side[s, PUMP], duty, dt, p[PUMP_LAG])
     if dead <= 0.0:
         side[s, SPIN] = side[s, PUMP]
         return float(side[s, PUMP])
@@ -210,9 +182,7 @@ def _pump_speed(
 
 
 @compiled
-def flow(
-    s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, heat_W: float, dt: float
-) -> float:
+def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) -> float:
     """Heat capacity rate (W/K) of the water through tube `s`."""
     share = _pump_speed(s, p, e, side, pair, ring, dt)
     if e[s, SHORTFALL] > 0.0 and share > 0.0:
@@ -224,11 +194,6 @@ def flow(
         emptier = approach(side[s, EMPTIED], 1.0, dt, 8.0)
         side[s, EMPTIED] = max(emptier - dt * share / e[s, FOOT_VALVE], 0.0)
         share *= 0.1 / (0.1 + side[s, EMPTIED])
-    side[s, PUMP_ON] = side[s, PUMP_ON] + dt if share > 0.05 else 0.0
-    if e[s, CAVITATION] > 0.0:
-        side[s, HOT] += dt * (heat_W / 25.0 - side[s, HOT] / 30.0)
-        gas = min(1.0, side[s, HOT]) * math.exp(-side[s, PUMP_ON] / 3.0)
-        share *= 1.0 - e[s, CAVITATION] * gas
     if e[s, KINKED] > 0.0:
         drawn_in = pair[X] if s == 0 else -pair[X]
         share *= 1.0 - min(e[s, KINKED], 0.98) * min(max((1e-3 - drawn_in) / 5e-3, 0.0), 1.0)
@@ -261,19 +226,10 @@ def flow(
 
 
 @compiled
-def flows(
-    p: Array,
-    e: Array,
-    side: Array,
-    pair: Array,
-    ring: Array,
-    heat_x: float,
-    heat_y: float,
-    dt: float,
-) -> None:
+def flows(p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) -> None:
     """Set `side[:, FLOW]` of both tubes, with what leaks from one into the other."""
-    x = flow(0, p, e, side, pair, ring, heat_x, dt)
-    y = flow(1, p, e, side, pair, ring, heat_y, dt)
+    x = flow(0, p, e, side, pair, ring, dt)
+    y = flow(1, p, e, side, pair, ring, dt)
     full = p[FULL_FLOW]
     if e[0, SUCTION] > 0.0:
         side[0, AIR_DRAWN] = max(x / full, approach(side[0, AIR_DRAWN], 0.0, dt, 6.0))

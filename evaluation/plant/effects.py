@@ -21,11 +21,6 @@ SIGNED = (
             "ambient_drift",
             "convection_exponent",
             "stress_latent_heat",
-            "rtd_current_pickup",
-            "force_frame_warming",
-            "pump_bourdon",
-            "galvanic_clip",
-            "rtd_warmup",
             "bracket_growth",
             "cell_shock",
             "hall_zero_drift",
@@ -42,6 +37,11 @@ SIGNED = (
             "coil_in_field",
             "magnet_near_hall",
             "graded_wire",
+            "cold_reference",
+            "intake_on_tendon",
+            "rtd_on_straining_wire",
+            "settling_encoder",
+            "relaxing_lattice",
         )
     )
     | sealed.SIGNED

@@ -172,9 +172,7 @@ def tick(
     air = u[AMBIENT]
     if e[0, AMBIENT_DRIFT] != 0.0:
         air += e[0, AMBIENT_DRIFT] * math.sin(math.pi * pair[TIME] / DRAUGHT_S)
-    heat_x = side[0, AMPERE] ** 2 * side[0, OHM]
-    heat_y = side[1, AMPERE] ** 2 * side[1, OHM]
-    flows(p, e, side, pair, ring, heat_x, heat_y, dt)
+    flows(p, e, side, pair, ring, dt)
     if e[0, DRIVER_FAN] > 0.0:
         cool_drivers(side, pair, dt)
     if e[0, HEATSINK] > 0.0:

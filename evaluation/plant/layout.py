@@ -17,10 +17,9 @@ PLAYS = 6
     BUBBLE,
     WET,
     R_PHASE,
-    PRECIPITATED,
     COLDEST,
     PLAY,
-) = range(13)
+) = range(12)
 CELL_WIDTH = PLAY + PLAYS
 
 (
@@ -37,9 +36,6 @@ CELL_WIDTH = PLAY + PLAYS
     CONTACT,
     SHUNT,
     WORK_DONE,
-    ASLEEP,
-    HOT,
-    PUMP_ON,
     POCKET,
     FLOW,
     AMPERE,
@@ -49,13 +45,6 @@ CELL_WIDTH = PLAY + PLAYS
     COMPLIANT,
     FREE_STRAIN,
     GROWN,
-    DRAINED,
-    RAMPED,
-    CLIP,
-    SWIRL,
-    RATCHETED,
-    GIVEN_WAY,
-    SETTLED,
     OPENED,
     CRIMP,
     SOAKED,
@@ -107,7 +96,7 @@ CELL_WIDTH = PLAY + PLAYS
     COOLING,
     WARMTH_BEFORE,
     SIDE_WIDTH,
-) = range(83)
+) = range(73)
 
 (
     TIME,
@@ -120,11 +109,8 @@ CELL_WIDTH = PLAY + PLAYS
     SLIPPED,
     CREEP_FAST,
     CREEP_SLOW,
-    FRAME,
     RESERVOIR,
     GLANCE,
-    COUPLED,
-    GUIDE,
     BOARD,
     FAN_WARM,
     FAN,
@@ -149,7 +135,7 @@ CELL_WIDTH = PLAY + PLAYS
     STRETCHING,
     LARGEST_LOAD,
     PAIR_WIDTH,
-) = range(39)
+) = range(36)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256

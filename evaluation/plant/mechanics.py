@@ -29,11 +29,9 @@ from evaluation.plant.layout import (
     FRACTION,
     FREE_STRAIN,
     FRICTION,
-    GIVEN_WAY,
     GROWN,
     PLIED,
     R_PHASE,
-    RATCHETED,
     RATE,
     RUN_DRY,
     SHEARED,
@@ -75,13 +73,8 @@ FULL_FLOW = index("flow_W_K")
 FRICTION_IN_TUBE = slot("tube_friction")
 DRAG = slot("viscous_drag")
 PARALLEL = slot("tube_stiffness")
-COILS_TOUCH = slot("coil_contact")
-BOURDON = slot("pump_bourdon")
 DRIFT = slot("transformation_drift")
 R_PHASES = slot("r_phase")
-RATCHET = slot("plastic_ratchet")
-ANCHOR = slot("rubber_anchor")
-LIP = slot("lip_seal")
 CRIMP_CREEPS = slot("creeping_crimp")
 GREASE = slot("stiff_grease")
 DETENT = slot("iron_beside_tendon")
@@ -103,7 +96,6 @@ ELECTROPLASTIC = slot("electroplastic")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
-COILS_CLOSE_m = 0.020
 DETENT_m = 2.5e-3  # how far from its rest a magnet holds the tendon hardest
 
 
@@ -123,9 +115,7 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
         total += softness
         if e[s, R_PHASES] > 0.0:
             total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * p[STRESS] / 57.0
-    side[s, GROWN] = e[s, RATCHET] * 1e-3 * side[s, RATCHETED]
-    side[s, GROWN] += e[s, ANCHOR] * 1e-3 * side[s, GIVEN_WAY]
-    side[s, GROWN] += e[s, CRIMP_CREEPS] * 1e-3 * side[s, CRIMP]
+    side[s, GROWN] = e[s, CRIMP_CREEPS] * 1e-3 * side[s, CRIMP]
     side[s, GROWN] -= e[s, SHRINKING] * 1e-3 * side[s, SHRUNK]
     side[s, GROWN] += e[s, WALKING] * 1e-3 * side[s, WALKED]
     if e[s, YIELDS] > 0.0:
@@ -204,12 +194,6 @@ def pull(
         rate = e[s, PARALLEL] * 58.0 * max(0.3, 1.0 - 0.004 * warm)
         force += rate * off * (1.0 + 60.0 * abs(off))
         slope += rate * (1.0 + 120.0 * abs(off))
-    if e[s, COILS_TOUCH] > 0.0 and length < COILS_CLOSE_m:
-        close = (COILS_CLOSE_m - length) / 0.005
-        force -= 0.05 * e[s, COILS_TOUCH] * close**1.5
-        slope += 0.05 * e[s, COILS_TOUCH] * 1.5 * math.sqrt(close) / 0.005
-    if e[s, BOURDON] != 0.0:
-        force -= e[s, BOURDON] * (side[s, FLOW] / p[FULL_FLOW]) ** 2
     force += e[s, ATTRACTING] * (side[s, AMPERE] / 4.0) ** 2
     force += e[s, SHRUNK_SLEEVE] * side[s, SLEEVED]
     return force, slope
@@ -264,11 +248,6 @@ def resisting(
         else:
             total += scale * math.copysign(abs(v) ** 0.8, v)
             slope += scale * 0.8 * abs(v) ** -0.2 / dt / 5e-3
-    if e[0, LIP] > 0.0:
-        way = 1.0 if e[2, LIP] < 0.5 else -1.0
-        v = max(way * (x - before) / dt / 1e-3, 0.0)
-        total += way * e[0, LIP] * v / (v + 1.0)
-        slope += e[0, LIP] / (v + 1.0) ** 2 / dt / 1e-3
     if e[0, GREASE] > 0.0:
         v = (x - before) / dt / 5e-4
         scale = e[0, GREASE] * (1.0 - pair[SHEARED])
@@ -361,9 +340,6 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
         turned = turned_by(wire, p)
         for i in range(CELLS):
             cells[s, i, TURNED] = max(cells[s, i, TURNED], turned)
-        if e[s, ANCHOR] > 0.0:
-            tension = force_x if s == 0 else force_y
-            side[s, GIVEN_WAY] = approach(side[s, GIVEN_WAY], (tension - 1.24) / 0.4, dt, 3.0)
         if e[s, CRIMP_CREEPS] > 0.0:
             tension = force_x if s == 0 else force_y
             hot = max(cells[s, CELLS - 1, T] - 40.0, 0.0) / 10.0
@@ -382,10 +358,6 @@ def wire_stress(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Arr
     off = length - PRESTRETCH_m
     if e[s, PARALLEL] > 0.0:
         beside += e[s, PARALLEL] * 58.0 * off * (1.0 + 60.0 * abs(off))
-    if e[s, COILS_TOUCH] > 0.0 and length < COILS_CLOSE_m:
-        beside -= 0.05 * e[s, COILS_TOUCH] * ((COILS_CLOSE_m - length) / 0.005) ** 1.5
-    if e[s, BOURDON] != 0.0:
-        beside -= e[s, BOURDON] * (side[s, FLOW] / p[FULL_FLOW]) ** 2
     beside += e[s, ATTRACTING] * (side[s, AMPERE] / 4.0) ** 2
     beside += e[s, SHRUNK_SLEEVE] * side[s, SLEEVED]
     return float(max(tendon - beside, 0.0) * p[STRESS])

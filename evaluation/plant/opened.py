@@ -4,86 +4,86 @@ Where a forcing at another place would leave less than one floor of ten, that pl
 The load cell is beside X, so that a force between the springs has one place.
 """
 
-from evaluation.plant.effect import FLOW, Effect
+from evaluation.plant.effect import FLOW, TUBE, Effect
 
 EFFECTS: tuple[Effect, ...] = (
-    Effect("tapering_guard", "dev", "electrical", "1", 0.0189, 0.9, "driven_current",
-           "wire current",
-           "a guard in the driver tapers with its RTD: I[1 − e(T_RTD − 40 °C)⁺/10 K]"),
-    Effect("ringing_loop", "dev", "electrical", "1", 0.0213, 0.8, "driven_current", "current",
-           "a current loop rings: I + e(r − I), r the current through an oscillator of 1.2 Hz, "
-           "damping 0.12"),
-    Effect("overlapping_pulses", "dev", "electrical", "1", 0.0294, 0.6, "driven_current",
-           "other_current current",
-           "bridges that switch in step saturate their choke: each current − e min(I, J)", "both"),
-    Effect("fraying_lead", "dev", "electrical", "ohm", 0.00457, 0.3,
-           "resistance reading_voltage", "force",
-           "strands of a lead tear under the largest load yet: R + e(F_max − 1.3 N)⁺/0.3 N",
-           "one"),
-    Effect("coil_in_field", "dev", "electrical", "V", 0.0297, 0.8, "reading_voltage", "velocity",
-           "a magnet beside the coil induces in it as it moves: V + e v/5 mm/s, v that of its own "
-           "contraction"),
-    Effect("boiling_out_gas", "dev", "thermal", "1", 0.414, 8.0, "film", "wire water",
-           "gas leaves the water on hot wire and stirs: film(1 + e b), b → 1 in 0.5 s from 4 K "
-           "between them on, → 0 in 2 s below 1.5 K"),
-    Effect("electrolysis_gas", "dev", "thermal", "1", 0.656, 8.0, "film", "current duty",
-           "current splits water at the wire: film/(1 + e c), c, the gas on it, → I/4 A in 4 s, "
-           "swept off in 1.5 s by full flow"),
-    Effect("softening_hose", "dev", "thermal", "1", 0.176, 0.95, FLOW, "water duty",
-           "a suction hose at the outlet softens with warmth: flow(1 − e w), w ≤ 1 → the outlet's "
-           "ΔT_w/10 K in 5 s", "one"),
-    Effect("relief_valve", "dev", "thermal", "1", 0.205, 0.95, FLOW, "duty",
-           "a relief valve opens above 0.7 of the full flow and closes below 0.45: flow(1 − e) "
-           "while open"),
-    Effect("return_beside_intake", "dev", "thermal", "1", 0.245, 3.0,
-           "inlet_water heat_into_water", "other_wire other_duty duty",
-           "one tube returns its water beside the other's intake: T_in + e p, p gains "
-           "q(T_out − T_in) each 5 s, q the returning flow's share, and fades in 40 s", "across"),
-    Effect("shared_base", "dev", "thermal", "W/K", 0.05, 2.0, "heat_into_water",
-           "water other_wire time",
-           "both tubes lie on a base of 20 J/K: + e(T_base − T_w) in each", "both"),
-    Effect("seated_end", "dev", "thermal", "W/K", 0.0335, 0.6, "heat_into_wire", "force wire",
-           "a taut wire seats its inlet's end in the clamp: − e k(T − T_room) there, k from 0 at "
-           "1.24 N to 1 at 1.64 N"),
-    Effect("scanned_rtd", "dev", "sensors", "s", 1.2, 8.0, "reading_rtd",
-           "reading_rate wire_rate reading wire",
-           "a scanner comes to each RTD once in e and shows its last value until then"),
-    Effect("dirty_strip", "dev", "sensors", "mm", 1.27, 5.8, "reading_displacement",
-           "displacement reading",
-           "dirt hides lines of the encoder's strip: over 6 mm round c it counts e less", "both"),
-    Effect("damped_cell", "dev", "sensors", "N", 0.174, 1.2, "reading_force", "velocity",
-           "oil in the load cell carries a part that grows with speed: F − e v/5 mm/s", "both"),
-    Effect("loose_bolt", "dev", "sensors", "N", 0.0676, 0.6, "reading_force", "force reading",
-           "the load cell's bolt shifts: F − e from 1.45 N on, until below 1.28 N, in 0.2 s",
+    Effect("cold_reference", "dev", "electrical", "1", 0.0138, 0.5, "driven_current",
+           "time current",
+           "a driver's reference is cold at the start: I[1 + e exp(−t/20 s)]"),
+    Effect("plug_under_tension", "dev", "electrical", "1", 0.00737, 0.8, "driven_current",
+           "force current",
+           "a taut spring draws its heater's plug out: I[1 − e k], k from 0 at 1.24 N to 1 at "
+           "1.64 N", "one"),
+    Effect("curing_glue", "dev", "electrical", "ohm", 0.0112, 0.12, "resistance", "wire time",
+           "silver glue at the inlet's end cures in heat: R − e(1 − exp(−∫(T − 32 °C)⁺dt/"
+           "100 K s))", "one"),
+    Effect("pressed_crimp", "dev", "electrical", "ohm", 0.0117, 0.12,
+           "resistance reading_voltage", "duty",
+           "a pump's pressure squeezes the seal on the outlet's crimp, which creeps back: R − e p, "
+           "p the flow's share, fading in 12 s"),
+    Effect("strobed_sense", "dev", "electrical", "V", 0.0275, 0.8,
+           "reading_voltage resistance", "time current",
+           "sampling beats with the chopped voltage: V + e I(4 A − I)/4 A² sin(2πt/9 s + c)"),
+    Effect("bubbles_of_filling", "dev", "thermal", "1", 0.715, 8.0, "film", "duty time",
+           "bubbles stay on the wire as the tube is filled, and are flushed off: film/"
+           "[1 + e exp(−∫q dt/5 s)], q the flow's share"),
+    Effect("shed_oxide", "dev", "thermal", "1", 0.803, 8.0, "film", "transformed",
+           "transforming cracks scale off the wire: film[1 + e(1 − exp(−Σ|Δξ|/1.5))]"),
+    Effect("air_cushion", "dev", "thermal", "1", 0.267, 1.0, FLOW, "duty",
+           "air in a feeding hose swings with the water: flow + e(r − flow), r the flow through "
+           "an oscillator of 0.2 Hz, damping 0.12"),
+    Effect("wax_thermostat", "dev", "thermal", "1", 0.251, 0.95, FLOW, "water duty",
+           "a thermostat at the outlet opens above 42 °C and closes below 36 °C: flow(1 − e) "
+           "until it is open", "one"),
+    Effect("dead_leg", "dev", "thermal", "W/K", 0.245, 4.0, "heat_into_water",
+           "duty water time",
+           "a blind branch of 6 J/K lies beside the outlet: + e q(T_branch − T_w) there, q the "
+           "flow's share"),
+    Effect("intake_on_tendon", "dev", "thermal", "K", 2.12, 20.0,
+           "inlet_water heat_into_water", "displacement duty",
+           "the tendon lifts the intake through layers of warmth: T_in + e x/5 mm", "both"),
+    Effect("elastocaloric", "dev", "thermal", "W", 1.28, 8.0, "heat_into_wire", "velocity",
+           "stretching warms the wire and letting go cools it: + e v/5 mm/s, v its own "
+           "stretching, over 0.3 s"),
+    Effect("rtd_on_straining_wire", "dev", "sensors", "K", 2.95, 20.0, "reading_rtd",
+           "fraction",
+           "what the wire gains in girth strains the RTD glued to it: T + e(1 − ξ)"),
+    Effect("motor_lead_on_rtd", "dev", "sensors", "K", 3.33, 20.0, "reading_rtd",
+           "other_duty",
+           "the other pump's lead lies on an RTD's, which rectifies its sparks: T + e w, w that "
+           "motor's speed", "across"),
+    Effect("settling_encoder", "dev", "sensors", "mm", 0.707, 8.0, "reading_displacement",
+           "time",
+           "the encoder's freshly tightened clamp settles: x + e(1 − exp(−t/20 s))", "both"),
+    Effect("overloaded_cell", "dev", "sensors", "N", 0.0467, 0.8, "reading_force",
+           "force time",
+           "loads beyond its range shift the load cell's zero: F + e(F_max − 1.3 N)⁺/0.3 N",
            "both"),
-    Effect("magnet_near_hall", "dev", "sensors", "A", 0.0235, 0.5, "reading_current",
+    Effect("core_at_low_field", "dev", "sensors", "1", 0.106, 0.95, "reading_current",
+           "current reading",
+           "a sensor's core is less permeable at low field: i[1 − e exp(−i/0.8 A)]"),
+    Effect("hurried_cooling", "dev", "phase", "K", 4.25, 20.0, "transformation_shift",
+           "wire_rate",
+           "martensite takes time to nucleate: M_s − e r/(r + 1 K/s), r the wire's cooling over "
+           "0.3 s"),
+    Effect("electroplastic", "dev", "phase", "1", 0.07, 0.8, "recoverable_strain",
+           "current force",
+           "current eases dislocations: elastic deflection[1 + e(I/4 A)²]"),
+    Effect("relaxing_lattice", "dev", "phase", "K", 2.42, 15.0, "transformation_shift",
+           "time",
+           "stresses of the mounting relax: both thresholds + e(1 − exp(−t/30 s))"),
+    Effect("gripped_ends", "dev", "phase", "K", 2.83, 18.0, "transformation_shift",
+           "fraction wire",
+           "clamps hinder the wire's ends: A_s + e, M_s − e in a sixth at either end", "one"),
+    Effect("damping_martensite", "dev", "mechanics", "N", 0.0989, 0.8, TUBE,
+           "velocity fraction",
+           "martensite damps: the spring pulls e ξ v/(|v| + 0.5 mm/s) more, v its own stretching"),
+    Effect("clip_drawn_to_coils", "dev", "mechanics", "N", 0.104, 0.9, "force_cell_on_x",
+           "velocity current other_current",
+           "the coils' field draws an iron clip on the tendon to its guide: e(I_x² + I_y²)/"
+           "(4 A)² v/(|v| + 0.5 mm/s)", "both"),
+    Effect("splice_over_pulley", "dev", "mechanics", "mm", 1.34, 10.0, "recoverable_strain",
            "displacement",
-           "a magnet on the tendon nears both current sensors: i + e[(1 − x/25 mm)⁻² − 1]",
+           "a thick splice rides over a pulley: the tendon is longer by e tanh((x − c)/2 mm)",
            "both"),
-    Effect("stiff_matrix", "dev", "phase", "K", 4.57, 18.0, "transformation_shift", "fraction",
-           "what has transformed strains the rest: both thresholds + e(½ − ξ)"),
-    Effect("graded_wire", "dev", "phase", "K", 1.28, 8.0, "transformation_shift",
-           "constant fraction wire",
-           "nickel is unevenly spread: both thresholds − e at the inlet's end to + e at the "
-           "outlet's", "one"),
-    Effect("warm_slip_bands", "dev", "phase", "K", 1.41, 10.0, "transformation_shift",
-           "velocity",
-           "fast stretching warms slip bands within: both thresholds − e v/(|v| + 2 mm/s), v its "
-           "own stretching, over 0.5 s"),
-    Effect("yielding_austenite", "dev", "phase", "mm", 1.07, 12.0, "recoverable_strain",
-           "force fraction",
-           "stressed austenite turns martensitic here and there: deflection + e(1 − ξ)"
-           "[(F − 1.4 N)⁺/0.3 N]²"),
-    Effect("swinging_reel", "dev", "mechanics", "N", 0.132, 0.9, "force_cell_on_x",
-           "velocity displacement",
-           "a reel on soft cords swings after the tendon at 0.2 Hz, damping 0.15: against x by "
-           "e(x − s)/5 mm, s its swing", "both"),
-    Effect("rubber_buffer", "dev", "mechanics", "N", 0.024, 0.5, "force_cell_on_x",
-           "displacement",
-           "the tendon's clip meets a buffer 2 mm off the middle: it pushes back by "
-           "e[(|x| − 2 mm)⁺/2 mm]^1.5, on one side", "both"),
-    Effect("walking_anchor", "dev", "mechanics", "mm", 1.18, 6.0, "recoverable_strain",
-           "duty time",
-           "its pump's pulses walk a spring's anchor along: deflection + e∫q dt/5 s, q the "
-           "flow's share", "one"),
 )  # fmt: skip

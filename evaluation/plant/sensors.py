@@ -19,22 +19,17 @@ from evaluation.plant.layout import (
     BOUND,
     BRACKET,
     CELLS,
-    CLIP,
     CONTACT,
     CORE,
-    COUPLED,
     CREEP_FAST,
     CREEP_SLOW,
-    DRAINED,
     ENCODER,
     FATIGUED,
     FLOW,
     FORCE_X,
     FORCE_Y,
     FRACTION,
-    FRAME,
     GLANCE,
-    GUIDE,
     HOSE,
     INDEXED,
     LARGEST_LOAD,
@@ -52,7 +47,6 @@ from evaluation.plant.layout import (
     RTD_BEFORE,
     SCANNED,
     SEEN_BEFORE,
-    SHUNT,
     SHUNT_WARM,
     SKIN,
     SLIPPED,
@@ -86,16 +80,6 @@ SLIP = slot("encoder_slip")
 FORCE_OFFSET = slot("force_offset")
 FORCE_GAIN = slot("force_gain")
 FORCE_CREEP = slot("force_creep")
-PICKUP = slot("rtd_current_pickup")
-ECCENTRIC = slot("encoder_eccentricity")
-FRAME_WARMS = slot("force_frame_warming")
-SHUNT_WARMS = slot("shunt_self_heating")
-BEAT = slot("supply_beat")
-BATTERY = slot("tired_battery")
-GALVANIC = slot("galvanic_clip")
-WARMUP = slot("rtd_warmup")
-COUPLING = slot("coupling_creep")
-GUIDE_RUBS = slot("cell_guide_friction")
 HALL_DRIFT = slot("hall_zero_drift")
 WARMED_AMPLIFIER = slot("warmed_amplifier")
 INDUCTANCE = slot("lead_inductance")
@@ -136,9 +120,6 @@ OVERLOADED = slot("overloaded_cell")
 LOW_FIELD = slot("core_at_low_field")
 STROBED = slot("strobed_sense")
 
-TURN_mm = 13.0
-GUIDE_m = 3e-4  # travel over which the friction of the load cell's guide builds up
-
 
 @compiled
 def rtd(
@@ -166,14 +147,12 @@ def rtd(
         side[s, RTD_B] = side[s, RTD_A]
     reading = side[s, RTD_B]
     reading += e[s, RTD_OFFSET] * (1.0 + 0.01 * (reading - 27.0))
-    reading += e[s, PICKUP] * (side[s, AMPERE] + 0.2 * side[1 - s, AMPERE])
     if e[s, RTD_JOINTS] != 0.0:
         reading += e[s, RTD_JOINTS] * (cells[s, CELLS - 1, T] - cells[s, 0, T]) / 10.0
     if e[s, FATIGUE] > 0.0:
         side[s, FATIGUED] += abs(seen - side[s, SEEN_BEFORE])
         side[s, SEEN_BEFORE] = seen
         reading += e[s, FATIGUE] * (1.0 - math.exp(-side[s, FATIGUED] / 60.0))
-    reading += e[s, WARMUP] * (1.0 - math.exp(-pair[TIME] / 25.0))
     if e[s, FLEXED] != 0.0:
         speed = pair[SPEED] if s == 0 else -pair[SPEED]
         reading += e[s, FLEXED] * speed / (abs(speed) + 2e-3)
@@ -229,13 +208,6 @@ def travel(seen_mm: float, dt: float, e: Array, cells: Array, side: Array, pair:
     if e[0, SLIP] > 0.0 and pair[FORCE_X] > 1.4:
         pair[SLIPPED] -= e[0, SLIP] * (moved if moved > 0.0 else 0.4 * moved)
     reading = pair[ENCODER] + pair[SLIPPED]
-    if e[0, ECCENTRIC] > 0.0:
-        phase = 2.0 * math.pi * e[2, ECCENTRIC]
-        turn = 2.0 * math.pi * reading / TURN_mm
-        reading += e[0, ECCENTRIC] * (math.sin(turn + phase) - math.sin(phase))
-    if e[0, COUPLING] > 0.0:
-        pair[COUPLED] = approach(pair[COUPLED], reading, dt, 6.0)
-        reading -= e[0, COUPLING] * (reading - pair[COUPLED])
     if e[0, LOST_COUNTS] > 0.0:
         too_fast = 1e3 * max(abs(pair[SPEED]) - 1.5e-3, 0.0)
         pair[LOST] += e[0, LOST_COUNTS] * math.copysign(too_fast, pair[SPEED]) * dt
@@ -275,12 +247,6 @@ def load(
         pair[CREEP_SLOW] = approach(pair[CREEP_SLOW], seen_N - 1.24, dt, 40.0)
         reading += e[0, FORCE_CREEP] * (0.5 * pair[CREEP_FAST] + pair[CREEP_SLOW])
     reading += e[0, FORCE_OFFSET] * (1.0 - 0.2 * math.exp(-time / 25.0))
-    watts = side[0, AMPERE] ** 2 * side[0, OHM] + side[1, AMPERE] ** 2 * side[1, OHM]
-    pair[FRAME] = approach(pair[FRAME], watts / 3.0, dt, 45.0)
-    reading += e[0, FRAME_WARMS] * pair[FRAME]
-    if e[0, GUIDE_RUBS] > 0.0:
-        pair[GUIDE] = min(max(pair[GUIDE] + pair[SPEED] * dt / GUIDE_m, -1.0), 1.0)
-        reading -= e[0, GUIDE_RUBS] * pair[GUIDE]
     if e[0, SHOCK] != 0.0:
         warm = 0.0
         for i in range(CELLS):
@@ -327,8 +293,7 @@ def read(
         squares = side[0, AMPERE] ** 2 + side[1, AMPERE] ** 2
         pair[BOARD] = approach(pair[BOARD], squares / 16.0, dt, 20.0)
     for s in range(2):
-        warm = 1.0 + e[s, SHUNT_WARMS] * side[s, SHUNT]
-        out[s] = side[s, AMPERE] * warm
+        out[s] = side[s, AMPERE]
         if e[s, SHUNT_ON_TUBE] > 0.0:
             tube_warm = 0.0
             for i in range(CELLS):
@@ -349,9 +314,6 @@ def read(
         ripple = side[s, AMPERE] * max(4.0 - side[s, AMPERE], 0.0) / 4.0
         out[2 + s] += e[s, STROBED] * ripple * math.sin(2.0 * math.pi * turn)
         out[2 + s] += e[s, MOVING_EMF] * (pair[SPEED] if s == 0 else -pair[SPEED]) / 5e-3
-        if e[s, GALVANIC] != 0.0:
-            side[s, CLIP] = approach(side[s, CLIP], cells[s, CELLS - 1, T] - 27.0, dt, 4.0)
-            out[2 + s] += e[s, GALVANIC] * side[s, CLIP] / 20.0
         out[2 + s] *= 1.0 + e[1 - s, WARMED_AMPLIFIER] * side[1 - s, CONTACT]
         if e[s, SLIDING_CLIP] != 0.0:
             drawn_in = pair[X] if s == 0 else -pair[X]
@@ -375,12 +337,7 @@ def read(
     out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, cells, side, pair)
     out[9] = load(late(ring, RING_FORCE, pair[GLANCE], ticks), dt, p, e, cells, side, pair)
     total = side[0, AMPERE] + side[1, AMPERE]
-    beat = 0.0
-    if e[0, BEAT] > 0.0:
-        beat = 0.1 * math.sin(2.0 * math.pi * (0.17 + 0.23 * e[2, BEAT]) * pair[TIME])
-    out[10] = p[SUPPLY] * (1.0 + e[0, BEAT] * beat) - p[SUPPLY_OHM] * total
-    if e[0, BATTERY] > 0.0:
-        out[10] *= max(0.1, 1.0 - e[0, BATTERY] * side[0, DRAINED])
+    out[10] = p[SUPPLY] - p[SUPPLY_OHM] * total
 
 
 @compiled

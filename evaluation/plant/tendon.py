@@ -7,12 +7,11 @@ from numpy.typing import NDArray
 
 from evaluation.plant.compiled import compiled
 from evaluation.plant.effects import slot
-from evaluation.plant.layout import CARRIED, PLIED, SWING, SWING_RATE, TAUT_BEFORE, TIME
+from evaluation.plant.layout import CARRIED, PLIED, SWING, SWING_RATE, TAUT_BEFORE
 
 Array = NDArray[np.float64]
 
 COMPLIANCE = slot("tendon_compliance")
-CREEP = slot("tendon_log_creep")
 PLIES = slot("plied_tendon")
 LOOSE_AXLE = slot("loose_axle")
 SWINGING = slot("swinging_reel")
@@ -37,10 +36,6 @@ def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
         scale = e[0, COMPLIANCE] * 1e-3 / math.log(4.1)
         stretch += scale * (math.log(1.0 + tension / 0.4) - math.log(4.1))
         slope += scale / (0.4 + tension)
-    if e[0, CREEP] > 0.0:
-        scale = e[0, CREEP] * 1e-3 * math.log(1.0 + pair[TIME] / 3.0)
-        stretch += scale * tension
-        slope += scale
     if e[0, PLIES] > 0.0:
         rubbed = pair[PLIED] + (force - pair[TAUT_BEFORE]) / PLIES_N
         stretch += 1e-3 * e[0, PLIES] * min(max(rubbed, -1.0), 1.0)

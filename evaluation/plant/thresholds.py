@@ -12,14 +12,11 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
-    ASLEEP,
     AWAKE,
     COLDEST,
     COOLED_FROM,
     HEATED_FROM,
     INNER_STRESS,
-    PRECIPITATED,
-    RATE,
     WORK_DONE,
 )
 from evaluation.plant.parameters import index
@@ -31,9 +28,6 @@ HEAT_SLOPE = index("heat_slope_MPa_K")
 
 MINOR_LOOP = slot("minor_loop")
 DRIFT = slot("transformation_drift")
-OVERSHOOT = slot("rate_overshoot")
-STABILISED = slot("martensite_stabilisation")
-PRECIPITATION = slot("precipitation")
 LINGERING = slot("lingering_stress")
 NARROWING = slot("narrowing_loop")
 RESTING = slot("resting_austenite")
@@ -55,16 +49,6 @@ def shifts(
         fallen = e[s, DRIFT] * (1.0 - math.exp(-side[s, WORK_DONE] / 3.0))
         heat -= fallen
         cool -= fallen
-    if e[s, OVERSHOOT] > 0.0:
-        apart = e[s, OVERSHOOT] * math.sqrt(side[s, RATE] / 0.2)
-        heat += apart
-        cool -= 0.5 * apart
-    if e[s, STABILISED] > 0.0:
-        heat += e[s, STABILISED] * math.log10(1.0 + side[s, ASLEEP] / 4.0)
-    if e[s, PRECIPITATION] > 0.0:
-        risen = e[s, PRECIPITATION] * (1.0 - math.exp(-cells[s, i, PRECIPITATED]))
-        heat += risen
-        cool += risen
     if e[s, LINGERING] > 0.0:
         lifted = e[s, LINGERING] * max(side[s, INNER_STRESS] - 1.35, 0.0) / 0.4
         heat += lifted

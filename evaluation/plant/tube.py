@@ -14,7 +14,6 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
     ANNEALED,
-    ASLEEP,
     AWAKE,
     BUBBLE,
     CELLS,
@@ -36,15 +35,12 @@ from evaluation.plant.layout import (
     OPENED,
     PLAY,
     PLAYS,
-    PRECIPITATED,
     QUIET,
     R_PHASE,
-    RATCHETED,
     RATE,
     RESERVOIR,
     RETURN_WARM,
     SHUNT,
-    SWIRL,
     TURNED,
     WET,
     WORK_DONE,
@@ -122,12 +118,7 @@ RESERVOIR_WARMS = slot("reservoir_warming")
 COLD_ENDS = slot("cold_ends")
 EXPONENT = slot("convection_exponent")
 STRESS_LATENT = slot("stress_latent_heat")
-SWELLING = slot("tube_swelling")
 R_PHASES = slot("r_phase")
-TOUCHING = slot("touching_tubes")
-SWIRLING = slot("lasting_swirl")
-PRECIPITATION = slot("precipitation")
-WARM_CORE = slot("warm_core")
 SHORTED = slot("shorted_coils")
 ON_THE_WALL = slot("coils_on_wall")
 DRIVER_FAN = slot("driver_fan")
@@ -224,29 +215,22 @@ def coefficients(
         reach /= 1.0 + e[s, ON_THE_WALL] * max((1.5 - tension) / 0.3, 0.0)
     reach *= 1.0 + e[s, GAS] * side[s, GASSING]
     reach /= 1.0 + e[s, ELECTROLYSIS] * side[s, GAS_COAT]
-    still = p[STATIC] / CELLS * (1.0 + e[s, SWIRLING] * side[s, SWIRL])
+    still = p[STATIC] / CELLS
     for i in range(CELLS):
         row = rows[i]
         water = cells[s, i, W]
         across = abs(cells[s, i, T] - water)
         out = max(abs(water - ambient), 0.2)
         wet = cells[s, i, WET]
-        swollen = 1.0
-        if e[s, SWELLING] > 0.0:
-            swollen += e[s, SWELLING] * max(water - 27.0, 0.0) / 40.0
         row[HEAT_WIRE] = amperes * amperes * heat[i]
-        row[HEAT_WATER] = e[0, TOUCHING] / CELLS * (cells[1 - s, i, W] - water)
+        row[HEAT_WATER] = 0.0
         covered = wet * (1.0 - e[s, BUBBLES] * cells[s, i, BUBBLE])
         conductance = film(still, p[FORCED] / CELLS, 0.15 + 0.5 * e[s, EXPONENT], across, share)
-        row[FILM] = conductance * max(covered, DRY) / swollen**1.5 * reach
-        row[WATER_HEAT] = p[WATER] / CELLS * wet * swollen
+        row[FILM] = conductance * max(covered, DRY) * reach
+        row[WATER_HEAT] = p[WATER] / CELLS * wet
         row[LOSS] = loss * (out / 15.0) ** power * (0.4 + 0.6 * wet)
         row[TO_CLAMP] = 0.0
         row[SHIFT_HEAT], row[SHIFT_COOL] = shifts(s, i, stress, p, e, cells, side)
-        if e[s, WARM_CORE] > 0.0:
-            warmer = e[s, WARM_CORE] * CELLS * row[FILM] * (cells[s, i, T] - water) / 10.0
-            row[SHIFT_HEAT] -= warmer
-            row[SHIFT_COOL] -= warmer
         row[LATENT] = latent
         row[STORES] = p[WIRE_HEAT] / CELLS
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
@@ -290,8 +274,6 @@ def remember(
             cell[HEATING] = 0.0
             cell[COOLED_FROM] = cell[FRACTION]
         cell[FRACTION] = fraction
-        if e[s, PRECIPITATION] > 0.0:
-            cell[PRECIPITATED] += dt * max(cell[T] - 38.0, 0.0) / 50.0
         moved_all += abs(moved) / CELLS
         mean += fraction / CELLS
         warmth += cell[T] / CELLS
@@ -322,12 +304,7 @@ def remember(
         fading = approach(side[s, INNER_STRESS], tension, dt, 25.0)
         side[s, INNER_STRESS] = max(tension, fading)
     side[s, WORK_DONE] += moved_all
-    side[s, RATCHETED] += moved_all * stress / 57.0
     side[s, RATE] = approach(side[s, RATE], moved_all / dt, dt, 0.3)
-    if mean < 0.5:
-        side[s, ASLEEP] = 0.0
-    elif side[s, RATE] < 0.01:
-        side[s, ASLEEP] += dt
 
 
 @compiled
@@ -377,4 +354,3 @@ def tube(
     warmth = amperes * amperes
     side[s, CONTACT] = approach(side[s, CONTACT], warmth / 16.0, dt, 8.0)
     side[s, SHUNT] = approach(side[s, SHUNT], warmth / 16.0, dt, 10.0)
-    side[s, SWIRL] = max(side[s, FLOW] / p[FULL_FLOW], approach(side[s, SWIRL], 0.0, dt, 6.0))

@@ -177,7 +177,7 @@ def test_a_damaged_run_file_is_named(name: str, log: files.Log, tmp_path: Path) 
 def test_dev_and_sealed_banks_have_different_unknown_effects() -> None:
     unknown = {}
     for sealed in (False, True):
-        drawn = draw(5, {"unknown": 128}, sealed=sealed)
+        drawn = draw(5, {"unknown": 124}, sealed=sealed)
         unknown[sealed] = {a.name for c in drawn for one in c.choices for a in one}
     assert unknown[False] == set(names("dev"))
     assert unknown[True] == set(names("sealed"))
