@@ -13,8 +13,11 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AIR_DRAWN,
     AMPERE,
+    BUOYANT,
+    CLOGGED,
     CUSHION,
     CUSHION_RATE,
+    DIPPED,
     EMPTIED,
     FLOW,
     FORCE_X,
@@ -42,6 +45,7 @@ from evaluation.plant.layout import (
     SPIN_RATE,
     TIME,
     TIRED,
+    TURNING,
     VALVE_OPEN,
     X,
 )
@@ -83,11 +87,18 @@ COLD_REFERENCE = slot("cold_reference")
 PLUG = slot("plug_under_tension")
 AIR_CUSHION = slot("air_cushion")
 THERMOSTAT = slot("wax_thermostat")
+SWALLOWED = slot("swallowed_pulses")
+WRONG_BIT = slot("wrong_bit")
+STARTING = slot("starting_pumps")
+CLOGGING = slot("clogged_strainer")
+THERMOSIPHON = slot("thermosiphon")
+STICKING = slot("sticking_rotor")
 
 CURRENT_LIMIT_A = 4.0
 RING_RAD_S, RING_DAMPING = 2.0 * math.pi * 1.2, 0.12
 RELIEF_OPENS, RELIEF_CLOSES = 0.7, 0.45  # of the full flow
 CUSHION_RAD_S, CUSHION_DAMPING = 2.0 * math.pi * 0.2, 0.12
+BIT_A = 0.5  # what the wrong bit of a converter stands for
 PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
 
 
@@ -147,6 +158,11 @@ def current(
     if e[s, PLUG] > 0.0:
         tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
         i *= 1.0 - min(e[s, PLUG], 0.9) * min(max((tension - 1.24) / 0.4, 0.0), 1.0)
+    if e[s, WRONG_BIT] != 0.0 and math.floor(i / BIT_A) % 2.0 == 1.0:
+        i = max(i + e[s, WRONG_BIT], 0.0)
+    if e[s, SWALLOWED] > 0.0:
+        i *= 1.0 - math.exp(-((i / e[s, SWALLOWED]) ** 2))
+    i *= max(0.1, 1.0 - e[0, STARTING] * pair[DIPPED])
     if e[s, RINGS_ON] > 0.0:
         off = RING_RAD_S * (i - side[s, RINGING]) - 2.0 * RING_DAMPING * side[s, RINGING_RATE]
         side[s, RINGING_RATE] += dt * RING_RAD_S * off
@@ -169,6 +185,12 @@ def _pump_speed(
 ) -> float:
     dead = e[s, DEAD_TIME]
     duty = late(ring, RING_DUTY_X + s, pair[GLANCE], dead / dt)
+    if e[s, STICKING] > 0.0:
+        if duty > e[s, STICKING]:
+            side[s, TURNING] = 1.0
+        elif duty < e[s, STICKING] / 3.0:
+            side[s, TURNING] = 0.0
+        duty *= side[s, TURNING]
     side[s, PUMP] = approach(side[s, PUMP], duty, dt, p[PUMP_LAG])
     if dead <= 0.0:
         side[s, SPIN] = side[s, PUMP]
@@ -215,6 +237,10 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
         share *= 1.0 - min(e[s, RELIEF], 0.95) * side[s, RELIEVED]
     if e[s, THERMOSTAT] > 0.0:
         share *= 1.0 - min(e[s, THERMOSTAT], 0.95) * (1.0 - side[s, VALVE_OPEN])
+    if e[s, CLOGGING] > 0.0:
+        side[s, CLOGGED] += dt * share / 8.0
+        share *= 1.0 - min(e[s, CLOGGING], 0.95) * (1.0 - math.exp(-side[s, CLOGGED]))
+    share += e[s, THERMOSIPHON] * max(1.0 - side[s, PUMP], 0.0) * side[s, BUOYANT]
     if e[s, AIR_CUSHION] > 0.0:
         off = CUSHION_RAD_S * (share - side[s, CUSHION])
         off -= 2.0 * CUSHION_DAMPING * side[s, CUSHION_RATE]
@@ -228,8 +254,12 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
 @compiled
 def flows(p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) -> None:
     """Set `side[:, FLOW]` of both tubes, with what leaks from one into the other."""
+    was_x = side[0, PUMP]
+    was_y = side[1, PUMP]
     x = flow(0, p, e, side, pair, ring, dt)
     y = flow(1, p, e, side, pair, ring, dt)
+    started = max(side[0, PUMP] - was_x, 0.0) + max(side[1, PUMP] - was_y, 0.0)
+    pair[DIPPED] = approach(pair[DIPPED], 0.0, dt, 3.0) + started
     full = p[FULL_FLOW]
     if e[0, SUCTION] > 0.0:
         side[0, AIR_DRAWN] = max(x / full, approach(side[0, AIR_DRAWN], 0.0, dt, 6.0))

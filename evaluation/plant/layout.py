@@ -95,8 +95,15 @@ CELL_WIDTH = PLAY + PLAYS
     DRAWING_IN,
     COOLING,
     WARMTH_BEFORE,
+    LEACHED,
+    CLOGGED,
+    BUOYANT,
+    TURNING,
+    DAMP,
+    REMANENT,
+    CHARGED,
     SIDE_WIDTH,
-) = range(73)
+) = range(80)
 
 (
     TIME,
@@ -134,8 +141,12 @@ CELL_WIDTH = PLAY + PLAYS
     UNBOLTED,
     STRETCHING,
     LARGEST_LOAD,
+    DIPPED,
+    DRAWN,
+    STRAP,
+    SNAPPED,
     PAIR_WIDTH,
-) = range(36)
+) = range(40)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256

@@ -93,6 +93,8 @@ YIELDS = slot("yielding_austenite")
 DAMPING = slot("damping_martensite")
 DRAWN_CLIP = slot("clip_drawn_to_coils")
 ELECTROPLASTIC = slot("electroplastic")
+WARM_MARTENSITE = slot("warm_martensite")
+STIFFENS = slot("stiffening_austenite")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
@@ -112,7 +114,10 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
         softness = 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
         if e[s, TWO_PHASES] > 0.0:
             softness *= 1.0 + e[s, TWO_PHASES] * 4.0 * fraction * (1.0 - fraction)
-        total += softness
+        warm = max(cells[s, i, T] - 35.0, 0.0) / 10.0
+        total += softness / (1.0 + e[s, STIFFENS] * (1.0 - fraction) * warm)
+        warm = max(cells[s, i, T] - 27.0, 0.0) / 10.0
+        total += 1e-3 / 1.24 * e[s, WARM_MARTENSITE] * fraction * warm
         if e[s, R_PHASES] > 0.0:
             total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * p[STRESS] / 57.0
     side[s, GROWN] = e[s, CRIMP_CREEPS] * 1e-3 * side[s, CRIMP]

@@ -14,10 +14,14 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
     BASE,
+    BUOYANT,
     CELLS,
+    CHARGED,
     COLDEST,
+    CONTACT,
     COOLING,
     CURED,
+    DAMP,
     DEAD_END,
     DRAWING_IN,
     FLOW,
@@ -30,6 +34,7 @@ from evaluation.plant.layout import (
     GASSING,
     GREATEST_LOAD,
     HOSE_SOFT,
+    LEACHED,
     OPENED,
     PRESSED_ON,
     SHUNT,
@@ -51,6 +56,7 @@ from evaluation.plant.thermal import (
     FILM,
     HEAT_WATER,
     HEAT_WIRE,
+    LOSS,
     SHIFT_COOL,
     SHIFT_HEAT,
     STORES,
@@ -99,6 +105,13 @@ HURRIED = slot("hurried_cooling")
 RELAXING = slot("relaxing_lattice")
 GRIPPED = slot("gripped_ends")
 THERMOSTAT = slot("wax_thermostat")
+IONS = slot("leached_ions")
+THERMOSIPHON = slot("thermosiphon")
+STIRRING = slot("stirring_coils")
+HOT_CRIMP = slot("hot_crimp")
+JACKET = slot("wet_jacket")
+HYDROGEN = slot("hydrogen_uptake")
+NUCLEI = slot("first_nuclei")
 
 BASE_J_K, DEAD_LEG_J_K = 20.0, 6.0
 WAX_OPENS, WAX_CLOSES = 42.0, 36.0  # °C of the water at a thermostat
@@ -179,7 +192,7 @@ def odd_shifts(
 def seldom(
     s: int, share: float, e: Array, cells: Array, side: Array, pair: Array, rows: Array
 ) -> None:
-    """Change `rows` by what films, a dead leg, stretching, haste and rest do to a tube."""
+    """Change `rows` by what films, a dead leg, crimps, stretching, haste and rest do to a tube."""
     reach = 1.0 + e[s, SHEDDING] * (1.0 - math.exp(-side[s, WORK_DONE] / 1.5))
     reach /= 1.0 + e[s, FIRST_BUBBLES] * math.exp(-side[s, FLUSHED] / 5.0)
     pumped = e[s, ELASTOCALORIC] * side[s, DRAWING_IN] / 5e-3
@@ -195,6 +208,17 @@ def seldom(
         rows[i, SHIFT_COOL] -= e[s, GRIPPED]
     warmer = side[s, DEAD_END] - cells[s, CELLS - 1, W]
     rows[CELLS - 1, HEAT_WATER] += e[s, DEAD_LEG] * share * warmer
+    speed = abs(pair[SPEED])
+    stirred = 1.0 + e[s, STIRRING] * speed / (speed + 2e-3)
+    wetter = 1.0 + e[s, JACKET] * side[s, DAMP]
+    lower = e[s, HYDROGEN] * (1.0 - math.exp(-side[s, CHARGED]))
+    for i in range(CELLS):
+        rows[i, FILM] *= stirred
+        rows[i, LOSS] *= wetter
+        rows[i, SHIFT_HEAT] -= lower
+        rows[i, SHIFT_COOL] -= lower + e[s, NUCLEI] * max(1.0 - cells[s, i, FRACTION] / 0.4, 0.0)
+    rows[0, HEAT_WIRE] += 0.5 * e[s, HOT_CRIMP] * side[s, CONTACT]
+    rows[CELLS - 1, HEAT_WIRE] += 0.5 * e[s, HOT_CRIMP] * side[s, CONTACT]
 
 
 @compiled
@@ -271,3 +295,22 @@ def wear(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, dt:
         falling = max((side[s, WARMTH_BEFORE] - warmth) / dt, 0.0)
         side[s, COOLING] = approach(side[s, COOLING], falling, dt, 0.3)
         side[s, WARMTH_BEFORE] = warmth
+
+
+@compiled
+def soak(s: int, p: Array, e: Array, cells: Array, side: Array, dt: float) -> None:
+    """Update what ions, warm water, a wet jacket and hydrogen leave of a tick of spring `s`."""
+    share = side[s, FLOW] / p[FULL_FLOW]
+    if e[s, IONS] > 0.0:
+        leached = approach(side[s, LEACHED], 1.0, dt, 20.0)
+        side[s, LEACHED] = leached * math.exp(-dt * share / 1.5)
+    if e[s, THERMOSIPHON] > 0.0:
+        warm = 0.0
+        for i in range(CELLS):
+            warm += (cells[s, i, W] - 27.0) / CELLS
+        side[s, BUOYANT] = max(warm, 0.0) / 10.0
+    if e[s, JACKET] > 0.0:
+        slow = 3.0 if share > side[s, DAMP] else 20.0
+        side[s, DAMP] = approach(side[s, DAMP], share, dt, slow)
+    if e[s, HYDROGEN] > 0.0:
+        side[s, CHARGED] += dt * side[s, AMPERE] / 60.0

@@ -39,6 +39,7 @@ from evaluation.plant.layout import (
     MISTED,
     OHM,
     PUMP,
+    REMANENT,
     RESERVOIR,
     RING_FORCE,
     RING_X,
@@ -119,6 +120,12 @@ SETTLING = slot("settling_encoder")
 OVERLOADED = slot("overloaded_cell")
 LOW_FIELD = slot("core_at_low_field")
 STROBED = slot("strobed_sense")
+SHARED_RETURN = slot("shared_return")
+GHOSTING = slot("ghosting_multiplexer")
+TIE = slot("creeping_tie")
+COARSE = slot("coarse_scale")
+OBLIQUE = slot("oblique_pull")
+REMANENCE = slot("remanent_core")
 
 
 @compiled
@@ -134,6 +141,8 @@ def rtd(
 ) -> float:
     """Reading (°C) of the RTD tied to spring `s`, before the converter."""
     place = p[RTD_PLACE] * CELLS - 0.5
+    drawn_in = pair[X] if s == 0 else -pair[X]
+    place += e[s, TIE] * CELLS * drawn_in / 5e-3
     i = min(max(math.floor(place), 0), CELLS - 2)
     part = min(max(place - i, 0.0), 1.0)
     seen = (1.0 - part) * cells[s, i, T] + part * cells[s, i + 1, T]
@@ -146,6 +155,7 @@ def rtd(
     else:
         side[s, RTD_B] = side[s, RTD_A]
     reading = side[s, RTD_B]
+    reading += e[0, GHOSTING] * (side[1 - s, RTD_A] - side[s, RTD_A])
     reading += e[s, RTD_OFFSET] * (1.0 + 0.01 * (reading - 27.0))
     if e[s, RTD_JOINTS] != 0.0:
         reading += e[s, RTD_JOINTS] * (cells[s, CELLS - 1, T] - cells[s, 0, T]) / 10.0
@@ -232,6 +242,8 @@ def travel(seen_mm: float, dt: float, e: Array, cells: Array, side: Array, pair:
         if abs(off) > 1.0:
             pair[INDEXED] = 1.0 if off > 0.0 else 0.0
         reading += e[0, WIDE_INDEX] * pair[INDEXED]
+    if e[0, COARSE] > 0.0:
+        reading = e[0, COARSE] * math.floor(reading / e[0, COARSE] + 0.5)
     return float(reading)
 
 
@@ -268,6 +280,7 @@ def load(
         reading -= e[0, LOOSE_BOLT] * pair[UNBOLTED]
     pair[LARGEST_LOAD] = max(pair[LARGEST_LOAD], seen_N)
     reading += e[0, OVERLOADED] * max(pair[LARGEST_LOAD] - 1.3, 0.0) / 0.3
+    reading *= 1.0 - e[0, OBLIQUE] * (pair[X] / 5e-3) ** 2
     reading *= 1.0 - e[0, BRIDGE_SAGS] * (side[0, PUMP] + side[1, PUMP])
     for s in range(2):
         ampere = side[s, AMPERE]
@@ -302,12 +315,15 @@ def read(
             out[s] *= 1.0 + e[s, SHUNT_ON_TUBE] * side[s, SHUNT_WARM]
         out[s] -= min(e[s, NEAR_RAIL], 0.95) * max(out[s] - 2.5, 0.0)
         out[s] *= 1.0 - min(e[s, LOW_FIELD], 0.95) * math.exp(-max(out[s], 0.0) / 0.8)
+        side[s, REMANENT] = max(side[s, AMPERE] / 4.0, approach(side[s, REMANENT], 0.0, dt, 30.0))
+        out[s] += e[s, REMANENCE] * side[s, REMANENT]
         out[s] += e[0, HALL_DRIFT] * pair[BOARD]
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
         nearness = 1.0 / (1.0 - min(max(pair[X], -0.02), 0.02) / 25e-3)
         out[s] += e[0, MAGNET] * (nearness * nearness - 1.0)
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
+        out[2 + s] += e[0, SHARED_RETURN] * side[1 - s, AMPERE]
         if e[s, TARNISHED] > 0.0:
             out[2 + s] += e[s, TARNISHED] * side[s, AMPERE] / (side[s, AMPERE] + 0.5)
         turn = pair[TIME] / 9.0 + e[2, STROBED]

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.plant.compiled import compiled
+from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
-from evaluation.plant.layout import CARRIED, PLIED, SWING, SWING_RATE, TAUT_BEFORE
+from evaluation.plant.layout import CARRIED, PLIED, SNAPPED, STRAP, SWING, SWING_RATE, TAUT_BEFORE
 
 Array = NDArray[np.float64]
 
@@ -17,12 +18,17 @@ LOOSE_AXLE = slot("loose_axle")
 SWINGING = slot("swinging_reel")
 BUFFER = slot("rubber_buffer")
 SPLICE = slot("splice_over_pulley")
+STRAPPED = slot("relaxing_strap")
+OVAL = slot("oval_pulley")
+BELLOWS = slot("snapping_bellows")
 
 PLIES_N = 0.2  # change of tension over which the friction between plies turns round
 SPLICE_m = 2e-3  # travel over which a splice rides off its pulley
 AXLE_m = 8e-4  # travel over which the tendon carries a loose axle from one end of its play on
 SWING_RAD_S, SWING_DAMPING = 2.0 * math.pi * 0.2, 0.15
 SWUNG_m = 5e-3
+OVAL_m = 16e-3  # travel after which an oval pulley is as before
+STRAP_m, BELLOWS_m = 5e-3, 1.5e-3
 BUFFER_m = 2e-3  # how far off the middle a buffer stands, and how deep it is
 
 
@@ -46,7 +52,7 @@ def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
 
 @compiled
 def longer_path(x: float, before: float, e: Array, pair: Array) -> tuple[float, float]:
-    """How much longer a loose axle and a splice make the tendon (m), and the slope in `x` (1)."""
+    """How much longer what the tendon runs over makes it (m), and the slope in `x` (1)."""
     longer = 0.0
     slope = 0.0
     if e[0, LOOSE_AXLE] > 0.0:
@@ -58,6 +64,11 @@ def longer_path(x: float, before: float, e: Array, pair: Array) -> tuple[float, 
         off = math.tanh((x - 6e-3 * (e[2, SPLICE] - 0.5)) / SPLICE_m)
         longer += 1e-3 * e[0, SPLICE] * off
         slope += 1e-3 * e[0, SPLICE] * (1.0 - off * off) / SPLICE_m
+    if e[0, OVAL] > 0.0:
+        begun = 2.0 * math.pi * e[2, OVAL]
+        turn = 2.0 * math.pi * x / OVAL_m + begun
+        longer += 1e-3 * e[0, OVAL] * (math.sin(turn) - math.sin(begun))
+        slope += 2e-3 * math.pi * e[0, OVAL] * math.cos(turn) / OVAL_m
     return longer, slope
 
 
@@ -74,13 +85,19 @@ def hung_and_stopped(x: float, e: Array, pair: Array) -> tuple[float, float]:
         deep = max(way * x / BUFFER_m - 1.0, 0.0)
         total += way * e[0, BUFFER] * deep**1.5
         slope += e[0, BUFFER] * 1.5 * math.sqrt(deep) / BUFFER_m
+    total += e[0, STRAPPED] * (x - pair[STRAP]) / STRAP_m - e[0, BELLOWS] * pair[SNAPPED]
+    slope += e[0, STRAPPED] / STRAP_m
     return total, slope
 
 
 @compiled
 def swing(x: float, e: Array, pair: Array, dt: float) -> None:
-    """Let what hangs on the tendon at `x` swing on for a tick."""
+    """Let what hangs on the tendon at `x` swing, give and snap for a tick."""
     if e[0, SWINGING] > 0.0:
         off = SWING_RAD_S * (x - pair[SWING]) - 2.0 * SWING_DAMPING * pair[SWING_RATE]
         pair[SWING_RATE] += dt * SWING_RAD_S * off
         pair[SWING] += dt * pair[SWING_RATE]
+    pair[STRAP] = approach(pair[STRAP], x, dt, 5.0)
+    off = x - 3e-3 * (e[2, BELLOWS] - 0.5)
+    if abs(off) > BELLOWS_m:
+        pair[SNAPPED] = approach(pair[SNAPPED], math.copysign(1.0, off), dt, 0.2)

@@ -30,6 +30,7 @@ from evaluation.plant.layout import (
     HEATED_FROM,
     HEATING,
     INNER_STRESS,
+    LEACHED,
     LIMED,
     OHM,
     OPENED,
@@ -75,6 +76,7 @@ from evaluation.plant.rarer import (
     odd_heat,
     odd_shifts,
     seldom,
+    soak,
     wear,
 )
 from evaluation.plant.thermal import (
@@ -137,6 +139,7 @@ ON_RETURN = slot("driver_on_return")
 OTHER_PUMP = slot("other_pump_shakes")
 PRESSED = slot("pressed_tube")
 YOKE = slot("metal_yoke")
+IONS = slot("leached_ions")
 
 OPENS_MPa, CLOSES_MPa = 66.0, 59.0  # stress at which a crack in the wire opens and closes
 
@@ -145,7 +148,7 @@ OPENS_MPa, CLOSES_MPa = 66.0, 59.0  # stress at which a crack in the wire opens 
 def resistance(
     s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, heat: Array
 ) -> float:
-    """Resistance (ohm) of spring `s`; each cell's share goes to `heat`."""
+    """Resistance (ohm) of spring `s`; what heats each cell's wire goes to `heat`."""
     base = p[RESISTANCE] * (p[Y_RESISTANCE] if s == 1 else 1.0)
     if e[s, SHORTED] > 0.0:
         drawn_in = pair[X] if s == 0 else -pair[X]
@@ -157,6 +160,8 @@ def resistance(
         base *= max(0.2, 1.0 + e[s, PIEZO] * (tension / 1.24 - 1.0))
     if e[s, SCATTERING] > 0.0:
         base *= 1.0 + e[s, SCATTERING] * side[s, RATE] / (side[s, RATE] + 0.05)
+    beside = 1.0 + e[s, IONS] * side[s, LEACHED]
+    base /= beside * beside
     total = 0.0
     strength = e[s, RESISTIVITY]
     for i in range(CELLS):
@@ -171,7 +176,7 @@ def resistance(
             factor += e[s, TEXTURED] * min(max(further, 0.0) / 0.05, 8.0)
         heat[i] = base * factor / CELLS
         total += heat[i]
-    return total + joints(s, e, cells, side, heat)
+    return float(total * beside + joints(s, e, cells, side, heat))
 
 
 @compiled
@@ -247,6 +252,10 @@ def coefficients(
     if moved > 0.0 or e[s, GRADED] != 0.0:
         odd_shifts(s, share, p, e, cells, pair, rows)
     seldom(s, share, e, cells, side, pair, rows)
+    if e[s, IONS] > 0.0:
+        beside = e[s, IONS] * side[s, LEACHED]
+        for i in range(CELLS):
+            rows[i, HEAT_WATER] += beside * rows[i, HEAT_WIRE]
     return float(CELLS * p[CONDUCTION] + p[MIXING] * side[s, FLOW] * CELLS / 6.0)
 
 
@@ -351,6 +360,7 @@ def tube(
     remember(s, stress, p, e, cells, side, dt)
     age(s, p, e, cells, side, pair, dt)
     wear(s, p, e, cells, side, pair, dt)
+    soak(s, p, e, cells, side, dt)
     warmth = amperes * amperes
     side[s, CONTACT] = approach(side[s, CONTACT], warmth / 16.0, dt, 8.0)
     side[s, SHUNT] = approach(side[s, SHUNT], warmth / 16.0, dt, 10.0)

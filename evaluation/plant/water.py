@@ -14,6 +14,7 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     BUBBLE,
     CELLS,
+    DRAWN,
     FILL,
     FLOW,
     FLUSHED,
@@ -39,6 +40,7 @@ CARTRIDGE = slot("warm_cartridge")
 DRAWN_AGAIN = slot("drawn_again")
 RETURNING = slot("return_beside_intake")
 ON_TENDON = slot("intake_on_tendon")
+DEPTH = slot("drawn_from_depth")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
@@ -106,4 +108,8 @@ def entering(
         side[s, PLUME] += dt * (returned / 5.0 - side[s, PLUME] / 40.0)
         source += e[1 - s, RETURNING] * side[s, PLUME]
     source += e[0, ON_TENDON] * pair[X] / 5e-3
+    if s == 0 and e[0, DEPTH] != 0.0:
+        both = (side[0, FLOW] + side[1, FLOW]) / 0.55
+        pair[DRAWN] = approach(pair[DRAWN], both, dt, 4.0)
+    source += e[0, DEPTH] * pair[DRAWN]
     return float(source)
