@@ -30,8 +30,11 @@ class Groups:
 
     def begin(self, group: Group) -> None:
         """Begin a group now. Raises CommandError, with nothing begun, when one cannot."""
-        self._check(group)
+        self._begin(group)
         self.forget(group)
+
+    def _begin(self, group: Group) -> None:
+        self._check(group)
         at_us: dict[str, float | None] = {}
 
         def beginning(axis: Axis) -> Callable[[State], None]:
@@ -64,7 +67,7 @@ class Groups:
             if ended and blocked_axes.isdisjoint(group):
                 self._waiting.remove(group)
                 try:
-                    self.begin(group)
+                    self._begin(group)
                 except CommandError as error:
                     self._say("warning", f"a queued motion was left out: {error}", {})
             blocked_axes.update(group)
