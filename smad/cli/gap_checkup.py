@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from smad.cli.gap_print import print_verdict, write_verdict
-from smad.cli.output import FOLDER, OUTPUT, F, Progress, axis_option, progress, ready_client
+from smad.cli.output import (
+    FOLDER,
+    OUTPUT,
+    Checked,
+    F,
+    Progress,
+    axis_option,
+    progress,
+    ready_client,
+)
 from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
 from smad.files import named_output, require_writable
 
@@ -92,7 +101,17 @@ def commission(
         )
 
 
-@click.command()
+def _require_pairs(given: Mapping[str, Any]) -> None:
+    if (given["folder"] is None) == (given["good"] is None):
+        raise click.UsageError(
+            "give --baseline FOLDER (of smad gap commission), or --good and --now"
+        )
+    if given["good"] is not None and given["now"] is None:
+        raise click.UsageError("--good needs --now: the runs to judge")
+    require_sim(given["effects"], sim=given["sim"])
+
+
+@click.command(cls=Checked, require=_require_pairs)
 @click.option("--baseline", "folder", type=FOLDER, help="Play its programme again, and judge.")
 @click.option("--good", type=FOLDER, help="Run files of the good bench, best with repeats.")
 @click.option("--now", type=FOLDER, help="New run files with the same inputs as the good ones.")
@@ -135,11 +154,6 @@ def checkup(
     their columns' names. Runs are paired by their inputs, and by name if several fit. Good runs
     that a stop cut short are listed and left out.
     """
-    if (folder is None) == (good is None):
-        raise click.UsageError("give --baseline, or --good and --now")
-    if good is not None and now is None:
-        raise click.UsageError("--good needs --now: the runs to judge")
-    require_sim(effects, sim=sim)
     for path in (json_path, page_path, model_path):
         if path is not None:
             require_writable(path)

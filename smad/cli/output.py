@@ -73,6 +73,24 @@ class Finite(click.FloatRange):
         return number
 
 
+class Checked(click.Command):
+    """A command whose options are checked together, by `require`, as soon as they are parsed.
+
+    The queue parses a command when it is added, and begins it when nobody is there.
+    """
+
+    def __init__(self, *args: Any, require: Callable[[Mapping[str, Any]], None], **kw: Any) -> None:
+        super().__init__(*args, **kw)
+        self._require = require
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse, and raise the usage error of options that do not belong together."""
+        left = super().parse_args(ctx, args)
+        if not ctx.resilient_parsing:
+            self._require(ctx.params)
+        return left
+
+
 C = TypeVar("C", bound="Struct")
 
 

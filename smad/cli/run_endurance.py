@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +12,7 @@ import click
 
 from smad.cli.output import (
     FOLDER,
+    Checked,
     Finite,
     axis_option,
     lease_option,
@@ -33,7 +34,17 @@ _percent = Finite(0.0, 100.0, min_open=True)
 _kelvin = Finite(0.0, 100.0, min_open=True)
 
 
-@click.command()
+def _require_pairs(given: Mapping[str, Any]) -> None:
+    if given["displacement"] and given["temperature"]:
+        raise click.UsageError("give --displacement or --temperature")
+    if given["every"] and given["baseline"] is None:
+        raise click.UsageError("--every N checkup needs --baseline FOLDER (of smad gap commission)")
+    if given["end_place"] is not None and not given["every"]:
+        raise click.UsageError("--end-place needs --every N checkup")
+    require_sim(given["effects"], sim=given["sim"])
+
+
+@click.command(cls=Checked, require=_require_pairs)
 @click.option("--cycles", type=click.IntRange(1, 10_000_000), required=True, help="How many.")
 @click.option(
     "--displacement",
@@ -151,16 +162,11 @@ def _plan_of(options: dict[str, Any], first: int) -> Endurance:
     from smad.experiments.endurance.run import Endurance
 
     baseline: Path | None = options["baseline"]
-    if options["every"] and baseline is None:
-        raise click.UsageError("--every N checkup needs --baseline")
     if baseline is not None and not (baseline / "baseline.json").exists():
         raise SmadError(
             f"there is no baseline in {baseline}",
             action="commission the bench (smad gap commission), or name another; nothing was moved",
         )
-    if options["end_place"] is not None and not options["every"]:
-        raise click.UsageError("--end-place needs --every N checkup")
-    require_sim(options["effects"], sim=options["sim"])
     return Endurance(
         profile=profile_of(options),
         cycles=options["cycles"],
@@ -177,11 +183,9 @@ def _plan_of(options: dict[str, Any], first: int) -> Endurance:
 
 
 def profile_of(options: dict[str, Any]) -> Profile:
-    """Return the cycle that is asked for. Raises a usage error or ExperimentError."""
+    """Return the cycle that is asked for. Raises ExperimentError."""
     from smad.experiments.endurance.profile import Profile
 
-    if options["displacement"] and options["temperature"]:
-        raise click.UsageError("give --displacement or --temperature")
     low, high = options["temperature"] or options["displacement"] or (-5.0, 5.0)
     return Profile(
         quantity="temperature" if options["temperature"] else "displacement",
