@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import OUTPUT, PATH, json_option, print_json
+from smad.cli.output import OUTPUT, PATH, json_option, print_json, require_outputs
 from smad.cli.quantity import Quantity
 from smad.errors import SmadError
 
@@ -71,11 +71,9 @@ def design(
     from smad.cli.tables import print_table
     from smad.design.cycle import design_cycle
     from smad.design.page import design_page
-    from smad.files import require_writable
     from smad.report.page import Table, write_page
 
-    if page is not None:
-        require_writable(page)
+    require_outputs()
     try:
         base, geometry = load_geometry(source, base=params)
         geometry = replace(geometry, **{n: v for n in _SIZES if (v := given[n]) is not None})

@@ -36,8 +36,8 @@ from smad.cli.gap_simulator import (
     require_pairs,
     simulator_options,
 )
-from smad.cli.output import EXISTING, OUTPUT, json_option, print_json, progress
-from smad.files import named_output, require_writable
+from smad.cli.output import EXISTING, OUTPUT, json_option, print_json, progress, require_outputs
+from smad.files import named_output
 
 
 @click.group()
@@ -95,9 +95,7 @@ def diagnose(
     The status is 3 if the runs cannot support the question.
     """
     require_among(trust, (runs, hold_out, good), "--trust")
-    for path in (json_path, html_path, model_path):
-        if path is not None:
-            require_writable(path)
+    require_outputs()
     runs, hold_out, good = without_left_out((runs, hold_out, good), leave_out)
     if not runs:
         raise click.UsageError("--leave-out leaves no run to fit; give more runs")
@@ -158,6 +156,7 @@ def apply(*, verdict: Path, out: Path, first: int | None) -> None:
     """
     from smad.diagnosis.verdict import read_verdict
 
+    require_outputs()
     read = read_verdict(verdict)
     with named_output(out) as path:
         read.write_model(path, first)

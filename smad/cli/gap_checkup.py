@@ -19,9 +19,10 @@ from smad.cli.output import (
     axis_option,
     progress,
     ready_client,
+    require_outputs,
 )
 from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
-from smad.files import named_output, require_writable
+from smad.files import named_output
 
 if TYPE_CHECKING:
     from smad.checkup.inquiry import Report
@@ -154,9 +155,7 @@ def checkup(
     their columns' names. Runs are paired by their inputs, and by name if several fit. Good runs
     that a stop cut short are listed and left out.
     """
-    for path in (json_path, page_path, model_path):
-        if path is not None:
-            require_writable(path)
+    require_outputs()
     from smad.checkup import check
     from smad.checkup.judge import save_model_of
     from smad.checkup.programme import chosen

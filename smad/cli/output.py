@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from smad.files import require_writable
+
 if TYPE_CHECKING:
     from msgspec import Struct
 
@@ -50,6 +52,41 @@ EXISTING = click.Path(exists=True, dir_okay=False, path_type=Path)
 OUTPUT = _Output(dir_okay=False, path_type=Path)
 """Types of options and arguments: anything, no folder, no file, a file that is there, a file to
 write that is no recording."""
+
+
+def require_outputs() -> None:
+    """Raise unless each file that this command is to write can be, and is no other file of it.
+
+    Raises a usage error for a file that the command reads, or writes a second time.
+    """
+    context = click.get_current_context()
+    files = [
+        (parameter, path)
+        for parameter in context.command.params
+        for path in _files(context.params.get(parameter.name or ""))
+    ]
+    for parameter, path in files:
+        if not isinstance(parameter.type, _Output):
+            continue
+        require_writable(path)
+        for other, named in files:
+            if other is not parameter and named.resolve() == path.resolve():
+                raise click.BadParameter(
+                    f"{str(path)!r} is the file of {other.get_error_hint(context)}, too, and would "
+                    "be replaced. Name another file.",
+                    context,
+                    parameter,
+                )
+
+
+def _files(value: object) -> list[Path]:
+    """The paths among the values of a parameter; a text may name a file (`--params`)."""
+    if isinstance(value, tuple):
+        return [path for part in value for path in _files(part)]
+    if isinstance(value, str) and Path(value).is_file():
+        return [Path(value)]
+    return [value] if isinstance(value, Path) else []
+
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 wait_option = click.option(

@@ -21,6 +21,7 @@ from smad.cli.output import (
     print_json,
     progress,
     ready_client,
+    require_outputs,
 )
 from smad.cli.simulated import seed_option, simulated_model
 from smad.files import named_output
@@ -143,6 +144,7 @@ def run(names: tuple[str, ...], **options: Any) -> None:
     if options["listing"]:
         _print_list(as_json=options["as_json"])
         return
+    require_outputs()
     given = simulated_model(params=options["parameters"], model_file=options["model"])
     model = given.parameters
     if options["feedforward"]:

@@ -68,6 +68,26 @@ def test_what_is_written_never_replaces_a_recording(
     assert run.read_text() == "t_s\n0\n"
 
 
+def test_what_is_written_replaces_no_file_that_the_command_reads_or_writes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("run.csv", "mine.toml", "verdict.json"):
+        (tmp_path / name).write_text("text")
+    for words, told in (
+        ("gap diagnose run.csv --map mine.toml --apply ./mine.toml", "'--map'"),
+        ("gap diagnose run.csv --params mine.toml --apply mine.toml", "'--params'"),
+        ("gap diagnose run.csv --json out --html out", "'--html'"),
+        ("gap apply verdict.json --out verdict.json", "'VERDICT'"),
+        ("design mine.toml --html mine.toml", "'[GEOMETRY]'"),
+        ("run dsc --sim --parameters mine.toml --save-parameters mine.toml", "'--parameters'"),
+    ):
+        assert execute(words.split()) == 2
+        said = capsys.readouterr().err
+        assert f"is the file of {told}, too, and would be replaced. Name another file" in said
+    assert (tmp_path / "mine.toml").read_text() == "text"
+
+
 def test_fault_list_names_every_fault_and_an_unknown_one_is_told_them_too() -> None:
     listed = CliRunner().invoke(sim, ["--fault", "list"]).output.splitlines()
     assert [line.split()[0] for line in listed[1:]] == list(FAULT_KINDS)
