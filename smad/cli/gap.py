@@ -32,6 +32,7 @@ from smad.cli.gap_runs import (
 )
 from smad.cli.gap_simulator import (
     diagnose_simulator,
+    mapping_of,
     processes_option,
     require_pairs,
     simulator_options,
@@ -100,7 +101,7 @@ def diagnose(
     if not runs:
         raise click.UsageError("--leave-out leaves no run to fit; give more runs")
     good = without_cut_runs(good)
-    require_pairs(fmu, mjcf, map_path)
+    require_pairs(fmu, mjcf, map_path, window_s)
     if fmu is not None and model_path is not None:
         raise click.UsageError("--apply cannot write the model of an FMI unit; leave --apply out")
     if processes is not None and not (fmu or mjcf):
@@ -121,9 +122,8 @@ def diagnose(
             arguments = ""
         else:
             from smad.diagnosis.spring_pair.files import diagnose_files
-            from smad.records.channels import read_mapping
 
-            mapping = None if map_path is None else read_mapping(map_path)
+            mapping = None if map_path is None else mapping_of(map_path)
             plant = plant_of(params, variant)
             with progress() as line:
                 answer = diagnose_files(

@@ -69,7 +69,7 @@ def plan_runs(
     weak          noticed only above its typical size, or like another
     not           nothing shows within its range, or parameters imitate it
     """
-    require_pairs(fmu, mjcf, map_path)
+    require_pairs(fmu, mjcf, map_path, window_s)
     if not inputs and not experiments:
         raise click.UsageError("nothing would be played; give --inputs FILE or --experiment NAME")
     if map_path is not None and not (fmu or mjcf):

@@ -12,6 +12,7 @@ from smad.cli.output import note, progress
 
 if TYPE_CHECKING:
     from smad.diagnosis.answer import Answer
+    from smad.records.channels import MappingFile
 
 _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -54,13 +55,30 @@ processes_option = click.option(
 )
 
 
-def require_pairs(fmu: Path | None, mjcf: Path | None, map_path: Path | None) -> None:
+def require_pairs(
+    fmu: Path | None, mjcf: Path | None, map_path: Path | None, window_s: float | None
+) -> None:
     """Raise UsageError for options that do not belong together."""
     if fmu is not None and mjcf is not None:
         raise click.UsageError("a model is one of --fmu and --mjcf; give one")
     if map_path is None and (fmu or mjcf):
         name = "--fmu" if fmu else "--mjcf"
         raise click.UsageError(f"{name} and --map belong together; give both")
+    if window_s is not None and mjcf is None:
+        raise click.UsageError("--window needs --mjcf; leave it out")
+
+
+def mapping_of(map_path: Path) -> MappingFile:
+    """Return the mapping file that --map alone names. Raises UsageError where it is none."""
+    from smad.errors import LogImportError
+    from smad.records.channels import read_mapping
+
+    try:
+        return read_mapping(map_path)
+    except LogImportError as error:
+        raise click.UsageError(
+            f"{error}. If it is the map of a simulator, give --fmu or --mjcf, too"
+        ) from None
 
 
 def warn_that_code_runs(fmu: Path) -> None:
