@@ -22,6 +22,7 @@ from smad.cli.output import (
     require_outputs,
 )
 from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
+from smad.counted import counted
 from smad.files import named_output
 
 if TYPE_CHECKING:
@@ -93,8 +94,8 @@ def commission(
             )
     minutes = programme.duration_s / 60.0
     click.echo(
-        f"baseline {folder}: {len(programme.runs)} runs of {minutes:.1f} min in all, "
-        f"{reference.repeats} repeats of each"
+        f"baseline {folder}: {counted(len(programme.runs), 'run')} of {minutes:.1f} min in all, "
+        f"{counted(reference.repeats, 'repeat')} of each"
     )
     if reference.repeats < 2:
         click.echo(
@@ -285,7 +286,9 @@ def _print_report(report: Report, folder: Path, spent_s: float) -> None:
 
     assert report.verdict is not None
     print_verdict(report.verdict)
-    click.echo(f"{report.why_over}; {len(report.records)} runs in {spent_s / 60.0:.1f} min")
+    click.echo(
+        f"{report.why_over}; {counted(len(report.records), 'run')} in {spent_s / 60.0:.1f} min"
+    )
     for run, separation in report.offers.items():
         click.echo(
             f"the baseline has no run {run}; recorded on the good bench, it would be expected to "

@@ -17,6 +17,7 @@ from smad.cli import complete
 from smad.cli.layouts import layouts
 from smad.cli.output import FILE, OUTPUT, PATH, json_option, print_json
 from smad.cli.tables import print_columns
+from smad.counted import counted
 from smad.errors import RunLogError
 from smad.files import display_path, require_writable
 
@@ -174,7 +175,7 @@ def split(path: Path | None, folder: str) -> None:
     source = _resolve(path, folder)
     written = {extract(source, axis): len(run) for axis, run in read_axes(source).items()}
     for file, rows in written.items():
-        click.echo(f"{rows} rows to {file}")
+        click.echo(f"{counted(rows, 'row')} to {file}")
 
 
 @log.command()
@@ -265,7 +266,7 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
     if as_json:
         print_json(done)
         return
-    click.echo(f"{done.rows} rows to {done.path}")
+    click.echo(f"{counted(done.rows, 'row')} to {done.path}")
     print_columns(("column", "channel"), list(done.channel_of.items()))
     if done.ignored:
         click.echo(f"left out: {', '.join(done.ignored)}")
@@ -291,8 +292,9 @@ def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) 
     if as_json:
         print_json(done)
         return
-    click.echo(f"{done.messages} messages to {done.path}")
-    click.echo(f"lost: {done.lost_messages} messages in damaged chunks, {done.unread_bytes} bytes")
+    click.echo(f"{counted(done.messages, 'message')} to {done.path}")
+    lost = counted(done.lost_messages, "message")
+    click.echo(f"lost: {lost} in damaged chunks, {done.unread_bytes} bytes")
     _print_notes([*done.notes, *words(done.holes)])
 
 

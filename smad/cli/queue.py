@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from smad.cli.output import FOLDER, bench_option, json_option, print_json
+from smad.counted import counted
 
 if TYPE_CHECKING:
     from smad.queue import Queue
@@ -216,7 +217,9 @@ def resume(
     )
     proposal = opened.propose(min(ends), budget)
     _print_items(opened.snapshot(), everything=False)
-    click.echo(f"{len(proposal.arming.items)} items until {limits_in_words(proposal.arming)}")
+    click.echo(
+        f"{counted(len(proposal.arming.items), 'item')} until {limits_in_words(proposal.arming)}"
+    )
     click.echo(
         f"to arm them: smad queue resume --confirm {proposal.code}  "
         f"(within {CONFIRM_WITHIN_S:.0f} s)"

@@ -22,6 +22,7 @@ from smad.cli.output import (
 )
 from smad.cli.quantity import Quantity
 from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
+from smad.counted import counted
 from smad.errors import SmadError
 from smad.progress import Say
 
@@ -127,7 +128,7 @@ def endurance(**options: Any) -> None:
     earlier = earlier_cycles(folder)
     if earlier and not options["go_on"]:
         raise SmadError(
-            f"{folder} has {earlier} cycles already",
+            f"{folder} has {counted(earlier, 'cycle')} already",
             action="name another folder, or give --go-on to go on after them",
         )
     plan = _plan_of(options, earlier + 1)
@@ -138,11 +139,15 @@ def endurance(**options: Any) -> None:
         if options["go_on"]:
             late = take_over_killed(logs, plan.profile, folder, plan.first)
             if late:
-                click.echo(f"{late} cycles of a killed block are taken over from its run log")
+                click.echo(
+                    f"{counted(late, 'cycle')} of a killed block taken over from its run log"
+                )
             plan = replace(plan, first=plan.first + late)
         plan, room = on_bench(plan, config)
         hours = plan.cycles * plan.profile.period_s / 3600.0
-        click.echo(f"{plan.cycles} cycles, about {hours:.1f} h of board time; {room.in_words()}")
+        click.echo(
+            f"{counted(plan.cycles, 'cycle')}, about {hours:.1f} h of board time; {room.in_words()}"
+        )
         ended = endure(
             plan,
             driver,
@@ -153,8 +158,10 @@ def endurance(**options: Any) -> None:
             say=line.say,
         )
     for number, judgement in ended.judgements:
-        click.echo(f"check-up after {number} cycles: {judgement.headline}")
-    click.echo(f"ended after {ended.cycles} cycles: {ended.reason}; {folder / 'cycles.csv'}")
+        click.echo(f"check-up after {counted(number, 'cycle')}: {judgement.headline}")
+    click.echo(
+        f"ended after {counted(ended.cycles, 'cycle')}: {ended.reason}; {folder / 'cycles.csv'}"
+    )
 
 
 def _plan_of(options: dict[str, Any], first: int) -> Endurance:

@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from smad.counted import counted
 from smad.errors import LogImportError
 from smad.records.csv_head import Head, read_head
 from smad.records.stamps import is_stamp, likely_forms, read_stamp
@@ -170,7 +171,9 @@ class CsvTable:
                 for cells in reader:
                     if cells and len(cells) != len(self.names):
                         line = self.head.lines + reader.line_num
-                        return f"line {line} has {len(cells)} cells, not {len(self.names)}"
+                        return (
+                            f"line {line} has {counted(len(cells), 'cell')}, not {len(self.names)}"
+                        )
         except (csv.Error, UnicodeDecodeError, *DAMAGED) as error:
             return str(error)
         return ""

@@ -88,6 +88,16 @@ def test_what_is_written_replaces_no_file_that_the_command_reads_or_writes(
     assert (tmp_path / "mine.toml").read_text() == "text"
 
 
+def test_one_of_a_kind_is_told_in_the_singular(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for rows, told in (("0,0\n", "1 row to "), ("0,0\n1,0\n", "2 rows to ")):
+        (tmp_path / "run.csv").write_text(f"t_s,force_N\n{rows}")
+        assert execute(["log", "import", "run.csv", "-o", f"{len(rows)}.mcap"]) == 0
+        assert capsys.readouterr().out.startswith(told)
+
+
 def test_fault_list_names_every_fault_and_an_unknown_one_is_told_them_too() -> None:
     listed = CliRunner().invoke(sim, ["--fault", "list"]).output.splitlines()
     assert [line.split()[0] for line in listed[1:]] == list(FAULT_KINDS)
