@@ -98,6 +98,21 @@ def test_one_of_a_kind_is_told_in_the_singular(
         assert capsys.readouterr().out.startswith(told)
 
 
+def test_a_range_without_an_end_is_told_by_the_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run.csv").write_text("t_s,force_N\n0,0\n1,0\n")
+    execute(["log", "import", "run.csv"])
+    for words, told in (
+        ("--from 500", "got at least 500 s"),
+        ("--to -1", "got at most -1 s"),
+        ("--from 500 --to 600", "got 500 to 600 s"),
+    ):
+        assert execute(["log", "plot", "run.mcap", *words.split()]) == 1
+        assert told in capsys.readouterr().err
+
+
 def test_fault_list_names_every_fault_and_an_unknown_one_is_told_them_too() -> None:
     listed = CliRunner().invoke(sim, ["--fault", "list"]).output.splitlines()
     assert [line.split()[0] for line in listed[1:]] == list(FAULT_KINDS)
