@@ -125,7 +125,7 @@ def alternatives(unit: str) -> str:
 
 def in_words(unit: str) -> str:
     """A unit as a person reads it, "°C/s" for "degC/s"; empty for numbers without one."""
-    return "" if unit == "1" else re.sub(r"degC|deg|Ohm|um", lambda part: _READ[part[0]], unit)
+    return "" if unit == "1" else re.sub(r"degC|deg|Ohm|um|pct", lambda part: _READ[part[0]], unit)
 
 
 def range_in_words(low: float, high: float, unit: str = "", *, above: bool = False) -> str:
@@ -138,7 +138,9 @@ def range_in_words(low: float, high: float, unit: str = "", *, above: bool = Fal
         return "" if math.isinf(high) else f"at most {high:.10g}{shown}"
     if math.isinf(high):
         return f"{'above' if above else 'at least'} {low:.10g}{shown}"
-    return f"{'above ' if above else ''}{low:.10g} to {high:.10g}{shown}"
+    if above:
+        return f"above {low:.10g}, up to {high:.10g}{shown}"
+    return f"{low:.10g} to {high:.10g}{shown}"
 
 
-_READ = {"degC": "°C", "deg": "°", "Ohm": "Ω", "um": "µm"}
+_READ = {"degC": "°C", "deg": "°", "Ohm": "Ω", "um": "µm", "pct": "%"}

@@ -38,6 +38,7 @@ from smad.cli.gap_simulator import (
     simulator_options,
 )
 from smad.cli.output import EXISTING, OUTPUT, json_option, print_json, progress, require_outputs
+from smad.cli.quantity import Whole
 from smad.files import named_output
 
 
@@ -146,9 +147,7 @@ def diagnose(
 @gap.command()
 @click.argument("verdict", type=EXISTING)
 @click.option("--out", type=OUTPUT, required=True, help="The model file to write.")
-@click.option(
-    "--first", type=click.IntRange(0), help="Only this many causes; 0: the parameters alone."
-)
+@click.option("--first", type=Whole(0), help="Only this many causes; 0: the parameters alone.")
 def apply(*, verdict: Path, out: Path, first: int | None) -> None:
     """Write the model of a VERDICT, with all causes or the first few.
 

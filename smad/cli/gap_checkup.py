@@ -21,6 +21,7 @@ from smad.cli.output import (
     ready_client,
     require_outputs,
 )
+from smad.cli.quantity import Quantity, Whole
 from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
 from smad.counted import counted
 from smad.files import named_output
@@ -46,7 +47,7 @@ def _bench_options(command: F) -> F:
 @click.option("--baseline", "folder", type=FOLDER, required=True, help="Where the baseline goes.")
 @click.option(
     "--repeats",
-    type=click.IntRange(1, 8),
+    type=Whole(1, 8),
     default=2,
     help="How often the whole programme is played.",
 )
@@ -209,7 +210,7 @@ def checkup(
 )
 @click.option(
     "--minutes",
-    type=click.FloatRange(1.0, 600.0),
+    type=Quantity("min", 1.0, 600.0),
     default=20.0,
     help="Bench time for all runs with their rests.",
 )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from smad.cli.output import note, progress
+from smad.cli.quantity import Quantity, Whole
 
 if TYPE_CHECKING:
     from smad.diagnosis.answer import Answer
@@ -24,7 +25,7 @@ def simulator_options(command: _F) -> _F:
         click.option(
             "--window",
             "window_s",
-            type=click.FloatRange(0.0),
+            type=Quantity("s", 0.0),
             metavar="S",
             help="With --mjcf: replay windows of this length; 0: whole runs "
             "(default: chosen and reported).",
@@ -48,7 +49,7 @@ def simulator_options(command: _F) -> _F:
 
 processes_option = click.option(
     "--processes",
-    type=click.IntRange(1),
+    type=Whole(1),
     metavar="N",
     help="With --mjcf or --fmu: number of processes (default: 1; all idle cores for a slow MuJoCo "
     "model).",

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from smad.cli.quantity import Quantity, Whole
 from smad.files import require_writable
 
 if TYPE_CHECKING:
@@ -97,19 +98,6 @@ NEGATIVE = {"ignore_unknown_options": True}
 """Context of a command with numbers: without it, a -5 would be taken for an option."""
 
 
-class Finite(click.FloatRange):
-    """A number in a range; click itself lets nan through any."""
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        """Return the number. Fails as a usage error."""
-        number: float = super().convert(value, param, ctx)
-        if not math.isfinite(number):
-            self.fail(f"{value!r} is not a finite number.", param, ctx)
-        return number
-
-
 class Checked(click.Command):
     """A command whose options are checked together, by `require`, as soon as they are parsed.
 
@@ -172,7 +160,7 @@ def tcp_port_option(usual: int) -> Callable[[F], F]:
     """Return the option of a server's port."""
     return click.option(
         "--port",
-        type=click.IntRange(0, 65535),
+        type=Whole(0, 65535),
         default=usual,
         help="TCP port on this machine; 0 takes any.",
     )
@@ -209,7 +197,7 @@ def axis_option(command: F) -> F:
 
 lease_option = click.option(
     "--lease",
-    type=click.FloatRange(0.5, 3600.0),
+    type=Quantity("s", 0.5, 3600.0),
     default=2.0,
     metavar="S",
     help="On a real bench: the daemon disarms after this time without a message from this program.",

@@ -23,6 +23,7 @@ from smad.cli.output import (
     ready_client,
     require_outputs,
 )
+from smad.cli.quantity import Whole
 from smad.cli.simulated import seed_option, simulated_model
 from smad.files import named_output
 
@@ -88,9 +89,7 @@ class _Run(click.Command):
     help="Configuration of the control in virtual time, as for `smad start`.",
 )
 @seed_option
-@click.option(
-    "--jobs", type=click.IntRange(1, 256), help="Processes for --sim; by default one a core."
-)
+@click.option("--jobs", type=Whole(1, 256), help="Processes for --sim; by default one a core.")
 @click.option(
     "--from",
     "logs",

@@ -13,14 +13,13 @@ import click
 from smad.cli.output import (
     FOLDER,
     Checked,
-    Finite,
     axis_option,
     lease_option,
     leased_driver,
     progress,
     ready_client,
 )
-from smad.cli.quantity import Quantity
+from smad.cli.quantity import Quantity, Whole
 from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
 from smad.counted import counted
 from smad.errors import SmadError
@@ -31,8 +30,7 @@ if TYPE_CHECKING:
     from smad.experiments.endurance.profile import Profile
     from smad.experiments.endurance.run import BlockDriver, Endurance, Judgement
 
-_percent = Finite(0.0, 100.0, min_open=True)
-_kelvin = Finite(0.0, 100.0, min_open=True)
+_percent = Quantity("pct", 0.0, 100.0, above=True)
 
 
 def _require_pairs(given: Mapping[str, Any]) -> None:
@@ -46,7 +44,7 @@ def _require_pairs(given: Mapping[str, Any]) -> None:
 
 
 @click.command(cls=Checked, require=_require_pairs)
-@click.option("--cycles", type=click.IntRange(1, 10_000_000), required=True, help="How many.")
+@click.option("--cycles", type=Whole(1, 10_000_000), required=True, help="How many.")
 @click.option(
     "--displacement",
     nargs=2,
@@ -66,7 +64,7 @@ def _require_pairs(given: Mapping[str, Any]) -> None:
 )
 @click.option(
     "--rate",
-    type=Finite(0.01, 50.0),
+    type=Quantity(low=0.01, high=50.0),
     default=2.0,
     metavar="MM/S",
     help="Rate of the ramps; K/s with --temperature.",
@@ -77,7 +75,7 @@ def _require_pairs(given: Mapping[str, Any]) -> None:
 @click.option(
     "--every",
     nargs=2,
-    type=(click.IntRange(1), click.Choice(["checkup"])),
+    type=(Whole(1), click.Choice(["checkup"])),
     metavar="N checkup",
     help="Play the quick check-up every N cycles.",
 )
@@ -91,16 +89,21 @@ def _require_pairs(given: Mapping[str, Any]) -> None:
     metavar="%",
     help="End when resistance has risen by this much.",
 )
-@click.option("--end-shift", type=_kelvin, metavar="K", help="End when the transformation shifted.")
+@click.option(
+    "--end-shift",
+    type=Quantity("K", 0.0, 100.0, above=True),
+    metavar="K",
+    help="End when the transformation shifted.",
+)
 @click.option(
     "--end-place",
-    type=Finite(0.0, 1.0, min_open=True),
+    type=Quantity("1", 0.0, 1.0, above=True),
     metavar="P",
     help="End when a place has changed with this probability.",
 )
 @click.option(
     "--full-every",
-    type=click.IntRange(1, 1_000_000),
+    type=Whole(1, 1_000_000),
     default=1,
     help="Keep all samples of every n-th cycle, only statistics of the others.",
 )

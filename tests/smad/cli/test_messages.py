@@ -9,6 +9,7 @@ from click.testing import CliRunner
 from sim_device.errors import FaultSpecError
 from sim_device.faults import FAULT_KINDS, parse_injection
 from smad.cli import execute
+from smad.cli.log import plot
 from smad.cli.sim import sim
 from smad.client.endpoints import Connection, running_benches, write_connection
 from smad.config.bounds import in_words
@@ -37,6 +38,14 @@ from smad.errors import SmadError
         ("link test --for 2h", "'2h' is not within 0.01 to 3600 s"),
         ("design --wire 2kg", "'2kg': give it in mm, alone or with m, cm, mm, um (µm), in."),
         ("robot circle a 400", "'400' is not within 0 to 180 °"),
+        ("log plot a.mcap --width 2cm", "'2cm' is not within 40 to 400 mm. See"),
+        ("log plot a.mcap --width nan", "'nan' is not a finite number. See"),
+        ("queue resume --hours 0", "'0' is not above 0, up to 744 h. See"),
+        ("queue resume --cycles 0", "'0' is not above 0. See"),
+        ("queue messages --after -1", "'-1' is not at least 0. See"),
+        ("demo --seed 1.5", "'1.5' is not a whole number. See"),
+        ("demo --seed 5s", "'5s' is not a whole number. See"),
+        ("run endurance --cycles 9 --end-place 5", "'5' is not above 0, up to 1. See"),
         ("queue remove x", "'x' is not a whole number. See"),
         ("params set cold_cC 3A", "'3A' is not a number. See"),
         ("record last --seconds soon", "'soon' is not a number of s"),
@@ -111,6 +120,12 @@ def test_a_range_without_an_end_is_told_by_the_other(
     ):
         assert execute(["log", "plot", "run.mcap", *words.split()]) == 1
         assert told in capsys.readouterr().err
+
+
+def test_the_help_shows_ranges_as_messages_do() -> None:
+    shown = " ".join(CliRunner().invoke(plot, ["--help"]).output.split())
+    assert "[40 to 400 mm]" in shown
+    assert "<=" not in shown
 
 
 def test_fault_list_names_every_fault_and_an_unknown_one_is_told_them_too() -> None:

@@ -85,7 +85,7 @@ def test_a_queued_tune_asks_nobody(folder: Path) -> None:
         (["add", "run", "fig11", "--report"], "requires an argument"),
         (["add", "run", "--list"], "is not queued"),
         (["add", "run", "repeat", "gone.mcap"], "is not there"),
-        (["add", "run", "endurance", "--cycles", "0"], "not in the range"),
+        (["add", "run", "endurance", "--cycles", "0"], "'0' is not within 1 to 10000000"),
         (["add", "tune", "sideways"], "is not one of"),
         (["add", "tune", "--help"], "a command with --help does nothing"),
         (["add", "checkup", "--baseline", "gone"], "no baseline"),
