@@ -30,11 +30,10 @@ _UTF8 = "utf-8-sig"
 """UTF-8 with or without a byte order mark."""
 _NO_NUMBER = (
     "nan", "+nan", "-nan", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#ind", "1.#inf", "-1.#inf",
-    "inf", "+inf", "-inf", "infinity", "-infinity", "na", "n/a", "#n/a", "<na>", "null", "none",
-    "#num!", "#div/0!", "#value!",
+    "na", "n/a", "#n/a", "<na>", "null", "none", "#num!", "#div/0!", "#value!",
 )  # fmt: skip
 _NOTHING = ["", "NaN", "-NaN", *(c(w) for w in _NO_NUMBER for c in (str, str.upper, str.title))]
-"""What programs write where they have no number, infinity among it."""
+"""What programs write where they have no number."""
 
 _UNDER_CSV = (
     "under [csv] in a mapping file (--mapping of smad log import, --map of smad gap diagnose) or "
@@ -198,13 +197,10 @@ class CsvTable:
             plain = compute.replace_substring(plain, ",", ".")
         plain = compute.replace_substring_regex(plain, r"^\+", "")
         try:
-            values: NDArray[np.float64] = compute.cast(plain, pa.float64()).to_numpy(
-                zero_copy_only=False
-            )
+            return np.asarray(compute.cast(plain, pa.float64()).to_numpy(zero_copy_only=False))
         except pa.ArrowInvalid:
             row, _ = _first_text(plain)
             self._refuse(name, before + row, texts[row].as_py())
-        return np.where(np.isinf(values), np.nan, values)
 
     def _stamps(self, name: str, texts: pyarrow.Array, before: int) -> NDArray[np.float64]:
         """Seconds since the stamp of the first row."""
