@@ -25,7 +25,8 @@ from campaign.soak.run import run_stage
 from firmware_protocol.nearest import instead
 from smad.cli import root as smad_root
 from smad.cli import run_group
-from smad.cli.output import Finite, progress
+from smad.cli.output import progress
+from smad.cli.quantity import Quantity, Whole
 from smad.cli.tables import print_table
 from smad.client.signals import ended_by_signals
 from smad.errors import CommandError
@@ -52,22 +53,22 @@ def execute(arguments: Sequence[str]) -> int:
 
 @root.command("faults")
 @click.option("--only", multiple=True, metavar="NAME", help="Only this fault; repeat for more.")
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=1, show_default=True)
+@click.option("--seed", type=Whole(0, 2**32 - 1), default=1, show_default=True)
 @click.option(
     "--count",
-    type=click.IntRange(1),
+    type=Whole(1),
     default=1000,
     show_default=True,
     help="Injections in lockstep; the faults take turns.",
 )
 @click.option(
     "--pairs",
-    type=click.IntRange(0),
+    type=Whole(0),
     help="Pairs of faults besides; a fifth of the count unless --only is given.",
 )
 @click.option("--lockstep", is_flag=True, help="Only on virtual time, without processes.")
 @click.option("--process", is_flag=True, help="Only with a real daemon process.")
-@click.option("--jobs", type=click.IntRange(1), help="Processes to run on; one a core.")
+@click.option("--jobs", type=Whole(1), help="Processes to run on; one a core.")
 @click.option("--json", "json_path", type=click.Path(path_type=Path), metavar="FILE")
 @click.option("--html", "html_path", type=click.Path(path_type=Path), metavar="FILE")
 def faults_command(
@@ -114,10 +115,12 @@ def faults_command(
 
 
 @root.command()
-@click.option("--seconds", type=Finite(min=20.0), metavar="S", help="Board time of each stage.")
+@click.option("--seconds", type=Quantity("s", 20.0), metavar="S", help="Board time of each stage.")
 @click.option("--rate", type=click.Choice(["100", "500"]), help="Only the stage at this rate.")
-@click.option("--every", type=Finite(min=5.0), metavar="S", help="Board time between reconnects.")
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=1, show_default=True)
+@click.option(
+    "--every", type=Quantity("s", 5.0), metavar="S", help="Board time between reconnects."
+)
+@click.option("--seed", type=Whole(0, 2**32 - 1), default=1, show_default=True)
 @click.option("--json", "json_path", type=click.Path(path_type=Path), metavar="FILE")
 def soak(
     *,
@@ -155,12 +158,12 @@ def soak(
 @root.command()
 @click.option(
     "--connections",
-    type=click.IntRange(1, 60_000),
+    type=Whole(1, 60_000),
     default=10_000,
     show_default=True,
     help="How many are opened at once in the last attack.",
 )
-@click.option("--messages", type=click.IntRange(1), default=10_000, show_default=True)
+@click.option("--messages", type=Whole(1), default=10_000, show_default=True)
 @click.option("--json", "json_path", type=click.Path(path_type=Path), metavar="FILE")
 def hostile(*, connections: int, messages: int, json_path: Path | None) -> int:
     """Attack a daemon that moves a simulated bench in real time.
@@ -182,27 +185,27 @@ def hostile(*, connections: int, messages: int, json_path: Path | None) -> int:
 @root.command()
 @click.option(
     "--hours",
-    type=Finite(min=0.05, max=24.0),
+    type=Quantity(low=0.05, high=24.0),
     default=8.0,
     show_default=True,
     help="Of board time.",
 )
 @click.option(
     "--speed",
-    type=Finite(min=1.0, max=50.0),
+    type=Quantity(low=1.0, high=50.0),
     default=50.0,
     show_default=True,
     help="Board time over wall time at most.",
 )
 @click.option(
     "--wall-hours",
-    type=Finite(min=0.01),
+    type=Quantity(low=0.01),
     default=24.0,
     show_default=True,
     help="End early after so long by the wall clock.",
 )
-@click.option("--troubles", type=click.IntRange(0, 1000), help="So many  [default: two an hour]")
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=1, show_default=True)
+@click.option("--troubles", type=Whole(0, 1000), help="So many  [default: two an hour]")
+@click.option("--seed", type=Whole(0, 2**32 - 1), default=1, show_default=True)
 @click.option(
     "--folder",
     type=click.Path(file_okay=False, path_type=Path),

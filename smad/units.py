@@ -1,5 +1,6 @@
 """Names of units: how they are spelt, at the ends of names, and as a person reads them."""
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 
@@ -124,7 +125,22 @@ def alternatives(unit: str) -> str:
 
 def in_words(unit: str) -> str:
     """A unit as a person reads it, "°C/s" for "degC/s"; empty for numbers without one."""
-    return "" if unit == "1" else re.sub(r"degC|deg|Ohm|um", lambda part: _READ[part[0]], unit)
+    return "" if unit == "1" else re.sub(r"degC|deg|Ohm|um|pct", lambda part: _READ[part[0]], unit)
 
 
-_READ = {"degC": "°C", "deg": "°", "Ohm": "Ω", "um": "µm"}
+def range_in_words(low: float, high: float, unit: str = "", *, above: bool = False) -> str:
+    """A range as a person reads it: `1 to 5 mm`, `at least 1 mm`; `above`: without its lower end.
+
+    Empty for a range without ends.
+    """
+    shown = f" {in_words(unit)}".rstrip()
+    if math.isinf(low):
+        return "" if math.isinf(high) else f"at most {high:.10g}{shown}"
+    if math.isinf(high):
+        return f"{'above' if above else 'at least'} {low:.10g}{shown}"
+    if above:
+        return f"above {low:.10g}, up to {high:.10g}{shown}"
+    return f"{low:.10g} to {high:.10g}{shown}"
+
+
+_READ = {"degC": "°C", "deg": "°", "Ohm": "Ω", "um": "µm", "pct": "%"}

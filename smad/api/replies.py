@@ -200,6 +200,10 @@ class Motion(Struct, frozen=True, kw_only=True):
             description="names the last stop; a request that carries it is refused after the next"
         ),
     ] = 0
+    number: Annotated[
+        int,
+        Meta(description="names the motion of an axis; another one has been ended or replaced"),
+    ] = 0
     axes: Annotated[
         dict[str, Motion] | UnsetType, Meta(description="of a bench of several axes: each by name")
     ] = UNSET

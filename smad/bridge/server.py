@@ -25,6 +25,7 @@ from smad.bridge.foxglove import (
 )
 from smad.bridge.loopback import HOST, listen, quiet
 from smad.bridge.source import Source
+from smad.counted import counted
 
 MOST_VIEWERS = 8
 MOST_WAITING = 2000
@@ -94,7 +95,7 @@ class ViewerConnection:
         if self.lost > self._reported:
             lost, self._reported = self.lost - self._reported, self.lost
             messages.append(
-                status(WARNING, f"{lost} messages dropped: this viewer reads too slowly")
+                status(WARNING, f"{counted(lost, 'message')} dropped: this viewer reads too slowly")
             )
         with contextlib.suppress(ConnectionClosed):
             for message in messages:

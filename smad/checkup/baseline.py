@@ -17,6 +17,7 @@ from smad.checkup.files import read_folder, require_one_bench
 from smad.checkup.programme import Programme, shipped
 from smad.checkup.series import Player, finished, folder_for, play_series, read_state
 from smad.checkup.store import Baseline, load, save
+from smad.counted import counted
 from smad.diagnosis.plant import PlantModel
 from smad.diagnosis.runs import GapRun
 from smad.progress import Say
@@ -51,7 +52,7 @@ def commission(
         if ended:
             raise BaselineError(
                 f"{place.name} is no repeat of {FIRST}, and is left out: {ended}",
-                value=f"{have} repeats so far",
+                value=f"{counted(have, 'repeat')} so far",
                 action="see what changed on the bench, then give the same command again",
             )
     groups = _by_run(finished(good_series(folder), programme), programme)

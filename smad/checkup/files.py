@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from smad.counted import counted
 from smad.diagnosis.data.guards import same_recording
 from smad.diagnosis.errors import PairingError
 from smad.diagnosis.paired.match import grouped, same_programme
@@ -145,7 +146,7 @@ def match(plant: PlantModel, good: Sequence[RunFile], now: Sequence[RunFile]) ->
         for g in used
     }
     lines = [
-        f"{run.path} repeats {len(group)} good run{'s' if len(group) > 1 else ''}: "
+        f"{run.path} repeats {counted(len(group), 'good run')}: "
         + ", ".join(str(f.path) for f in group)
         for run, group in pairs
     ]

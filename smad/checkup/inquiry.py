@@ -19,6 +19,7 @@ from smad.checkup.investigate import Proposal, propose, unpaired_offers
 from smad.checkup.judge import Judged, SavablePlant, judged, save_model_of
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.series import Play, keep, newest_open, write_whole
+from smad.counted import counted
 from smad.diagnosis.answer import gaps_on
 from smad.diagnosis.paired.difference import paired
 from smad.diagnosis.places.bare import with_places
@@ -136,7 +137,7 @@ class Inquiry:
         path = self.folder / "investigation.json"
         if path.exists():
             report = read_report(path)
-            self.say(f"goes on with {len(report.records)} runs of {self.folder}")
+            self.say(f"goes on with {counted(len(report.records), 'run')} of {self.folder}")
             return report
         return Report([])
 

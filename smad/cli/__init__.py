@@ -39,7 +39,7 @@ SYNONYMS: Mapping[str, str] = {"mark": "note", "check-up": "checkup", "ls": "lis
 
 _NO_COMMAND = re.compile(r"No such command '([^']+)'")
 _EXTRA = re.compile(r"Got unexpected extra argument \((\S+)\)")
-_NO_NUMBER = re.compile(r"is not a valid (float|integer)( range)?")
+_NO_NUMBER = re.compile(r"is not a valid (float|integer)")
 _NUMBERS = {"float": "number", "integer": "whole number"}
 _INTERRUPTED = 130
 _INTERNAL = 70

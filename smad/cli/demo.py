@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from smad.cli.output import PATH, Progress
+from smad.cli.quantity import Whole
 from smad.processes.boards import BOARDS
 
 
@@ -12,7 +13,7 @@ from smad.processes.boards import BOARDS
 @click.option(
     "--folder", type=PATH, default=Path("runs"), help="Where the run log and the page go."
 )
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, help="Seed of all noise.")
+@click.option("--seed", type=Whole(0, 2**32 - 1), default=0, help="Seed of all noise.")
 @click.option(
     "--firmware",
     "boards",

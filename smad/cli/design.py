@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import OUTPUT, PATH, json_option, print_json
+from smad.cli.output import OUTPUT, PATH, json_option, print_json, require_outputs
 from smad.cli.quantity import Quantity
 from smad.errors import SmadError
 
@@ -15,7 +15,7 @@ _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
 @click.argument("source", metavar="[GEOMETRY]", required=False, type=PATH)
 @click.option("--wire", "wire_mm", type=Quantity("mm"), help="Diameter of the wire, mm.")
 @click.option("--coil", "coil_mm", type=Quantity("mm"), help="Mean diameter of the coil, mm.")
-@click.option("--turns", type=float, help="Active turns.")
+@click.option("--turns", type=Quantity(), help="Active turns.")
 @click.option(
     "--pitch",
     "pitch_mm",
@@ -23,7 +23,7 @@ _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
     help="Free space between turns, mm; used in still air.",
 )
 @click.option("--tube", "tube_mm", type=Quantity("mm"), help="Inner diameter of the tube, mm.")
-@click.option("--prestrain", type=float, help="Shear strain of the mounted springs.")
+@click.option("--prestrain", type=Quantity("1"), help="Shear strain of the mounted springs.")
 @click.option(
     "--current",
     "current_A",
@@ -40,7 +40,7 @@ _SIZES = ("wire_mm", "coil_mm", "turns", "pitch_mm", "tube_mm", "prestrain")
 @click.option(
     "--air-speed",
     "air_m_per_s",
-    type=float,
+    type=Quantity("m/s"),
     default=0.0,
     help="With air: its speed from a fan, m/s; 0 is still air.",
 )
@@ -71,11 +71,9 @@ def design(
     from smad.cli.tables import print_table
     from smad.design.cycle import design_cycle
     from smad.design.page import design_page
-    from smad.files import require_writable
     from smad.report.page import Table, write_page
 
-    if page is not None:
-        require_writable(page)
+    require_outputs()
     try:
         base, geometry = load_geometry(source, base=params)
         geometry = replace(geometry, **{n: v for n in _SIZES if (v := given[n]) is not None})

@@ -32,12 +32,14 @@ from smad.cli.gap_runs import (
 )
 from smad.cli.gap_simulator import (
     diagnose_simulator,
+    mapping_of,
     processes_option,
     require_pairs,
     simulator_options,
 )
-from smad.cli.output import EXISTING, OUTPUT, json_option, print_json, progress
-from smad.files import named_output, require_writable
+from smad.cli.output import EXISTING, OUTPUT, json_option, print_json, progress, require_outputs
+from smad.cli.quantity import Whole
+from smad.files import named_output
 
 
 @click.group()
@@ -95,14 +97,12 @@ def diagnose(
     The status is 3 if the runs cannot support the question.
     """
     require_among(trust, (runs, hold_out, good), "--trust")
-    for path in (json_path, html_path, model_path):
-        if path is not None:
-            require_writable(path)
+    require_outputs()
     runs, hold_out, good = without_left_out((runs, hold_out, good), leave_out)
     if not runs:
         raise click.UsageError("--leave-out leaves no run to fit; give more runs")
     good = without_cut_runs(good)
-    require_pairs(fmu, mjcf, map_path)
+    require_pairs(fmu, mjcf, map_path, window_s)
     if fmu is not None and model_path is not None:
         raise click.UsageError("--apply cannot write the model of an FMI unit; leave --apply out")
     if processes is not None and not (fmu or mjcf):
@@ -123,9 +123,8 @@ def diagnose(
             arguments = ""
         else:
             from smad.diagnosis.spring_pair.files import diagnose_files
-            from smad.records.channels import read_mapping
 
-            mapping = None if map_path is None else read_mapping(map_path)
+            mapping = None if map_path is None else mapping_of(map_path)
             plant = plant_of(params, variant)
             with progress() as line:
                 answer = diagnose_files(
@@ -148,9 +147,7 @@ def diagnose(
 @gap.command()
 @click.argument("verdict", type=EXISTING)
 @click.option("--out", type=OUTPUT, required=True, help="The model file to write.")
-@click.option(
-    "--first", type=click.IntRange(0), help="Only this many causes; 0: the parameters alone."
-)
+@click.option("--first", type=Whole(0), help="Only this many causes; 0: the parameters alone.")
 def apply(*, verdict: Path, out: Path, first: int | None) -> None:
     """Write the model of a VERDICT, with all causes or the first few.
 
@@ -158,6 +155,7 @@ def apply(*, verdict: Path, out: Path, first: int | None) -> None:
     """
     from smad.diagnosis.verdict import read_verdict
 
+    require_outputs()
     read = read_verdict(verdict)
     with named_output(out) as path:
         read.write_model(path, first)

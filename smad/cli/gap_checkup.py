@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from smad.cli.gap_print import print_verdict, write_verdict
-from smad.cli.output import FOLDER, OUTPUT, F, Progress, axis_option, progress, ready_client
+from smad.cli.output import (
+    FOLDER,
+    OUTPUT,
+    Checked,
+    F,
+    Progress,
+    axis_option,
+    progress,
+    ready_client,
+    require_outputs,
+)
+from smad.cli.quantity import Quantity, Whole
 from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
-from smad.files import named_output, require_writable
+from smad.counted import counted
+from smad.files import named_output
 
 if TYPE_CHECKING:
     from smad.checkup.inquiry import Report
@@ -35,7 +47,7 @@ def _bench_options(command: F) -> F:
 @click.option("--baseline", "folder", type=FOLDER, required=True, help="Where the baseline goes.")
 @click.option(
     "--repeats",
-    type=click.IntRange(1, 8),
+    type=Whole(1, 8),
     default=2,
     help="How often the whole programme is played.",
 )
@@ -83,8 +95,8 @@ def commission(
             )
     minutes = programme.duration_s / 60.0
     click.echo(
-        f"baseline {folder}: {len(programme.runs)} runs of {minutes:.1f} min in all, "
-        f"{reference.repeats} repeats of each"
+        f"baseline {folder}: {counted(len(programme.runs), 'run')} of {minutes:.1f} min in all, "
+        f"{counted(reference.repeats, 'repeat')} of each"
     )
     if reference.repeats < 2:
         click.echo(
@@ -92,7 +104,17 @@ def commission(
         )
 
 
-@click.command()
+def _require_pairs(given: Mapping[str, Any]) -> None:
+    if (given["folder"] is None) == (given["good"] is None):
+        raise click.UsageError(
+            "give --baseline FOLDER (of smad gap commission), or --good and --now"
+        )
+    if given["good"] is not None and given["now"] is None:
+        raise click.UsageError("--good needs --now: the runs to judge")
+    require_sim(given["effects"], sim=given["sim"])
+
+
+@click.command(cls=Checked, require=_require_pairs)
 @click.option("--baseline", "folder", type=FOLDER, help="Play its programme again, and judge.")
 @click.option("--good", type=FOLDER, help="Run files of the good bench, best with repeats.")
 @click.option("--now", type=FOLDER, help="New run files with the same inputs as the good ones.")
@@ -135,14 +157,7 @@ def checkup(
     their columns' names. Runs are paired by their inputs, and by name if several fit. Good runs
     that a stop cut short are listed and left out.
     """
-    if (folder is None) == (good is None):
-        raise click.UsageError("give --baseline, or --good and --now")
-    if good is not None and now is None:
-        raise click.UsageError("--good needs --now: the runs to judge")
-    require_sim(effects, sim=sim)
-    for path in (json_path, page_path, model_path):
-        if path is not None:
-            require_writable(path)
+    require_outputs()
     from smad.checkup import check
     from smad.checkup.judge import save_model_of
     from smad.checkup.programme import chosen
@@ -195,7 +210,7 @@ def checkup(
 )
 @click.option(
     "--minutes",
-    type=click.FloatRange(1.0, 600.0),
+    type=Quantity("min", 1.0, 600.0),
     default=20.0,
     help="Bench time for all runs with their rests.",
 )
@@ -272,7 +287,9 @@ def _print_report(report: Report, folder: Path, spent_s: float) -> None:
 
     assert report.verdict is not None
     print_verdict(report.verdict)
-    click.echo(f"{report.why_over}; {len(report.records)} runs in {spent_s / 60.0:.1f} min")
+    click.echo(
+        f"{report.why_over}; {counted(len(report.records), 'run')} in {spent_s / 60.0:.1f} min"
+    )
     for run, separation in report.offers.items():
         click.echo(
             f"the baseline has no run {run}; recorded on the good bench, it would be expected to "

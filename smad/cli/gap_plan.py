@@ -12,6 +12,7 @@ from smad.cli.gap_print import clean_errors, params_option, plant_of, variant_op
 from smad.cli.gap_runs import files
 from smad.cli.gap_simulator import require_pairs, simulator_options, warn_that_code_runs
 from smad.cli.output import json_option, print_json
+from smad.cli.quantity import Quantity
 
 if TYPE_CHECKING:
     from smad.diagnosis.runs import GapRun
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 @click.option(
     "--within",
     "within_s",
-    type=click.FloatRange(0.1, 3600.0),
+    type=Quantity("s", 0.1, 3600.0),
     default=5.0,
     metavar="S",
     help="Limit of the processor time.",
@@ -69,7 +70,7 @@ def plan_runs(
     weak          noticed only above its typical size, or like another
     not           nothing shows within its range, or parameters imitate it
     """
-    require_pairs(fmu, mjcf, map_path)
+    require_pairs(fmu, mjcf, map_path, window_s)
     if not inputs and not experiments:
         raise click.UsageError("nothing would be played; give --inputs FILE or --experiment NAME")
     if map_path is not None and not (fmu or mjcf):

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from smad.cli.output import note, progress
+from smad.cli.quantity import Quantity, Whole
 
 if TYPE_CHECKING:
     from smad.diagnosis.answer import Answer
+    from smad.records.channels import MappingFile
 
 _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -23,7 +25,7 @@ def simulator_options(command: _F) -> _F:
         click.option(
             "--window",
             "window_s",
-            type=click.FloatRange(0.0),
+            type=Quantity("s", 0.0),
             metavar="S",
             help="With --mjcf: replay windows of this length; 0: whole runs "
             "(default: chosen and reported).",
@@ -47,20 +49,37 @@ def simulator_options(command: _F) -> _F:
 
 processes_option = click.option(
     "--processes",
-    type=click.IntRange(1),
+    type=Whole(1),
     metavar="N",
     help="With --mjcf or --fmu: number of processes (default: 1; all idle cores for a slow MuJoCo "
     "model).",
 )
 
 
-def require_pairs(fmu: Path | None, mjcf: Path | None, map_path: Path | None) -> None:
+def require_pairs(
+    fmu: Path | None, mjcf: Path | None, map_path: Path | None, window_s: float | None
+) -> None:
     """Raise UsageError for options that do not belong together."""
     if fmu is not None and mjcf is not None:
         raise click.UsageError("a model is one of --fmu and --mjcf; give one")
     if map_path is None and (fmu or mjcf):
         name = "--fmu" if fmu else "--mjcf"
         raise click.UsageError(f"{name} and --map belong together; give both")
+    if window_s is not None and mjcf is None:
+        raise click.UsageError("--window needs --mjcf; leave it out")
+
+
+def mapping_of(map_path: Path) -> MappingFile:
+    """Return the mapping file that --map alone names. Raises UsageError where it is none."""
+    from smad.errors import LogImportError
+    from smad.records.channels import read_mapping
+
+    try:
+        return read_mapping(map_path)
+    except LogImportError as error:
+        raise click.UsageError(
+            f"{error}. If it is the map of a simulator, give --fmu or --mjcf, too"
+        ) from None
 
 
 def warn_that_code_runs(fmu: Path) -> None:

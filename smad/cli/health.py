@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import FILE, FOLDER, OUTPUT, json_option, print_json, progress
+from smad.cli.output import FILE, FOLDER, OUTPUT, json_option, print_json, progress, require_outputs
 
 
 @click.command()
@@ -49,7 +49,6 @@ def health(
     deviations leaves the range of the first ten rows.
     """
     from smad.experiments.ready import require_packages
-    from smad.files import require_writable
     from smad.health.collect import collect
     from smad.health.record import FILE as RECORD
     from smad.health.record import read
@@ -57,8 +56,7 @@ def health(
     from smad.report.page import write_page
 
     require_packages("report" if report else "sim")
-    if report is not None:
-        require_writable(report)
+    require_outputs()
     given = _limits(limits)
     with progress() as line:
         collect(folder, verdicts, say=line.note, progress=line.say)

@@ -7,6 +7,7 @@ import click
 from smad.api import Status
 from smad.cli.output import axis_option, client, progress
 from smad.cli.quantity import Quantity
+from smad.counted import counted
 from smad.errors import PortError
 from smad.view.terminal.status_lines import spread
 
@@ -52,7 +53,7 @@ def test(duration_s: float, bench: str) -> None:
     if lost:
         raise PortError(
             "the link is not clean",
-            value=f"{lost} losses in {samples} samples",
+            value=f"{lost} lost of {counted(samples, 'sample')}",
             limit="0",
             action="try another cable or USB port, or a lower rate; see smad docs guide/daemon",
         )
@@ -72,10 +73,10 @@ def _report(before: Status, after: Status, samples: int, took_s: float) -> int:
     )
     click.echo(f"missed        {missed}")
     click.echo(f"skipped       {skipped} (a newer one was there already)")
-    click.echo(f"damaged       {damaged} frames from the board")
-    click.echo(f"not written   {refused} setpoints")
+    click.echo(f"damaged       {counted(damaged, 'frame')} from the board")
+    click.echo(f"not written   {counted(refused, 'setpoint')}")
     too_old = counts.setpoints_refused - earlier.setpoints_refused
-    click.echo(f"refused       {too_old} setpoints, too old for the board")
+    click.echo(f"refused       {counted(too_old, 'setpoint')}, too old for the board")
     click.echo(f"setpoint age  {spread(age)}")
     click.echo(f"host share    {spread(share)}")
     return missed + damaged + refused

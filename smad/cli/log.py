@@ -16,7 +16,9 @@ import click
 from smad.cli import complete
 from smad.cli.layouts import layouts
 from smad.cli.output import FILE, OUTPUT, PATH, json_option, print_json
+from smad.cli.quantity import Quantity, Whole
 from smad.cli.tables import print_columns
+from smad.counted import counted
 from smad.errors import RunLogError
 from smad.files import display_path, require_writable
 
@@ -123,7 +125,7 @@ def show(path: Path | None, folder: str, axis: str, as_json: bool) -> None:
 @click.option("-o", "--output", type=PATH, help="File, or folder of a bag, to write.")
 @click.option("--overwrite", is_flag=True, help="Replace a file that is there.")
 @click.option("--wide", is_flag=True, help="Several axes in one table: NAME.channel.")
-@click.option("--fps", type=click.IntRange(1, 1000), help="Frames per second, for lerobot.")
+@click.option("--fps", type=Whole(1, 1000), help="Frames per second, for lerobot.")
 @json_option
 def export(
     *,
@@ -174,15 +176,15 @@ def split(path: Path | None, folder: str) -> None:
     source = _resolve(path, folder)
     written = {extract(source, axis): len(run) for axis, run in read_axes(source).items()}
     for file, rows in written.items():
-        click.echo(f"{rows} rows to {file}")
+        click.echo(f"{counted(rows, 'row')} to {file}")
 
 
 @log.command()
 @click.argument("paths", metavar="[RUN]...", nargs=-1, type=PATH, shell_complete=complete.runs)
 @_folder
 @click.option("-o", "--output", type=OUTPUT, help="Page to write.")
-@click.option("--from", "from_s", type=float, help="First second to draw.")
-@click.option("--to", "to_s", type=float, help="Last second to draw.")
+@click.option("--from", "from_s", type=Quantity("s"), help="First second to draw.")
+@click.option("--to", "to_s", type=Quantity("s"), help="Last second to draw.")
 @click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")
 @click.option(
     "--figure",
@@ -192,7 +194,7 @@ def split(path: Path | None, folder: str) -> None:
 @click.option(
     "--width",
     "width_mm",
-    type=click.FloatRange(40.0, 400.0),
+    type=Quantity("mm", 40.0, 400.0),
     default=85.0,
     metavar="MM",
     help="Width of the figure; a column of a journal is about 85, two are 175.",
@@ -265,7 +267,7 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
     if as_json:
         print_json(done)
         return
-    click.echo(f"{done.rows} rows to {done.path}")
+    click.echo(f"{counted(done.rows, 'row')} to {done.path}")
     print_columns(("column", "channel"), list(done.channel_of.items()))
     if done.ignored:
         click.echo(f"left out: {', '.join(done.ignored)}")
@@ -291,8 +293,9 @@ def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) 
     if as_json:
         print_json(done)
         return
-    click.echo(f"{done.messages} messages to {done.path}")
-    click.echo(f"lost: {done.lost_messages} messages in damaged chunks, {done.unread_bytes} bytes")
+    click.echo(f"{counted(done.messages, 'message')} to {done.path}")
+    lost = counted(done.lost_messages, "message")
+    click.echo(f"lost: {lost} in damaged chunks, {done.unread_bytes} bytes")
     _print_notes([*done.notes, *words(done.holes)])
 
 

@@ -84,7 +84,8 @@ def command_of(piece: type[Piece]) -> click.Command | None:
         try:
             made = checked(piece(**{**named, **scaled}), typed)
         except click.BadParameter as refused:
-            if limit := _limit_of_bench(bench):
+            of_length = [name for name in lengths if repr(typed[name]) == refused.param_hint]
+            if of_length and (limit := _limit_of_bench(bench, of_length[0])):
                 raise click.BadParameter(
                     f"{refused.message}; this bench allows {limit}", param_hint=refused.param_hint
                 ) from None
@@ -106,16 +107,15 @@ def command_of(piece: type[Piece]) -> click.Command | None:
     return axis_option(command)
 
 
-def _limit_of_bench(bench: str) -> str:
-    """Return how far the running bench may be moved, in words; empty where none answers."""
+def _limit_of_bench(bench: str, field: str) -> str:
+    """Return how far or fast the running bench may be moved, in words; empty where none answers."""
     from smad.config import parse_config
 
     with contextlib.suppress(SmadError), client(bench) as bench_client:
         limits = parse_config(bench_client.config()).limits
-        return (
-            f"up to ±{limits.displacement_max_mm:g} mm "
-            f"and {limits.reference_rate_max_mm_per_s:g} mm/s"
-        )
+        if field.endswith("_mm_per_s"):
+            return f"up to {limits.reference_rate_max_mm_per_s:g} mm/s"
+        return f"up to ±{limits.displacement_max_mm:g} mm"
     return ""
 
 

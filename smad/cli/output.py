@@ -13,6 +13,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from smad.cli.quantity import Quantity, Whole
+from smad.files import require_writable
+
 if TYPE_CHECKING:
     from msgspec import Struct
 
@@ -51,6 +54,41 @@ OUTPUT = _Output(dir_okay=False, path_type=Path)
 """Types of options and arguments: anything, no folder, no file, a file that is there, a file to
 write that is no recording."""
 
+
+def require_outputs() -> None:
+    """Raise unless each file that this command is to write can be, and is no other file of it.
+
+    Raises a usage error for a file that the command reads, or writes a second time.
+    """
+    context = click.get_current_context()
+    files = [
+        (parameter, path)
+        for parameter in context.command.params
+        for path in _files(context.params.get(parameter.name or ""))
+    ]
+    for parameter, path in files:
+        if not isinstance(parameter.type, _Output):
+            continue
+        require_writable(path)
+        for other, named in files:
+            if other is not parameter and named.resolve() == path.resolve():
+                raise click.BadParameter(
+                    f"{str(path)!r} is the file of {other.get_error_hint(context)}, too, and would "
+                    "be replaced. Name another file.",
+                    context,
+                    parameter,
+                )
+
+
+def _files(value: object) -> list[Path]:
+    """The paths among the values of a parameter; a text may name a file (`--params`)."""
+    if isinstance(value, tuple):
+        return [path for part in value for path in _files(part)]
+    if isinstance(value, str) and Path(value).is_file():
+        return [Path(value)]
+    return [value] if isinstance(value, Path) else []
+
+
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 wait_option = click.option(
     "--wait/--no-wait", default=True, help="Wait until it is done, or return at once."
@@ -60,17 +98,22 @@ NEGATIVE = {"ignore_unknown_options": True}
 """Context of a command with numbers: without it, a -5 would be taken for an option."""
 
 
-class Finite(click.FloatRange):
-    """A number in a range; click itself lets nan through any."""
+class Checked(click.Command):
+    """A command whose options are checked together, by `require`, as soon as they are parsed.
 
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        """Return the number. Fails as a usage error."""
-        number: float = super().convert(value, param, ctx)
-        if not math.isfinite(number):
-            self.fail(f"{value!r} is not a finite number.", param, ctx)
-        return number
+    The queue parses a command when it is added, and begins it when nobody is there.
+    """
+
+    def __init__(self, *args: Any, require: Callable[[Mapping[str, Any]], None], **kw: Any) -> None:
+        super().__init__(*args, **kw)
+        self._require = require
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse, and raise the usage error of options that do not belong together."""
+        left = super().parse_args(ctx, args)
+        if not ctx.resilient_parsing:
+            self._require(ctx.params)
+        return left
 
 
 C = TypeVar("C", bound="Struct")
@@ -117,7 +160,7 @@ def tcp_port_option(usual: int) -> Callable[[F], F]:
     """Return the option of a server's port."""
     return click.option(
         "--port",
-        type=click.IntRange(0, 65535),
+        type=Whole(0, 65535),
         default=usual,
         help="TCP port on this machine; 0 takes any.",
     )
@@ -154,7 +197,7 @@ def axis_option(command: F) -> F:
 
 lease_option = click.option(
     "--lease",
-    type=click.FloatRange(0.5, 3600.0),
+    type=Quantity("s", 0.5, 3600.0),
     default=2.0,
     metavar="S",
     help="On a real bench: the daemon disarms after this time without a message from this program.",

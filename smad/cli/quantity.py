@@ -8,20 +8,35 @@ from typing import Any
 import click
 
 from sim_device.plant.units import UNITS
-from smad.units import alternatives, in_words, spelt, units_for
+from smad.units import alternatives, in_words, range_in_words, spelt, units_for
 
 _WITH_UNIT = "smad.typed_units"
 _TYPED = re.compile(r"(?P<number>[-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(?P<unit>\S*)")
 
 
-class Quantity(click.ParamType[float]):
-    """A number of `unit` within a range, with or without a unit of the same kind behind it."""
+class Quantity(click.FloatRange):
+    """A number of `unit` within a range, with or without a unit of the same kind behind it.
 
-    name = "number"
+    `unit` is empty for a number without one. `above` leaves the lower end out.
+    """
 
-    def __init__(self, unit: str, low: float = -math.inf, high: float = math.inf) -> None:
+    name = kind = "number"
+
+    def __init__(
+        self,
+        unit: str = "",
+        low: float = -math.inf,
+        high: float = math.inf,
+        *,
+        above: bool = False,
+    ) -> None:
+        super().__init__(low, high, min_open=above)
         self.unit = unit
         self.low, self.high = low, high
+
+    def _describe_range(self) -> str:
+        # The help shows it, and would write a range as `0.1<=x<=180.0`.
+        return range_in_words(self.low, self.high, self.unit, above=self.min_open)
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
@@ -31,11 +46,12 @@ class Quantity(click.ParamType[float]):
             return float(value)
         text = str(value).strip()
         match, shown = _TYPED.fullmatch(text), in_words(self.unit)
-        try:
-            number = float(match["number"] if match else text)
-        except ValueError:
-            self.fail(f"{value!r} is not a number of {shown}.", param, ctx)
         unit = spelt(match["unit"]) if match else ""
+        try:
+            number = float(match["number"] if match and (self.unit or not unit) else text)
+        except ValueError:
+            of = f" of {shown}" if shown else ""
+            self.fail(f"{value!r} is not a {self.kind}{of}.", param, ctx)
         if unit and unit not in units_for(self.unit):
             allowed = alternatives(self.unit)
             self.fail(f"{value!r}: give it in {shown}, alone or with {allowed}.", param, ctx)
@@ -47,9 +63,27 @@ class Quantity(click.ParamType[float]):
             number = UNITS[self.unit].from_si(UNITS[unit].to_si(number))
         # 250 ms are 0.25 s, not 0.25000000000000006.
         number = float(f"{number:.15g}")
-        if not self.low <= number <= self.high:
-            self.fail(f"{value!r} is not within {self.low:g} to {self.high:g} {shown}.", param, ctx)
+        if not self.low <= number <= self.high or (self.min_open and number == self.low):
+            one_sided = self.min_open or math.isinf(self.high - self.low)
+            within = "" if one_sided else "within "
+            self.fail(f"{value!r} is not {within}{self._describe_range()}.", param, ctx)
         return number
+
+
+class Whole(Quantity):
+    """A whole number within a range."""
+
+    name, kind = "integer", "whole number"
+
+    def __init__(self, low: int, high: float = math.inf) -> None:
+        super().__init__("", low, high)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """Return the number. Fails as a usage error."""
+        number = super().convert(value, param, ctx)
+        if not number.is_integer():
+            self.fail(f"{value!r} is not a {self.kind}.", param, ctx)
+        return int(number)
 
 
 def typed_units(ctx: click.Context) -> Mapping[str | None, str]:

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from smad.cli.output import FOLDER, bench_option, json_option, print_json
+from smad.cli.quantity import Quantity, Whole
+from smad.counted import counted
 
 if TYPE_CHECKING:
     from smad.queue import Queue
@@ -24,7 +26,7 @@ _folder_option = click.option(
     envvar="SMAD_QUEUE",
     help="Folder of the queue  [default: that of the daemon's run logs, else runs]",
 )
-_number = click.argument("number", type=click.IntRange(1), metavar="ITEM")
+_number = click.argument("number", type=Whole(1), metavar="ITEM")
 
 
 def _on_queue(command: Callable[..., None]) -> Callable[..., None]:
@@ -52,7 +54,7 @@ def queue() -> None:
 @queue.command(context_settings=_ANYTHING)
 @click.argument("kind", metavar="run|tune|checkup|move")
 @click.argument("words", nargs=-1, type=click.UNPROCESSED)
-@click.option("--repeat", type=click.IntRange(1, 1000), default=1, help="How many copies to add.")
+@click.option("--repeat", type=Whole(1, 1000), default=1, help="How many copies to add.")
 @json_option
 @_on_queue
 def add(
@@ -132,7 +134,7 @@ def _print_items(snapshot: Snapshot, *, everything: bool) -> None:
 
 @queue.command()
 @_number
-@click.argument("place", type=click.IntRange(1))
+@click.argument("place", type=Whole(1))
 @_on_queue
 def move(*, number: int, place: int, opened: Queue) -> None:
     """Move a queued ITEM to PLACE among those that wait."""
@@ -170,14 +172,14 @@ def pause(*, now: bool, opened: Queue) -> None:
 
 @queue.command()
 @click.option("--until", metavar="HH:MM", help="End time, such as 07:30 or 2026-11-26T07:30.")
-@click.option("--hours", type=click.FloatRange(0, 744, min_open=True), help="Longest time.")
+@click.option("--hours", type=Quantity("h", 0.0, 744.0, above=True), help="Longest time.")
 @click.option(
     "--energy-kJ",
     "energy_kJ",
-    type=click.FloatRange(0, min_open=True),
+    type=Quantity("kJ", 0.0, above=True),
     help="Largest heating energy.",
 )
-@click.option("--cycles", type=click.FloatRange(0, min_open=True), help="Largest number of cycles.")
+@click.option("--cycles", type=Quantity(low=0.0, above=True), help="Largest number of cycles.")
 @click.option("--confirm", "code", metavar="CODE", help="Second step, with the code of the first.")
 @_on_queue
 def resume(
@@ -216,7 +218,9 @@ def resume(
     )
     proposal = opened.propose(min(ends), budget)
     _print_items(opened.snapshot(), everything=False)
-    click.echo(f"{len(proposal.arming.items)} items until {limits_in_words(proposal.arming)}")
+    click.echo(
+        f"{counted(len(proposal.arming.items), 'item')} until {limits_in_words(proposal.arming)}"
+    )
     click.echo(
         f"to arm them: smad queue resume --confirm {proposal.code}  "
         f"(within {CONFIRM_WITHIN_S:.0f} s)"
@@ -241,9 +245,7 @@ def run(*, until_paused: bool, opened: Queue) -> None:
 
 
 @queue.command()
-@click.option(
-    "--after", type=click.IntRange(0), default=0, help="Only messages with a higher number."
-)
+@click.option("--after", type=Whole(0), default=0, help="Only messages with a higher number.")
 @json_option
 @_on_queue
 def messages(*, after: int, as_json: bool, opened: Queue) -> None:

@@ -24,11 +24,14 @@ if TYPE_CHECKING:
 
 KINDS: Mapping[str, tuple[tuple[str, ...], str]] = {
     "run": (("run",), "smad.cli.run:run"),
-    "tune": (("tune",), "smad.cli.tune:tune"),
+    "tune": (("tune", "--yes"), "smad.cli.tune:tune"),
     "checkup": (("gap", "checkup"), "smad.cli.gap_checkup:checkup"),
     "move": (("run", "moves"), "smad.cli.run_moves:moves"),
 }
-"""Kind -> the words after `smad` that it begins with, and where the command is."""
+"""Kind -> the words after `smad` that it begins with, and where the command is.
+
+Whoever arms a queue has agreed to what is in it, so `smad tune` does not ask.
+"""
 _NOT_QUEUED = ("listing", "feedforward", "logs")
 """Options of `smad run` that run nothing."""
 INPUTS = ("run", "path", "config_file", "model", "programme_folder")

@@ -4,6 +4,7 @@ import click
 
 from smad.cli.output import bench_option, client
 from smad.cli.quantity import Quantity
+from smad.counted import counted
 from smad.files import display_path
 
 
@@ -31,8 +32,8 @@ def stop(bench: str) -> None:
     """Close the run log."""
     with client(bench) as bench_client:
         status = bench_client.stop_recording()
-    lost = f", {status.dropped} samples lost" if status.dropped else ""
-    click.echo(f"{display_path(status.path)}: {status.rows} samples{lost}")
+    lost = f", {counted(status.dropped, 'sample')} lost" if status.dropped else ""
+    click.echo(f"{display_path(status.path)}: {counted(status.rows, 'sample')}{lost}")
     if status.error:
         click.echo(f"smad: {status.error}", err=True)
         raise SystemExit(1)

@@ -15,7 +15,7 @@ from smad.cli.output import (
     wait_for_motion,
     wait_option,
 )
-from smad.cli.quantity import Quantity
+from smad.cli.quantity import Quantity, Whole
 
 if TYPE_CHECKING:
     from smad.client import Client
@@ -77,7 +77,7 @@ def step(
 @_segment
 @click.argument("radius_deg", type=Quantity("deg", 0.0, 180.0))
 @circle_period_option
-@click.option("--cycles", type=click.IntRange(1, 1000), default=1, help="Number of circles.")
+@click.option("--cycles", type=Whole(1, 1000), default=1, help="Number of circles.")
 @wait_option
 @bench_option
 def circle(

@@ -21,7 +21,9 @@ from smad.cli.output import (
     print_json,
     progress,
     ready_client,
+    require_outputs,
 )
+from smad.cli.quantity import Whole
 from smad.cli.simulated import seed_option, simulated_model
 from smad.files import named_output
 
@@ -87,9 +89,7 @@ class _Run(click.Command):
     help="Configuration of the control in virtual time, as for `smad start`.",
 )
 @seed_option
-@click.option(
-    "--jobs", type=click.IntRange(1, 256), help="Processes for --sim; by default one a core."
-)
+@click.option("--jobs", type=Whole(1, 256), help="Processes for --sim; by default one a core.")
 @click.option(
     "--from",
     "logs",
@@ -143,6 +143,7 @@ def run(names: tuple[str, ...], **options: Any) -> None:
     if options["listing"]:
         _print_list(as_json=options["as_json"])
         return
+    require_outputs()
     given = simulated_model(params=options["parameters"], model_file=options["model"])
     model = given.parameters
     if options["feedforward"]:

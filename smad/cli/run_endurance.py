@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,15 +12,16 @@ import click
 
 from smad.cli.output import (
     FOLDER,
-    Finite,
+    Checked,
     axis_option,
     lease_option,
     leased_driver,
     progress,
     ready_client,
 )
-from smad.cli.quantity import Quantity
+from smad.cli.quantity import Quantity, Whole
 from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
+from smad.counted import counted
 from smad.errors import SmadError
 from smad.progress import Say
 
@@ -29,12 +30,21 @@ if TYPE_CHECKING:
     from smad.experiments.endurance.profile import Profile
     from smad.experiments.endurance.run import BlockDriver, Endurance, Judgement
 
-_percent = Finite(0.0, 100.0, min_open=True)
-_kelvin = Finite(0.0, 100.0, min_open=True)
+_percent = Quantity("pct", 0.0, 100.0, above=True)
 
 
-@click.command()
-@click.option("--cycles", type=click.IntRange(1, 10_000_000), required=True, help="How many.")
+def _require_pairs(given: Mapping[str, Any]) -> None:
+    if given["displacement"] and given["temperature"]:
+        raise click.UsageError("give --displacement or --temperature")
+    if given["every"] and given["baseline"] is None:
+        raise click.UsageError("--every N checkup needs --baseline FOLDER (of smad gap commission)")
+    if given["end_place"] is not None and not given["every"]:
+        raise click.UsageError("--end-place needs --every N checkup")
+    require_sim(given["effects"], sim=given["sim"])
+
+
+@click.command(cls=Checked, require=_require_pairs)
+@click.option("--cycles", type=Whole(1, 10_000_000), required=True, help="How many.")
 @click.option(
     "--displacement",
     nargs=2,
@@ -54,7 +64,7 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
 )
 @click.option(
     "--rate",
-    type=Finite(0.01, 50.0),
+    type=Quantity(low=0.01, high=50.0),
     default=2.0,
     metavar="MM/S",
     help="Rate of the ramps; K/s with --temperature.",
@@ -65,7 +75,7 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
 @click.option(
     "--every",
     nargs=2,
-    type=(click.IntRange(1), click.Choice(["checkup"])),
+    type=(Whole(1), click.Choice(["checkup"])),
     metavar="N checkup",
     help="Play the quick check-up every N cycles.",
 )
@@ -79,16 +89,21 @@ _kelvin = Finite(0.0, 100.0, min_open=True)
     metavar="%",
     help="End when resistance has risen by this much.",
 )
-@click.option("--end-shift", type=_kelvin, metavar="K", help="End when the transformation shifted.")
+@click.option(
+    "--end-shift",
+    type=Quantity("K", 0.0, 100.0, above=True),
+    metavar="K",
+    help="End when the transformation shifted.",
+)
 @click.option(
     "--end-place",
-    type=Finite(0.0, 1.0, min_open=True),
+    type=Quantity("1", 0.0, 1.0, above=True),
     metavar="P",
     help="End when a place has changed with this probability.",
 )
 @click.option(
     "--full-every",
-    type=click.IntRange(1, 1_000_000),
+    type=Whole(1, 1_000_000),
     default=1,
     help="Keep all samples of every n-th cycle, only statistics of the others.",
 )
@@ -116,7 +131,7 @@ def endurance(**options: Any) -> None:
     earlier = earlier_cycles(folder)
     if earlier and not options["go_on"]:
         raise SmadError(
-            f"{folder} has {earlier} cycles already",
+            f"{folder} has {counted(earlier, 'cycle')} already",
             action="name another folder, or give --go-on to go on after them",
         )
     plan = _plan_of(options, earlier + 1)
@@ -127,11 +142,15 @@ def endurance(**options: Any) -> None:
         if options["go_on"]:
             late = take_over_killed(logs, plan.profile, folder, plan.first)
             if late:
-                click.echo(f"{late} cycles of a killed block are taken over from its run log")
+                click.echo(
+                    f"{counted(late, 'cycle')} of a killed block taken over from its run log"
+                )
             plan = replace(plan, first=plan.first + late)
         plan, room = on_bench(plan, config)
         hours = plan.cycles * plan.profile.period_s / 3600.0
-        click.echo(f"{plan.cycles} cycles, about {hours:.1f} h of board time; {room.in_words()}")
+        click.echo(
+            f"{counted(plan.cycles, 'cycle')}, about {hours:.1f} h of board time; {room.in_words()}"
+        )
         ended = endure(
             plan,
             driver,
@@ -142,8 +161,10 @@ def endurance(**options: Any) -> None:
             say=line.say,
         )
     for number, judgement in ended.judgements:
-        click.echo(f"check-up after {number} cycles: {judgement.headline}")
-    click.echo(f"ended after {ended.cycles} cycles: {ended.reason}; {folder / 'cycles.csv'}")
+        click.echo(f"check-up after {counted(number, 'cycle')}: {judgement.headline}")
+    click.echo(
+        f"ended after {counted(ended.cycles, 'cycle')}: {ended.reason}; {folder / 'cycles.csv'}"
+    )
 
 
 def _plan_of(options: dict[str, Any], first: int) -> Endurance:
@@ -151,16 +172,11 @@ def _plan_of(options: dict[str, Any], first: int) -> Endurance:
     from smad.experiments.endurance.run import Endurance
 
     baseline: Path | None = options["baseline"]
-    if options["every"] and baseline is None:
-        raise click.UsageError("--every N checkup needs --baseline")
     if baseline is not None and not (baseline / "baseline.json").exists():
         raise SmadError(
             f"there is no baseline in {baseline}",
             action="commission the bench (smad gap commission), or name another; nothing was moved",
         )
-    if options["end_place"] is not None and not options["every"]:
-        raise click.UsageError("--end-place needs --every N checkup")
-    require_sim(options["effects"], sim=options["sim"])
     return Endurance(
         profile=profile_of(options),
         cycles=options["cycles"],
@@ -177,11 +193,9 @@ def _plan_of(options: dict[str, Any], first: int) -> Endurance:
 
 
 def profile_of(options: dict[str, Any]) -> Profile:
-    """Return the cycle that is asked for. Raises a usage error or ExperimentError."""
+    """Return the cycle that is asked for. Raises ExperimentError."""
     from smad.experiments.endurance.profile import Profile
 
-    if options["displacement"] and options["temperature"]:
-        raise click.UsageError("give --displacement or --temperature")
     low, high = options["temperature"] or options["displacement"] or (-5.0, 5.0)
     return Profile(
         quantity="temperature" if options["temperature"] else "displacement",

@@ -11,6 +11,7 @@ import click
 
 from smad.cli import complete
 from smad.cli.output import F, note
+from smad.cli.quantity import Whole
 from smad.errors import SmadError
 from smad.processes.boards import BOARDS
 
@@ -46,12 +47,12 @@ def board_options(lead: str) -> Callable[[F], F]:
     def about(text: str) -> str:
         return lead + text if lead else text[0].upper() + text[1:]
 
-    number = click.IntRange(0, 2**32 - 1)
+    number = Whole(0, 2**32 - 1)
     options = (
         click.option(
             "--rate", type=click.Choice(["100", "250", "500"]), help="Samples per second."
         ),
-        click.option("--axes", type=click.IntRange(1, 6), help=about("number of boards.")),
+        click.option("--axes", type=Whole(1, 6), help=about("number of boards.")),
         click.option("--speed", type=float, help=about("board time over wall time.")),
         click.option("--seed", type=number, help=about("seed of all noise.")),
         click.option(
@@ -71,7 +72,7 @@ def board_options(lead: str) -> Callable[[F], F]:
             help=about(FIRMWARES),
         ),
         # With --paced-by-host both ends wait so many times as long for each other.
-        click.option("--patience", type=click.IntRange(1, 1000), default=1, hidden=True),
+        click.option("--patience", type=Whole(1, 1000), default=1, hidden=True),
         # End when this process does.
         click.option("--parent", type=int, hidden=True),
     )
@@ -83,7 +84,7 @@ def board_options(lead: str) -> Callable[[F], F]:
 
 
 seed_option = click.option(
-    "--seed", type=click.IntRange(0, 2**32 - 1), default=0, help="With --sim: seed of all noise."
+    "--seed", type=Whole(0, 2**32 - 1), default=0, help="With --sim: seed of all noise."
 )
 
 

@@ -14,6 +14,7 @@ import click
 from smad.cli.output import OUTPUT, bench_option, client, progress
 from smad.cli.quantity import Quantity
 from smad.cli.robot import circle_period_option
+from smad.counted import counted
 
 if TYPE_CHECKING:
     from smad.client import Client
@@ -49,7 +50,7 @@ def six_axes(
     written = write_page(page_of(log, made, skew), report or log.with_suffix(".html"))
     print_table(table(list(trackings(read_axes(log), made))))
     click.echo(
-        f"{skew.count} simultaneous starts: {skew.p50_us / 1000:.2f} ms apart (median), "
+        f"{counted(skew.count, 'simultaneous start')}: {skew.p50_us / 1000:.2f} ms apart (median), "
         f"at most {skew.max_us / 1000:.2f} ms"
     )
     click.echo(written)

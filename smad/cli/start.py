@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from smad.cli.output import PATH, config_option
+from smad.cli.quantity import Whole
 from smad.cli.simulated import board_options
 from smad.errors import ConfigError
 
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 @click.option("--sim", "simulated", is_flag=True, help="Start a simulated bench and use it.")
 @config_option
 @click.option("--bench", help="Name of the bench, if there are several.")
-@click.option("--baud", type=int, help="Bits per second of the serial line.")
+@click.option("--baud", type=Whole(1), help="Bits per second of the serial line.")
 @click.option("--without-missing", is_flag=True, help="Start even if some boards are missing.")
 @board_options("With --sim: ")
 @click.option("--fd", hidden=True, help="Inherited sockets instead of ports: N,… by axis.")

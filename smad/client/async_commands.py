@@ -48,6 +48,12 @@ class AsyncCommands(ABC):
         limit_s = self.timeout_s if timeout_s is None else timeout_s
         return await self._channel.call(params, kind, limit_s, stop=stop, axes=axes or self.name)
 
+    async def _begin(self, params: Any, *axes: str) -> api.Motion:
+        """Command a motion, and know it again: somebody else may replace it before it ends."""
+        motion = await self._call(params, api.Motion)
+        self._channel.conversation.commanded(motion, *(axes or (self.name,)))
+        return motion
+
     @abstractmethod
     async def _ended(self, motion: api.Motion) -> None:
         """Take note that a motion ended before it was done."""
@@ -86,9 +92,9 @@ class AsyncCommands(ABC):
         motion: api.Motion | None = None
         for piece in (piece for whole in trajectories for piece in in_pieces(whole)):
             command = Follow(trajectories=(piece,), queue=queue or motion is not None)
-            motion = await self._call(command, api.Motion)
+            motion = await self._begin(command)
         if motion is None:
-            return await self._call(Follow(trajectories=()), api.Motion)
+            return await self._begin(Follow(trajectories=()))
         return motion
 
     async def heat(
@@ -108,18 +114,18 @@ class AsyncCommands(ABC):
             duration_s=duration_s,
             use_water=use_water,
         )
-        return await self._call(command, api.Motion)
+        return await self._begin(command)
 
     async def current(self, command: DriveCurrent) -> api.Motion:
         """Apply currents and pump duties without feedback."""
-        return await self._call(command, api.Motion)
+        return await self._begin(command)
 
     async def follow_inputs(self, command: FollowInputs) -> api.Motion:
         """Play recorded currents and duties of any length; they are sent in parts."""
         first, *rest = rows_in_pieces(command)
-        motion = await self._call(first, api.Motion)
+        motion = await self._begin(first)
         for piece in rest:
-            motion = await self._call(piece, api.Motion)
+            motion = await self._begin(piece)
         return motion
 
     async def stage(self, stage_mm: float, rate_mm_per_s: float) -> api.Motion:
@@ -130,7 +136,7 @@ class AsyncCommands(ABC):
 
     async def idle(self) -> api.Motion:
         """End the motion: no current, no water. The bench stays armed."""
-        return await self._call(Idle(), api.Motion)
+        return await self._begin(Idle())
 
     async def tune(self, command: Tune) -> api.Motion:
         """Change gains and options of the running controller."""
@@ -162,16 +168,18 @@ class AsyncCommands(ABC):
     ) -> api.Motion:
         """Return when every commanded motion is done; `progress` is called with each poll.
 
-        Raises Stopped if a stop ends the motion (disarm, fault, lost board), NoAnswer after
-        `timeout_s`.
+        Raises Stopped if a stop ends the motion (disarm, fault, lost board) or another client ends
+        or replaces the one that this client has commanded, NoAnswer after `timeout_s`.
         """
-        wait = Wait(time.monotonic(), timeout_s, self._channel.conversation.generation)
+        conversation = self._channel.conversation
+        wait = Wait(time.monotonic(), timeout_s, conversation.generation)
         while True:
             motion = await self.motion()
             if progress is not None:
                 progress(motion)
             try:
-                if wait.over(motion, time.monotonic()):
+                ours = conversation.is_ours(motion, self.name)
+                if wait.over(motion, time.monotonic(), ours=ours):
                     return motion
             except Stopped:
                 await self._ended(motion)

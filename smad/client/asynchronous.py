@@ -208,7 +208,7 @@ class AsyncClient(AsyncCommands):
         self, group: Mapping[str, Trajectory | Sequence[Trajectory]], *, queue: bool
     ) -> api.Motion:
         begin, later = first_pieces(group)
-        motion = await self._call(api.Together(moves=begin, queue=queue), api.Motion)
+        motion = await self._begin(api.Together(moves=begin, queue=queue), *begin)
         for axis, rest in later.items():
             await self[axis].move(*rest, queue=True)
         return motion

@@ -207,7 +207,7 @@ class Client(Commands):
         self, group: Mapping[str, Trajectory | Sequence[Trajectory]], *, queue: bool
     ) -> api.Motion:
         begin, later = first_pieces(group)
-        motion = self._call(api.Together(moves=begin, queue=queue), api.Motion)
+        motion = self._begin(api.Together(moves=begin, queue=queue), *begin)
         for axis, rest in later.items():
             self[axis].move(*rest, queue=True)
         return motion

@@ -15,7 +15,7 @@ class NoAnswer(DaemonError):
 
 
 class Stopped(DaemonError):
-    """What was waited for will not come: the bench was disarmed, faulted, or disconnected."""
+    """What was waited for will not come: a stop, or another client, has ended it."""
 
 
 class Refused(CommandError):

@@ -14,11 +14,11 @@ class Wait:
         self._timeout_s = timeout_s
         self._generation = generation
 
-    def over(self, motion: Motion, now_s: float) -> bool:
-        """Return whether the motion is done.
+    def over(self, motion: Motion, now_s: float, *, ours: bool = True) -> bool:
+        """Return whether the motion is done; `ours`: nobody has commanded another one since.
 
         Raises Stopped when the board is not armed any more, or was stopped and armed by somebody
-        else since; NoAnswer when the time is over.
+        else since, and when the motion is not ours; NoAnswer when the time is over.
         """
         since = self._generation is not None and motion.generation != self._generation
         if since and motion.armed:
@@ -39,6 +39,12 @@ class Wait:
                 action="smad faults explain says what to do"
                 if fault
                 else "see smad status for what happened; arm and start again",
+            )
+        if not ours:
+            raise Stopped(
+                "the motion ended early: another client ended or replaced it",
+                value=f"mode {motion.running}",
+                action="see smad status, agree with who commands it, and start again",
             )
         if motion.ended:
             raise Stopped(

@@ -3,6 +3,7 @@
 import functools
 import math
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -10,7 +11,7 @@ import msgspec
 import zmq
 from msgspec import Struct
 
-from smad.api import BY_PARAMS, LARGEST_MESSAGE, Arm, ErrorData, Reason, Telemetry
+from smad.api import BY_PARAMS, LARGEST_MESSAGE, Arm, ErrorData, Motion, Reason, Telemetry
 from smad.client.endpoints import Connection, candidate_folders, read_connection
 from smad.client.errors import NoAnswer, NoDaemon, Refused, refused
 from smad.config.curve_key import KEY_CHARACTERS, is_curve_key
@@ -54,16 +55,19 @@ class Conversation:
     we armed (None: we did not): what we ask for after that is refused once a stop has come.
     `known` is the last one that this program knows of (None: it began to look at nothing yet): an
     arming of a program that does not know of a stop is refused, until a person starts it anew.
+    `motions` has the number of the motion that we commanded last, by axis.
     """
 
     def __init__(self) -> None:
         self.lease = ""
         self.generation: int | None = None
         self.known: int | None = None
+        self.motions: dict[str, int] = {}
         self._last_id = 0
 
     def begin(self, generation: int | None, *, known: int | None = None) -> None:
         """Set the generation of what is asked for from now on, and of the next arming."""
+        self.motions.clear()
         self.generation = generation
         self.known = known
 
@@ -74,6 +78,15 @@ class Conversation:
         """
         if self.known is not None and generation == self.known + 1:
             self.begin(generation, known=generation)
+
+    def commanded(self, motion: Motion, *axes: str) -> None:
+        """Note the motion that our command to these axes began."""
+        self.motions |= _numbers(motion, axes)
+
+    def is_ours(self, motion: Motion, axis: str) -> bool:
+        """Return whether no axis that we command does what somebody else has commanded since."""
+        now = _numbers(motion, (axis,))
+        return all(self.motions.get(name, number) == number for name, number in now.items())
 
     def request(
         self, params: Struct, axes: str | tuple[str, ...] | None = None
@@ -129,6 +142,11 @@ class Conversation:
         if envelope.error.data is not None:
             raise refused(envelope.error.data)
         raise Refused(envelope.error.message)
+
+
+def _numbers(motion: Motion, axes: Sequence[str]) -> dict[str, int]:
+    parts = motion.axes or dict.fromkeys(axes, motion)
+    return {name: part.number for name, part in parts.items()}
 
 
 def _refuse_infinite(where: str, path: str, value: Any) -> None:

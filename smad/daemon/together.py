@@ -4,7 +4,7 @@ All are checked before any begins. They begin at one instant of the host, each a
 of its board. A group that is queued begins when the slowest of its axes has ended what it does.
 """
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Collection, Mapping
 
 from firmware_protocol.messages import State
@@ -24,14 +24,19 @@ class Groups:
     def __init__(self, axes: Mapping[str, Axis], say: Say) -> None:
         self.skew = Histogram()
         """How far apart, on the host's clock, the boards took the samples that a group began at."""
+        self.ended = Counter[str]()
+        """How often what an axis does was ended or replaced, by a command or a stop."""
         self._axes = axes
         self._say = say
         self._waiting: deque[Group] = deque()
 
     def begin(self, group: Group) -> None:
         """Begin a group now. Raises CommandError, with nothing begun, when one cannot."""
-        self._check(group)
+        self._begin(group)
         self.forget(group)
+
+    def _begin(self, group: Group) -> None:
+        self._check(group)
         at_us: dict[str, float | None] = {}
 
         def beginning(axis: Axis) -> Callable[[State], None]:
@@ -64,14 +69,16 @@ class Groups:
             if ended and blocked_axes.isdisjoint(group):
                 self._waiting.remove(group)
                 try:
-                    self.begin(group)
+                    self._begin(group)
                 except CommandError as error:
                     self._say("warning", f"a queued motion was left out: {error}", {})
             blocked_axes.update(group)
 
     def forget(self, names: Collection[str]) -> None:
         """Give up the groups that wait for one of these axes: it was stopped, or does another."""
-        for group in [group for group in self._waiting if not set(names).isdisjoint(group)]:
+        ended = set(names)
+        self.ended.update(ended)
+        for group in [group for group in self._waiting if not ended.isdisjoint(group)]:
             self._waiting.remove(group)
 
     def _check(self, group: Group) -> None:

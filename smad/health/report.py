@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from smad.counted import counted
 from smad.health.record import Row
 from smad.health.trends import LEAST_ROWS, LEAST_SITTINGS, Forecast, Trend, forecast, trend_of
 from smad.report.page import Block, Page, Picture, Section, Table, Text
@@ -85,13 +86,13 @@ def headline(health: Health) -> str:
     """Return the state of the bench in one sentence."""
     if not health.trends:
         return (
-            f"{len(health.rows)} rows are too few: a trend needs {LEAST_ROWS} of one name in one "
-            f"session, or {LEAST_SITTINGS} sessions"
+            f"{counted(len(health.rows), 'row')} so far: a trend needs {LEAST_ROWS} of one name in "
+            f"one session, or {LEAST_SITTINGS} sessions"
         )
     returned = ", ".join(trend.name for trend in health.returned)
     passed = f"; changed for a while and came back: {returned}" if returned else ""
     if not health.changed:
-        return f"nothing has changed in {len(health.rows)} rows{passed}"
+        return f"nothing has changed in {counted(len(health.rows), 'row')}{passed}"
     first = health.changed[0]
     names = ", ".join(trend.name for trend in health.changed)
     return f"changed: {names}; first noticed at cycle {first.x[first.noticed or 0]:.0f}{passed}"

@@ -130,7 +130,8 @@ def _converted(
         rule = assignment.rules[name]
         channel = CHANNELS[rule.channel]
         converted = convert(values * rule.scale + rule.offset, rule.column_unit, channel.unit)
-        converted = np.where(np.isinf(converted), np.nan, converted)
+        if rule.channel != "t_s":
+            converted = np.where(np.isinf(converted), np.nan, converted)
         if rule.hold:
             converted = hold_last_value(converted)
         most = np.nanmax(converted, initial=0.0)
@@ -161,10 +162,12 @@ def _check_time(
 ) -> None:
     t_s = columns["t_s"]
     name = next(n for n, rule in assignment.rules.items() if rule.channel == "t_s")
-    empty = np.flatnonzero(np.isnan(t_s))
-    if len(empty):
+    untimed = np.flatnonzero(~np.isfinite(t_s))
+    if len(untimed):
+        row = int(untimed[0])
         raise LogImportError(
-            f"{table.path}, {table.place_of(int(empty[0]))}: time column {name!r} is empty",
+            f"{table.path}, {table.place_of(row)}: time column {name!r} holds "
+            + ("no number" if np.isnan(t_s[row]) else f"{t_s[row]:g}"),
             action="fill it, or remove the row",
         )
     back = np.flatnonzero(np.diff(t_s) <= 0)

@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from smad.counted import counted
 from smad.errors import LogImportError
 from smad.records.csv_head import Head, read_head
 from smad.records.stamps import is_stamp, likely_forms, read_stamp
@@ -29,11 +30,10 @@ _UTF8 = "utf-8-sig"
 """UTF-8 with or without a byte order mark."""
 _NO_NUMBER = (
     "nan", "+nan", "-nan", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#ind", "1.#inf", "-1.#inf",
-    "inf", "+inf", "-inf", "infinity", "-infinity", "na", "n/a", "#n/a", "<na>", "null", "none",
-    "#num!", "#div/0!", "#value!",
+    "na", "n/a", "#n/a", "<na>", "null", "none", "#num!", "#div/0!", "#value!",
 )  # fmt: skip
 _NOTHING = ["", "NaN", "-NaN", *(c(w) for w in _NO_NUMBER for c in (str, str.upper, str.title))]
-"""What programs write where they have no number, infinity among it."""
+"""What programs write where they have no number."""
 
 _UNDER_CSV = (
     "under [csv] in a mapping file (--mapping of smad log import, --map of smad gap diagnose) or "
@@ -170,7 +170,9 @@ class CsvTable:
                 for cells in reader:
                     if cells and len(cells) != len(self.names):
                         line = self.head.lines + reader.line_num
-                        return f"line {line} has {len(cells)} cells, not {len(self.names)}"
+                        return (
+                            f"line {line} has {counted(len(cells), 'cell')}, not {len(self.names)}"
+                        )
         except (csv.Error, UnicodeDecodeError, *DAMAGED) as error:
             return str(error)
         return ""
@@ -195,13 +197,10 @@ class CsvTable:
             plain = compute.replace_substring(plain, ",", ".")
         plain = compute.replace_substring_regex(plain, r"^\+", "")
         try:
-            values: NDArray[np.float64] = compute.cast(plain, pa.float64()).to_numpy(
-                zero_copy_only=False
-            )
+            return np.asarray(compute.cast(plain, pa.float64()).to_numpy(zero_copy_only=False))
         except pa.ArrowInvalid:
             row, _ = _first_text(plain)
             self._refuse(name, before + row, texts[row].as_py())
-        return np.where(np.isinf(values), np.nan, values)
 
     def _stamps(self, name: str, texts: pyarrow.Array, before: int) -> NDArray[np.float64]:
         """Seconds since the stamp of the first row."""

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
+from smad.counted import counted
 from smad.errors import CommandError
 
 TIME = "t_s"
@@ -40,7 +41,7 @@ def read_points(path: Path, columns: Sequence[Sequence[str]]) -> dict[str, list[
     if len(points) < 2 or any(b[0] <= a[0] for a, b in pairwise(points)):
         raise CommandError(
             f"{path}: the times do not rise from point to point",
-            value=f"{len(points)} points",
+            value=counted(len(points), "point"),
             limit="at least 2, each later than the one before",
             action="sort the points",
         )

@@ -241,6 +241,7 @@ def read_columns(
             except LogImportError as error:
                 unread[name] = str(error)
     stamps = tuple(n for n, advice in table.stamps.items() if not advice)
+    numbers = {n: np.where(np.isinf(c), np.nan, c) for n, c in numbers.items()}
     return Columns(table.names, numbers, unread, table.notes, stamps)
 
 

@@ -18,6 +18,7 @@ from smad.runlog.header import date_of
 from smad.runlog.reader import Column, Run, recorded
 from smad.runlog.schema import Event
 from smad.style.strips import STRIPS, Curve, Strip
+from smad.units import range_in_words
 
 LETTERS = 26
 PENS = 6
@@ -93,7 +94,7 @@ def _part(run: Run, label: str, from_s: float, to_s: float) -> RunPart:
     if not inside.any():
         raise RunLogError(
             f"{run.path} has no samples between these times",
-            value=f"{from_s:g} to {to_s:g} s",
+            value=range_in_words(from_s, to_s, "s"),
             limit=f"0 to {x[-1]:.2f} s" if x.size else "a log with samples",
             action="choose another part, or another log",
         )

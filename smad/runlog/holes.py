@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from itertools import pairwise
 from statistics import median
 
+from smad.counted import counted
+
 RECOVERED_METADATA_NAME = "smad.recovered"
 HOLES = "holes"
 _STEPS = 2.5
@@ -22,4 +24,4 @@ def holes_in(t_s: Sequence[float]) -> list[tuple[float, float]]:
 def words(holes: Sequence[tuple[float, float]]) -> list[str]:
     """The holes as a log has them in its metadata, a line each; of many the first."""
     lines = [f"no samples from {begin:.3f} to {end:.3f} s" for begin, end in holes[:_MOST]]
-    return lines + [f"{len(holes) - _MOST} more holes"] * (len(holes) > _MOST)
+    return lines + [counted(len(holes) - _MOST, "more hole")] * (len(holes) > _MOST)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
+from smad.counted import counted
 from smad.errors import RunLogError
 
 SUFFIX = ".mcap"
@@ -82,7 +83,8 @@ def passed_over(folder: Path, there: Sequence[Path], read: Sequence[Path]) -> st
     if not passed:
         return ""
     more = f" and {len(passed) - _NAMED} more" if len(passed) > _NAMED else ""
-    return f"{folder}: read {len(read)} runs, passed over {', '.join(passed[:_NAMED])}{more}"
+    names = ", ".join(passed[:_NAMED])
+    return f"{folder}: read {counted(len(read), 'run')}, passed over {names}{more}"
 
 
 def _file_name(name: str) -> str:

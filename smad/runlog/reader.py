@@ -16,6 +16,7 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from smad import notebook
+from smad.counted import counted
 from smad.errors import RunLogError
 from smad.progress import Share
 from smad.runlog import open_logs
@@ -106,7 +107,8 @@ class Run:
             for name, column in self.columns.items()
             if (v := column[recorded(column)]).size
         ]
-        title = f"{self.path.name}: {len(self)} rows, {self.duration_s:.2f} s, {self.header.source}"
+        rows_s = f"{counted(len(self), 'row')}, {self.duration_s:.2f} s"
+        title = f"{self.path.name}: {rows_s}, {self.header.source}"
         header = ("channel", "unit", "least", "mean", "most")
         return notebook.table(title, header, rows, "; ".join(self.notes))
 
@@ -287,7 +289,7 @@ class _RunBuilder:
         ended = self._metadata.get(END_METADATA_NAME, {}).get("dropped", "0")
         dropped = int(ended) if ended.isdecimal() and len(ended) < 19 else 0
         if dropped:
-            notes.append(f"{dropped} rows were dropped while recording")
+            notes.append(f"{counted(dropped, 'row')} dropped while recording")
         run = Run(
             path=self._path,
             header=RunHeader.from_metadata(self._metadata.get(METADATA_NAME, {})),
@@ -306,9 +308,9 @@ class _RunBuilder:
         notes += [f"{line}: lost before it was recovered" for line in recovered.splitlines()]
         refused = self._row_decoder.refused + events.refused + link.refused
         if refused:
-            notes.append(f"{refused} messages do not follow the schema and were left out")
+            notes.append(f"{counted(refused, 'message')} left out: not of the schema")
         if damage.lost_messages:
-            notes.append(f"{damage.lost_messages} messages were lost in damaged chunks")
+            notes.append(f"{counted(damage.lost_messages, 'message')} lost in damaged chunks")
         if len(run) > 1 and not (np.diff(run.columns["t_s"]) > 0).all():
             notes.append("board time does not always increase: the board restarted")
         return run

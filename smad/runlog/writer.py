@@ -19,6 +19,7 @@ from pathlib import Path
 
 import msgspec
 
+from smad.counted import counted
 from smad.errors import RunLogError, refused_by_system
 from smad.runlog import open_logs
 from smad.runlog.header import METADATA_NAME, RunHeader
@@ -185,7 +186,7 @@ class RunWriter:
         notice = Event(
             host_time_s=time_ns / _NS,
             kind="record",
-            text=f"{missed} rows were dropped: the disk was too slow for the queue",
+            text=f"{counted(missed, 'row')} dropped: the disk was too slow for the queue",
             data={"dropped": missed},
         )
         return [RecordPacker(0.0).pack(notice)]

@@ -16,6 +16,7 @@ from smad.api import Reason
 from smad.client import AsyncClient, Refused
 from smad.client.async_commands import AsyncCommands
 from smad.control.commands import Trajectory, Tune
+from smad.counted import counted
 from smad.view.feed import LONGEST_TAIL_S, WINDOWS
 from smad.view.jobs import Job, RunName, Settings
 from smad.view.queue import Verb
@@ -217,7 +218,7 @@ class EndRecord(PageRequest, tag="end_record", frozen=True, kw_only=True):
     async def carry_out(self, client: AsyncClient, control: Control) -> str:
         """See `carry_out`."""
         ended = await client.stop_recording()
-        return f"{ended.path}: {ended.rows} samples"
+        return f"{ended.path}: {counted(ended.rows, 'sample')}"
 
 
 class Runs(PageRequest, tag="runs", frozen=True, kw_only=True):

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
+from smad.counted import counted
 from smad.queue import Queue, QueueError
 from smad.queue.states import Arming, Budget, Snapshot
 from smad.queue.store import FILE
@@ -92,7 +93,10 @@ class Propose(Struct, tag_field="verb", tag="propose", frozen=True, kw_only=True
         energy_J = None if self.energy_kJ is None else self.energy_kJ * 1e3
         budget = Budget(hours=self.hours, energy_J=energy_J)
         proposal = queue.propose(time.time() + self.hours * 3600.0, budget)
-        return f"{len(proposal.arming.items)} items for at most {self.hours:g} h", proposal.code
+        return (
+            f"{counted(len(proposal.arming.items), 'item')} for at most {self.hours:g} h",
+            proposal.code,
+        )
 
 
 class Confirm(Struct, tag_field="verb", tag="confirm", frozen=True, kw_only=True):

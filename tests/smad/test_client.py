@@ -485,6 +485,36 @@ def test_waiting_ends_when_somebody_stopped_the_bench_and_armed_it_again() -> No
         wait.over(msgspec.structs.replace(same, generation=4, done=True), 1.0)
 
 
+def test_a_client_hears_that_another_one_replaced_its_motion(
+    client: Client, daemon: FakeDaemon
+) -> None:
+    ours = daemon.answers["move"] = msgspec.structs.replace(MOTION, number=7)
+    daemon.answers["motion"] = msgspec.structs.replace(MOTION, number=8)
+    assert client.wait_until_done().done, "who has commanded nothing waits for whatever runs"
+    client.move(Step(displacement_mm=1.0, duration_s=1.0))
+    with pytest.raises(Stopped, match="another client ended or replaced it"):
+        client.wait_until_done()
+    daemon.answers["motion"] = ours
+    assert client.wait_until_done().done
+
+
+def test_another_axis_may_do_what_somebody_else_commands(
+    client: Client, daemon: FakeDaemon
+) -> None:
+    def bench(first: int, second: int) -> api.Motion:
+        numbers = {"a": first, "b": second}
+        parts = {n: msgspec.structs.replace(MOTION, number=k) for n, k in numbers.items()}
+        return msgspec.structs.replace(MOTION, axes=parts)
+
+    daemon.answers["together"] = msgspec.structs.replace(MOTION, number=1)
+    client.move({"a": Step(displacement_mm=1.0, duration_s=1.0)})
+    daemon.answers["motion"] = bench(1, 5)
+    assert client.wait_until_done().done
+    daemon.answers["motion"] = bench(2, 5)
+    with pytest.raises(Stopped):
+        client.wait_until_done()
+
+
 async def test_the_async_client_does_the_same(daemon: FakeDaemon, tmp_path: Path) -> None:
     async with AsyncClient(folder=tmp_path, timeout_s=30.0) as client:
         assert await client.motion() == MOTION

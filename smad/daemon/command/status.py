@@ -69,6 +69,7 @@ class StatusReport:
             or ("" if controller.departure is None else controller.departure.in_words()),
             fault=fault,
             generation=self._bench.stops.generation,
+            number=self._bench.groups.ended[axis.name],
         )
 
     def recorder(self) -> api.RecorderStatus:

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from smad.counted import counted
 from smad.diagnosis.plant import Array, Channel, Mask, Signal
 from smad.diagnosis.runs import GapRun, bridged
 from smad.records.declared import Declared
@@ -111,7 +112,7 @@ def up_to_first_hole(run: GapRun, row_s: float, say: Say) -> GapRun:
     if not len(holes):
         return run
     first, last = float(begins[holes[0]]), float(ends[holes[0]])
-    more = f" (and {len(holes) - 1} more holes)" if len(holes) > 1 else ""
+    more = f" (and {counted(len(holes) - 1, 'more hole')})" if len(holes) > 1 else ""
     say(
         "hole",
         f"what was applied from {first:.6g} to {last:.6g} s is not recorded{more}: the run is used "

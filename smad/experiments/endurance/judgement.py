@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
+from smad.counted import counted
 from smad.errors import SmadError
 from smad.experiments.endurance.run import BlockDriver, Judgement
 from smad.experiments.leased import LeasedDriver
@@ -61,8 +62,9 @@ def judged_by_command(words: Sequence[str], bench: str, number: int) -> Judgemen
         )
         if done.returncode:
             lines = done.stderr.strip().splitlines() or ["it said nothing"]
+            after = counted(number, "cycle")
             raise SmadError(
-                f"the check-up after {number} cycles failed: {lines[-1].removeprefix('smad: ')}",
+                f"the check-up after {after} failed: {lines[-1].removeprefix('smad: ')}",
                 action="look at the bench; --go-on continues",
             )
         return judgement_of(verdict.read_bytes())

@@ -13,6 +13,7 @@ from typing import Any
 
 import msgspec
 
+from smad.counted import counted
 from smad.extras import missing
 from smad.processes import oom
 from smad.view import forms, preview, requests
@@ -70,7 +71,7 @@ def results(ask: requests.Results) -> list[tuple[str, str]]:
 
     run = read_run(ask.path, axis=ask.axis)
     columns = run.columns
-    table = [("duration", f"{run.duration_s:.1f} s, {len(run)} samples")]
+    table = [("duration", f"{run.duration_s:.1f} s, {counted(len(run), 'sample')}")]
 
     def add_range(what: str, names: tuple[str, ...], form: str) -> None:
         values = np.concatenate([columns[name] for name in names])

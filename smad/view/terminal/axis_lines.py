@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 
 from smad.api import AxisStatus, Motion, Percentiles
+from smad.counted import counted
 from smad.view.state import running_words
 
 OLD_AFTER_S = 1.0
@@ -28,7 +29,7 @@ def axis_lines(axes: Mapping[str, AxisStatus], skew: Percentiles) -> Iterator[st
             f"{axis.link.rate_hz} Hz, {missed} missed{fault}"
         )
     if skew.count:
-        yield f"{skew.count} simultaneous starts, within {skew.max_us / 1000:.2f} ms"
+        yield f"{counted(skew.count, 'simultaneous start')}, within {skew.max_us / 1000:.2f} ms"
 
 
 def aged(motion: Motion) -> str:

@@ -187,7 +187,7 @@ def test_parts_of_torn_rows_never_add_up_to_a_row(tmp_path: Path) -> None:
     path.write_bytes(log_of([b'{"t_s":1', b'"tick":3}', b'{"t_s":2},{"t_s":3}', b'{"t_s":4}']))
     run = read_run(path)
     assert run.columns["t_s"].tolist() == [4.0]
-    assert any("3 messages do not follow the schema" in note for note in run.notes)
+    assert any("3 messages left out: not of the schema" in note for note in run.notes)
 
 
 def test_a_chunk_that_unpacks_to_more_than_it_claims_is_skipped(tmp_path: Path) -> None:

@@ -340,7 +340,7 @@ def test_the_link_test_fails_when_something_was_lost(
     daemon.answers["timing.reset"] = STATUS.timing
     assert execute(["link", "test", "--for", "10ms"]) == 1
     out, line = capfd.readouterr()
-    assert "2 losses in 200 samples" in line
+    assert "2 lost of 200 samples" in line
     assert re.search(r"200 in \d+\.\d s \(asked for 100 a second\)", out)
 
 

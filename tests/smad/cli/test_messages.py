@@ -9,6 +9,7 @@ from click.testing import CliRunner
 from sim_device.errors import FaultSpecError
 from sim_device.faults import FAULT_KINDS, parse_injection
 from smad.cli import execute
+from smad.cli.log import plot
 from smad.cli.sim import sim
 from smad.client.endpoints import Connection, running_benches, write_connection
 from smad.config.bounds import in_words
@@ -37,6 +38,14 @@ from smad.errors import SmadError
         ("link test --for 2h", "'2h' is not within 0.01 to 3600 s"),
         ("design --wire 2kg", "'2kg': give it in mm, alone or with m, cm, mm, um (µm), in."),
         ("robot circle a 400", "'400' is not within 0 to 180 °"),
+        ("log plot a.mcap --width 2cm", "'2cm' is not within 40 to 400 mm. See"),
+        ("log plot a.mcap --width nan", "'nan' is not a finite number. See"),
+        ("queue resume --hours 0", "'0' is not above 0, up to 744 h. See"),
+        ("queue resume --cycles 0", "'0' is not above 0. See"),
+        ("queue messages --after -1", "'-1' is not at least 0. See"),
+        ("demo --seed 1.5", "'1.5' is not a whole number. See"),
+        ("demo --seed 5s", "'5s' is not a whole number. See"),
+        ("run endurance --cycles 9 --end-place 5", "'5' is not above 0, up to 1. See"),
         ("queue remove x", "'x' is not a whole number. See"),
         ("params set cold_cC 3A", "'3A' is not a number. See"),
         ("record last --seconds soon", "'soon' is not a number of s"),
@@ -66,6 +75,57 @@ def test_what_is_written_never_replaces_a_recording(
         assert execute([*words.split(), str(run)]) == 2
         assert "is a recording, and would be lost. Name another file" in capsys.readouterr().err
     assert run.read_text() == "t_s\n0\n"
+
+
+def test_what_is_written_replaces_no_file_that_the_command_reads_or_writes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("run.csv", "mine.toml", "verdict.json"):
+        (tmp_path / name).write_text("text")
+    for words, told in (
+        ("gap diagnose run.csv --map mine.toml --apply ./mine.toml", "'--map'"),
+        ("gap diagnose run.csv --params mine.toml --apply mine.toml", "'--params'"),
+        ("gap diagnose run.csv --json out --html out", "'--html'"),
+        ("gap apply verdict.json --out verdict.json", "'VERDICT'"),
+        ("design mine.toml --html mine.toml", "'[GEOMETRY]'"),
+        ("run dsc --sim --parameters mine.toml --save-parameters mine.toml", "'--parameters'"),
+    ):
+        assert execute(words.split()) == 2
+        said = capsys.readouterr().err
+        assert f"is the file of {told}, too, and would be replaced. Name another file" in said
+    assert (tmp_path / "mine.toml").read_text() == "text"
+
+
+def test_one_of_a_kind_is_told_in_the_singular(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for rows, told in (("0,0\n", "1 row to "), ("0,0\n1,0\n", "2 rows to ")):
+        (tmp_path / "run.csv").write_text(f"t_s,force_N\n{rows}")
+        assert execute(["log", "import", "run.csv", "-o", f"{len(rows)}.mcap"]) == 0
+        assert capsys.readouterr().out.startswith(told)
+
+
+def test_a_range_without_an_end_is_told_by_the_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run.csv").write_text("t_s,force_N\n0,0\n1,0\n")
+    execute(["log", "import", "run.csv"])
+    for words, told in (
+        ("--from 500", "got at least 500 s"),
+        ("--to -1", "got at most -1 s"),
+        ("--from 500 --to 600", "got 500 to 600 s"),
+    ):
+        assert execute(["log", "plot", "run.mcap", *words.split()]) == 1
+        assert told in capsys.readouterr().err
+
+
+def test_the_help_shows_ranges_as_messages_do() -> None:
+    shown = " ".join(CliRunner().invoke(plot, ["--help"]).output.split())
+    assert "[40 to 400 mm]" in shown
+    assert "<=" not in shown
 
 
 def test_fault_list_names_every_fault_and_an_unknown_one_is_told_them_too() -> None:

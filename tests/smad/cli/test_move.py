@@ -1,5 +1,7 @@
 """`smad move` and the page of commands follow from the kinds of pieces."""
 
+import contextlib
+from types import SimpleNamespace
 from typing import Annotated, Any
 
 import pytest
@@ -85,9 +87,15 @@ def test_a_unit_of_another_kind_is_refused(words: str, says: str, sent: list[Any
 def test_a_motion_that_no_bench_allows_is_refused_with_the_limit_of_this_one(
     sent: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(command, "_limit_of_bench", lambda bench: "up to ±15 mm and 40 mm/s")
-    result = CliRunner().invoke(command.move, ["step", "99"])
-    assert "at most 50 mm; this bench allows up to ±15 mm" in result.output
+    bench = SimpleNamespace(config=lambda: "")
+    monkeypatch.setattr(command, "client", lambda name: contextlib.nullcontext(bench))
+    for words, says in (
+        ("step 99", "at most 50 mm; this bench allows up to ±15 mm\n"),
+        ("ramp 9 --rate 2000", "at most 1000 mm/s; this bench allows up to 50 mm/s\n"),
+        ("sine 1 2 --cycles -1", "'--cycles': -1: it has to be at least 1\n"),
+    ):
+        result = CliRunner().invoke(command.move, words.split())
+        assert says in result.output
 
 
 def test_degrees_scale_lengths_and_speeds_and_nothing_else(sent: list[Any]) -> None:

@@ -314,6 +314,16 @@ async def test_a_queued_group_waits_for_its_slowest_and_a_stop_forgets_it(tmp_pa
         assert not any(rig.daemon.groups.wait_for(name) for name in NAMES)
 
 
+async def test_groups_that_wait_begin_one_after_the_other(tmp_path: Path) -> None:
+    async with axes_in(tmp_path) as rig:
+        await armed(rig)
+        both = {"pitch-1": [SHORT], "yaw-1": [SHORT]}
+        for queue in (False, True, True):
+            await rig.ask("together", moves=both, queue=queue)
+        await rig.run_for(5.0)
+        assert rig.daemon.groups.skew.percentiles().count == 3
+
+
 async def test_an_axis_that_vanishes_and_comes_back_is_not_armed_by_itself(tmp_path: Path) -> None:
     boards = lines()
     async with axes_in(tmp_path, boards) as rig:

@@ -76,6 +76,20 @@ async def test_disarming_cools_and_ends_the_motion(tmp_path: Path) -> None:
         assert (await rig.ask("motion"))["running"] == "idle"
 
 
+async def test_a_motion_has_another_number_once_it_was_replaced_or_ended(tmp_path: Path) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        first = await rig.ask("move", trajectories=[STEP])
+        queued = await rig.ask("move", trajectories=[STEP], queue=True)
+        await rig.ask("tune", kp_A_per_mm=2.0)
+        assert queued["number"] == first["number"] == (await rig.ask("motion"))["number"]
+        second = await rig.ask("heat", spring="x", temperature_degC=40.0)
+        ended = await rig.ask("idle")
+        stopped = await rig.ask("disarm")
+        numbers = [motion["number"] for motion in (first, second, ended, stopped)]
+        assert len(set(numbers)) == 4
+
+
 async def test_the_age_of_the_last_sample_grows_once_the_link_is_lost(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
         await rig.run_for(1.0)

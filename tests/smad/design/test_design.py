@@ -65,6 +65,15 @@ def test_the_command_prints_a_table_or_json_and_writes_a_page(
     assert json.loads(capfd.readouterr().out)["stroke_mm"] > 1.0
 
 
+def test_the_speed_of_a_fan_and_the_prestrain_take_units(capfd: pytest.CaptureFixture[str]) -> None:
+    words = ["design", "--cooling", "air", "--json"]
+    made = []
+    for typed in (["2", "--prestrain", "0.02"], ["200cm/s", "--prestrain", "2%"]):
+        assert execute([*words, "--air-speed", *typed]) == 0
+        made.append(json.loads(capfd.readouterr().out))
+    assert made[0] == made[1]
+
+
 def test_options_replace_what_the_file_says(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -90,7 +99,7 @@ def test_options_replace_what_the_file_says(
         (["--prestrain", "0.05"], "more prestrain than martensite recovers; got prestrain 0.05"),
         (["--prestrain", "0"], "prestrain: 0 is outside 0.0001 to 0.2"),
         (["--air-speed", "2"], "a fan needs air"),
-        (["--cooling", "air", "--air-speed", "nan"], "a fan this slow or fast is not known"),
+        (["--cooling", "air", "--air-speed", "500"], "a fan this slow or fast is not known"),
         (["--tube", "7"], "the tube around the wire does not fit into the coil"),
         (["--wire", "0.1", "--coil", "1", "--current", "20"], "the wire melts within 10 ms"),
     ],

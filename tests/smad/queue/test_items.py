@@ -70,6 +70,12 @@ def test_every_kind_is_taken_and_what_is_simulated_needs_no_bench(folder: Path) 
     assert [obstacle_of(item) for item in made] == [None] * 4
 
 
+def test_a_queued_tune_asks_nobody(folder: Path) -> None:
+    (item,) = items_of("tune", ["--no-trial"], folder, 1)
+    assert item.words == ("tune", "--yes", "--no-trial")
+    assert item.title == "tune --no-trial"
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -79,10 +85,13 @@ def test_every_kind_is_taken_and_what_is_simulated_needs_no_bench(folder: Path) 
         (["add", "run", "fig11", "--report"], "requires an argument"),
         (["add", "run", "--list"], "is not queued"),
         (["add", "run", "repeat", "gone.mcap"], "is not there"),
-        (["add", "run", "endurance", "--cycles", "0"], "not in the range"),
+        (["add", "run", "endurance", "--cycles", "0"], "'0' is not within 1 to 10000000"),
         (["add", "tune", "sideways"], "is not one of"),
         (["add", "tune", "--help"], "a command with --help does nothing"),
         (["add", "checkup", "--baseline", "gone"], "no baseline"),
+        (["add", "checkup"], "give --baseline FOLDER (of smad gap commission), or --good"),
+        (["add", "checkup", "--good", "."], "--good needs --now"),
+        (["add", "run", "endurance", "--cycles", "9", "--every", "3", "checkup"], "--baseline"),
         (["add", "move", "gone.toml"], "is not there"),
         (["add", "tune", "--repeat", "0"], "from 1 to 1000"),
         (["remove", "3"], "no such item"),

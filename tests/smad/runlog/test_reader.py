@@ -168,7 +168,7 @@ def test_messages_that_do_not_follow_the_schema_are_left_out_and_counted(tmp_pat
     run = read_run(path)
     assert run.columns["t_s"].tolist() == [1.0, 3.0]
     assert run.columns["mode"].tolist() == [-1, -1]
-    assert "5 messages do not follow the schema and were left out" in run.notes
+    assert "5 messages left out: not of the schema" in run.notes
     assert "the header is missing" in run.notes
 
 

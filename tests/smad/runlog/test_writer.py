@@ -100,7 +100,7 @@ def test_a_full_queue_drops_rows_counts_them_and_says_so_in_the_log(tmp_path: Pa
     assert writer.dropped == run.dropped == 5
     assert row_numbers(run.columns) == list(range(10))
     assert [(event.kind, event.data) for event in run.events] == [("record", {"dropped": 5})]
-    assert "5 rows were dropped while recording" in run.notes
+    assert "5 rows dropped while recording" in run.notes
 
 
 def test_a_record_that_cannot_be_written_is_left_out_and_told(tmp_path: Path) -> None:

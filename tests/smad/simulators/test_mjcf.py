@@ -328,6 +328,8 @@ def test_an_uneven_clock_is_replayed_on_an_even_one(tmp_path: Path) -> None:
     [
         (["--mjcf", "arm.xml"], "--mjcf and --map belong together"),
         (["--mjcf", "arm.xml", "--fmu", "arm.xml", "--map", "map.toml"], "one of --fmu and --mjcf"),
+        (["--map", "map.toml"], "If it is the map of a simulator, give --fmu or --mjcf, too"),
+        (["--window", "3"], "--window needs --mjcf"),
     ],
 )
 def test_options_that_do_not_go_together_are_refused(
