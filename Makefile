@@ -10,6 +10,8 @@ UV_VERSION := 0.13.9
 # As locked, with the interpreter of .venv; what else was installed there stays.
 SYNC := UV_PROJECT_ENVIRONMENT=$(VENV) $(UV) sync --quiet --frozen --inexact --python $(PY)
 export OPENBLAS_NUM_THREADS := 1
+# Two for each core, since many tests wait for what a bench does at its own pace; from 4 to 8.
+WORKERS := $(PY) -c "import os; print(min(8, max(4, 2 * os.cpu_count())))"
 # The tests start hundreds of programs: each would compile the sources anew.
 unexport PYTHONDONTWRITEBYTECODE
 
@@ -28,7 +30,7 @@ firmware: $(VENV)/.installed  ## compile the firmware's ports; the image to flas
 
 test: $(VENV)/.test-installed  ## all the tests; says how long they took the last time
 	@cat $(VENV)/.test-took 2>/dev/null || echo "the time that they take is kept for the next run"
-	@began=$$(date +%s); $(PY) -m pytest -n 4 --dist worksteal && \
+	@began=$$(date +%s); $(PY) -m pytest -n $$($(WORKERS)) --dist worksteal && \
 	  echo "all passed; the last run took $$(( ($$(date +%s) - began + 59) / 60 )) min" | tee $(VENV)/.test-took
 
 long-tests: $(VENV)/.test-installed  ## the tests of campaigns, which make test leaves out
