@@ -8,26 +8,23 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from smad.checkup.commission import Reference
 from smad.diagnosis.answer import Answer, answer_of
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.numerics.threads import repeatable
 from smad.diagnosis.paired.difference import Paired, paired, question_of_pairs
+from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.paired.notes import EACH_BY_OTHERS, notes_of
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import ModelPoint, PlantModel, SavesModel, Uncertainty
-from smad.diagnosis.rivals.question import cannot_replay
 from smad.diagnosis.rivals.search import searched
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import CHECK_UP, QUIET, Verdict
 from smad.progress import Say, silent
 from smad.version import VERSION
-
-_MOST_CAUSES = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +73,7 @@ def save_model_of(plant: SavesModel, judgement: Judged, path: Path) -> None:
 @repeatable
 def judged(
     plant: PlantModel,
-    reference: Reference,
+    reference: GoodRuns,
     runs: Sequence[tuple[GapRun, str]],
     *,
     constants: Constants | None = None,
@@ -92,21 +89,9 @@ def judged(
     c = constants or shipped()
     placed = with_places(plant)
     pairs = paired(placed, reference, runs)
-    arrays = (reference.responses.runs, reference.changes.runs)
-    responses, changes = (pairs.repeated(of_runs) for of_runs in arrays)
-    question = question_of_pairs(
-        pairs,
-        [e for e in plant.effects if e.name not in exclude],
-        c,
-        progress,
-        responses=None if responses is None else replace(reference.responses, runs=responses),
-        # In the surroundings of then.
-        changes=None if changes is None else replace(reference.changes, runs=changes),
-    )
-    search = searched(question, most=_MOST_CAUSES)
-    if search is None:
-        raise cannot_replay(question)
-    answer = answer_of(placed, search, question=CHECK_UP, constants=c, judged_on=EACH_BY_OTHERS)
+    effects = [e for e in plant.effects if e.name not in exclude]
+    search = searched(question_of_pairs(pairs, effects, c, progress))
+    answer = answer_of(search, question=CHECK_UP, constants=c, judged_on=EACH_BY_OTHERS)
     answer = answer.with_verdict(
         notes=notes_of(pairs),
         plant=plant.name,

@@ -73,9 +73,7 @@ def diagnose(
         if pairs is None:
             findings += goes_further(roles, plant)
         judged_on = _judged_on(inquiry) if pairs is None else EACH_BY_OTHERS
-        answer = answer_of(
-            inquiry.plant, search, question=question, constants=c, judged_on=judged_on
-        )
+        answer = answer_of(search, question=question, constants=c, judged_on=judged_on)
         if pairs is not None:
             names = [run.name for run in (*inquiry.fit, *inquiry.held_out)]
             answer = answer.with_verdict(notes=[*compared(pairs, names), *notes_of(pairs)])

@@ -37,7 +37,7 @@ def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offe
     plant = model.plant
     left = min((evidence.variances(r.fit.left) for r in rivals if r.fit), key=lambda v: v.sum())
     scale = evidence.floors * np.sqrt(np.maximum(left, 1.0))
-    described = Describer(plant)  # type: ignore[arg-type]
+    described = Describer(plant)
     words = [described.rival(r) for r in rivals]
     out: list[Offer] = []
     if not isinstance(plant, Experimenter):
@@ -46,7 +46,7 @@ def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offe
         progress(experiment.title)
         run = plant.perform(experiment.name, replace(model.start, laws=()), 0)
         period_s = evidence.played[0].period_s
-        played = Played.of(run, plant.inputs, float(run.t_s[0] - run.dt_s), period_s)
+        played = Played.of(run, plant.inputs, run.begins_s, period_s)
         shown = [predictions(plant, r.fit.point, [played])[0] / scale for r in rivals if r.fit]
         out.append(Offer(experiment, separation(shown)))
     return words, sorted(out, key=lambda o: (-o.separation, o.experiment.name))

@@ -48,12 +48,6 @@ class FoldRows:
         """How many folds there are."""
         return int(self.fold.max(initial=-1)) + 1
 
-    @property
-    def square(self) -> float:
-        """Sum of squares of the rows in a fold."""
-        counted = self.rows[self.fold >= 0]
-        return float(counted @ counted)
-
     def products(self, columns: Index | slice = slice(None)) -> FoldProducts:
         """The products of some responses, in the order given, or of all."""
         A = self.responses[columns].astype(np.float64)

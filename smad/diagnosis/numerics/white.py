@@ -62,6 +62,20 @@ class RunRows:
     day_sd: Array
     rho: Array
 
+    @classmethod
+    def of(
+        cls, sd: Array, valid: Mask, day: Array | None = None, rho: Array | None = None
+    ) -> RunRows:
+        """Rows of one `sd` for each channel, (channels,); directions are at one deviation."""
+        days = np.zeros((0, *valid.shape)) if day is None else day
+        return cls(
+            sd=np.broadcast_to(sd, valid.shape),
+            valid=valid,
+            day=days,
+            day_sd=np.ones(len(days)),
+            rho=np.zeros(len(sd)) if rho is None else rho,
+        )
+
     def independent(self, values: Array) -> Array:
         """Scaled, freed of what a bin tells of the next: (m, bins, channels) to (m, rows).
 

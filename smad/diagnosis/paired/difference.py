@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,17 +21,19 @@ from smad.diagnosis.errors import PairingError
 from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.paired.good import GoodRun, GoodRuns, day_directions
 from smad.diagnosis.places.place import PlacesPlant
-from smad.diagnosis.places.responses import Responses, Singles
+from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Array, Effect, Mask, PlantModel, traits_of
 from smad.diagnosis.rivals.changes import Changes
 from smad.diagnosis.rivals.evidence import Evidence, Trial, wandering
-from smad.diagnosis.rivals.question import day_variance, free_model, question_of
+from smad.diagnosis.rivals.question import day_variance, question_of
 from smad.diagnosis.rivals.rival import Question
 from smad.diagnosis.runs import GapRun
 from smad.progress import Say
 
 _LEAST_ROWS = 50
 """Readings of all pairs: less is five rows of the spring pair's ten channels."""
+
+Known = TypeVar("Known", Responses, Changes)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,12 +71,12 @@ class Paired:
         """The pairs as rows."""
         return Evidence(trials=tuple(p.trial for p in self.pairs))
 
-    def repeated(self, of_runs: Sequence[Singles]) -> tuple[Singles, ...] | None:
-        """Of arrays of the good runs, that of each pair; None where a run has other inputs."""
-        if any(p.carried for p in self.pairs):
+    def repeated(self, known: Known | None) -> Known | None:
+        """What is known of the good runs, of the pairs; None where a run has other inputs."""
+        if known is None or any(p.carried for p in self.pairs):
             return None
-        of_run = {r.name: x for r, x in zip(self.good.runs, of_runs, strict=True)}
-        return tuple(of_run[p.then.name] for p in self.pairs)
+        of_run = {r.name: x for r, x in zip(self.good.runs, known.runs, strict=True)}
+        return replace(known, runs=tuple(of_run[p.then.name] for p in self.pairs))
 
 
 def paired(plant: PlacesPlant, good: GoodRuns, runs: Sequence[tuple[GapRun, str]]) -> Paired:
@@ -94,30 +97,24 @@ def paired(plant: PlacesPlant, good: GoodRuns, runs: Sequence[tuple[GapRun, str]
     return Paired(plant=plant, good=good, pairs=pairs)
 
 
-def question_of_pairs(
-    pairs: Paired,
-    effects: Sequence[Effect],
-    c: Constants,
-    say: Say,
-    *,
-    responses: Responses | None = None,
-    changes: Changes | None = None,
-) -> Question:
+def question_of_pairs(pairs: Paired, effects: Sequence[Effect], c: Constants, say: Say) -> Question:
     """What is new in pairs: the parameters are where the good runs have them, give or take a day.
 
-    `responses` and `changes` are those of the pairs' runs, where they are known.
+    Responses and changes that are known of the good runs count for those that repeat them, though
+    they are in the surroundings of then.
     """
     plant, good = pairs.plant, pairs.good
     known = np.diag(day_variance(plant)) + good.parameter_covariance(plant)
     return question_of(
-        free_model(plant, good.point),
+        plant,
+        good.point,
         pairs.evidence(),
-        effects,
-        c,
-        say,
+        effects=effects,
+        constants=c,
+        say=say,
         tied=np.asarray(np.linalg.inv(known)),
-        responses=responses,
-        changes=changes,
+        responses=pairs.repeated(good.responses),
+        changes=pairs.repeated(good.changes),
     )
 
 

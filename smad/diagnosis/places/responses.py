@@ -224,8 +224,7 @@ class _Replayed:
     def readings(self, forcing: Forcing) -> Array:
         """The forced prediction on the grid, (bins, channels)."""
         outputs = self.plant.forced(self.point, self.played.run, forcing, fast=True)
-        series = np.stack([outputs[c.name] for c in self.plant.channels])
-        return self.played.means(series).T
+        return self.played.on_grid(outputs, self.plant.channels)
 
     def _of_place(self, key: tuple[str, str], forcing: Array, base: Array) -> Array:
         """What each column of `forcing` (n, k) changes, (k, bins, channels), a replay for each."""

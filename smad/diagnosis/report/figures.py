@@ -161,7 +161,7 @@ def laws(answer: Answer) -> list[Picture]:
     question, fitted = answer.search.question, answer.stages[-1].fit
     if fitted is None:
         return []
-    plant: PlacesPlant = question.model.plant  # type: ignore[assignment]
+    plant: PlacesPlant = question.model.plant
     runs = [p.run for p in question.evidence.played]
     out = []
     for cause, part, mine in zip(

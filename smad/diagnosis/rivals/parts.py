@@ -16,8 +16,9 @@ import numpy as np
 
 from sim_device.plant import joined
 from smad.diagnosis.numerics.folds import Array, Index
+from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Candidate, Responses
-from smad.diagnosis.plant import Effect, ModelPoint, PlantModel, moved_parameters
+from smad.diagnosis.plant import Effect, ModelPoint, moved_parameters
 
 _LAW_PRECISION = 1e-3
 _STEP, _LEAST_STEP = 0.15, 0.02
@@ -176,7 +177,7 @@ class Model:
     the prior as much more, so that it finds what the score prefers.
     """
 
-    plant: PlantModel
+    plant: PlacesPlant
     start: ModelPoint
     parameter_mean: Array
     parameter_precision: Array

@@ -14,14 +14,12 @@ from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Effect, ModelPoint, PlantModel, traits_of
 from smad.diagnosis.rivals.changes import Changes
-from smad.diagnosis.rivals.evidence import Evidence
+from smad.diagnosis.rivals.evidence import CORRELATED, Evidence
 from smad.diagnosis.rivals.parts import Model
 from smad.diagnosis.rivals.rival import Question
 from smad.diagnosis.rivals.score import Temper
 from smad.progress import Say
 
-CORRELATED = 16.0
-"""Rows that an error of the model's form is correlated over: as many count as one."""
 CHANNELS = 10
 """Of the spring pair, on which κ was fitted."""
 DAY = 0.05
@@ -29,34 +27,30 @@ DAY = 0.05
 
 
 def question_of(
-    model: Model,
+    plant: PlacesPlant,
+    start: ModelPoint,
     evidence: Evidence,
-    effects: Sequence[Effect],
-    c: Constants,
-    say: Say,
     *,
+    effects: Sequence[Effect],
+    constants: Constants,
+    say: Say,
     held_out: Evidence | None = None,
     tied: Array | None = None,
     responses: Responses | None = None,
     changes: Changes | None = None,
 ) -> Question:
-    """A question with the constants' temper; every place of the plant may be asked for a law."""
-    places: PlacesPlant = model.plant  # type: ignore[assignment]
-    tau = np.full(evidence.channels, CORRELATED)
-    temper = temper_of(c, free=tied is None, channels=evidence.channels)
-    if tied is not None:
-        model = tempered(model, evidence, temper)
+    """What is asked of a plant at `start`; with `tied` its parameters stay near there."""
+    temper = temper_of(constants, free=tied is None, channels=evidence.channels)
+    model = free_model(plant, start)
     return Question(
         evidence=evidence,
         held_out=held_out,
-        model=model,
+        model=model if tied is None else tempered(model, evidence, temper),
         tied=tied,
         effects=tuple(effects),
         responses=responses,
         changes=changes,
-        places=len(places.places),
         say=say,
-        tau=tau,
         temper=temper,
     )
 
@@ -74,7 +68,7 @@ def temper_of(c: Constants, *, free: bool, channels: int = CHANNELS) -> Temper:
     )
 
 
-def free_model(plant: PlantModel, start: ModelPoint) -> Model:
+def free_model(plant: PlacesPlant, start: ModelPoint) -> Model:
     """A model whose parameters have the plant's priors around a point."""
     n = len(plant.parameters)
     return Model(

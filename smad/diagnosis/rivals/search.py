@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from smad.diagnosis.numerics.folds import Array
-from smad.diagnosis.places.responses import Responses
+from smad.diagnosis.places.responses import Responses, responses
 from smad.diagnosis.rivals.changes import Change, changes_at
 from smad.diagnosis.rivals.fit import (
     Fit,
@@ -26,12 +26,14 @@ from smad.diagnosis.rivals.fit import (
     rebased,
     reference_at,
 )
-from smad.diagnosis.rivals.laws import LawSpace
+from smad.diagnosis.rivals.laws import selected_laws
 from smad.diagnosis.rivals.parts import EffectPart, Part
+from smad.diagnosis.rivals.question import cannot_replay
 from smad.diagnosis.rivals.rival import Question, Rival
 from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS
 from smad.diagnosis.rivals.screening import Screened, screened
 
+MOST_CAUSES = 3
 _SCREENED = 8
 """Effects of each reference that are fitted."""
 _LAWS = 4
@@ -71,15 +73,13 @@ class Searched:
     moved: bool
 
 
-def searched(question: Question, *, most: int, exchange: bool = True) -> Searched | None:
+def searched(question: Question, *, most: int = MOST_CAUSES, exchange: bool = True) -> Searched:
     """Ask step by step, until nothing more is likeliest, or for `most` parts.
 
-    `exchange`: after each step every part before is asked again. None where the model cannot replay
-    the runs.
+    `exchange`: after each step every part before is asked again. Raises GapError where the model
+    cannot replay the runs.
     """
     search = _Search.begun(question, exchange)
-    if search is None:
-        return None
     steps: list[Step] = []
     done = False
     while not done and len(search.parts) < most:
@@ -125,22 +125,22 @@ class _Search:
     imitated: tuple[Rival, ...] = ()
 
     @classmethod
-    def begun(cls, question: Question, exchange: bool) -> _Search | None:
-        """The simulator as configured and with fitted parameters; None where it cannot run."""
+    def begun(cls, question: Question, exchange: bool) -> _Search:
+        """The simulator as configured and with fitted parameters."""
         e, free = question.evidence, question.model
         tied = free if question.tied is None else free.with_precision(question.tied)
         zero = np.zeros(free.parameters)
         question.say("parameters")
         nominal = reference_at(e, tied, zero)
         if nominal is None:
-            return None
+            raise cannot_replay(question)
         configured = question.of_point(tied.start)
         parameters = question.fitted(PARAMETERS, PARAMETERS, replace(nominal, model=free))
         current = parameters
         if question.tied is not None:
             current = question.fitted(NOTHING, NOTHING, nominal, near=True)
         if configured is None or parameters is None or current is None:
-            return None
+            raise cannot_replay(question)
         known = question.changes
         if known is None:
             question.say("what each effect changes")
@@ -253,7 +253,7 @@ class _Search:
             gain = max((s.gain for s in candidates if s.part.name == name), default=0.0)
             fits = _Fits(question, self.nominal, without=np.inf)
             for s in [s for s in candidates if s.gain > gain][:_SCREENED]:
-                fits.begin(EFFECT, s.reference, s.part, np.r_[s.reference.x, s.coordinates])
+                fits.begin(EFFECT, base, s.part, np.r_[base.x, s.coordinates])
             ranked = question.ranked([replace(current, kind=EFFECT, name=name), *fits.rivals()])
             if ranked[0].name != name and question.gap(ranked[0]) < question.gap(current):
                 current = ranked[0]
@@ -268,14 +268,14 @@ class _Search:
         here = rebased(
             e, replace(fitted, model=smaller, x=fitted.x[stays], slopes=fitted.slopes[stays])
         )
-        made = here and fit(e, smaller, here.x, here, tau=self.question.tau)
+        made = here and fit(e, smaller, here.x, here)
         return rebased(e, made) if made else None
 
     def _screened(self, reference: Reference) -> list[Screened]:
         """The effects that a reference does not have, the most promising first."""
         present = {part.name for part in reference.model.parts}
         changes = [c for c in self.changes if c.effect.name not in present]
-        return screened(self.question.evidence, reference, changes, self.question.tau)
+        return screened(self.question.evidence, reference, changes)
 
     def _rivals(self, current: Rival) -> list[Rival]:
         """Effects and laws beside what a model has, each fitted and scored."""
@@ -305,13 +305,14 @@ class _Search:
         if best is not None and question.near(best):
             return rivals
         question.say("laws of the places")
-        space = LawSpace.at(e, here, question.tau, self.responses, question.say)
-        self.responses = space.responses
+        if self.responses is None:
+            plant, point = here.model.plant, here.model.point(here.x)
+            self.responses = responses(plant, point, e.played, progress=question.say)
         present = {part.name for part in here.model.parts}
         laws = _Fits(question, self.nominal, without=without, least=fits.least)
-        for law in space.selected()[:_LAWS]:
-            if law.part.name not in present:
-                laws.begin(LAW, here, law.part, np.r_[here.x, law.coordinates])
+        for part, start in selected_laws(e, here, self.responses)[:_LAWS]:
+            if part.name not in present:
+                laws.begin(LAW, here, part, np.r_[here.x, start])
         return rivals + laws.rivals()
 
 
@@ -356,9 +357,7 @@ class _Fits:
             question.evidence, reference, model, start
         ):
             model = reference.model.with_parts([*reference.model.parts, replace(part, quick=True)])
-        made = fit(
-            question.evidence, model, start, reference, tau=question.tau, rounds=_FIRST_ROUNDS
-        )
+        made = fit(question.evidence, model, start, reference, rounds=_FIRST_ROUNDS)
         known = self._found.get(part.name)
         if made and (known is None or made.objective < known[1].objective):
             self._found[part.name] = kind, made
@@ -372,7 +371,7 @@ class _Fits:
         for name in _best(fits)[:_POLISHED]:
             if fits[name].objective < self.least + _WITHIN:
                 near.append(name)
-                fits[name] = polished(question.evidence, fits[name], question.tau)
+                fits[name] = polished(question.evidence, fits[name])
                 self.least = min(self.least, fits[name].objective)
         kinds = {name: kind for name, (kind, _) in self._found.items()}
         scored = {name: question.rival(kinds[name], name, f) for name, f in fits.items()}
