@@ -12,9 +12,8 @@ import msgspec
 import numpy as np
 
 from smad.diagnosis.constants import Constants
-from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.place import BOTH
-from smad.diagnosis.plant import ModelPoint, SavesModel, Uncertainty
+from smad.diagnosis.plant import Array, ModelPoint, SavesModel, Uncertainty
 from smad.diagnosis.rivals.describe import Describer
 from smad.diagnosis.rivals.evidence import Evidence
 from smad.diagnosis.rivals.fit import Fit, covariance

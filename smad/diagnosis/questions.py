@@ -18,13 +18,12 @@ import numpy as np
 
 from smad.diagnosis.constants import Constants
 from smad.diagnosis.data.noise import estimate_floors
-from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.paired.difference import Paired, paired, question_of_pairs
 from smad.diagnosis.paired.good import good_runs
 from smad.diagnosis.paired.match import grouped, same_programme
 from smad.diagnosis.places.bare import InWindows
 from smad.diagnosis.places.place import PlacesPlant
-from smad.diagnosis.plant import Effect, ModelPoint, nominal_point
+from smad.diagnosis.plant import Array, Effect, ModelPoint, nominal_point
 from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
 from smad.diagnosis.rivals.fit import covariance
 from smad.diagnosis.rivals.question import day_variance, question_of

@@ -10,9 +10,8 @@ import numpy as np
 
 from smad.diagnosis.data.grid import PERIOD_S, thinned
 from smad.diagnosis.data.rows import bin_numbers
-from smad.diagnosis.numerics.folds import Index
 from smad.diagnosis.numerics.threads import each
-from smad.diagnosis.plant import Array, Channel, ModelPoint, PlantModel, Signal, traits_of
+from smad.diagnosis.plant import Array, Channel, Index, ModelPoint, PlantModel, Signal, traits_of
 from smad.diagnosis.runs import GapRun
 
 _THETA_STEP = 0.1

@@ -13,19 +13,15 @@ from functools import cached_property
 from itertools import accumulate
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_device.plant import Law, Term, basis, terms_over
 from sim_device.plant.errors import PlantError
 from smad.diagnosis.data.played import Played, finite
-from smad.diagnosis.numerics.folds import Array, Index
 from smad.diagnosis.numerics.threads import each
 from smad.diagnosis.places.bare import BarePlaces
 from smad.diagnosis.places.place import BOTH, Forcing, Place, PlacesPlant, single_sides
-from smad.diagnosis.plant import ModelPoint, traits_of
+from smad.diagnosis.plant import Array, Index, ModelPoint, Singles, traits_of
 from smad.progress import Say, silent
-
-Singles = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,10 +9,9 @@ import numpy as np
 
 from sim_device.plant import Law
 from smad.diagnosis.answer import Answer
-from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.place import BOTH, PlacesPlant, single_sides
 from smad.diagnosis.places.responses import law_series
-from smad.diagnosis.plant import ModelPoint
+from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.rivals.fit import replayed
 from smad.diagnosis.rivals.parts import LawPart
 from smad.diagnosis.rivals.rival import Question

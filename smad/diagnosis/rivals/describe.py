@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_device.plant import Term
-from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.place import BOTH, PlacesPlant, single_sides
 from smad.diagnosis.places.responses import law_series
+from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.fit import Fit
 from smad.diagnosis.rivals.parts import EffectPart, LawPart
 from smad.diagnosis.rivals.rival import Question, Rival

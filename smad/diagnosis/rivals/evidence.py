@@ -16,11 +16,10 @@ import numpy as np
 
 from smad.diagnosis.data.played import Played
 from smad.diagnosis.data.rows import binned
-from smad.diagnosis.numerics.folds import Array, Index
 from smad.diagnosis.numerics.white import RunRows, Shrink
 from smad.diagnosis.places.bare import BarePlaces
 from smad.diagnosis.places.place import PlacesPlant
-from smad.diagnosis.plant import ModelPoint, traits_of
+from smad.diagnosis.plant import Array, Index, ModelPoint, traits_of
 from smad.diagnosis.runs import GapRun
 
 CORRELATED = 16.0

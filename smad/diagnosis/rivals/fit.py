@@ -19,8 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from smad.diagnosis.data.played import finite, predictions
-from smad.diagnosis.numerics.folds import Array
-from smad.diagnosis.plant import ModelPoint
+from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.rivals.evidence import CORRELATED, Evidence
 from smad.diagnosis.rivals.parts import Model
 

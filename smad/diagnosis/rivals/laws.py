@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from smad.diagnosis.numerics.folds import Array, FoldRows, Index
-from smad.diagnosis.numerics.forward import Forward, fitted, forward
+from smad.diagnosis.numerics.forward import FoldRows, Forward, fitted, forward
 from smad.diagnosis.places.responses import Candidate, Responses
+from smad.diagnosis.plant import Array, Index
 from smad.diagnosis.rivals.evidence import Evidence
 from smad.diagnosis.rivals.fit import Reference, weights
 from smad.diagnosis.rivals.parts import LawPart
@@ -45,7 +45,7 @@ def selected_laws(
         worth = chosen.best * (_SIMPLER if candidate.groups.shape[1] > 1 else 1.0)
         if candidate.place not in best or worth > best[candidate.place][0]:
             part = LawPart(candidate, columns, responses)
-            best[candidate.place] = worth, part, fitted(rows.products(columns)).mean
+            best[candidate.place] = worth, part, fitted(rows.products(columns))
     ordered = sorted(best.values(), key=lambda law: -law[0])
     return [(part, start) for _, part, start in ordered]
 

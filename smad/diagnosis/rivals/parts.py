@@ -15,10 +15,9 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from sim_device.plant import joined
-from smad.diagnosis.numerics.folds import Array, Index
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Candidate, Responses
-from smad.diagnosis.plant import Effect, ModelPoint, moved_parameters
+from smad.diagnosis.plant import Array, Effect, Index, ModelPoint, moved_parameters
 
 _LAW_PRECISION = 1e-3
 _STEP, _LEAST_STEP = 0.15, 0.02

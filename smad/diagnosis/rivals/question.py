@@ -9,10 +9,9 @@ import numpy as np
 
 from smad.diagnosis.constants import Constants
 from smad.diagnosis.errors import GapError
-from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
-from smad.diagnosis.plant import Effect, ModelPoint, PlantModel, traits_of
+from smad.diagnosis.plant import Array, Effect, ModelPoint, PlantModel, traits_of
 from smad.diagnosis.rivals.changes import Changes
 from smad.diagnosis.rivals.evidence import CORRELATED, Evidence
 from smad.diagnosis.rivals.parts import Model

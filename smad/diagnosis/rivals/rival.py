@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from smad.diagnosis.data.played import predictions
-from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.responses import Responses
-from smad.diagnosis.plant import Effect, ModelPoint
+from smad.diagnosis.plant import Array, Effect, ModelPoint
 from smad.diagnosis.rivals.changes import Changes
 from smad.diagnosis.rivals.evidence import CORRELATED, Evidence
 from smad.diagnosis.rivals.fit import Fit, Reference, fit, fit_to_end, leave_out, replayed, weights

@@ -29,7 +29,7 @@ from functools import cache
 
 import numpy as np
 
-from smad.diagnosis.numerics.folds import Array
+from smad.diagnosis.plant import Array
 
 _QUIET_SQUARE = 1.35**2
 """Mean square in floors that noise alone leaves at most: floors are known to a third."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.numerics.white import Shrink
+from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.changes import Change
 from smad.diagnosis.rivals.evidence import Evidence
 from smad.diagnosis.rivals.fit import Reference, weights

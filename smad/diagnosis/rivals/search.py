@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.responses import Responses, responses
+from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.changes import Change, changes_at
 from smad.diagnosis.rivals.fit import (
     Fit,

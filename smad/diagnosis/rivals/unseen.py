@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from smad.diagnosis.numerics.folds import Array
+from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.fit import rebased
 from smad.diagnosis.rivals.screening import added_squares
 from smad.diagnosis.rivals.search import Searched

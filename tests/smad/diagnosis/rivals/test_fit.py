@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from smad.diagnosis.data.noise import estimate_floors
-from smad.diagnosis.numerics.folds import Array
-from smad.diagnosis.plant import ModelPoint, nominal_point
+from smad.diagnosis.plant import Array, ModelPoint, nominal_point
 from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
 from smad.diagnosis.rivals.fit import (
     Fit,
