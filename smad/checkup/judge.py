@@ -19,7 +19,7 @@ from smad.diagnosis.paired.difference import Paired, paired, question_of_pairs
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.paired.notes import EACH_BY_OTHERS, notes_of
 from smad.diagnosis.places.bare import with_places
-from smad.diagnosis.plant import ModelPoint, PlantModel, SavesModel, Uncertainty
+from smad.diagnosis.plant import PlantModel, SavesModel
 from smad.diagnosis.rivals.search import searched
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import CHECK_UP, QUIET, Verdict
@@ -40,11 +40,6 @@ class Judged:
         return self.answer.verdict
 
     @property
-    def model(self) -> ModelPoint:
-        """The reference model with what was found."""
-        return self.answer.model or self.pairs.good.point
-
-    @property
     def has_model(self) -> bool:
         """Whether anything was found that a model can carry."""
         return self.verdict.outcome != QUIET
@@ -55,19 +50,16 @@ class Judged:
         search = self.answer.search
         return 1.0 if search is None else max(search.question.gap(search.final) ** 2, 1.0)
 
-    @property
-    def uncertainty(self) -> Uncertainty | None:
-        """The covariance of what `model` has; None where nothing was found."""
-        return self.answer.uncertainty
-
 
 class SavablePlant(PlantModel, SavesModel, Protocol):
     """A plant that can write a model file."""
 
 
 def save_model_of(plant: SavesModel, judgement: Judged, path: Path) -> None:
-    """Writes the model of a check-up, with its covariance."""
-    plant.save_model(judgement.model, path, judgement.verdict.headline, judgement.uncertainty)
+    """Writes the model of the good bench with what was found, and its covariance."""
+    answer = judgement.answer
+    model = answer.model or judgement.pairs.good.point
+    plant.save_model(model, path, answer.verdict.headline, answer.uncertainty)
 
 
 @repeatable

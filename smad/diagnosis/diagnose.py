@@ -51,9 +51,8 @@ def diagnose(
     roles = {role: a.admitted for role, a in groups.items()}
     findings = sorted((f for a in groups.values() for f in a.findings), key=lambda f: f.run)
     findings += too_few(roles, asked_good=bool(good))
-    lacking = _lacking(groups)
-    if lacking:
-        question = CHANGED if good else DIFFERS
+    question = CHANGED if good else DIFFERS
+    if lacking := _lacking(groups):
         headline = f"no run {lacking} can be used"
         answer = Answer(verdict=Verdict(question=question, outcome=REFUSED, headline=headline))
     else:
@@ -68,7 +67,6 @@ def diagnose(
             constants=c,
             say=progress,
         )
-        question = CHANGED if good else DIFFERS
         search, pairs = changed(inquiry) if good else (differs(inquiry), None)
         if pairs is None:
             findings += goes_further(roles, plant)

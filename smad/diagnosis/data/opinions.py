@@ -14,7 +14,7 @@ import numpy as np
 
 from smad.diagnosis.data.columns import Say
 from smad.diagnosis.data.grid import Grid
-from smad.diagnosis.plant import Array, Channel, Mask, PlantModel
+from smad.diagnosis.plant import Array, Channel, PlantModel
 from smad.diagnosis.runs import GapRun
 from smad.records.readings import STUCK_CHANCE, STUCK_SAMPLES, longest_same
 
@@ -91,7 +91,7 @@ def _without_stuck(
     run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, say: Say
 ) -> GapRun:
     """The run with samples marked in which a noisy reading stays the same while it should move."""
-    valid = run.good
+    valid = run.good.copy()
     for channel in plant.channels:
         if channel.name not in run.outputs or run.trusted:
             continue
@@ -108,13 +108,8 @@ def _without_stuck(
                 f"{run.t_s[start]:.6g} to {run.t_s[stop - 1]:.6g} s, where the inputs should move "
                 "it: these samples do not count",
             )
-            valid = valid & ~_slice_mask(len(y), start, stop)
-    return run if valid is run.good else replace(run, valid=valid)
-
-
-def _slice_mask(n: int, start: int, stop: int) -> Mask:
-    index = np.arange(n)
-    return np.asarray((index >= start) & (index < stop))
+            valid[start:stop] = False
+    return replace(run, valid=valid)
 
 
 def _fault_of(

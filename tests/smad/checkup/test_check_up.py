@@ -259,7 +259,7 @@ def test_a_sensor_that_is_missing_now_is_told(reference: GoodRuns) -> None:
 
 def test_runs_of_two_boards_and_a_recording_given_twice_are_refused(tmp_path: Path) -> None:
     def found(name: str, seed: int, board: str = "") -> RunFile:
-        return RunFile(name, tmp_path / name, played(seed), board)
+        return RunFile(tmp_path / name, played(seed), board)
 
     one, other = found("one", 1, "board-1"), found("other", 2, "board-2")
     with pytest.raises(PairingError, match=r"two benches are mixed.*one of board board-1"):
@@ -331,7 +331,7 @@ def test_a_hole_ends_a_run_of_now_and_a_good_one_and_is_told(tmp_path: Path) -> 
 def test_good_runs_of_two_days_have_one_name_and_a_copy_among_them_is_told_with_its_folder(
     tmp_path: Path,
 ) -> None:
-    good, now = tmp_path / "good", [RunFile("now", tmp_path / "now", played(3))]
+    good, now = tmp_path / "good", [RunFile(tmp_path / "now", played(3))]
     for day in (1, 2):
         _write(good / f"day-{day}" / "run-1.csv", played(day))
     require_other_recordings(read_folder(good), now)
