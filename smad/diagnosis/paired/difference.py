@@ -39,24 +39,17 @@ Known = TypeVar("Known", Responses, Changes)
 @dataclass(frozen=True, kw_only=True)
 class Pair:
     """A run of now beside the good run that it repeats, `then`. `share` of that was recorded;
-    `carried` says that inputs differed and the model carried the difference over. `played` is what
-    the model replays: the surroundings of now with the inputs of then, or with the run's own where
-    they were carried. `target` (bins, channels) is what it should show: what the model of the good
-    runs shows there, and what the bench has changed by."""
+    `carried` says that inputs differed and the model carried the difference over. In its `trial`
+    the model replays the surroundings of now with the inputs of then, or with the run's own where
+    they were carried; it should show what the model of the good runs shows there, and what the
+    bench has changed by."""
 
     now: str
     then: GoodRun
-    target: Array
-    rows: RunRows
+    trial: Trial
     share: float
     carried: bool
     around: Mapping[str, float]
-    played: Played
-
-    @property
-    def trial(self) -> Trial:
-        """The pair as a run to be judged."""
-        return Trial(played=self.played, target=self.target, rows=self.rows)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +79,7 @@ def paired(plant: PlacesPlant, good: GoodRuns, runs: Sequence[tuple[GapRun, str]
     """
     by_name = {r.name: r for r in good.runs}
     pairs = tuple(_pair(plant, good, run, by_name[name]) for run, name in runs)
-    count = sum(int(p.rows.valid.sum()) for p in pairs)
+    count = sum(int(p.trial.rows.valid.sum()) for p in pairs)
     if count < _LEAST_ROWS:
         raise PairingError(
             "too little was recorded both then and now to judge",
@@ -143,12 +136,10 @@ def _pair(plant: PlacesPlant, good: GoodRuns, run: GapRun, then: GoodRun) -> Pai
     return Pair(
         now=run.name,
         then=then,
-        target=target,
-        rows=rows,
+        trial=Trial(played=again, target=target, rows=rows),
         share=now.share,
         carried=other,
         around=around,
-        played=again,
     )
 
 

@@ -1,7 +1,10 @@
 """A model of the bench as coordinates: parameters, and the parts that a hypothesis adds to them.
 
-A part is an effect of the library or a law at a place. Every part has `size` coordinates of order
-1 with bounds and a normal prior, so that one fit serves all of them.
+A part is an effect of the library or a law at a place. Every part has `size` coordinates p of
+order 1, so that one fit serves all of them, and it acts at `places`, the first one first. It has
+`bounds()`, lower and upper; a normal `prior()`, mean and precision; `steps(p)` of finite
+differences; the coordinates nearest p at which it is `absent(p)`, infinite where none are; and the
+point of a model with it `added(point, p)`.
 """
 
 from __future__ import annotations
@@ -10,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
@@ -22,44 +25,6 @@ from smad.diagnosis.plant import Array, Effect, Index, ModelPoint, moved_paramet
 _LAW_PRECISION = 1e-3
 _STEP, _LEAST_STEP = 0.15, 0.02
 _PARAMETER_STEP = 0.1
-
-
-class Part(Protocol):
-    """What a hypothesis adds to the simulator."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def quick(self) -> bool:
-        """Whether averaged inputs hide what it changes."""
-        ...
-
-    @property
-    def size(self) -> int: ...
-    @property
-    def places(self) -> tuple[str, ...]:
-        """Places where it acts, the first one first."""
-        ...
-
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bound of each coordinate."""
-        ...
-
-    def prior(self) -> tuple[Array, Array]:
-        """Mean and precision of each coordinate's normal prior."""
-        ...
-
-    def steps(self, p: Array) -> Array:
-        """Finite-difference steps at coordinates `p`."""
-        ...
-
-    def absent(self, p: Array) -> Array:
-        """The coordinates nearest `p` at which it changes nothing; infinite where none are."""
-        ...
-
-    def added(self, point: ModelPoint, p: Array) -> ModelPoint:
-        """The point with this part at coordinates `p`."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -165,6 +130,9 @@ class LawPart:
     def added(self, point: ModelPoint, p: Array) -> ModelPoint:
         laws = self.responses.law_of(self.columns, p)
         return replace(point, laws=joined((*point.laws, *laws)))
+
+
+Part = EffectPart | LawPart
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -63,7 +63,6 @@ def temper_of(c: Constants, *, free: bool, channels: int = CHANNELS) -> Temper:
         nothing=c.nothing,
         parameters=parameters,
         effect=c.effect,
-        law=0.0,
     )
 
 

@@ -18,7 +18,7 @@ from sim_device.plant.replay import Inputs, Replay, trajectory
 from sim_device.plant.setup import Setup
 from sim_device.plant.units import ZERO_C
 from smad.diagnosis.places.place import Forcing
-from smad.diagnosis.plant import Array, EffectValues, ModelPoint
+from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.signals import TRAITS, means_over_pieces
 from smad.diagnosis.spring_pair.steps import LONGEST_STEP_S, STEP_S, Steps
@@ -75,7 +75,6 @@ class PointReader(Protocol):
     def variant(self) -> str: ...
     def set_of(self, theta: Mapping[str, float]) -> ParameterSet: ...
     def acting(self, point: ModelPoint) -> dict[str, dict[str, float]]: ...
-    def within(self, effects: EffectValues) -> dict[str, dict[str, float]]: ...
 
 
 class GivenPoint:
