@@ -26,8 +26,7 @@ from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import Array, Effect, ModelPoint, nominal_point
 from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
 from smad.diagnosis.rivals.fit import covariance
-from smad.diagnosis.rivals.question import day_variance, question_of
-from smad.diagnosis.rivals.rival import Question
+from smad.diagnosis.rivals.rival import Question, day_variance, question_of
 from smad.diagnosis.rivals.search import Searched, searched
 from smad.diagnosis.runs import GapRun
 from smad.progress import Say

@@ -12,7 +12,7 @@ from smad.diagnosis.errors import RunRefused
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import ModelPoint, PlantModel, nominal_point
 from smad.diagnosis.rivals.evidence import recorded_evidence
-from smad.diagnosis.rivals.question import cannot_replay, question_of
+from smad.diagnosis.rivals.rival import cannot_replay, question_of
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import SignalGap
 from smad.progress import silent

@@ -25,8 +25,7 @@ from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Array, Effect, Mask, PlantModel, traits_of
 from smad.diagnosis.rivals.changes import Changes
 from smad.diagnosis.rivals.evidence import Evidence, Trial, wandering
-from smad.diagnosis.rivals.question import day_variance, question_of
-from smad.diagnosis.rivals.rival import Question
+from smad.diagnosis.rivals.rival import Question, day_variance, question_of
 from smad.diagnosis.runs import GapRun
 from smad.progress import Say
 

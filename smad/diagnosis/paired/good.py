@@ -21,7 +21,7 @@ from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, nominal_po
 from smad.diagnosis.rivals.changes import Changes
 from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, Trial
 from smad.diagnosis.rivals.fit import fit_from_several, reference_at
-from smad.diagnosis.rivals.question import free_model, temper_of, tempered
+from smad.diagnosis.rivals.rival import free_model, temper_of, tempered
 from smad.diagnosis.runs import GapRun
 
 _CLOCK_SD_S = 0.004

@@ -139,14 +139,13 @@ Part = EffectPart | LawPart
 class Model:
     """Coordinates x (k,): parameters in prior standard deviations from `start`, then the parts'.
 
-    `parameter_mean` and `parameter_precision` (p, p) are the normal prior of the parameters in
-    these coordinates. `rows_as_one` is how many rows of a fit a score counts as one: a fit counts
-    the prior as much more, so that it finds what the score prefers.
+    `parameter_precision` (p, p) is that of the parameters' normal prior around the start.
+    `rows_as_one` is how many rows of a fit a score counts as one: a fit counts the prior as much
+    more, so that it finds what the score prefers.
     """
 
     plant: PlacesPlant
     start: ModelPoint
-    parameter_mean: Array
     parameter_precision: Array
     parts: tuple[Part, ...] = ()
     rows_as_one: float = 1.0
@@ -182,7 +181,7 @@ class Model:
     def prior(self) -> tuple[Array, Array]:
         """Mean (k,) and precision (k, k) of the normal prior of all coordinates."""
         of_parts = [part.prior() for part in self.parts]
-        mean = np.concatenate([self.parameter_mean, *(m for m, _ in of_parts)])
+        mean = np.concatenate([np.zeros(self.parameters), *(m for m, _ in of_parts)])
         precision = np.zeros((len(mean), len(mean)))
         n = self.parameters
         precision[:n, :n] = self.rows_as_one * self.parameter_precision
@@ -218,5 +217,5 @@ class Model:
 
     def log_prior(self, x: Array) -> float:
         """Log density of the parameters' prior at coordinates `x`, less that at its mean."""
-        off = x[: self.parameters] - self.parameter_mean
+        off = x[: self.parameters]
         return float(-0.5 * off @ self.parameter_precision @ off)

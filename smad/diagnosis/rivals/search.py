@@ -28,8 +28,7 @@ from smad.diagnosis.rivals.fit import (
 )
 from smad.diagnosis.rivals.laws import selected_laws
 from smad.diagnosis.rivals.parts import EffectPart, Part
-from smad.diagnosis.rivals.question import cannot_replay
-from smad.diagnosis.rivals.rival import Question, Rival
+from smad.diagnosis.rivals.rival import Question, Rival, cannot_replay
 from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS
 from smad.diagnosis.rivals.screening import Screened, screened
 

@@ -202,7 +202,8 @@ class SmaPlant:
 
     def _replay(self, point: ModelPoint, run: GapRun, *, fast: bool) -> OneReplay:
         given = self.given_points.of(point, lambda: GivenPoint(self, point))
-        return OneReplay(given, self.given_runs.of(run, lambda: GivenRun(run)), fast=fast)
+        of_run = self.given_runs.of(run, lambda: GivenRun(run))
+        return OneReplay(point=given, run=of_run, fast=fast)
 
     def catalogue(self) -> Sequence[Experiment]:
         return tuple(

@@ -20,8 +20,7 @@ from smad.checkup.series import Recorded
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.plant import EffectValues
 from smad.diagnosis.rivals.fit import Fit
-from smad.diagnosis.rivals.question import free_model
-from smad.diagnosis.rivals.rival import Rival
+from smad.diagnosis.rivals.rival import Rival, free_model
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import Cause
 from smad.runlog.header import RunHeader

@@ -19,7 +19,7 @@ from smad.diagnosis.rivals.fit import (
     replayed,
     weights,
 )
-from smad.diagnosis.rivals.question import free_model
+from smad.diagnosis.rivals.rival import free_model
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded
 

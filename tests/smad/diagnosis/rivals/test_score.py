@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smad.diagnosis.constants import shipped
-from smad.diagnosis.rivals.question import temper_of
+from smad.diagnosis.rivals.rival import temper_of
 from smad.diagnosis.rivals.score import (
     EFFECT,
     LAW,

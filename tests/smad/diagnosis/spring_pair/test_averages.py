@@ -12,7 +12,7 @@ from smad.diagnosis.plant import ModelPoint, nominal_point
 from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
 from smad.diagnosis.rivals.fit import Reference, averages_hide, fit, reference_at
 from smad.diagnosis.rivals.parts import EffectPart
-from smad.diagnosis.rivals.question import free_model
+from smad.diagnosis.rivals.rival import free_model
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded
 
