@@ -7,6 +7,7 @@ are shrunk by their spread. Missing rows are 0 in everything.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -46,6 +47,18 @@ def with_day_form(sd: Array, day: Array, day_sd: Array) -> Array:
     """
     moved = np.tensordot(day_sd**2, day**2, axes=1)
     return np.asarray(np.sqrt(sd**2 + _DAY_FORM**2 * moved))
+
+
+def neighbours_alike(rows: Iterable[Array], most: float) -> Array:
+    """Correlation ρ of each bin with the next in all runs, from 0 to `most`, (channels,).
+
+    `rows` are (bins, channels) a run, 0 where nothing counts.
+    """
+    product, square = 0.0, 1e-12
+    for e in rows:
+        product = product + (e[1:] * e[:-1]).sum(axis=0)
+        square = square + (e**2).sum(axis=0)
+    return np.asarray(np.clip(product / square, 0.0, most))
 
 
 @dataclass(frozen=True)

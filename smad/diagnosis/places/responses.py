@@ -28,16 +28,15 @@ from smad.progress import Say, silent
 class Candidate:
     """A hypothesis of where: a place, a side, and the terms that a law may have there.
 
-    `groups` (m, w) are the numbers of a term's responses, one for each spring that it acts on;
-    `terms` (m,) their names. The first is the constant, which is in every law: the lines of the
-    others have their zero in the middle of the state's range. `orders` (m,) are theirs: 1 for a
-    line, more for what is less simple.
+    `groups` (m, w) are the numbers of a term's responses, one for each spring that it acts on. The
+    first is the constant, which is in every law: the lines of the others have their zero in the
+    middle of the state's range. `orders` (m,) are theirs: 1 for a line, more for what is less
+    simple.
     """
 
     place: str
     side: str
     groups: Index
-    terms: tuple[str, ...]
     orders: tuple[int, ...]
 
 
@@ -107,8 +106,7 @@ def _candidate(side: str, laws: Sequence[tuple[Law, range]]) -> Candidate:
     first, _ = laws[0]
     terms = [t for t in first.terms if all(t.name in other for other in known)]
     groups = np.array([[columns[t.name] for columns in known] for t in terms], dtype=np.intp)
-    names, orders = tuple(t.name for t in terms), tuple(t.order for t in terms)
-    return Candidate(first.place, side, groups, names, orders)
+    return Candidate(first.place, side, groups, tuple(t.order for t in terms))
 
 
 def candidate_laws(

@@ -16,7 +16,7 @@ import numpy as np
 
 from smad.diagnosis.data.played import Played
 from smad.diagnosis.data.rows import binned
-from smad.diagnosis.numerics.white import RunRows, Shrink
+from smad.diagnosis.numerics.white import RunRows, Shrink, neighbours_alike
 from smad.diagnosis.places.bare import BarePlaces
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import Array, Index, ModelPoint, traits_of
@@ -167,12 +167,10 @@ class Evidence:
 
     def correlation_rows(self, r: Array) -> Array:
         """Correlation time of each channel's rows, in rows, (channels,): (1 + ρ)/(1 − ρ)."""
-        product, square = np.zeros(self.channels), np.full(self.channels, 1e-12)
-        for k, trial in enumerate(self.trials):
-            e = (r * self.valid)[self.spans[k]].reshape(trial.target.shape)
-            product += (e[1:] * e[:-1]).sum(axis=0)
-            square += (e**2).sum(axis=0)
-        rho = np.clip(product / square, 0.0, _MOST_CORRELATED)
+        counted = r * self.valid
+        pairs = zip(self.trials, self.spans, strict=True)
+        courses = (counted[mine].reshape(trial.target.shape) for trial, mine in pairs)
+        rho = neighbours_alike(courses, _MOST_CORRELATED)
         return np.asarray((1.0 + rho) / (1.0 - rho))
 
     def part(self, chosen: Sequence[int]) -> Evidence:
