@@ -121,9 +121,7 @@ def largest_gap(course: Course) -> Picture:
     what = "The change of the" if course.paired else "The"
     without = "" if course.after is None else " The cause was fitted without this run."
     return picture(
-        figure,
-        "The largest gap",
-        f"{what} signal with the largest gap, in {course.run}.{without}",
+        figure, "The largest gap", f"{what} signal with the largest gap, in {course.run}.{without}"
     )
 
 

@@ -16,15 +16,7 @@ from smad.diagnosis.report.words import (
     name_words,
     place_words,
 )
-from smad.diagnosis.verdict import (
-    CHECK_UP,
-    DIFFERS,
-    Cause,
-    RivalGap,
-    Verdict,
-    labelled,
-    with_unit,
-)
+from smad.diagnosis.verdict import CHECK_UP, DIFFERS, Cause, RivalGap, Verdict, labelled, with_unit
 from smad.report.page import Beside, Block, Code, Page, Section, Table, Text, write_page
 from smad.units import in_words
 

@@ -330,13 +330,7 @@ def polished(evidence: Evidence, fitted: Fit, *, alike: float = 1.0, exact: bool
     for _ in range(_POLISHES):
         here = rebased(evidence, replace(fitted, slopes=reusable_slopes(fitted)))
         made = here and fit(
-            evidence,
-            fitted.model,
-            fitted.x,
-            here,
-            rounds=_POLISH_ROUNDS,
-            alike=alike,
-            exact=exact,
+            evidence, fitted.model, fitted.x, here, rounds=_POLISH_ROUNDS, alike=alike, exact=exact
         )
         if not made:
             return fitted
@@ -378,11 +372,7 @@ def fit_from_several(evidence: Evidence, reference: Reference) -> Fit | None:
     if first is None:
         return None
     half = reference_at(evidence, reference.model, 0.5 * (reference.x + first.x))
-    fits = (
-        first,
-        fit_to_end(evidence, reference, near=True),
-        half and fit_to_end(evidence, half),
-    )
+    fits = (first, fit_to_end(evidence, reference, near=True), half and fit_to_end(evidence, half))
     return min((made for made in fits if made), key=lambda made: made.objective)
 
 
