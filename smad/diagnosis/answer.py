@@ -70,11 +70,11 @@ class Answer:
 def answer_of(search: Searched, *, question: str, constants: Constants, judged_on: str) -> Answer:
     """The answer that a search gives."""
     asked, fitted, level = search.question, search.final.fit, constants.credible_level
-    stages = _stages(search)
-    causes = [
-        _cause(search, step, rival, level)
-        for step, rival in zip(_entered(search), stages[2:], strict=True)
-    ]
+    entered = _entered(search)
+    before_last = [rival for _, rival in entered[:-1]]
+    with_causes = [*before_last, search.final] if entered else []
+    causes = [_cause(asked, k, step, with_causes[k], level) for k, (step, _) in enumerate(entered)]
+    stages = (search.configured, search.parameters, *with_causes)
     *gaps, whole = signal_gaps(asked, stages)
     outcome = _outcome(search, causes)
     headline = headline_of(question, outcome, causes, whole)
@@ -101,16 +101,13 @@ def answer_of(search: Searched, *, question: str, constants: Constants, judged_o
         stages=stages,
         model=asked.point_of(search.final),
         uncertainty=uncertainty,
-        alternatives=_alternatives(search, level),
+        alternatives=_alternatives(entered[0][0], level) if entered else (),
     )
 
 
-def _alternatives(search: Searched, level: float) -> tuple[Rival, ...]:
-    """The rivals between which the runs do not decide; one where they do, none without a cause."""
-    entered = _entered(search)
-    if not entered:
-        return ()
-    rivals = {r.name: r for r in entered[0].rivals if r.kind in (EFFECT, LAW)}
+def _alternatives(step: Step, level: float) -> tuple[Rival, ...]:
+    """The rivals of a step between which the runs do not decide; one where they do."""
+    rivals = {r.name: r for r in step.rivals if r.kind in (EFFECT, LAW)}
     total = max(sum(r.probability for r in rivals.values()), 1e-300)
     names = credible_set({n: r.probability / total for n, r in rivals.items()}, level)
     return tuple(rivals[n] for n in names)
@@ -130,19 +127,12 @@ def _outcome(search: Searched, causes: Sequence[Cause]) -> str:
     return PARAMETERS if search.moved else QUIET
 
 
-def _entered(search: Searched) -> list[Step]:
-    """The steps by which parts entered, in their order; none where all were withdrawn."""
+def _entered(search: Searched) -> list[tuple[Step, Rival]]:
+    """The steps by which parts entered, with what did; none where all were withdrawn."""
     if search.final.fit is None or not search.final.fit.model.parts:
         return []
-    return [s for s in search.steps if s.entered is not None and s.entered.kind in (EFFECT, LAW)]
-
-
-def _stages(search: Searched) -> tuple[Rival, ...]:
-    """As configured, with other parameters, then with each cause."""
-    entered = _entered(search)
-    prefixes = [s.entered for s in entered[:-1] if s.entered is not None]
-    last = [search.final] if entered else []
-    return (search.configured, search.parameters, *prefixes, *last)
+    steps = [(s, s.entered) for s in search.steps if s.entered is not None]
+    return [(step, rival) for step, rival in steps if rival.kind in (EFFECT, LAW)]
 
 
 def signal_gaps(question: Question, stages: Sequence[Rival]) -> list[SignalGap]:
@@ -254,12 +244,10 @@ def _scores(question: Question, rivals: Sequence[Rival]) -> list[RivalScore]:
     ]
 
 
-def _cause(search: Searched, step: Step, stage: Rival, level: float) -> Cause:
-    """A cause that entered, with the rivals of its step."""
-    question, fitted = search.question, stage.fit
-    plant = question.model.plant
+def _cause(question: Question, index: int, step: Step, stage: Rival, level: float) -> Cause:
+    """The cause that entered with a step, as it is in the model of a stage."""
+    plant, fitted = question.model.plant, stage.fit
     assert fitted is not None
-    index = _entered(search).index(step)
     part, mine = fitted.model.parts[index], fitted.model.slices[index]
     x, sd = fitted.x[mine], _deviations(question, fitted)[mine]
     effect = part if isinstance(part, EffectPart) else None
@@ -272,8 +260,8 @@ def _cause(search: Searched, step: Step, stage: Rival, level: float) -> Cause:
     in_library = max(sum(named.values()), 1e-300)
     names = {n: p / in_library for n, p in sorted(named.items(), key=lambda item: -item[1])}
     described = Describer(plant)
-    exchanged = step.entered is None or part.name != step.entered.name
-    place = _place_of(part.places, () if exchanged else laws)
+    stayed = step.entered is not None and part.name == step.entered.name
+    place = _place_of(part.places, laws if stayed else ())
     side = law.candidate.side if law else BOTH
     trajectories = described.trajectories(question, fitted) if law else []
     return Cause(
