@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Protocol
 
 from smad.diagnosis.answer import Answer, answer_of
-from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.numerics.threads import repeatable
 from smad.diagnosis.paired.difference import Paired, paired, question_of_pairs
 from smad.diagnosis.paired.good import GoodRuns
@@ -68,7 +67,6 @@ def judged(
     reference: GoodRuns,
     runs: Sequence[tuple[GapRun, str]],
     *,
-    constants: Constants | None = None,
     exclude: Sequence[str] = (),
     progress: Say = silent,
 ) -> Judged:
@@ -78,12 +76,11 @@ def judged(
     GapError where the model cannot replay the runs.
     """
     began = time.perf_counter()
-    c = constants or shipped()
     placed = with_places(plant)
     pairs = paired(placed, reference, runs)
     effects = [e for e in plant.effects if e.name not in exclude]
-    search = searched(question_of_pairs(pairs, effects, c, progress))
-    answer = answer_of(search, question=CHECK_UP, constants=c, judged_on=EACH_BY_OTHERS)
+    search = searched(question_of_pairs(pairs, effects, progress))
+    answer = answer_of(search, question=CHECK_UP, judged_on=EACH_BY_OTHERS)
     answer = answer.with_verdict(
         notes=notes_of(pairs),
         plant=plant.name,

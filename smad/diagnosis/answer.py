@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import msgspec
 import numpy as np
 
-from smad.diagnosis.constants import Constants
+from smad.diagnosis.constants import shipped
 from smad.diagnosis.places.place import BOTH
 from smad.diagnosis.plant import Array, ModelPoint, SavesModel, Uncertainty
 from smad.diagnosis.rivals.describe import Describer
@@ -67,9 +67,9 @@ class Answer:
         return replace(self, verdict=msgspec.structs.replace(self.verdict, **fields))
 
 
-def answer_of(search: Searched, *, question: str, constants: Constants, judged_on: str) -> Answer:
+def answer_of(search: Searched, *, question: str, judged_on: str) -> Answer:
     """The answer that a search gives."""
-    asked, fitted, level = search.question, search.final.fit, constants.credible_level
+    asked, fitted, level = search.question, search.final.fit, shipped().credible_level
     entered = _entered(search)
     before_last = [rival for _, rival in entered[:-1]]
     with_causes = [*before_last, search.final] if entered else []

@@ -16,7 +16,6 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from smad.diagnosis.constants import Constants
 from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.paired.difference import Paired, paired, question_of_pairs
 from smad.diagnosis.paired.good import good_runs
@@ -48,7 +47,6 @@ class Inquiry:
     good: tuple[GapRun, ...]
     effects: tuple[Effect, ...]
     period_s: float
-    constants: Constants
     say: Say
 
     @cached_property
@@ -75,7 +73,6 @@ class Inquiry:
             start,
             rows(fit),
             effects=self.effects,
-            constants=self.constants,
             say=self.say,
             held_out=rows(held_out) if held_out else None,
             tied=tied,
@@ -110,7 +107,7 @@ def _changed_pairs(
     inquiry.say("the good runs")
     good = good_runs(inquiry.plant, groups, inquiry.period_s)
     pairs = paired(inquiry.plant, good, repeats)
-    question = question_of_pairs(pairs, inquiry.effects, inquiry.constants, inquiry.say)
+    question = question_of_pairs(pairs, inquiry.effects, inquiry.say)
     return searched(question), pairs
 
 

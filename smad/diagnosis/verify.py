@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from smad.diagnosis.answer import signal_gaps
-from smad.diagnosis.constants import shipped
 from smad.diagnosis.data.admission import admit, row_of_admitted_s
 from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.errors import RunRefused
@@ -36,7 +35,7 @@ def verified(plant: PlantModel, runs: Sequence[GapRun], model: ModelPoint) -> li
     placed = with_places(plant)
     start = nominal_point(placed)
     evidence = recorded_evidence(placed, admission.admitted, floors, period_s, start)
-    question = question_of(placed, start, evidence, effects=(), constants=shipped(), say=silent)
+    question = question_of(placed, start, evidence, effects=(), say=silent)
     before, after = (question.of_point(x) for x in (start, model))
     if before is None or after is None:
         raise cannot_replay(question)

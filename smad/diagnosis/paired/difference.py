@@ -8,7 +8,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from smad.diagnosis.constants import Constants
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.data.rows import (
     binned,
@@ -89,7 +88,7 @@ def paired(plant: PlacesPlant, good: GoodRuns, runs: Sequence[tuple[GapRun, str]
     return Paired(plant=plant, good=good, pairs=pairs)
 
 
-def question_of_pairs(pairs: Paired, effects: Sequence[Effect], c: Constants, say: Say) -> Question:
+def question_of_pairs(pairs: Paired, effects: Sequence[Effect], say: Say) -> Question:
     """What is new in pairs: the parameters are where the good runs have them, give or take a day.
 
     Responses and changes that are known of the good runs count for those that repeat them, though
@@ -102,7 +101,6 @@ def question_of_pairs(pairs: Paired, effects: Sequence[Effect], c: Constants, sa
         good.point,
         pairs.evidence(),
         effects=effects,
-        constants=c,
         say=say,
         tied=np.asarray(np.linalg.inv(known)),
         responses=pairs.repeated(good.responses),

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from smad.diagnosis.constants import Constants
+from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.data.played import predictions
 from smad.diagnosis.errors import GapError
 from smad.diagnosis.places.place import PlacesPlant
@@ -245,7 +245,6 @@ def question_of(
     evidence: Evidence,
     *,
     effects: Sequence[Effect],
-    constants: Constants,
     say: Say,
     held_out: Evidence | None = None,
     tied: Array | None = None,
@@ -253,7 +252,7 @@ def question_of(
     changes: Changes | None = None,
 ) -> Question:
     """What is asked of a plant at `start`; with `tied` its parameters stay near there."""
-    temper = temper_of(constants, free=tied is None, channels=evidence.channels)
+    temper = temper_of(shipped(), free=tied is None, channels=evidence.channels)
     model = free_model(plant, start)
     return Question(
         evidence=evidence,
