@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from evaluation.names import canonical
 from smad.diagnosis.answer import place_probabilities
 from smad.diagnosis.constants import Constants
-from smad.diagnosis.rivals.question import temper_of
+from smad.diagnosis.rivals.rival import temper_of
 from smad.diagnosis.rivals.score import (
     EFFECT,
     LAW,

@@ -10,9 +10,10 @@ import msgspec
 
 from evaluation.recovery.cases import NONE, Case, bench_parameters
 from evaluation.recovery.playing import FIT, HELD_OUT, REPEATS, Bench
-from smad.checkup.commission import Reference, commissioned
+from smad.checkup.commission import commissioned
 from smad.checkup.judge import judged
 from smad.diagnosis.diagnose import diagnose
+from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.verdict import CHANGED, CHECK_UP, DIFFERS, Verdict
@@ -75,7 +76,7 @@ def _plant() -> SmaPlant:
 
 
 @functools.lru_cache(maxsize=3)
-def _commissioned(bench: int, seed: int) -> Reference:
+def _commissioned(bench: int, seed: int) -> GoodRuns:
     """The good bench of that number, from its repeats."""
     plant = _plant()
     case = Case(name="", question=CHECK_UP, kind=NONE, seed=0, bench=bench)

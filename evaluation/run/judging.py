@@ -19,10 +19,11 @@ from evaluation.errors import BankError
 from evaluation.run.manifest import ROLES, BankRun, Case, Manifest
 from evaluation.score.answers import Cause as ScoredCause
 from sim_device.plant import load_parameters
-from smad.checkup.commission import Reference, commissioned
+from smad.checkup.commission import commissioned
 from smad.checkup.files import read_file
 from smad.checkup.judge import judged
 from smad.diagnosis.diagnose import diagnose
+from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.verdict import CHECK_UP, QUIET, Verdict
@@ -66,7 +67,7 @@ class Check:
         return {}
 
     @functools.cached_property
-    def _references(self) -> dict[str, Reference]:
+    def _references(self) -> dict[str, GoodRuns]:
         return {}
 
     @property
@@ -118,7 +119,7 @@ class Check:
 
         return {role: [read(run) for run in case.of(role)] for role in roles}
 
-    def reference(self, case: Case) -> Reference:
+    def reference(self, case: Case) -> GoodRuns:
         """The good bench of a check-up, commissioned once from its repeats."""
         if case.bench not in self._references:
             groups: dict[str, list[GapRun]] = {}

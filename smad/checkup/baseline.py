@@ -11,13 +11,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from smad.checkup.commission import Reference, commissioned
+from smad.checkup.commission import commissioned
 from smad.checkup.errors import BaselineError
 from smad.checkup.files import read_folder, require_one_bench
 from smad.checkup.programme import Programme, shipped
 from smad.checkup.series import Player, finished, folder_for, play_series, read_state
 from smad.checkup.store import Baseline, load, save
 from smad.counted import counted
+from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.plant import PlantModel
 from smad.diagnosis.runs import GapRun
 from smad.progress import Say
@@ -37,7 +38,7 @@ def commission(
     known: Baseline | None,
     say: Say,
     progress: Say,
-) -> Reference:
+) -> GoodRuns:
     """Play `repeats` more repeats than the `known` baseline has, and compute a baseline of all.
 
     Repeats that were played and not yet counted are not played once more. Raises BaselineError

@@ -139,10 +139,7 @@ def check_files(plant: PlantModel, good: Path, now: Path, *, say: Say, progress:
 
 
 def checked_files(
-    plant: PlantModel,
-    good: Sequence[RunFile],
-    now: Sequence[RunFile],
-    progress: Say = silent,
+    plant: PlantModel, good: Sequence[RunFile], now: Sequence[RunFile], progress: Say = silent
 ) -> tuple[Judged, Matched]:
     """The verdict over files of a good day and of now, and what was paired with what.
 

@@ -23,22 +23,21 @@ _KINDS = (".mcap", *KINDS)
 
 @dataclass(frozen=True)
 class RunFile:
-    """A run of a file: its name without folder and suffix.
+    """A run of a file.
 
     `board` is the serial number of the board that it was recorded on, empty where the file does not
     tell. `cut` says what stopped it while it was recorded, empty where nothing did.
     """
 
-    name: str
     path: Path
     run: GapRun
     board: str = ""
     cut: str = ""
 
-    @classmethod
-    def of(cls, path: Path, run: GapRun) -> RunFile:
-        """A run that was read already."""
-        return cls(path.name.split(".")[0], path, run)
+    @property
+    def name(self) -> str:
+        """That of the file, without folder and suffixes."""
+        return self.path.name.split(".")[0]
 
 
 def read_folder(folder: Path) -> list[RunFile]:
@@ -111,8 +110,8 @@ def _found(path: Path, together: Together | None) -> RunFile:
         )
     require_columns(path, run)
     if log is None:
-        return RunFile.of(path, run)
-    return replace(RunFile.of(path, run), board=log.header.board.get("uid", ""), cut=log.cut_by)
+        return RunFile(path, run)
+    return RunFile(path, run, log.header.board.get("uid", ""), log.cut_by)
 
 
 @dataclass(frozen=True)
@@ -130,21 +129,23 @@ class Matched:
 
 def match(plant: PlantModel, good: Sequence[RunFile], now: Sequence[RunFile]) -> Matched:
     """Pairs files by name where names repeat over folders and inputs agree, else by inputs."""
-    groups = grouped(good, lambda run, other: _repeats(plant, run, other))
+
+    def same(run: RunFile, other: RunFile) -> bool:
+        return same_programme(plant, run.run, other.run)
+
+    groups = grouped(good, same)
     pairs: list[tuple[RunFile, list[RunFile]]] = []
     alone: list[str] = []
     for run in now:
-        fits = [g for g in groups if _repeats(plant, run, g[0])]
+        fits = [g for g in groups if same(run, g[0])]
         fits.sort(key=lambda g: run.name not in {f.name for f in g})
         if fits:
             pairs.append((run, fits[0]))
         else:
             alone.append(str(run.path))
     used = [g for g in groups if any(g is group for _, group in pairs)]
-    named = {
-        id(g): f"{g[0].name}" if len({h[0].name for h in used}) == len(used) else str(g[0].path)
-        for g in used
-    }
+    distinct = len({g[0].name for g in used}) == len(used)
+    named = {id(g): g[0].name if distinct else str(g[0].path) for g in used}
     lines = [
         f"{run.path} repeats {counted(len(group), 'good run')}: "
         + ", ".join(str(f.path) for f in group)
@@ -191,8 +192,3 @@ def require_one_bench(runs: Sequence[RunFile]) -> None:
             action="take those of the other bench out; if only the board was replaced, give CSV "
             "(smad log export), which names none",
         )
-
-
-def _repeats(plant: PlantModel, run: RunFile, other: RunFile) -> bool:
-    named, named_other = (replace(f.run, name=f.name) for f in (run, other))
-    return same_programme(plant, named, named_other)

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import msgspec
 
-from smad.checkup.commission import Reference
 from smad.checkup.errors import BaselineError
 from smad.checkup.files import read_file
 from smad.checkup.investigate import Proposal, propose, unpaired_offers
@@ -22,6 +21,7 @@ from smad.checkup.series import Play, keep, newest_open, write_whole
 from smad.counted import counted
 from smad.diagnosis.answer import gaps_on
 from smad.diagnosis.paired.difference import paired
+from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.verdict import SignalGap, Verdict
 from smad.progress import Say
@@ -87,7 +87,7 @@ class Inquiry:
     """
 
     plant: SavablePlant
-    reference: Reference
+    reference: GoodRuns
     programme: Programme
     originals: Path
     folder: Path

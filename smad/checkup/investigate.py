@@ -20,7 +20,7 @@ from smad.diagnosis.paired.difference import Paired, rows_of
 from smad.diagnosis.paired.good import GoodRun
 from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.describe import Describer
-from smad.diagnosis.rivals.question import day_variance
+from smad.diagnosis.rivals.rival import day_variance
 from smad.diagnosis.verdict import PARAMETERS, QUIET
 
 SEPARATED = 16.0

@@ -8,26 +8,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from smad.checkup.commission import Reference
 from smad.diagnosis.answer import Answer, answer_of
-from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.numerics.threads import repeatable
 from smad.diagnosis.paired.difference import Paired, paired, question_of_pairs
+from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.paired.notes import EACH_BY_OTHERS, notes_of
 from smad.diagnosis.places.bare import with_places
-from smad.diagnosis.plant import ModelPoint, PlantModel, SavesModel, Uncertainty
-from smad.diagnosis.rivals.question import cannot_replay
+from smad.diagnosis.plant import PlantModel, SavesModel
 from smad.diagnosis.rivals.search import searched
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import CHECK_UP, QUIET, Verdict
 from smad.progress import Say, silent
 from smad.version import VERSION
-
-_MOST_CAUSES = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,11 +39,6 @@ class Judged:
         return self.answer.verdict
 
     @property
-    def model(self) -> ModelPoint:
-        """The reference model with what was found."""
-        return self.answer.model or self.pairs.good.point
-
-    @property
     def has_model(self) -> bool:
         """Whether anything was found that a model can carry."""
         return self.verdict.outcome != QUIET
@@ -58,28 +49,24 @@ class Judged:
         search = self.answer.search
         return 1.0 if search is None else max(search.question.gap(search.final) ** 2, 1.0)
 
-    @property
-    def uncertainty(self) -> Uncertainty | None:
-        """The covariance of what `model` has; None where nothing was found."""
-        return self.answer.uncertainty
-
 
 class SavablePlant(PlantModel, SavesModel, Protocol):
     """A plant that can write a model file."""
 
 
 def save_model_of(plant: SavesModel, judgement: Judged, path: Path) -> None:
-    """Writes the model of a check-up, with its covariance."""
-    plant.save_model(judgement.model, path, judgement.verdict.headline, judgement.uncertainty)
+    """Writes the model of the good bench with what was found, and its covariance."""
+    answer = judgement.answer
+    model = answer.model or judgement.pairs.good.point
+    plant.save_model(model, path, answer.verdict.headline, answer.uncertainty)
 
 
 @repeatable
 def judged(
     plant: PlantModel,
-    reference: Reference,
+    reference: GoodRuns,
     runs: Sequence[tuple[GapRun, str]],
     *,
-    constants: Constants | None = None,
     exclude: Sequence[str] = (),
     progress: Say = silent,
 ) -> Judged:
@@ -89,24 +76,11 @@ def judged(
     GapError where the model cannot replay the runs.
     """
     began = time.perf_counter()
-    c = constants or shipped()
     placed = with_places(plant)
     pairs = paired(placed, reference, runs)
-    arrays = (reference.responses.runs, reference.changes.runs)
-    responses, changes = (pairs.repeated(of_runs) for of_runs in arrays)
-    question = question_of_pairs(
-        pairs,
-        [e for e in plant.effects if e.name not in exclude],
-        c,
-        progress,
-        responses=None if responses is None else replace(reference.responses, runs=responses),
-        # In the surroundings of then.
-        changes=None if changes is None else replace(reference.changes, runs=changes),
-    )
-    search = searched(question, most=_MOST_CAUSES)
-    if search is None:
-        raise cannot_replay(question)
-    answer = answer_of(placed, search, question=CHECK_UP, constants=c, judged_on=EACH_BY_OTHERS)
+    effects = [e for e in plant.effects if e.name not in exclude]
+    search = searched(question_of_pairs(pairs, effects, progress))
+    answer = answer_of(search, question=CHECK_UP, judged_on=EACH_BY_OTHERS)
     answer = answer.with_verdict(
         notes=notes_of(pairs),
         plant=plant.name,

@@ -18,12 +18,11 @@ import msgspec
 import numpy as np
 
 from smad.checkup.arrays import read_arrays, require
-from smad.checkup.commission import Reference
 from smad.checkup.errors import BaselineError
 from smad.diagnosis.data.played import Played
 from smad.diagnosis.data.rows import binned
 from smad.diagnosis.paired.floor import Floor
-from smad.diagnosis.paired.good import GoodRun
+from smad.diagnosis.paired.good import GoodRun, GoodRuns
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.places.responses import responses
 from smad.diagnosis.plant import ModelPoint, PlantModel
@@ -76,11 +75,11 @@ class About(msgspec.Struct, frozen=True, kw_only=True):
 
 @dataclass(frozen=True)
 class Baseline:
-    """A reference with what it belongs to: bench, hash of the programme."""
+    """Good runs with what they belong to: bench, hash of the programme."""
 
     bench: str
     programme: str
-    reference: Reference
+    reference: GoodRuns
 
 
 def identity(plant: PlantModel) -> str:
@@ -97,6 +96,7 @@ def identity(plant: PlantModel) -> str:
 def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
     """Writes the baseline whole or not at all. Raises BaselineError for a disk that is full."""
     r = baseline.reference
+
     about = About(
         schema=SCHEMA,
         bench=baseline.bench,
@@ -111,11 +111,13 @@ def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
     arrays = {f"floor.{n}": getattr(r.floor, n) for n in _FLOOR}
     for k, x in enumerate(r.runs):
         arrays |= {f"{k}.{n}": getattr(x, n) for n in _RUN}
-        arrays[f"{k}.responses"] = r.responses.runs[k]
-        arrays[f"{k}.changes"] = r.changes.runs[k]
+
         whole = x.played.whole
         arrays[f"{k}.t_s"] = whole.t_s
         arrays |= {f"{k}.input.{n}": v for n, v in whole.inputs.items()}
+    for name, known in (("responses", r.responses), ("changes", r.changes)):
+        assert known is not None
+        arrays |= {f"{k}.{name}": array for k, array in enumerate(known.runs)}
     cause = f"cannot write the baseline {folder}"
     action = "make room; the runs are kept, and the same command continues"
     output = functools.partial(
@@ -163,7 +165,7 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
     except _BROKEN as error:
         said = getattr(error, "strerror", None) or error
         raise BaselineError(f"{folder / _ARRAYS} cannot be read: {said}", action=_ANEW) from error
-    reference = Reference(
+    reference = GoodRuns(
         runs=runs,
         point=point,
         floor=floor,

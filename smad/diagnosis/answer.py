@@ -11,10 +11,9 @@ from typing import Any, Protocol
 import msgspec
 import numpy as np
 
-from smad.diagnosis.constants import Constants
-from smad.diagnosis.numerics.folds import Array
-from smad.diagnosis.places.place import BOTH, PlacesPlant
-from smad.diagnosis.plant import ModelPoint, SavesModel, Uncertainty
+from smad.diagnosis.constants import shipped
+from smad.diagnosis.places.place import BOTH
+from smad.diagnosis.plant import Array, ModelPoint, SavesModel, Uncertainty
 from smad.diagnosis.rivals.describe import Describer
 from smad.diagnosis.rivals.evidence import Evidence
 from smad.diagnosis.rivals.fit import Fit, covariance
@@ -68,54 +67,47 @@ class Answer:
         return replace(self, verdict=msgspec.structs.replace(self.verdict, **fields))
 
 
-def answer_of(
-    plant: PlacesPlant, search: Searched, *, question: str, constants: Constants, judged_on: str
-) -> Answer:
+def answer_of(search: Searched, *, question: str, judged_on: str) -> Answer:
     """The answer that a search gives."""
-    final = search.final
-    stages = _stages(search)
-    causes = [
-        _cause(plant, search, step, rival, constants)
-        for step, rival in zip(_entered(search), stages[2:], strict=True)
-    ]
-    *gaps, whole = signal_gaps(plant, search.question, stages)
+    asked, fitted, level = search.question, search.final.fit, shipped().credible_level
+    entered = _entered(search)
+    before_last = [rival for _, rival in entered[:-1]]
+    with_causes = [*before_last, search.final] if entered else []
+    causes = [_cause(asked, k, step, with_causes[k], level) for k, (step, _) in enumerate(entered)]
+    stages = (search.configured, search.parameters, *with_causes)
+    *gaps, whole = signal_gaps(asked, stages)
     outcome = _outcome(search, causes)
-    point = search.question.model.start if final.fit is None else final.fit.point
-    uncertainty = None if final.fit is None else uncertainty_of(plant, search.question, final.fit)
+    headline = headline_of(question, outcome, causes, whole)
+    uncertainty = None if fitted is None else uncertainty_of(asked, fitted)
     verdict = Verdict(
         question=question,
         outcome=outcome,
-        headline=headline_of(question, outcome, causes, whole),
+        headline=headline,
         causes=causes,
-        rivals=_table(plant, search.question, search.steps[-1].rivals) if search.steps else [],
-        first_step=_scores(search.question, search.steps[0].rivals) if search.steps else [],
-        independent_rows=search.question.independent_rows,
-        parameters=_moved(plant, search.question.model.start, final.fit, uncertainty),
+        rivals=_table(asked, search.steps[-1].rivals) if search.steps else [],
+        first_step=_scores(asked, search.steps[0].rivals) if search.steps else [],
+        independent_rows=asked.independent_rows,
+        parameters=_moved(asked, fitted, uncertainty),
         budget=gaps,
         whole=whole,
-        by_run=_by_run(search.question, search.configured, search.parameters, final),
+        by_run=_by_run(asked, search.configured, search.parameters, search.final),
         judged_on=judged_on,
         unseen=unseen_strengths(search),
-        models=_models(
-            plant, search.question, stages, headline_of(question, outcome, causes, whole)
-        ),
+        models=_models(asked, stages, headline),
     )
     return Answer(
         verdict=verdict,
         search=search,
         stages=stages,
-        model=point,
+        model=asked.point_of(search.final),
         uncertainty=uncertainty,
-        alternatives=_alternatives(search, constants.credible_level),
+        alternatives=_alternatives(entered[0][0], level) if entered else (),
     )
 
 
-def _alternatives(search: Searched, level: float) -> tuple[Rival, ...]:
-    """The rivals between which the runs do not decide; one where they do, none without a cause."""
-    entered = _entered(search)
-    if not entered:
-        return ()
-    rivals = {r.name: r for r in entered[0].rivals if r.kind in (EFFECT, LAW)}
+def _alternatives(step: Step, level: float) -> tuple[Rival, ...]:
+    """The rivals of a step between which the runs do not decide; one where they do."""
+    rivals = {r.name: r for r in step.rivals if r.kind in (EFFECT, LAW)}
     total = max(sum(r.probability for r in rivals.values()), 1e-300)
     names = credible_set({n: r.probability / total for n, r in rivals.items()}, level)
     return tuple(rivals[n] for n in names)
@@ -135,44 +127,31 @@ def _outcome(search: Searched, causes: Sequence[Cause]) -> str:
     return PARAMETERS if search.moved else QUIET
 
 
-def _entered(search: Searched) -> list[Step]:
-    """The steps by which parts entered, in their order; none where all were withdrawn."""
+def _entered(search: Searched) -> list[tuple[Step, Rival]]:
+    """The steps by which parts entered, with what did; none where all were withdrawn."""
     if search.final.fit is None or not search.final.fit.model.parts:
         return []
-    return [s for s in search.steps if s.entered is not None and s.entered.kind in (EFFECT, LAW)]
+    steps = [(s, s.entered) for s in search.steps if s.entered is not None]
+    return [(step, rival) for step, rival in steps if rival.kind in (EFFECT, LAW)]
 
 
-def _stages(search: Searched) -> tuple[Rival, ...]:
-    """As configured, with other parameters, then with each cause."""
-    entered = _entered(search)
-    prefixes = [s.entered for s in entered[:-1] if s.entered is not None]
-    last = [search.final] if entered else []
-    return (search.configured, search.parameters, *prefixes, *last)
-
-
-def _gap(signal: str, words: str, unit: str, floor: float, left: Sequence[float]) -> SignalGap:
-    raw, parameters, *causes = left
-    return SignalGap(
-        signal=signal,
-        words=words,
-        unit=unit,
-        floor=floor,
-        raw=raw,
-        parameters=parameters,
-        causes=causes,
-    )
-
-
-def signal_gaps(plant: PlacesPlant, question: Question, stages: Sequence[Rival]) -> list[SignalGap]:
+def signal_gaps(question: Question, stages: Sequence[Rival]) -> list[SignalGap]:
     """What stages leave of the judged runs by signal, in its unit, and over all, in floors."""
+
+    def gap(signal: str, unit: str, floor: float, left: Sequence[float], words: str) -> SignalGap:
+        named = {"signal": signal, "unit": unit, "words": words}
+        return SignalGap(
+            **named, floor=floor, raw=left[0], parameters=left[1], causes=list(left[2:])
+        )
+
     counts, floors = question.judged.counts.sum(axis=0), question.judged.floors
     left = [np.sqrt(r.squares.sum(axis=0) / np.maximum(counts, 1.0)) * floors for r in stages]
     signals = [
-        _gap(c.name, c.words, c.unit, float(floors[i]), [float(x[i]) for x in left])
-        for i, c in enumerate(plant.channels)
+        gap(c.name, c.unit, float(floors[i]), [float(x[i]) for x in left], c.words)
+        for i, c in enumerate(question.model.plant.channels)
         if counts[i] > 0
     ]
-    return [*signals, _gap("all signals", "", "floors", 1.0, [question.gap(r) for r in stages])]
+    return [*signals, gap("all signals", "floors", 1.0, [question.gap(r) for r in stages], "")]
 
 
 def gaps_on(answer: Answer, evidence: Evidence) -> list[SignalGap]:
@@ -184,31 +163,26 @@ def gaps_on(answer: Answer, evidence: Evidence) -> list[SignalGap]:
     if search is None:
         return []
     question = replace(search.question, held_out=evidence)
-    plant: PlacesPlant = question.model.plant  # type: ignore[assignment]
-    points = [question.model.start if s.fit is None else s.fit.point for s in answer.stages]
-    rivals = [r for p in points if (r := question.of_point(p)) is not None]
-    return signal_gaps(plant, question, rivals) if len(rivals) == len(points) else []
+    rivals = [question.of_point(question.point_of(stage)) for stage in answer.stages]
+    known = [r for r in rivals if r is not None]
+    return signal_gaps(question, known) if len(known) == len(rivals) else []
 
 
 def _by_run(question: Question, *stages: Rival) -> list[RunGap]:
     counts = np.maximum(question.judged.counts.sum(axis=1), 1.0)
-    raw, parameters, final = (np.sqrt(r.squares.sum(axis=1) / counts) for r in stages)
+    left = [np.sqrt(r.squares.sum(axis=1) / counts).tolist() for r in stages]
     return [
-        RunGap(
-            run=p.whole.name,
-            raw=float(raw[k]),
-            parameters=float(parameters[k]),
-            final=float(final[k]),
-        )
-        for k, p in enumerate(question.judged.played)
+        RunGap(run=played.whole.name, raw=raw, parameters=parameters, final=final)
+        for played, raw, parameters, final in zip(question.judged.played, *left, strict=True)
     ]
 
 
-def _table(plant: PlacesPlant, question: Question, rivals: Sequence[Rival]) -> list[RivalGap]:
+def _table(question: Question, rivals: Sequence[Rival]) -> list[RivalGap]:
     """The likeliest rivals, and those without a part whatever their probability.
 
     Those that are equally likely, as far as it is shown, by what they leave.
     """
+    plant = question.model.plant
     described = Describer(plant)
     shown = [r for k, r in enumerate(rivals) if k < _ROWS or r.kind not in (EFFECT, LAW)]
     counts = question.judged.counts.sum(axis=0)
@@ -245,7 +219,12 @@ def _values(described: Describer, question: Question, rival: Rival) -> list[Effe
 
 def _deviations(question: Question, fitted: Fit) -> Array:
     """Standard deviations of a fit's coordinates, (k,)."""
-    return np.sqrt(np.maximum(np.diag(covariance(question.evidence, fitted, question.tau)), 0.0))
+    return _roots(covariance(question.evidence, fitted))
+
+
+def _roots(covariance: Array) -> Array:
+    """Standard deviations of a covariance (k, k), (k,)."""
+    return np.sqrt(np.maximum(np.diag(covariance), 0.0))
 
 
 def _scores(question: Question, rivals: Sequence[Rival]) -> list[RivalScore]:
@@ -265,15 +244,14 @@ def _scores(question: Question, rivals: Sequence[Rival]) -> list[RivalScore]:
     ]
 
 
-def _cause(
-    plant: PlacesPlant, search: Searched, step: Step, stage: Rival, constants: Constants
-) -> Cause:
-    """A cause that entered, with the rivals of its step."""
-    question = search.question
-    assert stage.fit is not None
-    index = _entered(search).index(step)
-    parts = stage.fit.model.parts
-    part, coordinates = parts[index], stage.fit.x[stage.fit.model.slices[index]]
+def _cause(question: Question, index: int, step: Step, stage: Rival, level: float) -> Cause:
+    """The cause that entered with a step, as it is in the model of a stage."""
+    plant, fitted = question.model.plant, stage.fit
+    assert fitted is not None
+    part, mine = fitted.model.parts[index], fitted.model.slices[index]
+    x, sd = fitted.x[mine], _deviations(question, fitted)[mine]
+    effect = part if isinstance(part, EffectPart) else None
+    law = part if isinstance(part, LawPart) else None
     of_parts = [r for r in step.rivals if r.kind in (EFFECT, LAW)]
     total = max(sum(r.probability for r in of_parts), 1e-300)
     laws = [r.places[0] for r in of_parts if r.kind == LAW]
@@ -282,16 +260,13 @@ def _cause(
     in_library = max(sum(named.values()), 1e-300)
     names = {n: p / in_library for n, p in sorted(named.items(), key=lambda item: -item[1])}
     described = Describer(plant)
-    deviations = _deviations(question, stage.fit)[stage.fit.model.slices[index]]
-    place = _place_of(step.entered, laws) if step.entered is not None else part.places[0]
-    if step.entered is None or part.name != step.entered.name:
-        place = part.places[0]
-    side = part.candidate.side if isinstance(part, LawPart) else BOTH
-    about = next((p for p in plant.places if p.name == place), None)
-    trajectories = described.trajectories(question, stage.fit) if isinstance(part, LawPart) else []
+    stayed = step.entered is not None and part.name == step.entered.name
+    place = _place_of(part.places, laws if stayed else ())
+    side = law.candidate.side if law else BOTH
+    trajectories = described.trajectories(question, fitted) if law else []
     return Cause(
-        kind=EFFECT if isinstance(part, EffectPart) else LAW,
-        name=part.name if isinstance(part, EffectPart) else "",
+        kind=EFFECT if effect else LAW,
+        name=effect.name if effect else "",
         place=place,
         side=side,
         words=described.place(place, side),
@@ -300,20 +275,14 @@ def _cause(
         place_words={n: described.place(n, BOTH) for n in places},
         names={n: p for n, p in names.items() if p >= _LEAST_NAMED},
         outside=1.0 - in_library / total,
-        credible_names=credible_set(names, constants.credible_level),
-        credible_places=credible_set(places, constants.credible_level),
-        values=described.values(part, coordinates, deviations)
-        if isinstance(part, EffectPart)
-        else [],
-        terms=described.terms(part, coordinates, deviations, trajectories)
-        if isinstance(part, LawPart)
-        else [],
-        largest=described.largest(part, coordinates, question, trajectories)
-        if isinstance(part, LawPart)
-        else 0.0,
-        unit=about.unit if about is not None else "",
+        credible_names=credible_set(names, level),
+        credible_places=credible_set(places, level),
+        values=described.values(effect, x, sd) if effect else [],
+        terms=described.terms(law, x, sd, trajectories) if law else [],
+        largest=described.largest(law, x, question, trajectories) if law else 0.0,
+        unit=next((p.unit for p in plant.places if p.name == place), ""),
         gap=question.gap(stage),
-        rivals=_table(plant, question, step.rivals),
+        rivals=_table(question, step.rivals),
     )
 
 
@@ -337,21 +306,20 @@ def place_probabilities(parts: Sequence[tuple[Placed, float]]) -> dict[str, floa
     total = max(sum(p for _, p in parts), 1e-300)
     places: dict[str, float] = {}
     for rival, p in parts:
-        place = _place_of(rival, laws)
+        place = _place_of(rival.places, laws)
         places[place] = places.get(place, 0.0) + p / total
     return dict(sorted(places.items(), key=lambda item: -item[1]))
 
 
-def _place_of(rival: Placed, laws: Sequence[str]) -> str:
-    """The place of a rival: of several, that whose law is likeliest, else the first listed."""
-    listed = rival.places or ("",)
-    return next((p for p in laws if p in listed), listed[0])
+def _place_of(listed: Sequence[str], laws: Sequence[str]) -> str:
+    """Of several places of a rival that whose law is likeliest, else the first listed."""
+    return next((p for p in laws if p in listed), listed[0] if listed else "")
 
 
-def uncertainty_of(plant: PlacesPlant, question: Question, fitted: Fit) -> Uncertainty:
+def uncertainty_of(question: Question, fitted: Fit) -> Uncertainty:
     """Covariance of parameters and coefficients in the plant's units."""
-    names: list[str] = [q.name for q in plant.parameters]
-    scale: list[float] = [q.prior_sd for q in plant.parameters]
+    parameters = question.model.plant.parameters
+    names, scale = [q.name for q in parameters], [q.prior_sd for q in parameters]
     for part in fitted.model.parts:
         if isinstance(part, EffectPart):
             names += [f"{part.name}.{q.name}" for q in part.effect.parameters]
@@ -361,48 +329,43 @@ def uncertainty_of(plant: PlacesPlant, question: Question, fitted: Fit) -> Uncer
             names += of_terms
             scale += scales.tolist()
     unit = np.array(scale)
-    return Uncertainty(
-        tuple(names), unit[:, None] * covariance(question.evidence, fitted, question.tau) * unit
-    )
+    return Uncertainty(tuple(names), unit[:, None] * covariance(question.evidence, fitted) * unit)
 
 
 def _moved(
-    plant: PlacesPlant, start: ModelPoint, fitted: Fit | None, uncertainty: Uncertainty | None
+    question: Question, fitted: Fit | None, uncertainty: Uncertainty | None
 ) -> list[ParameterMoved]:
     """The parameters, those first that moved most beside their standard deviation."""
     if fitted is None or uncertainty is None:
         return []
-    sd = np.sqrt(np.maximum(np.diag(uncertainty.covariance), 0.0))
-    theta = fitted.point.theta
+    start, theta = question.model.start.theta, fitted.point.theta
     moved = [
         ParameterMoved(
             name=q.name,
             words=q.words,
             unit=q.unit,
-            before=start.theta.get(q.name, q.nominal),
+            before=start.get(q.name, q.nominal),
             after=theta[q.name],
-            sd=float(sd[k]),
+            sd=float(sd),
             at_bound=bool(theta[q.name] <= q.low or theta[q.name] >= q.high),
         )
-        for k, q in enumerate(plant.parameters)
+        # Those of the parts follow.
+        for q, sd in zip(
+            question.model.plant.parameters, _roots(uncertainty.covariance), strict=False
+        )
     ]
     return sorted(moved, key=lambda q: -abs(q.after - q.before) / max(q.sd, 1e-30))
 
 
-def _models(
-    plant: PlacesPlant, question: Question, stages: Sequence[Rival], note: str
-) -> list[str]:
+def _models(question: Question, stages: Sequence[Rival], note: str) -> list[str]:
     """Models with other parameters and with each cause, as text; none where none are written."""
+    plant = question.model.plant
     if not isinstance(plant, SavesModel):
         return []
     out = []
     with tempfile.TemporaryDirectory() as folder:
-        for k, rival in enumerate(stages[1:]):
-            if rival.fit is None:
-                continue
-            path = Path(folder) / f"model-{k}.toml"
-            plant.save_model(
-                rival.fit.point, path, note, uncertainty_of(plant, question, rival.fit)
-            )
+        path = Path(folder) / "model.toml"
+        for fitted in (stage.fit for stage in stages[1:] if stage.fit is not None):
+            plant.save_model(fitted.point, path, note, uncertainty_of(question, fitted))
             out.append(path.read_text("utf-8"))
     return out

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 
 from firmware_protocol.nearest import instead
 from smad.diagnosis.answer import Answer, answer_of
-from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.data.admission import RunSet, admit_groups, row_of_admitted_s
 from smad.diagnosis.data.guards import FIT, GOOD, HOLD_OUT, goes_further, too_few
 from smad.diagnosis.errors import PlantMismatch
@@ -30,7 +29,6 @@ def diagnose(
     good: Sequence[GapRun] = (),
     hold_out: Sequence[GapRun] = (),
     candidates: Sequence[str] | None = None,
-    constants: Constants | None = None,
     progress: Say = silent,
 ) -> Answer:
     """Say what the model lacks compared with the runs: fit rivals by replay and compare their gaps.
@@ -51,13 +49,11 @@ def diagnose(
     roles = {role: a.admitted for role, a in groups.items()}
     findings = sorted((f for a in groups.values() for f in a.findings), key=lambda f: f.run)
     findings += too_few(roles, asked_good=bool(good))
-    lacking = _lacking(groups)
-    if lacking:
-        question = CHANGED if good else DIFFERS
+    question = CHANGED if good else DIFFERS
+    if lacking := _lacking(groups):
         headline = f"no run {lacking} can be used"
         answer = Answer(verdict=Verdict(question=question, outcome=REFUSED, headline=headline))
     else:
-        c = constants or shipped()
         inquiry = Inquiry(
             plant=with_places(plant),
             fit=roles[FIT],
@@ -65,17 +61,13 @@ def diagnose(
             good=roles[GOOD],
             effects=tuple(effects),
             period_s=period_s,
-            constants=c,
             say=progress,
         )
-        question = CHANGED if good else DIFFERS
         search, pairs = changed(inquiry) if good else (differs(inquiry), None)
         if pairs is None:
             findings += goes_further(roles, plant)
         judged_on = _judged_on(inquiry) if pairs is None else EACH_BY_OTHERS
-        answer = answer_of(
-            inquiry.plant, search, question=question, constants=c, judged_on=judged_on
-        )
+        answer = answer_of(search, question=question, judged_on=judged_on)
         if pairs is not None:
             names = [run.name for run in (*inquiry.fit, *inquiry.held_out)]
             answer = answer.with_verdict(notes=[*compared(pairs, names), *notes_of(pairs)])

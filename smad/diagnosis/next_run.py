@@ -30,15 +30,14 @@ def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offe
     the model leaves of its runs counted as noise; each rival is as it was fitted to these runs.
     Both lists are empty where nothing is confused.
     """
-    search, rivals = answer.search, [r for r in answer.alternatives if r.fit is not None]
-    if search is None or len(rivals) < 2:
+    search, fits = answer.search, [r.fit for r in answer.alternatives if r.fit is not None]
+    if search is None or len(fits) < 2:
         return [], []
     evidence, model = search.question.evidence, search.question.model
     plant = model.plant
-    left = min((evidence.variances(r.fit.left) for r in rivals if r.fit), key=lambda v: v.sum())
+    left = min((evidence.variances(f.left) for f in fits), key=lambda v: v.sum())
     scale = evidence.floors * np.sqrt(np.maximum(left, 1.0))
-    described = Describer(plant)  # type: ignore[arg-type]
-    words = [described.rival(r) for r in rivals]
+    words = [Describer(plant).rival(r) for r in answer.alternatives]
     out: list[Offer] = []
     if not isinstance(plant, Experimenter):
         return words, out
@@ -46,8 +45,8 @@ def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offe
         progress(experiment.title)
         run = plant.perform(experiment.name, replace(model.start, laws=()), 0)
         period_s = evidence.played[0].period_s
-        played = Played.of(run, plant.inputs, float(run.t_s[0] - run.dt_s), period_s)
-        shown = [predictions(plant, r.fit.point, [played])[0] / scale for r in rivals if r.fit]
+        played = Played.of(run, plant.inputs, run.begins_s, period_s)
+        shown = [predictions(plant, f.point, [played])[0] / scale for f in fits]
         out.append(Offer(experiment, separation(shown)))
     return words, sorted(out, key=lambda o: (-o.separation, o.experiment.name))
 

@@ -19,6 +19,8 @@ from smad.diagnosis.errors import GapError
 from smad.diagnosis.runs import GapRun
 
 Array = NDArray[np.float64]
+Singles = NDArray[np.float32]
+Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 EffectValues = Mapping[str, Mapping[str, float]]
 """Values of the parameters of each effect that is switched on, by effect and parameter name."""

@@ -16,30 +16,20 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from smad.diagnosis.constants import Constants
 from smad.diagnosis.data.noise import estimate_floors
-from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.paired.difference import Paired, paired, question_of_pairs
 from smad.diagnosis.paired.good import good_runs
 from smad.diagnosis.paired.match import grouped, same_programme
 from smad.diagnosis.places.bare import InWindows
 from smad.diagnosis.places.place import PlacesPlant
-from smad.diagnosis.plant import Effect, ModelPoint, nominal_point
+from smad.diagnosis.plant import Array, Effect, ModelPoint, nominal_point
 from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
 from smad.diagnosis.rivals.fit import covariance
-from smad.diagnosis.rivals.parts import Model
-from smad.diagnosis.rivals.question import (
-    cannot_replay,
-    day_variance,
-    free_model,
-    question_of,
-)
-from smad.diagnosis.rivals.rival import Question
+from smad.diagnosis.rivals.rival import Question, day_variance, question_of
 from smad.diagnosis.rivals.search import Searched, searched
 from smad.diagnosis.runs import GapRun
 from smad.progress import Say
 
-_MOST_CAUSES = 3
 _MOST_OF_GOOD = 2
 """What the simulator lacks on the good runs is a floor for the rest: two causes take most of it."""
 
@@ -57,7 +47,6 @@ class Inquiry:
     good: tuple[GapRun, ...]
     effects: tuple[Effect, ...]
     period_s: float
-    constants: Constants
     say: Say
 
     @cached_property
@@ -66,36 +55,34 @@ class Inquiry:
         runs = (*self.fit, *self.held_out, *self.good)
         return estimate_floors(runs, self.plant, self.period_s)
 
-    def evidence(self, runs: Sequence[GapRun], point: ModelPoint, floors: Array) -> Evidence:
-        """Some of the runs as rows."""
-        return recorded_evidence(self.plant, runs, floors, self.period_s, point)
-
     def question(
         self,
-        model: Model,
+        start: ModelPoint,
         fit: Sequence[GapRun],
         held_out: Sequence[GapRun],
         floors: Array,
         tied: Array | None = None,
     ) -> Question:
-        """What is asked of some runs with a model."""
-        point = model.start
+        """What is asked of some runs with the model at `start`."""
+
+        def rows(runs: Sequence[GapRun]) -> Evidence:
+            return recorded_evidence(self.plant, runs, floors, self.period_s, start)
+
         return question_of(
-            model,
-            self.evidence(fit, point, floors),
-            self.effects,
-            self.constants,
-            self.say,
-            held_out=self.evidence(held_out, point, floors) if held_out else None,
+            self.plant,
+            start,
+            rows(fit),
+            effects=self.effects,
+            say=self.say,
+            held_out=rows(held_out) if held_out else None,
             tied=tied,
         )
 
 
 def differs(inquiry: Inquiry) -> Searched:
     """What the simulator lacks. Raises GapError where the model cannot replay the runs."""
-    model = free_model(inquiry.plant, nominal_point(inquiry.plant))
-    question = inquiry.question(model, inquiry.fit, inquiry.held_out, inquiry.floors)
-    return _searched(question)
+    start = nominal_point(inquiry.plant)
+    return searched(inquiry.question(start, inquiry.fit, inquiry.held_out, inquiry.floors))
 
 
 def changed(inquiry: Inquiry) -> tuple[Searched, Paired | None]:
@@ -120,37 +107,28 @@ def _changed_pairs(
     inquiry.say("the good runs")
     good = good_runs(inquiry.plant, groups, inquiry.period_s)
     pairs = paired(inquiry.plant, good, repeats)
-    return _searched(
-        question_of_pairs(pairs, inquiry.effects, inquiry.constants, inquiry.say)
-    ), pairs
+    question = question_of_pairs(pairs, inquiry.effects, inquiry.say)
+    return searched(question), pairs
 
 
 def _changed_runs(inquiry: Inquiry) -> Searched:
     """What is new in runs with inputs of their own."""
     plant = inquiry.plant
     n = len(plant.parameters)
-    model = free_model(plant, nominal_point(plant))
     inquiry.say("the good runs")
-    question = inquiry.question(model, inquiry.good, (), inquiry.floors)
-    good = _searched(question, most=_MOST_OF_GOOD, exchange=False)
+    question = inquiry.question(nominal_point(plant), inquiry.good, (), inquiry.floors)
+    good = searched(question, most=_MOST_OF_GOOD, exchange=False)
     counts = question.judged.counts.sum(axis=0)
     left = np.sqrt(good.final.squares.sum(axis=0) / np.maximum(counts, 1.0))
     floors = inquiry.floors * np.maximum(left, 1.0)
     known = np.diag(day_variance(plant))
-    start = model.start
+    start = question.model.start
     if good.final.fit is not None:
         start = good.final.fit.point
-        known = known + covariance(question.evidence, good.final.fit, question.tau)[:n, :n]
+        known = known + covariance(question.evidence, good.final.fit)[:n, :n]
     tied = np.asarray(np.linalg.inv(known))
-    new = inquiry.question(free_model(plant, start), inquiry.fit, inquiry.held_out, floors, tied)
+    new = inquiry.question(start, inquiry.fit, inquiry.held_out, floors, tied)
     # What the good runs leave above the noise is the model's form, and stands in these runs, too. A
     # lead may come from any channel: the one with the largest share decides.
     form = 1.0 - (inquiry.floors / floors)[counts > 0] ** 2
-    return _searched(replace(new, form_share=float(form.max()), good=len(inquiry.good)))
-
-
-def _searched(question: Question, *, most: int = _MOST_CAUSES, exchange: bool = True) -> Searched:
-    search = searched(question, most=most, exchange=exchange)
-    if search is None:
-        raise cannot_replay(question)
-    return search
+    return searched(replace(new, form_share=float(form.max()), good=len(inquiry.good)))

@@ -62,6 +62,11 @@ class GapRun:
         """Median sample interval."""
         return float(np.median(np.diff(self.t_s))) if len(self.t_s) > 1 else 0.0
 
+    @property
+    def begins_s(self) -> float:
+        """When the time begins that the first sample stands for."""
+        return float(self.t_s[0] - self.dt_s)
+
     @cached_property
     def pieces(self) -> NDArray[np.float64]:
         """How many samples of `whole` each sample is the mean of; ones in a run not thinned."""

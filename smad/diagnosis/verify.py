@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from smad.diagnosis.answer import signal_gaps
-from smad.diagnosis.constants import shipped
 from smad.diagnosis.data.admission import admit, row_of_admitted_s
 from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.errors import RunRefused
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import ModelPoint, PlantModel, nominal_point
 from smad.diagnosis.rivals.evidence import recorded_evidence
-from smad.diagnosis.rivals.question import cannot_replay, free_model, question_of
+from smad.diagnosis.rivals.rival import cannot_replay, question_of
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import SignalGap
 from smad.progress import silent
@@ -34,13 +33,10 @@ def verified(plant: PlantModel, runs: Sequence[GapRun], model: ModelPoint) -> li
         )
     floors = estimate_floors(admission.admitted, plant, period_s)
     placed = with_places(plant)
-    evidence = recorded_evidence(
-        placed, admission.admitted, floors, period_s, nominal_point(placed)
-    )
-    question = question_of(
-        free_model(placed, nominal_point(placed)), evidence, (), shipped(), silent
-    )
-    before, after = (question.of_point(x) for x in (nominal_point(placed), model))
+    start = nominal_point(placed)
+    evidence = recorded_evidence(placed, admission.admitted, floors, period_s, start)
+    question = question_of(placed, start, evidence, effects=(), say=silent)
+    before, after = (question.of_point(x) for x in (start, model))
     if before is None or after is None:
         raise cannot_replay(question)
-    return signal_gaps(placed, question, (before, before, after))
+    return signal_gaps(question, (before, before, after))

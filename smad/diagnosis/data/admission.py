@@ -8,7 +8,7 @@ it is said in findings, which the JSON, the terminal and the page share.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,33 +46,21 @@ def admit(
     runs: Sequence[GapRun],
     plant: PlantModel,
     period_s: float,
-    require: Callable[[GapRun], None] | None = None,
+    asked: list[GapRun] | None = None,
 ) -> RunSet:
     """Checks every run. A bad channel is taken out of its run; a bad run is refused.
 
-    `require` asks the plant with each run that can be replayed; by default its contract, once.
-    Raises PlantMismatch for a plant that breaks it.
+    The plant is asked for its contract with the first run that can be replayed; `asked` keeps that
+    run for further calls. Raises PlantMismatch for a plant that breaks it.
     """
-    require = require or _asked_once(plant)
+    asked = [] if asked is None else asked
     admitted, findings = [], []
     for run in runs:
-        kept, found = _admit_one(run, plant, period_s, require)
+        kept, found = _admit_one(run, plant, period_s, asked)
         findings += found
         if not any(f.refuses for f in found):
             admitted.append(kept)
     return RunSet(tuple(runs), tuple(admitted), tuple(findings))
-
-
-def _asked_once(plant: PlantModel) -> Callable[[GapRun], None]:
-    """What asks the plant for its contract with the first run only."""
-    asked: list[str] = []
-
-    def require(run: GapRun) -> None:
-        if not asked:
-            require_contract(plant, run)
-            asked.append(run.name)
-
-    return require
 
 
 def row_of_admitted_s(runs: Sequence[GapRun], plant: PlantModel) -> float:
@@ -109,8 +97,8 @@ def admit_groups(
     order = [sorted(group, key=lambda r: (r.digest, r.name)) for group in given.values()]
     named = dict(zip(given, distinctly_named(order), strict=True))
     once, repeats = without_repeats(named)
-    require = _asked_once(plant)
-    sets = {role: admit(once[role], plant, period_s, require) for role in named}
+    asked: list[GapRun] = []
+    sets = {role: admit(once[role], plant, period_s, asked) for role in named}
     having = [{c for r in a.admitted for c in r.outputs} for a in sets.values() if a.admitted]
     common = set.intersection(*having) if having else set()
     return {
@@ -135,7 +123,7 @@ def _only(group: RunSet, channels: set[str]) -> RunSet:
 
 
 def _admit_one(
-    run: GapRun, plant: PlantModel, period_s: float, require: Callable[[GapRun], None]
+    run: GapRun, plant: PlantModel, period_s: float, asked: list[GapRun]
 ) -> tuple[GapRun, list[Finding]]:
     findings: list[Finding] = []
 
@@ -159,7 +147,9 @@ def _admit_one(
     _require_length(run, given, plant, period_s, say)
     if any(f.refuses for f in findings):
         return run, findings
-    require(run)
+    if not asked:
+        require_contract(plant, run)
+        asked.append(run)
     predicted = replayed(plant, run)
     run = used(run, predicted, plant, say=say)
     if any(f.refuses for f in findings):

@@ -85,7 +85,7 @@ def filled(run: GapRun) -> GapRun:
 
 
 def _bridged(column: Array, whole: Mask) -> Array:
-    values = _floats(column)
+    values = np.asarray(column, dtype=np.float64)
     return bridged(values, whole) if np.isfinite(values).any() else values
 
 
@@ -119,7 +119,3 @@ def up_to_first_hole(run: GapRun, row_s: float, say: Say) -> GapRun:
         f"up to {first:.6g} s, {first - t_s[0]:.3g} of its {run.duration_s:.3g} s",
     )
     return run.part(0, int(np.searchsorted(t_s, first, side="right")))
-
-
-def _floats(column: Array) -> Array:
-    return np.asarray(column, dtype=np.float64)

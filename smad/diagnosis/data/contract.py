@@ -43,7 +43,7 @@ def require_contract(plant: PlantModel, run: GapRun) -> None:
 
 
 def replayed(plant: PlantModel, run: GapRun) -> dict[str, Array]:
-    """What the nominal model predicts of a run, checked. Raises PlantMismatch."""
+    """What the nominal model predicts of each channel of a run. Raises PlantMismatch."""
     outputs = _called(plant, "simulate", run)
     if not isinstance(outputs, Mapping):
         raise _broken(plant, "simulate", run, "gives no mapping", type(outputs).__name__)
@@ -52,7 +52,7 @@ def replayed(plant: PlantModel, run: GapRun) -> dict[str, Array]:
             raise _broken(plant, "simulate", run, f"lacks channel {c.name}", _names(outputs))
         if wrong := _other_than(outputs[c.name], len(run.t_s), "fiu"):
             raise _broken(plant, "simulate", run, f"gives {c.name} in another form", wrong)
-    return dict(outputs)
+    return {c.name: outputs[c.name] for c in plant.channels}
 
 
 def _called(plant: PlantModel, member: str, run: GapRun, *arguments: Any) -> Any:

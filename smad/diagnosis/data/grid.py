@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from smad.diagnosis.numerics.folds import Index
-from smad.diagnosis.plant import Array, Mask, PlantModel, Signal, traits_of
+from smad.diagnosis.plant import Array, Index, Mask, PlantModel, Signal, traits_of
 from smad.diagnosis.runs import GapRun, bridged
 
 PERIOD_S = 0.2

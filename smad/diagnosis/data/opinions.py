@@ -14,7 +14,7 @@ import numpy as np
 
 from smad.diagnosis.data.columns import Say
 from smad.diagnosis.data.grid import Grid
-from smad.diagnosis.plant import Array, Channel, Mask, PlantModel
+from smad.diagnosis.plant import Array, Channel, PlantModel
 from smad.diagnosis.runs import GapRun
 from smad.records.readings import STUCK_CHANCE, STUCK_SAMPLES, longest_same
 
@@ -32,7 +32,7 @@ def used(run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, *, say:
     Refuses a run that the model cannot replay, or in which nothing moves or is measured.
     """
     for name, course in predicted.items():
-        if name in {c.name for c in plant.channels} and not np.isfinite(course).all():
+        if not np.isfinite(course).all():
             from_s = run.t_s[int(np.argmin(np.isfinite(course)))]
             text = (
                 f"the model gives no number for {name} from {from_s:.6g} s on, with its nominal "
@@ -91,7 +91,7 @@ def _without_stuck(
     run: GapRun, predicted: Mapping[str, Array], plant: PlantModel, say: Say
 ) -> GapRun:
     """The run with samples marked in which a noisy reading stays the same while it should move."""
-    valid = run.good
+    valid = run.good.copy()
     for channel in plant.channels:
         if channel.name not in run.outputs or run.trusted:
             continue
@@ -108,13 +108,8 @@ def _without_stuck(
                 f"{run.t_s[start]:.6g} to {run.t_s[stop - 1]:.6g} s, where the inputs should move "
                 "it: these samples do not count",
             )
-            valid = valid & ~_slice_mask(len(y), start, stop)
-    return run if valid is run.good else replace(run, valid=valid)
-
-
-def _slice_mask(n: int, start: int, stop: int) -> Mask:
-    index = np.arange(n)
-    return np.asarray((index >= start) & (index < stop))
+            valid[start:stop] = False
+    return replace(run, valid=valid)
 
 
 def _fault_of(
@@ -129,7 +124,7 @@ def _fault_of(
     if not y.size:
         return "channel empty", f"{name} without any number, so not compared"
     span = float(np.ptp(y))
-    expected = float(np.ptp(predicted[name])) if name in predicted else 0.0
+    expected = float(np.ptp(predicted[name]))
     dead = span < _CONSTANT_QUANTA * channel.quantum or span == 0.0
     if dead and expected > least_move(channel) and not run.trusted:
         return "constant channel", (
@@ -158,9 +153,7 @@ def compare(
     """Say where the run looks as if it were not of these inputs, or of other cables."""
     grid = Grid.of(run, period_s)
     predicted = {k: grid.mean(v)[grid.valid] for k, v in replayed.items()}
-    measured = {
-        k: grid.mean(np.nan_to_num(v))[grid.valid] for k, v in run.outputs.items() if k in predicted
-    }
+    measured = {k: grid.mean(np.nan_to_num(v))[grid.valid] for k, v in run.outputs.items()}
     swapped = _swapped_twins(plant, measured, predicted)
     for a, b in swapped:
         say(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,15 +10,8 @@ import numpy as np
 
 from smad.diagnosis.data.grid import PERIOD_S, thinned
 from smad.diagnosis.data.rows import bin_numbers
-from smad.diagnosis.numerics.folds import Index
 from smad.diagnosis.numerics.threads import each
-from smad.diagnosis.plant import (
-    Array,
-    ModelPoint,
-    PlantModel,
-    Signal,
-    traits_of,
-)
+from smad.diagnosis.plant import Array, Channel, Index, ModelPoint, PlantModel, Signal, traits_of
 from smad.diagnosis.runs import GapRun
 
 _THETA_STEP = 0.1
@@ -88,6 +81,13 @@ class Played:
         sums[:, bins.filled] = np.add.reduceat(inside, bins.starts, axis=1)
         return sums / bins.count
 
+    def on_grid(
+        self, outputs: Mapping[str, Array], channels: Sequence[Channel], *, exact: bool = False
+    ) -> Array:
+        """The same of a replay's channels, (bins, channels)."""
+        series = np.stack([outputs[c.name] for c in channels])
+        return np.ascontiguousarray(self.means(series, exact=exact).T)
+
     @cached_property
     def _bins(self) -> _Bins:
         return self._bins_of(self.run, self.run.pieces)
@@ -129,8 +129,7 @@ def predictions(
     def predicted(played: Played) -> Array:
         run = played.whole if exact else played.run
         outputs = plant.simulate(point, run, fast=not exact)
-        series = np.stack([outputs[c.name] for c in plant.channels])
-        return np.ascontiguousarray(played.means(series, exact=exact).T)
+        return played.on_grid(outputs, plant.channels, exact=exact)
 
     return each(predicted, runs, traits_of(plant).together)
 

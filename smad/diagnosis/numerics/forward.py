@@ -4,6 +4,9 @@ A law that can be read has few terms, and in most cases the first one is the sta
 Orthogonal matching pursuit (Pati, Rezaiifar and Krishnaprasad 1993) adds, one after the other, the
 group of responses that takes most of what is left. It is carried out anew without each fold, and
 what the coefficients take of that fold is what counts.
+
+Rows r (n,) are explained by responses A (k, n) with coefficients x (k,): r ≈ Aᵀx. Every estimate
+and what it takes of held-out rows follow from AAᵀ and Ar of each fold.
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smad.diagnosis.numerics.folds import Array, FoldProducts, Index
+from smad.diagnosis.plant import Array, Index, Singles
 
 _RIDGE = 1e-6
 """Of a response's own square: keeps nearly equal responses apart."""
@@ -21,6 +24,39 @@ _SPENT = 1e-4
 _LITTLE = 0.03
 """A group more must take more than this share of what is taken."""
 _TINY = 1e-12
+
+
+@dataclass(frozen=True)
+class FoldProducts:
+    """Inner products of f folds and k responses: `gram` (f, k, k) is AAᵀ, `against` (f, k) Ar."""
+
+    gram: Array
+    against: Array
+
+
+@dataclass(frozen=True)
+class FoldRows:
+    """Rows (n,), responses (k, n) in single precision, and the fold of each row (n,).
+
+    Those whose fold is negative count nowhere. Products are in double precision: single precision
+    broke combinations of nearly equal responses.
+    """
+
+    rows: Array
+    responses: Singles
+    fold: Index
+
+    def products(self, columns: Index | slice = slice(None)) -> FoldProducts:
+        """The products of some responses, in the order given, or of all."""
+        A = self.responses[columns].astype(np.float64)
+        k = len(A)
+        folds = int(self.fold.max(initial=-1)) + 1
+        gram, against = np.zeros((folds, k, k)), np.zeros((folds, k))
+        for f in range(folds):
+            in_fold = self.fold == f
+            part, r = A[:, in_fold], self.rows[in_fold]
+            gram[f], against[f] = part @ part.T, part @ r
+        return FoldProducts(gram, against)
 
 
 @dataclass(frozen=True)
@@ -41,14 +77,6 @@ class Forward:
         return float(self.taken.sum(axis=1).max())
 
 
-@dataclass(frozen=True)
-class Fit:
-    """Coefficients (k,) and their covariance (k, k) where a row has variance 1."""
-
-    mean: Array
-    covariance: Array
-
-
 def forward(
     products: FoldProducts, groups: Index, worth: Array, *, depth: int, before: int = 0
 ) -> Forward:
@@ -58,13 +86,14 @@ def forward(
     one enters. The first `before` responses are always in. Of the groups that are chosen, the one
     without which most would be lost comes first. Raises ValueError for fewer than two folds.
     """
-    if products.folds < 2:
-        raise ValueError(f"{products.folds} folds; leaving one out needs 2 or more")
+    folds = len(products.gram)
+    if folds < 2:
+        raise ValueError(f"{folds} folds; leaving one out needs 2 or more")
     depth = min(depth, len(groups))
     gram, against = products.gram.sum(axis=0), products.against.sum(axis=0)
-    taken = np.zeros((depth + 1, products.folds))
+    taken = np.zeros((depth + 1, folds))
     start = np.arange(before)
-    for f in range(products.folds):
+    for f in range(folds):
         G, b = gram - products.gram[f], against - products.against[f]
         chosen = _select(G, b, (groups, worth), depth, start)
         for k in range(depth + 1):
@@ -83,11 +112,11 @@ def forward(
     return Forward(taken, tuple(sorted(selected, key=without)))
 
 
-def fitted(products: FoldProducts) -> Fit:
-    """The least-squares fit of all responses to all folds."""
+def fitted(products: FoldProducts) -> Array:
+    """The coefficients (k,) of the least-squares fit of all responses to all folds."""
     gram, against = products.gram.sum(axis=0), products.against.sum(axis=0)
     inverse = np.linalg.inv(gram + np.diag(_RIDGE * np.diag(gram) + _TINY))
-    return Fit(np.asarray(inverse @ against), np.asarray(inverse))
+    return np.asarray(inverse @ against)
 
 
 def _columns(groups: Index, chosen: list[int], start: Index) -> Index:

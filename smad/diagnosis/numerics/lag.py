@@ -9,7 +9,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from smad.diagnosis.numerics.folds import Array
+from smad.diagnosis.plant import Array
 
 
 def lagged(y: Array, keep: float) -> Array:

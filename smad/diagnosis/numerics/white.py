@@ -7,6 +7,7 @@ are shrunk by their spread. Missing rows are 0 in everything.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -48,6 +49,18 @@ def with_day_form(sd: Array, day: Array, day_sd: Array) -> Array:
     return np.asarray(np.sqrt(sd**2 + _DAY_FORM**2 * moved))
 
 
+def neighbours_alike(rows: Iterable[Array], most: float) -> Array:
+    """Correlation ρ of each bin with the next in all runs, from 0 to `most`, (channels,).
+
+    `rows` are (bins, channels) a run, 0 where nothing counts.
+    """
+    product, square = 0.0, 1e-12
+    for e in rows:
+        product = product + (e[1:] * e[:-1]).sum(axis=0)
+        square = square + (e**2).sum(axis=0)
+    return np.asarray(np.clip(product / square, 0.0, most))
+
+
 @dataclass(frozen=True)
 class RunRows:
     """What white space needs of one run of a programme.
@@ -61,6 +74,20 @@ class RunRows:
     day: Array
     day_sd: Array
     rho: Array
+
+    @classmethod
+    def of(
+        cls, sd: Array, valid: Mask, day: Array | None = None, rho: Array | None = None
+    ) -> RunRows:
+        """Rows of one `sd` for each channel, (channels,); directions are at one deviation."""
+        days = np.zeros((0, *valid.shape)) if day is None else day
+        return cls(
+            sd=np.broadcast_to(sd, valid.shape),
+            valid=valid,
+            day=days,
+            day_sd=np.ones(len(days)),
+            rho=np.zeros(len(sd)) if rho is None else rho,
+        )
 
     def independent(self, values: Array) -> Array:
         """Scaled, freed of what a bin tells of the next: (m, bins, channels) to (m, rows).

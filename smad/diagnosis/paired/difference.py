@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
-from smad.diagnosis.constants import Constants
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.data.rows import (
     binned,
@@ -20,40 +20,34 @@ from smad.diagnosis.errors import PairingError
 from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.paired.good import GoodRun, GoodRuns, day_directions
 from smad.diagnosis.places.place import PlacesPlant
-from smad.diagnosis.places.responses import Responses, Singles
+from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Array, Effect, Mask, PlantModel, traits_of
 from smad.diagnosis.rivals.changes import Changes
 from smad.diagnosis.rivals.evidence import Evidence, Trial, wandering
-from smad.diagnosis.rivals.question import day_variance, free_model, question_of
-from smad.diagnosis.rivals.rival import Question
+from smad.diagnosis.rivals.rival import Question, day_variance, question_of
 from smad.diagnosis.runs import GapRun
 from smad.progress import Say
 
 _LEAST_ROWS = 50
 """Readings of all pairs: less is five rows of the spring pair's ten channels."""
 
+Known = TypeVar("Known", Responses, Changes)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Pair:
     """A run of now beside the good run that it repeats, `then`. `share` of that was recorded;
-    `carried` says that inputs differed and the model carried the difference over. `played` is what
-    the model replays: the surroundings of now with the inputs of then, or with the run's own where
-    they were carried. `target` (bins, channels) is what it should show: what the model of the good
-    runs shows there, and what the bench has changed by."""
+    `carried` says that inputs differed and the model carried the difference over. In its `trial`
+    the model replays the surroundings of now with the inputs of then, or with the run's own where
+    they were carried; it should show what the model of the good runs shows there, and what the
+    bench has changed by."""
 
     now: str
     then: GoodRun
-    target: Array
-    rows: RunRows
+    trial: Trial
     share: float
     carried: bool
     around: Mapping[str, float]
-    played: Played
-
-    @property
-    def trial(self) -> Trial:
-        """The pair as a run to be judged."""
-        return Trial(played=self.played, target=self.target, rows=self.rows)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,12 +62,12 @@ class Paired:
         """The pairs as rows."""
         return Evidence(trials=tuple(p.trial for p in self.pairs))
 
-    def repeated(self, of_runs: Sequence[Singles]) -> tuple[Singles, ...] | None:
-        """Of arrays of the good runs, that of each pair; None where a run has other inputs."""
-        if any(p.carried for p in self.pairs):
+    def repeated(self, known: Known | None) -> Known | None:
+        """What is known of the good runs, of the pairs; None where a run has other inputs."""
+        if known is None or any(p.carried for p in self.pairs):
             return None
-        of_run = {r.name: x for r, x in zip(self.good.runs, of_runs, strict=True)}
-        return tuple(of_run[p.then.name] for p in self.pairs)
+        of_run = {r.name: x for r, x in zip(self.good.runs, known.runs, strict=True)}
+        return replace(known, runs=tuple(of_run[p.then.name] for p in self.pairs))
 
 
 def paired(plant: PlacesPlant, good: GoodRuns, runs: Sequence[tuple[GapRun, str]]) -> Paired:
@@ -83,7 +77,7 @@ def paired(plant: PlacesPlant, good: GoodRuns, runs: Sequence[tuple[GapRun, str]
     """
     by_name = {r.name: r for r in good.runs}
     pairs = tuple(_pair(plant, good, run, by_name[name]) for run, name in runs)
-    count = sum(int(p.rows.valid.sum()) for p in pairs)
+    count = sum(int(p.trial.rows.valid.sum()) for p in pairs)
     if count < _LEAST_ROWS:
         raise PairingError(
             "too little was recorded both then and now to judge",
@@ -94,30 +88,23 @@ def paired(plant: PlacesPlant, good: GoodRuns, runs: Sequence[tuple[GapRun, str]
     return Paired(plant=plant, good=good, pairs=pairs)
 
 
-def question_of_pairs(
-    pairs: Paired,
-    effects: Sequence[Effect],
-    c: Constants,
-    say: Say,
-    *,
-    responses: Responses | None = None,
-    changes: Changes | None = None,
-) -> Question:
+def question_of_pairs(pairs: Paired, effects: Sequence[Effect], say: Say) -> Question:
     """What is new in pairs: the parameters are where the good runs have them, give or take a day.
 
-    `responses` and `changes` are those of the pairs' runs, where they are known.
+    Responses and changes that are known of the good runs count for those that repeat them, though
+    they are in the surroundings of then.
     """
     plant, good = pairs.plant, pairs.good
     known = np.diag(day_variance(plant)) + good.parameter_covariance(plant)
     return question_of(
-        free_model(plant, good.point),
+        plant,
+        good.point,
         pairs.evidence(),
-        effects,
-        c,
-        say,
+        effects=effects,
+        say=say,
         tied=np.asarray(np.linalg.inv(known)),
-        responses=responses,
-        changes=changes,
+        responses=pairs.repeated(good.responses),
+        changes=pairs.repeated(good.changes),
     )
 
 
@@ -146,12 +133,10 @@ def _pair(plant: PlacesPlant, good: GoodRuns, run: GapRun, then: GoodRun) -> Pai
     return Pair(
         now=run.name,
         then=then,
-        target=target,
-        rows=rows,
+        trial=Trial(played=again, target=target, rows=rows),
         share=now.share,
         carried=other,
         around=around,
-        played=again,
     )
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from smad.diagnosis.numerics.white import RunRows, with_day_form
+from smad.diagnosis.numerics.white import RunRows, neighbours_alike, with_day_form
 from smad.diagnosis.plant import Array, Mask
 
 _LEAN_ROWS = 200.0
@@ -39,10 +39,6 @@ class Deviation:
     regime: Array
     day: Array
 
-    def of_regime(self, sd: Array) -> Array:
-        """Of standard deviations (channels, regimes) those of each bin, (bins, channels)."""
-        return np.asarray(sd[np.arange(len(sd))[None, :], self.regime])
-
 
 @dataclass(frozen=True)
 class Floor:
@@ -60,9 +56,12 @@ class Floor:
 
     def of(self, regime: Array, day: Array) -> Array:
         """Standard deviation of each bin; shape (bins, channels)."""
-        channels = np.arange(regime.shape[1])
-        channel_sd = self.sd[channels[None, :], regime]
-        return np.asarray(self.gauge * with_day_form(channel_sd, day, self.day_sd))
+        return np.asarray(self.gauge * with_day_form(_of_regime(self.sd, regime), day, self.day_sd))
+
+
+def _of_regime(sd: Array, regime: Array) -> Array:
+    """Of standard deviations (channels, regimes) those of each bin, (bins, channels)."""
+    return np.asarray(sd[np.arange(len(sd)), regime])
 
 
 def repeat_floor(
@@ -89,13 +88,14 @@ def repeat_floor(
         for d in repeats:
             # Correlated rows tell as much as (1 − ρ)/(1 + ρ) of them.
             share = np.sqrt((1.0 - rho) / (1.0 + rho))
-            weight = np.where(d.valid, share / d.of_regime(sd), 0.0)
+            weight = np.where(d.valid, share / _of_regime(sd, d.regime), 0.0)
             coefficient, variance = _day(d.values, weight, d.day, day_sd)
             rest = d.values - np.tensordot(coefficient, d.day, axes=1)
             left.append(replace(d, values=rest))
             squares += coefficient**2 + variance
         sd = _pooled(left, regimes, least)
-        rho = _correlation(left, sd)
+        scaled = (np.where(d.valid, d.values / _of_regime(sd, d.regime), 0.0) for d in left)
+        rho = neighbours_alike(scaled, _MOST_RHO)
         day_sd = np.sqrt((squares + _PSEUDO * usual_day**2) / (len(repeats) + _PSEUDO))
     # A variance of few degrees of freedom is often too small: that of a t distribution.
     few = np.sqrt((degrees + _T) / max(degrees + _T - 2.0, 1.0))
@@ -116,7 +116,7 @@ def _gauge(repeats: Sequence[Deviation], sd: Array, rho: Array, day_sd: Array) -
     """Root mean square of the repeats' own white rows, (channels,), at most `_MOST_GAUGE`."""
     total, count = np.full(len(rho), _GAUGE_ROWS), np.full(len(rho), _GAUGE_ROWS)
     for d in repeats:
-        sd_with_day = with_day_form(d.of_regime(sd), d.day, day_sd)
+        sd_with_day = with_day_form(_of_regime(sd, d.regime), d.day, day_sd)
         rows = RunRows(sd_with_day, d.valid, d.day, day_sd, rho)
         white = rows.shrink(rows.independent(d.values[None]))[0].reshape(d.values.shape)
         total = total + (white**2 * d.valid).sum(axis=0)
@@ -137,12 +137,3 @@ def _pooled(left: Sequence[Deviation], regimes: int, least: Array) -> Array:
     mean = (total + _LEAN_ROWS * whole[:, None]) / (count + _LEAN_ROWS)
     bottom = np.maximum(least, _LEAST_SHARE * np.sqrt(whole))
     return np.asarray(np.maximum(np.sqrt(mean), bottom[:, None]))
-
-
-def _correlation(left: Sequence[Deviation], sd: Array) -> Array:
-    product, square = np.zeros(len(sd)), np.full(len(sd), 1e-12)
-    for d in left:
-        e = np.where(d.valid, d.values / d.of_regime(sd), 0.0)
-        product += (e[1:] * e[:-1]).sum(axis=0)
-        square += (e**2).sum(axis=0)
-    return np.asarray(np.clip(product / square, 0.0, _MOST_RHO))

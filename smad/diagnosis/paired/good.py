@@ -15,10 +15,13 @@ from smad.diagnosis.data.played import Played, predictions, slopes
 from smad.diagnosis.data.rows import Binned, bin_numbers, binned, offset_s, require_like_inputs
 from smad.diagnosis.numerics.white import RunRows
 from smad.diagnosis.paired.floor import Deviation, Floor, repeat_floor
+from smad.diagnosis.places.place import PlacesPlant
+from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Array, Mask, ModelPoint, PlantModel, nominal_point, traits_of
-from smad.diagnosis.rivals.evidence import Evidence, Trial
+from smad.diagnosis.rivals.changes import Changes
+from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, Trial
 from smad.diagnosis.rivals.fit import fit_from_several, reference_at
-from smad.diagnosis.rivals.question import CORRELATED, free_model, temper_of, tempered
+from smad.diagnosis.rivals.rival import free_model, temper_of, tempered
 from smad.diagnosis.runs import GapRun
 
 _CLOCK_SD_S = 0.004
@@ -51,13 +54,16 @@ class GoodRun:
 class GoodRuns:
     """Good runs beside the model at a point, and their repeat floor.
 
-    `repeats` is how many recordings the run has that has fewest.
+    `repeats` is how many recordings the run has that has fewest. `responses` are those of laws, and
+    `changes` those of effects, of each run, where they are known.
     """
 
     runs: tuple[GoodRun, ...]
     point: ModelPoint
     floor: Floor
     repeats: int
+    responses: Responses | None = None
+    changes: Changes | None = None
 
     def parameter_covariance(self, plant: PlantModel) -> Array:
         """How well the good runs say where the parameters are, (p, p), in prior deviations.
@@ -130,7 +136,7 @@ def _regime_numbers(plant: PlantModel, run: GapRun, played: Played) -> tuple[Arr
 
 
 def good_runs(
-    plant: PlantModel, groups: Sequence[Sequence[GapRun]], period_s: float = PERIOD_S
+    plant: PlacesPlant, groups: Sequence[Sequence[GapRun]], period_s: float = PERIOD_S
 ) -> GoodRuns:
     """What good runs are worth, the recordings of each in a group, in rows of `period_s`.
 
@@ -192,25 +198,18 @@ def good_runs(
     )
 
 
-def _fitted_point(plant: PlantModel, repeated: Sequence[_Repeats]) -> ModelPoint:
+def _fitted_point(plant: PlacesPlant, repeated: Sequence[_Repeats]) -> ModelPoint:
     """The parameters that leave least of the means of good runs, fitted as those of any rival."""
     least = least_sd(plant)
     trials = []
     for r in repeated:
         mean, count = r.mean(r.values)
-        rows = RunRows(
-            sd=np.broadcast_to(least, mean.shape),
-            valid=count > 0,
-            day=np.zeros((0, *mean.shape)),
-            day_sd=np.zeros(0),
-            rho=np.zeros(len(least)),
-        )
-        trials.append(Trial(played=r.played, target=mean, rows=rows))
+        trials.append(Trial(played=r.played, target=mean, rows=RunRows.of(least, count > 0)))
     evidence = Evidence(trials=tuple(trials))
     temper = temper_of(shipped(), free=True, channels=evidence.channels)
     model = tempered(free_model(plant, nominal_point(plant)), evidence, temper)
     nominal = reference_at(evidence, model, np.zeros(model.parameters))
-    made = nominal and fit_from_several(evidence, nominal, np.full(evidence.channels, CORRELATED))
+    made = nominal and fit_from_several(evidence, nominal)
     return made.point if made else model.start
 
 
@@ -243,12 +242,10 @@ def _longest(group: Sequence[GapRun]) -> GapRun:
     return next(run for run in group if run.duration_s > longest_s - PERIOD_S)
 
 
-def _on_one_grid(
-    plant: PlantModel, group: Sequence[GapRun], period_s: float = PERIOD_S
-) -> _Repeats:
+def _on_one_grid(plant: PlantModel, group: Sequence[GapRun], period_s: float) -> _Repeats:
     """The recordings of a group in rows of `period_s`."""
     first = _longest(group)
-    start_s = float(first.t_s[0] - first.dt_s)
+    start_s = first.begins_s
     around = [r.at_start(traits_of(plant).environment.values()) for r in group]
     shared = set.intersection(*(set(a) for a in around))
     middle = {n: float(np.mean([a[n] for a in around])) for n in sorted(shared)}

@@ -32,7 +32,7 @@ def same_programme(
     stepped = len(edges_s(run)) and len(edges_s(other))
     if not stepped and run.name == other.name:
         return True
-    start_s = float(other.t_s[0] - other.dt_s)
+    start_s = other.begins_s
     bins = max(1, int(other.duration_s / period_s))
     first = binned(other, bins, plant, start_s, period_s)
     second = binned(run, bins, plant, start_s + offset_s(run, other), period_s)

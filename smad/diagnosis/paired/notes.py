@@ -60,7 +60,7 @@ def _lost(paired: Paired) -> str:
     """Channels of which now most readings are missing that the good runs have, with the runs."""
     runs: dict[str, list[str]] = {}
     for p in paired.pairs:
-        had, has = p.then.valid.sum(axis=0), p.rows.valid.sum(axis=0)
+        had, has = p.then.valid.sum(axis=0), p.trial.rows.valid.sum(axis=0)
         for c, then, now in zip(paired.plant.channels, p.share * had, has, strict=True):
             if now < 0.5 * then:
                 runs.setdefault(c.name, []).append(p.now)

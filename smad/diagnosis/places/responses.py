@@ -9,39 +9,34 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import accumulate
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim_device.plant import Law, Term, basis, terms_over
 from sim_device.plant.errors import PlantError
 from smad.diagnosis.data.played import Played, finite
-from smad.diagnosis.numerics.folds import Array, Index
 from smad.diagnosis.numerics.threads import each
 from smad.diagnosis.places.bare import BarePlaces
 from smad.diagnosis.places.place import BOTH, Forcing, Place, PlacesPlant, single_sides
-from smad.diagnosis.plant import ModelPoint, traits_of
+from smad.diagnosis.plant import Array, Index, ModelPoint, Singles, traits_of
 from smad.progress import Say, silent
-
-Singles = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """A hypothesis of where: a place, a side, and the terms that a law may have there.
 
-    `groups` (m, w) are the numbers of a term's responses, one for each spring that it acts on;
-    `terms` (m,) their names. The first is the constant, which is in every law: the lines of the
-    others have their zero in the middle of the state's range. `orders` (m,) are theirs: 1 for a
-    line, more for what is less simple.
+    `groups` (m, w) are the numbers of a term's responses, one for each spring that it acts on. The
+    first is the constant, which is in every law: the lines of the others have their zero in the
+    middle of the state's range. `orders` (m,) are theirs: 1 for a line, more for what is less
+    simple.
     """
 
     place: str
     side: str
     groups: Index
-    terms: tuple[str, ...]
     orders: tuple[int, ...]
 
 
@@ -111,8 +106,7 @@ def _candidate(side: str, laws: Sequence[tuple[Law, range]]) -> Candidate:
     first, _ = laws[0]
     terms = [t for t in first.terms if all(t.name in other for other in known)]
     groups = np.array([[columns[t.name] for columns in known] for t in terms], dtype=np.intp)
-    names, orders = tuple(t.name for t in terms), tuple(t.order for t in terms)
-    return Candidate(first.place, side, groups, names, orders)
+    return Candidate(first.place, side, groups, tuple(t.order for t in terms))
 
 
 def candidate_laws(
@@ -190,60 +184,46 @@ def responses(
     arrays = list(known or ())
     for played in runs[len(arrays) :]:
         progress(f"responses of the places: {played.whole.name}")
-        arrays.append(_Replayed(plant, point, played.coarse).responses(laws, count))
+        arrays.append(_replayed(plant, point, played.coarse, laws))
     scales = {place.name: place.scale for place in plant.places}
     return Responses(laws=laws, scales=scales, runs=tuple(arrays))
 
 
-@dataclass(frozen=True)
-class _Replayed:
-    """One run at the reference point, and what forcings change of it."""
+def _replayed(
+    plant: PlacesPlant, point: ModelPoint, played: Played, laws: Sequence[Law]
+) -> Singles:
+    """Those of all terms of all laws in one run, (terms, bins, channels)."""
+    run, places = played.run, {place.name: place for place in plant.places}
+    states = plant.trajectory(point, run, fast=True)
 
-    plant: PlacesPlant
-    point: ModelPoint
-    played: Played
+    def readings(forcing: Forcing) -> Array:
+        return played.on_grid(plant.forced(point, run, forcing, fast=True), plant.channels)
 
-    def responses(self, laws: Sequence[Law], count: int) -> Singles:
-        """Those of all terms of all laws, (terms, bins, channels)."""
-        run = self.played.run
-        states, base = self.plant.trajectory(self.point, run, fast=True), self.readings({})
-        out = np.zeros((count, *base.shape), dtype=np.float32)
-        places = {place.name: place for place in self.plant.places}
-        first = 0
-        for law in laws:
-            place = places[law.place]
-            X = law_values(self.plant, law, states, run.t_s)
-            # A bare plant is pushed by what its inputs are at that very sample (`BarePlaces`).
-            at_once = place.reading or isinstance(self.plant, BarePlaces)
-            forcing = place.scale * (X if at_once else _later(X))
-            of = self._of_reading if place.reading else self._of_place
-            out[first : first + len(law.terms)] = of((law.place, law.side), forcing, base)
-            first += len(law.terms)
-        return out
+    def changed(key: tuple[str, str], series: Array) -> Array:
+        try:
+            moved = readings({key: series})
+        except PlantError:
+            return np.zeros_like(base)
+        return moved - base if finite([moved]) else np.zeros_like(base)
 
-    def readings(self, forcing: Forcing) -> Array:
-        """The forced prediction on the grid, (bins, channels)."""
-        outputs = self.plant.forced(self.point, self.played.run, forcing, fast=True)
-        series = np.stack([outputs[c.name] for c in self.plant.channels])
-        return self.played.means(series).T
-
-    def _of_place(self, key: tuple[str, str], forcing: Array, base: Array) -> Array:
-        """What each column of `forcing` (n, k) changes, (k, bins, channels), a replay for each."""
-
-        def changed(series: Array) -> Array:
-            try:
-                moved = self.readings({key: series})
-            except PlantError:
-                return np.zeros_like(base)
-            return moved - base if finite([moved]) else np.zeros_like(base)
-
-        return np.array(each(changed, forcing.T, traits_of(self.plant).together))
-
-    def _of_reading(self, key: tuple[str, str], forcing: Array, base: Array) -> Array:
-        """The same for a place of a reading, by what a constant of 1 does there."""
-        share = np.median(self.readings({key: np.ones(len(forcing))}) - base, axis=0)
-        means = self.played.means(forcing.T)
-        return np.asarray(means[:, :, None] * share)
+    base = readings({})
+    out = np.zeros((sum(len(law.terms) for law in laws), *base.shape), dtype=np.float32)
+    first = 0
+    for law in laws:
+        place, key = places[law.place], (law.place, law.side)
+        X = law_values(plant, law, states, run.t_s)
+        # A bare plant is pushed by what its inputs are at that very sample (`BarePlaces`).
+        at_once = place.reading or isinstance(plant, BarePlaces)
+        forcing = place.scale * (X if at_once else _later(X))
+        mine = slice(first, first := first + len(law.terms))
+        if place.reading:
+            # By what a constant of 1 does there.
+            share = np.median(readings({key: np.ones(len(forcing))}) - base, axis=0)
+            out[mine] = played.means(forcing.T)[:, :, None] * share
+        else:
+            together = traits_of(plant).together
+            out[mine] = np.array(each(partial(changed, key), forcing.T, together))
+    return out
 
 
 def _later(values: Array) -> Array:

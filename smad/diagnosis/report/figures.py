@@ -9,13 +9,11 @@ import numpy as np
 
 from sim_device.plant import Law
 from smad.diagnosis.answer import Answer
-from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.place import BOTH, PlacesPlant, single_sides
 from smad.diagnosis.places.responses import law_series
-from smad.diagnosis.plant import ModelPoint
+from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.rivals.fit import replayed
 from smad.diagnosis.rivals.parts import LawPart
-from smad.diagnosis.rivals.rival import Question
 from smad.diagnosis.rivals.search import Searched
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import CHECK_UP, Cause, labelled
@@ -32,7 +30,8 @@ _MORE_SIGNALS = 5
 class Course:
     """The judged run with the largest gap; `measured`, `before` and `after` are (bins, channels).
 
-    `before` is the simulator as configured, `after` with what is told (None where that is nothing).
+    `before` is the simulator as configured, `after` with what is told, fitted without the run (None
+    where that is nothing).
     `floors` (bins, channels) in channel units. `order` are channels, those first that are furthest
     off; `labels` what their axes show.
     """
@@ -59,8 +58,9 @@ class Course:
         )
         if replay is None:
             return None
-        (before,), after = replay, _predicted(question, search, k)
-        bins, period_s = len(before), trial.played.period_s
+        fitted = search.final.fit
+        predicted = None if fitted is None else question.predicted(fitted)
+        (before,), after = replay, None if predicted is None else predicted[k]
         measured = np.where(trial.rows.valid, trial.target, np.nan)
         paired = answer.verdict.question == CHECK_UP
         if paired:
@@ -70,7 +70,7 @@ class Course:
         ranked = np.argsort(-(squares / counts)[k], kind="stable")
         return cls(
             run=trial.played.whole.name,
-            t_s=np.asarray((np.arange(bins) + 0.5) * period_s),
+            t_s=np.asarray((np.arange(len(before)) + 0.5) * trial.played.period_s),
             measured=measured,
             before=before,
             after=after,
@@ -89,14 +89,6 @@ class Course:
             words = "predicted by the cause" if self.paired else "simulator with the cause"
             out.append((self.after[:, c], words, "x", "-", 1.0))
         return out
-
-
-def _predicted(question: Question, search: Searched, k: int) -> Array | None:
-    """The prediction of run k by the causes, fitted without it; None where nothing is told."""
-    if search.final.fit is None:
-        return None
-    replay = question.predicted(search.final.fit)
-    return None if replay is None else replay[k]
 
 
 def largest_gap(course: Course) -> Picture:
@@ -129,9 +121,7 @@ def largest_gap(course: Course) -> Picture:
     what = "The change of the" if course.paired else "The"
     without = "" if course.after is None else " The cause was fitted without this run."
     return picture(
-        figure,
-        "The largest gap",
-        f"{what} signal with the largest gap, in {course.run}.{without}",
+        figure, "The largest gap", f"{what} signal with the largest gap, in {course.run}.{without}"
     )
 
 
@@ -161,7 +151,7 @@ def laws(answer: Answer) -> list[Picture]:
     question, fitted = answer.search.question, answer.stages[-1].fit
     if fitted is None:
         return []
-    plant: PlacesPlant = question.model.plant  # type: ignore[assignment]
+    plant: PlacesPlant = question.model.plant
     runs = [p.run for p in question.evidence.played]
     out = []
     for cause, part, mine in zip(

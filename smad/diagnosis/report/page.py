@@ -16,15 +16,7 @@ from smad.diagnosis.report.words import (
     name_words,
     place_words,
 )
-from smad.diagnosis.verdict import (
-    CHECK_UP,
-    DIFFERS,
-    Cause,
-    RivalGap,
-    Verdict,
-    labelled,
-    with_unit,
-)
+from smad.diagnosis.verdict import CHECK_UP, DIFFERS, Cause, RivalGap, Verdict, labelled, with_unit
 from smad.report.page import Beside, Block, Code, Page, Section, Table, Text, write_page
 from smad.units import in_words
 
@@ -85,19 +77,13 @@ def _answer(v: Verdict) -> list[Block]:
 
 def rivals(rows: Sequence[RivalGap], judged: str) -> Table:
     """The table of rivals: values, what each leaves of the judged runs, and its probability."""
-    return Table(
-        ("floors left", "probability", "rival", "values"),
-        [
-            (f"{r.gap:.3g}", f"{r.probability:.2f}", _what(r), ", ".join(v.text for v in r.values))
-            for r in first_rivals(rows)
-        ],
-        f"Each rival is fitted together with the parameters, and {judged}",
-        frozenset((0, 1)),
-    )
-
-
-def _what(rival: RivalGap) -> str:
-    return f"{rival.words}: {rival.title}" if rival.title else rival.words
+    header = ("floors left", "probability", "rival", "values")
+    table = []
+    for r in first_rivals(rows):
+        what, values = f"{r.words}: {r.title}".removesuffix(": "), (v.text for v in r.values)
+        table.append((f"{r.gap:.3g}", f"{r.probability:.2f}", what, ", ".join(values)))
+    caption = f"Each rival is fitted together with the parameters, and {judged}"
+    return Table(header, table, caption, frozenset((0, 1)))
 
 
 def _cause(cause: Cause) -> Table:

@@ -124,11 +124,6 @@ def place_words(cause: Cause) -> str:
     return ", ".join(f"{cause.place_words.get(n, n)} {p:.2f}" for n, p in likely.items())
 
 
-def rival_words(rival: RivalGap) -> str:
-    """A rival with the values that fit it best."""
-    return ", ".join((rival.words, *(v.text for v in rival.values)))
-
-
 def rival_lines(rivals: Sequence[RivalGap]) -> list[str]:
     """The table of rivals: what each leaves of the judged runs, and its probability."""
     if not rivals:
@@ -136,7 +131,8 @@ def rival_lines(rivals: Sequence[RivalGap]) -> list[str]:
     return [
         "  floors left  probability  rival",
         *(
-            f"  {r.gap:>11.3g}  {r.probability:>11.2f}  {rival_words(r)}"
+            f"  {r.gap:>11.3g}  {r.probability:>11.2f}  "
+            + ", ".join((r.words, *(v.text for v in r.values)))
             for r in first_rivals(rivals)
         ),
     ]

@@ -12,9 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from smad.diagnosis.data.played import Played, finite, predictions
-from smad.diagnosis.numerics.folds import Array
-from smad.diagnosis.places.responses import Singles
-from smad.diagnosis.plant import Effect, EffectParameter, ModelPoint, PlantModel
+from smad.diagnosis.plant import Array, Effect, EffectParameter, ModelPoint, PlantModel, Singles
 from smad.diagnosis.rivals.evidence import Evidence
 
 _LEVELS = (0.3, 1.0)

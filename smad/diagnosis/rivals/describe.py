@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_device.plant import Term
-from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.places.place import BOTH, PlacesPlant, single_sides
 from smad.diagnosis.places.responses import law_series
+from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.fit import Fit
 from smad.diagnosis.rivals.parts import EffectPart, LawPart
 from smad.diagnosis.rivals.rival import Question, Rival
-from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS
+from smad.diagnosis.rivals.score import EFFECT, LAW, PARAMETERS
 from smad.diagnosis.verdict import EffectValue, LawTerm
 
 _ALIKE = 0.95
@@ -29,19 +29,17 @@ class Describer:
 
     def rival(self, rival: Rival) -> str:
         """A row of the table of rivals."""
-        if rival.kind == NOTHING:
-            if rival.fit is None:
-                return "the simulator as configured"
-            return "nothing more" if rival.fit.model.parts else "day-to-day variation alone"
-        if rival.kind == PARAMETERS:
-            return "parameters alone"
+        parts = rival.fit.model.parts if rival.fit is not None else ()
         if rival.kind == EFFECT:
             return rival.name
-        side = BOTH
-        if rival.fit is not None and isinstance(part := rival.fit.model.parts[-1], LawPart):
-            side = part.candidate.side
-        assert rival.kind == LAW
-        return f"a law at the {self.place(rival.places[0], side)}"
+        if rival.kind == LAW:
+            side = parts[-1].candidate.side if isinstance(parts[-1], LawPart) else BOTH
+            return f"a law at the {self.place(rival.places[0], side)}"
+        if rival.kind == PARAMETERS:
+            return "parameters alone"
+        if rival.fit is None:
+            return "the simulator as configured"
+        return "nothing more" if parts else "day-to-day variation alone"
 
     def place(self, name: str, side: str) -> str:
         """A place with its spring, as users read it."""

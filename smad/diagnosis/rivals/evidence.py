@@ -14,15 +14,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from smad.diagnosis.data.measured import Measured
 from smad.diagnosis.data.played import Played
-from smad.diagnosis.numerics.folds import Array, Index
-from smad.diagnosis.numerics.white import RunRows, Shrink
+from smad.diagnosis.data.rows import binned
+from smad.diagnosis.numerics.white import RunRows, Shrink, neighbours_alike
 from smad.diagnosis.places.bare import BarePlaces
 from smad.diagnosis.places.place import PlacesPlant
-from smad.diagnosis.plant import ModelPoint, traits_of
+from smad.diagnosis.plant import Array, Index, ModelPoint, traits_of
 from smad.diagnosis.runs import GapRun
 
+CORRELATED = 16.0
+"""Rows that an error of the model's form is correlated over: as many count as one."""
 _MOST_CORRELATED = 0.98
 _FOLDS = 4
 _TURNS = 2
@@ -166,12 +167,10 @@ class Evidence:
 
     def correlation_rows(self, r: Array) -> Array:
         """Correlation time of each channel's rows, in rows, (channels,): (1 + ρ)/(1 − ρ)."""
-        product, square = np.zeros(self.channels), np.full(self.channels, 1e-12)
-        for k, trial in enumerate(self.trials):
-            e = (r * self.valid)[self.spans[k]].reshape(trial.target.shape)
-            product += (e[1:] * e[:-1]).sum(axis=0)
-            square += (e**2).sum(axis=0)
-        rho = np.clip(product / square, 0.0, _MOST_CORRELATED)
+        counted = r * self.valid
+        pairs = zip(self.trials, self.spans, strict=True)
+        courses = (counted[mine].reshape(trial.target.shape) for trial, mine in pairs)
+        rho = neighbours_alike(courses, _MOST_CORRELATED)
         return np.asarray((1.0 + rho) / (1.0 - rho))
 
     def part(self, chosen: Sequence[int]) -> Evidence:
@@ -187,18 +186,12 @@ def recorded_evidence(
     What the plant's traits say wanders by itself is left open in each run, as the model at `point`
     shows it.
     """
-    measured = Measured.of(plant, runs, period_s)
     trials = []
-    for played, values, valid in zip(measured.played, measured.values, measured.valid, strict=True):
-        day = wandering(plant, point, played)
-        rows = RunRows(
-            np.broadcast_to(floors, valid.shape),
-            valid,
-            day,
-            np.ones(len(day)),
-            np.zeros(len(floors)),
-        )
-        trials.append(Trial(played=played, target=values, rows=rows))
+    for run in runs:
+        played = Played.of(run, plant.inputs, run.begins_s, period_s)
+        measured = binned(run, played.bins, plant, played.start_s, period_s)
+        rows = RunRows.of(floors, measured.valid, wandering(plant, point, played))
+        trials.append(Trial(played=played, target=measured.values, rows=rows))
     return Evidence(trials=tuple(trials))
 
 
@@ -212,26 +205,22 @@ def wandering(plant: PlacesPlant, point: ModelPoint, played: Played) -> Array:
     run, whole = played.run, played.whole
     steady, small = np.ones(len(run.t_s)), np.full(len(whole.t_s), _UNTOLD)
     line = (run.t_s - run.t_s[0]) / max(run.duration_s, 1e-9)
-    base = _shown(plant, plant.forced(point, run, {}, fast=True), played)
-    exact = _shown(plant, plant.forced(point, whole, {}), played, exact=True)
+
+    def shown(outputs: Mapping[str, Array], *, exact: bool = False) -> Array:
+        return played.on_grid(outputs, plant.channels, exact=exact)
+
+    base = shown(plant.forced(point, run, {}, fast=True))
+    exact = shown(plant.forced(point, whole, {}), exact=True)
     out = [np.zeros((0, *base.shape))]
     places = {p.name: p for p in plant.places}
     for name, size in traits_of(plant).drift.items():
         for side in places[name].sides:
             for course in (steady, line):
                 forced = plant.forced(point, run, {(name, side): size * course}, fast=True)
-                out.append((_shown(plant, forced, played) - base)[None])
+                out.append((shown(forced) - base)[None])
             for course in (small, -small):
                 forced = plant.forced(point, whole, {(name, side): size * course})
-                out.append((_shown(plant, forced, played, exact=True) - exact)[None])
+                out.append((shown(forced, exact=True) - exact)[None])
     if isinstance(plant, BarePlaces):
-        begun = plant.begun_otherwise(point, run)
-        out += [(_shown(plant, shown, played) - base)[None] for shown in begun]
+        out += [(shown(begun) - base)[None] for begun in plant.begun_otherwise(point, run)]
     return np.concatenate(out)
-
-
-def _shown(
-    plant: PlacesPlant, outputs: Mapping[str, Array], played: Played, *, exact: bool = False
-) -> Array:
-    series = np.stack([outputs[c.name] for c in plant.channels])
-    return np.ascontiguousarray(played.means(series, exact=exact).T)

@@ -2,9 +2,9 @@
 
 Minimises, over the coordinates x of a model,
 
-    F(x) = Σ_c n_c/τ_c · log(v_c(x) + 1) + (x − m)ᵀ P (x − m),
+    F(x) = Σ_c n_c/τ · log(v_c(x) + 1) + (x − m)ᵀ P (x − m),
 
-v_c being the mean square of channel c's n_c rows in floors and τ_c their correlation time. So each
+v_c being the mean square of channel c's n_c rows in floors and τ their correlation time. So each
 channel counts by what the fit leaves of it now: neither a loud channel nor one that the model
 cannot show decides alone. Gauss–Newton steps with damping; a step that does not lessen F is not
 taken, and a fit ends when no damping lessens it or F falls by less than `_ENOUGH`.
@@ -19,9 +19,8 @@ from functools import cached_property
 import numpy as np
 
 from smad.diagnosis.data.played import finite, predictions
-from smad.diagnosis.numerics.folds import Array
-from smad.diagnosis.plant import ModelPoint
-from smad.diagnosis.rivals.evidence import Evidence
+from smad.diagnosis.plant import Array, ModelPoint
+from smad.diagnosis.rivals.evidence import CORRELATED, Evidence
 from smad.diagnosis.rivals.parts import Model
 
 _DAMPING = (0.0, 0.003, 0.03, 0.3, 3.0, 30.0)
@@ -94,11 +93,16 @@ def replayed(
     return predicted if finite(predicted) else None
 
 
-def reference_at(evidence: Evidence, model: Model, x: Array) -> Reference | None:
-    """Predictions and slopes of all coordinates, made at `x`; None where the model cannot run."""
+def reference_at(
+    evidence: Evidence, model: Model, x: Array, known: Fit | None = None
+) -> Reference | None:
+    """Predictions and slopes at `x`; None where the model cannot run.
+
+    Slopes are those of a fit where one is `known`, else made there for all coordinates.
+    """
     point = model.point(x)
     exact = replayed(evidence, point, model, exact=True)
-    averaged = replayed(evidence, point, model, exact=False)
+    averaged = exact if model.quick else replayed(evidence, point, model, exact=False)
     if exact is None or averaged is None:
         return None
     return Reference(
@@ -106,9 +110,14 @@ def reference_at(evidence: Evidence, model: Model, x: Array) -> Reference | None
         x=x,
         exact=tuple(exact),
         averaged=tuple(averaged),
-        slopes=slopes_at(evidence, model, x, range(len(x))),
-        linearized_at=x,
+        slopes=known.slopes if known else slopes_at(evidence, model, x, range(len(x))),
+        linearized_at=known.linearized_at if known else x,
     )
+
+
+def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
+    """The fitted model as a reference of its own, with the slopes that the fit has."""
+    return reference_at(evidence, fitted.model, fitted.x, fitted)
 
 
 def slopes_at(evidence: Evidence, model: Model, x: Array, which: Sequence[int]) -> Array:
@@ -160,18 +169,23 @@ def averages_hide(evidence: Evidence, reference: Reference, model: Model, x: Arr
     return bool(np.sum((averaged - exact) ** 2) > _HIDDEN**2 * np.sum(exact**2))
 
 
-def weights(evidence: Evidence, left: Array, tau: Array, alike: float = 1.0) -> Array:
-    """What each row's square counts, (n,): 1/((v_c + alike) τ_c), 0 where it is not valid."""
+def weights(
+    evidence: Evidence, left: Array, alike: float = 1.0, tau: Array | float = CORRELATED
+) -> Array:
+    """What each row's square counts, (n,): 1/((v_c + alike) τ), 0 where it is not valid.
+
+    `tau` are correlation times in rows, of all channels or (channels,).
+    """
     of_channel = 1.0 / ((evidence.variances(left) + alike) * tau)
     return np.asarray(of_channel[evidence.channel_of_row] * evidence.valid)
 
 
 def objective(
-    evidence: Evidence, model: Model, x: Array, left: Array, tau: Array, *, alike: float = 1.0
+    evidence: Evidence, model: Model, x: Array, left: Array, *, alike: float = 1.0
 ) -> float:
-    """F, see the module, with `alike` in place of 1; `tau` (channels,) are in rows."""
+    """F, see the module, with `alike` in place of 1."""
     mean, precision = model.prior
-    likelihood = evidence.counts.sum(axis=0) / tau @ np.log(evidence.variances(left) + alike)
+    likelihood = evidence.counts.sum(axis=0) / CORRELATED @ np.log(evidence.variances(left) + alike)
     return float(likelihood + (x - mean) @ precision @ (x - mean))
 
 
@@ -194,7 +208,6 @@ class _Descent:
     evidence: Evidence
     model: Model
     shift: tuple[Array, ...] | None
-    tau: Array
     weight: Array
     alike: float
 
@@ -211,7 +224,7 @@ class _Descent:
     def valued(self, stand: _Stand) -> _Stand:
         """The stand with F by these weights."""
         left = self.evidence.freed(stand.left, self.weight)
-        value = objective(self.evidence, self.model, stand.x, left, self.tau, alike=self.alike)
+        value = objective(self.evidence, self.model, stand.x, left, alike=self.alike)
         return replace(stand, value=value)
 
     def lessened(self, stand: _Stand, slopes: Array) -> _Stand:
@@ -245,7 +258,6 @@ def fit(
     start: Array,
     reference: Reference,
     *,
-    tau: Array,
     rounds: int = _ROUNDS,
     alike: float = 1.0,
     exact: bool = False,
@@ -263,9 +275,7 @@ def fit(
     """
     low, high = model.bounds
     shift = None if exact or model.quick else reference.shift
-    even = _Descent(
-        evidence=evidence, model=model, shift=shift, tau=tau, weight=evidence.valid, alike=alike
-    )
+    even = _Descent(evidence=evidence, model=model, shift=shift, weight=evidence.valid, alike=alike)
     stand = even.at(np.clip(start, low, high))
     if stand is None:
         return None
@@ -278,7 +288,7 @@ def fit(
     slopes = np.concatenate([reference.slopes, slopes_at(evidence, model, stand.x, unknown)])
     corrected = False
     for _ in range(rounds):
-        descent = replace(even, weight=weights(evidence, stand.left, tau, alike))
+        descent = replace(even, weight=weights(evidence, stand.left, alike))
         begun = descent.valued(stand)
         stand = descent.lessened(begun, slopes)
         if begun.value - stand.value >= _ENOUGH:
@@ -291,7 +301,7 @@ def fit(
             corrected = False
         else:
             break
-    ended = replace(even, weight=weights(evidence, stand.left, tau, alike)).valued(stand)
+    ended = replace(even, weight=weights(evidence, stand.left, alike)).valued(stand)
     return Fit(
         model=model,
         x=stand.x,
@@ -303,23 +313,6 @@ def fit(
     )
 
 
-def rebased(evidence: Evidence, fitted: Fit) -> Reference | None:
-    """The fitted model as a reference of its own, with the slopes that the fit has."""
-    model, point = fitted.model, fitted.point
-    exact = replayed(evidence, point, model, exact=True)
-    averaged = exact if model.quick else replayed(evidence, point, model, exact=False)
-    if exact is None or averaged is None:
-        return None
-    return Reference(
-        model=model,
-        x=fitted.x,
-        exact=tuple(exact),
-        averaged=tuple(averaged),
-        slopes=fitted.slopes,
-        linearized_at=fitted.linearized_at,
-    )
-
-
 def reusable_slopes(made: Reference | Fit) -> Array:
     """Slopes (p, n) of the parameters, or none (0, n) where a coordinate has moved since by more
     than the step that slopes are measured with, or a part has come or gone."""
@@ -328,9 +321,7 @@ def reusable_slopes(made: Reference | Fit) -> Array:
     return made.slopes[: 0 if far else made.model.parameters]
 
 
-def polished(
-    evidence: Evidence, fitted: Fit, tau: Array, *, alike: float = 1.0, exact: bool = True
-) -> Fit:
+def polished(evidence: Evidence, fitted: Fit, *, alike: float = 1.0, exact: bool = True) -> Fit:
     """The fit carried on, by exact replays or averaged inputs, until that lessens F no further.
 
     Slopes of the parts are made anew each time, those of the parameters where they are far from
@@ -339,14 +330,7 @@ def polished(
     for _ in range(_POLISHES):
         here = rebased(evidence, replace(fitted, slopes=reusable_slopes(fitted)))
         made = here and fit(
-            evidence,
-            fitted.model,
-            fitted.x,
-            here,
-            tau=tau,
-            rounds=_POLISH_ROUNDS,
-            alike=alike,
-            exact=exact,
+            evidence, fitted.model, fitted.x, here, rounds=_POLISH_ROUNDS, alike=alike, exact=exact
         )
         if not made:
             return fitted
@@ -356,9 +340,7 @@ def polished(
     return fitted
 
 
-def fit_to_end(
-    evidence: Evidence, reference: Reference, tau: Array, *, near: bool = False
-) -> Fit | None:
+def fit_to_end(evidence: Evidence, reference: Reference, *, near: bool = False) -> Fit | None:
     """The model of a reference fitted from there on to its end; None where it cannot run.
 
     It begins by least squares, in which channels count alike that leave less than the loudest, and
@@ -367,13 +349,12 @@ def fit_to_end(
     begun = replace(reference, slopes=reusable_slopes(reference))
     loudest = max(float(evidence.variances(evidence.left(reference.exact)).max()), 1.0)
     alikes = (1.0,) if near else (loudest, loudest**0.5, 1.0)
-    made = fit(evidence, reference.model, reference.x, begun, tau=tau, alike=alikes[0])
+    made = fit(evidence, reference.model, reference.x, begun, alike=alikes[0])
     for alike in dict.fromkeys(alikes):
         if made:
             made = polished(
                 evidence,
                 replace(made, objective=np.inf),
-                tau,
                 alike=alike,
                 # What is far from its end needs no more than a direction.
                 exact=alike < loudest or alike == 1.0,
@@ -381,30 +362,26 @@ def fit_to_end(
     return made
 
 
-def fit_from_several(evidence: Evidence, reference: Reference, tau: Array) -> Fit | None:
+def fit_from_several(evidence: Evidence, reference: Reference) -> Fit | None:
     """The best of fits to their end from three starts, for what much else is compared with.
 
     Where springs reverse F has many minima: 583 and 215 of the same good runs. They begin at the
     reference, by least squares and with F, and half way from there to where the first one ended.
     """
-    first = fit_to_end(evidence, reference, tau)
+    first = fit_to_end(evidence, reference)
     if first is None:
         return None
     half = reference_at(evidence, reference.model, 0.5 * (reference.x + first.x))
-    fits = (
-        first,
-        fit_to_end(evidence, reference, tau, near=True),
-        half and fit_to_end(evidence, half, tau),
-    )
+    fits = (first, fit_to_end(evidence, reference, near=True), half and fit_to_end(evidence, half))
     return min((made for made in fits if made), key=lambda made: made.objective)
 
 
-def leave_out(evidence: Evidence, fitted: Fit, tau: Array) -> tuple[Array, ...]:
+def leave_out(evidence: Evidence, fitted: Fit) -> tuple[Array, ...]:
     """Coordinates without each fold, one Gauss–Newton step from those of all rows."""
     model, x = fitted.model, fitted.x
     low, high = model.bounds
     mean, precision = model.prior
-    weight = weights(evidence, fitted.left, tau)
+    weight = weights(evidence, fitted.left)
     J, r = _weighted(evidence, fitted.slopes, fitted.left, weight)
     products, along = J @ J.T + precision, J @ r - precision @ (x - mean)
     out = []
@@ -415,13 +392,13 @@ def leave_out(evidence: Evidence, fitted: Fit, tau: Array) -> tuple[Array, ...]:
     return tuple(out)
 
 
-def covariance(evidence: Evidence, fitted: Fit, tau: Array) -> Array:
+def covariance(evidence: Evidence, fitted: Fit) -> Array:
     """Covariance (k, k) of a fit's coordinates: the inverse of half the second derivatives of F.
 
-    Rows count as in the fit, or as less where what it leaves is correlated for longer than `tau`.
+    Rows count as in the fit, or as less where what it leaves is correlated for longer.
     """
-    tau = np.maximum(tau, evidence.correlation_rows(fitted.left))
-    J = evidence.weighted(weights(evidence, fitted.left, tau))(fitted.slopes)
+    tau = np.maximum(CORRELATED, evidence.correlation_rows(fitted.left))
+    J = evidence.weighted(weights(evidence, fitted.left, tau=tau))(fitted.slopes)
     _, precision = replace(fitted.model, rows_as_one=1.0).prior
     return np.asarray(np.linalg.inv(J @ J.T + precision + _RIDGE * np.eye(len(precision))))
 

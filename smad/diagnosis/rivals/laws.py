@@ -6,19 +6,15 @@ is selected is then fitted and judged by replay like any other rival.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from smad.diagnosis.numerics.folds import Array, FoldRows, Index
-from smad.diagnosis.numerics.forward import Forward, fitted, forward
-from smad.diagnosis.places.place import PlacesPlant
-from smad.diagnosis.places.responses import Candidate, Responses, candidate_laws, responses
+from smad.diagnosis.numerics.forward import FoldRows, Forward, fitted, forward
+from smad.diagnosis.places.responses import Candidate, Responses
+from smad.diagnosis.plant import Array, Index
 from smad.diagnosis.rivals.evidence import Evidence
 from smad.diagnosis.rivals.fit import Reference, weights
 from smad.diagnosis.rivals.parts import LawPart
 from smad.diagnosis.rivals.screening import opened
-from smad.progress import Say, silent
 
 MOST_TERMS = 3
 """Terms of a law at most, so that it can be read."""
@@ -26,69 +22,32 @@ _SIMPLER = 0.97
 """What a term of one order more is worth, and a law on both springs beside one on either."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SelectedLaw:
-    """The law of a place: coefficients to begin with, and the share that it takes held out."""
+def selected_laws(
+    evidence: Evidence, reference: Reference, responses: Responses
+) -> list[tuple[LawPart, Array]]:
+    """The best law of each place with coefficients to begin with, the one that takes most first.
 
-    part: LawPart
-    coordinates: Array
-    share: float
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LawSpace:
-    """Responses of every term at a reference, and the rows of what it leaves."""
-
-    responses: Responses
-    rows: FoldRows
-
-    @classmethod
-    def at(
-        cls,
-        evidence: Evidence,
-        reference: Reference,
-        tau: Array,
-        known: Responses | None = None,
-        progress: Say = silent,
-    ) -> LawSpace:
-        """Rows and responses at a reference; `known` responses are taken as they are."""
-        plant: PlacesPlant = reference.model.plant  # type: ignore[assignment]
-        point = reference.model.point(reference.x)
-        made = known or responses(
-            plant,
-            point,
-            evidence.played,
-            progress=progress,
-            space=candidate_laws(plant, point, evidence.played),
-        )
-        left = evidence.left(reference.exact)
-        beside = opened(evidence, reference, weights(evidence, left, tau))
-        z = beside(left[None])[0]
-        A = np.zeros((len(made.runs[0]), len(z)), dtype=np.float32)
-        # A law at a time: all in double precision would be a gigabyte.
-        for span in made.columns:
-            raw = [r[span.start : span.stop].astype(np.float64) for r in made.runs]
-            A[span.start : span.stop] = beside(evidence.rows(raw))
-        return cls(responses=made, rows=FoldRows(z, A, evidence.fold))
-
-    def selected(self) -> list[SelectedLaw]:
-        """The best law of each place, the place whose law takes most first."""
-        size = max(self.rows.square, 1e-12)
-        best: dict[str, tuple[float, SelectedLaw]] = {}
-        for candidate in self.responses.candidates():
-            chosen = _forward(self.rows, candidate)
-            groups = (*(1 + g for g in chosen.chosen), 0)
-            columns = candidate.groups[list(groups)].ravel()
-            share = chosen.best / size
-            worth = share * (_SIMPLER if candidate.groups.shape[1] > 1 else 1.0)
-            known = best.get(candidate.place)
-            if known is None or worth > known[0]:
-                start = fitted(self.rows.products(columns)).mean
-                part = LawPart(candidate, columns, self.responses)
-                selected = SelectedLaw(part=part, coordinates=start, share=share)
-                best[candidate.place] = (worth, selected)
-        ordered = sorted(best.values(), key=lambda pair: -pair[0])
-        return [law for _, law in ordered]
+    `responses` are of every term, at the reference or near it.
+    """
+    left = evidence.left(reference.exact)
+    beside = opened(evidence, reference, weights(evidence, left))
+    z = beside(left[None])[0]
+    A = np.zeros((len(responses.runs[0]), len(z)), dtype=np.float32)
+    # A law at a time: all in double precision would be a gigabyte.
+    for span in responses.columns:
+        raw = [r[span.start : span.stop].astype(np.float64) for r in responses.runs]
+        A[span.start : span.stop] = beside(evidence.rows(raw))
+    rows = FoldRows(z, A, evidence.fold)
+    best: dict[str, tuple[float, LawPart, Array]] = {}
+    for candidate in responses.candidates():
+        chosen = _forward(rows, candidate)
+        columns = candidate.groups[[*(1 + g for g in chosen.chosen), 0]].ravel()
+        worth = chosen.best * (_SIMPLER if candidate.groups.shape[1] > 1 else 1.0)
+        if candidate.place not in best or worth > best[candidate.place][0]:
+            part = LawPart(candidate, columns, responses)
+            best[candidate.place] = worth, part, fitted(rows.products(columns))
+    ordered = sorted(best.values(), key=lambda law: -law[0])
+    return [(part, start) for _, part, start in ordered]
 
 
 def _forward(rows: FoldRows, candidate: Candidate) -> Forward:

@@ -1,7 +1,10 @@
 """A model of the bench as coordinates: parameters, and the parts that a hypothesis adds to them.
 
-A part is an effect of the library or a law at a place. Every part has `size` coordinates of order
-1 with bounds and a normal prior, so that one fit serves all of them.
+A part is an effect of the library or a law at a place. Every part has `size` coordinates p of
+order 1, so that one fit serves all of them, and it acts at `places`, the first one first. It has
+`bounds()`, lower and upper; a normal `prior()`, mean and precision; `steps(p)` of finite
+differences; the coordinates nearest p at which it is `absent(p)`, infinite where none are; and the
+point of a model with it `added(point, p)`.
 """
 
 from __future__ import annotations
@@ -10,56 +13,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
 from sim_device.plant import joined
-from smad.diagnosis.numerics.folds import Array, Index
+from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Candidate, Responses
-from smad.diagnosis.plant import Effect, ModelPoint, PlantModel, moved_parameters
+from smad.diagnosis.plant import Array, Effect, Index, ModelPoint, moved_parameters
 
 _LAW_PRECISION = 1e-3
 _STEP, _LEAST_STEP = 0.15, 0.02
 _PARAMETER_STEP = 0.1
-
-
-class Part(Protocol):
-    """What a hypothesis adds to the simulator."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def quick(self) -> bool:
-        """Whether averaged inputs hide what it changes."""
-        ...
-
-    @property
-    def size(self) -> int: ...
-    @property
-    def places(self) -> tuple[str, ...]:
-        """Places where it acts, the first one first."""
-        ...
-
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bound of each coordinate."""
-        ...
-
-    def prior(self) -> tuple[Array, Array]:
-        """Mean and precision of each coordinate's normal prior."""
-        ...
-
-    def steps(self, p: Array) -> Array:
-        """Finite-difference steps at coordinates `p`."""
-        ...
-
-    def absent(self, p: Array) -> Array:
-        """The coordinates nearest `p` at which it changes nothing; infinite where none are."""
-        ...
-
-    def added(self, point: ModelPoint, p: Array) -> ModelPoint:
-        """The point with this part at coordinates `p`."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -167,18 +132,20 @@ class LawPart:
         return replace(point, laws=joined((*point.laws, *laws)))
 
 
+Part = EffectPart | LawPart
+
+
 @dataclass(frozen=True, kw_only=True)
 class Model:
     """Coordinates x (k,): parameters in prior standard deviations from `start`, then the parts'.
 
-    `parameter_mean` and `parameter_precision` (p, p) are the normal prior of the parameters in
-    these coordinates. `rows_as_one` is how many rows of a fit a score counts as one: a fit counts
-    the prior as much more, so that it finds what the score prefers.
+    `parameter_precision` (p, p) is that of the parameters' normal prior around the start.
+    `rows_as_one` is how many rows of a fit a score counts as one: a fit counts the prior as much
+    more, so that it finds what the score prefers.
     """
 
-    plant: PlantModel
+    plant: PlacesPlant
     start: ModelPoint
-    parameter_mean: Array
     parameter_precision: Array
     parts: tuple[Part, ...] = ()
     rows_as_one: float = 1.0
@@ -214,7 +181,7 @@ class Model:
     def prior(self) -> tuple[Array, Array]:
         """Mean (k,) and precision (k, k) of the normal prior of all coordinates."""
         of_parts = [part.prior() for part in self.parts]
-        mean = np.concatenate([self.parameter_mean, *(m for m, _ in of_parts)])
+        mean = np.concatenate([np.zeros(self.parameters), *(m for m, _ in of_parts)])
         precision = np.zeros((len(mean), len(mean)))
         n = self.parameters
         precision[:n, :n] = self.rows_as_one * self.parameter_precision
@@ -250,5 +217,5 @@ class Model:
 
     def log_prior(self, x: Array) -> float:
         """Log density of the parameters' prior at coordinates `x`, less that at its mean."""
-        off = x[: self.parameters] - self.parameter_mean
+        off = x[: self.parameters]
         return float(-0.5 * off @ self.parameter_precision @ off)

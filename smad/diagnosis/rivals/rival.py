@@ -11,12 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.data.played import predictions
-from smad.diagnosis.numerics.folds import Array
+from smad.diagnosis.errors import GapError
+from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
-from smad.diagnosis.plant import Effect, ModelPoint
+from smad.diagnosis.plant import Array, Effect, ModelPoint, PlantModel, traits_of
 from smad.diagnosis.rivals.changes import Changes
-from smad.diagnosis.rivals.evidence import Evidence
+from smad.diagnosis.rivals.evidence import CORRELATED, Evidence
 from smad.diagnosis.rivals.fit import Fit, Reference, fit, fit_to_end, leave_out, replayed, weights
 from smad.diagnosis.rivals.parts import Model
 from smad.diagnosis.rivals.score import (
@@ -35,6 +37,10 @@ _KEPT = 1e8
 """Precision of parameters that stay where they are."""
 NEAR = 1.3
 """A channel that leaves at most so many floors shows nothing more: floors are known to a third."""
+CHANNELS = 10
+"""Of the spring pair, on which κ was fitted."""
+DAY = 0.05
+"""How far a parameter may be from where good runs have it, in prior standard deviations."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,11 +71,11 @@ class Rival:
 class Question:
     """What is asked: evidence to fit, evidence held out or None, and the model that is fitted.
 
-    `effects` may be told; `places` are how many places there are. `tied` (p, p) is the precision of
-    the parameters until other values of them are the answer; None: they are free from the start.
-    `responses` are those of laws, and `changes` those of effects, where they are known. `tau`
-    (channels,) are correlation times in rows. `form_share` is the largest share of a floor's square
-    that the model's form makes, and `good` how many runs say so.
+    `effects` may be told. `tied` (p, p) is the precision of the parameters until other values of
+    them are the answer; None: they are free from the start.
+    `responses` are those of laws, and `changes` those of effects, where they are known.
+    `form_share` is the largest share of a floor's square that the model's form makes, and `good`
+    how many runs say so.
     """
 
     evidence: Evidence
@@ -79,9 +85,7 @@ class Question:
     responses: Responses | None
     changes: Changes | None
     effects: tuple[Effect, ...]
-    places: int
     temper: Temper
-    tau: Array
     say: Say
     form_share: float = 0.0
     good: int = 0
@@ -93,18 +97,11 @@ class Question:
 
     def rival(self, kind: str, name: str, fitted: Fit) -> Rival | None:
         """A rival by what it leaves of the judged runs; None where it cannot run there."""
-        squares = self._squares(fitted)
-        if squares is None:
+        predicted = self.predicted(fitted)
+        if predicted is None:
             return None
-        scores = log_scores(squares, self.judged.counts)
-        return Rival(
-            kind=kind,
-            name=name,
-            fit=fitted,
-            squares=squares,
-            scores=scores,
-            log_prior=fitted.model.log_prior(fitted.x),
-        )
+        rival = self._leaving(predicted, kind, name, fitted)
+        return replace(rival, log_prior=fitted.model.log_prior(fitted.x))
 
     def fitted(
         self, kind: str, name: str, reference: Reference, *, near: bool = False
@@ -113,7 +110,7 @@ class Question:
 
         `near`: it is not far from there.
         """
-        made = fit_to_end(self.evidence, reference, self.tau, near=near)
+        made = fit_to_end(self.evidence, reference, near=near)
         return None if made is None else self.rival(kind, name, made)
 
     def parameters_kept_if_likelier(
@@ -127,7 +124,7 @@ class Question:
         fixed = model.with_precision(_KEPT * np.eye(model.parameters))
         start = free.x.copy()
         start[: model.parameters] = 0.0
-        made = fit(self.evidence, fixed, start, nominal, tau=self.tau)
+        made = fit(self.evidence, fixed, start, nominal)
         steady = made and self.rival(kind, name, made)
         if not steady or steady.fit is None:
             return rival
@@ -137,11 +134,21 @@ class Question:
     def of_point(self, point: ModelPoint) -> Rival | None:
         """A simulator that is not fitted, by what it leaves; None where it cannot run."""
         predicted = replayed(self.judged, point, self.model, exact=True)
-        if predicted is None:
-            return None
-        squares = self.squares_of(self.judged, self.judged.left(predicted))
-        scores = log_scores(squares, self.judged.counts)
-        return Rival(kind=NOTHING, name=NOTHING, fit=None, squares=squares, scores=scores)
+        return None if predicted is None else self._leaving(predicted, NOTHING, NOTHING, None)
+
+    def _leaving(
+        self, predicted: Sequence[Array], kind: str, name: str, fitted: Fit | None
+    ) -> Rival:
+        """A rival by its prediction of the judged runs; what wanders in each is taken off."""
+        e = self.judged
+        left = e.left(predicted)
+        squares = e.squares(e.freed(left, weights(e, left)))
+        scores = log_scores(squares, e.counts)
+        return Rival(kind=kind, name=name, fit=fitted, squares=squares, scores=scores)
+
+    def point_of(self, rival: Rival) -> ModelPoint:
+        """The simulator of a rival."""
+        return self.model.start if rival.fit is None else rival.fit.point
 
     def near(self, rival: Rival) -> bool:
         """Whether a rival leaves nothing that could be told in any channel of the judged runs."""
@@ -156,7 +163,7 @@ class Question:
     def independent_rows(self) -> float:
         """Rows of a judged run and channel that count as independent of each other, on average."""
         counts = self.judged.counts
-        rows = float((counts / self.tau)[counts > 0].mean())
+        rows = float((counts / CORRELATED)[counts > 0].mean())
         return effective_rows(rows, self.form_share, self.temper.evidence, self.good)
 
     @property
@@ -190,7 +197,7 @@ class Question:
             [r.kind for r in compared],
             self.temper,
             effects=len(self.effects),
-            laws=self.places,
+            laws=len(self.model.plant.places),
             log_prior=np.array([r.log_prior for r in compared]),
             rows=self.independent_rows,
             first=first,
@@ -204,10 +211,6 @@ class Question:
         """What orders fits of one kind: score at κ for each run, and prior of the parameters."""
         return float(0.5 * self.temper.evidence * rival.scores.sum() + rival.log_prior)
 
-    def squares_of(self, evidence: Evidence, left: Array) -> Array:
-        """Squares by run and channel of rows, what wanders in each run taken off."""
-        return evidence.squares(evidence.freed(left, weights(evidence, left, self.tau)))
-
     def predicted(self, fitted: Fit) -> list[Array] | None:
         """What a fit predicts of the judged runs, (bins, channels) each, without a part in them.
 
@@ -218,7 +221,7 @@ class Question:
             return replayed(self.held_out, fitted.point, fitted.model, exact=True)
         evidence = self.evidence
         out = [np.zeros_like(t.target) for t in evidence.trials]
-        for f, x in enumerate(leave_out(evidence, fitted, self.tau)):
+        for f, x in enumerate(leave_out(evidence, fitted)):
             for k in np.unique(evidence.run_of_row[evidence.fold == f]):
                 for point in (fitted.model.point(x), fitted.point):
                     (predicted,) = predictions(
@@ -235,8 +238,69 @@ class Question:
                 out[k] = np.where((fold == f) | (fold < 0), predicted, out[k])
         return out
 
-    def _squares(self, fitted: Fit) -> Array | None:
-        predicted = self.predicted(fitted)
-        return (
-            None if predicted is None else self.squares_of(self.judged, self.judged.left(predicted))
-        )
+
+def question_of(
+    plant: PlacesPlant,
+    start: ModelPoint,
+    evidence: Evidence,
+    *,
+    effects: Sequence[Effect],
+    say: Say,
+    held_out: Evidence | None = None,
+    tied: Array | None = None,
+    responses: Responses | None = None,
+    changes: Changes | None = None,
+) -> Question:
+    """What is asked of a plant at `start`; with `tied` its parameters stay near there."""
+    temper = temper_of(shipped(), free=tied is None, channels=evidence.channels)
+    model = free_model(plant, start)
+    return Question(
+        evidence=evidence,
+        held_out=held_out,
+        model=model if tied is None else tempered(model, evidence, temper),
+        tied=tied,
+        effects=tuple(effects),
+        responses=responses,
+        changes=changes,
+        say=say,
+        temper=temper,
+    )
+
+
+def temper_of(c: Constants, *, free: bool, channels: int = CHANNELS) -> Temper:
+    """What weighs rivals. Where parameters are `free` in every rival, other values of them without
+    a part are the simulator in which nothing is missing. Fewer `channels` say as much together."""
+    parameters = c.nothing if free else c.parameters
+    return Temper(
+        evidence=c.evidence * CHANNELS / channels,
+        nothing=c.nothing,
+        parameters=parameters,
+        effect=c.effect,
+    )
+
+
+def free_model(plant: PlacesPlant, start: ModelPoint) -> Model:
+    """A model whose parameters have the plant's priors around a point."""
+    return Model(plant=plant, start=start, parameter_precision=np.eye(len(plant.parameters)))
+
+
+def tempered(model: Model, evidence: Evidence, temper: Temper) -> Model:
+    """The model whose fit counts the prior as much more as a score counts fewer rows."""
+    rows = float((evidence.counts / CORRELATED)[evidence.counts > 0].mean())
+    return replace(model, rows_as_one=max(rows / temper.evidence, 1.0))
+
+
+def day_variance(plant: PlantModel) -> Array:
+    """Variance of each parameter from day to day, in prior deviations, (p,)."""
+    day = traits_of(plant).day
+    return np.array([max(day.get(q.name, 0.0), DAY) ** 2 for q in plant.parameters])
+
+
+def cannot_replay(question: Question) -> GapError:
+    """The model gives no numbers for the runs."""
+    names = [p.whole.name for p in question.evidence.played]
+    return GapError(
+        "the model cannot replay these runs",
+        value=", ".join(names),
+        action="leave them out, or correct the model where it stops",
+    )

@@ -29,7 +29,7 @@ from functools import cache
 
 import numpy as np
 
-from smad.diagnosis.numerics.folds import Array
+from smad.diagnosis.plant import Array
 
 _QUIET_SQUARE = 1.35**2
 """Mean square in floors that noise alone leaves at most: floors are known to a third."""
@@ -48,15 +48,14 @@ class Temper:
     """What the score is turned into probabilities with.
 
     `evidence` is κ for each channel of the runs. Log priors: `nothing` of the simulator as it is,
-    `parameters` of other values of them; `effect` of all effects together, shared equally; `law` of
-    all places together.
+    `parameters` of other values of them; `effect` of all effects together, shared equally; all
+    places together have 0.
     """
 
     evidence: float
     nothing: float
     parameters: float
     effect: float
-    law: float
 
     def each_effect(self, effects: int) -> float:
         """Log prior of one of so many effects."""
@@ -64,7 +63,7 @@ class Temper:
 
     def each_law(self, laws: int) -> float:
         """Log prior of the law of one of so many places."""
-        return self.law - float(np.log(max(laws, _LAWS)))
+        return -float(np.log(max(laws, _LAWS)))
 
 
 def log_scores(squares: Array, counts: Array) -> Array:

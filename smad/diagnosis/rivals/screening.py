@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smad.diagnosis.numerics.folds import Array
 from smad.diagnosis.numerics.white import Shrink
+from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.changes import Change
 from smad.diagnosis.rivals.evidence import Evidence
 from smad.diagnosis.rivals.fit import Reference, weights
@@ -28,7 +28,6 @@ class Screened:
     """An effect at a reference: coordinates to begin with, and what it takes of the rows."""
 
     part: EffectPart
-    reference: Reference
     coordinates: Array
     gain: float
 
@@ -44,12 +43,10 @@ def opened(evidence: Evidence, reference: Reference, weight: Array) -> Callable[
     return lambda values: shrink(weighted(values))
 
 
-def screened(
-    evidence: Evidence, reference: Reference, changes: Sequence[Change], tau: Array
-) -> list[Screened]:
+def screened(evidence: Evidence, reference: Reference, changes: Sequence[Change]) -> list[Screened]:
     """Effects by what they take of what the reference leaves, the best first."""
     left = evidence.left(reference.exact)
-    beside = opened(evidence, reference, weights(evidence, left, tau))
+    beside = opened(evidence, reference, weights(evidence, left))
     z = beside(left[None])[0]
     best: dict[str, Screened] = {}
     for change in changes:
@@ -66,15 +63,15 @@ def screened(
         part = EffectPart(effect)
         scaled = {n: v * scale if n in strengths else v for n, v in change.values.items()}
         start = np.clip(part.coordinates(scaled), *part.bounds())
-        best[effect.name] = Screened(part=part, reference=reference, coordinates=start, gain=gain)
+        best[effect.name] = Screened(part=part, coordinates=start, gain=gain)
     return sorted(best.values(), key=lambda s: -s.gain)
 
 
 def added_squares(
-    evidence: Evidence, reference: Reference, changes: Sequence[Change], tau: Array
+    evidence: Evidence, reference: Reference, changes: Sequence[Change]
 ) -> list[Array]:
     """What changes add to the mean square of each channel, (channels,), beside open parameters."""
-    weight = weights(evidence, evidence.left(reference.exact), tau)
+    weight = weights(evidence, evidence.left(reference.exact))
     beside = opened(evidence, reference, weight)
     root = np.sqrt(np.where(weight > 0.0, weight, 1.0))
     return [evidence.variances(beside(c.rows[None].astype(np.float64))[0] / root) for c in changes]

@@ -10,12 +10,12 @@ others kept.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from smad.diagnosis.numerics.folds import Array
-from smad.diagnosis.places.responses import Responses
+from smad.diagnosis.places.responses import Responses, responses
+from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.changes import Change, changes_at
 from smad.diagnosis.rivals.fit import (
     Fit,
@@ -26,12 +26,13 @@ from smad.diagnosis.rivals.fit import (
     rebased,
     reference_at,
 )
-from smad.diagnosis.rivals.laws import LawSpace
+from smad.diagnosis.rivals.laws import selected_laws
 from smad.diagnosis.rivals.parts import EffectPart, Part
-from smad.diagnosis.rivals.rival import Question, Rival
+from smad.diagnosis.rivals.rival import Question, Rival, cannot_replay
 from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS
 from smad.diagnosis.rivals.screening import Screened, screened
 
+MOST_CAUSES = 3
 _SCREENED = 8
 """Effects of each reference that are fitted."""
 _LAWS = 4
@@ -52,9 +53,9 @@ class Step:
     entered: Rival | None
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(kw_only=True, eq=False)
 class Searched:
-    """What a search gave.
+    """What a search gave, or has so far.
 
     `configured` is the simulator as it was, `parameters` with other values of them and no part,
     `final` with everything that entered. `moved`: other values of the parameters are among that.
@@ -66,81 +67,59 @@ class Searched:
     changes: tuple[Change, ...]
     configured: Rival
     parameters: Rival
-    steps: tuple[Step, ...]
+    steps: list[Step]
     final: Rival
     moved: bool
 
 
-def searched(question: Question, *, most: int, exchange: bool = True) -> Searched | None:
+def searched(question: Question, *, most: int = MOST_CAUSES, exchange: bool = True) -> Searched:
     """Ask step by step, until nothing more is likeliest, or for `most` parts.
 
-    `exchange`: after each step every part before is asked again. None where the model cannot replay
-    the runs.
+    `exchange`: after each step every part before is asked again. Raises GapError where the model
+    cannot replay the runs.
     """
     search = _Search.begun(question, exchange)
-    if search is None:
-        return None
-    steps: list[Step] = []
     done = False
     while not done and len(search.parts) < most:
-        step = search.step(first=not steps)
-        steps.append(step)
-        done = step.entered is None or question.near(search.current)
+        done = search.step().entered is None or question.near(search.final)
     if not search.parts and not search.moved:
-        search.current = search.configured
-    worse = question.gap(search.current) > question.gap(search.parameters)
-    if search.parts and worse and not question.near(search.current):
+        search.final = search.configured
+    worse = question.gap(search.final) > question.gap(search.parameters)
+    if search.parts and worse and not question.near(search.final):
         # What leaves more of the judged runs than parameters alone is not told, whatever it is.
-        search.current, search.moved = search.parameters, True
-    return Searched(
-        question=question,
-        nominal=search.nominal,
-        changes=search.changes,
-        configured=search.configured,
-        parameters=search.parameters,
-        steps=tuple(steps),
-        final=search.current,
-        moved=search.moved,
-    )
+        search.final, search.moved = search.parameters, True
+    return search
 
 
 @dataclass(kw_only=True, eq=False)
-class _Search:
-    """The state of a search: what has entered so far.
+class _Search(Searched):
+    """A search that goes on; the parameters are free once they have `moved`, tied until then.
 
-    `current` has all of it; `moved` says whether the parameters are free, or tied to where they
-    were. Responses of laws are made once, where they are first asked for. `imitated` are the best
+    `responses` of laws are made once, where they are first asked for. `imitated` are the best
     effects of the step in which other values of the parameters entered.
     """
 
-    question: Question
-    nominal: Reference
-    changes: tuple[Change, ...]
-    configured: Rival
-    parameters: Rival
-    current: Rival
-    moved: bool
     responses: Responses | None
     exchange: bool
     imitated: tuple[Rival, ...] = ()
 
     @classmethod
-    def begun(cls, question: Question, exchange: bool) -> _Search | None:
-        """The simulator as configured and with fitted parameters; None where it cannot run."""
+    def begun(cls, question: Question, exchange: bool) -> _Search:
+        """The simulator as configured and with fitted parameters."""
         e, free = question.evidence, question.model
         tied = free if question.tied is None else free.with_precision(question.tied)
         zero = np.zeros(free.parameters)
         question.say("parameters")
         nominal = reference_at(e, tied, zero)
         if nominal is None:
-            return None
+            raise cannot_replay(question)
         configured = question.of_point(tied.start)
         parameters = question.fitted(PARAMETERS, PARAMETERS, replace(nominal, model=free))
         current = parameters
         if question.tied is not None:
             current = question.fitted(NOTHING, NOTHING, nominal, near=True)
         if configured is None or parameters is None or current is None:
-            return None
+            raise cannot_replay(question)
         known = question.changes
         if known is None:
             question.say("what each effect changes")
@@ -151,7 +130,8 @@ class _Search:
             configured=configured,
             changes=known.rows(e, question.effects),
             parameters=parameters,
-            current=current,
+            steps=[],
+            final=current,
             moved=question.tied is None,
             responses=question.responses,
             exchange=exchange,
@@ -160,17 +140,17 @@ class _Search:
     @property
     def parts(self) -> tuple[Part, ...]:
         """What has entered."""
-        return self.current.fit.model.parts if self.current.fit is not None else ()
+        return self.final.fit.model.parts if self.final.fit is not None else ()
 
-    def step(self, *, first: bool) -> Step:
+    def step(self) -> Step:
         """Ask what more there is; what is likeliest enters."""
-        question = self.question
-        same: list[Rival] = [replace(self.current, kind=NOTHING)]
+        question, first = self.question, not self.steps
+        same: list[Rival] = [replace(self.final, kind=NOTHING)]
         if first and self.moved:
             same = [self.configured, self.parameters]
         elif not self.moved and (free := self._freed()) is not None:
             same.append(free)
-        rivals = [*same, *self._rivals(self.current)]
+        rivals = [*same, *self._rivals(self.final)]
         ranked = question.ranked(rivals, first=first)
         entered = self._entering(ranked)
         if entered is not None and entered.kind in (EFFECT, LAW):
@@ -185,15 +165,16 @@ class _Search:
             self.moved |= entered.kind == PARAMETERS
             effects = sorted((r for r in ranked if r.kind == EFFECT), key=question.log_weight)
             self.imitated = tuple(effects[-_POLISHED:]) if entered.kind == PARAMETERS else ()
-            self.current = self._exchanged(entered) if self.exchange else entered
-        return Step(rivals=tuple(ranked), entered=entered)
+            self.final = self._exchanged(entered) if self.exchange else entered
+        self.steps.append(Step(rivals=tuple(ranked), entered=entered))
+        return self.steps[-1]
 
     def _entering(self, ranked: Sequence[Rival]) -> Rival | None:
         """What enters: the likeliest that brings the judged runs nearer, if more is missing."""
         same = _same(ranked)
         missing = 1.0 - sum(r.probability for r in same)
         if missing > _LIKELIER:
-            score = self.current.scores.sum()
+            score = self.final.scores.sum()
             for rival in ranked:
                 nearer = rival.probability > 0.0 and rival.scores.sum() > score
                 if rival.kind in (EFFECT, LAW) and nearer:
@@ -222,13 +203,13 @@ class _Search:
                 best, least = made, made.fit.objective
         if rival.fit is self.parameters.fit:
             self.parameters = best
-        if rival.fit is self.current.fit:
-            self.current = replace(best, kind=self.current.kind, name=self.current.name)
+        if rival.fit is self.final.fit:
+            self.final = replace(best, kind=self.final.kind, name=self.final.name)
         return best
 
     def _freed(self) -> Rival | None:
         """What has entered so far, with free parameters."""
-        fitted = self.current.fit
+        fitted = self.final.fit
         if fitted is None or not self.parts:
             return self.parameters
         here = rebased(self.question.evidence, fitted)
@@ -253,7 +234,7 @@ class _Search:
             gain = max((s.gain for s in candidates if s.part.name == name), default=0.0)
             fits = _Fits(question, self.nominal, without=np.inf)
             for s in [s for s in candidates if s.gain > gain][:_SCREENED]:
-                fits.begin(EFFECT, s.reference, s.part, np.r_[s.reference.x, s.coordinates])
+                fits.begin(EFFECT, base, s.part, np.r_[base.x, s.coordinates])
             ranked = question.ranked([replace(current, kind=EFFECT, name=name), *fits.rivals()])
             if ranked[0].name != name and question.gap(ranked[0]) < question.gap(current):
                 current = ranked[0]
@@ -268,14 +249,14 @@ class _Search:
         here = rebased(
             e, replace(fitted, model=smaller, x=fitted.x[stays], slopes=fitted.slopes[stays])
         )
-        made = here and fit(e, smaller, here.x, here, tau=self.question.tau)
+        made = here and fit(e, smaller, here.x, here)
         return rebased(e, made) if made else None
 
     def _screened(self, reference: Reference) -> list[Screened]:
         """The effects that a reference does not have, the most promising first."""
         present = {part.name for part in reference.model.parts}
         changes = [c for c in self.changes if c.effect.name not in present]
-        return screened(self.question.evidence, reference, changes, self.question.tau)
+        return screened(self.question.evidence, reference, changes)
 
     def _rivals(self, current: Rival) -> list[Rival]:
         """Effects and laws beside what a model has, each fitted and scored."""
@@ -305,13 +286,14 @@ class _Search:
         if best is not None and question.near(best):
             return rivals
         question.say("laws of the places")
-        space = LawSpace.at(e, here, question.tau, self.responses, question.say)
-        self.responses = space.responses
+        if self.responses is None:
+            plant, point = here.model.plant, here.model.point(here.x)
+            self.responses = responses(plant, point, e.played, progress=question.say)
         present = {part.name for part in here.model.parts}
         laws = _Fits(question, self.nominal, without=without, least=fits.least)
-        for law in space.selected()[:_LAWS]:
-            if law.part.name not in present:
-                laws.begin(LAW, here, law.part, np.r_[here.x, law.coordinates])
+        for part, start in selected_laws(e, here, self.responses)[:_LAWS]:
+            if part.name not in present:
+                laws.begin(LAW, here, part, np.r_[here.x, start])
         return rivals + laws.rivals()
 
 
@@ -328,57 +310,49 @@ def _named(rival: Rival, ranked: Sequence[Rival]) -> Rival:
     return next((r for r in there if r.scores.sum() >= rival.scores.sum()), rival)
 
 
+@dataclass(eq=False)
 class _Fits:
     """Fits that compete: a few rounds for all, the best go on to their end.
 
-    `without` is the gap of the simulator without them, `least` the least F of a fit so far.
+    `without` is the gap of the simulator without them, `least` the least F of a fit so far; `found`
+    has the kind and the fit of each name.
     """
 
-    def __init__(
-        self,
-        question: Question,
-        nominal: Reference,
-        *,
-        without: float,
-        least: float = float("inf"),
-    ) -> None:
-        self.least = least
-        self._question, self._nominal = question, nominal
-        self._without = without
-        self._found: dict[str, tuple[str, Fit]] = {}
+    question: Question
+    nominal: Reference
+    without: float
+    least: float = np.inf
+    found: dict[str, tuple[str, Fit]] = field(default_factory=dict)
 
     def begin(self, kind: str, reference: Reference, part: Part, start: Array) -> None:
         """A few rounds of a part beside a reference; the better of two of one name stays."""
-        question = self._question
-        question.say(f"fitting {part.name}")
-        model = reference.model.with_parts([*reference.model.parts, part])
-        if isinstance(part, EffectPart) and averages_hide(
-            question.evidence, reference, model, start
-        ):
-            model = reference.model.with_parts([*reference.model.parts, replace(part, quick=True)])
-        made = fit(
-            question.evidence, model, start, reference, tau=question.tau, rounds=_FIRST_ROUNDS
-        )
-        known = self._found.get(part.name)
+        e, before = self.question.evidence, reference.model.parts
+        self.question.say(f"fitting {part.name}")
+        model = reference.model.with_parts([*before, part])
+        if isinstance(part, EffectPart) and averages_hide(e, reference, model, start):
+            model = model.with_parts([*before, replace(part, quick=True)])
+        made = fit(e, model, start, reference, rounds=_FIRST_ROUNDS)
+        known = self.found.get(part.name)
         if made and (known is None or made.objective < known[1].objective):
-            self._found[part.name] = kind, made
+            self.found[part.name] = kind, made
             self.least = min(self.least, made.objective)
 
     def rivals(self) -> list[Rival]:
         """The fits as rivals."""
-        question = self._question
-        fits = {name: made for name, (_, made) in self._found.items()}
-        near = []
-        for name in _best(fits)[:_POLISHED]:
-            if fits[name].objective < self.least + _WITHIN:
+        question, near = self.question, []
+        best = sorted(self.found, key=lambda name: (self.found[name][1].objective, name))
+        for name in best[:_POLISHED]:
+            kind, made = self.found[name]
+            if made.objective < self.least + _WITHIN:
                 near.append(name)
-                fits[name] = polished(question.evidence, fits[name], question.tau)
-                self.least = min(self.least, fits[name].objective)
-        kinds = {name: kind for name, (kind, _) in self._found.items()}
-        scored = {name: question.rival(kinds[name], name, f) for name, f in fits.items()}
+                made = polished(question.evidence, made)
+                self.found[name] = kind, made
+                self.least = min(self.least, made.objective)
+        scored = {name: question.rival(kind, name, f) for name, (kind, f) in self.found.items()}
         # Where good runs say where the parameters are, a fit keeps them there as far as it may.
         for name in near if question.tied is None else ():
-            scored[name] = self._steadied(scored[name], kinds[name], name, fits[name])
+            kind, made = self.found[name]
+            scored[name] = self._steadied(scored[name], kind, name, made)
         return [r for r in scored.values() if r is not None]
 
     def _steadied(self, rival: Rival | None, kind: str, name: str, fitted: Fit) -> Rival | None:
@@ -386,12 +360,8 @@ class _Fits:
 
         What leaves more than the simulator without a part explains nothing.
         """
-        question = self._question
-        made = question.parameters_kept_if_likelier(rival, kind, name, fitted, self._nominal)
+        question = self.question
+        made = question.parameters_kept_if_likelier(rival, kind, name, fitted, self.nominal)
         if rival is None or made is None:
             return made
-        return made if question.gap(made) < max(self._without, question.gap(rival)) else rival
-
-
-def _best(fits: dict[str, Fit]) -> list[str]:
-    return sorted(fits, key=lambda name: (fits[name].objective, name))
+        return made if question.gap(made) < max(self.without, question.gap(rival)) else rival

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from smad.diagnosis.numerics.folds import Array
+from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.fit import rebased
 from smad.diagnosis.rivals.screening import added_squares
 from smad.diagnosis.rivals.search import Searched
@@ -29,7 +29,7 @@ def unseen_strengths(search: Searched) -> list[str]:
     needed = question.temper.nothing - question.temper.each_effect(len(question.effects))
     absent = [(c, q) for c in search.changes if c.effect.name not in present and (q := c.typical)]
     rows: list[tuple[float, str]] = []
-    squares = added_squares(e, here, [c for c, _ in absent], question.tau)
+    squares = added_squares(e, here, [c for c, _ in absent])
     for (change, q), added in zip(absent, squares, strict=True):
         size = _strength(v, added, 2.0 * needed / (question.independent_rows * runs))
         unit = "" if q.unit == "1" else f" {q.unit}"

@@ -74,10 +74,7 @@ _MOUNTING = tuple(
 _FLOW_EFFECT = "uneven_flow"
 _FLOW_SHARE = (_FLOW_EFFECT, ".", "share")
 # What of these a model file keeps as mounting, and its name there; the flow is kept as an effect.
-_KEPT_APART = {
-    "side_resistance": "side_resistance",
-    "displacement_zero": "displacement_zero_mm",
-}
+_KEPT_APART = {"side_resistance": "side_resistance", "displacement_zero": "displacement_zero_mm"}
 _RANGES = {(e.name, q.name): (q.low, q.high) for e in EFFECTS for q in e.parameters}
 
 
@@ -202,7 +199,8 @@ class SmaPlant:
 
     def _replay(self, point: ModelPoint, run: GapRun, *, fast: bool) -> OneReplay:
         given = self.given_points.of(point, lambda: GivenPoint(self, point))
-        return OneReplay(given, self.given_runs.of(run, lambda: GivenRun(run)), fast=fast)
+        of_run = self.given_runs.of(run, lambda: GivenRun(run))
+        return OneReplay(point=given, run=of_run, fast=fast)
 
     def catalogue(self) -> Sequence[Experiment]:
         return tuple(
@@ -235,12 +233,7 @@ class SmaPlant:
         Eq. (10) must give a martensite fraction from 0 to 1. A fit that leans on that edge would
         otherwise be stopped there in every direction.
         """
-        names = (
-            "modulus_martensite",
-            "max_deflection",
-            "initial_deflection",
-            "initial_force",
-        )
+        names = ("modulus_martensite", "max_deflection", "initial_deflection", "initial_force")
         modulus, reach, slack, force = (values.get(n, self.parameter_set[n]) for n in names)
         c1, c2 = spring_factors(self.parameter_set)
         stiffness = c2 * modulus / c1

@@ -47,11 +47,7 @@ def recorded(
         quiet = ("current", "voltage", "temperature", "displacement", "force")
         parameters = parameters.replace(**{f"noise_{name}": 0.0 for name in quiet})
     plant = Plant(
-        parameters,
-        variant=model.variant,
-        effects=model.acting(point),
-        laws=point.laws,
-        seed=seed,
+        parameters, variant=model.variant, effects=model.acting(point), laws=point.laws, seed=seed
     )
     controller = Controller(_CONTROL, LimitsConfig())
     n = round((timeline.duration_s if duration_s is None else duration_s) * rate_hz)

@@ -7,6 +7,7 @@ only is worked out once (`GivenRun`, `GivenPoint`), and kept for as long as it i
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Generic, Protocol, TypeVar
 
@@ -18,7 +19,7 @@ from sim_device.plant.replay import Inputs, Replay, trajectory
 from sim_device.plant.setup import Setup
 from sim_device.plant.units import ZERO_C
 from smad.diagnosis.places.place import Forcing
-from smad.diagnosis.plant import Array, EffectValues, ModelPoint
+from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair.signals import TRAITS, means_over_pieces
 from smad.diagnosis.spring_pair.steps import LONGEST_STEP_S, STEP_S, Steps
@@ -75,7 +76,6 @@ class PointReader(Protocol):
     def variant(self) -> str: ...
     def set_of(self, theta: Mapping[str, float]) -> ParameterSet: ...
     def acting(self, point: ModelPoint) -> dict[str, dict[str, float]]: ...
-    def within(self, effects: EffectValues) -> dict[str, dict[str, float]]: ...
 
 
 class GivenPoint:
@@ -144,11 +144,13 @@ class GivenRun:
         )
 
 
+@dataclass(frozen=True, kw_only=True)
 class OneReplay:
     """The replay of one run at one model point."""
 
-    def __init__(self, given: GivenPoint, recorded: GivenRun, *, fast: bool) -> None:
-        self._given, self._recorded, self._fast = given, recorded, fast
+    point: GivenPoint
+    run: GivenRun
+    fast: bool
 
     def forced(self, forcing: Forcing) -> dict[str, Array]:
         """Channels under a forcing, (n,) each, under the names and in the units of the run log.
@@ -156,39 +158,39 @@ class OneReplay:
         A spring of another resistance is run with a current that makes its heat, and shows the
         current and the voltage that belong to that.
         """
-        given, result = self._given, self._solved(forcing)
-        out = {f"i_meas_{s}_A": result[f"i_{s}_A"] / given.root[s] for s in "xy"}
-        out |= {f"v_{s}_V": result[f"v_{s}_V"] * given.root[s] for s in "xy"}
+        point, result = self.point, self._solved(forcing)
+        out = {f"i_meas_{s}_A": result[f"i_{s}_A"] / point.root[s] for s in "xy"}
+        out |= {f"v_{s}_V": result[f"v_{s}_V"] * point.root[s] for s in "xy"}
         out |= {k: result[k] for k in result if k.startswith("rtd_")}
         out["force_N"] = result["force_N"]
-        return out | {"displacement_mm": 1e3 * result["displacement_m"] + given.zero_mm}
+        return out | {"displacement_mm": 1e3 * result["displacement_m"] + point.zero_mm}
 
     def trajectory(self) -> dict[str, Array]:
         """All states that a law may depend on, (n,) each."""
-        replay = Replay(self._recorded.inputs(self._given), variant=self._given.variant)
-        dt_s = self._quick_s if self._fast else STEP_S
-        return trajectory(replay, self._given.setup, dt_s=dt_s)
+        replay = Replay(self.run.inputs(self.point), variant=self.point.variant)
+        dt_s = self._quick_s if self.fast else STEP_S
+        return trajectory(replay, self.point.setup, dt_s=dt_s)
 
     @property
     def _quick_s(self) -> float:
         """One step a sample, jittered ones too."""
-        return max(_FAST_STEP_S, 1.5 * self._recorded.run.dt_s)
+        return max(_FAST_STEP_S, 1.5 * self.run.run.dt_s)
 
     def _solved(self, forcing: Forcing) -> dict[str, Array]:
         """Outputs of the plant, those of a thinned run as means over its samples.
 
         Currents are in force over a sample already, and voltages go with their means.
         """
-        run, steps = self._recorded.run, None if self._fast else self._recorded.steps(forcing)
+        run, steps = self.run.run, None if self.fast else self.run.steps(forcing)
         dt_s = self._quick_s
         if steps is not None:
             dt_s = LONGEST_STEP_S
             forcing = {key: np.asarray(series)[steps.sample] for key, series in forcing.items()}
-        inputs = self._recorded.inputs(self._given, steps)
-        replay = Replay(inputs, variant=self._given.variant, forcing=forcing, outputs=_OUTPUTS)
+        inputs = self.run.inputs(self.point, steps)
+        replay = Replay(inputs, variant=self.point.variant, forcing=forcing, outputs=_OUTPUTS)
         for share in _RETRIES:
             try:
-                result = replay.run_setup(self._given.setup, dt_s=share * dt_s)
+                result = replay.run_setup(self.point.setup, dt_s=share * dt_s)
             except SolverError as error:
                 failed = error
             else:

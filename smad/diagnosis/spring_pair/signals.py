@@ -75,10 +75,7 @@ TRAITS = Traits(
         "initial_deflection": 0.1,
         "displacement_zero": 0.1,
     },
-    environment={
-        "water_temperature": "rtd_inlet_degC",
-        "ambient_temperature": "rtd_ambient_degC",
-    },
+    environment={"water_temperature": "rtd_inlet_degC", "ambient_temperature": "rtd_ambient_degC"},
     drift={"inlet_water": 0.2, "ambient_air": 0.2},
     longest_step_s=LONGEST_STEP_S,
 )

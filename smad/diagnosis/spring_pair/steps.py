@@ -16,8 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sim_device.plant.replay import Inputs
-from smad.diagnosis.numerics.folds import Index
-from smad.diagnosis.plant import Array
+from smad.diagnosis.plant import Array, Index
 
 STEP_S = 6e-3
 """After a change: two a sample at 100 Hz, jittered ones too. One is too few for a current that

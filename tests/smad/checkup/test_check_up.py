@@ -16,7 +16,7 @@ import pytest
 from evaluation.programme.segments import run_of
 from evaluation.programme.writing import write_programme
 from smad.checkup.check import checked_files
-from smad.checkup.commission import Reference, commissioned
+from smad.checkup.commission import commissioned
 from smad.checkup.errors import BaselineError, ProgrammeError
 from smad.checkup.files import RunFile, read_file, read_folder, require_other_recordings
 from smad.checkup.judge import Judged, judged
@@ -28,6 +28,7 @@ from smad.checkup.programme import (
 )
 from smad.checkup.store import SCHEMA, Baseline, load, save
 from smad.diagnosis.errors import PairingError
+from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.report.page import page_of
 from smad.diagnosis.report.words import lines
 from smad.diagnosis.runs import GapRun
@@ -44,11 +45,11 @@ LAG = {"rtd_lag": {"tau_s": 0.1, "y_share": 1.0}}
 
 
 @pytest.fixture(scope="module")
-def reference() -> Reference:
+def reference() -> GoodRuns:
     return commissioned(PLANT, [[played(seed) for seed in (1, 2, 3)]])
 
 
-def checked(plant: SmaPlant, reference: Reference, runs: list[tuple[GapRun, str]]) -> Verdict:
+def checked(plant: SmaPlant, reference: GoodRuns, runs: list[tuple[GapRun, str]]) -> Verdict:
     return judged(plant, reference, runs).verdict
 
 
@@ -62,7 +63,7 @@ def value(verdict: Verdict, name: str, parameter: str) -> float:
 
 
 @pytest.fixture(scope="module")
-def stored(reference: Reference, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def stored(reference: GoodRuns, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a baseline; a test changes a copy of it."""
     folder = tmp_path_factory.mktemp("stored")
     save(Baseline("bench", "digest", reference), PLANT, folder)
@@ -70,7 +71,7 @@ def stored(reference: Reference, tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 
 @pytest.fixture(scope="module")
-def quiet(reference: Reference) -> Judged:
+def quiet(reference: GoodRuns) -> Judged:
     return judged(PLANT, reference, [(played(10), "short")])
 
 
@@ -84,7 +85,7 @@ def test_a_bench_without_a_change_is_quiet_and_says_what_it_would_not_have_shown
     assert any(text.startswith("rtd_lag, tau_s: less than") for text in verdict.unseen)
 
 
-def test_a_lagging_sensor_is_named_with_its_value(reference: Reference) -> None:
+def test_a_lagging_sensor_is_named_with_its_value(reference: GoodRuns) -> None:
     now = played(11, {"rtd_lag": {"tau_s": 0.3, "y_share": 1.0}})
     verdict = checked(PLANT, reference, [(now, "short")])
     assert verdict.outcome == "causes"
@@ -93,7 +94,7 @@ def test_a_lagging_sensor_is_named_with_its_value(reference: Reference) -> None:
     assert value(verdict, "rtd_lag", "tau_s") == pytest.approx(0.3, rel=0.1)
 
 
-def test_the_budget_goes_down_to_the_floor(reference: Reference) -> None:
+def test_the_budget_goes_down_to_the_floor(reference: GoodRuns) -> None:
     now = played(12, {"force_offset": {"offset_N": 0.05}})
     verdict = checked(PLANT, reference, [(now, "short")])
     force = next(s for s in verdict.budget if s.signal == "force_N")
@@ -101,7 +102,7 @@ def test_the_budget_goes_down_to_the_floor(reference: Reference) -> None:
     assert force.final < 2.0 * force.floor
 
 
-def test_the_page_shows_rivals_values_and_what_is_told(reference: Reference, quiet: Judged) -> None:
+def test_the_page_shows_rivals_values_and_what_is_told(reference: GoodRuns, quiet: Judged) -> None:
     now = played(20, LAG)
     found = judged(PLANT, reference, [(now, "short")])
     page = render(page_of(found.answer, facts=[("baseline", "somewhere")]))
@@ -113,13 +114,13 @@ def test_the_page_shows_rivals_values_and_what_is_told(reference: Reference, qui
     assert "No change beyond the repeat floor" in render(page_of(quiet.answer))
 
 
-def test_two_causes_are_named_together(reference: Reference) -> None:
+def test_two_causes_are_named_together(reference: GoodRuns) -> None:
     both = {"driver_gain": {"gain": 0.06, "y_share": 1.0}, **LAG}
     verdict = checked(PLANT, reference, [(played(13, both), "short")])
     assert sorted(named(verdict)) == ["driver_gain", "rtd_lag"]
 
 
-def test_what_no_effect_explains_has_a_place_and_no_name(reference: Reference) -> None:
+def test_what_no_effect_explains_has_a_place_and_no_name(reference: GoodRuns) -> None:
     now = played(14)
     bent = now.outputs["displacement_mm"] + 0.3 * np.sin(now.t_s)
     verdict = checked(
@@ -129,7 +130,7 @@ def test_what_no_effect_explains_has_a_place_and_no_name(reference: Reference) -
     assert named(verdict) == []
 
 
-def test_what_other_values_of_the_parameters_explain_is_theirs(reference: Reference) -> None:
+def test_what_other_values_of_the_parameters_explain_is_theirs(reference: GoodRuns) -> None:
     moved = {"resistivity": 1.03, "modulus_martensite": 0.95, "initial_force": 1.02}
     verdict = checked(PLANT, reference, [(played(16, moved=moved), "short")])
     assert (verdict.outcome, verdict.causes) == ("parameters", [])
@@ -140,7 +141,7 @@ def test_what_other_values_of_the_parameters_explain_is_theirs(reference: Refere
 
 
 def test_what_parameters_imitate_has_the_right_effect_first_among_the_effects(
-    reference: Reference,
+    reference: GoodRuns,
 ) -> None:
     now = played(17, {"force_offset": {"offset_N": 0.1}})
     verdict = checked(PLANT, reference, [(now, "short")])
@@ -149,7 +150,7 @@ def test_what_parameters_imitate_has_the_right_effect_first_among_the_effects(
     assert effects[0] == "force_offset"
 
 
-def test_warmer_water_is_carried_over_and_told(reference: Reference) -> None:
+def test_warmer_water_is_carried_over_and_told(reference: GoodRuns) -> None:
     verdict = checked(PLANT, reference, [(played(15, water_degC=28.5), "short")])
     assert verdict.outcome in ("quiet", "parameters")
     assert any("rtd_inlet_degC +1.5 K" in note for note in verdict.notes)
@@ -164,27 +165,27 @@ CUT = run_of(
 )  # fmt: skip
 
 
-def test_a_current_that_was_cut_off_is_carried_over(reference: Reference) -> None:
+def test_a_current_that_was_cut_off_is_carried_over(reference: GoodRuns) -> None:
     found = judged(PLANT, reference, [(played(21, what=CUT), "short")])
     assert found.pairs.pairs[0].carried
     assert found.verdict.outcome in ("quiet", "parameters")
 
 
-def test_a_cause_is_named_at_the_inputs_that_were_played(reference: Reference) -> None:
+def test_a_cause_is_named_at_the_inputs_that_were_played(reference: GoodRuns) -> None:
     now = played(22, {"driver_gain": {"gain": 0.05, "y_share": 1.0}}, what=CUT)
     verdict = checked(PLANT, reference, [(now, "short")])
     assert named(verdict) == ["driver_gain"]
     assert value(verdict, "driver_gain", "gain") == pytest.approx(0.05, rel=0.1)
 
 
-def test_a_run_that_was_cut_short_counts_as_far_as_it_goes(reference: Reference) -> None:
+def test_a_run_that_was_cut_short_counts_as_far_as_it_goes(reference: GoodRuns) -> None:
     now = played(16, {"rtd_lag": {"tau_s": 0.1, "y_share": 1.0}})
     verdict = checked(PLANT, reference, [(now.part(0, len(now.t_s) // 2), "short")])
     assert named(verdict) == ["rtd_lag"]
     assert any("counts as far as it goes" in note for note in verdict.notes)
 
 
-def test_other_inputs_are_refused(reference: Reference) -> None:
+def test_other_inputs_are_refused(reference: GoodRuns) -> None:
     now = played(17)
     swapped = {"i_applied_x_A": now.inputs["i_applied_y_A"] * 1.3 + 2.0}
     with pytest.raises(PairingError, match="other inputs"):
@@ -192,7 +193,7 @@ def test_other_inputs_are_refused(reference: Reference) -> None:
 
 
 def test_a_baseline_judges_the_same_after_it_was_stored(
-    reference: Reference, tmp_path: Path
+    reference: GoodRuns, tmp_path: Path
 ) -> None:
     save(Baseline("bench", "digest", reference), PLANT, tmp_path)
     again = load(tmp_path, PLANT)
@@ -206,7 +207,7 @@ def test_a_baseline_judges_the_same_after_it_was_stored(
 
 
 def test_a_baseline_of_another_library_or_schema_is_refused(
-    reference: Reference, tmp_path: Path
+    reference: GoodRuns, tmp_path: Path
 ) -> None:
     save(Baseline("bench", "digest", reference), PLANT, tmp_path)
     fewer = tuple(e.name for e in PLANT.effects[1:])
@@ -220,7 +221,7 @@ def test_a_baseline_of_another_library_or_schema_is_refused(
 
 
 def test_arrays_of_another_baseline_are_refused_and_say_what_to_do(
-    reference: Reference, tmp_path: Path
+    reference: GoodRuns, tmp_path: Path
 ) -> None:
     for name, runs in (("one", reference.runs), ("other", reference.runs[:1])):
         save(Baseline("bench", name, replace(reference, runs=runs)), PLANT, tmp_path / name)
@@ -232,7 +233,7 @@ def test_arrays_of_another_baseline_are_refused_and_say_what_to_do(
 
 
 def test_a_baseline_without_its_digest_that_is_torn_is_refused(
-    reference: Reference, tmp_path: Path
+    reference: GoodRuns, tmp_path: Path
 ) -> None:
     save(Baseline("bench", "digest", reference), PLANT, tmp_path)
     about, arrays = tmp_path / "baseline.json", tmp_path / "reference.npz"
@@ -246,7 +247,7 @@ def test_a_baseline_without_its_digest_that_is_torn_is_refused(
         load(tmp_path, PLANT)
 
 
-def test_a_sensor_that_is_missing_now_is_told(reference: Reference) -> None:
+def test_a_sensor_that_is_missing_now_is_told(reference: GoodRuns) -> None:
     run = played(41)
     outputs = {k: v for k, v in run.outputs.items() if k != "force_N"}
     outputs["displacement_mm"] = np.full(len(run.t_s), np.nan)
@@ -258,7 +259,7 @@ def test_a_sensor_that_is_missing_now_is_told(reference: Reference) -> None:
 
 def test_runs_of_two_boards_and_a_recording_given_twice_are_refused(tmp_path: Path) -> None:
     def found(name: str, seed: int, board: str = "") -> RunFile:
-        return RunFile(name, tmp_path / name, played(seed), board)
+        return RunFile(tmp_path / name, played(seed), board)
 
     one, other = found("one", 1, "board-1"), found("other", 2, "board-2")
     with pytest.raises(PairingError, match=r"two benches are mixed.*one of board board-1"):
@@ -330,7 +331,7 @@ def test_a_hole_ends_a_run_of_now_and_a_good_one_and_is_told(tmp_path: Path) -> 
 def test_good_runs_of_two_days_have_one_name_and_a_copy_among_them_is_told_with_its_folder(
     tmp_path: Path,
 ) -> None:
-    good, now = tmp_path / "good", [RunFile("now", tmp_path / "now", played(3))]
+    good, now = tmp_path / "good", [RunFile(tmp_path / "now", played(3))]
     for day in (1, 2):
         _write(good / f"day-{day}" / "run-1.csv", played(day))
     require_other_recordings(read_folder(good), now)
@@ -390,7 +391,7 @@ def test_the_shipped_programme_has_a_quick_part_of_three_minutes() -> None:
     assert 0.0 < programme.quick().duration_s <= 180.0
 
 
-def test_what_was_recorded_after_an_early_end_does_not_count(reference: Reference) -> None:
+def test_what_was_recorded_after_an_early_end_does_not_count(reference: GoodRuns) -> None:
     now = played(19)
     cut = now.part(0, 700)
     idle = {name: np.where(cut.t_s > cut.t_s[0] + 5.4, 0.0, v) for name, v in cut.inputs.items()}
@@ -443,7 +444,7 @@ def test_a_forged_array_of_a_baseline_is_refused_in_one_line(
 
 
 def test_arrays_that_claim_gigabytes_are_refused_before_they_are_unpacked(
-    reference: Reference, tmp_path: Path
+    reference: GoodRuns, tmp_path: Path
 ) -> None:
     save(Baseline("bench", "digest", reference), PLANT, tmp_path)
     about = json.loads((tmp_path / "baseline.json").read_text())

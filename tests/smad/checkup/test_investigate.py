@@ -10,17 +10,17 @@ import pytest
 
 from evaluation.programme.segments import run_of
 from sim_device.plant.laws import Factor, Law, Term
-from smad.checkup.commission import Reference, commissioned
+from smad.checkup.commission import commissioned
 from smad.checkup.errors import BaselineError
 from smad.checkup.inquiry import Inquiry, Report
 from smad.checkup.investigate import propose, unpaired_offers
 from smad.checkup.judge import Judged, judged
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.series import Recorded
+from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.plant import EffectValues
 from smad.diagnosis.rivals.fit import Fit
-from smad.diagnosis.rivals.question import free_model
-from smad.diagnosis.rivals.rival import Rival
+from smad.diagnosis.rivals.rival import Rival, free_model
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import Cause
 from smad.runlog.header import RunHeader
@@ -39,7 +39,7 @@ COSTS = {"short": 60.0, "still": 60.0}
 
 
 @pytest.fixture(scope="module")
-def reference() -> Reference:
+def reference() -> GoodRuns:
     groups = [
         [played(10 * k + seed, what=run) for seed in (1, 2, 3)]
         for k, run in enumerate(PROGRAMME.runs)
@@ -48,7 +48,7 @@ def reference() -> Reference:
 
 
 @pytest.fixture(scope="module")
-def lagging(reference: Reference) -> Judged:
+def lagging(reference: GoodRuns) -> Judged:
     """A check-up of the run that shows little, on a bench with a lag."""
     return judged(PLANT, reference, [(played(40, LAG, what=STILL), "still")])
 
@@ -147,7 +147,7 @@ def test_a_run_that_takes_longer_than_is_left_is_told_and_not_played(lagging: Ju
     assert "the time is spent: short would tell" in found.why
 
 
-def test_a_run_is_played_once_whatever_stays(reference: Reference) -> None:
+def test_a_run_is_played_once_whatever_stays(reference: GoodRuns) -> None:
     runs = [(played(40 + k, LAG, what=run), run.name) for k, run in enumerate(PROGRAMME.runs)]
     found = propose(undecided(judged(PLANT, reference, runs), LAG_LIKE, FORCE_LIKE), COSTS, 600.0)
     assert found.run is None
@@ -175,7 +175,7 @@ def write_log(path: Path, run: GapRun) -> None:
 
 
 def inquiry(
-    reference: Reference,
+    reference: GoodRuns,
     folder: Path,
     effects: EffectValues,
     *,
@@ -210,7 +210,7 @@ def inquiry(
 
 
 def test_an_investigation_names_the_cause_proves_it_and_writes_the_model(
-    reference: Reference, tmp_path: Path
+    reference: GoodRuns, tmp_path: Path
 ) -> None:
     folder = tmp_path / "investigation-1"
     report = inquiry(reference, folder, GAIN).carry_out(lambda text: None)
@@ -227,7 +227,7 @@ def test_an_investigation_names_the_cause_proves_it_and_writes_the_model(
 
 
 def test_an_investigation_that_lost_its_bench_goes_on_with_what_it_has(
-    reference: Reference, tmp_path: Path
+    reference: GoodRuns, tmp_path: Path
 ) -> None:
     folder = tmp_path / "investigation-1"
     with pytest.raises(ConnectionError):
@@ -238,7 +238,7 @@ def test_an_investigation_that_lost_its_bench_goes_on_with_what_it_has(
 
 
 def test_a_bench_that_trips_is_judged_by_what_was_recorded_and_asked_no_more(
-    reference: Reference, tmp_path: Path
+    reference: GoodRuns, tmp_path: Path
 ) -> None:
     asked = inquiry(reference, tmp_path / "investigation-1", GAIN, trips_at=1)
     both = replace(PROGRAMME, runs=tuple(replace(run, quick=True) for run in PROGRAMME.runs))
@@ -251,7 +251,7 @@ def test_a_bench_that_trips_is_judged_by_what_was_recorded_and_asked_no_more(
 
 
 def test_a_report_that_was_torn_is_told_with_what_to_do(
-    reference: Reference, tmp_path: Path
+    reference: GoodRuns, tmp_path: Path
 ) -> None:
     folder = tmp_path / "investigation-1"
     folder.mkdir()
@@ -260,7 +260,7 @@ def test_a_report_that_was_torn_is_told_with_what_to_do(
         inquiry(reference, folder, GAIN).carry_out(lambda text: None)
 
 
-def test_a_quiet_bench_needs_no_proof(reference: Reference, tmp_path: Path) -> None:
+def test_a_quiet_bench_needs_no_proof(reference: GoodRuns, tmp_path: Path) -> None:
     report = inquiry(reference, tmp_path / "investigation-1", {}).carry_out(lambda text: None)
     assert report.why_over == "settled: nothing has changed beyond the repeat floor"
     assert (len(report.records), report.proof, report.model) == (2, [], "")

@@ -2,9 +2,10 @@
 
 import pytest
 
-from smad.checkup.commission import Reference, commissioned
+from smad.checkup.commission import commissioned
 from smad.checkup.judge import judged
 from smad.diagnosis import Verdict
+from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.plant import EffectValues
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import CAUSES, CHECK_UP, QUIET
@@ -23,23 +24,23 @@ def played(day: int, effects: EffectValues | None = None) -> list[GapRun]:
 
 
 @pytest.fixture(scope="module")
-def reference() -> Reference:
+def reference() -> GoodRuns:
     days = [played(day) for day in (1, 2, 3)]
     return commissioned(HeaterPlant(), list(zip(*days, strict=True)))
 
 
-def checked(reference: Reference, day: int, effects: EffectValues | None = None) -> Verdict:
+def checked(reference: GoodRuns, day: int, effects: EffectValues | None = None) -> Verdict:
     runs = [(run, run.name) for run in played(day, effects)]
     return judged(HeaterPlant(), reference, runs).verdict
 
 
-def test_a_heater_as_it_was_is_quiet(reference: Reference) -> None:
+def test_a_heater_as_it_was_is_quiet(reference: GoodRuns) -> None:
     found = checked(reference, 4)
     assert (found.question, found.outcome, found.causes) == (CHECK_UP, QUIET, [])
     assert any(text.startswith("dial_delay, delay_s: less than") for text in found.unseen)
 
 
-def test_a_new_gain_of_a_heater_is_named_with_its_value(reference: Reference) -> None:
+def test_a_new_gain_of_a_heater_is_named_with_its_value(reference: GoodRuns) -> None:
     found = checked(reference, 5, GAIN)
     assert found.outcome == CAUSES
     (cause,) = found.causes

@@ -9,7 +9,7 @@ from smad.diagnosis.paired.good import least_sd
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import ModelPoint
 from smad.diagnosis.rivals.fit import replayed
-from smad.diagnosis.rivals.question import free_model
+from smad.diagnosis.rivals.rival import free_model
 
 from .short import PLANT, played
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from smad.diagnosis.data.noise import estimate_floors
-from smad.diagnosis.numerics.folds import Array
-from smad.diagnosis.plant import ModelPoint, nominal_point
+from smad.diagnosis.plant import Array, ModelPoint, nominal_point
 from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
 from smad.diagnosis.rivals.fit import (
     Fit,
@@ -20,7 +19,7 @@ from smad.diagnosis.rivals.fit import (
     replayed,
     weights,
 )
-from smad.diagnosis.rivals.question import free_model
+from smad.diagnosis.rivals.rival import free_model
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded
 
@@ -36,14 +35,14 @@ def evidence() -> Evidence:
     return recorded_evidence(PLANT, [run], estimate_floors([run], PLANT, 0.2), 0.2, nominal)
 
 
-def by_replay(evidence: Evidence, reference: Reference, x: Array, tau: Array) -> float:
+def by_replay(evidence: Evidence, reference: Reference, x: Array) -> float:
     """F of exact replays."""
     model = reference.model
     predicted = replayed(evidence, model.point(x), model, exact=True)
     assert predicted is not None
     rows = evidence.left(predicted)
-    rows = evidence.freed(rows, weights(evidence, rows, tau))
-    return objective(evidence, model, x, rows, tau)
+    rows = evidence.freed(rows, weights(evidence, rows))
+    return objective(evidence, model, x, rows)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -51,7 +50,6 @@ def test_a_fit_that_has_ended_is_lower_by_exact_replays_and_says_how_low(
     evidence: Evidence, seed: int
 ) -> None:
     model = free_model(PLANT, nominal_point(PLANT))
-    tau = np.full(evidence.channels, 16.0)
     start = np.random.default_rng(seed).normal(size=model.parameters) * 0.3
     here = reference_at(evidence, model, start)
     assert here is not None
@@ -64,9 +62,9 @@ def test_a_fit_that_has_ended_is_lower_by_exact_replays_and_says_how_low(
         objective=np.inf,
         shift=here.shift,
     )
-    made = polished(evidence, begun, tau)
-    again = polished(evidence, replace(made, objective=np.inf), tau)
+    made = polished(evidence, begun)
+    again = polished(evidence, replace(made, objective=np.inf))
     assert made.shift is None
-    assert made.objective == pytest.approx(by_replay(evidence, here, made.x, tau), rel=1e-3)
-    assert made.objective < 0.8 * by_replay(evidence, here, start, tau)
+    assert made.objective == pytest.approx(by_replay(evidence, here, made.x), rel=1e-3)
+    assert made.objective < 0.8 * by_replay(evidence, here, start)
     assert again.objective <= made.objective

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smad.diagnosis.constants import shipped
-from smad.diagnosis.rivals.question import temper_of
+from smad.diagnosis.rivals.rival import temper_of
 from smad.diagnosis.rivals.score import (
     EFFECT,
     LAW,
@@ -18,7 +18,7 @@ from smad.diagnosis.rivals.score import (
     quiet_gap,
 )
 
-TEMPER = Temper(evidence=1.6, nothing=5.5, parameters=0.1, effect=3.0, law=0.0)
+TEMPER = Temper(evidence=1.6, nothing=5.5, parameters=0.1, effect=3.0)
 KINDS = (NOTHING, PARAMETERS, EFFECT, EFFECT, LAW)
 NEAR = (True, True, False, False, False)
 RUNS, ROWS = 8, 23.0

@@ -12,7 +12,7 @@ from smad.diagnosis.plant import ModelPoint, nominal_point
 from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
 from smad.diagnosis.rivals.fit import Reference, averages_hide, fit, reference_at
 from smad.diagnosis.rivals.parts import EffectPart
-from smad.diagnosis.rivals.question import free_model
+from smad.diagnosis.rivals.rival import free_model
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.spring_pair.recorded import recorded
 
@@ -63,7 +63,7 @@ def test_a_lag_of_milliseconds_is_found_by_exact_replays_and_not_by_averages(
         part = replace(LAG, quick=quick)
         model = reference.model.with_parts([part])
         start = np.r_[reference.x, part.coordinates({"tau_s": 2.0 * LAG_S, "y_share": 1.0})]
-        made = fit(evidence, model, start, reference, tau=np.ones(evidence.channels))
+        made = fit(evidence, model, start, reference)
         assert made is not None
         found.append(part.values(made.x[model.slices[0]])["tau_s"])
     by_averages, by_replays = found
