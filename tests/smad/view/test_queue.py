@@ -80,7 +80,7 @@ def test_the_table_shows_what_the_form_adds(page: Any, bench: BrowsedBench) -> N
     click(page, "#queue-add button")
     until(page, lambda d: "dsc" in text_of(d, "queue-list"))
     click(page, "#queue-arm button")
-    until(page, lambda d: "1 items for at most 8 h" in text_of(d, "queue-confirm"))
+    until(page, lambda d: "1 item for at most 8 h" in text_of(d, "queue-confirm"))
     with Queue(bench.client.status().recorder.folder) as made:
         assert [item.title for item in made.snapshot().queued] == ["run dsc"]
         made.remove(1)
