@@ -30,7 +30,7 @@ from smad.diagnosis.rivals.changes import Changes, values_asked
 from smad.diagnosis.runs import GapRun
 from smad.files import named_output
 
-SCHEMA = 9
+SCHEMA = 10
 """One more where arrays get another meaning: baselines of before are then computed anew."""
 _ABOUT, _ARRAYS = "baseline.json", "reference.npz"
 _FLOOR = ("sd", "rho", "day_sd", "gauge")

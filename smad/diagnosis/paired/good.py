@@ -35,7 +35,7 @@ class GoodRun:
     """A run of which there are good recordings: their mean, carried to their mean surroundings.
 
     `inputs` is that of the longest repeat, `around` what the environment's channels showed at the
-    start, `count` how many repeats each bin rests on.
+    start, `count` how many repeats each bin rests on (0: none has a reading).
     """
 
     name: str
@@ -154,7 +154,7 @@ def good_runs(
     for k, r in enumerate(repeated):
         moved = np.array([carried(plant, J[k], around, r.middle) for around in r.around])
         values = r.values - moved
-        mean, count = r.mean(values)
+        mean, count = mean_of(values, r.valid)
         regime, names = _regime_numbers(plant, r.longest, r.played)
         regimes = max(regimes, names)
         single = np.sqrt(count / np.maximum(count - 1, 1))
@@ -203,7 +203,7 @@ def _fitted_point(plant: PlacesPlant, repeated: Sequence[_Repeats]) -> ModelPoin
     least = least_sd(plant)
     trials = []
     for r in repeated:
-        mean, count = r.mean(r.values)
+        mean, count = mean_of(r.values, r.valid)
         trials.append(Trial(played=r.played, target=mean, rows=RunRows.of(least, count > 0)))
     evidence = Evidence(trials=tuple(trials))
     temper = temper_of(shipped(), free=True, channels=evidence.channels)
@@ -230,10 +230,33 @@ class _Repeats:
     around: list[dict[str, float]]
     middle: dict[str, float]
 
-    def mean(self, values: Array) -> tuple[Array, Array]:
-        """Mean of such values where they count, and over how many, both (bins, channels)."""
-        count = self.valid.sum(axis=0)
-        return (values * self.valid).sum(axis=0) / np.maximum(count, 1), count
+
+def mean_of(values: Array, valid: Mask) -> tuple[Array, Array]:
+    """Mean of repeats (repeats, bins, channels) where `valid`, and of how many, (bins, channels).
+
+    Where a repeat has no reading the mean is that of the others less what they are off it around
+    there: it would jump else by what slow differences between days have become. A repeat counts
+    from its first reading to its last, the mean where any has a reading.
+    """
+    readings = valid.sum(axis=0)
+    shared = np.maximum(readings, 1)
+    plain = (values * valid).sum(axis=0) / shared
+    off = _between(values - plain, readings == len(values))
+    begun = np.maximum.accumulate(valid, axis=1)
+    goes_on = np.maximum.accumulate(valid[:, ::-1], axis=1)[:, ::-1]
+    count = np.where(readings > 0, (begun & goes_on).sum(axis=0), 0)
+    return ((values - off) * valid).sum(axis=0) / shared, count
+
+
+def _between(values: Array, known: Mask) -> Array:
+    """Values (repeats, bins, channels) where they are `known` (bins, channels), between and beyond
+    these interpolated in time; 0 in a channel in which none is."""
+    out, bins = np.zeros_like(values), np.arange(values.shape[1])
+    for c in range(values.shape[2]):
+        at = bins[known[:, c]]
+        for repeat in range(len(values) if len(at) else 0):
+            out[repeat, :, c] = np.interp(bins, at, values[repeat, at, c])
+    return out
 
 
 def _longest(group: Sequence[GapRun]) -> GapRun:
