@@ -138,20 +138,28 @@ def _entered(search: Searched) -> list[tuple[Step, Rival]]:
 def signal_gaps(question: Question, stages: Sequence[Rival]) -> list[SignalGap]:
     """What stages leave of the judged runs by signal, in its unit, and over all, in floors."""
 
-    def gap(signal: str, unit: str, floor: float, left: Sequence[float], words: str) -> SignalGap:
-        named = {"signal": signal, "unit": unit, "words": words}
-        return SignalGap(
-            **named, floor=floor, raw=left[0], parameters=left[1], causes=list(left[2:])
-        )
-
     counts, floors = question.judged.counts.sum(axis=0), question.judged.floors
     left = [np.sqrt(r.squares.sum(axis=0) / np.maximum(counts, 1.0)) * floors for r in stages]
     signals = [
-        gap(c.name, c.unit, float(floors[i]), [float(x[i]) for x in left], c.words)
+        _gap(c.name, c.unit, float(floors[i]), [float(x[i]) for x in left], c.words)
         for i, c in enumerate(question.model.plant.channels)
         if counts[i] > 0
     ]
-    return [*signals, gap("all signals", "floors", 1.0, [question.gap(r) for r in stages], "")]
+    return [*signals, _gap("all signals", "floors", 1.0, [question.gap(r) for r in stages], "")]
+
+
+def _gap(signal: str, unit: str, floor: float, left: Sequence[float], words: str) -> SignalGap:
+    """What each stage leaves of a signal: as configured, with other parameters, with causes."""
+    raw, parameters, *causes = left
+    return SignalGap(
+        signal=signal,
+        words=words,
+        unit=unit,
+        floor=floor,
+        raw=raw,
+        parameters=parameters,
+        causes=causes,
+    )
 
 
 def gaps_on(answer: Answer, evidence: Evidence) -> list[SignalGap]:
@@ -219,12 +227,12 @@ def _values(described: Describer, question: Question, rival: Rival) -> list[Effe
 
 def _deviations(question: Question, fitted: Fit) -> Array:
     """Standard deviations of a fit's coordinates, (k,)."""
-    return _roots(covariance(question.evidence, fitted))
+    return _standard_deviations(covariance(question.evidence, fitted))
 
 
-def _roots(covariance: Array) -> Array:
-    """Standard deviations of a covariance (k, k), (k,)."""
-    return np.sqrt(np.maximum(np.diag(covariance), 0.0))
+def _standard_deviations(matrix: Array) -> Array:
+    """Those of a covariance matrix (k, k), (k,)."""
+    return np.sqrt(np.maximum(np.diag(matrix), 0.0))
 
 
 def _scores(question: Question, rivals: Sequence[Rival]) -> list[RivalScore]:
@@ -351,7 +359,9 @@ def _moved(
         )
         # Those of the parts follow.
         for q, sd in zip(
-            question.model.plant.parameters, _roots(uncertainty.covariance), strict=False
+            question.model.plant.parameters,
+            _standard_deviations(uncertainty.covariance),
+            strict=False,
         )
     ]
     return sorted(moved, key=lambda q: -abs(q.after - q.before) / max(q.sd, 1e-30))

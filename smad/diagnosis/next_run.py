@@ -37,7 +37,8 @@ def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offe
     plant = model.plant
     left = min((evidence.variances(f.left) for f in fits), key=lambda v: v.sum())
     scale = evidence.floors * np.sqrt(np.maximum(left, 1.0))
-    words = [Describer(plant).rival(r) for r in answer.alternatives]
+    described = Describer(plant)
+    words = [described.rival(r) for r in answer.alternatives]
     out: list[Offer] = []
     if not isinstance(plant, Experimenter):
         return words, out

@@ -46,17 +46,17 @@ def admit(
     runs: Sequence[GapRun],
     plant: PlantModel,
     period_s: float,
-    asked: list[GapRun] | None = None,
+    contract_run: list[GapRun] | None = None,
 ) -> RunSet:
     """Checks every run. A bad channel is taken out of its run; a bad run is refused.
 
-    The plant is asked for its contract with the first run that can be replayed; `asked` keeps that
-    run for further calls. Raises PlantMismatch for a plant that breaks it.
+    The plant is asked for its contract with the first run that can be replayed; `contract_run`
+    keeps that run for further calls. Raises PlantMismatch for a plant that breaks it.
     """
-    asked = [] if asked is None else asked
+    contract_run = [] if contract_run is None else contract_run
     admitted, findings = [], []
     for run in runs:
-        kept, found = _admit_one(run, plant, period_s, asked)
+        kept, found = _admit_one(run, plant, period_s, contract_run)
         findings += found
         if not any(f.refuses for f in found):
             admitted.append(kept)
@@ -97,8 +97,8 @@ def admit_groups(
     order = [sorted(group, key=lambda r: (r.digest, r.name)) for group in given.values()]
     named = dict(zip(given, distinctly_named(order), strict=True))
     once, repeats = without_repeats(named)
-    asked: list[GapRun] = []
-    sets = {role: admit(once[role], plant, period_s, asked) for role in named}
+    contract_run: list[GapRun] = []
+    sets = {role: admit(once[role], plant, period_s, contract_run) for role in named}
     having = [{c for r in a.admitted for c in r.outputs} for a in sets.values() if a.admitted]
     common = set.intersection(*having) if having else set()
     return {
@@ -123,7 +123,7 @@ def _only(group: RunSet, channels: set[str]) -> RunSet:
 
 
 def _admit_one(
-    run: GapRun, plant: PlantModel, period_s: float, asked: list[GapRun]
+    run: GapRun, plant: PlantModel, period_s: float, contract_run: list[GapRun]
 ) -> tuple[GapRun, list[Finding]]:
     findings: list[Finding] = []
 
@@ -147,9 +147,9 @@ def _admit_one(
     _require_length(run, given, plant, period_s, say)
     if any(f.refuses for f in findings):
         return run, findings
-    if not asked:
+    if not contract_run:
         require_contract(plant, run)
-        asked.append(run)
+        contract_run.append(run)
     predicted = replayed(plant, run)
     run = used(run, predicted, plant, say=say)
     if any(f.refuses for f in findings):

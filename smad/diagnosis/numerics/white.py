@@ -49,7 +49,7 @@ def with_day_form(sd: Array, day: Array, day_sd: Array) -> Array:
     return np.asarray(np.sqrt(sd**2 + _DAY_FORM**2 * moved))
 
 
-def neighbours_alike(rows: Iterable[Array], most: float) -> Array:
+def lag_one_correlation(rows: Iterable[Array], most: float) -> Array:
     """Correlation ρ of each bin with the next in all runs, from 0 to `most`, (channels,).
 
     `rows` are (bins, channels) a run, 0 where nothing counts.

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from smad.diagnosis.numerics.white import RunRows, neighbours_alike, with_day_form
+from smad.diagnosis.numerics.white import RunRows, lag_one_correlation, with_day_form
 from smad.diagnosis.plant import Array, Mask
 
 _LEAN_ROWS = 200.0
@@ -95,7 +95,7 @@ def repeat_floor(
             squares += coefficient**2 + variance
         sd = _pooled(left, regimes, least)
         scaled = (np.where(d.valid, d.values / _of_regime(sd, d.regime), 0.0) for d in left)
-        rho = neighbours_alike(scaled, _MOST_RHO)
+        rho = lag_one_correlation(scaled, _MOST_RHO)
         day_sd = np.sqrt((squares + _PSEUDO * usual_day**2) / (len(repeats) + _PSEUDO))
     # A variance of few degrees of freedom is often too small: that of a t distribution.
     few = np.sqrt((degrees + _T) / max(degrees + _T - 2.0, 1.0))

@@ -22,7 +22,7 @@ from smad.diagnosis.rivals.changes import Changes
 from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, Trial
 from smad.diagnosis.rivals.fit import fit_from_several, reference_at
 from smad.diagnosis.rivals.rival import free_model, temper_of, tempered
-from smad.diagnosis.runs import GapRun
+from smad.diagnosis.runs import GapRun, bridged
 
 _CLOCK_SD_S = 0.004
 _CARRIED_SD = 0.4
@@ -234,28 +234,28 @@ class _Repeats:
 def mean_of(values: Array, valid: Mask) -> tuple[Array, Array]:
     """Mean of repeats (repeats, bins, channels) where `valid`, and of how many, (bins, channels).
 
-    Where a repeat has no reading the mean is that of the others less what they are off it around
-    there: it would jump else by what slow differences between days have become. A repeat counts
-    from its first reading to its last, the mean where any has a reading.
+    Repeats drift apart slowly, so that a mean of those with a reading would jump where one has
+    none. There each of the others is corrected by its own deviation from the mean of all,
+    interpolated over the gap. A repeat counts from its first reading to its last, the mean where
+    any repeat has a reading.
     """
     readings = valid.sum(axis=0)
-    shared = np.maximum(readings, 1)
-    plain = (values * valid).sum(axis=0) / shared
-    off = _between(values - plain, readings == len(values))
+    divisor = np.maximum(readings, 1)
+    plain_mean = (values * valid).sum(axis=0) / divisor
+    deviation = _interpolated(values - plain_mean, readings == len(values))
     begun = np.maximum.accumulate(valid, axis=1)
-    goes_on = np.maximum.accumulate(valid[:, ::-1], axis=1)[:, ::-1]
-    count = np.where(readings > 0, (begun & goes_on).sum(axis=0), 0)
-    return ((values - off) * valid).sum(axis=0) / shared, count
+    not_ended = np.maximum.accumulate(valid[:, ::-1], axis=1)[:, ::-1]
+    count = np.where(readings > 0, (begun & not_ended).sum(axis=0), 0)
+    return ((values - deviation) * valid).sum(axis=0) / divisor, count
 
 
-def _between(values: Array, known: Mask) -> Array:
-    """Values (repeats, bins, channels) where they are `known` (bins, channels), between and beyond
-    these interpolated in time; 0 in a channel in which none is."""
-    out, bins = np.zeros_like(values), np.arange(values.shape[1])
-    for c in range(values.shape[2]):
-        at = bins[known[:, c]]
-        for repeat in range(len(values) if len(at) else 0):
-            out[repeat, :, c] = np.interp(bins, at, values[repeat, at, c])
+def _interpolated(values: Array, known: Mask) -> Array:
+    """Values (repeats, bins, channels) that are `known` (bins, channels), the others interpolated
+    in time; 0 in a channel in which none is known."""
+    out = np.zeros_like(values)
+    for c in np.flatnonzero(known.any(axis=0)):
+        for repeat, course in zip(out, np.where(known[:, c], values[:, :, c], np.nan), strict=True):
+            repeat[:, c] = bridged(course, known[:, c].copy())
     return out
 
 

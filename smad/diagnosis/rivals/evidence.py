@@ -16,7 +16,7 @@ import numpy as np
 
 from smad.diagnosis.data.played import Played
 from smad.diagnosis.data.rows import binned
-from smad.diagnosis.numerics.white import RunRows, Shrink, neighbours_alike
+from smad.diagnosis.numerics.white import RunRows, Shrink, lag_one_correlation
 from smad.diagnosis.places.bare import BarePlaces
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import Array, Index, ModelPoint, traits_of
@@ -170,7 +170,7 @@ class Evidence:
         counted = r * self.valid
         pairs = zip(self.trials, self.spans, strict=True)
         courses = (counted[mine].reshape(trial.target.shape) for trial, mine in pairs)
-        rho = neighbours_alike(courses, _MOST_CORRELATED)
+        rho = lag_one_correlation(courses, _MOST_CORRELATED)
         return np.asarray((1.0 + rho) / (1.0 - rho))
 
     def part(self, chosen: Sequence[int]) -> Evidence:

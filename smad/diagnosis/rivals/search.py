@@ -33,6 +33,7 @@ from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS
 from smad.diagnosis.rivals.screening import Screened, screened
 
 MOST_CAUSES = 3
+"""Of an answer: of two changes one is found at most (docs/trust.md)."""
 _SCREENED = 8
 """Effects of each reference that are fitted."""
 _LAWS = 4
