@@ -137,10 +137,14 @@ def without_other_end(now: Binned, reference: Binned) -> Binned:
 def same_inputs(now: Binned, reference: Binned) -> bool:
     """Whether nothing has to be carried over: inputs equal within 2 % but for single bins.
 
-    Those are edges that fall a little elsewhere within their bin.
+    Those are edges that fall a little elsewhere within their bin. What differs where the reference
+    has no edge, as a supply that was cut off for a sample, makes inputs of its own.
     """
     off = input_difference(now, reference).max(axis=1)
-    return bool(np.mean(off > _SAME_INPUT) < 0.01 and off.max() < _OTHER_INPUT)
+    other = off > _SAME_INPUT
+    steps = np.abs(np.diff(reference.inputs, axis=0)).max(axis=1) > _SAME_INPUT
+    at_edge = np.append(steps, False) | np.insert(steps, 0, False)
+    return bool(np.mean(other) < 0.01 and off.max() < _OTHER_INPUT and not (other & ~at_edge).any())
 
 
 def require_like_inputs(now: Binned, reference: Binned) -> None:

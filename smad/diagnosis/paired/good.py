@@ -158,11 +158,13 @@ def good_runs(
         regime, names = _regime_numbers(plant, r.longest, r.played)
         regimes = max(regimes, names)
         single = np.sqrt(count / np.maximum(count - 1, 1))
+        # The deviation of a reading that stands alone from the mean is an interpolated one.
+        several = r.valid.sum(axis=0) > 1
         if len(values) > 1:
             deviations += [
                 Deviation(
                     values=(value - mean) * single,
-                    valid=valid & (count > 1),
+                    valid=valid & several,
                     regime=regime,
                     day=day_directions(plant, J[k], base[k], shift * single, r.played.period_s),
                 )
