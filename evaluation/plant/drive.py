@@ -33,13 +33,11 @@ from evaluation.plant.layout import (
     OHM,
     PUMP,
     RELIEVED,
-    RETURN_WARM,
     RING_DUTY_X,
     RING_LENGTH,
     RINGING,
     RINGING_RATE,
     RTD_B,
-    SETPOINT,
     SPEED,
     SPIN,
     SPIN_RATE,
@@ -65,13 +63,10 @@ SATURATION = slot("saturation")
 DEAD_TIME = slot("pump_dead_time")
 SHORTFALL = slot("flow_shortfall")
 LEAK = slot("valve_leak")
-KINKED = slot("kinked_hose")
 CHATTER = slot("chattering_plug")
 PEAK_AND_HOLD = slot("peak_and_hold")
 SUCTION = slot("shared_suction")
 MEMBRANE = slot("tired_membrane")
-ON_RETURN = slot("driver_on_return")
-LAZY = slot("lazy_setpoint")
 PUMP_SUPPLY = slot("pump_supply_sag")
 FOOT_VALVE = slot("leaking_foot_valve")
 TUGGED = slot("tugged_trimmer")
@@ -125,10 +120,6 @@ def current(
 ) -> float:
     """Real current (A) through spring `s` for a commanded one."""
     i = min(max(command, 0.0), CURRENT_LIMIT_A)
-    if e[s, LAZY] > 0.0:
-        if i <= 0.0 or abs(i - side[s, SETPOINT]) > e[s, LAZY]:
-            side[s, SETPOINT] = i
-        i = side[s, SETPOINT]
     if e[s, DRIVER_GAIN] != 0.0:
         i *= 1.0 + e[s, DRIVER_GAIN] * (1.0 - 0.08 * i)
     if e[s, SATURATION] > 0.0:
@@ -142,8 +133,6 @@ def current(
         held = 1.0 if side[s, LONG_ON] > PEAK_S else 0.0
         side[s, HELD_DOWN] = approach(side[s, HELD_DOWN], held, dt, 0.4)
         i *= 1.0 - min(e[s, PEAK_AND_HOLD], 0.9) * side[s, HELD_DOWN]
-    if e[s, ON_RETURN] > 0.0:
-        i *= max(0.1, 1.0 - e[s, ON_RETURN] * side[s, RETURN_WARM])
     if e[s, TUGGED] != 0.0:
         drawn_in = pair[X] if s == 0 else -pair[X]
         i *= max(0.1, 1.0 + e[s, TUGGED] * drawn_in / 5e-3)
@@ -216,9 +205,6 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
         emptier = approach(side[s, EMPTIED], 1.0, dt, 8.0)
         side[s, EMPTIED] = max(emptier - dt * share / e[s, FOOT_VALVE], 0.0)
         share *= 0.1 / (0.1 + side[s, EMPTIED])
-    if e[s, KINKED] > 0.0:
-        drawn_in = pair[X] if s == 0 else -pair[X]
-        share *= 1.0 - min(e[s, KINKED], 0.98) * min(max((1e-3 - drawn_in) / 5e-3, 0.0), 1.0)
     if e[s, UNDER_TENDON] > 0.0:
         tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
         pressed = min(max((tension - 1.24) / 0.4, 0.0), 1.0)

@@ -23,8 +23,6 @@ from evaluation.plant.layout import (
     DEAD_END,
     DUTY_X,
     DUTY_Y,
-    FAN,
-    FAN_WARM,
     FILL,
     FORCE_X,
     FORCE_Y,
@@ -44,7 +42,6 @@ from evaluation.plant.layout import (
     RINGS,
     RTD_A,
     RTD_B,
-    RTD_BEFORE,
     SCANNED,
     SEEN_BEFORE,
     SIDE_WIDTH,
@@ -69,8 +66,6 @@ Array = NDArray[np.float64]
 
 AMBIENT_DRIFT = slot("ambient_drift")
 DRAUGHT_S = 90.0
-DRIVER_FAN = slot("driver_fan")
-FAN_ON, FAN_OFF = 0.25, 0.12  # of the warmth of one heater that is fully on
 
 
 @dataclass
@@ -117,7 +112,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, OHM] = bench.resistance_ohm, bench.resistance_ohm * bench.y_resistance
     side[:, RTD_A] = water_degC
     side[:, RTD_B] = water_degC
-    side[:, RTD_BEFORE] = water_degC
     side[:, SEEN_BEFORE] = water_degC
     side[:, SCANNED] = water_degC
     side[:, DEAD_END] = water_degC
@@ -135,17 +129,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
         tick(parameters, effects, quiet, 0.01, *state.arrays(), ignored)
     pair[TIME] = 0.0
     return state
-
-
-@compiled
-def cool_drivers(side: Array, pair: Array, dt: float) -> None:
-    """Switch the drivers' fan by their warmth."""
-    load = (side[0, AMPERE] ** 2 + side[1, AMPERE] ** 2) / 16.0
-    pair[FAN_WARM] = approach(pair[FAN_WARM], load, dt, 12.0)
-    if pair[FAN_WARM] > FAN_ON:
-        pair[FAN] = 1.0
-    elif pair[FAN_WARM] < FAN_OFF:
-        pair[FAN] = 0.0
 
 
 @compiled
@@ -173,8 +156,6 @@ def tick(
     if e[0, AMBIENT_DRIFT] != 0.0:
         air += e[0, AMBIENT_DRIFT] * math.sin(math.pi * pair[TIME] / DRAUGHT_S)
     flows(p, e, side, pair, ring, dt)
-    if e[0, DRIVER_FAN] > 0.0:
-        cool_drivers(side, pair, dt)
     if e[0, HEATSINK] > 0.0:
         total = side[0, AMPERE] + side[1, AMPERE]
         pair[SINK_WARM] = approach(pair[SINK_WARM], total / 4.0, dt, 15.0)

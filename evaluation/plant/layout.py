@@ -34,7 +34,6 @@ CELL_WIDTH = PLAY + PLAYS
     RTD_B,
     STEM,
     CONTACT,
-    SHUNT,
     WORK_DONE,
     POCKET,
     FLOW,
@@ -45,13 +44,6 @@ CELL_WIDTH = PLAY + PLAYS
     COMPLIANT,
     FREE_STRAIN,
     GROWN,
-    OPENED,
-    CRIMP,
-    SOAKED,
-    BOUND,
-    RTD_BEFORE,
-    AMPERE_BEFORE,
-    HOSE,
     LONG_ON,
     HELD_DOWN,
     CORRODED,
@@ -63,8 +55,6 @@ CELL_WIDTH = PLAY + PLAYS
     LEAD_WARM,
     AVERAGED,
     SHRUNK,
-    RETURN_WARM,
-    SETPOINT,
     EMPTIED,
     HOSE_WARM,
     SHUNT_WARM,
@@ -103,7 +93,7 @@ CELL_WIDTH = PLAY + PLAYS
     REMANENT,
     CHARGED,
     SIDE_WIDTH,
-) = range(80)
+) = range(70)
 
 (
     TIME,
@@ -118,14 +108,6 @@ CELL_WIDTH = PLAY + PLAYS
     CREEP_SLOW,
     RESERVOIR,
     GLANCE,
-    BOARD,
-    FAN_WARM,
-    FAN,
-    LOST,
-    BRACKET,
-    SKIN,
-    CORE,
-    SHEARED,
     SINK_WARM,
     INDEXED,
     SPONGE,
@@ -146,7 +128,7 @@ CELL_WIDTH = PLAY + PLAYS
     STRAP,
     SNAPPED,
     PAIR_WIDTH,
-) = range(40)
+) = range(32)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
 RING_LENGTH = 256

@@ -21,7 +21,6 @@ from evaluation.plant.layout import (
     CARRIED,
     CELLS,
     COMPLIANT,
-    CRIMP,
     FILL,
     FLOW,
     FORCE_X,
@@ -34,7 +33,6 @@ from evaluation.plant.layout import (
     R_PHASE,
     RATE,
     RUN_DRY,
-    SHEARED,
     SHRUNK,
     SLEEVED,
     SPEED,
@@ -75,9 +73,6 @@ DRAG = slot("viscous_drag")
 PARALLEL = slot("tube_stiffness")
 DRIFT = slot("transformation_drift")
 R_PHASES = slot("r_phase")
-CRIMP_CREEPS = slot("creeping_crimp")
-GREASE = slot("stiff_grease")
-DETENT = slot("iron_beside_tendon")
 MOBILE = slot("mobile_interfaces")
 SHRINKING = slot("shrinking_tendon")
 SOAKING = slot("hanging_sponge")
@@ -98,7 +93,6 @@ STIFFENS = slot("stiffening_austenite")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
-DETENT_m = 2.5e-3  # how far from its rest a magnet holds the tendon hardest
 
 
 @compiled
@@ -120,9 +114,7 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
         total += 1e-3 / 1.24 * e[s, WARM_MARTENSITE] * fraction * warm
         if e[s, R_PHASES] > 0.0:
             total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * p[STRESS] / 57.0
-    side[s, GROWN] = e[s, CRIMP_CREEPS] * 1e-3 * side[s, CRIMP]
-    side[s, GROWN] -= e[s, SHRINKING] * 1e-3 * side[s, SHRUNK]
-    side[s, GROWN] += e[s, WALKING] * 1e-3 * side[s, WALKED]
+    side[s, GROWN] = 1e-3 * (e[s, WALKING] * side[s, WALKED] - e[s, SHRINKING] * side[s, SHRUNK])
     if e[s, YIELDS] > 0.0:
         side[s, YIELDING] = 0.0
         for i in range(CELLS):
@@ -253,16 +245,6 @@ def resisting(
         else:
             total += scale * math.copysign(abs(v) ** 0.8, v)
             slope += scale * 0.8 * abs(v) ** -0.2 / dt / 5e-3
-    if e[0, GREASE] > 0.0:
-        v = (x - before) / dt / 5e-4
-        scale = e[0, GREASE] * (1.0 - pair[SHEARED])
-        total += scale * v / (abs(v) + 1.0)
-        slope += scale / (abs(v) + 1.0) ** 2 / dt / 5e-4
-    if e[0, DETENT] > 0.0:
-        off = (x - (e[2, DETENT] - 0.5) * 8e-3) / DETENT_m
-        scale = e[0, DETENT] * math.exp(0.5 * (1.0 - off * off))
-        total += scale * off
-        slope += scale * max(1.0 - off * off, 0.0) / DETENT_m  # beyond, the springs are stiffer
     total += e[0, SOAKING] * pair[SPONGE]
     if e[0, GRIPPING] > 0.0:
         v = (x - before) / dt / 5e-4
@@ -334,9 +316,6 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     pair[CARRIED] = min(max(pair[CARRIED] + (x - before) / AXLE_m, -1.0), 1.0)
     pair[RUN_DRY] += abs(x - before)
     swing(x, e, pair, dt)
-    if e[0, GREASE] > 0.0:
-        stirred = (1.0 - pair[SHEARED]) * abs(pair[SPEED]) / 4e-3
-        pair[SHEARED] = min(pair[SHEARED] + dt * (stirred - pair[SHEARED] / 8.0), 1.0)
     if e[0, SOAKING] > 0.0:
         spilt = (side[0, FLOW] + side[1, FLOW]) / p[FULL_FLOW]
         pair[SPONGE] += dt * (spilt / 10.0 - pair[SPONGE] / 40.0)
@@ -345,10 +324,6 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
         turned = turned_by(wire, p)
         for i in range(CELLS):
             cells[s, i, TURNED] = max(cells[s, i, TURNED], turned)
-        if e[s, CRIMP_CREEPS] > 0.0:
-            tension = force_x if s == 0 else force_y
-            hot = max(cells[s, CELLS - 1, T] - 40.0, 0.0) / 10.0
-            side[s, CRIMP] += dt / 10.0 * hot * tension / 1.24
         if e[s, SHRINKING] > 0.0:
             warm = (cells[s, CELLS - 1, W] - 27.0) / 20.0
             side[s, SHRUNK] = approach(side[s, SHRUNK], warm, dt, 3.0)

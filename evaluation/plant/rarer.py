@@ -35,9 +35,7 @@ from evaluation.plant.layout import (
     GREATEST_LOAD,
     HOSE_SOFT,
     LEACHED,
-    OPENED,
     PRESSED_ON,
-    SHUNT,
     SLEEVED,
     SPEED,
     STRETCHING,
@@ -59,20 +57,13 @@ from evaluation.plant.thermal import (
     LOSS,
     SHIFT_COOL,
     SHIFT_HEAT,
-    STORES,
     TO_CLAMP,
 )
 
 Array = NDArray[np.float64]
 
 FULL_FLOW = index("flow_W_K")
-AT_START = index("turned_at_start")
 
-PEAK = slot("premartensitic_peak")
-LEADS = slot("leads_along_neighbour")
-SWEATING = slot("sweating_tube")
-TURNED_RESISTS = slot("turned_resists")
-SHAKEN = slot("shaken_interfaces")
 DRIPPING = slot("dripping_outlet")
 ROD = slot("rod_in_coil")
 LAMP = slot("cycling_lamp")
@@ -94,7 +85,6 @@ GRADED = slot("graded_wire")
 SLIP_BANDS = slot("warm_slip_bands")
 WALKING = slot("walking_anchor")
 LEAD_IN_OUTLET = slot("lead_in_outlet")
-CRACK = slot("cracked_end")
 CURING = slot("curing_glue")
 PRESSED = slot("pressed_crimp")
 FIRST_BUBBLES = slot("bubbles_of_filling")
@@ -126,23 +116,12 @@ def joints(s: int, e: Array, cells: Array, side: Array, heat: Array) -> float:
     inlet += e[s, FRAYING] * max(side[s, GREATEST_LOAD] - 1.3, 0.0) / 0.3
     inlet -= e[s, CURING] * (1.0 - math.exp(-side[s, CURED]))
     outlet = e[s, LEAD_IN_OUTLET] * max(cells[s, CELLS - 1, W] - 27.0, 0.0) / 20.0
-    outlet += e[s, CRACK] * side[s, OPENED] - e[s, PRESSED] * side[s, PRESSED_ON]
+    outlet -= e[s, PRESSED] * side[s, PRESSED_ON]
     inlet = max(inlet, -0.95 * heat[0])
     outlet = max(outlet, -0.95 * heat[CELLS - 1])
     heat[0] += inlet
     heat[CELLS - 1] += outlet
     return float(inlet + outlet)
-
-
-@compiled
-def odd_heat(s: int, e: Array, cells: Array, side: Array, rows: Array) -> None:
-    """Add to `rows` what rarer effects do to the heat of wire and water."""
-    lead = e[1 - s, LEADS] * side[1 - s, SHUNT]
-    for i in range(CELLS):
-        over = max(cells[s, i, W] - 34.0, 0.0) / 10.0
-        rows[i, HEAT_WATER] += (lead - e[s, SWEATING] * over * over) / CELLS
-        off = (cells[s, i, T] - 40.0) / 3.0
-        rows[i, STORES] *= 1.0 + e[s, PEAK] * math.exp(-off * off)
 
 
 @compiled
@@ -169,21 +148,15 @@ def elsewhere(
 
 
 @compiled
-def odd_shifts(
-    s: int, share: float, p: Array, e: Array, cells: Array, pair: Array, rows: Array
-) -> None:
+def odd_shifts(s: int, e: Array, cells: Array, pair: Array, rows: Array) -> None:
     """Add to `rows` what rarer effects do to the temperatures of transformation."""
-    eased = e[s, SHAKEN] * share
     length = 1.0 + (pair[X] if s == 1 else -pair[X]) / 25e-3
     bent = e[s, BENT] * (length * length - 1.0)
     drawn_in = pair[STRETCHING] if s == 0 else -pair[STRETCHING]
     banded = e[s, SLIP_BANDS] * drawn_in / (abs(drawn_in) + 2e-3)
     for i in range(CELLS):
-        further = (cells[s, i, TURNED] - p[AT_START]) / 0.05
-        rows[i, SHIFT_HEAT] += e[s, TURNED_RESISTS] * further - eased + bent
-        rows[i, SHIFT_COOL] += eased + bent
         uneven = e[s, GRADED] * (2.0 * i / (CELLS - 1.0) - 1.0)
-        both = uneven + e[s, MATRIX] * (0.5 - cells[s, i, FRACTION]) + banded
+        both = bent + uneven + e[s, MATRIX] * (0.5 - cells[s, i, FRACTION]) + banded
         rows[i, SHIFT_HEAT] += both
         rows[i, SHIFT_COOL] += both
 
