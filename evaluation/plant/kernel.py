@@ -20,7 +20,9 @@ from evaluation.plant.layout import (
     CELLS,
     COLDEST,
     COLUMNS,
+    CORE_WARM,
     DEAD_END,
+    DRIVERS_WARM,
     DUTY_X,
     DUTY_Y,
     FILL,
@@ -44,7 +46,9 @@ from evaluation.plant.layout import (
     RTD_B,
     SCANNED,
     SEEN_BEFORE,
+    SHOWN,
     SIDE_WIDTH,
+    SINCE_START,
     SINK_WARM,
     STEM,
     TIME,
@@ -114,6 +118,9 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, RTD_B] = water_degC
     side[:, SEEN_BEFORE] = water_degC
     side[:, SCANNED] = water_degC
+    side[:, SHOWN] = water_degC
+    side[:, CORE_WARM] = water_degC
+    side[:, SINCE_START] = 60.0
     side[:, DEAD_END] = water_degC
     side[:, WARMTH_BEFORE] = water_degC
     pair[BASE] = water_degC
@@ -159,6 +166,8 @@ def tick(
     if e[0, HEATSINK] > 0.0:
         total = side[0, AMPERE] + side[1, AMPERE]
         pair[SINK_WARM] = approach(pair[SINK_WARM], total / 4.0, dt, 15.0)
+    heated = (side[0, AMPERE] ** 2 + side[1, AMPERE] ** 2) / 16.0
+    pair[DRIVERS_WARM] = approach(pair[DRIVERS_WARM], heated, dt, 10.0)
     for s in range(2):
         amperes = current(s, u[I_X + s], p, e, side, pair, dt)
         stress = wire_stress(s, p, e, cells, side, pair)

@@ -92,8 +92,22 @@ CELL_WIDTH = PLAY + PLAYS
     DAMP,
     REMANENT,
     CHARGED,
+    ASKED,
+    HOLDING,
+    HEARD,
+    SINCE_START,
+    UNCOUPLED,
+    POLLED,
+    CLOUD,
+    CORE_WARM,
+    SHOWN,
+    MIXED,
+    CREPT,
+    STRAND,
+    PEAK_VOLT,
+    RESTED,
     SIDE_WIDTH,
-) = range(70)
+) = range(84)
 
 (
     TIME,
@@ -127,10 +141,18 @@ CELL_WIDTH = PLAY + PLAYS
     DRAWN,
     STRAP,
     SNAPPED,
+    DRIVERS_WARM,
+    IDLE,
+    SLEPT_AT,
+    OVERSLEPT,
+    SETTLED,
+    CAUGHT,
+    SEAL_WARM,
+    SLID,
     PAIR_WIDTH,
-) = range(32)
+) = range(40)
 
-RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RINGS = range(5)
+RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RING_RTD_X, RING_RTD_Y, RINGS = range(7)
 RING_LENGTH = 256
 
 INPUTS = ("i_x_A", "i_y_A", "duty_x", "duty_y", "inlet_degC", "ambient_degC", "luck_x", "luck_y")

@@ -18,6 +18,7 @@ from evaluation.plant.layout import (
     CONTACT,
     CREEP_FAST,
     CREEP_SLOW,
+    DRIVERS_WARM,
     ENCODER,
     FATIGUED,
     FLOW,
@@ -25,22 +26,30 @@ from evaluation.plant.layout import (
     FORCE_Y,
     FRACTION,
     GLANCE,
+    IDLE,
     INDEXED,
     LARGEST_LOAD,
     LEAD_WARM,
     MISCOUNTED,
     MISTED,
     OHM,
+    OVERSLEPT,
+    PEAK_VOLT,
     PUMP,
     REMANENT,
     RESERVOIR,
     RING_FORCE,
+    RING_LENGTH,
+    RING_RTD_X,
     RING_X,
     RTD_A,
     RTD_B,
     SCANNED,
     SEEN_BEFORE,
+    SETTLED,
+    SHOWN,
     SHUNT_WARM,
+    SLEPT_AT,
     SLIPPED,
     SPEED,
     STEM,
@@ -107,6 +116,16 @@ TIE = slot("creeping_tie")
 COARSE = slot("coarse_scale")
 OBLIQUE = slot("oblique_pull")
 REMANENCE = slot("remanent_core")
+HALL_STRESSED = slot("stressed_hall")
+PEAKS = slot("peak_voltmeter")
+SLEWS = slot("slewing_transmitter")
+CROWDED = slot("crowded_bus")
+SCALE_WARMS = slot("warmed_scale")
+SLEEPS = slot("sleeping_encoder")
+KICKED = slot("kicked_amplifier")
+SLOW_CLOCK = slot("slow_clock")
+
+SLOW_mm_s, FALLS_ASLEEP_S = 0.3, 2.0  # how slow and for how long before an encoder sleeps
 
 
 @compiled
@@ -169,7 +188,28 @@ def rtd(
         if math.floor(turn) != math.floor(turn - dt / e[s, SCANNER]):
             side[s, SCANNED] = reading
         reading = side[s, SCANNED]
+    if e[s, SLEWS] > 0.0:
+        most = 10.0 * dt / e[s, SLEWS]
+        side[s, SHOWN] += min(max(reading - side[s, SHOWN], -most), most)
+        reading = side[s, SHOWN]
     return float(reading)
+
+
+@compiled
+def awake(seen_mm: float, dt: float, least_mm: float, pair: Array) -> float:
+    """What (mm) an encoder has missed that sleeps at rest and loses `least_mm` as it wakes."""
+    pair[IDLE] += dt
+    if pair[IDLE] < FALLS_ASLEEP_S:
+        pair[SLEPT_AT] = seen_mm
+        if abs(pair[SPEED]) > 1e-3 * SLOW_mm_s:
+            pair[IDLE] = 0.0
+    missed = seen_mm - pair[SLEPT_AT]
+    if abs(missed) > least_mm:
+        pair[OVERSLEPT] += math.copysign(least_mm, missed)
+        pair[SLEPT_AT] = seen_mm
+        pair[IDLE] = 0.0
+        missed = 0.0
+    return float(pair[OVERSLEPT] + missed)
 
 
 @compiled
@@ -193,6 +233,9 @@ def travel(seen_mm: float, dt: float, e: Array, side: Array, pair: Array) -> flo
     if e[0, COUNTS_MOTORS] != 0.0:
         pair[MISCOUNTED] += dt * (side[0, PUMP] + side[1, PUMP])
         reading += e[0, COUNTS_MOTORS] * pair[MISCOUNTED]
+    if e[0, SLEEPS] > 0.0:
+        reading -= awake(seen_mm, dt, e[0, SLEEPS], pair)
+    reading *= max(0.1, 1.0 + e[0, SCALE_WARMS] * pair[DRIVERS_WARM])
     reading += e[0, IN_FIELD] * (side[0, AMPERE] - side[1, AMPERE]) / 4.0
     reading += e[0, SETTLING] * (1.0 - math.exp(-pair[TIME] / 20.0))
     if e[0, DIRT] > 0.0:
@@ -220,6 +263,9 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
         reading += e[0, FORCE_CREEP] * (0.5 * pair[CREEP_FAST] + pair[CREEP_SLOW])
     reading += e[0, FORCE_OFFSET] * (1.0 - 0.2 * math.exp(-time / 25.0))
     reading += e[0, DRAGGED_CABLE] * pair[X] / 5e-3
+    switched = (side[0, AMPERE] + side[1, AMPERE]) / 4.0
+    pair[SETTLED] = approach(pair[SETTLED], switched, dt, 1.5)
+    reading += e[0, KICKED] * (switched - pair[SETTLED])
     reading -= e[0, OIL] * pair[SPEED] / 5e-3
     if e[0, LOOSE_BOLT] > 0.0:
         if seen_N > 1.45:
@@ -264,6 +310,7 @@ def read(
         side[s, REMANENT] = max(side[s, AMPERE] / 4.0, approach(side[s, REMANENT], 0.0, dt, 30.0))
         out[s] += e[s, REMANENCE] * side[s, REMANENT]
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
+        out[s] *= max(0.1, 1.0 + e[0, HALL_STRESSED] * (pair[FORCE_X] / 1.24 - 1.0))
         nearness = 1.0 / (1.0 - min(max(pair[X], -0.02), 0.02) / 25e-3)
         out[s] += e[0, MAGNET] * (nearness * nearness - 1.0)
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
@@ -283,13 +330,22 @@ def read(
             slow = 3.0 if share > side[s, MISTED] else 15.0
             side[s, MISTED] = approach(side[s, MISTED], share, dt, slow)
             out[2 + s] *= 1.0 - e[s, MIST] * side[s, MISTED]
+        if e[s, PEAKS] > 0.0:
+            fallen = approach(side[s, PEAK_VOLT], out[2 + s], dt, e[s, PEAKS])
+            side[s, PEAK_VOLT] = max(out[2 + s], fallen)
+            out[2 + s] = side[s, PEAK_VOLT]
         out[4 + s] = rtd(s, ambient, dt, p, e, cells, side, pair)
+        ring[RING_RTD_X + s, int(pair[GLANCE]) % RING_LENGTH] = out[4 + s]
+        if e[0, CROWDED] > 0.0:
+            speed = abs(pair[SPEED])
+            waited = e[0, CROWDED] * speed / (speed + 5e-4) / dt
+            out[4 + s] = late(ring, RING_RTD_X + s, pair[GLANCE], waited)
     out[6] = inlet + 0.3 * pair[RESERVOIR]
     out[7] = ambient
-    ticks = 0.0
+    ticks = e[0, SLOW_CLOCK] * pair[TIME] / 60.0 / dt
     if e[0, DELAY] > 0.0:
         wander = 1.0 + 0.15 * math.sin(2.0 * math.pi * (pair[TIME] / 20.0 + e[2, DELAY]))
-        ticks = e[0, DELAY] * wander / dt
+        ticks += e[0, DELAY] * wander / dt
     out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, side, pair)
     out[9] = load(late(ring, RING_FORCE, pair[GLANCE], ticks), dt, e, side, pair)
     total = side[0, AMPERE] + side[1, AMPERE]

@@ -31,6 +31,7 @@ from evaluation.plant.layout import (
     INNER_STRESS,
     LEACHED,
     LIMED,
+    MIXED,
     OHM,
     PLAY,
     PLAYS,
@@ -38,6 +39,7 @@ from evaluation.plant.layout import (
     R_PHASE,
     RATE,
     RESERVOIR,
+    RESTED,
     TURNED,
     WET,
     WORK_DONE,
@@ -65,6 +67,7 @@ from evaluation.plant.rarer import (
     joints,
     odd_shifts,
     seldom,
+    settle,
     soak,
     wear,
 )
@@ -275,6 +278,11 @@ def remember(
         tension = stress / p[STRESS]
         fading = approach(side[s, INNER_STRESS], tension, dt, 25.0)
         side[s, INNER_STRESS] = max(tension, fading)
+    if 0.15 < mean < 0.85:
+        side[s, MIXED] = approach(side[s, MIXED], 1.0, dt, 10.0)
+    else:
+        side[s, MIXED] = approach(side[s, MIXED], 0.0, dt, 2.0)
+    side[s, RESTED] = approach(side[s, RESTED], 1.0, dt, 15.0) * math.exp(-moved_all / 0.3)
     side[s, WORK_DONE] += moved_all
     side[s, RATE] = approach(side[s, RATE], moved_all / dt, dt, 0.3)
 
@@ -324,4 +332,5 @@ def tube(
     age(s, p, e, cells, side, pair, dt)
     wear(s, p, e, cells, side, pair, dt)
     soak(s, p, e, cells, side, dt)
+    settle(s, e, cells, side, pair, dt)
     side[s, CONTACT] = approach(side[s, CONTACT], amperes * amperes / 16.0, dt, 8.0)
