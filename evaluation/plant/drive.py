@@ -13,6 +13,7 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AIR_DRAWN,
     AMPERE,
+    ASKED,
     BUOYANT,
     CLOGGED,
     CUSHION,
@@ -23,7 +24,9 @@ from evaluation.plant.layout import (
     FORCE_X,
     FORCE_Y,
     GLANCE,
+    HEARD,
     HELD_DOWN,
+    HOLDING,
     HOSE_SOFT,
     LAG_A,
     LAG_B,
@@ -31,21 +34,22 @@ from evaluation.plant.layout import (
     LONG_ON,
     LOWERED,
     OHM,
+    POLLED,
     PUMP,
     RELIEVED,
-    RETURN_WARM,
     RING_DUTY_X,
     RING_LENGTH,
     RINGING,
     RINGING_RATE,
     RTD_B,
-    SETPOINT,
+    SINCE_START,
     SPEED,
     SPIN,
     SPIN_RATE,
     TIME,
     TIRED,
     TURNING,
+    UNCOUPLED,
     VALVE_OPEN,
     X,
 )
@@ -65,13 +69,10 @@ SATURATION = slot("saturation")
 DEAD_TIME = slot("pump_dead_time")
 SHORTFALL = slot("flow_shortfall")
 LEAK = slot("valve_leak")
-KINKED = slot("kinked_hose")
 CHATTER = slot("chattering_plug")
 PEAK_AND_HOLD = slot("peak_and_hold")
 SUCTION = slot("shared_suction")
 MEMBRANE = slot("tired_membrane")
-ON_RETURN = slot("driver_on_return")
-LAZY = slot("lazy_setpoint")
 PUMP_SUPPLY = slot("pump_supply_sag")
 FOOT_VALVE = slot("leaking_foot_valve")
 TUGGED = slot("tugged_trimmer")
@@ -93,6 +94,10 @@ STARTING = slot("starting_pumps")
 CLOGGING = slot("clogged_strainer")
 THERMOSIPHON = slot("thermosiphon")
 STICKING = slot("sticking_rotor")
+DROOPING = slot("drooping_hold")
+LOST_FRAMES = slot("lost_frames")
+POLLS = slot("polled_pump")
+DECOUPLES = slot("decoupled_rotor")
 
 CURRENT_LIMIT_A = 4.0
 RING_RAD_S, RING_DAMPING = 2.0 * math.pi * 1.2, 0.12
@@ -100,6 +105,9 @@ RELIEF_OPENS, RELIEF_CLOSES = 0.7, 0.45  # of the full flow
 CUSHION_RAD_S, CUSHION_DAMPING = 2.0 * math.pi * 0.2, 0.12
 BIT_A = 0.5  # what the wrong bit of a converter stands for
 PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
+REFRESHED_A = 5e-3  # change of a set value at which its hold is charged anew
+STARTS_PER_S = 1.0  # how fast a motor gains speed while its start disturbs a bus
+SLIPS_AT, MEETS_AT = 0.4, 0.15  # duty ahead of a rotor that it slips at, duty that it waits for
 
 
 @compiled
@@ -125,10 +133,16 @@ def current(
 ) -> float:
     """Real current (A) through spring `s` for a commanded one."""
     i = min(max(command, 0.0), CURRENT_LIMIT_A)
-    if e[s, LAZY] > 0.0:
-        if i <= 0.0 or abs(i - side[s, SETPOINT]) > e[s, LAZY]:
-            side[s, SETPOINT] = i
-        i = side[s, SETPOINT]
+    if e[1 - s, LOST_FRAMES] > 0.0:
+        deaf = min(max((e[1 - s, LOST_FRAMES] - side[1 - s, SINCE_START]) / dt, 0.0), 1.0)
+        i += deaf * (side[s, HEARD] - i)
+        side[s, HEARD] = i
+    if e[s, DROOPING] > 0.0:
+        side[s, HOLDING] += dt
+        if abs(i - side[s, ASKED]) > REFRESHED_A:
+            side[s, ASKED] = i
+            side[s, HOLDING] = 0.0
+        i *= max(0.1, 1.0 - e[s, DROOPING] * side[s, HOLDING] / 10.0)
     if e[s, DRIVER_GAIN] != 0.0:
         i *= 1.0 + e[s, DRIVER_GAIN] * (1.0 - 0.08 * i)
     if e[s, SATURATION] > 0.0:
@@ -142,8 +156,6 @@ def current(
         held = 1.0 if side[s, LONG_ON] > PEAK_S else 0.0
         side[s, HELD_DOWN] = approach(side[s, HELD_DOWN], held, dt, 0.4)
         i *= 1.0 - min(e[s, PEAK_AND_HOLD], 0.9) * side[s, HELD_DOWN]
-    if e[s, ON_RETURN] > 0.0:
-        i *= max(0.1, 1.0 - e[s, ON_RETURN] * side[s, RETURN_WARM])
     if e[s, TUGGED] != 0.0:
         drawn_in = pair[X] if s == 0 else -pair[X]
         i *= max(0.1, 1.0 + e[s, TUGGED] * drawn_in / 5e-3)
@@ -185,6 +197,15 @@ def _pump_speed(
 ) -> float:
     dead = e[s, DEAD_TIME]
     duty = late(ring, RING_DUTY_X + s, pair[GLANCE], dead / dt)
+    if e[s, POLLS] > 0.0:
+        turn = pair[TIME] / e[s, POLLS] + 0.5 * s
+        if math.floor(turn) != math.floor(turn - dt / e[s, POLLS]):
+            side[s, POLLED] = duty
+        duty = side[s, POLLED]
+    if duty - side[s, PUMP] > SLIPS_AT:
+        side[s, UNCOUPLED] = 1.0
+    elif duty < MEETS_AT:
+        side[s, UNCOUPLED] = 0.0
     if e[s, STICKING] > 0.0:
         if duty > e[s, STICKING]:
             side[s, TURNING] = 1.0
@@ -207,6 +228,7 @@ def _pump_speed(
 def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) -> float:
     """Heat capacity rate (W/K) of the water through tube `s`."""
     share = _pump_speed(s, p, e, side, pair, ring, dt)
+    share *= 1.0 - min(e[s, DECOUPLES], 0.95) * side[s, UNCOUPLED]
     if e[s, SHORTFALL] > 0.0 and share > 0.0:
         share = (1.0 - e[s, SHORTFALL]) * share ** (1.0 + e[s, SHORTFALL])
     if e[0, PUMP_SUPPLY] > 0.0:
@@ -216,9 +238,6 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
         emptier = approach(side[s, EMPTIED], 1.0, dt, 8.0)
         side[s, EMPTIED] = max(emptier - dt * share / e[s, FOOT_VALVE], 0.0)
         share *= 0.1 / (0.1 + side[s, EMPTIED])
-    if e[s, KINKED] > 0.0:
-        drawn_in = pair[X] if s == 0 else -pair[X]
-        share *= 1.0 - min(e[s, KINKED], 0.98) * min(max((1e-3 - drawn_in) / 5e-3, 0.0), 1.0)
     if e[s, UNDER_TENDON] > 0.0:
         tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
         pressed = min(max((tension - 1.24) / 0.4, 0.0), 1.0)
@@ -258,8 +277,12 @@ def flows(p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) 
     was_y = side[1, PUMP]
     x = flow(0, p, e, side, pair, ring, dt)
     y = flow(1, p, e, side, pair, ring, dt)
-    started = max(side[0, PUMP] - was_x, 0.0) + max(side[1, PUMP] - was_y, 0.0)
-    pair[DIPPED] = approach(pair[DIPPED], 0.0, dt, 3.0) + started
+    gained = (max(side[0, PUMP] - was_x, 0.0), max(side[1, PUMP] - was_y, 0.0))
+    pair[DIPPED] = approach(pair[DIPPED], 0.0, dt, 3.0) + gained[0] + gained[1]
+    for s in range(2):
+        side[s, SINCE_START] += dt
+        if gained[s] > STARTS_PER_S * dt and side[s, SINCE_START] > 1.0:
+            side[s, SINCE_START] = 0.0
     full = p[FULL_FLOW]
     if e[0, SUCTION] > 0.0:
         side[0, AIR_DRAWN] = max(x / full, approach(side[0, AIR_DRAWN], 0.0, dt, 6.0))

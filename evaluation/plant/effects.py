@@ -21,9 +21,6 @@ SIGNED = (
             "ambient_drift",
             "convection_exponent",
             "stress_latent_heat",
-            "bracket_growth",
-            "cell_shock",
-            "hall_zero_drift",
             "motor_beside_sensor",
             "sliding_clip",
             "flexed_lead",
@@ -42,6 +39,10 @@ SIGNED = (
             "rtd_on_straining_wire",
             "settling_encoder",
             "relaxing_lattice",
+            "wrong_bit",
+            "drawn_from_depth",
+            "creeping_tie",
+            "remanent_core",
         )
     )
     | sealed.SIGNED

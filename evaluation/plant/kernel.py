@@ -20,11 +20,11 @@ from evaluation.plant.layout import (
     CELLS,
     COLDEST,
     COLUMNS,
+    CORE_WARM,
     DEAD_END,
+    DRIVERS_WARM,
     DUTY_X,
     DUTY_Y,
-    FAN,
-    FAN_WARM,
     FILL,
     FORCE_X,
     FORCE_Y,
@@ -44,10 +44,11 @@ from evaluation.plant.layout import (
     RINGS,
     RTD_A,
     RTD_B,
-    RTD_BEFORE,
     SCANNED,
     SEEN_BEFORE,
+    SHOWN,
     SIDE_WIDTH,
+    SINCE_START,
     SINK_WARM,
     STEM,
     TIME,
@@ -69,8 +70,6 @@ Array = NDArray[np.float64]
 
 AMBIENT_DRIFT = slot("ambient_drift")
 DRAUGHT_S = 90.0
-DRIVER_FAN = slot("driver_fan")
-FAN_ON, FAN_OFF = 0.25, 0.12  # of the warmth of one heater that is fully on
 
 
 @dataclass
@@ -117,9 +116,11 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, OHM] = bench.resistance_ohm, bench.resistance_ohm * bench.y_resistance
     side[:, RTD_A] = water_degC
     side[:, RTD_B] = water_degC
-    side[:, RTD_BEFORE] = water_degC
     side[:, SEEN_BEFORE] = water_degC
     side[:, SCANNED] = water_degC
+    side[:, SHOWN] = water_degC
+    side[:, CORE_WARM] = water_degC
+    side[:, SINCE_START] = 60.0
     side[:, DEAD_END] = water_degC
     side[:, WARMTH_BEFORE] = water_degC
     pair[BASE] = water_degC
@@ -135,17 +136,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
         tick(parameters, effects, quiet, 0.01, *state.arrays(), ignored)
     pair[TIME] = 0.0
     return state
-
-
-@compiled
-def cool_drivers(side: Array, pair: Array, dt: float) -> None:
-    """Switch the drivers' fan by their warmth."""
-    load = (side[0, AMPERE] ** 2 + side[1, AMPERE] ** 2) / 16.0
-    pair[FAN_WARM] = approach(pair[FAN_WARM], load, dt, 12.0)
-    if pair[FAN_WARM] > FAN_ON:
-        pair[FAN] = 1.0
-    elif pair[FAN_WARM] < FAN_OFF:
-        pair[FAN] = 0.0
 
 
 @compiled
@@ -173,11 +163,11 @@ def tick(
     if e[0, AMBIENT_DRIFT] != 0.0:
         air += e[0, AMBIENT_DRIFT] * math.sin(math.pi * pair[TIME] / DRAUGHT_S)
     flows(p, e, side, pair, ring, dt)
-    if e[0, DRIVER_FAN] > 0.0:
-        cool_drivers(side, pair, dt)
     if e[0, HEATSINK] > 0.0:
         total = side[0, AMPERE] + side[1, AMPERE]
         pair[SINK_WARM] = approach(pair[SINK_WARM], total / 4.0, dt, 15.0)
+    heated = (side[0, AMPERE] ** 2 + side[1, AMPERE] ** 2) / 16.0
+    pair[DRIVERS_WARM] = approach(pair[DRIVERS_WARM], heated, dt, 10.0)
     for s in range(2):
         amperes = current(s, u[I_X + s], p, e, side, pair, dt)
         stress = wire_stress(s, p, e, cells, side, pair)

@@ -19,9 +19,10 @@ from evaluation.plant.layout import (
     AMPERE,
     ANNEALED,
     CARRIED,
+    CAUGHT,
     CELLS,
     COMPLIANT,
-    CRIMP,
+    CREPT,
     FILL,
     FLOW,
     FORCE_X,
@@ -33,10 +34,12 @@ from evaluation.plant.layout import (
     PLIED,
     R_PHASE,
     RATE,
+    RESTED,
     RUN_DRY,
-    SHEARED,
+    SEAL_WARM,
     SHRUNK,
     SLEEVED,
+    SLID,
     SPEED,
     SPONGE,
     TAUT_BEFORE,
@@ -50,7 +53,7 @@ from evaluation.plant.layout import (
 )
 from evaluation.plant.parameters import index
 from evaluation.plant.phase import TURN_ONSET, TURN_POWER, TURN_SCALE, turned_by
-from evaluation.plant.rarer import WALKING
+from evaluation.plant.rarer import CREEPING, WALKING
 from evaluation.plant.tendon import (
     PLIES_N,
     AXLE_m,
@@ -75,9 +78,6 @@ DRAG = slot("viscous_drag")
 PARALLEL = slot("tube_stiffness")
 DRIFT = slot("transformation_drift")
 R_PHASES = slot("r_phase")
-CRIMP_CREEPS = slot("creeping_crimp")
-GREASE = slot("stiff_grease")
-DETENT = slot("iron_beside_tendon")
 MOBILE = slot("mobile_interfaces")
 SHRINKING = slot("shrinking_tendon")
 SOAKING = slot("hanging_sponge")
@@ -95,10 +95,13 @@ DRAWN_CLIP = slot("clip_drawn_to_coils")
 ELECTROPLASTIC = slot("electroplastic")
 WARM_MARTENSITE = slot("warm_martensite")
 STIFFENS = slot("stiffening_austenite")
+RESTS = slot("ageing_at_rest")
+SEAL = slot("swelling_seal")
+PITTED = slot("pitted_guide")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
-DETENT_m = 2.5e-3  # how far from its rest a magnet holds the tendon hardest
+PIT_m, CATCH_m = 2e-3, 5e-4  # how long a pitted part of a guide is, and how far it gives
 
 
 @compiled
@@ -120,9 +123,8 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
         total += 1e-3 / 1.24 * e[s, WARM_MARTENSITE] * fraction * warm
         if e[s, R_PHASES] > 0.0:
             total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * p[STRESS] / 57.0
-    side[s, GROWN] = e[s, CRIMP_CREEPS] * 1e-3 * side[s, CRIMP]
-    side[s, GROWN] -= e[s, SHRINKING] * 1e-3 * side[s, SHRUNK]
-    side[s, GROWN] += e[s, WALKING] * 1e-3 * side[s, WALKED]
+    side[s, GROWN] = 1e-3 * e[s, CREEPING] * side[s, CREPT]
+    side[s, GROWN] += 1e-3 * (e[s, WALKING] * side[s, WALKED] - e[s, SHRINKING] * side[s, SHRUNK])
     if e[s, YIELDS] > 0.0:
         side[s, YIELDING] = 0.0
         for i in range(CELLS):
@@ -133,6 +135,7 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
         total *= 1.0 + e[s, SOFTENING] * (1.0 - math.exp(-side[s, WORK_DONE] / 1.5))
     if e[s, ANNEALING] > 0.0:
         total *= 1.0 + e[s, ANNEALING] * (1.0 - math.exp(-side[s, ANNEALED]))
+    total /= 1.0 + e[s, RESTS] * side[s, RESTED]
     total *= 1.0 + e[s, ELECTROPLASTIC] * (side[s, AMPERE] / 4.0) ** 2
     side[s, COMPLIANT] = total / CELLS
     side[s, FREE_STRAIN] = strain / CELLS
@@ -253,37 +256,21 @@ def resisting(
         else:
             total += scale * math.copysign(abs(v) ** 0.8, v)
             slope += scale * 0.8 * abs(v) ** -0.2 / dt / 5e-3
-    if e[0, GREASE] > 0.0:
-        v = (x - before) / dt / 5e-4
-        scale = e[0, GREASE] * (1.0 - pair[SHEARED])
-        total += scale * v / (abs(v) + 1.0)
-        slope += scale / (abs(v) + 1.0) ** 2 / dt / 5e-4
-    if e[0, DETENT] > 0.0:
-        off = (x - (e[2, DETENT] - 0.5) * 8e-3) / DETENT_m
-        scale = e[0, DETENT] * math.exp(0.5 * (1.0 - off * off))
-        total += scale * off
-        slope += scale * max(1.0 - off * off, 0.0) / DETENT_m  # beyond, the springs are stiffer
     total += e[0, SOAKING] * pair[SPONGE]
-    if e[0, GRIPPING] > 0.0:
-        v = (x - before) / dt / 5e-4
-        scale = e[0, GRIPPING] * (side[0, FLOW] + side[1, FLOW]) / full_flow
-        total += scale * v / (abs(v) + 1.0)
-        slope += scale / (abs(v) + 1.0) ** 2 / dt / 5e-4
-    if e[0, BENT_GUIDE] > 0.0:
-        v = (x - before) / dt / 5e-4
-        scale = e[0, BENT_GUIDE] * abs(before) / 5e-3
-        total += scale * v / (abs(v) + 1.0)
-        slope += scale / (abs(v) + 1.0) ** 2 / dt / 5e-4
-    if e[0, RUNS_DRY] > 0.0:
-        v = (x - before) / dt / 5e-4
-        scale = e[0, RUNS_DRY] * (1.0 - math.exp(-pair[RUN_DRY] / 0.04))
-        total += scale * v / (abs(v) + 1.0)
-        slope += scale / (abs(v) + 1.0) ** 2 / dt / 5e-4
-    if e[0, DRAWN_CLIP] > 0.0:
-        v = (x - before) / dt / 5e-4
-        scale = e[0, DRAWN_CLIP] * (side[0, AMPERE] ** 2 + side[1, AMPERE] ** 2) / 16.0
-        total += scale * v / (abs(v) + 1.0)
-        slope += scale / (abs(v) + 1.0) ** 2 / dt / 5e-4
+    rubbing = e[0, GRIPPING] * (side[0, FLOW] + side[1, FLOW]) / full_flow
+    rubbing += e[0, BENT_GUIDE] * abs(before) / 5e-3
+    rubbing += e[0, RUNS_DRY] * (1.0 - math.exp(-pair[RUN_DRY] / 0.04))
+    rubbing += e[0, DRAWN_CLIP] * (side[0, AMPERE] ** 2 + side[1, AMPERE] ** 2) / 16.0
+    rubbing += e[0, SEAL] * max(pair[SEAL_WARM], 0.0)
+    v = (x - before) / dt / 5e-4
+    total += rubbing * v / (abs(v) + 1.0)
+    slope += rubbing / (abs(v) + 1.0) ** 2 / dt / 5e-4
+    if e[0, PITTED] > 0.0:
+        off = (before - 6e-3 * (e[2, PITTED] - 0.5)) / PIT_m
+        scale = e[0, PITTED] * math.exp(-off * off)
+        caught = pair[CAUGHT] + (x - before) / CATCH_m
+        total += scale * min(max(caught, -1.0), 1.0)
+        slope += scale / CATCH_m if abs(caught) < 1.0 else 0.0
     hung, stiff = hung_and_stopped(x, e, pair)
     return total + hung, slope + stiff, bristle
 
@@ -332,11 +319,12 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     pair[PLIED] = min(max(rubbed, -1.0), 1.0)
     pair[TAUT_BEFORE] = force_y
     pair[CARRIED] = min(max(pair[CARRIED] + (x - before) / AXLE_m, -1.0), 1.0)
+    pair[CAUGHT] = min(max(pair[CAUGHT] + (x - before) / CATCH_m, -1.0), 1.0)
     pair[RUN_DRY] += abs(x - before)
+    pair[SLID] += dt / 10.0 * max(force_y - 1.4, 0.0) / 0.2
+    warm = (cells[0, CELLS - 1, W] + cells[1, CELLS - 1, W] - 54.0) / 20.0
+    pair[SEAL_WARM] = approach(pair[SEAL_WARM], warm, dt, 5.0)
     swing(x, e, pair, dt)
-    if e[0, GREASE] > 0.0:
-        stirred = (1.0 - pair[SHEARED]) * abs(pair[SPEED]) / 4e-3
-        pair[SHEARED] = min(pair[SHEARED] + dt * (stirred - pair[SHEARED] / 8.0), 1.0)
     if e[0, SOAKING] > 0.0:
         spilt = (side[0, FLOW] + side[1, FLOW]) / p[FULL_FLOW]
         pair[SPONGE] += dt * (spilt / 10.0 - pair[SPONGE] / 40.0)
@@ -345,10 +333,6 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
         turned = turned_by(wire, p)
         for i in range(CELLS):
             cells[s, i, TURNED] = max(cells[s, i, TURNED], turned)
-        if e[s, CRIMP_CREEPS] > 0.0:
-            tension = force_x if s == 0 else force_y
-            hot = max(cells[s, CELLS - 1, T] - 40.0, 0.0) / 10.0
-            side[s, CRIMP] += dt / 10.0 * hot * tension / 1.24
         if e[s, SHRINKING] > 0.0:
             warm = (cells[s, CELLS - 1, W] - 27.0) / 20.0
             side[s, SHRUNK] = approach(side[s, SHRUNK], warm, dt, 3.0)

@@ -17,13 +17,17 @@ from evaluation.plant.layout import (
     BUOYANT,
     CELLS,
     CHARGED,
+    CLOUD,
     COLDEST,
     CONTACT,
     COOLING,
+    CORE_WARM,
+    CREPT,
     CURED,
     DAMP,
     DEAD_END,
     DRAWING_IN,
+    DRIVERS_WARM,
     FLOW,
     FLUSHED,
     FORCE_X,
@@ -35,11 +39,10 @@ from evaluation.plant.layout import (
     GREATEST_LOAD,
     HOSE_SOFT,
     LEACHED,
-    OPENED,
     PRESSED_ON,
-    SHUNT,
     SLEEVED,
     SPEED,
+    STRAND,
     STRETCHING,
     TIME,
     TURNED,
@@ -59,20 +62,13 @@ from evaluation.plant.thermal import (
     LOSS,
     SHIFT_COOL,
     SHIFT_HEAT,
-    STORES,
     TO_CLAMP,
 )
 
 Array = NDArray[np.float64]
 
 FULL_FLOW = index("flow_W_K")
-AT_START = index("turned_at_start")
 
-PEAK = slot("premartensitic_peak")
-LEADS = slot("leads_along_neighbour")
-SWEATING = slot("sweating_tube")
-TURNED_RESISTS = slot("turned_resists")
-SHAKEN = slot("shaken_interfaces")
 DRIPPING = slot("dripping_outlet")
 ROD = slot("rod_in_coil")
 LAMP = slot("cycling_lamp")
@@ -94,7 +90,6 @@ GRADED = slot("graded_wire")
 SLIP_BANDS = slot("warm_slip_bands")
 WALKING = slot("walking_anchor")
 LEAD_IN_OUTLET = slot("lead_in_outlet")
-CRACK = slot("cracked_end")
 CURING = slot("curing_glue")
 PRESSED = slot("pressed_crimp")
 FIRST_BUBBLES = slot("bubbles_of_filling")
@@ -112,8 +107,15 @@ HOT_CRIMP = slot("hot_crimp")
 JACKET = slot("wet_jacket")
 HYDROGEN = slot("hydrogen_uptake")
 NUCLEI = slot("first_nuclei")
+CLOUDING = slot("clouding_inhibitor")
+VARNISH = slot("running_varnish")
+OVER_SUPPLY = slot("tubes_over_supply")
+HEAVY_CORE = slot("heavy_core")
+CREEPING = slot("creeping_austenite")
+STRANDS = slot("parting_strand")
 
-BASE_J_K, DEAD_LEG_J_K = 20.0, 6.0
+BASE_J_K, DEAD_LEG_J_K, CORE_J_K = 20.0, 6.0, 1.0
+STRAND_m = 1.5e-3  # travel that parts a broken strand wholly
 WAX_OPENS, WAX_CLOSES = 42.0, 36.0  # °C of the water at a thermostat
 GAS_COMES_K, GAS_GOES_K = 4.0, 1.5  # of wire over water
 LAMP_S, LAMP_ON = 24.0, 0.375  # how often a lamp comes on, and for what share of that
@@ -125,24 +127,14 @@ def joints(s: int, e: Array, cells: Array, side: Array, heat: Array) -> float:
     inlet = e[s, FRETTING] * (1.0 - math.exp(-side[s, FRETTED] / 0.03))
     inlet += e[s, FRAYING] * max(side[s, GREATEST_LOAD] - 1.3, 0.0) / 0.3
     inlet -= e[s, CURING] * (1.0 - math.exp(-side[s, CURED]))
+    inlet += e[s, STRANDS] * side[s, STRAND]
     outlet = e[s, LEAD_IN_OUTLET] * max(cells[s, CELLS - 1, W] - 27.0, 0.0) / 20.0
-    outlet += e[s, CRACK] * side[s, OPENED] - e[s, PRESSED] * side[s, PRESSED_ON]
+    outlet -= e[s, PRESSED] * side[s, PRESSED_ON]
     inlet = max(inlet, -0.95 * heat[0])
     outlet = max(outlet, -0.95 * heat[CELLS - 1])
     heat[0] += inlet
     heat[CELLS - 1] += outlet
     return float(inlet + outlet)
-
-
-@compiled
-def odd_heat(s: int, e: Array, cells: Array, side: Array, rows: Array) -> None:
-    """Add to `rows` what rarer effects do to the heat of wire and water."""
-    lead = e[1 - s, LEADS] * side[1 - s, SHUNT]
-    for i in range(CELLS):
-        over = max(cells[s, i, W] - 34.0, 0.0) / 10.0
-        rows[i, HEAT_WATER] += (lead - e[s, SWEATING] * over * over) / CELLS
-        off = (cells[s, i, T] - 40.0) / 3.0
-        rows[i, STORES] *= 1.0 + e[s, PEAK] * math.exp(-off * off)
 
 
 @compiled
@@ -169,21 +161,15 @@ def elsewhere(
 
 
 @compiled
-def odd_shifts(
-    s: int, share: float, p: Array, e: Array, cells: Array, pair: Array, rows: Array
-) -> None:
+def odd_shifts(s: int, e: Array, cells: Array, pair: Array, rows: Array) -> None:
     """Add to `rows` what rarer effects do to the temperatures of transformation."""
-    eased = e[s, SHAKEN] * share
     length = 1.0 + (pair[X] if s == 1 else -pair[X]) / 25e-3
     bent = e[s, BENT] * (length * length - 1.0)
     drawn_in = pair[STRETCHING] if s == 0 else -pair[STRETCHING]
     banded = e[s, SLIP_BANDS] * drawn_in / (abs(drawn_in) + 2e-3)
     for i in range(CELLS):
-        further = (cells[s, i, TURNED] - p[AT_START]) / 0.05
-        rows[i, SHIFT_HEAT] += e[s, TURNED_RESISTS] * further - eased + bent
-        rows[i, SHIFT_COOL] += eased + bent
         uneven = e[s, GRADED] * (2.0 * i / (CELLS - 1.0) - 1.0)
-        both = uneven + e[s, MATRIX] * (0.5 - cells[s, i, FRACTION]) + banded
+        both = bent + uneven + e[s, MATRIX] * (0.5 - cells[s, i, FRACTION]) + banded
         rows[i, SHIFT_HEAT] += both
         rows[i, SHIFT_COOL] += both
 
@@ -212,7 +198,11 @@ def seldom(
     stirred = 1.0 + e[s, STIRRING] * speed / (speed + 2e-3)
     wetter = 1.0 + e[s, JACKET] * side[s, DAMP]
     lower = e[s, HYDROGEN] * (1.0 - math.exp(-side[s, CHARGED]))
+    stirred *= 1.0 + e[s, VARNISH] * side[s, SLEEVED]
+    stirred /= 1.0 + e[s, CLOUDING] * side[s, CLOUD]
     for i in range(CELLS):
+        rows[i, HEAT_WATER] += e[0, OVER_SUPPLY] * pair[DRIVERS_WARM] / CELLS
+        rows[i, HEAT_WIRE] += e[s, HEAVY_CORE] / CELLS * (side[s, CORE_WARM] - cells[s, i, T])
         rows[i, FILM] *= stirred
         rows[i, LOSS] *= wetter
         rows[i, SHIFT_HEAT] -= lower
@@ -237,7 +227,7 @@ def age(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
         for i in range(CELLS):
             further = cells[s, i, TURNED] + e[s, HAMMERED] * share * dt / 10.0
             cells[s, i, TURNED] = min(further, 0.8)
-    if e[s, SHRUNK_SLEEVE] > 0.0:
+    if e[s, SHRUNK_SLEEVE] > 0.0 or e[s, VARNISH] > 0.0:
         warmth = 0.0
         for i in range(CELLS):
             warmth += cells[s, i, T] / CELLS
@@ -314,3 +304,22 @@ def soak(s: int, p: Array, e: Array, cells: Array, side: Array, dt: float) -> No
         side[s, DAMP] = approach(side[s, DAMP], share, dt, slow)
     if e[s, HYDROGEN] > 0.0:
         side[s, CHARGED] += dt * side[s, AMPERE] / 60.0
+
+
+@compiled
+def settle(s: int, e: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
+    """Update what a core, a clouded inhibitor, austenite and a strand remember of a tick."""
+    austenite = 0.0
+    warmth = 0.0
+    cloudy = 0.0
+    for i in range(CELLS):
+        austenite += (1.0 - cells[s, i, FRACTION]) / CELLS
+        warmth += cells[s, i, T] / CELLS
+        cloudy += max(cells[s, i, W] - 33.0, 0.0) / 10.0 / CELLS
+    into = e[s, HEAVY_CORE] * (warmth - side[s, CORE_WARM])
+    side[s, CORE_WARM] += dt * into / CORE_J_K
+    side[s, CLOUD] = approach(side[s, CLOUD], cloudy, dt, 4.0)
+    tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
+    side[s, CREPT] += dt / 10.0 * austenite * tension / 1.24
+    drawn_in = dt * (pair[SPEED] if s == 0 else -pair[SPEED])
+    side[s, STRAND] = min(max(side[s, STRAND] + drawn_in / STRAND_m, 0.0), 1.0)

@@ -7,88 +7,93 @@ The load cell is beside X, so that a force between the springs has one place.
 from evaluation.plant.effect import FLOW, Effect
 
 EFFECTS: tuple[Effect, ...] = (
-    Effect("swallowed_pulses", "sealed", "electrical", "A", 0.174, 3.0, "driven_current",
-           "current",
-           "a driver swallows pulses that are too short: I[1 − exp(−(I/e)²)]"),
-    Effect("wrong_bit", "sealed", "electrical", "A", 0.0224, 0.45, "driven_current", "current",
-           "one bit of a driver's converter has a wrong weight: I + e wherever I/0.5 A, cut to a "
-           "whole number, is odd"),
-    Effect("starting_pumps", "sealed", "electrical", "1", 0.0096, 0.8, "driven_current",
-           "duty other_duty current",
-           "starting pumps pull the drivers' supply down: I(1 − e d), d gains what a motor gains "
-           "in speed, and fades in 3 s", "both"),
-    Effect("leached_ions", "sealed", "electrical", "1", 0.0223, 1.0,
-           "resistance", "time duty",
-           "ions leach into still water, which shunts its wire: R/(1 + e c), c → 1 in 20 s, swept "
-           "out in 1.5 s by full flow"),
-    Effect("shared_return", "sealed", "electrical", "ohm", 0.00576, 0.4, "reading_voltage",
-           "other_current",
-           "both springs' currents return through one lead within the sense clips: V + e J",
+    Effect("drooping_hold", "sealed", "electrical", "1", 0.0221, 0.9, "driven_current",
+           "time current",
+           "a driver's hold is charged where its set value moves by 5 mA, and droops: "
+           "I(1 − e t/10 s), t since then"),
+    Effect("lost_frames", "sealed", "electrical", "s", 0.00243, 2.0, "driven_current",
+           "other_duty current",
+           "a starting pump disturbs the other driver's bus: that current stays for e as it was, "
+           "from where the motor gains speed faster than 1/s", "across"),
+    Effect("parting_strand", "sealed", "electrical", "ohm", 0.00685, 0.3,
+           "resistance", "displacement velocity",
+           "a lead's broken strand parts and meets as it is bent: R + e b, b by dy/1.5 mm within "
+           "0…1, y its own contraction", "one"),
+    Effect("peak_voltmeter", "sealed", "electrical", "s", 0.00901, 3.0, "reading_voltage",
+           "reading_rate reading current",
+           "a voltmeter's rectifier holds peaks: the reading rises at once, and falls by one pole "
+           "of e"),
+    Effect("polled_pump", "sealed", "thermal", "s", 0.87, 8.0, FLOW, "duty time",
+           "a pump's board asks for its duty once in e, and holds it"),
+    Effect("decoupled_rotor", "sealed", "thermal", "1", 0.202, 0.95, FLOW, "duty",
+           "a rotor's magnets slip once its duty is 0.4 ahead of the motor's speed: flow(1 − e), "
+           "until the duty is below 0.15", "one"),
+    Effect("clouding_inhibitor", "sealed", "thermal", "1", 1.17, 8.0, "film", "water",
+           "an inhibitor clouds out of warm water onto the wire, and dissolves: film/(1 + e c), "
+           "c → (T_w − 33 °C)⁺/10 K in 4 s"),
+    Effect("running_varnish", "sealed", "thermal", "1", 0.748, 12.0, "film", "wire time",
+           "varnish on the wire softens in heat and runs off: film(1 + e m), m the most of "
+           "(T − 36 °C)⁺/15 K ≤ 1 so far"),
+    Effect("sucked_through_tee", "sealed", "thermal", "1", 0.188, 0.95,
+           "inlet_water heat_into_water", "other_wire duty other_duty",
+           "a tee lets a pump suck at the other tube's outlet: T_in + e(q − p)⁺(T_other − T_in), "
+           "q its share of flow, p the other's", "across"),
+    Effect("tubes_over_supply", "sealed", "thermal", "W", 1.04, 5.0,
+           "heat_into_water ambient_air", "current other_current time",
+           "both tubes lie above the drivers' supply: + e w on each, w → (I_x² + I_y²)/(4 A)² in "
+           "10 s", "both"),
+    Effect("heavy_core", "sealed", "thermal", "W/K", 0.0553, 4.0, "heat_into_wire",
+           "wire wire_rate",
+           "a core of 1 J/K in the coil stores heat: + e(T_core − T)"),
+    Effect("slewing_transmitter", "sealed", "sensors", "s", 3.15, 20.0, "reading_rtd",
+           "reading_rate wire_rate reading wire",
+           "an RTD's transmitter takes faster changes for faults: it shows at most 10 K in e"),
+    Effect("crowded_bus", "sealed", "sensors", "s", 0.974, 2.0, "reading_rtd",
+           "velocity reading_rate wire_rate",
+           "the encoder's counts crowd a bus: both RTDs are read late by e |v|/(|v| + 0.5 mm/s)",
            "both"),
-    Effect("clogged_strainer", "sealed", "thermal", "1", 0.305, 0.95, FLOW, "duty time",
-           "what is pumped clogs a strainer: flow[1 − e(1 − exp(−∫q dt/8 s))], q the flow's share",
-           "one"),
-    Effect("thermosiphon", "sealed", "thermal", "1", 0.0234, 0.8, FLOW, "water duty",
-           "warm water rises through a slow pump: flow + e(1 − w)ΔT_w/10 K, w the motor's speed"),
-    Effect("sticking_rotor", "sealed", "thermal", "1", 0.638, 0.95, FLOW, "duty",
-           "a pump's rotor sticks: at rest until its duty passes e, then on until it is below "
-           "e/3", "one"),
-    Effect("stirring_coils", "sealed", "thermal", "1", 0.67, 12.0, "film", "velocity",
-           "a moving coil stirs its own water: film[1 + e |v|/(|v| + 2 mm/s)]"),
-    Effect("hot_crimp", "sealed", "thermal", "W", 1.79, 8.0,
-           "heat_into_wire heat_into_water", "current time",
-           "crimps outside the sense clips heat the wire's ends: + e c, c → (I/4 A)² in 8 s",
-           "one"),
-    Effect("drawn_from_depth", "sealed", "thermal", "K", 3.56, 15.0,
-           "inlet_water heat_into_water", "duty other_duty",
-           "pumping draws layered water up behind the inlet's sensor: T_in + e d, d → both flows' "
-           "share in 4 s", "both"),
-    Effect("wet_jacket", "sealed", "thermal", "1", 5.98, 40.0, "heat_into_water", "duty water",
-           "a joint sprays its tube while it is pumped: loss(1 + e m), m → the flow's share in "
-           "3 s, and dries in 20 s"),
-    Effect("ghosting_multiplexer", "sealed", "sensors", "1", 0.161, 0.9, "reading_rtd",
-           "other_wire wire reading",
-           "a multiplexer is read before it settles: T + e(T_other − T), of both RTDs", "both"),
-    Effect("creeping_tie", "sealed", "sensors", "1", 0.102, 0.45, "reading_rtd",
-           "displacement wire duty",
-           "an RTD's tie is dragged along its wire: it reads e y/5 mm of the length further to "
-           "the outlet, y its own contraction", "one"),
-    Effect("coarse_scale", "sealed", "sensors", "mm", 1.36, 6.0, "reading_displacement",
-           "displacement reading",
-           "the encoder has lost its fine track: it reads the nearest multiple of e", "both"),
-    Effect("oblique_pull", "sealed", "sensors", "1", 0.0243, 0.9, "reading_force",
-           "displacement force reading",
-           "off the middle the tendon pulls obliquely on its load cell: F[1 − e(x/5 mm)²]",
+    Effect("warmed_scale", "sealed", "sensors", "1", 0.333, 1.5, "reading_displacement",
+           "displacement current other_current reading",
+           "the encoder's converter beside the drivers warms: x(1 + e w), w → (I_x² + I_y²)/"
+           "(4 A)² in 10 s", "both"),
+    Effect("sleeping_encoder", "sealed", "sensors", "mm", 0.305, 2.5, "reading_displacement",
+           "displacement velocity time",
+           "an encoder sleeps after 2 s below 0.3 mm/s: it wakes when moved by e, which it loses",
            "both"),
-    Effect("remanent_core", "sealed", "sensors", "A", 0.0134, 0.8, "reading_current",
-           "current time",
-           "a current sensor's core stays magnetised: i + e m, m the largest I/4 A, fading in "
-           "30 s"),
-    Effect("hydrogen_uptake", "sealed", "phase", "K", 3.06, 15.0, "transformation_shift",
-           "current time",
-           "current charges the wire with hydrogen: both thresholds − e(1 − exp(−∫I dt/60 A s))"),
-    Effect("warm_martensite", "sealed", "phase", "mm", 2.44, 8.0, "recoverable_strain",
-           "wire fraction force",
-           "warm martensite gives more: deflection + e ξ F/1.24 N (T − 27 °C)⁺/10 K"),
-    Effect("stiffening_austenite", "sealed", "phase", "1", 0.114, 2.0, "recoverable_strain",
-           "wire force fraction",
-           "austenite stiffens with warmth: its elastic deflection/[1 + e(1 − ξ)(T − 35 °C)⁺/"
-           "10 K]"),
-    Effect("first_nuclei", "sealed", "phase", "K", 6.88, 18.0, "transformation_shift",
-           "fraction",
-           "the first martensite lacks nuclei: M_s − e(1 − ξ/0.4)⁺"),
-    Effect("relaxing_strap", "sealed", "mechanics", "N", 0.055, 0.9, "force_cell_on_x",
+    Effect("kicked_amplifier", "sealed", "sensors", "N", 0.223, 0.9, "reading_force",
+           "current other_current",
+           "switched heaters kick the load cell's amplifier: F + e(j − z), j the sum of both "
+           "currents over 4 A, z → j in 1.5 s", "both"),
+    Effect("slow_clock", "sealed", "sensors", "s", 0.515, 1.6,
+           "reading_displacement reading_force", "reading_rate velocity time",
+           "the clock of encoder and load cell is slow: both are read late by e t/60 s", "both"),
+    Effect("stressed_hall", "sealed", "sensors", "1", 0.0193, 0.9, "reading_current",
+           "force current reading",
+           "the strained frame stresses both current sensors: i[1 + e(F/1.24 N − 1)]", "both"),
+    Effect("settling_interfaces", "sealed", "phase", "K", 1.42, 14.0, "transformation_shift",
+           "fraction time",
+           "interfaces settle that stay within the wire: A_s + e m, M_s − e m, m → 1 in 10 s where "
+           "0.15 < ξ < 0.85, else → 0 in 2 s"),
+    Effect("ageing_at_rest", "sealed", "phase", "1", 0.133, 2.0, "recoverable_strain",
+           "time transformed force",
+           "a wire that rests ages and stiffens: elastic deflection/(1 + e a), a → 1 in 15 s, and "
+           "worn off by transforming, exp(−Σ|Δξ|/0.3)"),
+    Effect("creeping_austenite", "sealed", "phase", "mm", 0.67, 5.0, "recoverable_strain",
+           "fraction time force",
+           "stressed austenite creeps: deflection + e∫(1 − ξ)F/1.24 N dt/10 s"),
+    Effect("pitted_guide", "sealed", "mechanics", "N", 0.106, 0.8, "force_cell_on_x",
            "displacement velocity",
-           "a strap that relaxes ties the tendon to the frame: against x by e(x − z)/5 mm, z → x "
-           "in 5 s", "both"),
-    Effect("oval_pulley", "sealed", "mechanics", "mm", 1.73, 2.5, "recoverable_strain",
-           "displacement",
-           "a pulley is oval: the tendon is longer by e sin(2πx/16 mm + c) − e sin c", "both"),
-    Effect("snapping_bellows", "sealed", "mechanics", "N", 0.054, 0.6, "force_cell_on_x",
-           "displacement velocity",
-           "a bellows on the tendon snaps over: along x by e from 1.5 mm past its middle on, the "
-           "other way from 1.5 mm before it, in 0.2 s", "both"),
+           "the tendon catches on a pitted part of its guide: against x by "
+           "e b exp[−((x − c)/2 mm)²], b by dx/0.5 mm within ±1", "both"),
+    Effect("swelling_seal", "sealed", "mechanics", "N", 0.0634, 0.9, "force_cell_on_x",
+           "velocity water other_wire",
+           "warm outlets swell a seal that rubs on the tendon: e w v/(|v| + 0.5 mm/s), w → both "
+           "outlets' ΔT_w/20 K, added, in 5 s", "both"),
+    Effect("slipping_ferrule", "sealed", "mechanics", "mm", 0.439, 5.0, "recoverable_strain",
+           "force time",
+           "the tendon slips through its ferrule: it is longer by e∫(F − 1.4 N)⁺/0.2 N dt/10 s",
+           "both"),
 )  # fmt: skip
 
-SIGNED = frozenset(("wrong_bit", "drawn_from_depth", "creeping_tie", "remanent_core"))
+SIGNED = frozenset(("warmed_scale", "stressed_hall"))
 """Those whose magnitude may be negative."""

@@ -13,16 +13,12 @@ from evaluation.plant.drive import approach, late
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
-    AMPERE_BEFORE,
     AVERAGED,
-    BOARD,
-    BOUND,
-    BRACKET,
     CELLS,
     CONTACT,
-    CORE,
     CREEP_FAST,
     CREEP_SLOW,
+    DRIVERS_WARM,
     ENCODER,
     FATIGUED,
     FLOW,
@@ -30,28 +26,31 @@ from evaluation.plant.layout import (
     FORCE_Y,
     FRACTION,
     GLANCE,
-    HOSE,
+    IDLE,
     INDEXED,
     LARGEST_LOAD,
     LEAD_WARM,
-    LOST,
     MISCOUNTED,
     MISTED,
     OHM,
+    OVERSLEPT,
+    PEAK_VOLT,
     PUMP,
     REMANENT,
     RESERVOIR,
     RING_FORCE,
+    RING_LENGTH,
+    RING_RTD_X,
     RING_X,
     RTD_A,
     RTD_B,
-    RTD_BEFORE,
     SCANNED,
     SEEN_BEFORE,
+    SETTLED,
+    SHOWN,
     SHUNT_WARM,
-    SKIN,
+    SLEPT_AT,
     SLIPPED,
-    SOAKED,
     SPEED,
     STEM,
     TIME,
@@ -81,15 +80,6 @@ SLIP = slot("encoder_slip")
 FORCE_OFFSET = slot("force_offset")
 FORCE_GAIN = slot("force_gain")
 FORCE_CREEP = slot("force_creep")
-HALL_DRIFT = slot("hall_zero_drift")
-WARMED_AMPLIFIER = slot("warmed_amplifier")
-INDUCTANCE = slot("lead_inductance")
-SOAKS = slot("soaked_rtd")
-RTD_BOUND = slot("strained_rtd")
-LOST_COUNTS = slot("lost_counts")
-BRACKET_GROWS = slot("bracket_growth")
-SHOCK = slot("cell_shock")
-HOSES = slot("hoses_on_cell")
 MIST = slot("misted_board")
 RTD_LEAD = slot("rtd_lead_on_neighbour")
 RIPPLE_FILTER = slot("ripple_filter")
@@ -126,6 +116,16 @@ TIE = slot("creeping_tie")
 COARSE = slot("coarse_scale")
 OBLIQUE = slot("oblique_pull")
 REMANENCE = slot("remanent_core")
+HALL_STRESSED = slot("stressed_hall")
+PEAKS = slot("peak_voltmeter")
+SLEWS = slot("slewing_transmitter")
+CROWDED = slot("crowded_bus")
+SCALE_WARMS = slot("warmed_scale")
+SLEEPS = slot("sleeping_encoder")
+KICKED = slot("kicked_amplifier")
+SLOW_CLOCK = slot("slow_clock")
+
+SLOW_mm_s, FALLS_ASLEEP_S = 0.3, 2.0  # how slow and for how long before an encoder sleeps
 
 
 @compiled
@@ -169,15 +169,6 @@ def rtd(
     if e[s, SQUEEZED] != 0.0:
         tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
         reading += e[s, SQUEEZED] * (tension / 1.24 - 1.0)
-    if e[s, SOAKS] > 0.0:
-        wet = min(max(seen - 38.0, 0.0) / 10.0, 1.0) * (1.0 - side[s, SOAKED])
-        side[s, SOAKED] += dt * (wet / 5.0 - side[s, SOAKED] / 40.0)
-        reading -= e[s, SOAKS] * side[s, SOAKED]
-    if e[s, RTD_BOUND] > 0.0:
-        strained = side[s, BOUND] + (side[s, RTD_B] - side[s, RTD_BEFORE]) / 3.0
-        side[s, BOUND] = min(max(strained, -1.0), 1.0)
-        side[s, RTD_BEFORE] = side[s, RTD_B]
-        reading -= e[s, RTD_BOUND] * side[s, BOUND]
     if e[1 - s, RTD_LEAD] > 0.0:
         warm = 0.0
         for j in range(CELLS):
@@ -197,11 +188,32 @@ def rtd(
         if math.floor(turn) != math.floor(turn - dt / e[s, SCANNER]):
             side[s, SCANNED] = reading
         reading = side[s, SCANNED]
+    if e[s, SLEWS] > 0.0:
+        most = 10.0 * dt / e[s, SLEWS]
+        side[s, SHOWN] += min(max(reading - side[s, SHOWN], -most), most)
+        reading = side[s, SHOWN]
     return float(reading)
 
 
 @compiled
-def travel(seen_mm: float, dt: float, e: Array, cells: Array, side: Array, pair: Array) -> float:
+def awake(seen_mm: float, dt: float, least_mm: float, pair: Array) -> float:
+    """What (mm) an encoder has missed that sleeps at rest and loses `least_mm` as it wakes."""
+    pair[IDLE] += dt
+    if pair[IDLE] < FALLS_ASLEEP_S:
+        pair[SLEPT_AT] = seen_mm
+        if abs(pair[SPEED]) > 1e-3 * SLOW_mm_s:
+            pair[IDLE] = 0.0
+    missed = seen_mm - pair[SLEPT_AT]
+    if abs(missed) > least_mm:
+        pair[OVERSLEPT] += math.copysign(least_mm, missed)
+        pair[SLEPT_AT] = seen_mm
+        pair[IDLE] = 0.0
+        missed = 0.0
+    return float(pair[OVERSLEPT] + missed)
+
+
+@compiled
+def travel(seen_mm: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     """Encoder reading (mm) for the tendon's travel (mm)."""
     width = e[0, BACKLASH]
     before = pair[ENCODER]
@@ -218,19 +230,12 @@ def travel(seen_mm: float, dt: float, e: Array, cells: Array, side: Array, pair:
     if e[0, SLIP] > 0.0 and pair[FORCE_X] > 1.4:
         pair[SLIPPED] -= e[0, SLIP] * (moved if moved > 0.0 else 0.4 * moved)
     reading = pair[ENCODER] + pair[SLIPPED]
-    if e[0, LOST_COUNTS] > 0.0:
-        too_fast = 1e3 * max(abs(pair[SPEED]) - 1.5e-3, 0.0)
-        pair[LOST] += e[0, LOST_COUNTS] * math.copysign(too_fast, pair[SPEED]) * dt
-        reading -= pair[LOST]
-    if e[0, BRACKET_GROWS] != 0.0:
-        warm = 0.0
-        for i in range(CELLS):
-            warm += (cells[0, i, W] - 27.0) / CELLS
-        pair[BRACKET] = approach(pair[BRACKET], warm / 20.0, dt, 25.0)
-        reading += e[0, BRACKET_GROWS] * pair[BRACKET]
     if e[0, COUNTS_MOTORS] != 0.0:
         pair[MISCOUNTED] += dt * (side[0, PUMP] + side[1, PUMP])
         reading += e[0, COUNTS_MOTORS] * pair[MISCOUNTED]
+    if e[0, SLEEPS] > 0.0:
+        reading -= awake(seen_mm, dt, e[0, SLEEPS], pair)
+    reading *= max(0.1, 1.0 + e[0, SCALE_WARMS] * pair[DRIVERS_WARM])
     reading += e[0, IN_FIELD] * (side[0, AMPERE] - side[1, AMPERE]) / 4.0
     reading += e[0, SETTLING] * (1.0 - math.exp(-pair[TIME] / 20.0))
     if e[0, DIRT] > 0.0:
@@ -248,9 +253,7 @@ def travel(seen_mm: float, dt: float, e: Array, cells: Array, side: Array, pair:
 
 
 @compiled
-def load(
-    seen_N: float, dt: float, p: Array, e: Array, cells: Array, side: Array, pair: Array
-) -> float:
+def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     """Load cell reading (N) for a tendon force (N)."""
     time = pair[TIME]
     reading = seen_N * (1.0 + e[0, FORCE_GAIN] * (0.7 + 0.2 * seen_N))
@@ -259,18 +262,10 @@ def load(
         pair[CREEP_SLOW] = approach(pair[CREEP_SLOW], seen_N - 1.24, dt, 40.0)
         reading += e[0, FORCE_CREEP] * (0.5 * pair[CREEP_FAST] + pair[CREEP_SLOW])
     reading += e[0, FORCE_OFFSET] * (1.0 - 0.2 * math.exp(-time / 25.0))
-    if e[0, SHOCK] != 0.0:
-        warm = 0.0
-        for i in range(CELLS):
-            warm += (cells[0, i, T] - 27.0) / CELLS
-        pair[SKIN] = approach(pair[SKIN], warm / 20.0, dt, 2.0)
-        pair[CORE] = approach(pair[CORE], warm / 20.0, dt, 12.0)
-        reading += e[0, SHOCK] * (pair[SKIN] - pair[CORE])
-    if e[0, HOSES] > 0.0:
-        for s in range(2):
-            side[s, HOSE] = approach(side[s, HOSE], side[s, FLOW] / p[FULL_FLOW], dt, 0.4)
-        reading += e[0, HOSES] * (side[0, HOSE] - 0.6 * side[1, HOSE])
     reading += e[0, DRAGGED_CABLE] * pair[X] / 5e-3
+    switched = (side[0, AMPERE] + side[1, AMPERE]) / 4.0
+    pair[SETTLED] = approach(pair[SETTLED], switched, dt, 1.5)
+    reading += e[0, KICKED] * (switched - pair[SETTLED])
     reading -= e[0, OIL] * pair[SPEED] / 5e-3
     if e[0, LOOSE_BOLT] > 0.0:
         if seen_N > 1.45:
@@ -302,9 +297,6 @@ def read(
     out: Array,
 ) -> None:
     """All readings of one tick into `out`, in the order of `layout.READINGS`."""
-    if e[0, HALL_DRIFT] != 0.0:
-        squares = side[0, AMPERE] ** 2 + side[1, AMPERE] ** 2
-        pair[BOARD] = approach(pair[BOARD], squares / 16.0, dt, 20.0)
     for s in range(2):
         out[s] = side[s, AMPERE]
         if e[s, SHUNT_ON_TUBE] > 0.0:
@@ -317,8 +309,8 @@ def read(
         out[s] *= 1.0 - min(e[s, LOW_FIELD], 0.95) * math.exp(-max(out[s], 0.0) / 0.8)
         side[s, REMANENT] = max(side[s, AMPERE] / 4.0, approach(side[s, REMANENT], 0.0, dt, 30.0))
         out[s] += e[s, REMANENCE] * side[s, REMANENT]
-        out[s] += e[0, HALL_DRIFT] * pair[BOARD]
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
+        out[s] *= max(0.1, 1.0 + e[0, HALL_STRESSED] * (pair[FORCE_X] / 1.24 - 1.0))
         nearness = 1.0 / (1.0 - min(max(pair[X], -0.02), 0.02) / 25e-3)
         out[s] += e[0, MAGNET] * (nearness * nearness - 1.0)
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
@@ -330,7 +322,6 @@ def read(
         ripple = side[s, AMPERE] * max(4.0 - side[s, AMPERE], 0.0) / 4.0
         out[2 + s] += e[s, STROBED] * ripple * math.sin(2.0 * math.pi * turn)
         out[2 + s] += e[s, MOVING_EMF] * (pair[SPEED] if s == 0 else -pair[SPEED]) / 5e-3
-        out[2 + s] *= 1.0 + e[1 - s, WARMED_AMPLIFIER] * side[1 - s, CONTACT]
         if e[s, SLIDING_CLIP] != 0.0:
             drawn_in = pair[X] if s == 0 else -pair[X]
             out[2 + s] *= max(0.1, 1.0 + e[s, SLIDING_CLIP] * drawn_in / 5e-3)
@@ -339,19 +330,24 @@ def read(
             slow = 3.0 if share > side[s, MISTED] else 15.0
             side[s, MISTED] = approach(side[s, MISTED], share, dt, slow)
             out[2 + s] *= 1.0 - e[s, MIST] * side[s, MISTED]
-        if e[s, INDUCTANCE] > 0.0:
-            rate = (side[s, AMPERE] - side[s, AMPERE_BEFORE]) / dt
-            out[2 + s] += 1e-3 * e[s, INDUCTANCE] * rate
-        side[s, AMPERE_BEFORE] = side[s, AMPERE]
+        if e[s, PEAKS] > 0.0:
+            fallen = approach(side[s, PEAK_VOLT], out[2 + s], dt, e[s, PEAKS])
+            side[s, PEAK_VOLT] = max(out[2 + s], fallen)
+            out[2 + s] = side[s, PEAK_VOLT]
         out[4 + s] = rtd(s, ambient, dt, p, e, cells, side, pair)
+        ring[RING_RTD_X + s, int(pair[GLANCE]) % RING_LENGTH] = out[4 + s]
+        if e[0, CROWDED] > 0.0:
+            speed = abs(pair[SPEED])
+            waited = e[0, CROWDED] * speed / (speed + 5e-4) / dt
+            out[4 + s] = late(ring, RING_RTD_X + s, pair[GLANCE], waited)
     out[6] = inlet + 0.3 * pair[RESERVOIR]
     out[7] = ambient
-    ticks = 0.0
+    ticks = e[0, SLOW_CLOCK] * pair[TIME] / 60.0 / dt
     if e[0, DELAY] > 0.0:
         wander = 1.0 + 0.15 * math.sin(2.0 * math.pi * (pair[TIME] / 20.0 + e[2, DELAY]))
-        ticks = e[0, DELAY] * wander / dt
-    out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, cells, side, pair)
-    out[9] = load(late(ring, RING_FORCE, pair[GLANCE], ticks), dt, p, e, cells, side, pair)
+        ticks += e[0, DELAY] * wander / dt
+    out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, side, pair)
+    out[9] = load(late(ring, RING_FORCE, pair[GLANCE], ticks), dt, e, side, pair)
     total = side[0, AMPERE] + side[1, AMPERE]
     out[10] = p[SUPPLY] - p[SUPPLY_OHM] * total
 

@@ -8,7 +8,16 @@ from numpy.typing import NDArray
 from evaluation.plant.compiled import compiled
 from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
-from evaluation.plant.layout import CARRIED, PLIED, SNAPPED, STRAP, SWING, SWING_RATE, TAUT_BEFORE
+from evaluation.plant.layout import (
+    CARRIED,
+    PLIED,
+    SLID,
+    SNAPPED,
+    STRAP,
+    SWING,
+    SWING_RATE,
+    TAUT_BEFORE,
+)
 
 Array = NDArray[np.float64]
 
@@ -21,6 +30,7 @@ SPLICE = slot("splice_over_pulley")
 STRAPPED = slot("relaxing_strap")
 OVAL = slot("oval_pulley")
 BELLOWS = slot("snapping_bellows")
+FERRULE = slot("slipping_ferrule")
 
 PLIES_N = 0.2  # change of tension over which the friction between plies turns round
 SPLICE_m = 2e-3  # travel over which a splice rides off its pulley
@@ -35,7 +45,7 @@ BUFFER_m = 2e-3  # how far off the middle a buffer stands, and how deep it is
 @compiled
 def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
     """How much longer the tendon is than at assembly (m), and its slope in force."""
-    stretch = 0.0
+    stretch = 1e-3 * e[0, FERRULE] * pair[SLID]
     slope = 0.0
     tension = max(force, 0.0)
     if e[0, COMPLIANCE] > 0.0:

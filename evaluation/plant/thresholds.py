@@ -17,6 +17,7 @@ from evaluation.plant.layout import (
     COOLED_FROM,
     HEATED_FROM,
     INNER_STRESS,
+    MIXED,
     WORK_DONE,
 )
 from evaluation.plant.parameters import index
@@ -33,6 +34,7 @@ NARROWING = slot("narrowing_loop")
 RESTING = slot("resting_austenite")
 ELECTRON_WIND = slot("electron_wind")
 DEEP_COOLED = slot("deep_cooled")
+INTERFACES = slot("settling_interfaces")
 
 
 @compiled
@@ -65,4 +67,5 @@ def shifts(
         cool += eased
     if e[s, DEEP_COOLED] > 0.0:
         heat += e[s, DEEP_COOLED] * max(34.0 - cells[s, i, COLDEST], 0.0) / 5.0
-    return heat, cool
+    held = e[s, INTERFACES] * side[s, MIXED]
+    return heat + held, cool - held

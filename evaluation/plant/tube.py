@@ -20,7 +20,6 @@ from evaluation.plant.layout import (
     CONTACT,
     COOLED_FROM,
     CORRODED,
-    FAN,
     FLOW,
     FORCE_X,
     FORCE_Y,
@@ -32,16 +31,15 @@ from evaluation.plant.layout import (
     INNER_STRESS,
     LEACHED,
     LIMED,
+    MIXED,
     OHM,
-    OPENED,
     PLAY,
     PLAYS,
     QUIET,
     R_PHASE,
     RATE,
     RESERVOIR,
-    RETURN_WARM,
-    SHUNT,
+    RESTED,
     TURNED,
     WET,
     WORK_DONE,
@@ -53,29 +51,23 @@ from evaluation.plant.parameters import index
 from evaluation.plant.phase import WEIGHT, falling, turned_by
 from evaluation.plant.rarer import (
     BENT,
-    CRACK,
     DRIPPING,
     ELECTROLYSIS,
     GAS,
     GRADED,
     INDUCED,
     LAMP,
-    LEADS,
     MATRIX,
-    PEAK,
     ROD,
     SEATED,
-    SHAKEN,
     SHARED_BASE,
     SLIP_BANDS,
-    SWEATING,
-    TURNED_RESISTS,
     age,
     elsewhere,
     joints,
-    odd_heat,
     odd_shifts,
     seldom,
+    settle,
     soak,
     wear,
 )
@@ -121,9 +113,6 @@ COLD_ENDS = slot("cold_ends")
 EXPONENT = slot("convection_exponent")
 STRESS_LATENT = slot("stress_latent_heat")
 R_PHASES = slot("r_phase")
-SHORTED = slot("shorted_coils")
-ON_THE_WALL = slot("coils_on_wall")
-DRIVER_FAN = slot("driver_fan")
 TEXTURED = slot("textured_resistance")
 CORRODING = slot("corroding_wire")
 LIME = slot("lime_on_wire")
@@ -135,13 +124,10 @@ HUMMING = slot("humming_coils")
 SLEEVE = slot("sliding_sleeve")
 ANNEALING = slot("annealed_spring")
 RESTING = slot("resting_austenite")
-ON_RETURN = slot("driver_on_return")
 OTHER_PUMP = slot("other_pump_shakes")
 PRESSED = slot("pressed_tube")
 YOKE = slot("metal_yoke")
 IONS = slot("leached_ions")
-
-OPENS_MPa, CLOSES_MPa = 66.0, 59.0  # stress at which a crack in the wire opens and closes
 
 
 @compiled
@@ -150,9 +136,6 @@ def resistance(
 ) -> float:
     """Resistance (ohm) of spring `s`; what heats each cell's wire goes to `heat`."""
     base = p[RESISTANCE] * (p[Y_RESISTANCE] if s == 1 else 1.0)
-    if e[s, SHORTED] > 0.0:
-        drawn_in = pair[X] if s == 0 else -pair[X]
-        base *= 1.0 - min(e[s, SHORTED] * max(drawn_in - 1e-3, 0.0) / 5e-3, 0.8)
     if e[s, CORRODING] > 0.0:
         base *= 1.0 + min(e[s, CORRODING] * side[s, CORRODED], 2.0)
     if e[s, PIEZO] > 0.0:
@@ -197,8 +180,6 @@ def coefficients(
     side[s, OHM] = resistance(s, p, e, cells, side, pair, heat)
     power = p[LOSS_POWER] + e[s, EXPONENT]
     loss = p[LOSS_RATE] * (p[Y_LOSS] if s == 1 else 1.0) / CELLS
-    if e[0, DRIVER_FAN] > 0.0:
-        loss *= 1.0 + e[0, DRIVER_FAN] * pair[FAN]
     if e[s, SLEEVE] > 0.0:
         drawn_in = pair[X] if s == 0 else -pair[X]
         loss *= 1.0 + e[s, SLEEVE] * min(max((drawn_in + 1e-3) / 5e-3, 0.0), 1.0)
@@ -215,9 +196,6 @@ def coefficients(
     reach = 1.0 / (1.0 + e[s, LIME] * side[s, LIMED])
     reach *= 1.0 + e[s, HUMMING] * amperes / 4.0
     reach *= 1.0 + e[1 - s, OTHER_PUMP] * side[1 - s, FLOW] / p[FULL_FLOW]
-    if e[s, ON_THE_WALL] > 0.0:
-        tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
-        reach /= 1.0 + e[s, ON_THE_WALL] * max((1.5 - tension) / 0.3, 0.0)
     reach *= 1.0 + e[s, GAS] * side[s, GASSING]
     reach /= 1.0 + e[s, ELECTROLYSIS] * side[s, GAS_COAT]
     still = p[STATIC] / CELLS
@@ -240,17 +218,14 @@ def coefficients(
         row[STORES] = p[WIRE_HEAT] / CELLS
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
     rows[CELLS - 1, TO_CLAMP] = 0.5 * e[s, COLD_ENDS]
-    if e[s, SWEATING] > 0.0 or e[1 - s, LEADS] > 0.0 or e[s, PEAK] > 0.0:
-        odd_heat(s, e, cells, side, rows)
     beside = max(e[1 - s, DRIPPING], e[1 - s, INDUCED], e[0, LAMP], e[0, SHARED_BASE])
     if beside > 0.0 or e[s, ROD] > 0.0 or e[s, SEATED] > 0.0:
         elsewhere(s, p, e, cells, side, pair, rows)
     if e[0, YOKE] > 0.0:
         warmer = cells[1 - s, CELLS - 1, T] - cells[s, CELLS - 1, T]
         rows[CELLS - 1, HEAT_WIRE] += e[0, YOKE] * warmer
-    moved = max(e[s, TURNED_RESISTS], e[s, SHAKEN], e[s, BENT], e[s, MATRIX], e[s, SLIP_BANDS])
-    if moved > 0.0 or e[s, GRADED] != 0.0:
-        odd_shifts(s, share, p, e, cells, pair, rows)
+    if max(e[s, BENT], e[s, MATRIX], e[s, SLIP_BANDS]) > 0.0 or e[s, GRADED] != 0.0:
+        odd_shifts(s, e, cells, pair, rows)
     seldom(s, share, e, cells, side, pair, rows)
     if e[s, IONS] > 0.0:
         beside = e[s, IONS] * side[s, LEACHED]
@@ -291,12 +266,6 @@ def remember(
             comes = falling((cell[T] - 37.0 - lift) / 2.0) * (1.0 - fraction)
             stays = falling((cell[T] - 40.5 - lift) / 2.0) * (1.0 - fraction)
             cell[R_PHASE] = min(max(cell[R_PHASE], comes), max(stays, comes))
-    if e[s, CRACK] <= 0.0:
-        side[s, OPENED] = 0.0
-    elif stress > OPENS_MPa:
-        side[s, OPENED] = approach(side[s, OPENED], 1.0, dt, 0.3)
-    elif stress < CLOSES_MPa:
-        side[s, OPENED] = approach(side[s, OPENED], 0.0, dt, 0.3)
     if e[s, CORRODING] > 0.0:
         side[s, CORRODED] += dt / 30.0 * math.exp(min(warmth - 45.0, 30.0) / 10.0)
     if e[s, LIME] > 0.0:
@@ -305,13 +274,15 @@ def remember(
         side[s, ANNEALED] += dt * max(warmth - 36.0, 0.0) / 100.0
     if e[s, RESTING] > 0.0:
         side[s, AWAKE] = side[s, AWAKE] + dt if mean < 0.5 else 0.0
-    if e[s, ON_RETURN] > 0.0:
-        warm = (cells[s, CELLS - 1, W] - 27.0) / 20.0
-        side[s, RETURN_WARM] = approach(side[s, RETURN_WARM], warm, dt, 10.0)
     if e[s, LINGERING] > 0.0:
         tension = stress / p[STRESS]
         fading = approach(side[s, INNER_STRESS], tension, dt, 25.0)
         side[s, INNER_STRESS] = max(tension, fading)
+    if 0.15 < mean < 0.85:
+        side[s, MIXED] = approach(side[s, MIXED], 1.0, dt, 10.0)
+    else:
+        side[s, MIXED] = approach(side[s, MIXED], 0.0, dt, 2.0)
+    side[s, RESTED] = approach(side[s, RESTED], 1.0, dt, 15.0) * math.exp(-moved_all / 0.3)
     side[s, WORK_DONE] += moved_all
     side[s, RATE] = approach(side[s, RATE], moved_all / dt, dt, 0.3)
 
@@ -361,6 +332,5 @@ def tube(
     age(s, p, e, cells, side, pair, dt)
     wear(s, p, e, cells, side, pair, dt)
     soak(s, p, e, cells, side, dt)
-    warmth = amperes * amperes
-    side[s, CONTACT] = approach(side[s, CONTACT], warmth / 16.0, dt, 8.0)
-    side[s, SHUNT] = approach(side[s, SHUNT], warmth / 16.0, dt, 10.0)
+    settle(s, e, cells, side, pair, dt)
+    side[s, CONTACT] = approach(side[s, CONTACT], amperes * amperes / 16.0, dt, 8.0)

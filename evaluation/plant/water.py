@@ -41,6 +41,7 @@ DRAWN_AGAIN = slot("drawn_again")
 RETURNING = slot("return_beside_intake")
 ON_TENDON = slot("intake_on_tendon")
 DEPTH = slot("drawn_from_depth")
+TEE = slot("sucked_through_tee")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
@@ -107,6 +108,8 @@ def entering(
         returned = side[1 - s, FLOW] / 0.55 * (cells[1 - s, CELLS - 1, W] - source)
         side[s, PLUME] += dt * (returned / 5.0 - side[s, PLUME] / 40.0)
         source += e[1 - s, RETURNING] * side[s, PLUME]
+    ahead = min(max(side[s, FLOW] - side[1 - s, FLOW], 0.0) / 0.55, 1.0)
+    source += e[1 - s, TEE] * ahead * (cells[1 - s, CELLS - 1, W] - source)
     source += e[0, ON_TENDON] * pair[X] / 5e-3
     if s == 0 and e[0, DEPTH] != 0.0:
         both = (side[0, FLOW] + side[1, FLOW]) / 0.55
