@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -16,6 +17,9 @@ ROOT = Path(__file__).resolve().parents[2]
 OUTSIDE = ("README.md", "evaluation/README.md", "examples/README.md")
 SHOWN = [*(ROOT / page for page in OUTSIDE), *(ROOT / "docs").rglob("*.md")]
 PAGES = sorted(path for path in SHOWN if read_page(path).blocks)
+LONG = {"fig4-stretch", "fig5-block"}
+"""Each page is one `smad run NAME --sim` of many minutes of bench time. The same command is run for
+other experiments, and these two with shorter settings in tests/smad/experiments."""
 
 # Why a command may go unrun, and what stands in for it. A reason outside this list fails.
 REASONS = {
@@ -85,7 +89,12 @@ def run_block(block: Block, folder: Path, env: dict[str, str]) -> None:
         )
 
 
-@pytest.mark.parametrize("path", PAGES, ids=name)
+def long_or_not(path: Path) -> Any:
+    marks = pytest.mark.campaign if path.stem in LONG else ()
+    return pytest.param(path, marks=marks, id=name(path))
+
+
+@pytest.mark.parametrize("path", [long_or_not(path) for path in PAGES])
 def test_every_command_shown_runs(path: Path, tmp_path: Path, reader: dict[str, str]) -> None:
     folder = tmp_path / "work"
     folder.mkdir()

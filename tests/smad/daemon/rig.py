@@ -15,10 +15,21 @@ from smad.config import Config, DaemonConfig, LinkConfig, RecorderConfig
 
 T = TypeVar("T")
 _PATIENCE_S = 300.0
+_CONNECTED_S = 0.5
+"""By then the daemon has read the parameters of every board, and their clocks agree."""
 
 
 class Rig(virtual.Rig):
     """A bench and a daemon, with what tests ask of both."""
+
+    async def connected(self) -> None:
+        """Let board time pass until any axis can be armed."""
+        await self.run_for(_CONNECTED_S)
+
+    async def arm(self) -> None:
+        """Connect and arm."""
+        await self.connected()
+        await self.ask("arm")
 
     @property
     def heard(self) -> list[str]:

@@ -33,7 +33,7 @@ async def tapped_axes(folder: Path, **sections: Any) -> AsyncIterator[tuple[Rig,
     """A started bench of three axes with a tap on each line, its boards ready to be armed."""
     boards = {name: tapped(line) for name, line in lines().items()}
     async with axes_in(folder, boards, **sections) as rig:
-        await rig.run_for(2.5)
+        await rig.connected()
         yield rig, taps_of(rig)
 
 
@@ -158,11 +158,11 @@ async def test_a_stop_that_is_open_on_one_axis_refuses_arming_on_every_axis(
 async def test_a_generation_of_an_earlier_daemon_arms_nothing(tmp_path: Path) -> None:
     boards = {name: tapped(line) for name, line in lines().items()}
     async with axes_in(tmp_path, boards, nonce=7) as rig:
-        await rig.run_for(2.5)
+        await rig.connected()
         before = {"generation": (await rig.ask("arm"))["generation"]}
         # Killed: it disarms nothing.
     async with axes_in(tmp_path, boards, nonce=8) as rig:
-        await rig.run_for(2.5)
+        await rig.connected()
         await rig.ask("disarm", b"a person")
         await rig.run_until(all_safe(rig))
         for method, params in (("arm", {}), ("together", {"moves": {"yaw-1": [STEP]}})):

@@ -70,7 +70,7 @@ async def test_a_stop_at_any_moment_of_an_arming_leaves_no_axis_armed(
     tmp_path: Path, turns: int
 ) -> None:
     async with axes_in(tmp_path) as rig:
-        await rig.run_for(2.5)
+        await rig.connected()
         arming = rig.begin("arm")
         for _ in range(turns):
             await asyncio.sleep(0)
@@ -157,7 +157,7 @@ async def test_what_fails_on_an_axis_of_its_own_leaves_the_others_and_their_leas
 
 async def test_a_limit_of_the_host_on_one_axis_stops_all(tmp_path: Path) -> None:
     async with axes_in(tmp_path, limits=LimitsConfig(on_time_max_s=3.0)) as rig:
-        await rig.run_for(2.5)
+        await rig.connected()
         await rig.ask("arm", told={"axis": "pitch-2"})
         await rig.run_for(1.0)
         await rig.ask("arm", told={"axis": ["pitch-1", "yaw-1"]})
@@ -174,7 +174,7 @@ async def test_a_limit_of_the_host_on_one_axis_stops_all(tmp_path: Path) -> None
 async def test_a_lapsed_lease_and_a_lost_client_stop_all(tmp_path: Path) -> None:
     daemon = DaemonConfig(ipc_dir=str(tmp_path), dead_man_lease_s=1.0)
     async with axes_in(tmp_path, daemon=daemon) as rig:
-        await rig.run_for(2.5)
+        await rig.connected()
         lease = (await rig.ask("control.take", name="Ada", lease_s=0.5))["lease"]
         await rig.ask("arm", told={"lease": lease})
         await silent_for(rig, 0.7)
@@ -205,7 +205,7 @@ async def test_an_arming_that_one_board_refuses_arms_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async with axes_in(tmp_path) as rig:
-        await rig.run_for(2.5)
+        await rig.connected()
         commands = rig.lines["pitch-2"].bench.board.commands
         given = commands.new_token
         monkeypatch.setattr(commands, "new_token", lambda: given() ^ 1)
@@ -222,7 +222,7 @@ async def test_named_axes_are_armed_alone_and_the_others_are_refused_a_motion(
     tmp_path: Path,
 ) -> None:
     async with axes_in(tmp_path) as rig:
-        await rig.run_for(2.5)
+        await rig.connected()
         motion = await rig.ask("arm", told={"axis": ["pitch-1", "pitch-2"]})
         assert list(motion["axes"]) == hot(rig) == ["pitch-1", "pitch-2"]
         with pytest.raises(Refused, match="yaw-1: the bench is not armed"):
@@ -241,7 +241,7 @@ async def test_swapped_cables_and_a_board_without_a_name_are_refused_before_armi
     boards["pitch-1"], boards["yaw-1"] = boards["yaw-1"], boards["pitch-1"]
     boards["pitch-2"] = Line(SimulatedBench(seed=5))
     async with axes_in(tmp_path, boards) as rig:
-        await rig.run_for(2.5)
+        await rig.connected()
         with pytest.raises(Refused) as refused:
             await rig.ask("arm")
         told = str(refused.value)
@@ -404,7 +404,7 @@ async def test_a_slow_or_silent_board_keeps_no_other_waiting(tmp_path: Path) -> 
 
 async def test_status_and_parameters_are_told_by_axis(tmp_path: Path) -> None:
     async with axes_in(tmp_path) as rig:
-        await rig.run_for(2.5)
+        await rig.connected()
         status = await rig.ask("status")
         assert list(status["axes"]) == list(NAMES)
         own = await rig.ask("status", told={"axis": "yaw-1"})
@@ -429,7 +429,7 @@ async def test_the_reply_to_a_bench_of_one_axis_names_no_axes(tmp_path: Path) ->
     from tests.smad.daemon.rig import rig_in
 
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         assert "axes" not in await rig.ask("motion")
         assert not {"axes", "skew"} & (await rig.ask("status")).keys()
         with pytest.raises(Refused, match="none: a bench of one axis"):

@@ -30,7 +30,7 @@ async def test_every_sample_is_answered_by_one_setpoint(tmp_path: Path) -> None:
 
 async def test_a_connection_lands_in_monitor_and_reads_the_parameters(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         assert rig.axis.session.state is HostState.MONITOR
         status = await rig.ask("status")
         assert status["board"]["params_agree"] is True
@@ -271,7 +271,7 @@ async def test_a_reply_that_comes_with_the_sample_that_kills_the_step_is_passed_
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
 
         controller = rig.axis.control.controller
         whole = controller.step

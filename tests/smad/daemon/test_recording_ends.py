@@ -13,7 +13,7 @@ from tests.smad.daemon.test_axes import silent_for
 
 async def test_the_named_run_log_of_a_program_that_was_killed_ends(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         # As the client library does: the lease comes with the arming, after the recording began.
         await rig.ask("record.start", b"ada", name="first")
         lease = (await rig.ask("control.take", b"ada", name="Ada", lease_s=0.5))["lease"]
@@ -27,7 +27,7 @@ async def test_the_named_run_log_of_a_program_that_was_killed_ends(tmp_path: Pat
 
 async def test_a_run_log_that_somebody_else_began_outlives_a_lapsed_lease(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         await rig.ask("record.start", b"bob", name="first")
         await rig.ask("control.take", b"ada", name="Ada", lease_s=0.5)
         await silent_for(rig, 0.7)

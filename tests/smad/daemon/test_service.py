@@ -128,7 +128,7 @@ async def test_parameters_are_listed_changed_and_saved_only_while_not_armed(
     tmp_path: Path,
 ) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         names = {param["name"] for param in (await rig.ask("params.list"))["params"]}
         assert "current_limit_mA" in names
         changed = await rig.ask("params.set", name="current_limit_mA", value=3000)
@@ -151,7 +151,7 @@ async def test_arming_is_refused_while_a_limit_of_the_host_is_looser_than_the_bo
     tmp_path: Path,
 ) -> None:
     async with rig_in(tmp_path, limits=LimitsConfig(on_time_max_s=1000.0)) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         await rig.ask("params.set", name="on_time_limit_s", value=1000)
         with pytest.raises(Refused, match="looser than the board's on_time_limit_s") as refused:
             await rig.ask("arm")
@@ -166,7 +166,7 @@ async def test_a_scale_of_zero_is_refused_by_host_and_board_and_never_armed_with
     tmp_path: Path,
 ) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         number = BY_NAME["encoder_nm_per_count"].number
         with pytest.raises(Refused, match="out of range") as refused:
             await rig.ask("params.set", name="encoder_nm_per_count", value=0)
@@ -185,7 +185,7 @@ async def test_a_parameter_that_no_board_could_hold_is_refused_as_such(
     tmp_path: Path, value: float
 ) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         with pytest.raises(Refused) as refused:
             await rig.ask("params.set", name="current_limit_mA", value=value)
         assert refused.value.reason == "invalid"
@@ -279,7 +279,7 @@ async def test_a_folder_that_cannot_be_written_refuses_arming_and_names_it(tmp_p
     blocked.write_text("")
     recorder = RecorderConfig(folder=str(blocked / "runs"), automatic=True)
     async with rig_in(tmp_path, recorder=recorder) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         with pytest.raises(Refused) as refused:
             await rig.ask("arm")
         assert refused.value.reason == "recorder"
@@ -505,7 +505,7 @@ async def test_a_stage_is_moved_only_by_a_board_that_has_one(tmp_path: Path) -> 
 
 async def test_one_client_that_floods_is_told_so_and_another_finds_room(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         waiting = [rig.begin("record.start", b"flood", name="r") for _ in range(MOST_WAITING_EACH)]
         too_many = rig.begin("record.start", b"flood", name="r")
         other = rig.begin("params.get", b"other", name="state_rate_hz")

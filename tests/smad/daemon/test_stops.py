@@ -37,7 +37,7 @@ HOT = (BoardState.ARMED, BoardState.HOLD)
 
 async def test_a_stop_right_after_a_reconnection_ends_an_arming_that_waits(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         rig.pull_the_plug()
         await rig.run(10)
         rig.plug_in()
@@ -58,7 +58,7 @@ async def test_a_stop_right_after_a_reconnection_ends_an_arming_that_waits(tmp_p
 @pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")
 async def test_whoever_waits_for_the_board_when_the_daemon_ends_is_told(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         waiting = rig.begin("arm")
         await rig.daemon.close()
         with pytest.raises(Refused, match="the daemon ended before the board had answered"):
@@ -70,7 +70,7 @@ async def test_a_stop_at_any_moment_of_an_arming_leaves_it_not_armed(
     tmp_path: Path, turns: int
 ) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         arming = rig.begin("arm")
         for _ in range(turns):
             await asyncio.sleep(0)
@@ -126,7 +126,7 @@ async def test_what_was_asked_before_a_stop_is_refused_after_somebody_armed_agai
     tmp_path: Path,
 ) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         before = {"generation": (await rig.ask("arm"))["generation"]}
         await rig.ask("move", told=before, trajectories=[STEP])
         await rig.ask("disarm", client=b"other")
@@ -189,7 +189,7 @@ async def test_a_disarm_replies_with_the_state_that_it_led_to(tmp_path: Path) ->
 
 async def test_an_arm_replies_with_the_state_that_it_led_to(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         motion = result_of(await rig.run_until(rig.begin("arm")))
         assert (motion["armed"], motion["mode"]) == (True, "ARMED")
 
@@ -229,7 +229,7 @@ async def test_a_stop_that_the_board_cannot_hear_ends_with_the_boards_own(tmp_pa
 
 async def test_a_limit_of_the_host_that_latches_ends_what_was_asked_before(tmp_path: Path) -> None:
     async with rig_in(tmp_path, limits=LimitsConfig(on_time_max_s=10.0)) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         armed = await rig.ask("arm")
         await rig.run_for(10.5)
         assert (await rig.ask("motion"))["generation"] > armed["generation"]
@@ -271,7 +271,7 @@ async def test_what_waited_unread_when_the_stop_came_is_refused_however_late_it_
     tmp_path: Path,
 ) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         endpoints = Endpoints(tmp_path, "bench")
         rig.daemon.server.serve_ipc(endpoints, 0o077)
         context = zmq.asyncio.Context()
@@ -375,7 +375,7 @@ async def test_a_lease_that_lapsed_is_not_its_holders_any_more(tmp_path: Path) -
 
 async def test_the_name_of_a_socket_seen_before_does_not_hold_its_lease(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         await rig.ask("control.take", client=b"ada", name="Ada")
         with pytest.raises(Refused, match="Ada has exclusive control"):
             await rig.ask("arm", client=b"ada")
@@ -393,7 +393,7 @@ async def test_control_of_a_bench_that_another_client_armed_is_refused(tmp_path:
 
 async def test_two_who_arm_at_once_are_one_arming_and_one_refusal(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         first, second = rig.begin("arm", b"ada"), rig.begin("arm", b"bob")
         with pytest.raises(Refused, match="being armed already"):
             result_of(await rig.run_until(second))
@@ -405,7 +405,7 @@ async def test_two_who_arm_at_once_are_one_arming_and_one_refusal(tmp_path: Path
 
 async def test_an_arming_that_is_never_begun_keeps_nobody_out(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         dropped = rig.daemon.service.arm(api.Arm(), Caller(b"ada"))
         assert isinstance(dropped, Coroutine)
         dropped.close()
@@ -414,7 +414,7 @@ async def test_an_arming_that_is_never_begun_keeps_nobody_out(tmp_path: Path) ->
 
 async def test_who_loses_control_while_arming_does_not_arm(tmp_path: Path) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         arming = rig.begin("arm", b"ada")
         # Nobody had control and nothing is armed yet: Bob may take it.
         assert result_of(rig.begin("control.take", b"bob", name="Bob").result())["yours"]

@@ -35,7 +35,7 @@ async def test_a_stop_ends_the_program_and_nothing_is_armed_afterwards(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         stage = Stage(rig, phase, stop)
         set_up(stage, monkeypatch)
         monkeypatch.setattr(job, "ARM_DEADLINE_S", 0.1)
@@ -61,7 +61,7 @@ async def test_who_armed_and_met_a_fault_gives_control_back_and_cannot_heat_afte
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async with rig_in(tmp_path) as rig:
-        await rig.run_for(2.0)
+        await rig.connected()
         stage = Stage(rig, "moving", "board fault")
         set_up(stage, monkeypatch)
         said: list[str] = []
