@@ -359,6 +359,7 @@ class BoardStop:
             # From FAULT and ESTOP, no request that is still on its way leads back to ARMED.
             self._stopped = stopped
             self._shown(state)
+        self._withhold_in_time()
         self._look()
 
     def _shown(self, state: State) -> None:
@@ -385,14 +386,21 @@ class BoardStop:
         """Ask again what was not confirmed, leave the rest to the board's own watchdog, and let
         replies that waited too long go out."""
         now_us = self._clock_us()
-        if self.phase is Phase.STOPPING:
-            if now_us - self._asked_us >= ASK_AGAIN_US:
-                self._ask()
-            if now_us - self._stopping_us >= WITHHOLD_US:
-                self._arming.withhold_setpoints(self.label)
+        if self.phase is Phase.STOPPING and now_us - self._asked_us >= ASK_AGAIN_US:
+            self._ask()
+        self._withhold_in_time()
         self.note_watchdog()
-        self._control.withheld = self._arming.axes[self.label].withheld
         self._look()
+
+    def _withhold_in_time(self) -> None:
+        """Send no more setpoints to a board that did not confirm a stop in time.
+
+        Looked at with every sample: a tick that comes a tenth of a second later would let the
+        watchdog outlast the reply.
+        """
+        if self.phase is Phase.STOPPING and self._clock_us() - self._stopping_us >= WITHHOLD_US:
+            self._arming.withhold_setpoints(self.label)
+        self._control.withheld = self._arming.axes[self.label].withheld
 
     def note_watchdog(self) -> None:
         """Note that the board's own watchdog must have stopped it, once that is so."""
