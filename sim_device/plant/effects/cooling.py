@@ -34,7 +34,7 @@ WATER: tuple[Effect, ...] = (
     ),
     Effect(
         name="water_drainage",
-        title="water leaves the tube while the pump rests",
+        title="water leaves the tube after the pump stops",
         subsystem="water",
         places=("film", "heat_into_water"),
         equation="dw/dt = −(w − (1 − s))/τ while the pump rests; it refills the tube",

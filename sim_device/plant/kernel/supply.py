@@ -84,7 +84,7 @@ def fill_tube(s: Spring, p: Constants, e: Effects, drain: float, dt: float) -> N
     elif e.drainage > 0.0:
         floor = 1.0 - e.drainage
         floor = max(floor, p.drain_film)
-        if filled > floor:
+        if filled > floor and s.pump_starts > 0.0:
             new = floor + (filled - floor) * math.exp(-dt / e.drainage_time)
     if new != filled:
         moved = (filled - new) * p.warming_share * p.water_capacity * p.length * p.warms
