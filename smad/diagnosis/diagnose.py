@@ -11,12 +11,12 @@ from smad.diagnosis.data.admission import RunSet, admit_groups, row_of_admitted_
 from smad.diagnosis.data.guards import FIT, GOOD, HOLD_OUT, goes_further, too_few
 from smad.diagnosis.errors import PlantMismatch
 from smad.diagnosis.numerics.threads import repeatable
-from smad.diagnosis.paired.notes import EACH_BY_OTHERS, compared, notes_of
+from smad.diagnosis.paired.notes import EACH_BY_OTHERS, compared, not_judged, notes_of
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import Effect, PlantModel
 from smad.diagnosis.questions import Inquiry, changed, differs
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.verdict import CHANGED, DIFFERS, REFUSED, RunRecord, Verdict
+from smad.diagnosis.verdict import CHANGED, DIFFERS, QUIET, REFUSED, RunRecord, Verdict
 from smad.progress import Say, silent
 from smad.version import VERSION
 
@@ -71,6 +71,10 @@ def diagnose(
         if pairs is not None:
             names = [run.name for run in (*inquiry.fit, *inquiry.held_out)]
             answer = answer.with_verdict(notes=[*compared(pairs, names), *notes_of(pairs)])
+            if (left_out := len(not_judged(pairs, names))) and answer.verdict.outcome == QUIET:
+                # An effect can show in these alone.
+                line = f"{answer.verdict.headline}; {left_out} of {len(names)} runs were not judged"
+                answer = answer.with_verdict(headline=line)
     return answer.with_verdict(
         findings=findings,
         runs=_records(groups),

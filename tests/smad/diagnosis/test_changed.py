@@ -125,6 +125,17 @@ def test_beside_runs_that_repeat_good_ones_others_are_not_judged_and_it_is_said(
     assert f"no good run has the same inputs: {other.name}" in alone
 
 
+def test_a_quiet_answer_says_in_its_headline_how_many_runs_were_not_judged(
+    waxen: list[GapRun],
+) -> None:
+    repeated, *_ = bank(OTHER, WAX, day=3)
+    (other, *_) = bank(OTHER, WAX | WEAK, seed=40)
+    assert ask([repeated], good=waxen).headline.endswith("good runs differ in")
+    found = ask([repeated], good=waxen, hold_out=[other])
+    assert found.outcome == "quiet"
+    assert found.headline.endswith("; 1 of 2 runs were not judged")
+
+
 def test_good_runs_of_the_same_inputs_count_as_repeats(waxen: list[GapRun]) -> None:
     once, twice = (
         ask(bank(OTHER, WAX), good=g) for g in (waxen, [*waxen, *bank(OTHER, WAX, day=2)])
