@@ -395,8 +395,8 @@ class BoardStop:
     def _withhold_in_time(self) -> None:
         """Send no more setpoints to a board that did not confirm a stop in time.
 
-        Looked at with every sample: a tick that comes a tenth of a second later would let the
-        watchdog outlast the reply.
+        Looked at with every sample: a tick can come late, and then the reply would be sent before
+        the watchdog has stopped the board.
         """
         if self.phase is Phase.STOPPING and self._clock_us() - self._stopping_us >= WITHHOLD_US:
             self._arming.withhold_setpoints(self.label)
