@@ -11,7 +11,7 @@ import pytest
 from campaign.faults.breakable_daemon import DAEMON_PARTS
 from campaign.faults.oracle import judge
 from campaign.faults.process import HOST_FAULTS, run_host_fault
-from campaign.faults.rig import rig_in
+from campaign.faults.rig import FaultRig, rig_in
 from campaign.faults.smalldisk import small_disk
 from campaign.faults.trace import HOT
 from campaign.rig import PATIENCE_S
@@ -57,6 +57,11 @@ def test_a_program_that_is_killed_or_stopped_leaves_a_bench_that_stays_disarmed(
     assert outcome.safe_after_s is not None
 
 
+def off_s(rig: FaultRig) -> float:
+    """Board time of the last change of the board's state."""
+    return rig.bench.trace.changes[-1][0] * 1e-6
+
+
 def test_a_program_that_is_killed_while_it_arms_leaves_nothing_armed_after_its_lease() -> None:
     with (
         tempfile.TemporaryDirectory(prefix="smad-arming-") as folder,
@@ -68,6 +73,8 @@ def test_a_program_that_is_killed_while_it_arms_leaves_nothing_armed_after_its_l
             assert rig.program("dies_arming", str(after_ms)).wait(PATIENCE_S) == -signal.SIGKILL
             rig.wait("the lease is over", lambda: not watcher.status().control.holder)
             rig.wait("it is off", lambda: rig.bench.board.state not in HOT)
+            # The daemon knows it with the next sample.
+            rig.wait("a sample since", lambda: watcher.motion().board_time_s > off_s(rig))
             assert not watcher.motion().armed
         # Else no program was killed late enough to be missed.
         assert any(state in HOT for _, state, _ in rig.bench.trace.changes)
