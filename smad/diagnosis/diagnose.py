@@ -11,10 +11,10 @@ from smad.diagnosis.data.admission import RunSet, admit_groups, row_of_admitted_
 from smad.diagnosis.data.guards import FIT, GOOD, HOLD_OUT, goes_further, too_few
 from smad.diagnosis.errors import PlantMismatch
 from smad.diagnosis.numerics.threads import repeatable
-from smad.diagnosis.paired.notes import EACH_BY_OTHERS, compared, not_judged, notes_of
+from smad.diagnosis.paired.notes import EACH_BY_OTHERS, compared, notes_of, others
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import Effect, PlantModel
-from smad.diagnosis.questions import Inquiry, changed, differs
+from smad.diagnosis.questions import Inquiry, changed, changed_runs, differs
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import CHANGED, DIFFERS, QUIET, REFUSED, RunRecord, Verdict
 from smad.progress import Say, silent
@@ -63,18 +63,9 @@ def diagnose(
             period_s=period_s,
             say=progress,
         )
-        search, pairs = changed(inquiry) if good else (differs(inquiry), None)
-        if pairs is None:
-            findings += goes_further(roles, plant)
-        judged_on = _judged_on(inquiry) if pairs is None else EACH_BY_OTHERS
-        answer = answer_of(search, question=question, judged_on=judged_on)
-        if pairs is not None:
-            names = [run.name for run in (*inquiry.fit, *inquiry.held_out)]
-            answer = answer.with_verdict(notes=[*compared(pairs, names), *notes_of(pairs)])
-            if (left_out := len(not_judged(pairs, names))) and answer.verdict.outcome == QUIET:
-                # An effect can show in these alone.
-                line = f"{answer.verdict.headline}; {left_out} of {len(names)} runs were not judged"
-                answer = answer.with_verdict(headline=line)
+        answer, in_question = _of_changed(inquiry) if good else (_of_differs(inquiry), ())
+        if in_question:
+            findings += goes_further({FIT: in_question, HOLD_OUT: (), GOOD: inquiry.good}, plant)
     return answer.with_verdict(
         findings=findings,
         runs=_records(groups),
@@ -83,6 +74,39 @@ def diagnose(
         smad_version=VERSION,
         seconds=round(time.perf_counter() - began, 2),
     )
+
+
+def _of_differs(inquiry: Inquiry) -> Answer:
+    """What the simulator lacks."""
+    return answer_of(differs(inquiry), question=DIFFERS, judged_on=_judged_on(inquiry))
+
+
+def _of_changed(inquiry: Inquiry) -> tuple[Answer, Sequence[GapRun]]:
+    """What is new since the good runs, and the runs with inputs of their own that say so.
+
+    Runs that repeat good ones show the smallest changes. Where they show none, the others are
+    asked: an effect may act in these alone.
+    """
+    runs = (*inquiry.fit, *inquiry.held_out)
+    search, pairs = changed(inquiry)
+    if pairs is None:
+        return answer_of(search, question=CHANGED, judged_on=_judged_on(inquiry)), runs
+    answer = answer_of(search, question=CHANGED, judged_on=EACH_BY_OTHERS)
+    answer = answer.with_verdict(notes=[compared(pairs), *notes_of(pairs)])
+    names = others(pairs, [run.name for run in runs])
+    if not names:
+        return answer, ()
+    listed = ", ".join(names)
+    if answer.verdict.outcome != QUIET:
+        note = f"not judged, since no good run has the same inputs: {listed}; ask of them alone"
+        return answer.with_verdict(notes=[*answer.verdict.notes, note]), ()
+    apart = inquiry.of(names)
+    of_others = answer_of(changed_runs(apart), question=CHANGED, judged_on=_judged_on(apart))
+    if of_others.verdict.outcome == QUIET:
+        note = f"nothing is new either in runs whose inputs no good run has: {listed}"
+        return answer.with_verdict(notes=[*answer.verdict.notes, note]), (*apart.fit, *apart.held_out)
+    note = f"runs that repeat good ones show nothing new; these do, which repeat none: {listed}"
+    return of_others.with_verdict(notes=[note, *answer.verdict.notes]), (*apart.fit, *apart.held_out)
 
 
 def _require_runs(given: Sequence[object]) -> None:

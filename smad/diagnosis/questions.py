@@ -49,6 +49,13 @@ class Inquiry:
     period_s: float
     say: Say
 
+    def of(self, names: Sequence[str]) -> Inquiry:
+        """The same of some runs in question; if all are held out, they are fitted as well."""
+        fit, held_out = (
+            tuple(run for run in runs if run.name in names) for runs in (self.fit, self.held_out)
+        )
+        return replace(self, fit=fit or held_out, held_out=held_out if fit else ())
+
     @cached_property
     def floors(self) -> Array:
         """What a residual of a row is measured by, in channel units, (channels,)."""
@@ -97,7 +104,7 @@ def changed(inquiry: Inquiry) -> tuple[Searched, Paired | None]:
         repeated = next((good for good, *_ in groups if same(run, good)), None)
         if repeated is not None:
             pairs.append((run, repeated.name))
-    return _changed_pairs(inquiry, groups, pairs) if pairs else (_changed_runs(inquiry), None)
+    return _changed_pairs(inquiry, groups, pairs) if pairs else (changed_runs(inquiry), None)
 
 
 def _changed_pairs(
@@ -111,7 +118,7 @@ def _changed_pairs(
     return searched(question), pairs
 
 
-def _changed_runs(inquiry: Inquiry) -> Searched:
+def changed_runs(inquiry: Inquiry) -> Searched:
     """What is new in runs with inputs of their own."""
     plant = inquiry.plant
     n = len(plant.parameters)

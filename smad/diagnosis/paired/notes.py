@@ -10,23 +10,17 @@ from smad.diagnosis.paired.good import GoodRun
 EACH_BY_OTHERS = "each run by rivals fitted to the others"
 
 
-def not_judged(paired: Paired, names: Sequence[str]) -> list[str]:
+def others(paired: Paired, names: Sequence[str]) -> list[str]:
     """The runs in question, of these `names`, whose inputs no good run has."""
-    judged = {p.now for p in paired.pairs}
-    return [name for name in names if name not in judged]
+    of_pairs = {p.now for p in paired.pairs}
+    return [name for name in names if name not in of_pairs]
 
 
-def compared(paired: Paired, names: Sequence[str]) -> list[str]:
-    """Which runs were compared with which good ones; which of those in question, `names`, not."""
+def compared(paired: Paired) -> str:
+    """Which runs were compared with which good ones."""
     then = {p.now: _recordings(p.then) for p in paired.pairs}
     named = ", ".join(f"{now} with {good}" for now, good in then.items())
-    out = [f"runs of the same inputs were compared: {named}"]
-    if alone := not_judged(paired, names):
-        out.append(
-            f"not judged, since no good run has the same inputs: {', '.join(alone)}; "
-            "ask of them alone, or record them on the good bench"
-        )
-    return out
+    return f"runs of the same inputs were compared: {named}"
 
 
 def notes_of(paired: Paired) -> list[str]:

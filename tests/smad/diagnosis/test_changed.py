@@ -113,27 +113,33 @@ def test_runs_that_repeat_good_ones_without_a_change_have_nothing_new(waxen: lis
     assert (found.outcome, found.causes) == (QUIET, [])
 
 
-def test_beside_runs_that_repeat_good_ones_others_are_not_judged_and_it_is_said(
+def test_beside_runs_that_repeat_good_ones_and_show_it_others_are_not_judged(
     waxen: list[GapRun],
 ) -> None:
     repeated, *_ = bank(OTHER, WAX | WEAK)
     (other, *_) = bank(OTHER, WAX | WEAK, seed=40)
     found = ask([repeated], good=waxen, hold_out=[other])
     assert [r.run for r in found.by_run] == [repeated.name]
-    compared, alone, *_ = found.notes
+    compared, *_, alone = found.notes
     assert compared == f"runs of the same inputs were compared: {repeated.name} with random 1 (2)"
     assert f"no good run has the same inputs: {other.name}" in alone
 
 
-def test_a_quiet_answer_says_in_its_headline_how_many_runs_were_not_judged(
-    waxen: list[GapRun],
-) -> None:
-    repeated, *_ = bank(OTHER, WAX, day=3)
-    (other, *_) = bank(OTHER, WAX | WEAK, seed=40)
-    assert ask([repeated], good=waxen).headline.endswith("good runs differ in")
-    found = ask([repeated], good=waxen, hold_out=[other])
-    assert found.outcome == "quiet"
-    assert found.headline.endswith("; 1 of 2 runs were not judged")
+def test_an_effect_that_shows_in_runs_alone_that_repeat_no_good_one_is_found() -> None:
+    repeated, *_ = bank(OTHER, day=3)
+    others = bank(OTHER, GAIN, seed=40)
+    found = ask([repeated], good=bank(OTHER, day=1), hold_out=others)
+    assert [c.name for c in found.causes] == ["driver_gain"]
+    assert {r.run for r in found.by_run} == {r.name for r in others}
+    assert found.notes[0].startswith("runs that repeat good ones show nothing new; these do")
+
+
+def test_an_answer_that_nothing_is_new_is_of_all_runs() -> None:
+    repeated, *_ = bank(OTHER, day=3)
+    (other, *_) = bank(OTHER, seed=40)
+    found = ask([repeated], good=bank(OTHER, day=1), hold_out=[other])
+    assert found.outcome == QUIET
+    assert found.notes[-1].endswith(f"in runs whose inputs no good run has: {other.name}")
 
 
 def test_good_runs_of_the_same_inputs_count_as_repeats(waxen: list[GapRun]) -> None:
