@@ -377,13 +377,18 @@ def fit_from_several(evidence: Evidence, reference: Reference) -> Fit | None:
 
 
 def leave_out(evidence: Evidence, fitted: Fit) -> tuple[Array, ...]:
-    """Coordinates without each fold, one Gauss–Newton step from those of all rows."""
+    """Coordinates without each fold, one Gauss–Newton step from those of all rows.
+
+    These are at their optimum: where slopes say that all rows ask for a step, slopes are wrong.
+    """
     model, x = fitted.model, fitted.x
     low, high = model.bounds
     mean, precision = model.prior
     weight = weights(evidence, fitted.left)
     J, r = _weighted(evidence, fitted.slopes, fitted.left, weight)
     products, along = J @ J.T + precision, J @ r - precision @ (x - mean)
+    held_by_bound = ((x <= low) & (along < 0.0)) | ((x >= high) & (along > 0.0))
+    along = np.where(held_by_bound, along, 0.0)
     out = []
     for f in range(int(evidence.fold.max(initial=-1)) + 1):
         gone = evidence.fold == f
