@@ -259,10 +259,11 @@ def fit(
     reference: Reference,
     *,
     rounds: int = _ROUNDS,
+    enough: float = _ENOUGH,
     alike: float = 1.0,
     exact: bool = False,
 ) -> Fit | None:
-    """Fit a model from `start`; None where it cannot run there.
+    """Fit a model from `start`, until a round takes less than `enough`; None where it cannot run.
 
     Channels that leave less than `alike`, a mean square in floors, count alike. Above 1 it leads
     past local minima of F, in which one channel has been given up.
@@ -291,7 +292,7 @@ def fit(
         descent = replace(even, weight=weights(evidence, stand.left, alike))
         begun = descent.valued(stand)
         stand = descent.lessened(begun, slopes)
-        if begun.value - stand.value >= _ENOUGH:
+        if begun.value - stand.value >= enough:
             step = stand.x - begun.x
             unforeseen = begun.left - stand.left - step @ slopes
             slopes += np.outer(step / (step @ step), unforeseen)

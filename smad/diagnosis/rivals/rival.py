@@ -35,6 +35,10 @@ from smad.progress import Say
 
 _KEPT = 1e8
 """Precision of parameters that stay where they are."""
+_SHORTER = (1.0, 0.5, 0.25)
+"""Shares of the step to where a run is left out, of which the first is taken that slopes foresee."""
+_ROUGH = 0.3
+"""Floors that a replay may be off from what slopes say: where springs reverse it is rough."""
 NEAR = 1.3
 """A channel that leaves at most so many floors shows nothing more: floors are known to a third."""
 CHANNELS = 10
@@ -223,19 +227,38 @@ class Question:
         out = [np.zeros_like(t.target) for t in evidence.trials]
         for f, x in enumerate(leave_out(evidence, fitted)):
             for k in np.unique(evidence.run_of_row[evidence.fold == f]):
-                for point in (fitted.model.point(x), fitted.point):
-                    (predicted,) = predictions(
-                        fitted.model.plant, point, [evidence.played[k]], exact=fitted.shift is None
-                    )
-                    if np.isfinite(predicted).all():
-                        break
-                else:
+                predicted = self._without(fitted, x - fitted.x, int(k))
+                if predicted is None:
                     return None
-                if fitted.shift is not None:
-                    predicted = predicted + fitted.shift[k]
                 fold = evidence.fold[evidence.spans[k]].reshape(predicted.shape)
                 # A row that does not count has no fold; any prediction may stand there.
                 out[k] = np.where((fold == f) | (fold < 0), predicted, out[k])
+        return out
+
+    def _without(self, fitted: Fit, step: Array, k: int) -> Array | None:
+        """What a fit predicts of run `k` at a `step` from its coordinates, (bins, channels).
+
+        Where that leads farther from what its slopes say than they say, the step is shortened, or
+        not taken where the model cannot run. None where it cannot run at all.
+        """
+        trial, mine = self.evidence.trials[k], self.evidence.spans[k]
+        foreseen = step @ fitted.slopes[:, mine]
+        out = None
+        for share in (*_SHORTER, 0.0):
+            if out is not None and share == 0.0:
+                break
+            point = fitted.model.point(fitted.x + share * step)
+            exact = fitted.shift is None
+            (predicted,) = predictions(fitted.model.plant, point, [trial.played], exact=exact)
+            if not np.isfinite(predicted).all():
+                continue
+            out = predicted if fitted.shift is None else predicted + fitted.shift[k]
+            left = trial.rows.independent((trial.target - out)[None])[0]
+            off = left - (fitted.left[mine] - share * foreseen)
+            allowed = max(float((share * foreseen) @ foreseen * share), _ROUGH**2 * len(off))
+            if float(off @ off) <= allowed:
+                break
+        return out
         return out
 
 

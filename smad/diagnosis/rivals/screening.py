@@ -2,7 +2,8 @@
 
 At a reference a change is scaled to take most of the rows that are left, with the parameters open
 beside it. A right effect is often hidden where the parameters have moved to imitate it, so every
-reference is asked, and the best of each are fitted.
+reference is asked, and the best of each are fitted. What an effect changes does not grow evenly
+with its values: a fit begins where a replay leaves least.
 """
 
 from __future__ import annotations
@@ -16,19 +17,24 @@ from smad.diagnosis.numerics.white import Shrink
 from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.changes import Change
 from smad.diagnosis.rivals.evidence import Evidence
-from smad.diagnosis.rivals.fit import Reference, weights
+from smad.diagnosis.rivals.fit import Reference, replayed, weights
 from smad.diagnosis.rivals.parts import EffectPart
 
 _FURTHEST = 3.0
 """How far a change is scaled beyond the level that it was made at."""
+_WORTH, _STARTS = 0.5, 4
+"""Starts of an effect promise so much of what its best one does, and are so many at most."""
+_WEAKER = 0.3
+"""Share of the strength that is promised, that a fit may begin with."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Screened:
-    """An effect at a reference: coordinates to begin with, and what it takes of the rows."""
+    """An effect at a reference: coordinates that a fit may begin with, the most promising first, and
+    what it takes of the rows."""
 
     part: EffectPart
-    coordinates: Array
+    starts: tuple[Array, ...]
     gain: float
 
 
@@ -48,7 +54,8 @@ def screened(evidence: Evidence, reference: Reference, changes: Sequence[Change]
     left = evidence.left(reference.exact)
     beside = opened(evidence, reference, weights(evidence, left))
     z = beside(left[None])[0]
-    best: dict[str, Screened] = {}
+    promising: dict[str, list[tuple[float, Array]]] = {}
+    parts = {change.effect.name: EffectPart(change.effect) for change in changes}
     for change in changes:
         s = beside(change.rows[None].astype(np.float64))[0]
         square, along = float(s @ s), float(s @ z)
@@ -58,13 +65,43 @@ def screened(evidence: Evidence, reference: Reference, changes: Sequence[Change]
         strengths = {q.name for q in effect.parameters if q.strength}
         scale = min(along / square, _FURTHEST) if strengths else 1.0
         gain = 2.0 * scale * along - scale**2 * square
-        if effect.name in best and gain <= best[effect.name].gain:
-            continue
-        part = EffectPart(effect)
         scaled = {n: v * scale if n in strengths else v for n, v in change.values.items()}
-        start = np.clip(part.coordinates(scaled), *part.bounds())
-        best[effect.name] = Screened(part=part, coordinates=start, gain=gain)
-    return sorted(best.values(), key=lambda s: -s.gain)
+        start = np.clip(parts[effect.name].coordinates(scaled), *parts[effect.name].bounds())
+        promising.setdefault(effect.name, []).append((gain, start))
+    out = []
+    for name, found in promising.items():
+        found.sort(key=lambda pair: -pair[0])
+        best = found[0][0]
+        starts = [start for gain, start in found if gain >= _WORTH * best][:_STARTS]
+        out.append(Screened(part=parts[name], starts=tuple(starts), gain=best))
+    return sorted(out, key=lambda s: -s.gain)
+
+
+def started(
+    evidence: Evidence, reference: Reference, some: Sequence[Screened]
+) -> list[tuple[EffectPart, Array]]:
+    """Effects with the coordinates beside the reference's at which a replay leaves least.
+
+    The starts of each are compared, and a weaker one, with the parameters open beside them.
+    """
+    weight = weights(evidence, evidence.left(reference.exact))
+    beside, root = opened(evidence, reference, weight), np.sqrt(np.where(weight > 0.0, weight, 1.0))
+    rows = evidence.counts.sum(axis=0)
+
+    def least(part: EffectPart, start: Array) -> float:
+        model = reference.model.with_parts([*reference.model.parts, part])
+        x = np.concatenate([reference.x, start])
+        predicted = replayed(evidence, model.point(x), model, exact=False)
+        if predicted is None:
+            return np.inf
+        left = evidence.left([p + s for p, s in zip(predicted, reference.shift, strict=True)])
+        return float(rows @ np.log(evidence.variances(beside(left[None])[0] / root) + 1.0))
+
+    out = []
+    for s in some:
+        starts = (*s.starts, s.part.weaker(s.starts[0], _WEAKER))
+        out.append((s.part, min(starts, key=lambda start: least(s.part, start))))
+    return out
 
 
 def added_squares(

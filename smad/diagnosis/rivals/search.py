@@ -30,7 +30,7 @@ from smad.diagnosis.rivals.laws import selected_laws
 from smad.diagnosis.rivals.parts import EffectPart, Part
 from smad.diagnosis.rivals.rival import Question, Rival, cannot_replay
 from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS
-from smad.diagnosis.rivals.screening import Screened, screened
+from smad.diagnosis.rivals.screening import Screened, screened, started
 
 MOST_CAUSES = 3
 """Of an answer: of two changes one is found at most (docs/trust.md)."""
@@ -38,7 +38,8 @@ _SCREENED = 8
 """Effects of each reference that are fitted."""
 _LAWS = 4
 """Places whose law is fitted."""
-_FIRST_ROUNDS = 4
+_FIRST_ENOUGH = 2.0
+"""Of F, that a round of a first fit takes at least: a nat where every row counts."""
 _LIKELIER = 0.5
 """Probability that something is missing, from which on it is: more likely than not."""
 _POLISHED, _WITHIN = 3, 60.0
@@ -234,8 +235,9 @@ class _Search(Searched):
             candidates = self._screened(base)
             gain = max((s.gain for s in candidates if s.part.name == name), default=0.0)
             fits = _Fits(question, self.nominal, without=np.inf)
-            for s in [s for s in candidates if s.gain > gain][:_SCREENED]:
-                fits.begin(EFFECT, base, s.part, np.r_[base.x, s.coordinates])
+            better = [s for s in candidates if s.gain > gain][:_SCREENED]
+            for part, start in started(question.evidence, base, better):
+                fits.begin(EFFECT, base, part, np.r_[base.x, start])
             ranked = question.ranked([replace(current, kind=EFFECT, name=name), *fits.rivals()])
             if ranked[0].name != name and question.gap(ranked[0]) < question.gap(current):
                 current = ranked[0]
@@ -274,8 +276,8 @@ class _Search(Searched):
             # Where the parameters have moved to imitate an effect it is hidden.
             references.append(replace(self.nominal, model=here.model))
         for reference in references:
-            for s in self._screened(reference)[:_SCREENED]:
-                fits.begin(EFFECT, reference, s.part, np.r_[reference.x, s.coordinates])
+            for part, start in started(e, reference, self._screened(reference)[:_SCREENED]):
+                fits.begin(EFFECT, reference, part, np.r_[reference.x, start])
         for rival in self.imitated:
             # The parameters took what the effect takes: begin with half of each.
             if rival.fit is not None and isinstance(part := rival.fit.model.parts[-1], EffectPart):
@@ -332,7 +334,7 @@ class _Fits:
         model = reference.model.with_parts([*before, part])
         if isinstance(part, EffectPart) and averages_hide(e, reference, model, start):
             model = model.with_parts([*before, replace(part, quick=True)])
-        made = fit(e, model, start, reference, rounds=_FIRST_ROUNDS)
+        made = fit(e, model, start, reference, enough=_FIRST_ENOUGH)
         known = self.found.get(part.name)
         if made and (known is None or made.objective < known[1].objective):
             self.found[part.name] = kind, made
