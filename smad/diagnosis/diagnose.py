@@ -104,9 +104,11 @@ def _of_changed(inquiry: Inquiry) -> tuple[Answer, Sequence[GapRun]]:
     of_others = answer_of(changed_runs(apart), question=CHANGED, judged_on=_judged_on(apart))
     if of_others.verdict.outcome == QUIET:
         note = f"nothing is new either in runs whose inputs no good run has: {listed}"
-        return answer.with_verdict(notes=[*answer.verdict.notes, note]), (*apart.fit, *apart.held_out)
-    note = f"runs that repeat good ones show nothing new; these do, which repeat none: {listed}"
-    return of_others.with_verdict(notes=[note, *answer.verdict.notes]), (*apart.fit, *apart.held_out)
+        told = answer.with_verdict(notes=[*answer.verdict.notes, note])
+    else:
+        note = f"runs that repeat good ones show nothing new; these do, which repeat none: {listed}"
+        told = of_others.with_verdict(notes=[note, *answer.verdict.notes])
+    return told, (*apart.fit, *apart.held_out)
 
 
 def _require_runs(given: Sequence[object]) -> None:

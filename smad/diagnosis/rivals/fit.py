@@ -380,7 +380,8 @@ def fit_from_several(evidence: Evidence, reference: Reference) -> Fit | None:
 def leave_out(evidence: Evidence, fitted: Fit) -> tuple[Array, ...]:
     """Coordinates without each fold, one Gauss–Newton step from those of all rows.
 
-    These are at their optimum: where slopes say that all rows ask for a step, slopes are wrong.
+    A fit has ended: the step that slopes would still take with all rows is an error of theirs, and
+    is taken off.
     """
     model, x = fitted.model, fitted.x
     low, high = model.bounds
@@ -388,13 +389,13 @@ def leave_out(evidence: Evidence, fitted: Fit) -> tuple[Array, ...]:
     weight = weights(evidence, fitted.left)
     J, r = _weighted(evidence, fitted.slopes, fitted.left, weight)
     products, along = J @ J.T + precision, J @ r - precision @ (x - mean)
-    held_by_bound = ((x <= low) & (along < 0.0)) | ((x >= high) & (along > 0.0))
-    along = np.where(held_by_bound, along, 0.0)
+    of_all = bounded_step(products, along, low - x, high - x)
     out = []
     for f in range(int(evidence.fold.max(initial=-1)) + 1):
         gone = evidence.fold == f
         A, g = products - J[:, gone] @ J[:, gone].T, along - J[:, gone] @ r[gone]
-        out.append(np.clip(x + bounded_step(A, g, low - x, high - x), low, high))
+        step = bounded_step(A, g, low - x, high - x) - of_all
+        out.append(np.clip(x + step, low, high))
     return tuple(out)
 
 

@@ -36,7 +36,7 @@ from smad.progress import Say
 _KEPT = 1e8
 """Precision of parameters that stay where they are."""
 _SHORTER = (1.0, 0.5, 0.25)
-"""Shares of the step to where a run is left out, of which the first is taken that slopes foresee."""
+"""Shares of the step to where a run is left out: the first is taken that slopes foresee."""
 _ROUGH = 0.3
 """Floors that a replay may be off from what slopes say: where springs reverse it is rough."""
 NEAR = 1.3
@@ -242,23 +242,19 @@ class Question:
         not taken where the model cannot run. None where it cannot run at all.
         """
         trial, mine = self.evidence.trials[k], self.evidence.spans[k]
-        foreseen = step @ fitted.slopes[:, mine]
+        exact, shift = fitted.shift is None, 0.0 if fitted.shift is None else fitted.shift[k]
         out = None
         for share in (*_SHORTER, 0.0):
-            if out is not None and share == 0.0:
-                break
             point = fitted.model.point(fitted.x + share * step)
-            exact = fitted.shift is None
             (predicted,) = predictions(fitted.model.plant, point, [trial.played], exact=exact)
             if not np.isfinite(predicted).all():
                 continue
-            out = predicted if fitted.shift is None else predicted + fitted.shift[k]
-            left = trial.rows.independent((trial.target - out)[None])[0]
-            off = left - (fitted.left[mine] - share * foreseen)
-            allowed = max(float((share * foreseen) @ foreseen * share), _ROUGH**2 * len(off))
-            if float(off @ off) <= allowed:
+            out = predicted + shift
+            foreseen = share * step @ fitted.slopes[:, mine]
+            off = trial.rows.independent((trial.target - out)[None])[0]
+            off -= fitted.left[mine] - foreseen
+            if off @ off <= max(foreseen @ foreseen, _ROUGH**2 * len(off)) or share == _SHORTER[-1]:
                 break
-        return out
         return out
 
 

@@ -30,8 +30,8 @@ _WEAKER = 0.3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Screened:
-    """An effect at a reference: coordinates that a fit may begin with, the most promising first, and
-    what it takes of the rows."""
+    """An effect at a reference: coordinates that a fit may begin with, the most promising first,
+    and what it takes of the rows."""
 
     part: EffectPart
     starts: tuple[Array, ...]
