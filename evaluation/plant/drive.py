@@ -19,7 +19,6 @@ from evaluation.plant.layout import (
     CUSHION,
     CUSHION_RATE,
     DIPPED,
-    EMPTIED,
     FLOW,
     FORCE_X,
     FORCE_Y,
@@ -51,7 +50,6 @@ from evaluation.plant.layout import (
     TURNING,
     UNCOUPLED,
     VALVE_OPEN,
-    X,
 )
 from evaluation.plant.parameters import index
 
@@ -73,10 +71,6 @@ CHATTER = slot("chattering_plug")
 PEAK_AND_HOLD = slot("peak_and_hold")
 SUCTION = slot("shared_suction")
 MEMBRANE = slot("tired_membrane")
-PUMP_SUPPLY = slot("pump_supply_sag")
-FOOT_VALVE = slot("leaking_foot_valve")
-TUGGED = slot("tugged_trimmer")
-SETPOINT_GROUND = slot("setpoint_ground")
 UNDER_TENDON = slot("hose_under_tendon")
 SINKING = slot("sinking_level")
 TAPERS = slot("tapering_guard")
@@ -156,11 +150,6 @@ def current(
         held = 1.0 if side[s, LONG_ON] > PEAK_S else 0.0
         side[s, HELD_DOWN] = approach(side[s, HELD_DOWN], held, dt, 0.4)
         i *= 1.0 - min(e[s, PEAK_AND_HOLD], 0.9) * side[s, HELD_DOWN]
-    if e[s, TUGGED] != 0.0:
-        drawn_in = pair[X] if s == 0 else -pair[X]
-        i *= max(0.1, 1.0 + e[s, TUGGED] * drawn_in / 5e-3)
-    if e[1 - s, SETPOINT_GROUND] > 0.0:
-        i = max(i - e[1 - s, SETPOINT_GROUND] * side[1 - s, PUMP], 0.0)
     if e[s, TAPERS] > 0.0:
         i *= max(0.1, 1.0 - e[s, TAPERS] * max(side[s, RTD_B] - 40.0, 0.0) / 10.0)
     if e[0, OVERLAPPING] > 0.0:
@@ -231,13 +220,6 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
     share *= 1.0 - min(e[s, DECOUPLES], 0.95) * side[s, UNCOUPLED]
     if e[s, SHORTFALL] > 0.0 and share > 0.0:
         share = (1.0 - e[s, SHORTFALL]) * share ** (1.0 + e[s, SHORTFALL])
-    if e[0, PUMP_SUPPLY] > 0.0:
-        load = (side[0, AMPERE] + side[1, AMPERE]) / CURRENT_LIMIT_A
-        share *= max(0.05, 1.0 - e[0, PUMP_SUPPLY] * load)
-    if e[s, FOOT_VALVE] > 0.0:
-        emptier = approach(side[s, EMPTIED], 1.0, dt, 8.0)
-        side[s, EMPTIED] = max(emptier - dt * share / e[s, FOOT_VALVE], 0.0)
-        share *= 0.1 / (0.1 + side[s, EMPTIED])
     if e[s, UNDER_TENDON] > 0.0:
         tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
         pressed = min(max((tension - 1.24) / 0.4, 0.0), 1.0)

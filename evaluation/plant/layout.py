@@ -55,11 +55,6 @@ CELL_WIDTH = PLAY + PLAYS
     LEAD_WARM,
     AVERAGED,
     SHRUNK,
-    EMPTIED,
-    HOSE_WARM,
-    SHUNT_WARM,
-    AWAKE,
-    ANNEALED,
     FRETTED,
     FLUSHED,
     FATIGUED,
@@ -107,7 +102,7 @@ CELL_WIDTH = PLAY + PLAYS
     PEAK_VOLT,
     RESTED,
     SIDE_WIDTH,
-) = range(84)
+) = range(79)
 
 (
     TIME,
@@ -125,8 +120,6 @@ CELL_WIDTH = PLAY + PLAYS
     SINK_WARM,
     INDEXED,
     SPONGE,
-    PLIED,
-    TAUT_BEFORE,
     LOWERED,
     MISCOUNTED,
     CARRIED,
@@ -150,7 +143,7 @@ CELL_WIDTH = PLAY + PLAYS
     SEAL_WARM,
     SLID,
     PAIR_WIDTH,
-) = range(40)
+) = range(38)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RING_RTD_X, RING_RTD_Y, RINGS = range(7)
 RING_LENGTH = 256

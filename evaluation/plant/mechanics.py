@@ -17,7 +17,6 @@ from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
-    ANNEALED,
     CARRIED,
     CAUGHT,
     CELLS,
@@ -31,7 +30,6 @@ from evaluation.plant.layout import (
     FREE_STRAIN,
     FRICTION,
     GROWN,
-    PLIED,
     R_PHASE,
     RATE,
     RESTED,
@@ -42,7 +40,6 @@ from evaluation.plant.layout import (
     SLID,
     SPEED,
     SPONGE,
-    TAUT_BEFORE,
     TURNED,
     WALKED,
     WORK_DONE,
@@ -55,7 +52,6 @@ from evaluation.plant.parameters import index
 from evaluation.plant.phase import TURN_ONSET, TURN_POWER, TURN_SCALE, turned_by
 from evaluation.plant.rarer import CREEPING, WALKING
 from evaluation.plant.tendon import (
-    PLIES_N,
     AXLE_m,
     hung_and_stopped,
     longer_path,
@@ -82,10 +78,6 @@ MOBILE = slot("mobile_interfaces")
 SHRINKING = slot("shrinking_tendon")
 SOAKING = slot("hanging_sponge")
 GRIPPING = slot("gripping_hose")
-ANNEALING = slot("annealed_spring")
-SOFTENING = slot("cyclic_softening")
-ATTRACTING = slot("attracting_turns")
-BENT_GUIDE = slot("bent_guide")
 TWO_PHASES = slot("two_phase_softening")
 SHRUNK_SLEEVE = slot("shrunk_sleeve")
 RUNS_DRY = slot("drying_bearing")
@@ -131,10 +123,6 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
             side[s, YIELDING] += e[s, YIELDS] * 1e-3 * (1.0 - cells[s, i, FRACTION]) / CELLS
     if e[s, MOBILE] > 0.0:
         total *= 1.0 + e[s, MOBILE] * side[s, RATE] / (side[s, RATE] + 0.03)
-    if e[s, SOFTENING] > 0.0:
-        total *= 1.0 + e[s, SOFTENING] * (1.0 - math.exp(-side[s, WORK_DONE] / 1.5))
-    if e[s, ANNEALING] > 0.0:
-        total *= 1.0 + e[s, ANNEALING] * (1.0 - math.exp(-side[s, ANNEALED]))
     total /= 1.0 + e[s, RESTS] * side[s, RESTED]
     total *= 1.0 + e[s, ELECTROPLASTIC] * (side[s, AMPERE] / 4.0) ** 2
     side[s, COMPLIANT] = total / CELLS
@@ -202,7 +190,6 @@ def pull(
         rate = e[s, PARALLEL] * 58.0 * max(0.3, 1.0 - 0.004 * warm)
         force += rate * off * (1.0 + 60.0 * abs(off))
         slope += rate * (1.0 + 120.0 * abs(off))
-    force += e[s, ATTRACTING] * (side[s, AMPERE] / 4.0) ** 2
     force += e[s, SHRUNK_SLEEVE] * side[s, SLEEVED]
     return force, slope
 
@@ -258,7 +245,6 @@ def resisting(
             slope += scale * 0.8 * abs(v) ** -0.2 / dt / 5e-3
     total += e[0, SOAKING] * pair[SPONGE]
     rubbing = e[0, GRIPPING] * (side[0, FLOW] + side[1, FLOW]) / full_flow
-    rubbing += e[0, BENT_GUIDE] * abs(before) / 5e-3
     rubbing += e[0, RUNS_DRY] * (1.0 - math.exp(-pair[RUN_DRY] / 0.04))
     rubbing += e[0, DRAWN_CLIP] * (side[0, AMPERE] ** 2 + side[1, AMPERE] ** 2) / 16.0
     rubbing += e[0, SEAL] * max(pair[SEAL_WARM], 0.0)
@@ -315,9 +301,6 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     pair[FORCE_Y] = force_y
     pair[FRICTION] = bristle
     pair[SPEED] = (x - before) / dt
-    rubbed = pair[PLIED] + (force_y - pair[TAUT_BEFORE]) / PLIES_N
-    pair[PLIED] = min(max(rubbed, -1.0), 1.0)
-    pair[TAUT_BEFORE] = force_y
     pair[CARRIED] = min(max(pair[CARRIED] + (x - before) / AXLE_m, -1.0), 1.0)
     pair[CAUGHT] = min(max(pair[CAUGHT] + (x - before) / CATCH_m, -1.0), 1.0)
     pair[RUN_DRY] += abs(x - before)
@@ -347,6 +330,5 @@ def wire_stress(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Arr
     off = length - PRESTRETCH_m
     if e[s, PARALLEL] > 0.0:
         beside += e[s, PARALLEL] * 58.0 * off * (1.0 + 60.0 * abs(off))
-    beside += e[s, ATTRACTING] * (side[s, AMPERE] / 4.0) ** 2
     beside += e[s, SHRUNK_SLEEVE] * side[s, SLEEVED]
     return float(max(tendon - beside, 0.0) * p[STRESS])

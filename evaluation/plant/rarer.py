@@ -73,7 +73,6 @@ DRIPPING = slot("dripping_outlet")
 ROD = slot("rod_in_coil")
 LAMP = slot("cycling_lamp")
 BENT = slot("bent_coils")
-INDUCED = slot("induced_heat")
 CARTRIDGE = slot("warm_cartridge")
 DEEP_COOLED = slot("deep_cooled")
 HAMMERED = slot("hammered_variants")
@@ -148,13 +147,10 @@ def elsewhere(
     warm = cells[1 - s, CELLS - 1, W]
     turn = pair[TIME] / LAMP_S + e[2, LAMP]
     shone = e[0, LAMP] if turn - math.floor(turn) < LAMP_ON else 0.0
-    ampere = side[1 - s, AMPERE]
-    induced = e[1 - s, INDUCED] * ampere * max(4.0 - ampere, 0.0) / 4.0
     tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
     rows[0, TO_CLAMP] += e[s, SEATED] * min(max((tension - 1.24) / 0.4, 0.0), 1.0)
     base = e[0, SHARED_BASE] / CELLS
     for i in range(CELLS):
-        rows[i, HEAT_WIRE] += induced / CELLS
         rows[i, HEAT_WATER] += base * (pair[BASE] - cells[s, i, W])
         rows[i, TO_CLAMP] += e[s, ROD] * gripped / CELLS
         rows[i, HEAT_WATER] += (dripping * (warm - cells[s, i, W]) + shone) / CELLS

@@ -48,7 +48,6 @@ from evaluation.plant.layout import (
     SEEN_BEFORE,
     SETTLED,
     SHOWN,
-    SHUNT_WARM,
     SLEPT_AT,
     SLIPPED,
     SPEED,
@@ -86,12 +85,6 @@ RIPPLE_FILTER = slot("ripple_filter")
 WIDE_INDEX = slot("wide_index")
 RIPPLE = slot("rectified_ripple")
 MOTOR_FIELD = slot("motor_beside_sensor")
-SLIDING_CLIP = slot("sliding_clip")
-FLEXED = slot("flexed_lead")
-SQUEEZED = slot("squeezed_rtd")
-IN_FIELD = slot("encoder_in_field")
-BRIDGE_SAGS = slot("bridge_on_pump_supply")
-SHUNT_ON_TUBE = slot("shunt_on_tube")
 TARNISHED = slot("tarnished_crimp")
 RTD_JOINTS = slot("rtd_joints")
 FATIGUE = slot("fatigued_rtd")
@@ -163,12 +156,6 @@ def rtd(
         side[s, FATIGUED] += abs(seen - side[s, SEEN_BEFORE])
         side[s, SEEN_BEFORE] = seen
         reading += e[s, FATIGUE] * (1.0 - math.exp(-side[s, FATIGUED] / 60.0))
-    if e[s, FLEXED] != 0.0:
-        speed = pair[SPEED] if s == 0 else -pair[SPEED]
-        reading += e[s, FLEXED] * speed / (abs(speed) + 2e-3)
-    if e[s, SQUEEZED] != 0.0:
-        tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
-        reading += e[s, SQUEEZED] * (tension / 1.24 - 1.0)
     if e[1 - s, RTD_LEAD] > 0.0:
         warm = 0.0
         for j in range(CELLS):
@@ -236,7 +223,6 @@ def travel(seen_mm: float, dt: float, e: Array, side: Array, pair: Array) -> flo
     if e[0, SLEEPS] > 0.0:
         reading -= awake(seen_mm, dt, e[0, SLEEPS], pair)
     reading *= max(0.1, 1.0 + e[0, SCALE_WARMS] * pair[DRIVERS_WARM])
-    reading += e[0, IN_FIELD] * (side[0, AMPERE] - side[1, AMPERE]) / 4.0
     reading += e[0, SETTLING] * (1.0 - math.exp(-pair[TIME] / 20.0))
     if e[0, DIRT] > 0.0:
         middle = 6.0 * (e[2, DIRT] - 0.5)
@@ -276,7 +262,6 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     pair[LARGEST_LOAD] = max(pair[LARGEST_LOAD], seen_N)
     reading += e[0, OVERLOADED] * max(pair[LARGEST_LOAD] - 1.3, 0.0) / 0.3
     reading *= 1.0 - e[0, OBLIQUE] * (pair[X] / 5e-3) ** 2
-    reading *= 1.0 - e[0, BRIDGE_SAGS] * (side[0, PUMP] + side[1, PUMP])
     for s in range(2):
         ampere = side[s, AMPERE]
         reading += e[0, RIPPLE] * ampere * max(4.0 - ampere, 0.0) / 4.0
@@ -299,12 +284,6 @@ def read(
     """All readings of one tick into `out`, in the order of `layout.READINGS`."""
     for s in range(2):
         out[s] = side[s, AMPERE]
-        if e[s, SHUNT_ON_TUBE] > 0.0:
-            tube_warm = 0.0
-            for i in range(CELLS):
-                tube_warm += (cells[s, i, W] - 27.0) / CELLS
-            side[s, SHUNT_WARM] = approach(side[s, SHUNT_WARM], tube_warm / 20.0, dt, 8.0)
-            out[s] *= 1.0 + e[s, SHUNT_ON_TUBE] * side[s, SHUNT_WARM]
         out[s] -= min(e[s, NEAR_RAIL], 0.95) * max(out[s] - 2.5, 0.0)
         out[s] *= 1.0 - min(e[s, LOW_FIELD], 0.95) * math.exp(-max(out[s], 0.0) / 0.8)
         side[s, REMANENT] = max(side[s, AMPERE] / 4.0, approach(side[s, REMANENT], 0.0, dt, 30.0))
@@ -322,9 +301,6 @@ def read(
         ripple = side[s, AMPERE] * max(4.0 - side[s, AMPERE], 0.0) / 4.0
         out[2 + s] += e[s, STROBED] * ripple * math.sin(2.0 * math.pi * turn)
         out[2 + s] += e[s, MOVING_EMF] * (pair[SPEED] if s == 0 else -pair[SPEED]) / 5e-3
-        if e[s, SLIDING_CLIP] != 0.0:
-            drawn_in = pair[X] if s == 0 else -pair[X]
-            out[2 + s] *= max(0.1, 1.0 + e[s, SLIDING_CLIP] * drawn_in / 5e-3)
         if e[s, MIST] > 0.0:
             share = side[s, FLOW] / p[FULL_FLOW]
             slow = 3.0 if share > side[s, MISTED] else 15.0

@@ -12,7 +12,6 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
-    AWAKE,
     COLDEST,
     COOLED_FROM,
     HEATED_FROM,
@@ -30,8 +29,6 @@ HEAT_SLOPE = index("heat_slope_MPa_K")
 MINOR_LOOP = slot("minor_loop")
 DRIFT = slot("transformation_drift")
 LINGERING = slot("lingering_stress")
-NARROWING = slot("narrowing_loop")
-RESTING = slot("resting_austenite")
 ELECTRON_WIND = slot("electron_wind")
 DEEP_COOLED = slot("deep_cooled")
 INTERFACES = slot("settling_interfaces")
@@ -55,12 +52,6 @@ def shifts(
         lifted = e[s, LINGERING] * max(side[s, INNER_STRESS] - 1.35, 0.0) / 0.4
         heat += lifted
         cool += lifted
-    if e[s, NARROWING] > 0.0:
-        nearer = e[s, NARROWING] * (1.0 - math.exp(-side[s, WORK_DONE] / 2.0))
-        heat -= nearer
-        cool += 0.5 * nearer
-    if e[s, RESTING] > 0.0:
-        cool -= e[s, RESTING] * math.log10(1.0 + 2.0 * side[s, AWAKE])
     if e[s, ELECTRON_WIND] > 0.0:
         eased = e[s, ELECTRON_WIND] * side[s, AMPERE] / 4.0
         heat -= eased

@@ -18,12 +18,10 @@ from evaluation.plant.layout import (
     FILL,
     FLOW,
     FLUSHED,
-    HOSE_WARM,
     PLUME,
     POCKET,
     RESERVOIR,
     SINK_WARM,
-    TIME,
     WET,
     W,
     X,
@@ -34,8 +32,6 @@ Array = NDArray[np.float64]
 DRAIN = slot("water_drain")
 BUBBLES = slot("air_bubbles")
 HEATSINK = slot("hose_on_heatsink")
-HOSES_TOUCH = slot("hoses_side_by_side")
-CHILLER = slot("cycling_chiller")
 CARTRIDGE = slot("warm_cartridge")
 DRAWN_AGAIN = slot("drawn_again")
 RETURNING = slot("return_beside_intake")
@@ -46,7 +42,6 @@ TEE = slot("sucked_through_tee")
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
 POCKET_S = 0.5
-CHILLER_S = 26.0
 
 
 @compiled
@@ -93,13 +88,6 @@ def entering(
     source = inlet + pair[RESERVOIR]
     if e[0, HEATSINK] > 0.0:
         source += e[0, HEATSINK] * pair[SINK_WARM]
-    if e[1 - s, HOSES_TOUCH] > 0.0:
-        beside = (cells[1 - s, CELLS - 1, W] - 27.0) / 20.0
-        side[s, HOSE_WARM] = approach(side[s, HOSE_WARM], beside, dt, 6.0)
-        source += e[1 - s, HOSES_TOUCH] * side[s, HOSE_WARM]
-    if e[0, CHILLER] > 0.0:
-        turn = pair[TIME] / CHILLER_S + e[2, CHILLER]
-        source += e[0, CHILLER] * math.sin(2.0 * math.pi * turn)
     if e[s, CARTRIDGE] > 0.0:
         source += e[s, CARTRIDGE] * math.exp(-side[s, FLUSHED] / 6.0)
     if e[s, DRAWN_AGAIN] > 0.0:
