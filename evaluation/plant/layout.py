@@ -101,8 +101,21 @@ CELL_WIDTH = PLAY + PLAYS
     STRAND,
     PEAK_VOLT,
     RESTED,
+    SWITCHED,
+    FREEWHEELING,
+    OXIDE,
+    RUN_ON,
+    PLUGGED,
+    SILT,
+    BACKED_UP,
+    MOLTEN,
+    TRAILING,
+    KNOCKED,
+    OTHER_BEFORE,
+    LOADED,
+    TENSION_BEFORE,
     SIDE_WIDTH,
-) = range(79)
+) = range(92)
 
 (
     TIME,
@@ -142,8 +155,10 @@ CELL_WIDTH = PLAY + PLAYS
     CAUGHT,
     SEAL_WARM,
     SLID,
+    TORN_AT,
+    PASSED,
     PAIR_WIDTH,
-) = range(38)
+) = range(40)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RING_RTD_X, RING_RTD_Y, RINGS = range(7)
 RING_LENGTH = 256

@@ -90,9 +90,14 @@ STIFFENS = slot("stiffening_austenite")
 RESTS = slot("ageing_at_rest")
 SEAL = slot("swelling_seal")
 PITTED = slot("pitted_guide")
+CHILLED = slot("chilled_on_one_side")
+PRESSURE = slot("tube_under_pressure")
+HEAVY = slot("heavy_pulley")
+BRAKED = slot("braked_vane")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
+VANE_m, GAIN_m_s2 = 2e-3, 0.02  # half of a braked vane, and a heavy pulley's acceleration
 PIT_m, CATCH_m = 2e-3, 5e-4  # how long a pitted part of a guide is, and how far it gives
 
 
@@ -104,8 +109,10 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     if e[s, DRIFT] > 0.0:
         strain *= 1.0 - 0.02 * e[s, DRIFT] * (1.0 - math.exp(-side[s, WORK_DONE] / 3.0))
     total = 0.0
+    across = 0.0
     for i in range(CELLS):
         fraction = cells[s, i, FRACTION]
+        across += (cells[s, i, T] - cells[s, i, W]) / CELLS
         softness = 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
         if e[s, TWO_PHASES] > 0.0:
             softness *= 1.0 + e[s, TWO_PHASES] * 4.0 * fraction * (1.0 - fraction)
@@ -116,6 +123,8 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
         if e[s, R_PHASES] > 0.0:
             total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * p[STRESS] / 57.0
     side[s, GROWN] = 1e-3 * e[s, CREEPING] * side[s, CREPT]
+    side[s, GROWN] += 1e-3 * e[s, CHILLED] * across / 10.0
+    side[s, GROWN] += 1e-3 * e[s, PRESSURE] * (side[s, FLOW] / p[FULL_FLOW]) ** 2
     side[s, GROWN] += 1e-3 * (e[s, WALKING] * side[s, WALKED] - e[s, SHRINKING] * side[s, SHRUNK])
     if e[s, YIELDS] > 0.0:
         side[s, YIELDING] = 0.0
@@ -251,6 +260,11 @@ def resisting(
     v = (x - before) / dt / 5e-4
     total += rubbing * v / (abs(v) + 1.0)
     slope += rubbing / (abs(v) + 1.0) ** 2 / dt / 5e-4
+    off = (before - 6e-3 * (e[2, BRAKED] - 0.5)) / VANE_m
+    braking = e[0, BRAKED] * math.exp(-off * off) / dt / 5e-3
+    heavy = e[0, HEAVY] / GAIN_m_s2 / dt
+    total += braking * (x - before) + heavy * ((x - before) / dt - pair[SPEED])
+    slope += braking + heavy / dt
     if e[0, PITTED] > 0.0:
         off = (before - 6e-3 * (e[2, PITTED] - 0.5)) / PIT_m
         scale = e[0, PITTED] * math.exp(-off * off)

@@ -28,12 +28,15 @@ from evaluation.plant.layout import (
     GLANCE,
     IDLE,
     INDEXED,
+    KNOCKED,
     LARGEST_LOAD,
     LEAD_WARM,
     MISCOUNTED,
     MISTED,
     OHM,
+    OTHER_BEFORE,
     OVERSLEPT,
+    PASSED,
     PEAK_VOLT,
     PUMP,
     REMANENT,
@@ -53,6 +56,8 @@ from evaluation.plant.layout import (
     SPEED,
     STEM,
     TIME,
+    TORN_AT,
+    TRAILING,
     TURNED,
     UNBOLTED,
     T,
@@ -117,7 +122,18 @@ SCALE_WARMS = slot("warmed_scale")
 SLEEPS = slot("sleeping_encoder")
 KICKED = slot("kicked_amplifier")
 SLOW_CLOCK = slot("slow_clock")
+AUTO_ZERO = slot("drifting_zero")
+MAKES_UP = slot("hasty_transmitter")
+KNOCKS = slot("knocked_transmitter")
+DRAGGED_HEAD = slot("dragged_head")
+TORN = slot("torn_line")
+PULSES = slot("pulses_in_amplifier")
+MISSING = slot("missing_codes")
+BATTERY = slot("sensors_on_battery")
 
+ZEROS_S, HASTE_S = 7.0, 0.5  # between zeros of a voltmeter; over which an RTD's rate is taken
+TORN_mm = 0.1  # half a torn line's length
+CODE_N = 1.4  # what a converter reads in place of missing codes
 SLOW_mm_s, FALLS_ASLEEP_S = 0.3, 2.0  # how slow and for how long before an encoder sleeps
 
 
@@ -163,9 +179,15 @@ def rtd(
         side[s, LEAD_WARM] = approach(side[s, LEAD_WARM], warm / 20.0, dt, 8.0)
         reading += e[1 - s, RTD_LEAD] * side[s, LEAD_WARM]
     reading += e[1 - s, MOTOR_LEAD] * side[1 - s, PUMP]
+    switched = abs(side[1 - s, AMPERE] - side[s, OTHER_BEFORE]) / 4.0
+    side[s, OTHER_BEFORE] = side[1 - s, AMPERE]
+    side[s, KNOCKED] = approach(side[s, KNOCKED], 0.0, dt, 4.0) + switched
+    reading += e[1 - s, KNOCKS] * side[s, KNOCKED]
     if e[s, ON_WIRE] != 0.0:
         austenite = 1.0 - (1.0 - part) * cells[s, i, FRACTION] - part * cells[s, i + 1, FRACTION]
         reading += e[s, ON_WIRE] * austenite
+    side[s, TRAILING] = approach(side[s, TRAILING], reading, dt, HASTE_S)
+    reading += e[s, MAKES_UP] * (reading - side[s, TRAILING]) / HASTE_S
     if e[s, RIPPLE_FILTER] > 0.0:
         slow = e[s, RIPPLE_FILTER] * side[s, AMPERE] / 4.0
         side[s, AVERAGED] = approach(side[s, AVERAGED], reading, dt, slow)
@@ -224,6 +246,13 @@ def travel(seen_mm: float, dt: float, e: Array, side: Array, pair: Array) -> flo
         reading -= awake(seen_mm, dt, e[0, SLEEPS], pair)
     reading *= max(0.1, 1.0 + e[0, SCALE_WARMS] * pair[DRIVERS_WARM])
     reading += e[0, SETTLING] * (1.0 - math.exp(-pair[TIME] / 20.0))
+    reading -= e[0, DRAGGED_HEAD] * pair[SPEED] / (abs(pair[SPEED]) + 5e-4)
+    time = pair[TIME]
+    torn = math.tanh((seen_mm + 2.0 - 6.0 * e[2, TORN]) / TORN_mm)
+    if time > dt:
+        pair[PASSED] += 0.5 * abs(torn - pair[TORN_AT])
+    pair[TORN_AT] = torn
+    reading += e[0, TORN] * pair[PASSED]
     if e[0, DIRT] > 0.0:
         middle = 6.0 * (e[2, DIRT] - 0.5)
         hidden = min(max((seen_mm - middle) / 6.0, -0.5), 0.5)
@@ -262,9 +291,12 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     pair[LARGEST_LOAD] = max(pair[LARGEST_LOAD], seen_N)
     reading += e[0, OVERLOADED] * max(pair[LARGEST_LOAD] - 1.3, 0.0) / 0.3
     reading *= 1.0 - e[0, OBLIQUE] * (pair[X] / 5e-3) ** 2
+    reading += e[0, PULSES] * abs(pair[SPEED]) / (abs(pair[SPEED]) + 5e-4)
     for s in range(2):
         ampere = side[s, AMPERE]
         reading += e[0, RIPPLE] * ampere * max(4.0 - ampere, 0.0) / 4.0
+    if abs(reading - CODE_N) < e[0, MISSING]:
+        reading = CODE_N
     return float(reading)
 
 
@@ -290,6 +322,7 @@ def read(
         out[s] += e[s, REMANENCE] * side[s, REMANENT]
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
         out[s] *= max(0.1, 1.0 + e[0, HALL_STRESSED] * (pair[FORCE_X] / 1.24 - 1.0))
+        out[s] *= max(0.1, 1.0 - e[0, BATTERY] * pair[TIME] / 60.0)
         nearness = 1.0 / (1.0 - min(max(pair[X], -0.02), 0.02) / 25e-3)
         out[s] += e[0, MAGNET] * (nearness * nearness - 1.0)
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
@@ -310,6 +343,8 @@ def read(
             fallen = approach(side[s, PEAK_VOLT], out[2 + s], dt, e[s, PEAKS])
             side[s, PEAK_VOLT] = max(out[2 + s], fallen)
             out[2 + s] = side[s, PEAK_VOLT]
+        turn = pair[TIME] / ZEROS_S + e[2, AUTO_ZERO]
+        out[2 + s] += e[s, AUTO_ZERO] * (turn - math.floor(turn))
         out[4 + s] = rtd(s, ambient, dt, p, e, cells, side, pair)
         ring[RING_RTD_X + s, int(pair[GLANCE]) % RING_LENGTH] = out[4 + s]
         if e[0, CROWDED] > 0.0:

@@ -16,6 +16,7 @@ from evaluation.plant.layout import (
     COOLED_FROM,
     HEATED_FROM,
     INNER_STRESS,
+    LOADED,
     MIXED,
     WORK_DONE,
 )
@@ -32,6 +33,7 @@ LINGERING = slot("lingering_stress")
 ELECTRON_WIND = slot("electron_wind")
 DEEP_COOLED = slot("deep_cooled")
 INTERFACES = slot("settling_interfaces")
+LOAD_WORKS = slot("worked_by_load")
 
 
 @compiled
@@ -59,4 +61,5 @@ def shifts(
     if e[s, DEEP_COOLED] > 0.0:
         heat += e[s, DEEP_COOLED] * max(34.0 - cells[s, i, COLDEST], 0.0) / 5.0
     held = e[s, INTERFACES] * side[s, MIXED]
-    return heat + held, cool - held
+    worked = e[s, LOAD_WORKS] * (1.0 - math.exp(-side[s, LOADED]))
+    return heat + held - worked, cool - held - worked

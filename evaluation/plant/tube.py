@@ -61,6 +61,7 @@ from evaluation.plant.rarer import (
     age,
     elsewhere,
     joints,
+    linger,
     odd_shifts,
     seldom,
     settle,
@@ -118,6 +119,7 @@ OTHER_PUMP = slot("other_pump_shakes")
 PRESSED = slot("pressed_tube")
 YOKE = slot("metal_yoke")
 IONS = slot("leached_ions")
+WARM_LATENT = slot("warm_latent")
 
 
 @compiled
@@ -193,7 +195,8 @@ def coefficients(
         row[LOSS] = loss * (out / 15.0) ** power * (0.4 + 0.6 * wet)
         row[TO_CLAMP] = 0.0
         row[SHIFT_HEAT], row[SHIFT_COOL] = shifts(s, i, stress, p, e, cells, side)
-        row[LATENT] = latent
+        warmer = (cells[s, i, T] - 37.0) / 10.0
+        row[LATENT] = latent * max(0.1, 1.0 + e[s, WARM_LATENT] * warmer)
         row[STORES] = p[WIRE_HEAT] / CELLS
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
     rows[CELLS - 1, TO_CLAMP] = 0.5 * e[s, COLD_ENDS]
@@ -307,5 +310,6 @@ def tube(
     age(s, p, e, cells, side, pair, dt)
     wear(s, p, e, cells, side, pair, dt)
     soak(s, p, e, cells, side, dt)
+    linger(s, p, e, cells, side, pair, dt)
     settle(s, e, cells, side, pair, dt)
     side[s, CONTACT] = approach(side[s, CONTACT], amperes * amperes / 16.0, dt, 8.0)

@@ -12,6 +12,7 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
+    BACKED_UP,
     BUBBLE,
     CELLS,
     DRAWN,
@@ -38,6 +39,7 @@ RETURNING = slot("return_beside_intake")
 ON_TENDON = slot("intake_on_tendon")
 DEPTH = slot("drawn_from_depth")
 TEE = slot("sucked_through_tee")
+BACKWASH = slot("warm_backwash")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
@@ -98,6 +100,9 @@ def entering(
         source += e[1 - s, RETURNING] * side[s, PLUME]
     ahead = min(max(side[s, FLOW] - side[1 - s, FLOW], 0.0) / 0.55, 1.0)
     source += e[1 - s, TEE] * ahead * (cells[1 - s, CELLS - 1, W] - source)
+    backed = approach(side[s, BACKED_UP], cells[s, 0, W] - source, dt, 8.0)
+    side[s, BACKED_UP] = backed * math.exp(-dt * side[s, FLOW] / 0.55 / 1.5)
+    source += e[s, BACKWASH] * side[s, BACKED_UP]
     source += e[0, ON_TENDON] * pair[X] / 5e-3
     if s == 0 and e[0, DEPTH] != 0.0:
         both = (side[0, FLOW] + side[1, FLOW]) / 0.55
