@@ -19,10 +19,10 @@ from evaluation.plant.layout import (
     CUSHION,
     CUSHION_RATE,
     DIPPED,
-    EMPTIED,
     FLOW,
     FORCE_X,
     FORCE_Y,
+    FREEWHEELING,
     GLANCE,
     HEARD,
     HELD_DOWN,
@@ -34,6 +34,7 @@ from evaluation.plant.layout import (
     LONG_ON,
     LOWERED,
     OHM,
+    PLUGGED,
     POLLED,
     PUMP,
     RELIEVED,
@@ -42,10 +43,12 @@ from evaluation.plant.layout import (
     RINGING,
     RINGING_RATE,
     RTD_B,
+    RUN_ON,
     SINCE_START,
     SPEED,
     SPIN,
     SPIN_RATE,
+    SWITCHED,
     TIME,
     TIRED,
     TURNING,
@@ -73,10 +76,6 @@ CHATTER = slot("chattering_plug")
 PEAK_AND_HOLD = slot("peak_and_hold")
 SUCTION = slot("shared_suction")
 MEMBRANE = slot("tired_membrane")
-PUMP_SUPPLY = slot("pump_supply_sag")
-FOOT_VALVE = slot("leaking_foot_valve")
-TUGGED = slot("tugged_trimmer")
-SETPOINT_GROUND = slot("setpoint_ground")
 UNDER_TENDON = slot("hose_under_tendon")
 SINKING = slot("sinking_level")
 TAPERS = slot("tapering_guard")
@@ -98,6 +97,10 @@ DROOPING = slot("drooping_hold")
 LOST_FRAMES = slot("lost_frames")
 POLLS = slot("polled_pump")
 DECOUPLES = slot("decoupled_rotor")
+END_SWITCH = slot("worn_end_switch")
+CHOKE = slot("freewheeling_choke")
+SIPHON = slot("running_siphon")
+GAS_PLUG = slot("gas_plug")
 
 CURRENT_LIMIT_A = 4.0
 RING_RAD_S, RING_DAMPING = 2.0 * math.pi * 1.2, 0.12
@@ -107,6 +110,8 @@ BIT_A = 0.5  # what the wrong bit of a converter stands for
 PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
 REFRESHED_A = 5e-3  # change of a set value at which its hold is charged anew
 STARTS_PER_S = 1.0  # how fast a motor gains speed while its start disturbs a bus
+SWITCHES_m, RELEASES_m = 3e-3, 1.5e-3  # own contraction at an end switch
+PRIMED_AT, SIPHON_S = 0.1, 6.0  # speed of a pump that starts a siphon, how long it runs on
 SLIPS_AT, MEETS_AT = 0.4, 0.15  # duty ahead of a rotor that it slips at, duty that it waits for
 
 
@@ -156,11 +161,6 @@ def current(
         held = 1.0 if side[s, LONG_ON] > PEAK_S else 0.0
         side[s, HELD_DOWN] = approach(side[s, HELD_DOWN], held, dt, 0.4)
         i *= 1.0 - min(e[s, PEAK_AND_HOLD], 0.9) * side[s, HELD_DOWN]
-    if e[s, TUGGED] != 0.0:
-        drawn_in = pair[X] if s == 0 else -pair[X]
-        i *= max(0.1, 1.0 + e[s, TUGGED] * drawn_in / 5e-3)
-    if e[1 - s, SETPOINT_GROUND] > 0.0:
-        i = max(i - e[1 - s, SETPOINT_GROUND] * side[1 - s, PUMP], 0.0)
     if e[s, TAPERS] > 0.0:
         i *= max(0.1, 1.0 - e[s, TAPERS] * max(side[s, RTD_B] - 40.0, 0.0) / 10.0)
     if e[0, OVERLAPPING] > 0.0:
@@ -175,6 +175,15 @@ def current(
     if e[s, SWALLOWED] > 0.0:
         i *= 1.0 - math.exp(-((i / e[s, SWALLOWED]) ** 2))
     i *= max(0.1, 1.0 - e[0, STARTING] * pair[DIPPED])
+    drawn_in = pair[X] if s == 0 else -pair[X]
+    if drawn_in > SWITCHES_m:
+        side[s, SWITCHED] = approach(side[s, SWITCHED], 1.0, dt, 0.2)
+    elif drawn_in < RELEASES_m:
+        side[s, SWITCHED] = approach(side[s, SWITCHED], 0.0, dt, 0.2)
+    i *= 1.0 - min(e[s, END_SWITCH], 0.9) * side[s, SWITCHED]
+    if e[s, CHOKE] > 0.0:
+        i = max(i, side[s, FREEWHEELING] - dt / e[s, CHOKE])
+        side[s, FREEWHEELING] = i
     if e[s, RINGS_ON] > 0.0:
         off = RING_RAD_S * (i - side[s, RINGING]) - 2.0 * RING_DAMPING * side[s, RINGING_RATE]
         side[s, RINGING_RATE] += dt * RING_RAD_S * off
@@ -231,13 +240,6 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
     share *= 1.0 - min(e[s, DECOUPLES], 0.95) * side[s, UNCOUPLED]
     if e[s, SHORTFALL] > 0.0 and share > 0.0:
         share = (1.0 - e[s, SHORTFALL]) * share ** (1.0 + e[s, SHORTFALL])
-    if e[0, PUMP_SUPPLY] > 0.0:
-        load = (side[0, AMPERE] + side[1, AMPERE]) / CURRENT_LIMIT_A
-        share *= max(0.05, 1.0 - e[0, PUMP_SUPPLY] * load)
-    if e[s, FOOT_VALVE] > 0.0:
-        emptier = approach(side[s, EMPTIED], 1.0, dt, 8.0)
-        side[s, EMPTIED] = max(emptier - dt * share / e[s, FOOT_VALVE], 0.0)
-        share *= 0.1 / (0.1 + side[s, EMPTIED])
     if e[s, UNDER_TENDON] > 0.0:
         tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
         pressed = min(max((tension - 1.24) / 0.4, 0.0), 1.0)
@@ -259,6 +261,10 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
     if e[s, CLOGGING] > 0.0:
         side[s, CLOGGED] += dt * share / 8.0
         share *= 1.0 - min(e[s, CLOGGING], 0.95) * (1.0 - math.exp(-side[s, CLOGGED]))
+    share /= 1.0 + e[s, GAS_PLUG] * side[s, PLUGGED]
+    side[s, RUN_ON] = 0.0 if side[s, PUMP] > PRIMED_AT else side[s, RUN_ON] + dt
+    if side[s, RUN_ON] < SIPHON_S:
+        share = max(share, e[s, SIPHON])
     share += e[s, THERMOSIPHON] * max(1.0 - side[s, PUMP], 0.0) * side[s, BUOYANT]
     if e[s, AIR_CUSHION] > 0.0:
         off = CUSHION_RAD_S * (share - side[s, CUSHION])

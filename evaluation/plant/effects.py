@@ -6,10 +6,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.plant import listed, opened, sealed, unlisted
+from evaluation.plant import listed, opened, sealed, spent, unlisted
 from evaluation.plant.effect import Effect, Kind
 
-EFFECTS: tuple[Effect, ...] = listed.EFFECTS + unlisted.EFFECTS + opened.EFFECTS + sealed.EFFECTS
+EFFECTS: tuple[Effect, ...] = (
+    listed.EFFECTS + unlisted.EFFECTS + opened.EFFECTS + spent.EFFECTS + sealed.EFFECTS
+)
 
 SIGNED = (
     frozenset(
@@ -22,12 +24,6 @@ SIGNED = (
             "convection_exponent",
             "stress_latent_heat",
             "motor_beside_sensor",
-            "sliding_clip",
-            "flexed_lead",
-            "squeezed_rtd",
-            "encoder_in_field",
-            "attracting_turns",
-            "tugged_trimmer",
             "rtd_joints",
             "counted_motors",
             "dragged_cable",
@@ -43,6 +39,8 @@ SIGNED = (
             "drawn_from_depth",
             "creeping_tie",
             "remanent_core",
+            "warmed_scale",
+            "stressed_hall",
         )
     )
     | sealed.SIGNED

@@ -35,6 +35,7 @@ from evaluation.plant.layout import (
     INLET,
     LUCK_X,
     OHM,
+    OXIDE,
     PAIR_WIDTH,
     PLAY,
     RING_DUTY_X,
@@ -44,14 +45,18 @@ from evaluation.plant.layout import (
     RINGS,
     RTD_A,
     RTD_B,
+    RUN_ON,
     SCANNED,
     SEEN_BEFORE,
     SHOWN,
     SIDE_WIDTH,
+    SILT,
     SINCE_START,
     SINK_WARM,
     STEM,
+    TENSION_BEFORE,
     TIME,
+    TRAILING,
     TURNED,
     WARMTH_BEFORE,
     WET,
@@ -121,6 +126,11 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, SHOWN] = water_degC
     side[:, CORE_WARM] = water_degC
     side[:, SINCE_START] = 60.0
+    side[:, RUN_ON] = 60.0
+    side[:, OXIDE] = 1.0
+    side[:, SILT] = 1.0
+    side[:, TRAILING] = water_degC
+    side[:, TENSION_BEFORE] = 1.2
     side[:, DEAD_END] = water_degC
     side[:, WARMTH_BEFORE] = water_degC
     pair[BASE] = water_degC

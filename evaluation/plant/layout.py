@@ -55,11 +55,6 @@ CELL_WIDTH = PLAY + PLAYS
     LEAD_WARM,
     AVERAGED,
     SHRUNK,
-    EMPTIED,
-    HOSE_WARM,
-    SHUNT_WARM,
-    AWAKE,
-    ANNEALED,
     FRETTED,
     FLUSHED,
     FATIGUED,
@@ -106,8 +101,21 @@ CELL_WIDTH = PLAY + PLAYS
     STRAND,
     PEAK_VOLT,
     RESTED,
+    SWITCHED,
+    FREEWHEELING,
+    OXIDE,
+    RUN_ON,
+    PLUGGED,
+    SILT,
+    BACKED_UP,
+    MOLTEN,
+    TRAILING,
+    KNOCKED,
+    OTHER_BEFORE,
+    LOADED,
+    TENSION_BEFORE,
     SIDE_WIDTH,
-) = range(84)
+) = range(92)
 
 (
     TIME,
@@ -125,8 +133,6 @@ CELL_WIDTH = PLAY + PLAYS
     SINK_WARM,
     INDEXED,
     SPONGE,
-    PLIED,
-    TAUT_BEFORE,
     LOWERED,
     MISCOUNTED,
     CARRIED,
@@ -149,6 +155,8 @@ CELL_WIDTH = PLAY + PLAYS
     CAUGHT,
     SEAL_WARM,
     SLID,
+    TORN_AT,
+    PASSED,
     PAIR_WIDTH,
 ) = range(40)
 

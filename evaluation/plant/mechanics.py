@@ -17,7 +17,6 @@ from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
-    ANNEALED,
     CARRIED,
     CAUGHT,
     CELLS,
@@ -31,7 +30,6 @@ from evaluation.plant.layout import (
     FREE_STRAIN,
     FRICTION,
     GROWN,
-    PLIED,
     R_PHASE,
     RATE,
     RESTED,
@@ -42,7 +40,6 @@ from evaluation.plant.layout import (
     SLID,
     SPEED,
     SPONGE,
-    TAUT_BEFORE,
     TURNED,
     WALKED,
     WORK_DONE,
@@ -55,7 +52,6 @@ from evaluation.plant.parameters import index
 from evaluation.plant.phase import TURN_ONSET, TURN_POWER, TURN_SCALE, turned_by
 from evaluation.plant.rarer import CREEPING, WALKING
 from evaluation.plant.tendon import (
-    PLIES_N,
     AXLE_m,
     hung_and_stopped,
     longer_path,
@@ -82,10 +78,6 @@ MOBILE = slot("mobile_interfaces")
 SHRINKING = slot("shrinking_tendon")
 SOAKING = slot("hanging_sponge")
 GRIPPING = slot("gripping_hose")
-ANNEALING = slot("annealed_spring")
-SOFTENING = slot("cyclic_softening")
-ATTRACTING = slot("attracting_turns")
-BENT_GUIDE = slot("bent_guide")
 TWO_PHASES = slot("two_phase_softening")
 SHRUNK_SLEEVE = slot("shrunk_sleeve")
 RUNS_DRY = slot("drying_bearing")
@@ -98,9 +90,14 @@ STIFFENS = slot("stiffening_austenite")
 RESTS = slot("ageing_at_rest")
 SEAL = slot("swelling_seal")
 PITTED = slot("pitted_guide")
+CHILLED = slot("chilled_on_one_side")
+PRESSURE = slot("tube_under_pressure")
+HEAVY = slot("heavy_pulley")
+BRAKED = slot("braked_vane")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
+VANE_m, GAIN_m_s2 = 2e-3, 0.02  # half of a braked vane, and a heavy pulley's acceleration
 PIT_m, CATCH_m = 2e-3, 5e-4  # how long a pitted part of a guide is, and how far it gives
 
 
@@ -112,8 +109,10 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     if e[s, DRIFT] > 0.0:
         strain *= 1.0 - 0.02 * e[s, DRIFT] * (1.0 - math.exp(-side[s, WORK_DONE] / 3.0))
     total = 0.0
+    across = 0.0
     for i in range(CELLS):
         fraction = cells[s, i, FRACTION]
+        across += (cells[s, i, T] - cells[s, i, W]) / CELLS
         softness = 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
         if e[s, TWO_PHASES] > 0.0:
             softness *= 1.0 + e[s, TWO_PHASES] * 4.0 * fraction * (1.0 - fraction)
@@ -124,6 +123,8 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
         if e[s, R_PHASES] > 0.0:
             total += strain * e[s, R_PHASES] * cells[s, i, R_PHASE] * p[STRESS] / 57.0
     side[s, GROWN] = 1e-3 * e[s, CREEPING] * side[s, CREPT]
+    side[s, GROWN] += 1e-3 * e[s, CHILLED] * across / 10.0
+    side[s, GROWN] += 1e-3 * e[s, PRESSURE] * (side[s, FLOW] / p[FULL_FLOW]) ** 2
     side[s, GROWN] += 1e-3 * (e[s, WALKING] * side[s, WALKED] - e[s, SHRINKING] * side[s, SHRUNK])
     if e[s, YIELDS] > 0.0:
         side[s, YIELDING] = 0.0
@@ -131,10 +132,6 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
             side[s, YIELDING] += e[s, YIELDS] * 1e-3 * (1.0 - cells[s, i, FRACTION]) / CELLS
     if e[s, MOBILE] > 0.0:
         total *= 1.0 + e[s, MOBILE] * side[s, RATE] / (side[s, RATE] + 0.03)
-    if e[s, SOFTENING] > 0.0:
-        total *= 1.0 + e[s, SOFTENING] * (1.0 - math.exp(-side[s, WORK_DONE] / 1.5))
-    if e[s, ANNEALING] > 0.0:
-        total *= 1.0 + e[s, ANNEALING] * (1.0 - math.exp(-side[s, ANNEALED]))
     total /= 1.0 + e[s, RESTS] * side[s, RESTED]
     total *= 1.0 + e[s, ELECTROPLASTIC] * (side[s, AMPERE] / 4.0) ** 2
     side[s, COMPLIANT] = total / CELLS
@@ -202,7 +199,6 @@ def pull(
         rate = e[s, PARALLEL] * 58.0 * max(0.3, 1.0 - 0.004 * warm)
         force += rate * off * (1.0 + 60.0 * abs(off))
         slope += rate * (1.0 + 120.0 * abs(off))
-    force += e[s, ATTRACTING] * (side[s, AMPERE] / 4.0) ** 2
     force += e[s, SHRUNK_SLEEVE] * side[s, SLEEVED]
     return force, slope
 
@@ -258,13 +254,17 @@ def resisting(
             slope += scale * 0.8 * abs(v) ** -0.2 / dt / 5e-3
     total += e[0, SOAKING] * pair[SPONGE]
     rubbing = e[0, GRIPPING] * (side[0, FLOW] + side[1, FLOW]) / full_flow
-    rubbing += e[0, BENT_GUIDE] * abs(before) / 5e-3
     rubbing += e[0, RUNS_DRY] * (1.0 - math.exp(-pair[RUN_DRY] / 0.04))
     rubbing += e[0, DRAWN_CLIP] * (side[0, AMPERE] ** 2 + side[1, AMPERE] ** 2) / 16.0
     rubbing += e[0, SEAL] * max(pair[SEAL_WARM], 0.0)
     v = (x - before) / dt / 5e-4
     total += rubbing * v / (abs(v) + 1.0)
     slope += rubbing / (abs(v) + 1.0) ** 2 / dt / 5e-4
+    off = (before - 6e-3 * (e[2, BRAKED] - 0.5)) / VANE_m
+    braking = e[0, BRAKED] * math.exp(-off * off) / dt / 5e-3
+    heavy = e[0, HEAVY] / GAIN_m_s2 / dt
+    total += braking * (x - before) + heavy * ((x - before) / dt - pair[SPEED])
+    slope += braking + heavy / dt
     if e[0, PITTED] > 0.0:
         off = (before - 6e-3 * (e[2, PITTED] - 0.5)) / PIT_m
         scale = e[0, PITTED] * math.exp(-off * off)
@@ -315,9 +315,6 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     pair[FORCE_Y] = force_y
     pair[FRICTION] = bristle
     pair[SPEED] = (x - before) / dt
-    rubbed = pair[PLIED] + (force_y - pair[TAUT_BEFORE]) / PLIES_N
-    pair[PLIED] = min(max(rubbed, -1.0), 1.0)
-    pair[TAUT_BEFORE] = force_y
     pair[CARRIED] = min(max(pair[CARRIED] + (x - before) / AXLE_m, -1.0), 1.0)
     pair[CAUGHT] = min(max(pair[CAUGHT] + (x - before) / CATCH_m, -1.0), 1.0)
     pair[RUN_DRY] += abs(x - before)
@@ -347,6 +344,5 @@ def wire_stress(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Arr
     off = length - PRESTRETCH_m
     if e[s, PARALLEL] > 0.0:
         beside += e[s, PARALLEL] * 58.0 * off * (1.0 + 60.0 * abs(off))
-    beside += e[s, ATTRACTING] * (side[s, AMPERE] / 4.0) ** 2
     beside += e[s, SHRUNK_SLEEVE] * side[s, SLEEVED]
     return float(max(tendon - beside, 0.0) * p[STRESS])

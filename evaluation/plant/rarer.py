@@ -39,11 +39,17 @@ from evaluation.plant.layout import (
     GREATEST_LOAD,
     HOSE_SOFT,
     LEACHED,
+    LOADED,
+    MOLTEN,
+    OXIDE,
+    PLUGGED,
     PRESSED_ON,
+    SILT,
     SLEEVED,
     SPEED,
     STRAND,
     STRETCHING,
+    TENSION_BEFORE,
     TIME,
     TURNED,
     VALVE_OPEN,
@@ -73,7 +79,6 @@ DRIPPING = slot("dripping_outlet")
 ROD = slot("rod_in_coil")
 LAMP = slot("cycling_lamp")
 BENT = slot("bent_coils")
-INDUCED = slot("induced_heat")
 CARTRIDGE = slot("warm_cartridge")
 DEEP_COOLED = slot("deep_cooled")
 HAMMERED = slot("hammered_variants")
@@ -113,8 +118,15 @@ OVER_SUPPLY = slot("tubes_over_supply")
 HEAVY_CORE = slot("heavy_core")
 CREEPING = slot("creeping_austenite")
 STRANDS = slot("parting_strand")
+COHERES = slot("cohering_crimp")
+SILTING = slot("silt_on_still_coils")
+RELIEF = slot("relief_of_martensite")
+GEL = slot("melting_gel")
+FAN = slot("swinging_fan")
 
 BASE_J_K, DEAD_LEG_J_K, CORE_J_K = 20.0, 6.0, 1.0
+GEL_degC, GEL_J = 38.0, 12.0  # where a gel melts, and what that takes
+FAN_S = 18.0  # how long a fan takes to come back
 STRAND_m = 1.5e-3  # travel that parts a broken strand wholly
 WAX_OPENS, WAX_CLOSES = 42.0, 36.0  # °C of the water at a thermostat
 GAS_COMES_K, GAS_GOES_K = 4.0, 1.5  # of wire over water
@@ -128,6 +140,7 @@ def joints(s: int, e: Array, cells: Array, side: Array, heat: Array) -> float:
     inlet += e[s, FRAYING] * max(side[s, GREATEST_LOAD] - 1.3, 0.0) / 0.3
     inlet -= e[s, CURING] * (1.0 - math.exp(-side[s, CURED]))
     inlet += e[s, STRANDS] * side[s, STRAND]
+    inlet += e[s, COHERES] * side[s, OXIDE]
     outlet = e[s, LEAD_IN_OUTLET] * max(cells[s, CELLS - 1, W] - 27.0, 0.0) / 20.0
     outlet -= e[s, PRESSED] * side[s, PRESSED_ON]
     inlet = max(inlet, -0.95 * heat[0])
@@ -148,13 +161,10 @@ def elsewhere(
     warm = cells[1 - s, CELLS - 1, W]
     turn = pair[TIME] / LAMP_S + e[2, LAMP]
     shone = e[0, LAMP] if turn - math.floor(turn) < LAMP_ON else 0.0
-    ampere = side[1 - s, AMPERE]
-    induced = e[1 - s, INDUCED] * ampere * max(4.0 - ampere, 0.0) / 4.0
     tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
     rows[0, TO_CLAMP] += e[s, SEATED] * min(max((tension - 1.24) / 0.4, 0.0), 1.0)
     base = e[0, SHARED_BASE] / CELLS
     for i in range(CELLS):
-        rows[i, HEAT_WIRE] += induced / CELLS
         rows[i, HEAT_WATER] += base * (pair[BASE] - cells[s, i, W])
         rows[i, TO_CLAMP] += e[s, ROD] * gripped / CELLS
         rows[i, HEAT_WATER] += (dripping * (warm - cells[s, i, W]) + shone) / CELLS
@@ -172,6 +182,16 @@ def odd_shifts(s: int, e: Array, cells: Array, pair: Array, rows: Array) -> None
         both = bent + uneven + e[s, MATRIX] * (0.5 - cells[s, i, FRACTION]) + banded
         rows[i, SHIFT_HEAT] += both
         rows[i, SHIFT_COOL] += both
+
+
+@compiled
+def gel_over(s: int, cells: Array, side: Array) -> float:
+    """How far (K) the water of `s` is above a gel that melts or sets; 0 where it can do neither."""
+    over = -GEL_degC
+    for i in range(CELLS):
+        over += cells[s, i, W] / CELLS
+    left = 1.0 - side[s, MOLTEN] if over > 0.0 else side[s, MOLTEN]
+    return over if left > 0.0 else 0.0
 
 
 @compiled
@@ -200,10 +220,14 @@ def seldom(
     lower = e[s, HYDROGEN] * (1.0 - math.exp(-side[s, CHARGED]))
     stirred *= 1.0 + e[s, VARNISH] * side[s, SLEEVED]
     stirred /= 1.0 + e[s, CLOUDING] * side[s, CLOUD]
+    stirred /= 1.0 + e[s, SILTING] * side[s, SILT]
+    wetter *= 1.0 + e[0, FAN] * math.sin(math.pi * (pair[TIME] / FAN_S + e[2, FAN])) ** 2
+    melting = e[s, GEL] * gel_over(s, cells, side)
     for i in range(CELLS):
         rows[i, HEAT_WATER] += e[0, OVER_SUPPLY] * pair[DRIVERS_WARM] / CELLS
         rows[i, HEAT_WIRE] += e[s, HEAVY_CORE] / CELLS * (side[s, CORE_WARM] - cells[s, i, T])
-        rows[i, FILM] *= stirred
+        rows[i, HEAT_WATER] -= melting / CELLS
+        rows[i, FILM] *= stirred * (1.0 + e[s, RELIEF] * cells[s, i, FRACTION])
         rows[i, LOSS] *= wetter
         rows[i, SHIFT_HEAT] -= lower
         rows[i, SHIFT_COOL] -= lower + e[s, NUCLEI] * max(1.0 - cells[s, i, FRACTION] / 0.4, 0.0)
@@ -323,3 +347,22 @@ def settle(s: int, e: Array, cells: Array, side: Array, pair: Array, dt: float) 
     side[s, CREPT] += dt / 10.0 * austenite * tension / 1.24
     drawn_in = dt * (pair[SPEED] if s == 0 else -pair[SPEED])
     side[s, STRAND] = min(max(side[s, STRAND] + drawn_in / STRAND_m, 0.0), 1.0)
+
+
+@compiled
+def linger(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
+    """Update what an oxide, gas, silt, a gel and the load leave of a tick of spring `s`."""
+    grown = approach(side[s, OXIDE], 1.0, dt, 10.0)
+    side[s, OXIDE] = grown * math.exp(-dt * (side[s, AMPERE] / 2.0) ** 2 / 1.5)
+    warmth = 0.0
+    for i in range(CELLS):
+        warmth += cells[s, i, T] / CELLS
+    plugged = side[s, PLUGGED] + dt / 5.0 * max(warmth - 38.0, 0.0) / 10.0
+    side[s, PLUGGED] = plugged * math.exp(-dt * side[s, FLOW] / p[FULL_FLOW] / 1.5)
+    still = approach(side[s, SILT], 1.0, dt, 15.0)
+    side[s, SILT] = still * math.exp(-dt * abs(pair[SPEED]) / 2e-3)
+    molten = side[s, MOLTEN] + dt * e[s, GEL] * gel_over(s, cells, side) / GEL_J
+    side[s, MOLTEN] = min(max(molten, 0.0), 1.0)
+    tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
+    side[s, LOADED] += abs(tension - side[s, TENSION_BEFORE])
+    side[s, TENSION_BEFORE] = tension

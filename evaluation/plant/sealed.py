@@ -7,93 +7,89 @@ The load cell is beside X, so that a force between the springs has one place.
 from evaluation.plant.effect import FLOW, Effect
 
 EFFECTS: tuple[Effect, ...] = (
-    Effect("drooping_hold", "sealed", "electrical", "1", 0.0221, 0.9, "driven_current",
-           "time current",
-           "a driver's hold is charged where its set value moves by 5 mA, and droops: "
-           "I(1 − e t/10 s), t since then"),
-    Effect("lost_frames", "sealed", "electrical", "s", 0.00243, 2.0, "driven_current",
-           "other_duty current",
-           "a starting pump disturbs the other driver's bus: that current stays for e as it was, "
-           "from where the motor gains speed faster than 1/s", "across"),
-    Effect("parting_strand", "sealed", "electrical", "ohm", 0.00685, 0.3,
-           "resistance", "displacement velocity",
-           "a lead's broken strand parts and meets as it is bent: R + e b, b by dy/1.5 mm within "
-           "0…1, y its own contraction", "one"),
-    Effect("peak_voltmeter", "sealed", "electrical", "s", 0.00901, 3.0, "reading_voltage",
-           "reading_rate reading current",
-           "a voltmeter's rectifier holds peaks: the reading rises at once, and falls by one pole "
-           "of e"),
-    Effect("polled_pump", "sealed", "thermal", "s", 0.87, 8.0, FLOW, "duty time",
-           "a pump's board asks for its duty once in e, and holds it"),
-    Effect("decoupled_rotor", "sealed", "thermal", "1", 0.202, 0.95, FLOW, "duty",
-           "a rotor's magnets slip once its duty is 0.4 ahead of the motor's speed: flow(1 − e), "
-           "until the duty is below 0.15", "one"),
-    Effect("clouding_inhibitor", "sealed", "thermal", "1", 1.17, 8.0, "film", "water",
-           "an inhibitor clouds out of warm water onto the wire, and dissolves: film/(1 + e c), "
-           "c → (T_w − 33 °C)⁺/10 K in 4 s"),
-    Effect("running_varnish", "sealed", "thermal", "1", 0.748, 12.0, "film", "wire time",
-           "varnish on the wire softens in heat and runs off: film(1 + e m), m the most of "
-           "(T − 36 °C)⁺/15 K ≤ 1 so far"),
-    Effect("sucked_through_tee", "sealed", "thermal", "1", 0.188, 0.95,
-           "inlet_water heat_into_water", "other_wire duty other_duty",
-           "a tee lets a pump suck at the other tube's outlet: T_in + e(q − p)⁺(T_other − T_in), "
-           "q its share of flow, p the other's", "across"),
-    Effect("tubes_over_supply", "sealed", "thermal", "W", 1.04, 5.0,
-           "heat_into_water ambient_air", "current other_current time",
-           "both tubes lie above the drivers' supply: + e w on each, w → (I_x² + I_y²)/(4 A)² in "
-           "10 s", "both"),
-    Effect("heavy_core", "sealed", "thermal", "W/K", 0.0553, 4.0, "heat_into_wire",
-           "wire wire_rate",
-           "a core of 1 J/K in the coil stores heat: + e(T_core − T)"),
-    Effect("slewing_transmitter", "sealed", "sensors", "s", 3.15, 20.0, "reading_rtd",
+    Effect("worn_end_switch", "sealed", "electrical", "1", 0.0134, 0.9, "driven_current",
+           "displacement current",
+           "a worn end switch puts a resistor before its heater: I(1 − e) from 3 mm of its own "
+           "contraction on, until it is below 1.5 mm, in 0.2 s", "one"),
+    Effect("freewheeling_choke", "sealed", "electrical", "s", 0.00565, 2.0, "driven_current",
+           "current",
+           "a driver's choke runs on through its diode: the current falls by at most 1 A in e"),
+    Effect("cohering_crimp", "sealed", "electrical", "ohm", 0.0262, 0.3,
+           "resistance reading_voltage", "current time",
+           "an oxide in a crimp breaks down under current, and grows again: R + e c, c → 1 in "
+           "10 s, worn off by exp(−∫(I/2 A)²dt/1.5 s)", "one"),
+    Effect("drifting_zero", "sealed", "electrical", "V", 0.0163, 0.6, "reading_voltage", "time",
+           "a voltmeter's zero drifts, and is set anew every 7 s: V + e b, b from 0 to 1 between"),
+    Effect("running_siphon", "sealed", "thermal", "1", 0.0354, 0.8, FLOW, "duty time",
+           "a hose siphons: flow at least e from where its pump passes a tenth of full speed until "
+           "6 s after it falls below", "one"),
+    Effect("gas_plug", "sealed", "thermal", "1", 0.43, 20.0, FLOW, "wire duty time",
+           "gas that hot wire drives out of its water stands in the tube: flow/(1 + e g), g gains "
+           "(T − 38 °C)⁺/10 K in each 5 s, and is flushed out in 1.5 s by full flow"),
+    Effect("silt_on_still_coils", "sealed", "thermal", "1", 2.88, 12.0, "film", "velocity time",
+           "silt settles on a coil that rests: film/(1 + e b), b → 1 in 15 s, shaken off by "
+           "exp(−∫|dx|/2 mm)"),
+    Effect("relief_of_martensite", "sealed", "thermal", "1", 0.626, 12.0, "film", "fraction",
+           "martensite's relief roughens the wire: film(1 + e ξ)"),
+    Effect("warm_backwash", "sealed", "thermal", "1", 0.808, 4.0, "inlet_water heat_into_water",
+           "water duty time",
+           "water of a tube at rest wanders back into its feeding hose: T_in + e b, b → that of "
+           "the inlet's end less T_in in 8 s, flushed out in 1.5 s by full flow"),
+    Effect("melting_gel", "sealed", "thermal", "W/K", 0.341, 2.0, "heat_into_water",
+           "water time",
+           "a gel round the tube takes 12 J to melt at 38 °C, where it sets: + e(38 °C − T_w) "
+           "while it does either"),
+    Effect("swinging_fan", "sealed", "thermal", "1", 5.96, 40.0, "heat_into_water",
+           "time water",
+           "a swinging fan blows on both tubes: loss[1 + e sin²(πt/18 s + c)]", "both"),
+    Effect("hasty_transmitter", "sealed", "sensors", "s", 0.759, 6.0, "reading_rtd",
            "reading_rate wire_rate reading wire",
-           "an RTD's transmitter takes faster changes for faults: it shows at most 10 K in e"),
-    Effect("crowded_bus", "sealed", "sensors", "s", 0.974, 2.0, "reading_rtd",
-           "velocity reading_rate wire_rate",
-           "the encoder's counts crowd a bus: both RTDs are read late by e |v|/(|v| + 0.5 mm/s)",
+           "an RTD's transmitter makes up for a lag that is not there: T + e dT/dt, over 0.5 s"),
+    Effect("knocked_transmitter", "sealed", "sensors", "K", 1.62, 20.0, "reading_rtd",
+           "other_current",
+           "the other driver's switching knocks an RTD's transmitter: T + e k, k gains |dJ|/4 A, "
+           "and fades in 4 s", "across"),
+    Effect("dragged_head", "sealed", "sensors", "mm", 0.937, 4.0, "reading_displacement",
+           "velocity reading_rate",
+           "the encoder's head on soft leaves is dragged along: x − e v/(|v| + 0.5 mm/s)", "both"),
+    Effect("torn_line", "sealed", "sensors", "mm", 0.152, 3.0, "reading_displacement",
+           "displacement time",
+           "the decoder takes a torn line for a step forward, whichever way it passes: x + e n, "
+           "n its passages so far", "both"),
+    Effect("pulses_in_amplifier", "sealed", "sensors", "N", 0.115, 0.9, "reading_force",
+           "velocity",
+           "the load cell's amplifier rectifies the encoder's pulses: F + e |v|/(|v| + 0.5 mm/s)",
            "both"),
-    Effect("warmed_scale", "sealed", "sensors", "1", 0.333, 1.5, "reading_displacement",
-           "displacement current other_current reading",
-           "the encoder's converter beside the drivers warms: x(1 + e w), w → (I_x² + I_y²)/"
-           "(4 A)² in 10 s", "both"),
-    Effect("sleeping_encoder", "sealed", "sensors", "mm", 0.305, 2.5, "reading_displacement",
-           "displacement velocity time",
-           "an encoder sleeps after 2 s below 0.3 mm/s: it wakes when moved by e, which it loses",
+    Effect("missing_codes", "sealed", "sensors", "N", 0.156, 0.3, "reading_force",
+           "reading force",
+           "the load cell's converter misses codes: it reads 1.4 N for what is less than e off it",
            "both"),
-    Effect("kicked_amplifier", "sealed", "sensors", "N", 0.223, 0.9, "reading_force",
-           "current other_current",
-           "switched heaters kick the load cell's amplifier: F + e(j − z), j the sum of both "
-           "currents over 4 A, z → j in 1.5 s", "both"),
-    Effect("slow_clock", "sealed", "sensors", "s", 0.515, 1.6,
-           "reading_displacement reading_force", "reading_rate velocity time",
-           "the clock of encoder and load cell is slow: both are read late by e t/60 s", "both"),
-    Effect("stressed_hall", "sealed", "sensors", "1", 0.0193, 0.9, "reading_current",
-           "force current reading",
-           "the strained frame stresses both current sensors: i[1 + e(F/1.24 N − 1)]", "both"),
-    Effect("settling_interfaces", "sealed", "phase", "K", 1.42, 14.0, "transformation_shift",
-           "fraction time",
-           "interfaces settle that stay within the wire: A_s + e m, M_s − e m, m → 1 in 10 s where "
-           "0.15 < ξ < 0.85, else → 0 in 2 s"),
-    Effect("ageing_at_rest", "sealed", "phase", "1", 0.133, 2.0, "recoverable_strain",
-           "time transformed force",
-           "a wire that rests ages and stiffens: elastic deflection/(1 + e a), a → 1 in 15 s, and "
-           "worn off by transforming, exp(−Σ|Δξ|/0.3)"),
-    Effect("creeping_austenite", "sealed", "phase", "mm", 0.67, 5.0, "recoverable_strain",
-           "fraction time force",
-           "stressed austenite creeps: deflection + e∫(1 − ξ)F/1.24 N dt/10 s"),
-    Effect("pitted_guide", "sealed", "mechanics", "N", 0.106, 0.8, "force_cell_on_x",
-           "displacement velocity",
-           "the tendon catches on a pitted part of its guide: against x by "
-           "e b exp[−((x − c)/2 mm)²], b by dx/0.5 mm within ±1", "both"),
-    Effect("swelling_seal", "sealed", "mechanics", "N", 0.0634, 0.9, "force_cell_on_x",
-           "velocity water other_wire",
-           "warm outlets swell a seal that rubs on the tendon: e w v/(|v| + 0.5 mm/s), w → both "
-           "outlets' ΔT_w/20 K, added, in 5 s", "both"),
-    Effect("slipping_ferrule", "sealed", "mechanics", "mm", 0.439, 5.0, "recoverable_strain",
+    Effect("sensors_on_battery", "sealed", "sensors", "1", 0.0136, 0.9, "reading_current",
+           "time current reading",
+           "both current sensors run on a battery that runs down: i(1 − e t/60 s)", "both"),
+    Effect("worked_by_load", "sealed", "phase", "K", 3.01, 15.0, "transformation_shift",
            "force time",
-           "the tendon slips through its ferrule: it is longer by e∫(F − 1.4 N)⁺/0.2 N dt/10 s",
+           "changes of load leave dislocations: both thresholds − e(1 − exp(−∫|dF|/1 N))"),
+    Effect("warm_latent", "sealed", "phase", "1", 0.861, 2.0, "heat_into_wire",
+           "fraction_rate wire",
+           "the transformation's heat depends on its temperature: L[1 + e(T − 37 °C)/10 K]"),
+    Effect("chilled_on_one_side", "sealed", "phase", "mm", 2.64, 12.0, "recoverable_strain",
+           "wire water current",
+           "coils against the tube are chilled on their free side only, and bend open: deflection "
+           "+ e(T − T_w)/10 K"),
+    Effect("heavy_pulley", "sealed", "mechanics", "N", 0.0534, 0.3, "force_cell_on_x",
+           "velocity",
+           "a heavy pulley turns with the tendon: against x by e a/20 mm/s², a its acceleration",
            "both"),
+    Effect("braked_vane", "sealed", "mechanics", "N", 0.227, 1.5, "force_cell_on_x",
+           "velocity displacement",
+           "a magnet brakes a vane on the tendon that passes it: against x by "
+           "e exp[−((x − c)/2 mm)²] v/5 mm/s", "both"),
+    Effect("tube_under_pressure", "sealed", "mechanics", "mm", 1.98, 8.0, "recoverable_strain",
+           "duty",
+           "a spring's anchor stands on its tube, which lengthens as it is pumped: deflection + "
+           "e q², q the flow's share"),
 )  # fmt: skip
 
-SIGNED = frozenset(("warmed_scale", "stressed_hall"))
+SIGNED = frozenset(("drifting_zero", "pulses_in_amplifier", "warm_latent"))
 """Those whose magnitude may be negative."""

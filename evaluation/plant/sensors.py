@@ -28,12 +28,15 @@ from evaluation.plant.layout import (
     GLANCE,
     IDLE,
     INDEXED,
+    KNOCKED,
     LARGEST_LOAD,
     LEAD_WARM,
     MISCOUNTED,
     MISTED,
     OHM,
+    OTHER_BEFORE,
     OVERSLEPT,
+    PASSED,
     PEAK_VOLT,
     PUMP,
     REMANENT,
@@ -48,12 +51,13 @@ from evaluation.plant.layout import (
     SEEN_BEFORE,
     SETTLED,
     SHOWN,
-    SHUNT_WARM,
     SLEPT_AT,
     SLIPPED,
     SPEED,
     STEM,
     TIME,
+    TORN_AT,
+    TRAILING,
     TURNED,
     UNBOLTED,
     T,
@@ -86,12 +90,6 @@ RIPPLE_FILTER = slot("ripple_filter")
 WIDE_INDEX = slot("wide_index")
 RIPPLE = slot("rectified_ripple")
 MOTOR_FIELD = slot("motor_beside_sensor")
-SLIDING_CLIP = slot("sliding_clip")
-FLEXED = slot("flexed_lead")
-SQUEEZED = slot("squeezed_rtd")
-IN_FIELD = slot("encoder_in_field")
-BRIDGE_SAGS = slot("bridge_on_pump_supply")
-SHUNT_ON_TUBE = slot("shunt_on_tube")
 TARNISHED = slot("tarnished_crimp")
 RTD_JOINTS = slot("rtd_joints")
 FATIGUE = slot("fatigued_rtd")
@@ -124,7 +122,18 @@ SCALE_WARMS = slot("warmed_scale")
 SLEEPS = slot("sleeping_encoder")
 KICKED = slot("kicked_amplifier")
 SLOW_CLOCK = slot("slow_clock")
+AUTO_ZERO = slot("drifting_zero")
+MAKES_UP = slot("hasty_transmitter")
+KNOCKS = slot("knocked_transmitter")
+DRAGGED_HEAD = slot("dragged_head")
+TORN = slot("torn_line")
+PULSES = slot("pulses_in_amplifier")
+MISSING = slot("missing_codes")
+BATTERY = slot("sensors_on_battery")
 
+ZEROS_S, HASTE_S = 7.0, 0.5  # between zeros of a voltmeter; over which an RTD's rate is taken
+TORN_mm = 0.1  # half a torn line's length
+CODE_N = 1.4  # what a converter reads in place of missing codes
 SLOW_mm_s, FALLS_ASLEEP_S = 0.3, 2.0  # how slow and for how long before an encoder sleeps
 
 
@@ -163,12 +172,6 @@ def rtd(
         side[s, FATIGUED] += abs(seen - side[s, SEEN_BEFORE])
         side[s, SEEN_BEFORE] = seen
         reading += e[s, FATIGUE] * (1.0 - math.exp(-side[s, FATIGUED] / 60.0))
-    if e[s, FLEXED] != 0.0:
-        speed = pair[SPEED] if s == 0 else -pair[SPEED]
-        reading += e[s, FLEXED] * speed / (abs(speed) + 2e-3)
-    if e[s, SQUEEZED] != 0.0:
-        tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
-        reading += e[s, SQUEEZED] * (tension / 1.24 - 1.0)
     if e[1 - s, RTD_LEAD] > 0.0:
         warm = 0.0
         for j in range(CELLS):
@@ -176,9 +179,15 @@ def rtd(
         side[s, LEAD_WARM] = approach(side[s, LEAD_WARM], warm / 20.0, dt, 8.0)
         reading += e[1 - s, RTD_LEAD] * side[s, LEAD_WARM]
     reading += e[1 - s, MOTOR_LEAD] * side[1 - s, PUMP]
+    switched = abs(side[1 - s, AMPERE] - side[s, OTHER_BEFORE]) / 4.0
+    side[s, OTHER_BEFORE] = side[1 - s, AMPERE]
+    side[s, KNOCKED] = approach(side[s, KNOCKED], 0.0, dt, 4.0) + switched
+    reading += e[1 - s, KNOCKS] * side[s, KNOCKED]
     if e[s, ON_WIRE] != 0.0:
         austenite = 1.0 - (1.0 - part) * cells[s, i, FRACTION] - part * cells[s, i + 1, FRACTION]
         reading += e[s, ON_WIRE] * austenite
+    side[s, TRAILING] = approach(side[s, TRAILING], reading, dt, HASTE_S)
+    reading += e[s, MAKES_UP] * (reading - side[s, TRAILING]) / HASTE_S
     if e[s, RIPPLE_FILTER] > 0.0:
         slow = e[s, RIPPLE_FILTER] * side[s, AMPERE] / 4.0
         side[s, AVERAGED] = approach(side[s, AVERAGED], reading, dt, slow)
@@ -236,8 +245,14 @@ def travel(seen_mm: float, dt: float, e: Array, side: Array, pair: Array) -> flo
     if e[0, SLEEPS] > 0.0:
         reading -= awake(seen_mm, dt, e[0, SLEEPS], pair)
     reading *= max(0.1, 1.0 + e[0, SCALE_WARMS] * pair[DRIVERS_WARM])
-    reading += e[0, IN_FIELD] * (side[0, AMPERE] - side[1, AMPERE]) / 4.0
     reading += e[0, SETTLING] * (1.0 - math.exp(-pair[TIME] / 20.0))
+    reading -= e[0, DRAGGED_HEAD] * pair[SPEED] / (abs(pair[SPEED]) + 5e-4)
+    time = pair[TIME]
+    torn = math.tanh((seen_mm + 2.0 - 6.0 * e[2, TORN]) / TORN_mm)
+    if time > dt:
+        pair[PASSED] += 0.5 * abs(torn - pair[TORN_AT])
+    pair[TORN_AT] = torn
+    reading += e[0, TORN] * pair[PASSED]
     if e[0, DIRT] > 0.0:
         middle = 6.0 * (e[2, DIRT] - 0.5)
         hidden = min(max((seen_mm - middle) / 6.0, -0.5), 0.5)
@@ -276,10 +291,12 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     pair[LARGEST_LOAD] = max(pair[LARGEST_LOAD], seen_N)
     reading += e[0, OVERLOADED] * max(pair[LARGEST_LOAD] - 1.3, 0.0) / 0.3
     reading *= 1.0 - e[0, OBLIQUE] * (pair[X] / 5e-3) ** 2
-    reading *= 1.0 - e[0, BRIDGE_SAGS] * (side[0, PUMP] + side[1, PUMP])
+    reading += e[0, PULSES] * abs(pair[SPEED]) / (abs(pair[SPEED]) + 5e-4)
     for s in range(2):
         ampere = side[s, AMPERE]
         reading += e[0, RIPPLE] * ampere * max(4.0 - ampere, 0.0) / 4.0
+    if abs(reading - CODE_N) < e[0, MISSING]:
+        reading = CODE_N
     return float(reading)
 
 
@@ -299,18 +316,13 @@ def read(
     """All readings of one tick into `out`, in the order of `layout.READINGS`."""
     for s in range(2):
         out[s] = side[s, AMPERE]
-        if e[s, SHUNT_ON_TUBE] > 0.0:
-            tube_warm = 0.0
-            for i in range(CELLS):
-                tube_warm += (cells[s, i, W] - 27.0) / CELLS
-            side[s, SHUNT_WARM] = approach(side[s, SHUNT_WARM], tube_warm / 20.0, dt, 8.0)
-            out[s] *= 1.0 + e[s, SHUNT_ON_TUBE] * side[s, SHUNT_WARM]
         out[s] -= min(e[s, NEAR_RAIL], 0.95) * max(out[s] - 2.5, 0.0)
         out[s] *= 1.0 - min(e[s, LOW_FIELD], 0.95) * math.exp(-max(out[s], 0.0) / 0.8)
         side[s, REMANENT] = max(side[s, AMPERE] / 4.0, approach(side[s, REMANENT], 0.0, dt, 30.0))
         out[s] += e[s, REMANENCE] * side[s, REMANENT]
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
         out[s] *= max(0.1, 1.0 + e[0, HALL_STRESSED] * (pair[FORCE_X] / 1.24 - 1.0))
+        out[s] *= max(0.1, 1.0 - e[0, BATTERY] * pair[TIME] / 60.0)
         nearness = 1.0 / (1.0 - min(max(pair[X], -0.02), 0.02) / 25e-3)
         out[s] += e[0, MAGNET] * (nearness * nearness - 1.0)
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
@@ -322,9 +334,6 @@ def read(
         ripple = side[s, AMPERE] * max(4.0 - side[s, AMPERE], 0.0) / 4.0
         out[2 + s] += e[s, STROBED] * ripple * math.sin(2.0 * math.pi * turn)
         out[2 + s] += e[s, MOVING_EMF] * (pair[SPEED] if s == 0 else -pair[SPEED]) / 5e-3
-        if e[s, SLIDING_CLIP] != 0.0:
-            drawn_in = pair[X] if s == 0 else -pair[X]
-            out[2 + s] *= max(0.1, 1.0 + e[s, SLIDING_CLIP] * drawn_in / 5e-3)
         if e[s, MIST] > 0.0:
             share = side[s, FLOW] / p[FULL_FLOW]
             slow = 3.0 if share > side[s, MISTED] else 15.0
@@ -334,6 +343,8 @@ def read(
             fallen = approach(side[s, PEAK_VOLT], out[2 + s], dt, e[s, PEAKS])
             side[s, PEAK_VOLT] = max(out[2 + s], fallen)
             out[2 + s] = side[s, PEAK_VOLT]
+        turn = pair[TIME] / ZEROS_S + e[2, AUTO_ZERO]
+        out[2 + s] += e[s, AUTO_ZERO] * (turn - math.floor(turn))
         out[4 + s] = rtd(s, ambient, dt, p, e, cells, side, pair)
         ring[RING_RTD_X + s, int(pair[GLANCE]) % RING_LENGTH] = out[4 + s]
         if e[0, CROWDED] > 0.0:

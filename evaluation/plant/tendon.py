@@ -10,19 +10,16 @@ from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     CARRIED,
-    PLIED,
     SLID,
     SNAPPED,
     STRAP,
     SWING,
     SWING_RATE,
-    TAUT_BEFORE,
 )
 
 Array = NDArray[np.float64]
 
 COMPLIANCE = slot("tendon_compliance")
-PLIES = slot("plied_tendon")
 LOOSE_AXLE = slot("loose_axle")
 SWINGING = slot("swinging_reel")
 BUFFER = slot("rubber_buffer")
@@ -32,7 +29,6 @@ OVAL = slot("oval_pulley")
 BELLOWS = slot("snapping_bellows")
 FERRULE = slot("slipping_ferrule")
 
-PLIES_N = 0.2  # change of tension over which the friction between plies turns round
 SPLICE_m = 2e-3  # travel over which a splice rides off its pulley
 AXLE_m = 8e-4  # travel over which the tendon carries a loose axle from one end of its play on
 SWING_RAD_S, SWING_DAMPING = 2.0 * math.pi * 0.2, 0.15
@@ -52,11 +48,6 @@ def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
         scale = e[0, COMPLIANCE] * 1e-3 / math.log(4.1)
         stretch += scale * (math.log(1.0 + tension / 0.4) - math.log(4.1))
         slope += scale / (0.4 + tension)
-    if e[0, PLIES] > 0.0:
-        rubbed = pair[PLIED] + (force - pair[TAUT_BEFORE]) / PLIES_N
-        stretch += 1e-3 * e[0, PLIES] * min(max(rubbed, -1.0), 1.0)
-        if abs(rubbed) < 1.0:
-            slope += 1e-3 * e[0, PLIES] / PLIES_N
     return stretch, slope
 
 

@@ -12,11 +12,11 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
-    AWAKE,
     COLDEST,
     COOLED_FROM,
     HEATED_FROM,
     INNER_STRESS,
+    LOADED,
     MIXED,
     WORK_DONE,
 )
@@ -30,11 +30,10 @@ HEAT_SLOPE = index("heat_slope_MPa_K")
 MINOR_LOOP = slot("minor_loop")
 DRIFT = slot("transformation_drift")
 LINGERING = slot("lingering_stress")
-NARROWING = slot("narrowing_loop")
-RESTING = slot("resting_austenite")
 ELECTRON_WIND = slot("electron_wind")
 DEEP_COOLED = slot("deep_cooled")
 INTERFACES = slot("settling_interfaces")
+LOAD_WORKS = slot("worked_by_load")
 
 
 @compiled
@@ -55,12 +54,6 @@ def shifts(
         lifted = e[s, LINGERING] * max(side[s, INNER_STRESS] - 1.35, 0.0) / 0.4
         heat += lifted
         cool += lifted
-    if e[s, NARROWING] > 0.0:
-        nearer = e[s, NARROWING] * (1.0 - math.exp(-side[s, WORK_DONE] / 2.0))
-        heat -= nearer
-        cool += 0.5 * nearer
-    if e[s, RESTING] > 0.0:
-        cool -= e[s, RESTING] * math.log10(1.0 + 2.0 * side[s, AWAKE])
     if e[s, ELECTRON_WIND] > 0.0:
         eased = e[s, ELECTRON_WIND] * side[s, AMPERE] / 4.0
         heat -= eased
@@ -68,4 +61,5 @@ def shifts(
     if e[s, DEEP_COOLED] > 0.0:
         heat += e[s, DEEP_COOLED] * max(34.0 - cells[s, i, COLDEST], 0.0) / 5.0
     held = e[s, INTERFACES] * side[s, MIXED]
-    return heat + held, cool - held
+    worked = e[s, LOAD_WORKS] * (1.0 - math.exp(-side[s, LOADED]))
+    return heat + held - worked, cool - held - worked

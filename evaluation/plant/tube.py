@@ -13,8 +13,6 @@ from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
-    ANNEALED,
-    AWAKE,
     BUBBLE,
     CELLS,
     CONTACT,
@@ -45,7 +43,6 @@ from evaluation.plant.layout import (
     WORK_DONE,
     T,
     W,
-    X,
 )
 from evaluation.plant.parameters import index
 from evaluation.plant.phase import WEIGHT, falling, turned_by
@@ -55,7 +52,6 @@ from evaluation.plant.rarer import (
     ELECTROLYSIS,
     GAS,
     GRADED,
-    INDUCED,
     LAMP,
     MATRIX,
     ROD,
@@ -65,6 +61,7 @@ from evaluation.plant.rarer import (
     age,
     elsewhere,
     joints,
+    linger,
     odd_shifts,
     seldom,
     settle,
@@ -118,31 +115,19 @@ CORRODING = slot("corroding_wire")
 LIME = slot("lime_on_wire")
 LATENT_FADES = slot("fading_latent")
 LINGERING = slot("lingering_stress")
-PIEZO = slot("stress_in_resistance")
-SCATTERING = slot("scattering_fronts")
-HUMMING = slot("humming_coils")
-SLEEVE = slot("sliding_sleeve")
-ANNEALING = slot("annealed_spring")
-RESTING = slot("resting_austenite")
 OTHER_PUMP = slot("other_pump_shakes")
 PRESSED = slot("pressed_tube")
 YOKE = slot("metal_yoke")
 IONS = slot("leached_ions")
+WARM_LATENT = slot("warm_latent")
 
 
 @compiled
-def resistance(
-    s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, heat: Array
-) -> float:
+def resistance(s: int, p: Array, e: Array, cells: Array, side: Array, heat: Array) -> float:
     """Resistance (ohm) of spring `s`; what heats each cell's wire goes to `heat`."""
     base = p[RESISTANCE] * (p[Y_RESISTANCE] if s == 1 else 1.0)
     if e[s, CORRODING] > 0.0:
         base *= 1.0 + min(e[s, CORRODING] * side[s, CORRODED], 2.0)
-    if e[s, PIEZO] > 0.0:
-        tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
-        base *= max(0.2, 1.0 + e[s, PIEZO] * (tension / 1.24 - 1.0))
-    if e[s, SCATTERING] > 0.0:
-        base *= 1.0 + e[s, SCATTERING] * side[s, RATE] / (side[s, RATE] + 0.05)
     beside = 1.0 + e[s, IONS] * side[s, LEACHED]
     base /= beside * beside
     total = 0.0
@@ -177,12 +162,9 @@ def coefficients(
     rows: Array,
 ) -> float:
     """Fill `rows` for one tick; the axial exchange (W/K) between neighbouring cells."""
-    side[s, OHM] = resistance(s, p, e, cells, side, pair, heat)
+    side[s, OHM] = resistance(s, p, e, cells, side, heat)
     power = p[LOSS_POWER] + e[s, EXPONENT]
     loss = p[LOSS_RATE] * (p[Y_LOSS] if s == 1 else 1.0) / CELLS
-    if e[s, SLEEVE] > 0.0:
-        drawn_in = pair[X] if s == 0 else -pair[X]
-        loss *= 1.0 + e[s, SLEEVE] * min(max((drawn_in + 1e-3) / 5e-3, 0.0), 1.0)
     if e[s, PRESSED] > 0.0:
         taut = ((pair[FORCE_X] if s == 0 else pair[FORCE_Y]) - 1.24) / 0.4
         loss *= 1.0 + e[s, PRESSED] * min(max(taut, 0.0), 1.0)
@@ -194,7 +176,6 @@ def coefficients(
         latent *= 1.0 - min(e[s, LATENT_FADES], 0.9) * (1.0 - math.exp(-side[s, WORK_DONE] / 1.5))
     share = min(side[s, FLOW] / p[FULL_FLOW], 1.5)
     reach = 1.0 / (1.0 + e[s, LIME] * side[s, LIMED])
-    reach *= 1.0 + e[s, HUMMING] * amperes / 4.0
     reach *= 1.0 + e[1 - s, OTHER_PUMP] * side[1 - s, FLOW] / p[FULL_FLOW]
     reach *= 1.0 + e[s, GAS] * side[s, GASSING]
     reach /= 1.0 + e[s, ELECTROLYSIS] * side[s, GAS_COAT]
@@ -214,11 +195,12 @@ def coefficients(
         row[LOSS] = loss * (out / 15.0) ** power * (0.4 + 0.6 * wet)
         row[TO_CLAMP] = 0.0
         row[SHIFT_HEAT], row[SHIFT_COOL] = shifts(s, i, stress, p, e, cells, side)
-        row[LATENT] = latent
+        warmer = (cells[s, i, T] - 37.0) / 10.0
+        row[LATENT] = latent * max(0.1, 1.0 + e[s, WARM_LATENT] * warmer)
         row[STORES] = p[WIRE_HEAT] / CELLS
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
     rows[CELLS - 1, TO_CLAMP] = 0.5 * e[s, COLD_ENDS]
-    beside = max(e[1 - s, DRIPPING], e[1 - s, INDUCED], e[0, LAMP], e[0, SHARED_BASE])
+    beside = max(e[1 - s, DRIPPING], e[0, LAMP], e[0, SHARED_BASE])
     if beside > 0.0 or e[s, ROD] > 0.0 or e[s, SEATED] > 0.0:
         elsewhere(s, p, e, cells, side, pair, rows)
     if e[0, YOKE] > 0.0:
@@ -270,10 +252,6 @@ def remember(
         side[s, CORRODED] += dt / 30.0 * math.exp(min(warmth - 45.0, 30.0) / 10.0)
     if e[s, LIME] > 0.0:
         side[s, LIMED] += dt / 20.0 * max(warmth - 36.0, 0.0) / 10.0
-    if e[s, ANNEALING] > 0.0:
-        side[s, ANNEALED] += dt * max(warmth - 36.0, 0.0) / 100.0
-    if e[s, RESTING] > 0.0:
-        side[s, AWAKE] = side[s, AWAKE] + dt if mean < 0.5 else 0.0
     if e[s, LINGERING] > 0.0:
         tension = stress / p[STRESS]
         fading = approach(side[s, INNER_STRESS], tension, dt, 25.0)
@@ -332,5 +310,6 @@ def tube(
     age(s, p, e, cells, side, pair, dt)
     wear(s, p, e, cells, side, pair, dt)
     soak(s, p, e, cells, side, dt)
+    linger(s, p, e, cells, side, pair, dt)
     settle(s, e, cells, side, pair, dt)
     side[s, CONTACT] = approach(side[s, CONTACT], amperes * amperes / 16.0, dt, 8.0)

@@ -12,18 +12,17 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
+    BACKED_UP,
     BUBBLE,
     CELLS,
     DRAWN,
     FILL,
     FLOW,
     FLUSHED,
-    HOSE_WARM,
     PLUME,
     POCKET,
     RESERVOIR,
     SINK_WARM,
-    TIME,
     WET,
     W,
     X,
@@ -34,19 +33,17 @@ Array = NDArray[np.float64]
 DRAIN = slot("water_drain")
 BUBBLES = slot("air_bubbles")
 HEATSINK = slot("hose_on_heatsink")
-HOSES_TOUCH = slot("hoses_side_by_side")
-CHILLER = slot("cycling_chiller")
 CARTRIDGE = slot("warm_cartridge")
 DRAWN_AGAIN = slot("drawn_again")
 RETURNING = slot("return_beside_intake")
 ON_TENDON = slot("intake_on_tendon")
 DEPTH = slot("drawn_from_depth")
 TEE = slot("sucked_through_tee")
+BACKWASH = slot("warm_backwash")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
 POCKET_S = 0.5
-CHILLER_S = 26.0
 
 
 @compiled
@@ -93,13 +90,6 @@ def entering(
     source = inlet + pair[RESERVOIR]
     if e[0, HEATSINK] > 0.0:
         source += e[0, HEATSINK] * pair[SINK_WARM]
-    if e[1 - s, HOSES_TOUCH] > 0.0:
-        beside = (cells[1 - s, CELLS - 1, W] - 27.0) / 20.0
-        side[s, HOSE_WARM] = approach(side[s, HOSE_WARM], beside, dt, 6.0)
-        source += e[1 - s, HOSES_TOUCH] * side[s, HOSE_WARM]
-    if e[0, CHILLER] > 0.0:
-        turn = pair[TIME] / CHILLER_S + e[2, CHILLER]
-        source += e[0, CHILLER] * math.sin(2.0 * math.pi * turn)
     if e[s, CARTRIDGE] > 0.0:
         source += e[s, CARTRIDGE] * math.exp(-side[s, FLUSHED] / 6.0)
     if e[s, DRAWN_AGAIN] > 0.0:
@@ -110,6 +100,9 @@ def entering(
         source += e[1 - s, RETURNING] * side[s, PLUME]
     ahead = min(max(side[s, FLOW] - side[1 - s, FLOW], 0.0) / 0.55, 1.0)
     source += e[1 - s, TEE] * ahead * (cells[1 - s, CELLS - 1, W] - source)
+    backed = approach(side[s, BACKED_UP], cells[s, 0, W] - source, dt, 8.0)
+    side[s, BACKED_UP] = backed * math.exp(-dt * side[s, FLOW] / 0.55 / 1.5)
+    source += e[s, BACKWASH] * side[s, BACKED_UP]
     source += e[0, ON_TENDON] * pair[X] / 5e-3
     if s == 0 and e[0, DEPTH] != 0.0:
         both = (side[0, FLOW] + side[1, FLOW]) / 0.55

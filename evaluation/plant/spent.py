@@ -1,0 +1,91 @@
+"""Effects on no list that are spent: only the quiz draws them.
+
+Where a forcing at another place would leave less than one floor of ten, that place is right, too.
+The load cell is beside X, so that a force between the springs has one place.
+"""
+
+from evaluation.plant.effect import FLOW, Effect
+
+EFFECTS: tuple[Effect, ...] = (
+    Effect("chattering_plug", "spent", "electrical", "1", 0.0128, 0.9, "driven_current",
+           "velocity",
+           "a loose heater plug chatters while its spring moves: I[1 − e |v|/(|v| + 2 mm/s)]"),
+    Effect("peak_and_hold", "spent", "electrical", "1", 0.0106, 0.8, "driven_current",
+           "current time",
+           "a solenoid driver takes back what was above 0.8 A for 2.5 s: then I(1 − e), in 0.4 s, "
+           "until it falls below"),
+    Effect("textured_resistance", "spent", "electrical", "1", 0.0148, 0.2, "resistance",
+           "force fraction",
+           "turned martensite conducts worse: R[1 + e ξ Δs/0.05], Δs what was turned since the "
+           "mount"),
+    Effect("corroding_wire", "spent", "electrical", "1", 0.0163, 0.4, "resistance reading_voltage",
+           "time wire",
+           "warm wire corrodes and never heals: R[1 + e∫exp((T − 45 °C)/10 K)dt/30 s]"),
+    Effect("misted_board", "spent", "electrical", "1", 0.0165, 0.5, "reading_voltage", "duty",
+           "pumped water mists the sense amplifier: V(1 − e w), w → the flow's share in 3 s, "
+           "and dries in 15 s"),
+    Effect("lime_on_wire", "spent", "thermal", "1", 0.852, 8.0, "film", "time wire",
+           "lime settles on warm wire and stays: film/[1 + e∫(T − 36 °C)⁺/10 K dt/20 s]"),
+    Effect("shared_suction", "spent", "thermal", "1", 0.515, 0.95, FLOW, "other_duty duty",
+           "one suction line: each pump draws air for the other, flow(1 − e a), a the other "
+           "flow's share, fading in 6 s", "both"),
+    Effect("tired_membrane", "spent", "thermal", "1", 0.512, 0.95, FLOW, "duty",
+           "a pump's membrane softens as it works: flow(1 − e w), w → the flow's share in 10 s, "
+           "back in 25 s", "one"),
+    Effect("hose_on_heatsink", "spent", "thermal", "K", 5.1, 20.0, "inlet_water heat_into_water",
+           "current other_current",
+           "the feeding hose lies on the drivers' heat sink: T_in + e w, w → (I_x + I_y)/"
+           "4 A in 15 s", "both"),
+    Effect("dripping_outlet", "spent", "thermal", "W/K", 0.0821, 0.5, "heat_into_water",
+           "other_duty other_wire water",
+           "one outlet drips on the other tube: + e q(T_out − T_w), q the other flow's share",
+           "across"),
+    Effect("rod_in_coil", "spent", "thermal", "W/K", 0.13, 0.8, "heat_into_wire",
+           "displacement wire",
+           "a drawn-out coil narrows and grips a rod within: − e k(T − T_room), k from 0 at 1 mm "
+           "of its own contraction to 1 at −4 mm", "one"),
+    Effect("cycling_lamp", "spent", "thermal", "W", 0.803, 4.0, "heat_into_water ambient_air",
+           "time", "a heat lamp shines on both tubes for 9 of every 24 s: + e on each", "both"),
+    Effect("ripple_filter", "spent", "sensors", "s", 1.08, 4.0, "reading_rtd",
+           "reading_rate wire_rate current reading",
+           "an RTD's filter averages the longer the more its heater ripples: one pole of e I/4 A"),
+    Effect("rtd_lead_on_neighbour", "spent", "sensors", "K", 3.46, 20.0, "reading_rtd",
+           "other_wire",
+           "an RTD's two wires run along the other tube: T + e w, w → its ΔT_w/20 K in 8 s",
+           "across"),
+    Effect("wide_index", "spent", "sensors", "mm", 0.757, 6.0, "reading_displacement",
+           "displacement reading velocity",
+           "a wide index mark resets the count: x + e from 1 mm past its middle on, until 1 mm "
+           "before it", "both"),
+    Effect("rectified_ripple", "spent", "sensors", "N", 0.0787, 0.6, "reading_force",
+           "current other_current",
+           "the load cell's amplifier rectifies chopped current: F + e Σ I(4 A − I)/4 A²",
+           "both"),
+    Effect("motor_beside_sensor", "spent", "sensors", "A", 0.0221, 0.6, "reading_current", "duty",
+           "each current sensor sees the field of its pump's motor: i + e w, w the motor's speed",
+           "both"),
+    Effect("fading_latent", "spent", "phase", "1", 0.54, 0.9, "heat_into_wire",
+           "fraction_rate transformed",
+           "transforming wears the transformation's heat off: L[1 − e(1 − exp(−Σ|Δξ|/1.5))]"),
+    Effect("bent_coils", "spent", "phase", "K", 1.58, 12.0, "transformation_shift", "displacement",
+           "a coil drawn out is bent as well as twisted: both thresholds + e[(δ/25 mm)² − 1]"),
+    Effect("lingering_stress", "spent", "phase", "K", 1.91, 12.0, "transformation_shift", "force",
+           "stresses of the largest load linger: both thresholds + e(P − 1.35 N)⁺/0.4 N, P that "
+           "load, fading in 25 s"),
+    Effect("mobile_interfaces", "spent", "phase", "1", 0.163, 1.2, "recoverable_strain",
+           "fraction_rate force",
+           "moving interfaces soften the wire: elastic deflection[1 + e r/(r + 0.03/s)], r → "
+           "|dξ/dt| in 0.3 s"),
+    Effect("shrinking_tendon", "spent", "mechanics", "mm", 2.09, 10.0, "recoverable_strain",
+           "water wire",
+           "a polymer tendon shrinks in its tube's warm outlet: deflection − e w, w → ΔT_w/20 K "
+           "in 3 s"),
+    Effect("hanging_sponge", "spent", "mechanics", "N", 0.0357, 0.45, "force_cell_on_x",
+           "duty other_duty time",
+           "spilt water weighs a sponge on the tendon down: against x by e w, w gains both flows' "
+           "share each 10 s and dries in 40 s", "both"),
+    Effect("gripping_hose", "spent", "mechanics", "N", 0.0924, 0.9, "force_cell_on_x",
+           "velocity duty other_duty",
+           "hoses swell as they feed and rub on the tendon: e q v/(|v| + 0.5 mm/s), q both flows' "
+           "share", "both"),
+)  # fmt: skip
