@@ -45,9 +45,9 @@ def stored_energy(state: k.State, setup: Setup) -> float:
     Sensible heat counts from the reference temperature with the heating capacity; martensite lies
     below austenite by the latent heat of heating.
     """
-    p, e = setup.p, setup.e
+    p, model = setup.p, setup.model[0]
     total = 0.0
-    for s in (state.x, state.y):
+    for of_y, s, e in ((0, state.x, model.x), (1, state.y, model.y)):
         xi = float(s.memory.xi_S + s.memory.xi_T)
         water = s.filled * p.warming_share * p.water_capacity * p.warms
         wall = e.wall_ratio * p.water_capacity * p.warms
@@ -60,7 +60,7 @@ def stored_energy(state: k.State, setup: Setup) -> float:
         )
         total += float(p.length * per_metre)
         force = float(s.tension)
-        total += 0.5 * force * force * float(k.compliance_of(setup.model, xi))
+        total += 0.5 * force * force * float(k.compliance_of(setup.model, of_y, xi))
     return total
 
 

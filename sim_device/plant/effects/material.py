@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim_device.plant.effects.record import Effect, EffectParameter, about, either, half
+from sim_device.plant.effects.record import Y_SHARE, Effect, EffectParameter, about, either, half
 
 _MOVES = ("temperature", "displacement", "force")
 _TENDON = ("displacement", "force")
@@ -76,6 +76,7 @@ PHASE: tuple[Effect, ...] = (
                 prior=half(0.003),
                 meaning="loss l of a cycle",
             ),
+            Y_SHARE,
         ),
         signals=_MOVES,
         confused_with=("ambient_drift", "residual_elongation", "minor_loop"),
@@ -195,6 +196,7 @@ PHASE: tuple[Effect, ...] = (
                 prior=either(0.6),
                 meaning="λ per 100 MPa",
             ),
+            Y_SHARE,
         ),
         signals=_MOVES,
         confused_with=("tube_wall",),
@@ -397,6 +399,7 @@ MECHANICS: tuple[Effect, ...] = (
                 prior=either(1e-4),
                 meaning="e of a cycle",
             ),
+            Y_SHARE,
         ),
         signals=_TENDON,
         confused_with=("transformation_fatigue", "encoder_slip"),

@@ -25,7 +25,7 @@ EFFECTS: tuple[Effect, ...] = (*ELECTRICAL, *SENSORS, *THERMAL, *WATER, *PHASE, 
 _BY_NAME = {effect.name: effect for effect in EFFECTS}
 
 _TERMS = tuple(places(Effects))
-# Terms that switch others on: 1 when one of these is not zero.
+# Terms that switch others on: 1 on a side where one of these is not zero.
 _SWITCHES = {
     "resists": (
         "coulomb",
@@ -140,9 +140,9 @@ def effect_terms(effects: Resolved) -> tuple[Terms, Terms]:
                 y[parameter.term] = parameter.on_a_side(value, of_y)
     if x["coulomb"] != 0.0 or x["proportional_friction"] != 0.0:
         x["reads_x"] = effects["tube_friction"]["sensor_on_x"] - 0.5
-    for switch, terms in _SWITCHES.items():
-        x[switch] = 1.0 if any(x[term] != 0.0 for term in terms) else 0.0
     for side in sides:
+        for switch, terms in _SWITCHES.items():
+            side[switch] = 1.0 if any(side[term] != 0.0 for term in terms) else 0.0
         side["driver_knee"] = math.expm1(
             -side["driver_sharpness"] * math.log1p(-side["driver_deficit"])
         )

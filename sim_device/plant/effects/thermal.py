@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim_device.plant.effects.record import Effect, EffectParameter, about, either, half
+from sim_device.plant.effects.record import Y_SHARE, Effect, EffectParameter, about, either, half
 
 _HEAT = ("temperature", "displacement", "force")
 _NODE = (("cooling", ("water",)), ("variant", ("extended",)))
@@ -62,6 +62,7 @@ THERMAL: tuple[Effect, ...] = (
                 prior=half(0.01),
                 meaning="G",
             ),
+            Y_SHARE,
         ),
         signals=_HEAT,
         confused_with=("temperature_spread", "tube_stiffness"),
@@ -86,6 +87,7 @@ THERMAL: tuple[Effect, ...] = (
                 prior=half(2),
                 meaning="half width ΔT",
             ),
+            Y_SHARE,
         ),
         signals=_HEAT,
         confused_with=("cold_ends", "rtd_lag", "minor_loop"),
@@ -168,6 +170,7 @@ THERMAL: tuple[Effect, ...] = (
                 meaning="ΔT_0, no change",
                 zero=None,
             ),
+            Y_SHARE,
         ),
         signals=_HEAT,
         confused_with=("rtd_stem", "flow_shortfall", "driver_gain"),
@@ -226,6 +229,7 @@ THERMAL: tuple[Effect, ...] = (
                 meaning="water to wall G_t",
                 zero=None,
             ),
+            Y_SHARE,
         ),
         signals=_HEAT,
         confused_with=("water_drainage", "reservoir_warming"),

@@ -7,7 +7,7 @@ from sim_device.plant.kernel.curves import clip01, remaining
 from sim_device.plant.kernel.front import spread_latent_heat
 from sim_device.plant.kernel.heat import book_heat
 from sim_device.plant.kernel.mechanics import end_fraction
-from sim_device.plant.kernel.model import Constants, Effects, Model
+from sim_device.plant.kernel.model import Constants, Effects
 from sim_device.plant.kernel.paper_kinetics import progress_a, progress_b, progress_c
 from sim_device.plant.kernel.parts import count_parts, memory_of, rise_by_latent_heat, work_of
 from sim_device.plant.kernel.state import Shared, Spring, SpringWork
@@ -81,10 +81,9 @@ def remember_transformation(s: Spring, w: SpringWork, p: Constants, e: Effects, 
 
 @compiled
 def accept_substep(
-    F_spring: float, s: Spring, w: SpringWork, g: Shared, model: Model, dt: float
+    F_spring: float, s: Spring, w: SpringWork, g: Shared, p: Constants, e: Effects, dt: float
 ) -> None:
     """Take over the end of the substep for one spring at its tension, and write its books."""
-    p, e = model.p, model.x
     T_old = s.T_wire
     xi_old = s.memory.xi_S + s.memory.xi_T
     change = w.xi_S + w.xi_T - xi_old

@@ -13,7 +13,9 @@ from sim_device.plant.kernel.layout import OneRecord
 from sim_device.plant.kernel.model import (
     CURVE_CELLS,
     CURVE_CELLS_PER_UNIT,
+    CURVE_SIZE,
     PROGRESS_LOW,
+    Constants,
     Effects,
 )
 
@@ -75,10 +77,9 @@ def remaining_with_tails(progress: float, e: Effects) -> tuple[float, float]:
     return share + LEAST_LEFT, slope
 
 
-@entry
-def lay_curves(models: OneRecord) -> None:
-    """Fill in the outer curves of side X; that of heating with `spread` as `remaining_spread`."""
-    p, e = models[0].p, models[0].x
+@inlined
+def lay_curves_of_side(p: Constants, e: Effects) -> None:
+    """Fill in a side's outer curves; that of heating with `spread` as `remaining_spread`."""
     spread = e.spread * p.per_A_range
     for cell in range(CURVE_CELLS + 1):
         progress = PROGRESS_LOW + cell / CURVE_CELLS_PER_UNIT
@@ -91,6 +92,19 @@ def lay_curves(models: OneRecord) -> None:
         slope = 0.5 * slope + 0.25 * (early_slope + late_slope)
         e.curves.heating[2 * cell] = left
         e.curves.heating[2 * cell + 1] = slope / CURVE_CELLS_PER_UNIT
+
+
+@entry
+def lay_curves(models: OneRecord) -> None:
+    """Fill in the outer curves of both sides."""
+    p, x, y = models[0].p, models[0].x, models[0].y
+    lay_curves_of_side(p, x)
+    if y.spread != x.spread:
+        lay_curves_of_side(p, y)
+        return
+    for k in range(CURVE_SIZE):
+        y.curves.heating[k] = x.curves.heating[k]
+        y.curves.cooling[k] = x.curves.cooling[k]
 
 
 @inlined

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from sim_device.plant.kernel.compiled import compiled, inlined
 from sim_device.plant.kernel.mechanics import friction_at, slack_position, stretch_of_tendon
-from sim_device.plant.kernel.model import ANTAGONISTIC, Effects, Model
+from sim_device.plant.kernel.model import ANTAGONISTIC, Constants, Effects, Model
 from sim_device.plant.kernel.state import Spring, SpringWork, State, Work
 from sim_device.plant.kernel.temperatures import (
     ITERATIONS,
@@ -64,7 +64,8 @@ def solve_pair(guess: float, state: State, work: Work, model: Model) -> float:
     No tension at all is the answer when the unloaded springs are already long enough: the tendon is
     slack. Returns the tension, or -1 when it is not found.
     """
-    x, y, wx, wy, p, e = state.x, state.y, work.x, work.y, model.p, model.x
+    x, y, wx, wy = state.x, state.y, work.x, work.y
+    p, e, e_y = model.p, model.x, model.y
     low = 0.0
     high = UNBOUNDED
     last_miss = UNBOUNDED
@@ -73,12 +74,12 @@ def solve_pair(guess: float, state: State, work: Work, model: Model) -> float:
     joint_steps = count_joint_steps(e)
     for n in range(ITERATIONS):
         exact = n >= joint_steps
-        set_tension(F, wx, model)
+        set_tension(F, wx, p, e)
         copy_tension(wx, wy)
         if not exact:
-            step_spring(x, wx, model)
-            step_spring(y, wy, model)
-        elif not (solve_spring(x, wx, model) and solve_spring(y, wy, model)):
+            step_spring(x, wx, p, e)
+            step_spring(y, wy, p, e_y)
+        elif not (solve_spring(x, wx, p, e) and solve_spring(y, wy, p, e_y)):
             return -1.0
         miss = wx.deflection + wy.deflection - 2.0 * p.delta_0
         settled = wx.miss == 0.0 and wy.miss == 0.0
@@ -99,12 +100,13 @@ def solve_pair(guess: float, state: State, work: Work, model: Model) -> float:
 
 
 @compiled
-def solve_tension(target: float, guess: float, s: Spring, w: SpringWork, model: Model) -> float:
+def solve_tension(
+    target: float, guess: float, s: Spring, w: SpringWork, p: Constants, e: Effects
+) -> float:
     """The tension at which one spring, with its half of the tendon, has the deflection `target`.
 
     As `solve_pair`: one root, zero when the spring is slack, -1 when it is not found.
     """
-    p, e = model.p, model.x
     low = 0.0
     high = UNBOUNDED
     last_miss = UNBOUNDED
@@ -114,10 +116,10 @@ def solve_tension(target: float, guess: float, s: Spring, w: SpringWork, model: 
     joint_steps = count_joint_steps(e)
     for n in range(ITERATIONS):
         exact = n >= joint_steps
-        set_tension(F, w, model)
+        set_tension(F, w, p, e)
         if not exact:
-            step_spring(s, w, model)
-        elif not solve_spring(s, w, model):
+            step_spring(s, w, p, e)
+        elif not solve_spring(s, w, p, e):
             return -1.0
         reach = w.deflection
         slope = w.deflection_by_F
@@ -149,7 +151,8 @@ def solve_sliding_pair(
     Unknown is the tension of X; that of Y is less by what resists the motion. Returns
     (tension of X, of Y, displacement), tension -1 when it is not found.
     """
-    x, y, wx, wy, p, e = state.x, state.y, work.x, work.y, model.p, model.x
+    x, y, wx, wy = state.x, state.y, work.x, work.y
+    p, e, e_y = model.p, model.x, model.y
     low = 0.0
     high = UNBOUNDED
     last_miss = UNBOUNDED
@@ -161,8 +164,8 @@ def solve_sliding_pair(
     rub += work.between
     mounted = stretch_of_tendon(p.F0, e)[0]
     for n in range(ITERATIONS):
-        set_tension(F, wx, model)
-        solved = solve_spring(x, wx, model)
+        set_tension(F, wx, p, e)
+        solved = solve_spring(x, wx, p, e)
         stretch, stretch_F = stretch_of_tendon(F, e)
         reach = wx.deflection + stretch - mounted
         reach_F = wx.deflection_by_F + stretch_F
@@ -172,8 +175,8 @@ def solve_sliding_pair(
         if other < 0.0:
             other = 0.0
             other_F = 0.0
-        set_tension(other, wy, model)
-        if not (solve_spring(y, wy, model) and solved):
+        set_tension(other, wy, p, e_y)
+        if not (solve_spring(y, wy, p, e_y) and solved):
             return -1.0, 0.0, 0.0
         stretch, stretch_F = stretch_of_tendon(other, e)
         miss = reach + wy.deflection + stretch - mounted - 2.0 * p.delta_0
@@ -204,8 +207,8 @@ def solve_resisted_pair(
     hold = friction_at(g.tension, 0.0, e)
     if hold > 0.0:
         u = g.displacement
-        F_x = solve_tension(p.delta_0 - u, x.tension, x, work.x, model)
-        F_y = solve_tension(p.delta_0 + u, y.tension, y, work.y, model)
+        F_x = solve_tension(p.delta_0 - u, x.tension, x, work.x, p, e)
+        F_y = solve_tension(p.delta_0 + u, y.tension, y, work.y, p, model.y)
         if F_x < 0.0 or F_y < 0.0:
             return -1.0, 0.0, 0.0
         pull = F_x - F_y - 2.0 * e.tube_stiffness * u - work.between

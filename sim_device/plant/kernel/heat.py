@@ -17,7 +17,7 @@ from sim_device.plant.kernel.film import (
     mean_conductance,
 )
 from sim_device.plant.kernel.front import move_front
-from sim_device.plant.kernel.model import Constants, Effects, Model
+from sim_device.plant.kernel.model import Constants, Effects
 from sim_device.plant.kernel.parts import count_parts, memory_of, work_of
 from sim_device.plant.kernel.state import CELLS, Shared, Spring, SpringWork
 
@@ -101,13 +101,13 @@ def set_up_heat_balance(
     other: Spring,
     w: SpringWork,
     g: Shared,
-    model: Model,
+    p: Constants,
+    e: Effects,
     table: npt.NDArray[np.float64],
     forces: bool,
     dt: float,
 ) -> None:
     """T* and λ of one spring over the substep, Eqs (15)-(18), into scratch."""
-    p, e = model.p, model.x
     T = s.T_wire
     power = s.current * s.current * s.resistance * p.per_length
     per_dt = 1.0 / dt
@@ -187,15 +187,15 @@ def prepare_spring(
     other: Spring,
     w: SpringWork,
     g: Shared,
-    model: Model,
+    p: Constants,
+    e: Effects,
     table: npt.NDArray[np.float64],
     forces: bool,
     dt: float,
 ) -> None:
     """Heat balance of one spring over the substep, or its fed temperature, into scratch."""
-    p, e = model.p, model.x
     if w.fed == 0.0 or e.front > 0.0:
-        set_up_heat_balance(s, other, w, g, model, table, forces, dt)
+        set_up_heat_balance(s, other, w, g, p, e, table, forces, dt)
     if e.front > 0.0:
         # A cell has its own latent heat for half the step, on average, and loses some of it.
         soft = 2.0 * w.latent_factor / (2.0 * w.capacity + dt * (w.g_water + w.g_dry))

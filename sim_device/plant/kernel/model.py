@@ -156,7 +156,7 @@ class Effects:
 
 
 class Model:
-    """A plant that can be stepped. Drivers, leads, RTDs and water lines differ between the sides.
+    """A plant that can be stepped. Each spring, driver, lead, RTD and tube has its side's terms.
 
     What the sides share is read from `x`.
     """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sim_device.plant.kernel.compiled import inlined
-from sim_device.plant.kernel.model import Effects, Model
+from sim_device.plant.kernel.model import Constants, Effects
 from sim_device.plant.kernel.paper_kinetics import paper_fractions
 from sim_device.plant.kernel.state import CELLS, Memory, PartWork, Spring, SpringWork
 from sim_device.plant.kernel.unified_kinetics import unified_fractions
@@ -29,14 +29,13 @@ def work_of(i: int, parts: int, w: SpringWork) -> PartWork:
 
 @inlined
 def evaluate_fractions(
-    T_wire: float, s: Spring, w: SpringWork, m: Memory, c: PartWork, model: Model
+    T_wire: float, s: Spring, w: SpringWork, m: Memory, c: PartWork, p: Constants, e: Effects
 ) -> tuple[float, float]:
     """Fractions of a part at a temperature and at `F_phase`, with their slopes, into scratch.
 
     Returns the change of the martensite fraction in this substep, and its slope with the
     temperature.
     """
-    p, e = model.p, model.x
     T = T_wire - w.T_shift
     if e.unified > 0.0:
         c.xi_S, c.xi_T, c.xi_by_T, c.xi_by_F, c.xi_S_by_T, c.xi_S_by_F = unified_fractions(

@@ -23,9 +23,9 @@ def film_conductance_of(
 
 
 @entry
-def compliance_of(models: OneRecord, xi: float) -> float:
-    """Elastic deflection of a spring per newton at a martensite fraction: Eq. (9)."""
-    return compliance(xi, models[0].p, models[0].x)
+def compliance_of(models: OneRecord, of_y: int, xi: float) -> float:
+    """Elastic deflection of a side's spring per newton at a martensite fraction: Eq. (9)."""
+    return compliance(xi, models[0].p, models[0].y if of_y else models[0].x)
 
 
 @entry

@@ -88,7 +88,7 @@ def rest(
     state.shared.given_inlet = mount.T_inlet
     state.shared.given_air = mount.T_air
     rest_spring(state.x, mount.loads_x, mount, model.p, model.x)
-    rest_spring(state.y, mount.loads_y, mount, model.p, model.x)
+    rest_spring(state.y, mount.loads_y, mount, model.p, model.y)
     state.shared.tension = state.x.tension
     wake_sensors(state, model, ring)
     state.shared.samples = 0.0

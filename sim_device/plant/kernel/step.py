@@ -48,22 +48,21 @@ NOT_FINITE = 2
 @compiled
 def move_pair(u: float, state: State, work: Work, model: Model, dt: float) -> int:
     """Antagonistic pair: equilibrium, or both springs at a fed displacement u."""
-    x, y, g, wx, wy = state.x, state.y, state.shared, work.x, work.y
-    delta_0 = model.p.delta_0
+    x, y, g, wx, wy, p = state.x, state.y, state.shared, work.x, work.y, model.p
     if work.feeds.feeds_displacement > 0.0:
-        F_x = solve_tension(delta_0 - u, x.tension, x, wx, model)
-        F_y = solve_tension(delta_0 + u, y.tension, y, wy, model)
+        F_x = solve_tension(p.delta_0 - u, x.tension, x, wx, p, model.x)
+        F_y = solve_tension(p.delta_0 + u, y.tension, y, wy, p, model.y)
     elif model.x.resists > 0.0 or work.between != 0.0 or work.between_slope > 0.0:
         guess = x.tension + dt * g.tension_rate
         F_x, F_y, u = solve_resisted_pair(guess, state, work, model, dt)
     else:
         F_x = solve_pair(g.tension + dt * g.tension_rate, state, work, model)
         F_y = F_x
-        u = slack_position(u, wx, wy, model.p) if F_x == 0.0 else delta_0 - wx.deflection
+        u = slack_position(u, wx, wy, p) if F_x == 0.0 else p.delta_0 - wx.deflection
     if F_x < 0.0 or F_y < 0.0:
         return NOT_CONVERGED
-    accept_substep(F_x, x, wx, g, model, dt)
-    accept_substep(F_y, y, wy, g, model, dt)
+    accept_substep(F_x, x, wx, g, p, model.x, dt)
+    accept_substep(F_y, y, wy, g, p, model.y, dt)
     accept_motion(g, u, 0.5 * (F_x + F_y), dt)
     g.forced_cell = work.cell + work.cell_slope * g.speed
     return OK
@@ -78,12 +77,12 @@ def held_deflection(stage: float, model: Model) -> float:
 @compiled
 def move_single(state: State, work: Work, model: Model, dt: float) -> int:
     """Spring X held by the stage or between walls; Y hangs free."""
-    x, y, g, e = state.x, state.y, state.shared, model.x
+    x, y, g, p, e = state.x, state.y, state.shared, model.p, model.x
     stage = work.drive.stage
     guess = g.tension + dt * g.tension_rate
-    F_x = solve_tension(held_deflection(stage, model), guess, x, work.x, model)
-    set_tension(0.0, work.y, model)
-    if F_x < 0.0 or not solve_spring(y, work.y, model):
+    F_x = solve_tension(held_deflection(stage, model), guess, x, work.x, p, e)
+    set_tension(0.0, work.y, p, model.y)
+    if F_x < 0.0 or not solve_spring(y, work.y, p, model.y):
         return NOT_CONVERGED
     F = F_x
     if e.resists > 0.0:
@@ -96,8 +95,8 @@ def move_single(state: State, work: Work, model: Model, dt: float) -> int:
         g.forced_cell = work.cell
     if e.resists > 0.0 or work.forces > 0.0:
         F = max(F, 0.0)
-    accept_substep(F_x, x, work.x, g, model, dt)
-    accept_substep(0.0, y, work.y, g, model, dt)
+    accept_substep(F_x, x, work.x, g, p, e, dt)
+    accept_substep(0.0, y, work.y, g, p, model.y, dt)
     accept_motion(g, stage, F, dt)
     return OK
 
@@ -105,9 +104,8 @@ def move_single(state: State, work: Work, model: Model, dt: float) -> int:
 @compiled
 def move_fed(F: float, u: float, state: State, work: Work, model: Model, dt: float) -> int:
     """Kinetics under a fed tension; tension or displacement then follow from Eq. (9)."""
-    x, y, g, wx, wy, p, e = (
-        state.x, state.y, state.shared, work.x, work.y, model.p, model.x,
-    )  # fmt: skip
+    x, y, g, wx, wy = state.x, state.y, state.shared, work.x, work.y
+    p, e, e_y = model.p, model.x, model.y
     pair = p.fixture == ANTAGONISTIC
     push = resistance_to_motion(F, u, g, e, dt) if e.resists > 0.0 else 0.0
     if work.forces > 0.0:
@@ -115,33 +113,33 @@ def move_fed(F: float, u: float, state: State, work: Work, model: Model, dt: flo
         g.forced_cell = work.cell
     tension = F + 0.5 * push if F + 0.5 * push > 0.0 else 0.0
     other = F - 0.5 * push if pair and F - 0.5 * push > 0.0 else 0.0
-    set_tension(tension, wx, model)
-    set_tension(other, wy, model)
-    if not (solve_spring(x, wx, model) and solve_spring(y, wy, model)):
+    set_tension(tension, wx, p, e)
+    set_tension(other, wy, p, e_y)
+    if not (solve_spring(x, wx, p, e) and solve_spring(y, wy, p, e_y)):
         return NOT_CONVERGED
     F_y = 0.0
     if not pair:
         u = work.drive.stage
         F_x = tension_at(held_deflection(u, model), x, wx, p, e)
-        deflect_frozen(0.0, y, wy, p, e)
+        deflect_frozen(0.0, y, wy, p, e_y)
         result = F_x
     elif work.feeds.feeds_displacement > 0.0:
         F_x = tension_at(p.delta_0 - u, x, wx, p, e)
-        F_y = tension_at(p.delta_0 + u, y, wy, p, e)
+        F_y = tension_at(p.delta_0 + u, y, wy, p, e_y)
         result = 0.5 * (F_x + F_y)
     else:
         deflect_frozen(0.0, x, wx, p, e)
-        deflect_frozen(0.0, y, wy, p, e)
+        deflect_frozen(0.0, y, wy, p, e_y)
         gap = 2.0 * p.delta_0 - wx.deflection - wy.deflection
         F_x = (gap + push * wy.compliance) / (wx.compliance + wy.compliance)
         F_x = F_x if gap > 0.0 and F_x > 0.0 else 0.0
         F_y = F_x - push if F_x > push else 0.0
         deflect_frozen(F_x, x, wx, p, e)
-        deflect_frozen(F_y, y, wy, p, e)
+        deflect_frozen(F_y, y, wy, p, e_y)
         u = slack_position(u, wx, wy, p) if F_x == 0.0 else p.delta_0 - wx.deflection
         result = 0.5 * (F_x + F_y)
-    accept_substep(F_x, x, wx, g, model, dt)
-    accept_substep(F_y, y, wy, g, model, dt)
+    accept_substep(F_x, x, wx, g, p, e, dt)
+    accept_substep(F_y, y, wy, g, p, e_y, dt)
     accept_motion(g, u, result, dt)
     return OK
 
@@ -217,8 +215,8 @@ def advance_substep(
     supply_springs(state, work, model, dt)
     take_feed(work.x, feeds.x, feeds.feeds_temperature, share)
     take_feed(work.y, feeds.y, feeds.feeds_temperature, share)
-    prepare_spring(x, y, work.x, g, model, table, forces, dt)
-    prepare_spring(y, x, work.y, g, model, table, forces, dt)
+    prepare_spring(x, y, work.x, g, model.p, model.x, table, forces, dt)
+    prepare_spring(y, x, work.y, g, model.p, model.y, table, forces, dt)
     g.time += dt
     u = g.displacement
     if feeds.feeds_displacement > 0.0:

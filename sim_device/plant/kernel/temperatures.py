@@ -12,7 +12,7 @@ import math
 
 from sim_device.plant.kernel.compiled import compiled, inlined
 from sim_device.plant.kernel.mechanics import deflect_along_step
-from sim_device.plant.kernel.model import Constants, Effects, Model
+from sim_device.plant.kernel.model import Constants, Effects
 from sim_device.plant.kernel.parts import (
     change_of,
     count_parts,
@@ -66,7 +66,7 @@ def step_across(x: float, miss: float, low: float, high: float) -> float:
 
 @compiled
 def solve_part_temperature(
-    base: float, s: Spring, w: SpringWork, m: Memory, c: PartWork, model: Model
+    base: float, s: Spring, w: SpringWork, m: Memory, c: PartWork, p: Constants, e: Effects
 ) -> float:
     """The temperature of a part: the one root of T = base + s λ (ξ(T) - ξ_old), in a bracket.
 
@@ -79,11 +79,11 @@ def solve_part_temperature(
     if not low <= T <= high:
         T = base
     change = miss = lam = 0.0
-    branches = model.x.unified > 0.0
+    branches = e.unified > 0.0
     last = UNBOUNDED
-    trusted = trusted_steps(model.x)
+    trusted = trusted_steps(e)
     for n in range(ITERATIONS):
-        change, xi_T = evaluate_fractions(T, s, w, m, c, model)
+        change, xi_T = evaluate_fractions(T, s, w, m, c, p, e)
         lam = share * rise_by_latent_heat(change, w)
         miss = T - base - lam * change
         if abs(miss) <= T_TOLERANCE or high - low <= T_TOLERANCE:
@@ -107,24 +107,24 @@ def solve_part_temperature(
 
 
 @compiled
-def solve_part_temperatures(s: Spring, w: SpringWork, model: Model) -> bool:
+def solve_part_temperatures(s: Spring, w: SpringWork, p: Constants, e: Effects) -> bool:
     """The temperatures of all parts at one tension, in brackets; False if they are not found."""
     star = w.T_star
-    parts = count_parts(model.x)
+    parts = count_parts(e)
     each = 1.0 / parts
     share = w.front_share
     low = star - w.lam_heating - share * w.cell_lam_cooling
     high = star + w.lam_cooling + share * w.cell_lam_heating
     base = star
     last = UNBOUNDED
-    trusted = trusted_steps(model.x)
+    trusted = trusted_steps(e)
     for n in range(ITERATIONS):
         mean = 0.0
         latent_mean = 0.0
         for i in range(parts):
             m, c = memory_of(i, parts, s), work_of(i, parts, w)
             goal = base + share * s.wire_off[i]
-            change = solve_part_temperature(goal, s, w, m, c, model)
+            change = solve_part_temperature(goal, s, w, m, c, p, e)
             mean += change * each
             latent_mean += rise_by_latent_heat(change, w) * change * each
         lam = w.lam_heating if mean < 0.0 else w.lam_cooling
@@ -163,20 +163,20 @@ def keep_to_branch(
 
 
 @compiled
-def step_spring(s: Spring, w: SpringWork, model: Model) -> None:
+def step_spring(s: Spring, w: SpringWork, p: Constants, e: Effects) -> None:
     """Evaluate a spring at the guesses of its parts' temperatures, and make one step of Newton.
 
     At the tension that `set_tension` was given. Fractions, deflection, extrapolated along the step,
     and its slope go to the scratch; `miss` is the size of the step in temperature, 0 if there was
     nothing to step. So temperatures and tension can converge together.
     """
-    parts = count_parts(model.x)
+    parts = count_parts(e)
     each = 1.0 / parts
     share = w.front_share
     xs = xt = mean = latent_mean = 0.0
     for i in range(parts):
         m, c = memory_of(i, parts, s), work_of(i, parts, w)
-        change, _ = evaluate_fractions(c.T_wire, s, w, m, c, model)
+        change, _ = evaluate_fractions(c.T_wire, s, w, m, c, p, e)
         xs += c.xi_S * each
         xt += c.xi_T * each
         mean += change * each
@@ -211,9 +211,9 @@ def step_spring(s: Spring, w: SpringWork, model: Model) -> None:
         if rough:
             miss = c.T_wire - rise * change - base - share * s.wire_off[i]
             own_step = (step - miss) * eased
-            if model.x.unified > 0.0:
+            if e.unified > 0.0:
                 target = base + step + share * s.wire_off[i]
-                own_step = keep_to_branch(own_step, c.T_wire, target, w, m, model.p)
+                own_step = keep_to_branch(own_step, c.T_wire, target, w, m, p)
             xi_step += c.xi_by_T * own_step * each
             xs_step += c.xi_S_by_T * own_step * each
             c.T_wire += own_step
@@ -222,11 +222,11 @@ def step_spring(s: Spring, w: SpringWork, model: Model) -> None:
     w.T_end = w.T_star + lam * mean
     w.xi_S = xs
     w.xi_T = xt
-    deflect_along_step(w.F_phase, (xi_step, xs_step), (xi_F, xs_F), s, w, model.p, model.x)
+    deflect_along_step(w.F_phase, (xi_step, xs_step), (xi_F, xs_F), s, w, p, e)
 
 
 @compiled
-def solve_spring(s: Spring, w: SpringWork, model: Model) -> bool:
+def solve_spring(s: Spring, w: SpringWork, p: Constants, e: Effects) -> bool:
     """The temperatures that the heat balance asks for at the tension `set_tension` was given.
 
     In the end held in brackets; False when they are not found. Fractions, deflection and its slope
@@ -235,8 +235,8 @@ def solve_spring(s: Spring, w: SpringWork, model: Model) -> bool:
     solved = True
     for n in range(NEWTON_STEPS + 1):
         if n == NEWTON_STEPS:
-            solved = solve_part_temperatures(s, w, model)
-        step_spring(s, w, model)
+            solved = solve_part_temperatures(s, w, p, e)
+        step_spring(s, w, p, e)
         if w.miss == 0.0:
             return True
     w.miss = 0.0
@@ -244,11 +244,11 @@ def solve_spring(s: Spring, w: SpringWork, model: Model) -> bool:
 
 
 @inlined
-def set_tension(F: float, w: SpringWork, model: Model) -> None:
+def set_tension(F: float, w: SpringWork, p: Constants, e: Effects) -> None:
     """What a tension does to the whole spring's kinetics, into scratch."""
     w.F_phase = F
-    if model.x.unified > 0.0:
-        set_lines(F, w, model.p)
+    if e.unified > 0.0:
+        set_lines(F, w, p)
 
 
 @inlined

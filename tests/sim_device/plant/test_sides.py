@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from sim_device.plant import load_parameters, simulate
+from sim_device.plant import Drive, Plant, load_parameters, simulate
 from sim_device.plant.effects import EFFECTS, effect, effect_terms, resolve
 from sim_device.plant.effects.record import Y_SHARE
 from sim_device.plant.errors import EffectError
@@ -19,26 +19,36 @@ OF_X = [name for name in OUTPUTS if "_x_" in name or name.endswith("_x")]
 OF_Y = [name for name in OUTPUTS if "_y_" in name or name.endswith("_y")]
 
 
+HELD = {"displacement_m": np.zeros(INPUTS.t_s.size)}
+OF_SPRINGS = (
+    "cold_ends", "convection_exponent", "residual_elongation", "stress_latent",
+    "temperature_spread", "transformation_fatigue", "tube_wall",
+)  # fmt: skip
+
+
 @cache
-def replayed(name=None, level=1.0, y_share=None, fixture="blocked"):
-    """A replay with an effect at a level. Blocked, the springs do not know of each other."""
+def replayed(name=None, level=1.0, y_share=None, unified=False):
+    """A replay with an effect at a level. Held, the springs do not know of each other."""
     effects = {} if name is None else {name: effect(name).at_level(level)}
     if name is not None:
         del effects[name][Y_SHARE.name]
         if y_share is not None:
             effects[name][Y_SHARE.name] = y_share
-    return simulate(P, INPUTS, fixture=fixture, effects=effects, dt_s=0.01)
+    if unified:
+        effects["unified_kinetics"] = {}
+    return simulate(P, INPUTS, effects=effects, feeds=HELD, dt_s=0.01)
 
 
 def same(one, other, names):
     return all(np.array_equal(one[name], other[name]) for name in names)
 
 
-def test_drivers_leads_rtds_and_water_lines_have_a_side_each():
+def test_springs_drivers_leads_rtds_and_water_lines_have_a_side_each():
     assert set(SIDED) == {
         "driver_gain", "driver_lag", "driver_saturation", "contact_resistance", "current_offset",
         "rtd_lag", "rtd_offset", "rtd_stem",
         "water_drainage", "air_pockets", "pump_lag", "flow_shortfall", "valve_leak",
+        *OF_SPRINGS,
     }  # fmt: skip
 
 
@@ -77,6 +87,54 @@ def test_a_share_of_nothing_leaves_a_side_untouched(name):
     assert not same(replayed(name, y_share=0.0), replayed(), OF_X)
     assert same(replayed(name, y_share=2.0), replayed(), OF_X)
     assert not same(replayed(name, y_share=2.0), replayed(), OF_Y)
+
+
+@pytest.mark.parametrize("name", OF_SPRINGS)
+def test_with_the_unified_kinetics_too_a_spring_alone_has_the_effect(name):
+    bare = replayed(unified=True)
+    of_y_alone = replayed(name, y_share=2.0, unified=True)
+    assert same(of_y_alone, bare, OF_X)
+    assert not same(of_y_alone, bare, OF_Y)
+    assert same(of_y_alone, replayed(name, 2.0, unified=True), OF_Y)
+
+
+@pytest.mark.parametrize("name", OF_SPRINGS)
+@pytest.mark.parametrize("fixture", ["stretch", "blocked"])
+def test_a_spring_that_hangs_free_does_not_act_on_the_other(name, fixture):
+    effects = {name: effect(name).typical() | {Y_SHARE.name: 2.0}}
+    of_y_alone = simulate(P, INPUTS, fixture=fixture, effects=effects, dt_s=0.01)
+    bare = simulate(P, INPUTS, fixture=fixture, dt_s=0.01)
+    assert same(of_y_alone, bare, [*OF_X, "force_N", "displacement_m"])
+
+
+@pytest.mark.parametrize("name", ["cold_ends", "transformation_fatigue", "residual_elongation"])
+def test_a_side_alone_switches_on_what_it_needs(name):
+    for share, strains in ((0.0, [1.0, 0.0]), (2.0, [0.0, 1.0])):
+        sides = effect_terms(resolve({name: effect(name).typical() | {Y_SHARE.name: share}}))
+        assert [side["adds_strain"] for side in sides] == strains
+
+
+def test_friction_and_late_channels_are_switched_on_for_both_sides():
+    x, y = effect_terms(resolve({"tendon_slack": {}, "channel_delay": {}}))
+    assert x["resists"] == y["resists"] == x["late"] == y["late"] == 1.0
+
+
+def test_an_elongation_of_y_moves_the_pair_against_one_of_x():
+    def moved(share):
+        effects = {"residual_elongation": {"per_cycle_m": 1e-4, Y_SHARE.name: share}}
+        return simulate(P, INPUTS, effects=effects, dt_s=0.01)["displacement_m"][-1] - at_rest
+
+    at_rest = simulate(P, INPUTS, dt_s=0.01)["displacement_m"][-1]
+    assert moved(2.0) * moved(0.0) < 0.0
+
+
+@pytest.mark.parametrize("name", OF_SPRINGS)
+def test_the_energy_books_close_with_a_spring_alone(name):
+    plant = Plant(P, effects={name: effect(name).typical() | {Y_SHARE.name: 2.0}})
+    for drive in (Drive(i_A=(3.5, 3.0)), Drive(pump_duty=(0.9, 0.3)), Drive(i_A=(0.0, 3.5))):
+        for _ in range(600):
+            plant.advance(drive, 0.01)
+    assert abs(plant.energy.closing) < 1e-4 * plant.energy.heat_in
 
 
 @pytest.mark.parametrize("name", SIDED)

@@ -30,9 +30,9 @@ def floors() -> np.ndarray:
     return estimate_floors(runs, PLANT, PERIOD_S)
 
 
-def most_left(name: str, kind: str, rate_hz: float) -> float:
+def most_left(name: str, kind: str, rate_hz: float, **given: float) -> float:
     """The channel in which a run without noise and its exact replay differ most, in floors."""
-    values = strong(EFFECTS[name])
+    values = strong(EFFECTS[name]) | given
     # Friction that falls with speed slips in jumps, and when it does hangs on the last digit: two
     # runs of one bench differ by 7 to 26 floors of displacement then, however they are replayed.
     values |= {"stribeck": 0.0} if "stribeck" in values else {}
@@ -49,6 +49,14 @@ def test_a_run_replayed_with_its_own_truth_leaves_less_than_a_floor(name: str) -
     turn = sorted(EFFECTS).index(name)
     for k, kind in enumerate(KINDS):
         assert most_left(name, kind, RATES_HZ[(k + turn) % len(RATES_HZ)]) < 1.1, kind
+
+
+@pytest.mark.parametrize("share", [0.0, 2.0])
+@pytest.mark.parametrize(
+    "name", sorted(n for n, e in EFFECTS.items() if any(q.name == "y_share" for q in e.parameters))
+)
+def test_so_does_a_run_with_an_effect_on_one_side(name: str, share: float) -> None:
+    assert most_left(name, "pulses", 250.0, y_share=share) < 1.1
 
 
 @pytest.mark.campaign
