@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from firmware_protocol.nearest import instead
 from sim_device.plant.effects.cooling import WATER
 from sim_device.plant.effects.electrical import ELECTRICAL
-from sim_device.plant.effects.material import MECHANICS, PHASE
+from sim_device.plant.effects.mechanics import MECHANICS
+from sim_device.plant.effects.phase import PHASE
 from sim_device.plant.effects.record import Y_SHARE, Effect
 from sim_device.plant.effects.sensing import SENSORS
 from sim_device.plant.effects.thermal import THERMAL
@@ -30,10 +31,10 @@ _SWITCHES = {
     "resists": (
         "coulomb",
         "proportional_friction",
-        "drag",
+        "pair_drag",
         "tendon_slack",
         "tendon_compliance",
-        "tube_stiffness",
+        "pair_stiffness",
     ),
     "adds_strain": ("cold_ends", "r_strain", "elongation", "fatigue_shrink"),
     "late": ("delay_T", "delay_u", "delay_F", "skew_ppm"),
@@ -128,6 +129,22 @@ def check_needs(effects: Resolved, options: Mapping[str, str]) -> None:
                 )
 
 
+def _reads_x(effects: Resolved, terms: Terms) -> float:
+    """Share of X's tension in what the force sensor reads, beyond one half.
+
+    The sensor is in the tendon: of what resists the motion it reads as much as acts on Y. Effects
+    that do not agree on that share count alike.
+    """
+    shares = [
+        0.5 * effects[name][Y_SHARE.name]
+        for name, term in (("tube_stiffness", "pair_stiffness"), ("viscous_drag", "pair_drag"))
+        if terms[term] != 0.0
+    ]
+    if terms["coulomb"] != 0.0 or terms["proportional_friction"] != 0.0:
+        shares.append(effects["tube_friction"]["sensor_on_x"])
+    return sum(shares) / len(shares) - 0.5 if shares else 0.0
+
+
 def effect_terms(effects: Resolved) -> tuple[Terms, Terms]:
     """The kernel's `Effects` of side X and of side Y for what `resolve` gives; zero without."""
     sides = x, y = dict.fromkeys(_TERMS, 0.0), dict.fromkeys(_TERMS, 0.0)
@@ -138,12 +155,13 @@ def effect_terms(effects: Resolved) -> tuple[Terms, Terms]:
                 value = values[parameter.name]
                 x[parameter.term] = parameter.on_a_side(value, 2.0 - of_y)
                 y[parameter.term] = parameter.on_a_side(value, of_y)
-    if x["coulomb"] != 0.0 or x["proportional_friction"] != 0.0:
-        x["reads_x"] = effects["tube_friction"]["sensor_on_x"] - 0.5
     for side in sides:
+        side["pair_stiffness"] = x["tube_stiffness"] + y["tube_stiffness"]
+        side["pair_drag"] = 0.5 * (x["drag"] + y["drag"])
         for switch, terms in _SWITCHES.items():
             side[switch] = 1.0 if any(side[term] != 0.0 for term in terms) else 0.0
         side["driver_knee"] = math.expm1(
             -side["driver_sharpness"] * math.log1p(-side["driver_deficit"])
         )
+    x["reads_x"] = _reads_x(effects, x)
     return sides

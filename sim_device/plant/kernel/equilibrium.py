@@ -160,7 +160,7 @@ def solve_sliding_pair(
     F = guess if guess > 0.0 else 0.0
     before = state.shared.displacement
     wet = 0.5 * (x.filled + y.filled)
-    drag = (e.drag * wet + work.between_slope) / dt
+    drag = (e.pair_drag * wet + work.between_slope) / dt
     rub += work.between
     mounted = stretch_of_tendon(p.F0, e)[0]
     for n in range(ITERATIONS):
@@ -170,8 +170,8 @@ def solve_sliding_pair(
         reach = wx.deflection + stretch - mounted
         reach_F = wx.deflection_by_F + stretch_F
         u = p.delta_0 - reach
-        other = F - rub - 2.0 * e.tube_stiffness * u - drag * (u - before)
-        other_F = 1.0 + (2.0 * e.tube_stiffness + drag) * reach_F
+        other = F - rub - e.pair_stiffness * u - drag * (u - before)
+        other_F = 1.0 + (e.pair_stiffness + drag) * reach_F
         if other < 0.0:
             other = 0.0
             other_F = 0.0
@@ -211,7 +211,7 @@ def solve_resisted_pair(
         F_y = solve_tension(p.delta_0 + u, y.tension, y, work.y, p, model.y)
         if F_x < 0.0 or F_y < 0.0:
             return -1.0, 0.0, 0.0
-        pull = F_x - F_y - 2.0 * e.tube_stiffness * u - work.between
+        pull = F_x - F_y - e.pair_stiffness * u - work.between
         if abs(pull) <= hold:
             return F_x, F_y, u
         rub = friction_at(g.tension, g.speed, e)

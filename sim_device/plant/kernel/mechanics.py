@@ -122,7 +122,7 @@ def friction_at(F: float, speed: float, e: Effects) -> float:
 def resistance_to_motion(F: float, u: float, g: Shared, e: Effects, dt: float) -> float:
     """Force by which X must outpull Y at a displacement and its rate: effects of mechanics."""
     speed = (u - g.displacement) / dt
-    push = 2.0 * e.tube_stiffness * u + e.drag * speed
+    push = e.pair_stiffness * u + e.pair_drag * speed
     if abs(speed) > REST_SPEED:
         push += math.copysign(friction_at(F, speed, e), speed)
     return float(push)

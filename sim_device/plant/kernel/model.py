@@ -151,6 +151,8 @@ class Effects:
     adds_strain: float  # 1: anything that adds to Eq. (9) of a spring
     late: float  # 1: any delayed channel
     driver_knee: float  # (I_max/I_s)^n of driver_saturation
+    pair_stiffness: float  # of both tubes, N/m
+    pair_drag: float  # mean of both tubes, N s/m
     reads_x: float  # share of X's tension in what the force sensor reads, beyond one half
     curves: Curves
 

@@ -14,7 +14,10 @@ from tests.sim_device.plant.cases import alternating
 
 P = load_parameters("A")
 INPUTS = alternating(amps=2.9)
-SIDED = [entry.name for entry in EFFECTS if Y_SHARE in entry.parameters]
+TUBES = ("tube_stiffness", "viscous_drag")
+"""They resist the pair: what each side has of them tells in the force sensor alone."""
+SHARED = [entry.name for entry in EFFECTS if Y_SHARE in entry.parameters]
+SIDED = sorted({*SHARED} - {*TUBES})
 OF_X = [name for name in OUTPUTS if "_x_" in name or name.endswith("_x")]
 OF_Y = [name for name in OUTPUTS if "_y_" in name or name.endswith("_y")]
 
@@ -44,15 +47,15 @@ def same(one, other, names):
 
 
 def test_springs_drivers_leads_rtds_and_water_lines_have_a_side_each():
-    assert set(SIDED) == {
+    assert set(SHARED) == {
         "driver_gain", "driver_lag", "driver_saturation", "contact_resistance", "current_offset",
         "rtd_lag", "rtd_offset", "rtd_stem",
         "water_drainage", "air_pockets", "pump_lag", "flow_shortfall", "valve_leak",
-        *OF_SPRINGS,
+        *OF_SPRINGS, *TUBES,
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", SIDED)
+@pytest.mark.parametrize("name", SHARED)
 def test_an_even_share_is_no_share_bit_by_bit(name):
     values = effect(name).typical()
     x, y = effect_terms(resolve({name: values}))
@@ -62,7 +65,7 @@ def test_an_even_share_is_no_share_bit_by_bit(name):
     assert resolve({name: {}})[name][Y_SHARE.name] == 1.0
 
 
-@pytest.mark.parametrize("name", sorted({entry.name for entry in EFFECTS} - set(SIDED)))
+@pytest.mark.parametrize("name", sorted({entry.name for entry in EFFECTS} - set(SHARED)))
 def test_what_there_is_once_takes_no_share(name):
     with pytest.raises(EffectError, match=Y_SHARE.name):
         resolve({name: {Y_SHARE.name: 0.5}})
@@ -107,6 +110,22 @@ def test_a_spring_that_hangs_free_does_not_act_on_the_other(name, fixture):
     assert same(of_y_alone, bare, [*OF_X, "force_N", "displacement_m"])
 
 
+@pytest.mark.parametrize("name", TUBES)
+def test_of_what_tubes_resist_the_force_sensor_reads_what_acts_on_y(name):
+    outputs = ("force_N", "displacement_m", "spring_force_x_N", "spring_force_y_N")
+
+    def of(share):
+        effects = {name: effect(name).typical() | {Y_SHARE.name: share}}
+        return simulate(P, INPUTS, effects=effects, outputs=outputs, dt_s=0.01)
+
+    of_x, even, of_y = of(0.0), of(1.0), of(2.0)
+    np.testing.assert_allclose(of_x["force_N"], of_x["spring_force_y_N"], atol=1e-12)
+    np.testing.assert_allclose(of_y["force_N"], of_y["spring_force_x_N"], atol=1e-12)
+    assert same(of_x, even, outputs[1:])
+    assert same(of_y, even, outputs[1:])
+    assert np.abs(of_x["force_N"] - of_y["force_N"]).max() > 0.01
+
+
 @pytest.mark.parametrize("name", ["cold_ends", "transformation_fatigue", "residual_elongation"])
 def test_a_side_alone_switches_on_what_it_needs(name):
     for share, strains in ((0.0, [1.0, 0.0]), (2.0, [0.0, 1.0])):
@@ -137,7 +156,7 @@ def test_the_energy_books_close_with_a_spring_alone(name):
     assert abs(plant.energy.closing) < 1e-4 * plant.energy.heat_in
 
 
-@pytest.mark.parametrize("name", SIDED)
+@pytest.mark.parametrize("name", SHARED)
 def test_no_side_gets_more_than_the_range_of_a_strength(name):
     most = {q.name: q.high for q in effect(name).parameters if q.is_strength}
     x, y = effect_terms(resolve({name: most | {Y_SHARE.name: 0.25}}))

@@ -54,16 +54,20 @@ def within(parameter: EffectParameter, value: float) -> float:
     return float(np.clip(value, parameter.low, parameter.high))
 
 
-# Where sides are uneven, minor_loop with the cells of a front jumps by up to 0.6 um in one draw of
+# On uneven springs minor_loop with the cells of a front jumps by up to 0.6 um, in one draw of
 # twenty.
+SPRINGS = {
+    "transformation_fatigue", "residual_elongation", "stress_latent", "cold_ends",
+    "temperature_spread", "tube_wall", "convection_exponent",
+}  # fmt: skip
+
+
 @pytest.mark.parametrize(
-    ("left_out", "times"),
-    [({"y_share"}, 10.0), ({"minor_loop"}, 10.0), (set(), 1000.0)],
-    ids=["even", "without minor_loop", "all"],
+    ("even", "absent"), [(SPRINGS, set()), (set(), {"minor_loop"})], ids=["even springs", "uneven"]
 )
 @pytest.mark.parametrize("seed", range(8))
 def test_so_they_do_with_any_values_of_the_laws(
-    seed: int, left_out: set[str], times: float
+    seed: int, even: set[str], absent: set[str]
 ) -> None:
     rng = np.random.default_rng(seed)
     effects = {
@@ -79,14 +83,11 @@ def test_so_they_do_with_any_values_of_the_laws(
     effects["unified_kinetics"]["tails"] = float(rng.uniform(0.0, 1.0))
     for law in LAWS:
         if Y_SHARE in law.parameters:
-            effects[law.name][Y_SHARE.name] = float(rng.uniform(0.5, 1.5))
-    kept = {
-        name: {q: value for q, value in values.items() if q not in left_out}
-        for name, values in effects.items()
-        if name not in left_out
-    }
+            share = float(rng.uniform(0.5, 1.5))
+            effects[law.name][Y_SHARE.name] = 1.0 if law.name in even else share
+    kept = {name: values for name, values in effects.items() if name not in absent}
     for name, moved in moved_by_a_hair(kept, 0.01).items():
-        assert moved < times * FOLLOWS[name], name
+        assert moved < 10.0 * FOLLOWS[name], name
 
 
 def ripples(noise_K: float) -> np.ndarray:

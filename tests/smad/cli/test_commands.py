@@ -463,7 +463,7 @@ def test_an_effect_that_is_written_wrongly_is_refused_with_its_reason(
 ) -> None:
     assert "is not in the library" in failed(capfd, "sim", "--effect", "wibble")
     assert "PARAMETER=NUMBER" in failed(capfd, "sim", "--effect", "rtd_lag:tau_s")
-    assert "outside 0 to 5 s" in failed(capfd, "sim", "--effect", "rtd_lag:tau_s=99")
+    assert "outside 0 to 10 s" in failed(capfd, "sim", "--effect", "rtd_lag:tau_s=99")
     assert "has no parameter" in failed(capfd, "sim", "--effect", "rtd_lag:q=1")
 
 
