@@ -103,10 +103,10 @@ def _of_changed(inquiry: Inquiry) -> tuple[Answer, Sequence[GapRun]]:
     apart = inquiry.of(names)
     of_others = answer_of(changed_runs(apart), question=CHANGED, judged_on=_judged_on(apart))
     if of_others.verdict.outcome == QUIET:
-        note = f"nothing is new either in runs whose inputs no good run has: {listed}"
+        note = f"runs that repeat no good one show nothing new either: {listed}"
         told = answer.with_verdict(notes=[*answer.verdict.notes, note])
     else:
-        note = f"runs that repeat good ones show nothing new; these do, which repeat none: {listed}"
+        note = f"runs that repeat good ones show nothing new, the others do: {listed}"
         told = of_others.with_verdict(notes=[note, *answer.verdict.notes])
     return told, (*apart.fit, *apart.held_out)
 

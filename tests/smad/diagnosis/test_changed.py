@@ -131,7 +131,7 @@ def test_an_effect_that_shows_in_runs_alone_that_repeat_no_good_one_is_found() -
     found = ask([repeated], good=bank(OTHER, day=1), hold_out=others)
     assert [c.name for c in found.causes] == ["driver_gain"]
     assert {r.run for r in found.by_run} == {r.name for r in others}
-    assert found.notes[0].startswith("runs that repeat good ones show nothing new; these do")
+    assert found.notes[0].startswith("runs that repeat good ones show nothing new, the others do: ")
 
 
 def test_an_answer_that_nothing_is_new_is_of_all_runs() -> None:
@@ -139,7 +139,7 @@ def test_an_answer_that_nothing_is_new_is_of_all_runs() -> None:
     (other, *_) = bank(OTHER, seed=40)
     found = ask([repeated], good=bank(OTHER, day=1), hold_out=[other])
     assert found.outcome == QUIET
-    assert found.notes[-1].endswith(f"in runs whose inputs no good run has: {other.name}")
+    assert found.notes[-1] == f"runs that repeat no good one show nothing new either: {other.name}"
 
 
 def test_good_runs_of_the_same_inputs_count_as_repeats(waxen: list[GapRun]) -> None:
