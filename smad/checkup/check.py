@@ -5,6 +5,7 @@ The way is the same each time: read what was good, play or read the runs of now,
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -26,10 +27,13 @@ from smad.checkup.judge import Judged, judged
 from smad.checkup.programme import Programme
 from smad.checkup.series import Play, folder_for, play_series, read_state
 from smad.checkup.store import Baseline
+from smad.counted import counted
 from smad.diagnosis.errors import PairingError
 from smad.diagnosis.plant import PlantModel
 from smad.progress import Say, silent
 from smad.runlog.paths import passed_over
+
+_NUMBER = re.compile(r"\d[\d.]*")
 
 
 def played_now(
@@ -160,6 +164,10 @@ def checked_files(
 
 
 def _say_notes(runs: Sequence[RunFile], say: Say) -> None:
+    """Say what is noted of runs; notes that differ in numbers alone, once."""
+    alike: dict[str, list[str]] = {}
     for run in runs:
         for note in run.run.notes:
-            say(f"{run.path}: {note}")
+            alike.setdefault(_NUMBER.sub("", note), []).append(f"{run.path}: {note}")
+    for first, *others in alike.values():
+        say(f"{first}; likewise in {counted(len(others), 'more run')}" if others else first)

@@ -43,6 +43,8 @@ _MOST_MISSING, _MOST_UNKNOWN = 0.2, 0.5
 """Of a reading's samples, that may be missing; of an input's, that was not logged on change."""
 _HOLD = "give `hold = true` for it in the map if it was logged on change, or slower than the rest"
 _OPEN = "is its sensor open?"
+_LISTED = 3
+"""Columns that a remark names."""
 _CHANGES, _REGULAR, _STEPS = 20, 0.9, 0.2
 """A reading that rows repeat changes so often, at so many changes after as many rows as usual, and
 by more than one quantum in so many."""
@@ -98,7 +100,9 @@ def checked_columns(
     few = {name: g for name, g in gaps.items() if 0 < np.sum(g) <= _MOST_MISSING * n}
     if few:
         count = int(np.sum(np.logical_or.reduce(list(few.values()))))
-        text = f"{', '.join(few)} without a number in {count} of {n} samples"
+        more = f" and {len(few) - _LISTED} more" if len(few) > _LISTED else ""
+        names = ", ".join([*few][:_LISTED])
+        text = f"{names}{more} without a number in {count} of {n} samples"
         remarks.append(Remark("gaps", "", text))
     declared = [d for d in declared if d.name in out]
     steady = _steady(out, declared) if steady is None else steady

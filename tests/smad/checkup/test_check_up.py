@@ -15,7 +15,7 @@ import pytest
 
 from evaluation.programme.segments import run_of
 from evaluation.programme.writing import write_programme
-from smad.checkup.check import checked_files
+from smad.checkup.check import check_files, checked_files
 from smad.checkup.commission import commissioned
 from smad.checkup.errors import BaselineError, ProgrammeError
 from smad.checkup.files import RunFile, read_file, read_folder, require_other_recordings
@@ -303,6 +303,20 @@ def test_files_of_another_laboratory_are_paired_by_their_inputs(tmp_path: Path) 
     )
     assert named(found.verdict) == ["driver_gain"]
     assert "repeats 2 good runs" in matched.lines[0]
+
+
+def test_notes_that_differ_in_numbers_alone_are_said_once(tmp_path: Path) -> None:
+    for day, lost in ((1, 3), (2, 4), (10, 5)):
+        path = tmp_path / ("now" if day == 10 else "good") / f"day-{day}" / "a.csv"
+        _write(path, played(day))
+        rows = path.read_text().splitlines()
+        for row in range(20, 20 + lost):
+            rows[row] = rows[row].split(",")[0] + "," * rows[row].count(",")
+        path.write_text("\n".join(rows) + "\n")
+    said: list[str] = []
+    check_files(PLANT, tmp_path / "good", tmp_path / "now", say=said.append, progress=said.append)
+    (line,) = (text for text in said if "without a number" in text)
+    assert line.endswith("; likewise in 2 more runs")
 
 
 def test_a_hole_ends_a_run_of_now_and_a_good_one_and_is_told(tmp_path: Path) -> None:

@@ -235,3 +235,9 @@ def test_columns_of_five_samples_are_looked_at_as_long_ones_are() -> None:
     checked_out, remarks = checked_columns(columns, declared, T[:5])
     np.testing.assert_array_equal(checked_out["u"], columns["u"])
     assert [r.text for r in remarks] == ["u without a number in 1 of 5 samples"]
+
+
+def test_a_remark_on_gaps_names_three_columns_and_counts_the_rest() -> None:
+    columns = {name: np.array([0.0, np.nan, 2.0, 1.0, 3.0]) for name in ("a", "b", "c", "d", "e")}
+    _, remarks = checked_columns(columns, [], T[:5])
+    assert [r.text for r in remarks] == ["a, b, c and 2 more without a number in 1 of 5 samples"]
