@@ -78,7 +78,8 @@ class EffectParameter:
     """One parameter of an effect.
 
     A *strength* switches the effect: at 0 it is absent. A *shape* says how the effect acts and
-    means nothing while every strength is 0. `low < 0` makes a strength two-sided.
+    means nothing while every strength is 0. `low < 0` makes a strength two-sided. `meaning` is what
+    it is in the effect's equation.
 
     Raises GapError for a range without width, and for a strength that is typically absent.
     """
@@ -89,6 +90,7 @@ class EffectParameter:
     low: float
     high: float
     strength: bool = True
+    meaning: str = ""
 
     def __post_init__(self) -> None:
         if not self.low < self.high:

@@ -128,6 +128,6 @@ Y_SHARE = EffectParameter(
     high=2,
     typical=1,
     prior=about(1, 0.3),
-    meaning="side Y gets y times the strengths, X 2 − y",
+    meaning="side Y has so many times the strengths, X 2 minus that",
     zero=None,
 )

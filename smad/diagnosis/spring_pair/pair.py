@@ -351,6 +351,7 @@ def _effect(entry: RegistryEffect) -> Effect:
                 low=q.low,
                 high=q.high,
                 strength=q.is_strength,
+                meaning=q.meaning,
             )
             for q in entry.parameters
             if not q.switch
