@@ -90,7 +90,7 @@ def diagnose(
     It names an effect or a law, and the share of the gap that this explains.
 
     With --good it says what has changed since those runs, else what differs between model
-    and bench. Without --hold-out each run is judged by models of the others.
+    and bench. Without --hold-out each run is judged by models fitted to the others.
 
     A RUN is a run log, a table, a folder of them, or a quoted pattern; --map alone is a mapping
     file of smad log import. Give RUNs before --hold-out and --good, which take all that follows.

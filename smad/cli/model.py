@@ -45,9 +45,9 @@ def export(
 ) -> None:
     """Write the plant of a MODEL file as an FMI unit.
 
-    Programs that import FMI, such as Simulink, can run it. Without MODEL it takes the plant of a
-    parameter set. The unit contains C source, and a binary for this machine if that has a compiler.
-    More: smad docs guide/fmi.
+    Programs that import FMI can run it. Without MODEL it takes the plant of a parameter set. The
+    unit contains C source, and a binary for this machine if that has a compiler. More: smad docs
+    guide/fmi.
     """
     from sim_device.plant.errors import PlantError
     from smad.fmi.export import Mounted, export_unit

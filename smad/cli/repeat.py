@@ -37,8 +37,9 @@ def repeat(
     """Play the currents and pump duties of RUN again, sample by sample, into a new run log.
 
     Any run log can be repeated, also of closed-loop motion: what its board applied is played open
-    loop. The springs are cooled first, until displacement and temperatures are where RUN began. All
-    limits act, and the motion ends when a reading is further from RUN than `control.repeat` allows.
+    loop. The springs are cooled first; if the bench is then not where RUN began, each spring is
+    heated once to 45 °C and cooled again. All limits act, and the motion ends when a reading is
+    further from RUN than `control.repeat` allows.
     """
     from smad.experiments.repeated import repeat_on, repeat_simulated
     from smad.experiments.repeating import read_recorded_inputs

@@ -29,7 +29,7 @@ from smad.processes.simulator import READY
     "--store",
     "store_path",
     type=FILE,
-    help="With --firmware: file of the parameter memory, to survive this process.",
+    help="With --firmware: file that keeps the board's parameter memory.",
 )
 @click.option(
     "--for", "seconds", type=Quantity("s", 0.0, 1e9), metavar="S", help="End after this time."

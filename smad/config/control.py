@@ -166,7 +166,7 @@ class ControlConfig(Section, frozen=True, kw_only=True):
 
 
 class LimitsConfig(Section, frozen=True, kw_only=True):
-    """What the host refuses to exceed. The board enforces limits of its own, never tighter ones."""
+    """What the host refuses to exceed. The board has limits of its own, which are never tighter."""
 
     temperature_max_degC: Annotated[
         float,
