@@ -33,9 +33,10 @@ def diagnose(
 ) -> Answer:
     """Say what the model lacks compared with the runs: fit rivals by replay and compare their gaps.
 
-    With `good` runs it says what has changed since them: in the runs that repeat their inputs,
-    where there are such, and each of these is judged by models that were fitted to the others. Else
-    `hold_out` are runs to judge on; without them, too, each run is judged by models of the others.
+    With `good` runs it says what has changed since them. Runs that repeat their inputs are judged
+    first, each by models fitted to the others; where these show nothing new, or there are none, the
+    other runs are judged. `hold_out` are runs to judge on; without them, too, each run is judged by
+    models fitted to the others.
     `candidates` are the effects that may be named. Nothing is random. Raises PlantMismatch for a
     candidate that the plant does not have or what is no run, and GapError if the model cannot
     replay the runs; runs that cannot be used are refused in the verdict.
@@ -138,8 +139,8 @@ def _judged_on(inquiry: Inquiry) -> str:
     if count := len(inquiry.held_out):
         return f"{count} run{'s'[: count > 1]} held out"
     if len(inquiry.fit) == 1:
-        return "stretches of the one run, each by a model of the others"
-    return f"{len(inquiry.fit)} runs, each by a model of the others"
+        return "stretches of the one run, each by a model fitted to the others"
+    return f"{len(inquiry.fit)} runs, each by a model fitted to the others"
 
 
 def _lacking(groups: Mapping[str, RunSet]) -> str:

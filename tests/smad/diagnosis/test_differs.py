@@ -154,7 +154,7 @@ def test_runs_held_out_are_judged_on_and_not_fitted() -> None:
 
 def test_a_single_run_is_said_to_be_one_and_judged_by_its_own_stretches() -> None:
     found = ask(bank(OTHER, GAIN)[:1])
-    assert found.judged_on == "stretches of the one run, each by a model of the others"
+    assert found.judged_on == "stretches of the one run, each by a model fitted to the others"
     assert [f.kind for f in found.findings] == ["few runs"]
     assert found.causes[0].name == "driver_gain"
 
