@@ -46,7 +46,7 @@ class RecordError(SmadError):
 
 @dataclass(frozen=True)
 class SplitRuns:
-    """Runs to fit, and runs to judge on; without these each is judged by a model fitted to the others."""
+    """Runs to fit, and runs to judge on; without these a model fitted to the others judges each."""
 
     fit: list[Any]
     hold_out: list[Any]
