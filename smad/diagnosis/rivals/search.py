@@ -276,8 +276,8 @@ class _Search(Searched):
             # Where the parameters have moved to imitate an effect it is hidden.
             references.append(replace(self.nominal, model=here.model))
         for reference in references:
-            for part, start in started(e, reference, self._screened(reference)[:_SCREENED]):
-                fits.begin(EFFECT, reference, part, np.r_[reference.x, start])
+            for effect, start in started(e, reference, self._screened(reference)[:_SCREENED]):
+                fits.begin(EFFECT, reference, effect, np.r_[reference.x, start])
         for rival in self.imitated:
             # The parameters took what the effect takes: begin with half of each.
             if rival.fit is not None and isinstance(part := rival.fit.model.parts[-1], EffectPart):
@@ -294,9 +294,9 @@ class _Search(Searched):
             self.responses = responses(plant, point, e.played, progress=question.say)
         present = {part.name for part in here.model.parts}
         laws = _Fits(question, self.nominal, without=without, least=fits.least)
-        for part, start in selected_laws(e, here, self.responses)[:_LAWS]:
-            if part.name not in present:
-                laws.begin(LAW, here, part, np.r_[here.x, start])
+        for law, start in selected_laws(e, here, self.responses)[:_LAWS]:
+            if law.name not in present:
+                laws.begin(LAW, here, law, np.r_[here.x, start])
         return rivals + laws.rivals()
 
 
