@@ -208,7 +208,11 @@ KEY = Recipe(
             before='"", by_command=False)',
         ),
     ),
-    ("tests/smad/test_config.py",),
+    (
+        "tests/smad/test_config.py",
+        "tests/smad/daemon/test_service.py::"
+        "test_arming_records_by_itself_and_the_log_ends_after_cooling",
+    ),
 )
 
 CHECK = Recipe(
