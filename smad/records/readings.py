@@ -16,6 +16,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from sim_device.plant.units import UNITS
 from smad.arrays import Array, Index, Mask
+from smad.counted import listed
 from smad.records.declared import Declared, refusal_words
 from smad.units import spelt
 
@@ -100,9 +101,7 @@ def checked_columns(
     few = {name: g for name, g in gaps.items() if 0 < np.sum(g) <= _MOST_MISSING * n}
     if few:
         count = int(np.sum(np.logical_or.reduce(list(few.values()))))
-        more = f" and {len(few) - _LISTED} more" if len(few) > _LISTED else ""
-        names = ", ".join([*few][:_LISTED])
-        text = f"{names}{more} without a number in {count} of {n} samples"
+        text = f"{listed([*few], _LISTED)} without a number in {count} of {n} samples"
         remarks.append(Remark("gaps", "", text))
     declared = [d for d in declared if d.name in out]
     steady = _steady(out, declared) if steady is None else steady

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from smad.counted import listed
 from smad.errors import LogImportError, SmadError
 from smad.records.bag_table import is_bag, open_bag
 from smad.records.csv_table import CsvFormat, open_csv
@@ -27,9 +28,8 @@ def left_out(names: Sequence[str], why: str = "") -> tuple[str, ...]:
     """A note that columns of these names were not used; none where there are none."""
     if not names:
         return ()
-    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-    named = ", ".join(name or "one without a name" for name in names[:_MOST_NAMED])
-    return (f"columns left out{why}: {named}{more}",)
+    named = [name or "one without a name" for name in names]
+    return (f"columns left out{why}: {listed(named, _MOST_NAMED)}",)
 
 
 _MOST_DIGITS_BYTES = 64

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
-from smad.counted import counted
+from smad.counted import counted, listed
 from smad.errors import RunLogError
 
 SUFFIX = ".mcap"
@@ -82,9 +82,7 @@ def passed_over(folder: Path, there: Sequence[Path], read: Sequence[Path]) -> st
     ]
     if not passed:
         return ""
-    more = f" and {len(passed) - _NAMED} more" if len(passed) > _NAMED else ""
-    names = ", ".join(passed[:_NAMED])
-    return f"{folder}: read {counted(len(read), 'run')}, passed over {names}{more}"
+    return f"{folder}: read {counted(len(read), 'run')}, passed over {listed(passed, _NAMED)}"
 
 
 def _file_name(name: str) -> str:

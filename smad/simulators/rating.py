@@ -17,6 +17,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from sim_device.plant.errors import PlantError
+from smad.counted import listed
 from smad.diagnosis.data.columns import filled
 from smad.diagnosis.data.grid import Grid, row_length_s, thinned
 from smad.diagnosis.places.bare import with_places
@@ -353,13 +354,8 @@ def lines(ratings: Sequence[Rating]) -> list[str]:
                 continue
             like = f"; looks like {', '.join(r.alike[:3])}" if r.alike else ""
             out.append(f"  {r.rating:<12} {named}: {_size(r)}{like}")
-        out += [f"  {UNKNOWN:<12} {_few(names)}: {why}" for why, names in unknown.items()]
+        out += [f"  {UNKNOWN:<12} {listed(names, _NAMED)}: {why}" for why, names in unknown.items()]
     return out
-
-
-def _few(names: Sequence[str]) -> str:
-    more = len(names) - _NAMED
-    return ", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _size(r: Rating) -> str:

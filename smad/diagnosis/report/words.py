@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Sequence
 
+from smad.counted import listed
 from smad.diagnosis.verdict import (
     CAUSES,
     CHECK_UP,
@@ -86,9 +87,8 @@ def _line(alike: Sequence[Finding]) -> str:
     runs = list(dict.fromkeys(f.run for f in alike))
     begins = list(dict.fromkeys(f.text.partition(" ")[0] for f in alike))
     rest = alike[0].text.partition(" ")[2]
-    more = f" and {len(runs) - _RUNS} more" if len(runs) > _RUNS else ""
     alone = len({f.text.partition(" ")[2] for f in alike}) == 1
-    return f"{', '.join(runs[:_RUNS])}{more}: {', '.join(begins)} {rest}" + (
+    return f"{listed(runs, _RUNS)}: {', '.join(begins)} {rest}" + (
         "" if alone else f" (the first of {len(alike)} alike)"
     )
 
