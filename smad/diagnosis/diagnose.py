@@ -14,7 +14,7 @@ from smad.diagnosis.numerics.threads import repeatable
 from smad.diagnosis.paired.notes import EACH_BY_OTHERS, compared, notes_of, others
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import Effect, PlantModel
-from smad.diagnosis.questions import Inquiry, changed, changed_runs, differs
+from smad.diagnosis.questions import Inquiry, changed_pairs, changed_runs, differs
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import CHANGED, DIFFERS, QUIET, REFUSED, RunRecord, Verdict
 from smad.progress import Say, silent
@@ -83,33 +83,37 @@ def _of_differs(inquiry: Inquiry) -> Answer:
 
 
 def _of_changed(inquiry: Inquiry) -> tuple[Answer, Sequence[GapRun]]:
-    """What is new since the good runs, and the runs with inputs of their own that say so.
+    """What is new since the good runs, and the runs that were judged beside no good one.
 
     Runs that repeat good ones show the smallest changes. Where they show none, the others are
     asked: an effect may act in these alone.
     """
     runs = (*inquiry.fit, *inquiry.held_out)
-    search, pairs = changed(inquiry)
-    if pairs is None:
-        return answer_of(search, question=CHANGED, judged_on=_judged_on(inquiry)), runs
+    repeating = changed_pairs(inquiry)
+    if repeating is None:
+        return _of_changed_runs(inquiry), runs
+    search, pairs = repeating
     answer = answer_of(search, question=CHANGED, judged_on=EACH_BY_OTHERS)
-    answer = answer.with_verdict(notes=[compared(pairs), *notes_of(pairs)])
+    notes = [compared(pairs), *notes_of(pairs)]
     names = others(pairs, [run.name for run in runs])
     if not names:
-        return answer, ()
+        return answer.with_verdict(notes=notes), ()
     listed = ", ".join(names)
     if answer.verdict.outcome != QUIET:
         note = f"not judged, since no good run has the same inputs: {listed}; ask of them alone"
-        return answer.with_verdict(notes=[*answer.verdict.notes, note]), ()
+        return answer.with_verdict(notes=[*notes, note]), ()
     apart = inquiry.of(names)
-    of_others = answer_of(changed_runs(apart), question=CHANGED, judged_on=_judged_on(apart))
+    asked, of_others = (*apart.fit, *apart.held_out), _of_changed_runs(apart)
     if of_others.verdict.outcome == QUIET:
         note = f"runs that repeat no good one show nothing new either: {listed}"
-        told = answer.with_verdict(notes=[*answer.verdict.notes, note])
-    else:
-        note = f"runs that repeat good ones show nothing new, the others do: {listed}"
-        told = of_others.with_verdict(notes=[note, *answer.verdict.notes])
-    return told, (*apart.fit, *apart.held_out)
+        return answer.with_verdict(notes=[*notes, note]), asked
+    note = f"runs that repeat good ones show nothing new, the others do: {listed}"
+    return of_others.with_verdict(notes=[note, *notes]), asked
+
+
+def _of_changed_runs(inquiry: Inquiry) -> Answer:
+    """What is new in runs with inputs of their own."""
+    return answer_of(changed_runs(inquiry), question=CHANGED, judged_on=_judged_on(inquiry))
 
 
 def _require_runs(given: Sequence[object]) -> None:

@@ -92,25 +92,22 @@ def differs(inquiry: Inquiry) -> Searched:
     return searched(inquiry.question(start, inquiry.fit, inquiry.held_out, inquiry.floors))
 
 
-def changed(inquiry: Inquiry) -> tuple[Searched, Paired | None]:
-    """What is new since the good runs, and the pairs that say so; None where no run repeats a good
-    one. Raises GapError as `differs`."""
+def changed_pairs(inquiry: Inquiry) -> tuple[Searched, Paired] | None:
+    """What is new in runs that repeat good ones, and the pairs that say so; None where no run does.
+
+    Raises GapError as `differs`.
+    """
     # What is replayed from its readings begins elsewhere on another day: nothing cancels.
     comparable = () if isinstance(inquiry.plant, InWindows) else inquiry.good
     same = partial(same_programme, inquiry.plant, period_s=inquiry.period_s)
     groups = grouped(comparable, same)
-    pairs = []
+    repeats = []
     for run in (*inquiry.fit, *inquiry.held_out):
         repeated = next((good for good, *_ in groups if same(run, good)), None)
         if repeated is not None:
-            pairs.append((run, repeated.name))
-    return _changed_pairs(inquiry, groups, pairs) if pairs else (changed_runs(inquiry), None)
-
-
-def _changed_pairs(
-    inquiry: Inquiry, groups: Sequence[Sequence[GapRun]], repeats: Sequence[tuple[GapRun, str]]
-) -> tuple[Searched, Paired]:
-    """What is new in runs, each with the name of the good one that it repeats."""
+            repeats.append((run, repeated.name))
+    if not repeats:
+        return None
     inquiry.say("the good runs")
     good = good_runs(inquiry.plant, groups, inquiry.period_s)
     pairs = paired(inquiry.plant, good, repeats)
@@ -119,7 +116,7 @@ def _changed_pairs(
 
 
 def changed_runs(inquiry: Inquiry) -> Searched:
-    """What is new in runs with inputs of their own."""
+    """What is new in runs with inputs of their own. Raises GapError as `differs`."""
     plant = inquiry.plant
     n = len(plant.parameters)
     inquiry.say("the good runs")

@@ -132,8 +132,8 @@ def check_needs(effects: Resolved, options: Mapping[str, str]) -> None:
 def _reads_x(effects: Resolved, terms: Terms) -> float:
     """Share of X's tension in what the force sensor reads, beyond one half.
 
-    The sensor is in the tendon: of what resists the motion it reads as much as acts on Y. Effects
-    that do not agree on that share count alike.
+    The sensor is in the tendon: of what resists the motion it reads the part that acts on Y. Where
+    effects have different parts there, the mean of these parts counts.
     """
     shares = [
         0.5 * effects[name][Y_SHARE.name]

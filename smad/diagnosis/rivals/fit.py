@@ -27,13 +27,15 @@ _DAMPING = (0.0, 0.003, 0.03, 0.3, 3.0, 30.0)
 _LONGER = (1.0, 2.0, 4.0, 8.0)
 _RIDGE, _TINY = 1e-9, 1e-12
 _ROUNDS = 8
-_ENOUGH = 0.2
+NAT = 2.0
+"""Of F, where every row counts."""
+_ENOUGH = 0.1 * NAT
 """Of F, a tenth of a nat where every row counts: by less, a round has led no further."""
 _WORTH = 0.05
 """Of F, that a step must promise to be tried."""
 _HIDDEN = 0.5
 """Of what a part changes, that averaged inputs may hide: a slope half wrong still leads on."""
-_POLISHES, _POLISH_ROUNDS, _POLISH_ENOUGH = 12, 4, 2.0
+_POLISHES, _POLISH_ROUNDS = 12, 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -263,7 +265,8 @@ def fit(
     alike: float = 1.0,
     exact: bool = False,
 ) -> Fit | None:
-    """Fit a model from `start`, until a round takes less than `enough`; None where it cannot run.
+    """Fit a model from `start` until a round lessens F by less than `enough`; None where the model
+    cannot run there.
 
     Channels that leave less than `alike`, a mean square in floors, count alike. Above 1 it leads
     past local minima of F, in which one channel has been given up.
@@ -336,7 +339,7 @@ def polished(evidence: Evidence, fitted: Fit, *, alike: float = 1.0, exact: bool
         if not made:
             return fitted
         gained, fitted = fitted.objective - made.objective, made
-        if abs(gained) < _POLISH_ENOUGH:
+        if abs(gained) < NAT:
             break
     return fitted
 
@@ -380,8 +383,8 @@ def fit_from_several(evidence: Evidence, reference: Reference) -> Fit | None:
 def leave_out(evidence: Evidence, fitted: Fit) -> tuple[Array, ...]:
     """Coordinates without each fold, one Gauss–Newton step from those of all rows.
 
-    A fit has ended: the step that slopes would still take with all rows is an error of theirs, and
-    is taken off.
+    A fit has ended, so a step that its slopes still ask for with all rows is an error of these
+    slopes, and is subtracted.
     """
     model, x = fitted.model, fitted.x
     low, high = model.bounds

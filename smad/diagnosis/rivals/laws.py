@@ -12,7 +12,7 @@ from smad.diagnosis.numerics.forward import FoldRows, Forward, fitted, forward
 from smad.diagnosis.places.responses import Candidate, Responses
 from smad.diagnosis.plant import Array, Index
 from smad.diagnosis.rivals.evidence import Evidence
-from smad.diagnosis.rivals.fit import Reference, weights
+from smad.diagnosis.rivals.fit import Reference
 from smad.diagnosis.rivals.parts import LawPart
 from smad.diagnosis.rivals.screening import opened
 
@@ -30,7 +30,7 @@ def selected_laws(
     `responses` are of every term, at the reference or near it.
     """
     left = evidence.left(reference.exact)
-    beside = opened(evidence, reference, weights(evidence, left))
+    beside = opened(evidence, reference)
     z = beside(left[None])[0]
     A = np.zeros((len(responses.runs[0]), len(z)), dtype=np.float32)
     # A law at a time: all in double precision would be a gigabyte.

@@ -35,10 +35,10 @@ from smad.progress import Say
 
 _KEPT = 1e8
 """Precision of parameters that stay where they are."""
-_SHORTER = (1.0, 0.5, 0.25)
-"""Shares of the step to where a run is left out: the first is taken that slopes foresee."""
+_STEP_SHARES = (1.0, 0.5, 0.25)
+"""Shares of the step to where a run is left out, the longest first."""
 _ROUGH = 0.3
-"""Floors that a replay may be off from what slopes say: where springs reverse it is rough."""
+"""Floors by which a replay may differ from what slopes predict: it is rough where springs turn."""
 NEAR = 1.3
 """A channel that leaves at most so many floors shows nothing more: floors are known to a third."""
 CHANNELS = 10
@@ -238,22 +238,24 @@ class Question:
     def _without(self, fitted: Fit, step: Array, k: int) -> Array | None:
         """What a fit predicts of run `k` at a `step` from its coordinates, (bins, channels).
 
-        Where that leads farther from what its slopes say than they say, the step is shortened, or
-        not taken where the model cannot run. None where it cannot run at all.
+        Slopes predict a change for the step. Where a replay differs from the prediction by more
+        than that change, the step is shortened; where the model cannot run, it is not taken. None
+        where the model cannot run without it either.
         """
         trial, mine = self.evidence.trials[k], self.evidence.spans[k]
         exact, shift = fitted.shift is None, 0.0 if fitted.shift is None else fitted.shift[k]
         out = None
-        for share in (*_SHORTER, 0.0):
+        for share in (*_STEP_SHARES, 0.0):
             point = fitted.model.point(fitted.x + share * step)
             (predicted,) = predictions(fitted.model.plant, point, [trial.played], exact=exact)
             if not np.isfinite(predicted).all():
                 continue
             out = predicted + shift
-            foreseen = share * step @ fitted.slopes[:, mine]
+            change = share * step @ fitted.slopes[:, mine]
             off = trial.rows.independent((trial.target - out)[None])[0]
-            off -= fitted.left[mine] - foreseen
-            if off @ off <= max(foreseen @ foreseen, _ROUGH**2 * len(off)) or share == _SHORTER[-1]:
+            off -= fitted.left[mine] - change
+            like = off @ off <= max(change @ change, _ROUGH**2 * len(off))
+            if like or share == _STEP_SHARES[-1]:
                 break
         return out
 

@@ -38,9 +38,10 @@ class Screened:
     gain: float
 
 
-def opened(evidence: Evidence, reference: Reference, weight: Array) -> Callable[[Array], Array]:
-    """What takes rows (m, n) times the root of their weights, and opens beside them whatever the
-    reference has slopes of, within its prior."""
+def opened(evidence: Evidence, reference: Reference) -> Callable[[Array], Array]:
+    """What takes rows (m, n) times the root of their weights at the reference, and opens beside
+    them whatever that has slopes of, within its prior."""
+    weight = weights(evidence, evidence.left(reference.exact))
     known = len(reference.slopes)
     _, precision = reference.model.prior
     root = np.linalg.cholesky(np.linalg.inv(precision[:known, :known]))
@@ -49,10 +50,20 @@ def opened(evidence: Evidence, reference: Reference, weight: Array) -> Callable[
     return lambda values: shrink(weighted(values))
 
 
+def variances_beside(evidence: Evidence, reference: Reference) -> Callable[[Array], Array]:
+    """What gives the mean square of rows (n,) in each channel, in floors, (channels,).
+
+    Whatever the reference has slopes of is open beside them.
+    """
+    weight = weights(evidence, evidence.left(reference.exact))
+    beside, root = opened(evidence, reference), np.sqrt(np.where(weight > 0.0, weight, 1.0))
+    return lambda rows: evidence.variances(beside(rows[None])[0] / root)
+
+
 def screened(evidence: Evidence, reference: Reference, changes: Sequence[Change]) -> list[Screened]:
     """Effects by what they take of what the reference leaves, the best first."""
     left = evidence.left(reference.exact)
-    beside = opened(evidence, reference, weights(evidence, left))
+    beside = opened(evidence, reference)
     z = beside(left[None])[0]
     promising: dict[str, list[tuple[float, Array]]] = {}
     parts = {change.effect.name: EffectPart(change.effect) for change in changes}
@@ -84,8 +95,7 @@ def started(
 
     The starts of each are compared, and a weaker one, with the parameters open beside them.
     """
-    weight = weights(evidence, evidence.left(reference.exact))
-    beside, root = opened(evidence, reference, weight), np.sqrt(np.where(weight > 0.0, weight, 1.0))
+    variances = variances_beside(evidence, reference)
     rows = evidence.counts.sum(axis=0)
 
     def least(part: EffectPart, start: Array) -> float:
@@ -95,7 +105,7 @@ def started(
         if predicted is None:
             return np.inf
         left = evidence.left([p + s for p, s in zip(predicted, reference.shift, strict=True)])
-        return float(rows @ np.log(evidence.variances(beside(left[None])[0] / root) + 1.0))
+        return float(rows @ np.log(variances(left) + 1.0))
 
     out = []
     for s in some:
@@ -108,7 +118,5 @@ def added_squares(
     evidence: Evidence, reference: Reference, changes: Sequence[Change]
 ) -> list[Array]:
     """What changes add to the mean square of each channel, (channels,), beside open parameters."""
-    weight = weights(evidence, evidence.left(reference.exact))
-    beside = opened(evidence, reference, weight)
-    root = np.sqrt(np.where(weight > 0.0, weight, 1.0))
-    return [evidence.variances(beside(c.rows[None].astype(np.float64))[0] / root) for c in changes]
+    variances = variances_beside(evidence, reference)
+    return [variances(c.rows.astype(np.float64)) for c in changes]

@@ -18,6 +18,7 @@ from smad.diagnosis.places.responses import Responses, responses
 from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.changes import Change, changes_at
 from smad.diagnosis.rivals.fit import (
+    NAT,
     Fit,
     Reference,
     averages_hide,
@@ -38,8 +39,6 @@ _SCREENED = 8
 """Effects of each reference that are fitted."""
 _LAWS = 4
 """Places whose law is fitted."""
-_FIRST_ENOUGH = 2.0
-"""Of F, that a round of a first fit takes at least: a nat where every row counts."""
 _LIKELIER = 0.5
 """Probability that something is missing, from which on it is: more likely than not."""
 _POLISHED, _WITHIN = 3, 60.0
@@ -334,7 +333,7 @@ class _Fits:
         model = reference.model.with_parts([*before, part])
         if isinstance(part, EffectPart) and averages_hide(e, reference, model, start):
             model = model.with_parts([*before, replace(part, quick=True)])
-        made = fit(e, model, start, reference, enough=_FIRST_ENOUGH)
+        made = fit(e, model, start, reference, enough=NAT)
         known = self.found.get(part.name)
         if made and (known is None or made.objective < known[1].objective):
             self.found[part.name] = kind, made
