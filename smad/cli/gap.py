@@ -187,8 +187,7 @@ def effects(*, names: tuple[str, ...], variant: str, as_json: bool) -> None:
         click.echo(f"    places: {', '.join(e.places)}")
         for q in e.parameters:
             high = f"{q.high:g}" + (f" {q.unit}" if q.unit != "1" else "")
-            meaning = f": {q.meaning}" if q.meaning else ""
-            click.echo(f"    {q.name}: {q.low:g} to {high}, typically {q.typical:g}{meaning}")
+            click.echo(f"    {q.name}: {q.low:g} to {high}, typically {q.typical:g}: {q.meaning}")
         click.echo(f"    confused with: {', '.join(e.confused_with) or 'nothing known'}")
         click.echo(f"    separated by: {e.separates}")
         click.echo(f"    source: {e.reference}")
