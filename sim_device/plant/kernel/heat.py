@@ -109,7 +109,7 @@ def set_up_heat_balance(
 ) -> None:
     """T* and λ of one spring over the substep, Eqs (15)-(18), into scratch."""
     T = s.T_wire
-    power = s.current * s.current * s.resistance * p.per_length
+    power = s.square_current * s.resistance * p.per_length
     per_dt = 1.0 / dt
     gain = s.work_heat * per_dt + w.forced_heat
     if e.crosstalk > 0.0:

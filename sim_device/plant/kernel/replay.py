@@ -132,8 +132,8 @@ def replay_drivers(
             steps = count_substeps(span, dt_max)
             dt = span / steps
             for _ in range(steps):
-                x.current = drive_current(x, model.p, model.x, drives[k, 0], dt)
-                y.current = drive_current(y, model.p, model.y, drives[k, 1], dt)
+                x.current, _, _ = drive_current(x, model.p, model.x, drives[k, 0], dt)
+                y.current, _, _ = drive_current(y, model.p, model.y, drives[k, 1], dt)
         out[k, 0] = x.current + model.x.current_offset
         out[k, 1] = y.current + model.y.current_offset
         out[k, 2] = x.current

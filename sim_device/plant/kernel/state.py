@@ -56,6 +56,7 @@ class Spring:
     tension: float  # N
     deflection: float  # m
     current: float  # A
+    square_current: float  # mean of its square over the substep, A2
     resistance: float  # Ohm
     duty: float  # asked of its pump, 0 to 1
     flow: float  # of water, m3/s

@@ -184,16 +184,18 @@ def supply_springs(state: State, work: Work, model: Model, dt: float) -> None:
     supply_water(x, y, p, model.x, drive.drain_x, dt)
     supply_water(y, x, p, model.y, drive.drain_y, dt)
     if feeds.feeds_current > 0.0:
-        apply_current(x, p, model.x, feeds.x.current)
-        apply_current(y, p, model.y, feeds.y.current)
+        apply_current(x, p, model.x, feeds.x.current, feeds.x.current, 0.0)
+        apply_current(y, p, model.y, feeds.y.current, feeds.y.current, 0.0)
     else:
-        i_x = drive_current(x, p, model.x, drive.i_x, dt)
-        i_y = drive_current(y, p, model.y, drive.i_y, dt)
+        i_x, mean_x, variance_x = drive_current(x, p, model.x, drive.i_x, dt)
+        i_y, mean_y, variance_y = drive_current(y, p, model.y, drive.i_y, dt)
         if forces:
             i_x = force_current(x, i_x, CURRENT, work)
             i_y = force_current(y, i_y, CURRENT + 1, work)
-        apply_current(x, p, model.x, i_x)
-        apply_current(y, p, model.y, i_y)
+            mean_x += x.forced_current
+            mean_y += y.forced_current
+        apply_current(x, p, model.x, i_x, mean_x, variance_x)
+        apply_current(y, p, model.y, i_y, mean_y, variance_y)
     if forces:
         force_resistance(x, RESISTANCE, work)
         force_resistance(y, RESISTANCE + 1, work)

@@ -104,23 +104,38 @@ def supply_water(
 
 
 @inlined
-def drive_current(s: Spring, p: Constants, e: Effects, command: float, dt: float) -> float:
-    """Current that the driver makes of a command, and what effects do to it."""
+def drive_current(
+    s: Spring, p: Constants, e: Effects, command: float, dt: float
+) -> tuple[float, float, float]:
+    """Current that the driver makes of a command, and what effects do to it.
+
+    Returns the current at the end of the substep, its mean and its variance over the substep.
+    """
     current = command
     if e.driver_gain != 0.0:
         current = current * (1.0 + e.driver_gain)
     if e.driver_knee > 0.0 and current > 0.0:
         over = e.driver_knee * math.pow(current / p.I_max, e.driver_sharpness)
         current = current * math.pow(1.0 + over, -1.0 / e.driver_sharpness)
-    if e.driver_lag > 0.0:
-        current = current + (s.current - current) * math.exp(-dt / e.driver_lag)
-    return current
+    if e.driver_lag > 0.0 and s.current != current:
+        off = s.current - current
+        left = math.exp(-dt / e.driver_lag)
+        share = e.driver_lag * (1.0 - left) / dt  # mean of what is left over the substep
+        variance = off * off * share * (0.5 * (1.0 + left) - share)
+        return current + off * left, current + off * share, max(variance, 0.0)
+    return current, current, 0.0
 
 
 @inlined
-def apply_current(s: Spring, p: Constants, e: Effects, current: float) -> None:
-    """Current and resistance of one spring: R = β_s L/A_c, and what effects add."""
+def apply_current(
+    s: Spring, p: Constants, e: Effects, current: float, mean: float, variance: float
+) -> None:
+    """Current and resistance of one spring: R = β_s L/A_c, and what effects add.
+
+    `current` is that at the end of the substep; its mean and variance over it are what heats.
+    """
     s.current = current
+    s.square_current = mean * mean + variance
     if e.resistivity_T != 0.0 or e.resistivity_xi != 0.0 or e.r_resistivity != 0.0:
         xi = s.memory.xi_S + s.memory.xi_T
         factor = 1.0 + e.resistivity_T * (s.T_wire - p.T_ref)
