@@ -18,7 +18,6 @@ from evaluation.plant.layout import (
     BASE,
     CELL_WIDTH,
     CELLS,
-    COLDEST,
     COLUMNS,
     CORE_WARM,
     DEAD_END,
@@ -47,7 +46,6 @@ from evaluation.plant.layout import (
     RTD_B,
     RUN_ON,
     SCANNED,
-    SEEN_BEFORE,
     SHOWN,
     SIDE_WIDTH,
     SILT,
@@ -113,7 +111,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     cells[:, :, W] = water_degC
     cells[:, :, WET] = 1.0
     cells[:, :, FRACTION] = 1.0
-    cells[:, :, COLDEST] = water_degC
     cells[:, :, HEATED_FROM] = 1.0
     cells[:, :, PLAY:] = 1.0
     cells[:, :, TURNED] = bench.turned_at_start
@@ -121,7 +118,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, OHM] = bench.resistance_ohm, bench.resistance_ohm * bench.y_resistance
     side[:, RTD_A] = water_degC
     side[:, RTD_B] = water_degC
-    side[:, SEEN_BEFORE] = water_degC
     side[:, SCANNED] = water_degC
     side[:, SHOWN] = water_degC
     side[:, CORE_WARM] = water_degC

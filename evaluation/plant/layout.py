@@ -17,9 +17,8 @@ PLAYS = 6
     BUBBLE,
     WET,
     R_PHASE,
-    COLDEST,
     PLAY,
-) = range(12)
+) = range(11)
 CELL_WIDTH = PLAY + PLAYS
 
 (
@@ -55,13 +54,8 @@ CELL_WIDTH = PLAY + PLAYS
     LEAD_WARM,
     AVERAGED,
     SHRUNK,
-    FRETTED,
     FLUSHED,
-    FATIGUED,
-    SEEN_BEFORE,
     SLEEVED,
-    RINGING,
-    RINGING_RATE,
     GREATEST_LOAD,
     GASSING,
     GAS_COAT,
@@ -115,7 +109,7 @@ CELL_WIDTH = PLAY + PLAYS
     LOADED,
     TENSION_BEFORE,
     SIDE_WIDTH,
-) = range(92)
+) = range(87)
 
 (
     TIME,
@@ -133,10 +127,6 @@ CELL_WIDTH = PLAY + PLAYS
     SINK_WARM,
     INDEXED,
     SPONGE,
-    LOWERED,
-    MISCOUNTED,
-    CARRIED,
-    RUN_DRY,
     BASE,
     SWING,
     SWING_RATE,
@@ -158,7 +148,7 @@ CELL_WIDTH = PLAY + PLAYS
     TORN_AT,
     PASSED,
     PAIR_WIDTH,
-) = range(40)
+) = range(36)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RING_RTD_X, RING_RTD_Y, RINGS = range(7)
 RING_LENGTH = 256

@@ -18,7 +18,6 @@ from evaluation.plant.layout import (
     CELLS,
     CHARGED,
     CLOUD,
-    COLDEST,
     CONTACT,
     COOLING,
     CORE_WARM,
@@ -33,7 +32,6 @@ from evaluation.plant.layout import (
     FORCE_X,
     FORCE_Y,
     FRACTION,
-    FRETTED,
     GAS_COAT,
     GASSING,
     GREATEST_LOAD,
@@ -51,7 +49,6 @@ from evaluation.plant.layout import (
     STRETCHING,
     TENSION_BEFORE,
     TIME,
-    TURNED,
     VALVE_OPEN,
     WALKED,
     WARMTH_BEFORE,
@@ -79,11 +76,6 @@ DRIPPING = slot("dripping_outlet")
 ROD = slot("rod_in_coil")
 LAMP = slot("cycling_lamp")
 BENT = slot("bent_coils")
-CARTRIDGE = slot("warm_cartridge")
-DEEP_COOLED = slot("deep_cooled")
-HAMMERED = slot("hammered_variants")
-SHRUNK_SLEEVE = slot("shrunk_sleeve")
-FRETTING = slot("fretted_crimp")
 FRAYING = slot("fraying_lead")
 GAS = slot("boiling_out_gas")
 ELECTROLYSIS = slot("electrolysis_gas")
@@ -94,7 +86,6 @@ MATRIX = slot("stiff_matrix")
 GRADED = slot("graded_wire")
 SLIP_BANDS = slot("warm_slip_bands")
 WALKING = slot("walking_anchor")
-LEAD_IN_OUTLET = slot("lead_in_outlet")
 CURING = slot("curing_glue")
 PRESSED = slot("pressed_crimp")
 FIRST_BUBBLES = slot("bubbles_of_filling")
@@ -134,17 +125,14 @@ LAMP_S, LAMP_ON = 24.0, 0.375  # how often a lamp comes on, and for what share o
 
 
 @compiled
-def joints(s: int, e: Array, cells: Array, side: Array, heat: Array) -> float:
+def joints(s: int, e: Array, side: Array, heat: Array) -> float:
     """What the ends of spring `s` and their leads add to its resistance (ohm), and to `heat`."""
-    inlet = e[s, FRETTING] * (1.0 - math.exp(-side[s, FRETTED] / 0.03))
-    inlet += e[s, FRAYING] * max(side[s, GREATEST_LOAD] - 1.3, 0.0) / 0.3
+    inlet = e[s, FRAYING] * max(side[s, GREATEST_LOAD] - 1.3, 0.0) / 0.3
     inlet -= e[s, CURING] * (1.0 - math.exp(-side[s, CURED]))
     inlet += e[s, STRANDS] * side[s, STRAND]
     inlet += e[s, COHERES] * side[s, OXIDE]
-    outlet = e[s, LEAD_IN_OUTLET] * max(cells[s, CELLS - 1, W] - 27.0, 0.0) / 20.0
-    outlet -= e[s, PRESSED] * side[s, PRESSED_ON]
     inlet = max(inlet, -0.95 * heat[0])
-    outlet = max(outlet, -0.95 * heat[CELLS - 1])
+    outlet = max(-e[s, PRESSED] * side[s, PRESSED_ON], -0.95 * heat[CELLS - 1])
     heat[0] += inlet
     heat[CELLS - 1] += outlet
     return float(inlet + outlet)
@@ -236,22 +224,12 @@ def seldom(
 
 
 @compiled
-def age(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
+def age(s: int, p: Array, e: Array, cells: Array, side: Array, dt: float) -> None:
     """Update what rarer effects remember of a tick of spring `s`."""
     share = side[s, FLOW] / p[FULL_FLOW]
-    if e[s, FRETTING] > 0.0:
-        side[s, FRETTED] += dt * abs(pair[SPEED])
-    if e[s, CARTRIDGE] > 0.0 or e[s, FIRST_BUBBLES] > 0.0:
+    if e[s, FIRST_BUBBLES] > 0.0:
         side[s, FLUSHED] += dt * share
-    if e[s, DEEP_COOLED] > 0.0:
-        for i in range(CELLS):
-            cell = cells[s, i]
-            cell[COLDEST] = cell[T] if cell[FRACTION] < 0.5 else min(cell[COLDEST], cell[T])
-    if e[s, HAMMERED] > 0.0:
-        for i in range(CELLS):
-            further = cells[s, i, TURNED] + e[s, HAMMERED] * share * dt / 10.0
-            cells[s, i, TURNED] = min(further, 0.8)
-    if e[s, SHRUNK_SLEEVE] > 0.0 or e[s, VARNISH] > 0.0:
+    if e[s, VARNISH] > 0.0:
         warmth = 0.0
         for i in range(CELLS):
             warmth += cells[s, i, T] / CELLS

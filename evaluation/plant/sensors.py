@@ -20,7 +20,6 @@ from evaluation.plant.layout import (
     CREEP_SLOW,
     DRIVERS_WARM,
     ENCODER,
-    FATIGUED,
     FLOW,
     FORCE_X,
     FORCE_Y,
@@ -31,7 +30,6 @@ from evaluation.plant.layout import (
     KNOCKED,
     LARGEST_LOAD,
     LEAD_WARM,
-    MISCOUNTED,
     MISTED,
     OHM,
     OTHER_BEFORE,
@@ -48,7 +46,6 @@ from evaluation.plant.layout import (
     RTD_A,
     RTD_B,
     SCANNED,
-    SEEN_BEFORE,
     SETTLED,
     SHOWN,
     SLEPT_AT,
@@ -90,12 +87,6 @@ RIPPLE_FILTER = slot("ripple_filter")
 WIDE_INDEX = slot("wide_index")
 RIPPLE = slot("rectified_ripple")
 MOTOR_FIELD = slot("motor_beside_sensor")
-TARNISHED = slot("tarnished_crimp")
-RTD_JOINTS = slot("rtd_joints")
-FATIGUE = slot("fatigued_rtd")
-COUNTS_MOTORS = slot("counted_motors")
-DRAGGED_CABLE = slot("dragged_cable")
-NEAR_RAIL = slot("amplifier_near_rail")
 MOVING_EMF = slot("coil_in_field")
 SCANNER = slot("scanned_rtd")
 DIRT = slot("dirty_strip")
@@ -166,12 +157,6 @@ def rtd(
     reading = side[s, RTD_B]
     reading += e[0, GHOSTING] * (side[1 - s, RTD_A] - side[s, RTD_A])
     reading += e[s, RTD_OFFSET] * (1.0 + 0.01 * (reading - 27.0))
-    if e[s, RTD_JOINTS] != 0.0:
-        reading += e[s, RTD_JOINTS] * (cells[s, CELLS - 1, T] - cells[s, 0, T]) / 10.0
-    if e[s, FATIGUE] > 0.0:
-        side[s, FATIGUED] += abs(seen - side[s, SEEN_BEFORE])
-        side[s, SEEN_BEFORE] = seen
-        reading += e[s, FATIGUE] * (1.0 - math.exp(-side[s, FATIGUED] / 60.0))
     if e[1 - s, RTD_LEAD] > 0.0:
         warm = 0.0
         for j in range(CELLS):
@@ -222,7 +207,7 @@ def awake(seen_mm: float, dt: float, least_mm: float, pair: Array) -> float:
 
 
 @compiled
-def travel(seen_mm: float, dt: float, e: Array, side: Array, pair: Array) -> float:
+def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
     """Encoder reading (mm) for the tendon's travel (mm)."""
     width = e[0, BACKLASH]
     before = pair[ENCODER]
@@ -239,9 +224,6 @@ def travel(seen_mm: float, dt: float, e: Array, side: Array, pair: Array) -> flo
     if e[0, SLIP] > 0.0 and pair[FORCE_X] > 1.4:
         pair[SLIPPED] -= e[0, SLIP] * (moved if moved > 0.0 else 0.4 * moved)
     reading = pair[ENCODER] + pair[SLIPPED]
-    if e[0, COUNTS_MOTORS] != 0.0:
-        pair[MISCOUNTED] += dt * (side[0, PUMP] + side[1, PUMP])
-        reading += e[0, COUNTS_MOTORS] * pair[MISCOUNTED]
     if e[0, SLEEPS] > 0.0:
         reading -= awake(seen_mm, dt, e[0, SLEEPS], pair)
     reading *= max(0.1, 1.0 + e[0, SCALE_WARMS] * pair[DRIVERS_WARM])
@@ -277,7 +259,6 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
         pair[CREEP_SLOW] = approach(pair[CREEP_SLOW], seen_N - 1.24, dt, 40.0)
         reading += e[0, FORCE_CREEP] * (0.5 * pair[CREEP_FAST] + pair[CREEP_SLOW])
     reading += e[0, FORCE_OFFSET] * (1.0 - 0.2 * math.exp(-time / 25.0))
-    reading += e[0, DRAGGED_CABLE] * pair[X] / 5e-3
     switched = (side[0, AMPERE] + side[1, AMPERE]) / 4.0
     pair[SETTLED] = approach(pair[SETTLED], switched, dt, 1.5)
     reading += e[0, KICKED] * (switched - pair[SETTLED])
@@ -316,7 +297,6 @@ def read(
     """All readings of one tick into `out`, in the order of `layout.READINGS`."""
     for s in range(2):
         out[s] = side[s, AMPERE]
-        out[s] -= min(e[s, NEAR_RAIL], 0.95) * max(out[s] - 2.5, 0.0)
         out[s] *= 1.0 - min(e[s, LOW_FIELD], 0.95) * math.exp(-max(out[s], 0.0) / 0.8)
         side[s, REMANENT] = max(side[s, AMPERE] / 4.0, approach(side[s, REMANENT], 0.0, dt, 30.0))
         out[s] += e[s, REMANENCE] * side[s, REMANENT]
@@ -328,8 +308,6 @@ def read(
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
         out[2 + s] += e[0, SHARED_RETURN] * side[1 - s, AMPERE]
-        if e[s, TARNISHED] > 0.0:
-            out[2 + s] += e[s, TARNISHED] * side[s, AMPERE] / (side[s, AMPERE] + 0.5)
         turn = pair[TIME] / 9.0 + e[2, STROBED]
         ripple = side[s, AMPERE] * max(4.0 - side[s, AMPERE], 0.0) / 4.0
         out[2 + s] += e[s, STROBED] * ripple * math.sin(2.0 * math.pi * turn)
@@ -357,7 +335,7 @@ def read(
     if e[0, DELAY] > 0.0:
         wander = 1.0 + 0.15 * math.sin(2.0 * math.pi * (pair[TIME] / 20.0 + e[2, DELAY]))
         ticks += e[0, DELAY] * wander / dt
-    out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, side, pair)
+    out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, pair)
     out[9] = load(late(ring, RING_FORCE, pair[GLANCE], ticks), dt, e, side, pair)
     total = side[0, AMPERE] + side[1, AMPERE]
     out[10] = p[SUPPLY] - p[SUPPLY_OHM] * total

@@ -9,7 +9,6 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
-    CARRIED,
     SLID,
     SNAPPED,
     STRAP,
@@ -20,7 +19,6 @@ from evaluation.plant.layout import (
 Array = NDArray[np.float64]
 
 COMPLIANCE = slot("tendon_compliance")
-LOOSE_AXLE = slot("loose_axle")
 SWINGING = slot("swinging_reel")
 BUFFER = slot("rubber_buffer")
 SPLICE = slot("splice_over_pulley")
@@ -30,7 +28,6 @@ BELLOWS = slot("snapping_bellows")
 FERRULE = slot("slipping_ferrule")
 
 SPLICE_m = 2e-3  # travel over which a splice rides off its pulley
-AXLE_m = 8e-4  # travel over which the tendon carries a loose axle from one end of its play on
 SWING_RAD_S, SWING_DAMPING = 2.0 * math.pi * 0.2, 0.15
 SWUNG_m = 5e-3
 OVAL_m = 16e-3  # travel after which an oval pulley is as before
@@ -52,15 +49,10 @@ def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
 
 
 @compiled
-def longer_path(x: float, before: float, e: Array, pair: Array) -> tuple[float, float]:
+def longer_path(x: float, e: Array) -> tuple[float, float]:
     """How much longer what the tendon runs over makes it (m), and the slope in `x` (1)."""
     longer = 0.0
     slope = 0.0
-    if e[0, LOOSE_AXLE] > 0.0:
-        at = pair[CARRIED] + (x - before) / AXLE_m
-        scale = 1e-3 * e[0, LOOSE_AXLE]
-        longer += scale * min(max(at, -1.0), 1.0)
-        slope += scale / AXLE_m if abs(at) < 1.0 else 0.0
     if e[0, SPLICE] > 0.0:
         off = math.tanh((x - 6e-3 * (e[2, SPLICE] - 0.5)) / SPLICE_m)
         longer += 1e-3 * e[0, SPLICE] * off

@@ -18,7 +18,6 @@ from evaluation.plant.layout import (
     DRAWN,
     FILL,
     FLOW,
-    FLUSHED,
     PLUME,
     POCKET,
     RESERVOIR,
@@ -33,8 +32,6 @@ Array = NDArray[np.float64]
 DRAIN = slot("water_drain")
 BUBBLES = slot("air_bubbles")
 HEATSINK = slot("hose_on_heatsink")
-CARTRIDGE = slot("warm_cartridge")
-DRAWN_AGAIN = slot("drawn_again")
 RETURNING = slot("return_beside_intake")
 ON_TENDON = slot("intake_on_tendon")
 DEPTH = slot("drawn_from_depth")
@@ -90,10 +87,6 @@ def entering(
     source = inlet + pair[RESERVOIR]
     if e[0, HEATSINK] > 0.0:
         source += e[0, HEATSINK] * pair[SINK_WARM]
-    if e[s, CARTRIDGE] > 0.0:
-        source += e[s, CARTRIDGE] * math.exp(-side[s, FLUSHED] / 6.0)
-    if e[s, DRAWN_AGAIN] > 0.0:
-        source += e[s, DRAWN_AGAIN] * (cells[s, CELLS - 1, W] - source)
     if e[1 - s, RETURNING] > 0.0:
         returned = side[1 - s, FLOW] / 0.55 * (cells[1 - s, CELLS - 1, W] - source)
         side[s, PLUME] += dt * (returned / 5.0 - side[s, PLUME] / 40.0)
