@@ -18,6 +18,7 @@ from evaluation.plant.layout import (
     CLOGGED,
     CUSHION,
     CUSHION_RATE,
+    CUT_OUT,
     DIPPED,
     FLOW,
     FORCE_X,
@@ -93,6 +94,10 @@ END_SWITCH = slot("worn_end_switch")
 CHOKE = slot("freewheeling_choke")
 SIPHON = slot("running_siphon")
 GAS_PLUG = slot("gas_plug")
+CUTS_OUT = slot("bimetal_cutout")
+BEATING = slot("beating_bridges")
+CRACKING = slot("cracking_valve")
+NARROW = slot("narrow_return")
 
 CURRENT_LIMIT_A = 4.0
 RELIEF_OPENS, RELIEF_CLOSES = 0.7, 0.45  # of the full flow
@@ -102,6 +107,7 @@ PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
 REFRESHED_A = 5e-3  # change of a set value at which its hold is charged anew
 STARTS_PER_S = 1.0  # how fast a motor gains speed while its start disturbs a bus
 SWITCHES_m, RELEASES_m = 3e-3, 1.5e-3  # own contraction at an end switch
+BEAT_S = 11.0  # how often two bridges switch together
 PRIMED_AT, SIPHON_S = 0.1, 6.0  # speed of a pump that starts a siphon, how long it runs on
 SLIPS_AT, MEETS_AT = 0.4, 0.15  # duty ahead of a rotor that it slips at, duty that it waits for
 
@@ -170,6 +176,9 @@ def current(
     elif drawn_in < RELEASES_m:
         side[s, SWITCHED] = approach(side[s, SWITCHED], 0.0, dt, 0.2)
     i *= 1.0 - min(e[s, END_SWITCH], 0.9) * side[s, SWITCHED]
+    i *= 1.0 - min(e[s, CUTS_OUT], 0.9) * side[s, CUT_OUT]
+    beat = math.sin(2.0 * math.pi * (pair[TIME] / BEAT_S + e[2, BEATING]))
+    i += e[0, BEATING] * min(i, side[1 - s, AMPERE]) * beat
     if e[s, CHOKE] > 0.0:
         i = max(i, side[s, FREEWHEELING] - dt / e[s, CHOKE])
         side[s, FREEWHEELING] = i
@@ -222,6 +231,7 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
     """Heat capacity rate (W/K) of the water through tube `s`."""
     share = _pump_speed(s, p, e, side, pair, ring, dt)
     share *= 1.0 - min(e[s, DECOUPLES], 0.95) * side[s, UNCOUPLED]
+    share = max(share - e[s, CRACKING], 0.0)
     if e[s, SHORTFALL] > 0.0 and share > 0.0:
         share = (1.0 - e[s, SHORTFALL]) * share ** (1.0 + e[s, SHORTFALL])
     if e[s, MEMBRANE] > 0.0:
@@ -275,6 +285,9 @@ def flows(p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) 
         side[1, AIR_DRAWN] = max(y / full, approach(side[1, AIR_DRAWN], 0.0, dt, 6.0))
         x *= 1.0 - min(e[0, SUCTION] * side[1, AIR_DRAWN], 0.95)
         y *= 1.0 - min(e[0, SUCTION] * side[0, AIR_DRAWN], 0.95)
+    throttled = 1.0 + e[0, NARROW] * ((x + y) / full) ** 2
+    x /= throttled
+    y /= throttled
     side[0, FLOW] = x + e[1, LEAK] * y**2 / full
     side[1, FLOW] = y + e[0, LEAK] * x**2 / full
     pair[TIME] += dt

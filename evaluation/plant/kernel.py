@@ -15,7 +15,9 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMBIENT,
     AMPERE,
+    BACK_STRESS,
     BASE,
+    CELL_SWING,
     CELL_WIDTH,
     CELLS,
     COLUMNS,
@@ -127,11 +129,12 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, SILT] = 1.0
     side[:, TRAILING] = water_degC
     side[:, TENSION_BEFORE] = 1.2
+    side[:, BACK_STRESS] = 1.0
     side[:, DEAD_END] = water_degC
     side[:, WARMTH_BEFORE] = water_degC
     pair[BASE] = water_degC
     side[:, STEM] = 0.3 * water_degC + 0.7 * ambient_degC
-    pair[FORCE_X] = pair[FORCE_Y] = 1.2
+    pair[FORCE_X] = pair[FORCE_Y] = pair[CELL_SWING] = 1.2
     quiet = np.zeros(8)
     quiet[INLET] = water_degC
     quiet[AMBIENT] = ambient_degC

@@ -108,8 +108,15 @@ CELL_WIDTH = PLAY + PLAYS
     OTHER_BEFORE,
     LOADED,
     TENSION_BEFORE,
+    CUT_OUT,
+    SENSE_SOAK,
+    MOTOR_WARM,
+    CLAMP_WET,
+    COIL_LAG,
+    TWINS,
+    BACK_STRESS,
     SIDE_WIDTH,
-) = range(87)
+) = range(94)
 
 (
     TIME,
@@ -147,8 +154,14 @@ CELL_WIDTH = PLAY + PLAYS
     SLID,
     TORN_AT,
     PASSED,
+    RETURNED,
+    CHILLS,
+    CHILLED_BY,
+    YIELDED,
+    CELL_SWING,
+    CELL_SWING_RATE,
     PAIR_WIDTH,
-) = range(36)
+) = range(42)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RING_RTD_X, RING_RTD_Y, RINGS = range(7)
 RING_LENGTH = 256

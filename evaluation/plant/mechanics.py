@@ -38,6 +38,7 @@ from evaluation.plant.layout import (
     SPEED,
     SPONGE,
     TURNED,
+    TWINS,
     WALKED,
     WORK_DONE,
     YIELDING,
@@ -50,6 +51,7 @@ from evaluation.plant.phase import TURN_ONSET, TURN_POWER, TURN_SCALE, turned_by
 from evaluation.plant.rarer import CREEPING, WALKING
 from evaluation.plant.tendon import (
     hung_and_stopped,
+    jets,
     longer_path,
     longer_tendon,
     swing,
@@ -87,6 +89,8 @@ CHILLED = slot("chilled_on_one_side")
 PRESSURE = slot("tube_under_pressure")
 HEAVY = slot("heavy_pulley")
 BRAKED = slot("braked_vane")
+TWINS_FOLLOW = slot("following_twins")
+SHAKEN_FREE = slot("freed_by_pumps")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
@@ -116,6 +120,7 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     side[s, GROWN] = 1e-3 * e[s, CREEPING] * side[s, CREPT]
     side[s, GROWN] += 1e-3 * e[s, CHILLED] * across / 10.0
     side[s, GROWN] += 1e-3 * e[s, PRESSURE] * (side[s, FLOW] / p[FULL_FLOW]) ** 2
+    side[s, GROWN] += 1e-3 * e[s, TWINS_FOLLOW] * side[s, TWINS]
     side[s, GROWN] += 1e-3 * (e[s, WALKING] * side[s, WALKED] - e[s, SHRINKING] * side[s, SHRUNK])
     if e[s, YIELDS] > 0.0:
         side[s, YIELDING] = 0.0
@@ -243,7 +248,9 @@ def resisting(
             total += scale * math.copysign(abs(v) ** 0.8, v)
             slope += scale * 0.8 * abs(v) ** -0.2 / dt / 5e-3
     total += e[0, SOAKING] * pair[SPONGE]
-    rubbing = e[0, GRIPPING] * (side[0, FLOW] + side[1, FLOW]) / full_flow
+    flowing = side[0, FLOW] + side[1, FLOW]
+    rubbing = e[0, GRIPPING] * flowing / full_flow
+    rubbing += e[0, SHAKEN_FREE] * max(1.0 - flowing / full_flow, 0.0)
     rubbing += e[0, DRAWN_CLIP] * (side[0, AMPERE] ** 2 + side[1, AMPERE] ** 2) / 16.0
     rubbing += e[0, SEAL] * max(pair[SEAL_WARM], 0.0)
     v = (x - before) / dt / 5e-4
@@ -261,6 +268,7 @@ def resisting(
         total += scale * min(max(caught, -1.0), 1.0)
         slope += scale / CATCH_m if abs(caught) < 1.0 else 0.0
     hung, stiff = hung_and_stopped(x, e, pair)
+    hung += jets(full_flow, e, side)
     return total + hung, slope + stiff, bristle
 
 

@@ -13,16 +13,19 @@ from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
+    BACK_STRESS,
     BASE,
     BUOYANT,
     CELLS,
     CHARGED,
+    CLAMP_WET,
     CLOUD,
     CONTACT,
     COOLING,
     CORE_WARM,
     CREPT,
     CURED,
+    CUT_OUT,
     DAMP,
     DEAD_END,
     DRAWING_IN,
@@ -39,9 +42,12 @@ from evaluation.plant.layout import (
     LEACHED,
     LOADED,
     MOLTEN,
+    MOTOR_WARM,
     OXIDE,
     PLUGGED,
     PRESSED_ON,
+    PUMP,
+    RATE,
     SILT,
     SLEEVED,
     SPEED,
@@ -49,6 +55,7 @@ from evaluation.plant.layout import (
     STRETCHING,
     TENSION_BEFORE,
     TIME,
+    TWINS,
     VALVE_OPEN,
     WALKED,
     WARMTH_BEFORE,
@@ -114,9 +121,14 @@ SILTING = slot("silt_on_still_coils")
 RELIEF = slot("relief_of_martensite")
 GEL = slot("melting_gel")
 FAN = slot("swinging_fan")
+CRACKLING = slot("crackling_wire")
+FANNED = slot("fanned_by_tendon")
+MOTOR_BELOW = slot("motor_under_tube")
+SPRAYED = slot("sprayed_clamp")
 
 BASE_J_K, DEAD_LEG_J_K, CORE_J_K = 20.0, 6.0, 1.0
 GEL_degC, GEL_J = 38.0, 12.0  # where a gel melts, and what that takes
+CUTS_degC, MAKES_degC = 46.0, 40.0  # wire at which a bimetal beside it opens and closes
 FAN_S = 18.0  # how long a fan takes to come back
 STRAND_m = 1.5e-3  # travel that parts a broken strand wholly
 WAX_OPENS, WAX_CLOSES = 42.0, 36.0  # °C of the water at a thermostat
@@ -210,11 +222,15 @@ def seldom(
     stirred /= 1.0 + e[s, CLOUDING] * side[s, CLOUD]
     stirred /= 1.0 + e[s, SILTING] * side[s, SILT]
     wetter *= 1.0 + e[0, FAN] * math.sin(math.pi * (pair[TIME] / FAN_S + e[2, FAN])) ** 2
+    stirred *= 1.0 + e[s, CRACKLING] * side[s, RATE] / (side[s, RATE] + 0.05)
+    wetter *= 1.0 + e[0, FANNED] * speed / (speed + 2e-3)
+    rows[CELLS - 1, TO_CLAMP] += e[s, SPRAYED] * side[s, CLAMP_WET]
     melting = e[s, GEL] * gel_over(s, cells, side)
     for i in range(CELLS):
         rows[i, HEAT_WATER] += e[0, OVER_SUPPLY] * pair[DRIVERS_WARM] / CELLS
         rows[i, HEAT_WIRE] += e[s, HEAVY_CORE] / CELLS * (side[s, CORE_WARM] - cells[s, i, T])
         rows[i, HEAT_WATER] -= melting / CELLS
+        rows[i, HEAT_WATER] += e[s, MOTOR_BELOW] * side[s, MOTOR_WARM] / CELLS
         rows[i, FILM] *= stirred * (1.0 + e[s, RELIEF] * cells[s, i, FRACTION])
         rows[i, LOSS] *= wetter
         rows[i, SHIFT_HEAT] -= lower
@@ -344,3 +360,24 @@ def linger(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, d
     tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
     side[s, LOADED] += abs(tension - side[s, TENSION_BEFORE])
     side[s, TENSION_BEFORE] = tension
+
+
+@compiled
+def follow(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
+    """Update what follows spring `s` late: a bimetal, a motor's warmth, a wet clamp, twins."""
+    warmth = 0.0
+    fraction = 0.0
+    for i in range(CELLS):
+        warmth += cells[s, i, T] / CELLS
+        fraction += cells[s, i, FRACTION] / CELLS
+    if warmth > CUTS_degC:
+        side[s, CUT_OUT] = approach(side[s, CUT_OUT], 1.0, dt, 0.3)
+    elif warmth < MAKES_degC:
+        side[s, CUT_OUT] = approach(side[s, CUT_OUT], 0.0, dt, 0.3)
+    side[s, MOTOR_WARM] = approach(side[s, MOTOR_WARM], side[s, PUMP], dt, 8.0)
+    share = side[s, FLOW] / p[FULL_FLOW]
+    slow = 2.0 if share > side[s, CLAMP_WET] else 12.0
+    side[s, CLAMP_WET] = approach(side[s, CLAMP_WET], share, dt, slow)
+    tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
+    side[s, TWINS] = approach(side[s, TWINS], fraction * (tension - 1.24) / 0.4, dt, 4.0)
+    side[s, BACK_STRESS] = approach(side[s, BACK_STRESS], fraction, dt, 8.0)

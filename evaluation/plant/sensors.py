@@ -14,7 +14,10 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
     AVERAGED,
+    CELL_SWING,
+    CELL_SWING_RATE,
     CELLS,
+    COIL_LAG,
     CONTACT,
     CREEP_FAST,
     CREEP_SLOW,
@@ -46,6 +49,7 @@ from evaluation.plant.layout import (
     RTD_A,
     RTD_B,
     SCANNED,
+    SENSE_SOAK,
     SETTLED,
     SHOWN,
     SLEPT_AT,
@@ -57,6 +61,7 @@ from evaluation.plant.layout import (
     TRAILING,
     TURNED,
     UNBOLTED,
+    YIELDED,
     T,
     W,
     X,
@@ -121,7 +126,17 @@ TORN = slot("torn_line")
 PULSES = slot("pulses_in_amplifier")
 MISSING = slot("missing_codes")
 BATTERY = slot("sensors_on_battery")
+SOAKS = slot("soaking_sense")
+INSULATION = slot("leaking_insulation")
+UNSYNCHRONISED = slot("unsynchronised_clock")
+ON_HOSES = slot("bracket_on_hoses")
+BRACKET = slot("yielding_bracket")
+CELL_RINGS = slot("resonant_filter")
+GHOST = slot("ghost_of_rtd")
+OVERSHOOTS = slot("overshooting_hall")
 
+CELL_RAD_S, CELL_DAMPING = 2.0 * math.pi * 0.2, 0.12  # slow enough for the load to excite it
+MISSED_S = 13.0  # after which two clocks are a whole sample apart
 ZEROS_S, HASTE_S = 7.0, 0.5  # between zeros of a voltmeter; over which an RTD's rate is taken
 TORN_mm = 0.1  # half a torn line's length
 CODE_N = 1.4  # what a converter reads in place of missing codes
@@ -168,6 +183,10 @@ def rtd(
     side[s, OTHER_BEFORE] = side[1 - s, AMPERE]
     side[s, KNOCKED] = approach(side[s, KNOCKED], 0.0, dt, 4.0) + switched
     reading += e[1 - s, KNOCKS] * side[s, KNOCKED]
+    soaked = 0.0
+    for j in range(CELLS):
+        soaked += (cells[s, j, W] - 27.0) / CELLS
+    reading += e[s, INSULATION] * side[s, AMPERE] / 4.0 * max(soaked, 0.0) / 10.0
     if e[s, ON_WIRE] != 0.0:
         austenite = 1.0 - (1.0 - part) * cells[s, i, FRACTION] - part * cells[s, i + 1, FRACTION]
         reading += e[s, ON_WIRE] * austenite
@@ -229,6 +248,8 @@ def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
     reading *= max(0.1, 1.0 + e[0, SCALE_WARMS] * pair[DRIVERS_WARM])
     reading += e[0, SETTLING] * (1.0 - math.exp(-pair[TIME] / 20.0))
     reading -= e[0, DRAGGED_HEAD] * pair[SPEED] / (abs(pair[SPEED]) + 5e-4)
+    pair[YIELDED] = approach(pair[YIELDED], (pair[FORCE_X] - 1.24) / 0.4, dt, 6.0)
+    reading += e[0, BRACKET] * pair[YIELDED]
     time = pair[TIME]
     torn = math.tanh((seen_mm + 2.0 - 6.0 * e[2, TORN]) / TORN_mm)
     if time > dt:
@@ -273,6 +294,12 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     reading += e[0, OVERLOADED] * max(pair[LARGEST_LOAD] - 1.3, 0.0) / 0.3
     reading *= 1.0 - e[0, OBLIQUE] * (pair[X] / 5e-3) ** 2
     reading += e[0, PULSES] * abs(pair[SPEED]) / (abs(pair[SPEED]) + 5e-4)
+    off = CELL_RAD_S * (reading - pair[CELL_SWING])
+    off -= 2.0 * CELL_DAMPING * pair[CELL_SWING_RATE]
+    pair[CELL_SWING_RATE] += dt * CELL_RAD_S * off
+    pair[CELL_SWING] += dt * pair[CELL_SWING_RATE]
+    reading += e[0, CELL_RINGS] * (pair[CELL_SWING] - reading)
+    reading += e[0, GHOST] * (side[1, RTD_B] - 27.0) / 20.0
     for s in range(2):
         ampere = side[s, AMPERE]
         reading += e[0, RIPPLE] * ampere * max(4.0 - ampere, 0.0) / 4.0
@@ -303,6 +330,8 @@ def read(
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
         out[s] *= max(0.1, 1.0 + e[0, HALL_STRESSED] * (pair[FORCE_X] / 1.24 - 1.0))
         out[s] *= max(0.1, 1.0 - e[0, BATTERY] * pair[TIME] / 60.0)
+        side[s, COIL_LAG] = approach(side[s, COIL_LAG], out[s], dt, 2.0)
+        out[s] += e[s, OVERSHOOTS] * (out[s] - side[s, COIL_LAG])
         nearness = 1.0 / (1.0 - min(max(pair[X], -0.02), 0.02) / 25e-3)
         out[s] += e[0, MAGNET] * (nearness * nearness - 1.0)
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
@@ -321,13 +350,17 @@ def read(
             fallen = approach(side[s, PEAK_VOLT], out[2 + s], dt, e[s, PEAKS])
             side[s, PEAK_VOLT] = max(out[2 + s], fallen)
             out[2 + s] = side[s, PEAK_VOLT]
+        side[s, SENSE_SOAK] = approach(side[s, SENSE_SOAK], out[2 + s], dt, 5.0)
+        out[2 + s] -= e[s, SOAKS] * (out[2 + s] - side[s, SENSE_SOAK])
         turn = pair[TIME] / ZEROS_S + e[2, AUTO_ZERO]
         out[2 + s] += e[s, AUTO_ZERO] * (turn - math.floor(turn))
         out[4 + s] = rtd(s, ambient, dt, p, e, cells, side, pair)
         ring[RING_RTD_X + s, int(pair[GLANCE]) % RING_LENGTH] = out[4 + s]
-        if e[0, CROWDED] > 0.0:
+        if e[0, CROWDED] > 0.0 or e[0, UNSYNCHRONISED] > 0.0:
             speed = abs(pair[SPEED])
             waited = e[0, CROWDED] * speed / (speed + 5e-4) / dt
+            turn = pair[TIME] / MISSED_S + e[2, UNSYNCHRONISED]
+            waited += e[0, UNSYNCHRONISED] * (turn - math.floor(turn)) / dt
             out[4 + s] = late(ring, RING_RTD_X + s, pair[GLANCE], waited)
     out[6] = inlet + 0.3 * pair[RESERVOIR]
     out[7] = ambient
@@ -336,6 +369,7 @@ def read(
         wander = 1.0 + 0.15 * math.sin(2.0 * math.pi * (pair[TIME] / 20.0 + e[2, DELAY]))
         ticks += e[0, DELAY] * wander / dt
     out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, pair)
+    out[8] += e[0, ON_HOSES] * (side[0, FLOW] - side[1, FLOW]) / p[FULL_FLOW]
     out[9] = load(late(ring, RING_FORCE, pair[GLANCE], ticks), dt, e, side, pair)
     total = side[0, AMPERE] + side[1, AMPERE]
     out[10] = p[SUPPLY] - p[SUPPLY_OHM] * total

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from evaluation.plant.compiled import compiled
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
+    BACK_STRESS,
     COOLED_FROM,
+    FRACTION,
     HEATED_FROM,
     INNER_STRESS,
     LOADED,
@@ -30,6 +32,7 @@ DRIFT = slot("transformation_drift")
 LINGERING = slot("lingering_stress")
 INTERFACES = slot("settling_interfaces")
 LOAD_WORKS = slot("worked_by_load")
+BACK_STRESSES = slot("relaxing_back_stress")
 
 
 @compiled
@@ -52,4 +55,5 @@ def shifts(
         cool += lifted
     held = e[s, INTERFACES] * side[s, MIXED]
     worked = e[s, LOAD_WORKS] * (1.0 - math.exp(-side[s, LOADED]))
-    return heat + held - worked, cool - held - worked
+    left = e[s, BACK_STRESSES] * (side[s, BACK_STRESS] - cells[s, i, FRACTION])
+    return heat + held - worked + left, cool - held - worked + left

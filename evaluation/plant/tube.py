@@ -58,6 +58,7 @@ from evaluation.plant.rarer import (
     SLIP_BANDS,
     age,
     elsewhere,
+    follow,
     joints,
     linger,
     odd_shifts,
@@ -115,6 +116,8 @@ LATENT_FADES = slot("fading_latent")
 LINGERING = slot("lingering_stress")
 IONS = slot("leached_ions")
 WARM_LATENT = slot("warm_latent")
+PINNED = slot("freed_interfaces")
+INTERFACES = slot("scattering_interfaces")
 
 
 @compiled
@@ -137,6 +140,8 @@ def resistance(s: int, p: Array, e: Array, cells: Array, side: Array, heat: Arra
         if e[s, TEXTURED] > 0.0:
             further = cells[s, i, FRACTION] * (cells[s, i, TURNED] - p[AT_START])
             factor += e[s, TEXTURED] * min(max(further, 0.0) / 0.05, 8.0)
+        mixed = 4.0 * cells[s, i, FRACTION] * (1.0 - cells[s, i, FRACTION])
+        factor += e[s, INTERFACES] * mixed
         heat[i] = base * factor / CELLS
         total += heat[i]
     return float(total * beside + joints(s, e, side, heat))
@@ -188,6 +193,7 @@ def coefficients(
         row[SHIFT_HEAT], row[SHIFT_COOL] = shifts(s, i, stress, p, e, cells, side)
         warmer = (cells[s, i, T] - 37.0) / 10.0
         row[LATENT] = latent * max(0.1, 1.0 + e[s, WARM_LATENT] * warmer)
+        row[LATENT] *= 1.0 + e[s, PINNED] * cells[s, i, HEATING]
         row[STORES] = p[WIRE_HEAT] / CELLS
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
     rows[CELLS - 1, TO_CLAMP] = 0.5 * e[s, COLD_ENDS]
@@ -299,5 +305,6 @@ def tube(
     wear(s, p, e, cells, side, pair, dt)
     soak(s, p, e, cells, side, dt)
     linger(s, p, e, cells, side, pair, dt)
+    follow(s, p, cells, side, pair, dt)
     settle(s, e, cells, side, pair, dt)
     side[s, CONTACT] = approach(side[s, CONTACT], amperes * amperes / 16.0, dt, 8.0)

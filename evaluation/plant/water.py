@@ -15,12 +15,15 @@ from evaluation.plant.layout import (
     BACKED_UP,
     BUBBLE,
     CELLS,
+    CHILLED_BY,
+    CHILLS,
     DRAWN,
     FILL,
     FLOW,
     PLUME,
     POCKET,
     RESERVOIR,
+    RETURNED,
     SINK_WARM,
     WET,
     W,
@@ -37,10 +40,12 @@ ON_TENDON = slot("intake_on_tendon")
 DEPTH = slot("drawn_from_depth")
 TEE = slot("sucked_through_tee")
 BACKWASH = slot("warm_backwash")
+CHILLER = slot("relay_chiller")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
 POCKET_S = 0.5
+CHILLS_AT, RESTS_AT = 0.5, 0.25  # of the warmth that has returned, at a chiller's bulb
 
 
 @compiled
@@ -80,6 +85,20 @@ def pockets(s: int, e: Array, cells: Array, side: Array, luck: float, dt: float)
 
 
 @compiled
+def chill(cells: Array, side: Array, pair: Array, dt: float) -> None:
+    """Switch a chiller by the warmth of what has returned to the vessel."""
+    brought = 0.0
+    for s in range(2):
+        brought += side[s, FLOW] / 0.55 * (cells[s, CELLS - 1, W] - 27.0) / 10.0
+    pair[RETURNED] += dt * (brought / 4.0 - pair[RETURNED] / 20.0)
+    if pair[RETURNED] > CHILLS_AT:
+        pair[CHILLS] = 1.0
+    elif pair[RETURNED] < RESTS_AT:
+        pair[CHILLS] = 0.0
+    pair[CHILLED_BY] = approach(pair[CHILLED_BY], pair[CHILLS], dt, 3.0)
+
+
+@compiled
 def entering(
     s: int, inlet: float, dt: float, e: Array, cells: Array, side: Array, pair: Array
 ) -> float:
@@ -101,4 +120,7 @@ def entering(
         both = (side[0, FLOW] + side[1, FLOW]) / 0.55
         pair[DRAWN] = approach(pair[DRAWN], both, dt, 4.0)
     source += e[0, DEPTH] * pair[DRAWN]
+    if s == 0:
+        chill(cells, side, pair, dt)
+    source -= e[0, CHILLER] * pair[CHILLED_BY]
     return float(source)
