@@ -18,6 +18,7 @@ from evaluation.plant.layout import (
     CLOGGED,
     CUSHION,
     CUSHION_RATE,
+    CUT_OUT,
     DIPPED,
     FLOW,
     FORCE_X,
@@ -32,7 +33,6 @@ from evaluation.plant.layout import (
     LAG_B,
     LAG_C,
     LONG_ON,
-    LOWERED,
     OHM,
     PLUGGED,
     POLLED,
@@ -40,9 +40,6 @@ from evaluation.plant.layout import (
     RELIEVED,
     RING_DUTY_X,
     RING_LENGTH,
-    RINGING,
-    RINGING_RATE,
-    RTD_B,
     RUN_ON,
     SINCE_START,
     SPEED,
@@ -76,10 +73,6 @@ CHATTER = slot("chattering_plug")
 PEAK_AND_HOLD = slot("peak_and_hold")
 SUCTION = slot("shared_suction")
 MEMBRANE = slot("tired_membrane")
-UNDER_TENDON = slot("hose_under_tendon")
-SINKING = slot("sinking_level")
-TAPERS = slot("tapering_guard")
-RINGS_ON = slot("ringing_loop")
 OVERLAPPING = slot("overlapping_pulses")
 SOFTENING = slot("softening_hose")
 RELIEF = slot("relief_valve")
@@ -101,9 +94,12 @@ END_SWITCH = slot("worn_end_switch")
 CHOKE = slot("freewheeling_choke")
 SIPHON = slot("running_siphon")
 GAS_PLUG = slot("gas_plug")
+CUTS_OUT = slot("bimetal_cutout")
+BEATING = slot("beating_bridges")
+CRACKING = slot("cracking_valve")
+NARROW = slot("narrow_return")
 
 CURRENT_LIMIT_A = 4.0
-RING_RAD_S, RING_DAMPING = 2.0 * math.pi * 1.2, 0.12
 RELIEF_OPENS, RELIEF_CLOSES = 0.7, 0.45  # of the full flow
 CUSHION_RAD_S, CUSHION_DAMPING = 2.0 * math.pi * 0.2, 0.12
 BIT_A = 0.5  # what the wrong bit of a converter stands for
@@ -111,6 +107,7 @@ PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
 REFRESHED_A = 5e-3  # change of a set value at which its hold is charged anew
 STARTS_PER_S = 1.0  # how fast a motor gains speed while its start disturbs a bus
 SWITCHES_m, RELEASES_m = 3e-3, 1.5e-3  # own contraction at an end switch
+BEAT_S = 11.0  # how often two bridges switch together
 PRIMED_AT, SIPHON_S = 0.1, 6.0  # speed of a pump that starts a siphon, how long it runs on
 SLIPS_AT, MEETS_AT = 0.4, 0.15  # duty ahead of a rotor that it slips at, duty that it waits for
 
@@ -161,8 +158,6 @@ def current(
         held = 1.0 if side[s, LONG_ON] > PEAK_S else 0.0
         side[s, HELD_DOWN] = approach(side[s, HELD_DOWN], held, dt, 0.4)
         i *= 1.0 - min(e[s, PEAK_AND_HOLD], 0.9) * side[s, HELD_DOWN]
-    if e[s, TAPERS] > 0.0:
-        i *= max(0.1, 1.0 - e[s, TAPERS] * max(side[s, RTD_B] - 40.0, 0.0) / 10.0)
     if e[0, OVERLAPPING] > 0.0:
         i -= e[0, OVERLAPPING] * min(i, side[1 - s, AMPERE])
     if e[s, COLD_REFERENCE] != 0.0:
@@ -181,14 +176,12 @@ def current(
     elif drawn_in < RELEASES_m:
         side[s, SWITCHED] = approach(side[s, SWITCHED], 0.0, dt, 0.2)
     i *= 1.0 - min(e[s, END_SWITCH], 0.9) * side[s, SWITCHED]
+    i *= 1.0 - min(e[s, CUTS_OUT], 0.9) * side[s, CUT_OUT]
+    beat = math.sin(2.0 * math.pi * (pair[TIME] / BEAT_S + e[2, BEATING]))
+    i += e[0, BEATING] * min(i, side[1 - s, AMPERE]) * beat
     if e[s, CHOKE] > 0.0:
         i = max(i, side[s, FREEWHEELING] - dt / e[s, CHOKE])
         side[s, FREEWHEELING] = i
-    if e[s, RINGS_ON] > 0.0:
-        off = RING_RAD_S * (i - side[s, RINGING]) - 2.0 * RING_DAMPING * side[s, RINGING_RATE]
-        side[s, RINGING_RATE] += dt * RING_RAD_S * off
-        side[s, RINGING] += dt * side[s, RINGING_RATE]
-        i = max(i + e[s, RINGS_ON] * (side[s, RINGING] - i), 0.0)
     side[s, LAG_A] = approach(side[s, LAG_A], i, dt, p[DRIVER_LAG])
     slow = e[s, SLOW_DRIVER]
     if slow <= 0.0:
@@ -238,12 +231,9 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
     """Heat capacity rate (W/K) of the water through tube `s`."""
     share = _pump_speed(s, p, e, side, pair, ring, dt)
     share *= 1.0 - min(e[s, DECOUPLES], 0.95) * side[s, UNCOUPLED]
+    share = max(share - e[s, CRACKING], 0.0)
     if e[s, SHORTFALL] > 0.0 and share > 0.0:
         share = (1.0 - e[s, SHORTFALL]) * share ** (1.0 + e[s, SHORTFALL])
-    if e[s, UNDER_TENDON] > 0.0:
-        tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
-        pressed = min(max((tension - 1.24) / 0.4, 0.0), 1.0)
-        share *= 1.0 - min(e[s, UNDER_TENDON], 0.95) * pressed
     if e[s, MEMBRANE] > 0.0:
         slow = 10.0 if share > side[s, TIRED] else 25.0
         side[s, TIRED] = approach(side[s, TIRED], share, dt, slow)
@@ -295,11 +285,9 @@ def flows(p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: float) 
         side[1, AIR_DRAWN] = max(y / full, approach(side[1, AIR_DRAWN], 0.0, dt, 6.0))
         x *= 1.0 - min(e[0, SUCTION] * side[1, AIR_DRAWN], 0.95)
         y *= 1.0 - min(e[0, SUCTION] * side[0, AIR_DRAWN], 0.95)
-    if e[0, SINKING] > 0.0:
-        pair[LOWERED] += dt * ((x + y) / full / 20.0 - pair[LOWERED] / 50.0)
-        left = max(1.0 - e[0, SINKING] * pair[LOWERED], 0.05)
-        x *= left
-        y *= left
+    throttled = 1.0 + e[0, NARROW] * ((x + y) / full) ** 2
+    x /= throttled
+    y /= throttled
     side[0, FLOW] = x + e[1, LEAK] * y**2 / full
     side[1, FLOW] = y + e[0, LEAK] * x**2 / full
     pair[TIME] += dt

@@ -24,9 +24,6 @@ SIGNED = (
             "convection_exponent",
             "stress_latent_heat",
             "motor_beside_sensor",
-            "rtd_joints",
-            "counted_motors",
-            "dragged_cable",
             "coil_in_field",
             "magnet_near_hall",
             "graded_wire",
@@ -41,6 +38,9 @@ SIGNED = (
             "remanent_core",
             "warmed_scale",
             "stressed_hall",
+            "drifting_zero",
+            "pulses_in_amplifier",
+            "warm_latent",
         )
     )
     | sealed.SIGNED

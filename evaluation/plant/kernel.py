@@ -15,10 +15,11 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMBIENT,
     AMPERE,
+    BACK_STRESS,
     BASE,
+    CELL_SWING,
     CELL_WIDTH,
     CELLS,
-    COLDEST,
     COLUMNS,
     CORE_WARM,
     DEAD_END,
@@ -47,7 +48,6 @@ from evaluation.plant.layout import (
     RTD_B,
     RUN_ON,
     SCANNED,
-    SEEN_BEFORE,
     SHOWN,
     SIDE_WIDTH,
     SILT,
@@ -113,7 +113,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     cells[:, :, W] = water_degC
     cells[:, :, WET] = 1.0
     cells[:, :, FRACTION] = 1.0
-    cells[:, :, COLDEST] = water_degC
     cells[:, :, HEATED_FROM] = 1.0
     cells[:, :, PLAY:] = 1.0
     cells[:, :, TURNED] = bench.turned_at_start
@@ -121,7 +120,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, OHM] = bench.resistance_ohm, bench.resistance_ohm * bench.y_resistance
     side[:, RTD_A] = water_degC
     side[:, RTD_B] = water_degC
-    side[:, SEEN_BEFORE] = water_degC
     side[:, SCANNED] = water_degC
     side[:, SHOWN] = water_degC
     side[:, CORE_WARM] = water_degC
@@ -131,11 +129,12 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, SILT] = 1.0
     side[:, TRAILING] = water_degC
     side[:, TENSION_BEFORE] = 1.2
+    side[:, BACK_STRESS] = 1.0
     side[:, DEAD_END] = water_degC
     side[:, WARMTH_BEFORE] = water_degC
     pair[BASE] = water_degC
     side[:, STEM] = 0.3 * water_degC + 0.7 * ambient_degC
-    pair[FORCE_X] = pair[FORCE_Y] = 1.2
+    pair[FORCE_X] = pair[FORCE_Y] = pair[CELL_SWING] = 1.2
     quiet = np.zeros(8)
     quiet[INLET] = water_degC
     quiet[AMBIENT] = ambient_degC

@@ -17,9 +17,8 @@ PLAYS = 6
     BUBBLE,
     WET,
     R_PHASE,
-    COLDEST,
     PLAY,
-) = range(12)
+) = range(11)
 CELL_WIDTH = PLAY + PLAYS
 
 (
@@ -55,13 +54,8 @@ CELL_WIDTH = PLAY + PLAYS
     LEAD_WARM,
     AVERAGED,
     SHRUNK,
-    FRETTED,
     FLUSHED,
-    FATIGUED,
-    SEEN_BEFORE,
     SLEEVED,
-    RINGING,
-    RINGING_RATE,
     GREATEST_LOAD,
     GASSING,
     GAS_COAT,
@@ -114,8 +108,15 @@ CELL_WIDTH = PLAY + PLAYS
     OTHER_BEFORE,
     LOADED,
     TENSION_BEFORE,
+    CUT_OUT,
+    SENSE_SOAK,
+    MOTOR_WARM,
+    CLAMP_WET,
+    COIL_LAG,
+    TWINS,
+    BACK_STRESS,
     SIDE_WIDTH,
-) = range(92)
+) = range(94)
 
 (
     TIME,
@@ -133,10 +134,6 @@ CELL_WIDTH = PLAY + PLAYS
     SINK_WARM,
     INDEXED,
     SPONGE,
-    LOWERED,
-    MISCOUNTED,
-    CARRIED,
-    RUN_DRY,
     BASE,
     SWING,
     SWING_RATE,
@@ -157,8 +154,14 @@ CELL_WIDTH = PLAY + PLAYS
     SLID,
     TORN_AT,
     PASSED,
+    RETURNED,
+    CHILLS,
+    CHILLED_BY,
+    YIELDED,
+    CELL_SWING,
+    CELL_SWING_RATE,
     PAIR_WIDTH,
-) = range(40)
+) = range(42)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RING_RTD_X, RING_RTD_Y, RINGS = range(7)
 RING_LENGTH = 256

@@ -17,7 +17,6 @@ from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
-    CARRIED,
     CAUGHT,
     CELLS,
     COMPLIANT,
@@ -33,14 +32,13 @@ from evaluation.plant.layout import (
     R_PHASE,
     RATE,
     RESTED,
-    RUN_DRY,
     SEAL_WARM,
     SHRUNK,
-    SLEEVED,
     SLID,
     SPEED,
     SPONGE,
     TURNED,
+    TWINS,
     WALKED,
     WORK_DONE,
     YIELDING,
@@ -52,8 +50,8 @@ from evaluation.plant.parameters import index
 from evaluation.plant.phase import TURN_ONSET, TURN_POWER, TURN_SCALE, turned_by
 from evaluation.plant.rarer import CREEPING, WALKING
 from evaluation.plant.tendon import (
-    AXLE_m,
     hung_and_stopped,
+    jets,
     longer_path,
     longer_tendon,
     swing,
@@ -78,9 +76,6 @@ MOBILE = slot("mobile_interfaces")
 SHRINKING = slot("shrinking_tendon")
 SOAKING = slot("hanging_sponge")
 GRIPPING = slot("gripping_hose")
-TWO_PHASES = slot("two_phase_softening")
-SHRUNK_SLEEVE = slot("shrunk_sleeve")
-RUNS_DRY = slot("drying_bearing")
 YIELDS = slot("yielding_austenite")
 DAMPING = slot("damping_martensite")
 DRAWN_CLIP = slot("clip_drawn_to_coils")
@@ -94,6 +89,8 @@ CHILLED = slot("chilled_on_one_side")
 PRESSURE = slot("tube_under_pressure")
 HEAVY = slot("heavy_pulley")
 BRAKED = slot("braked_vane")
+TWINS_FOLLOW = slot("following_twins")
+SHAKEN_FREE = slot("freed_by_pumps")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
@@ -114,8 +111,6 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
         fraction = cells[s, i, FRACTION]
         across += (cells[s, i, T] - cells[s, i, W]) / CELLS
         softness = 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
-        if e[s, TWO_PHASES] > 0.0:
-            softness *= 1.0 + e[s, TWO_PHASES] * 4.0 * fraction * (1.0 - fraction)
         warm = max(cells[s, i, T] - 35.0, 0.0) / 10.0
         total += softness / (1.0 + e[s, STIFFENS] * (1.0 - fraction) * warm)
         warm = max(cells[s, i, T] - 27.0, 0.0) / 10.0
@@ -125,6 +120,7 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     side[s, GROWN] = 1e-3 * e[s, CREEPING] * side[s, CREPT]
     side[s, GROWN] += 1e-3 * e[s, CHILLED] * across / 10.0
     side[s, GROWN] += 1e-3 * e[s, PRESSURE] * (side[s, FLOW] / p[FULL_FLOW]) ** 2
+    side[s, GROWN] += 1e-3 * e[s, TWINS_FOLLOW] * side[s, TWINS]
     side[s, GROWN] += 1e-3 * (e[s, WALKING] * side[s, WALKED] - e[s, SHRINKING] * side[s, SHRUNK])
     if e[s, YIELDS] > 0.0:
         side[s, YIELDING] = 0.0
@@ -199,7 +195,6 @@ def pull(
         rate = e[s, PARALLEL] * 58.0 * max(0.3, 1.0 - 0.004 * warm)
         force += rate * off * (1.0 + 60.0 * abs(off))
         slope += rate * (1.0 + 120.0 * abs(off))
-    force += e[s, SHRUNK_SLEEVE] * side[s, SLEEVED]
     return force, slope
 
 
@@ -253,8 +248,9 @@ def resisting(
             total += scale * math.copysign(abs(v) ** 0.8, v)
             slope += scale * 0.8 * abs(v) ** -0.2 / dt / 5e-3
     total += e[0, SOAKING] * pair[SPONGE]
-    rubbing = e[0, GRIPPING] * (side[0, FLOW] + side[1, FLOW]) / full_flow
-    rubbing += e[0, RUNS_DRY] * (1.0 - math.exp(-pair[RUN_DRY] / 0.04))
+    flowing = side[0, FLOW] + side[1, FLOW]
+    rubbing = e[0, GRIPPING] * flowing / full_flow
+    rubbing += e[0, SHAKEN_FREE] * max(1.0 - flowing / full_flow, 0.0)
     rubbing += e[0, DRAWN_CLIP] * (side[0, AMPERE] ** 2 + side[1, AMPERE] ** 2) / 16.0
     rubbing += e[0, SEAL] * max(pair[SEAL_WARM], 0.0)
     v = (x - before) / dt / 5e-4
@@ -272,6 +268,7 @@ def resisting(
         total += scale * min(max(caught, -1.0), 1.0)
         slope += scale / CATCH_m if abs(caught) < 1.0 else 0.0
     hung, stiff = hung_and_stopped(x, e, pair)
+    hung += jets(full_flow, e, side)
     return total + hung, slope + stiff, bristle
 
 
@@ -290,7 +287,7 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     for _ in range(30):
         force_y, slope_y = pull(1, 0.5 * p[SPAN] + x, force_y, p, e, cells, side)
         longer, slope_t = longer_tendon(force_y, e, pair)
-        play, slope_p = longer_path(x, before, e, pair)
+        play, slope_p = longer_path(x, e)
         away = 0.5 * p[SPAN] - x - longer - play
         force_x, slope_x = pull(0, away, force_x, p, e, cells, side)
         against, slope_f, bristle = resisting(x, before, force_y, dt, p[FULL_FLOW], e, side, pair)
@@ -315,9 +312,7 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     pair[FORCE_Y] = force_y
     pair[FRICTION] = bristle
     pair[SPEED] = (x - before) / dt
-    pair[CARRIED] = min(max(pair[CARRIED] + (x - before) / AXLE_m, -1.0), 1.0)
     pair[CAUGHT] = min(max(pair[CAUGHT] + (x - before) / CATCH_m, -1.0), 1.0)
-    pair[RUN_DRY] += abs(x - before)
     pair[SLID] += dt / 10.0 * max(force_y - 1.4, 0.0) / 0.2
     warm = (cells[0, CELLS - 1, W] + cells[1, CELLS - 1, W] - 54.0) / 20.0
     pair[SEAL_WARM] = approach(pair[SEAL_WARM], warm, dt, 5.0)
@@ -344,5 +339,4 @@ def wire_stress(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Arr
     off = length - PRESTRETCH_m
     if e[s, PARALLEL] > 0.0:
         beside += e[s, PARALLEL] * 58.0 * off * (1.0 + 60.0 * abs(off))
-    beside += e[s, SHRUNK_SLEEVE] * side[s, SLEEVED]
     return float(max(tendon - beside, 0.0) * p[STRESS])

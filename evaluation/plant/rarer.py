@@ -13,17 +13,19 @@ from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
+    BACK_STRESS,
     BASE,
     BUOYANT,
     CELLS,
     CHARGED,
+    CLAMP_WET,
     CLOUD,
-    COLDEST,
     CONTACT,
     COOLING,
     CORE_WARM,
     CREPT,
     CURED,
+    CUT_OUT,
     DAMP,
     DEAD_END,
     DRAWING_IN,
@@ -33,7 +35,6 @@ from evaluation.plant.layout import (
     FORCE_X,
     FORCE_Y,
     FRACTION,
-    FRETTED,
     GAS_COAT,
     GASSING,
     GREATEST_LOAD,
@@ -41,9 +42,12 @@ from evaluation.plant.layout import (
     LEACHED,
     LOADED,
     MOLTEN,
+    MOTOR_WARM,
     OXIDE,
     PLUGGED,
     PRESSED_ON,
+    PUMP,
+    RATE,
     SILT,
     SLEEVED,
     SPEED,
@@ -51,7 +55,7 @@ from evaluation.plant.layout import (
     STRETCHING,
     TENSION_BEFORE,
     TIME,
-    TURNED,
+    TWINS,
     VALVE_OPEN,
     WALKED,
     WARMTH_BEFORE,
@@ -79,11 +83,6 @@ DRIPPING = slot("dripping_outlet")
 ROD = slot("rod_in_coil")
 LAMP = slot("cycling_lamp")
 BENT = slot("bent_coils")
-CARTRIDGE = slot("warm_cartridge")
-DEEP_COOLED = slot("deep_cooled")
-HAMMERED = slot("hammered_variants")
-SHRUNK_SLEEVE = slot("shrunk_sleeve")
-FRETTING = slot("fretted_crimp")
 FRAYING = slot("fraying_lead")
 GAS = slot("boiling_out_gas")
 ELECTROLYSIS = slot("electrolysis_gas")
@@ -94,7 +93,6 @@ MATRIX = slot("stiff_matrix")
 GRADED = slot("graded_wire")
 SLIP_BANDS = slot("warm_slip_bands")
 WALKING = slot("walking_anchor")
-LEAD_IN_OUTLET = slot("lead_in_outlet")
 CURING = slot("curing_glue")
 PRESSED = slot("pressed_crimp")
 FIRST_BUBBLES = slot("bubbles_of_filling")
@@ -123,9 +121,14 @@ SILTING = slot("silt_on_still_coils")
 RELIEF = slot("relief_of_martensite")
 GEL = slot("melting_gel")
 FAN = slot("swinging_fan")
+CRACKLING = slot("crackling_wire")
+FANNED = slot("fanned_by_tendon")
+MOTOR_BELOW = slot("motor_under_tube")
+SPRAYED = slot("sprayed_clamp")
 
 BASE_J_K, DEAD_LEG_J_K, CORE_J_K = 20.0, 6.0, 1.0
 GEL_degC, GEL_J = 38.0, 12.0  # where a gel melts, and what that takes
+CUTS_degC, MAKES_degC = 46.0, 40.0  # wire at which a bimetal beside it opens and closes
 FAN_S = 18.0  # how long a fan takes to come back
 STRAND_m = 1.5e-3  # travel that parts a broken strand wholly
 WAX_OPENS, WAX_CLOSES = 42.0, 36.0  # °C of the water at a thermostat
@@ -134,17 +137,14 @@ LAMP_S, LAMP_ON = 24.0, 0.375  # how often a lamp comes on, and for what share o
 
 
 @compiled
-def joints(s: int, e: Array, cells: Array, side: Array, heat: Array) -> float:
+def joints(s: int, e: Array, side: Array, heat: Array) -> float:
     """What the ends of spring `s` and their leads add to its resistance (ohm), and to `heat`."""
-    inlet = e[s, FRETTING] * (1.0 - math.exp(-side[s, FRETTED] / 0.03))
-    inlet += e[s, FRAYING] * max(side[s, GREATEST_LOAD] - 1.3, 0.0) / 0.3
+    inlet = e[s, FRAYING] * max(side[s, GREATEST_LOAD] - 1.3, 0.0) / 0.3
     inlet -= e[s, CURING] * (1.0 - math.exp(-side[s, CURED]))
     inlet += e[s, STRANDS] * side[s, STRAND]
     inlet += e[s, COHERES] * side[s, OXIDE]
-    outlet = e[s, LEAD_IN_OUTLET] * max(cells[s, CELLS - 1, W] - 27.0, 0.0) / 20.0
-    outlet -= e[s, PRESSED] * side[s, PRESSED_ON]
     inlet = max(inlet, -0.95 * heat[0])
-    outlet = max(outlet, -0.95 * heat[CELLS - 1])
+    outlet = max(-e[s, PRESSED] * side[s, PRESSED_ON], -0.95 * heat[CELLS - 1])
     heat[0] += inlet
     heat[CELLS - 1] += outlet
     return float(inlet + outlet)
@@ -222,11 +222,15 @@ def seldom(
     stirred /= 1.0 + e[s, CLOUDING] * side[s, CLOUD]
     stirred /= 1.0 + e[s, SILTING] * side[s, SILT]
     wetter *= 1.0 + e[0, FAN] * math.sin(math.pi * (pair[TIME] / FAN_S + e[2, FAN])) ** 2
+    stirred *= 1.0 + e[s, CRACKLING] * side[s, RATE] / (side[s, RATE] + 0.05)
+    wetter *= 1.0 + e[0, FANNED] * speed / (speed + 2e-3)
+    rows[CELLS - 1, TO_CLAMP] += e[s, SPRAYED] * side[s, CLAMP_WET]
     melting = e[s, GEL] * gel_over(s, cells, side)
     for i in range(CELLS):
         rows[i, HEAT_WATER] += e[0, OVER_SUPPLY] * pair[DRIVERS_WARM] / CELLS
         rows[i, HEAT_WIRE] += e[s, HEAVY_CORE] / CELLS * (side[s, CORE_WARM] - cells[s, i, T])
         rows[i, HEAT_WATER] -= melting / CELLS
+        rows[i, HEAT_WATER] += e[s, MOTOR_BELOW] * side[s, MOTOR_WARM] / CELLS
         rows[i, FILM] *= stirred * (1.0 + e[s, RELIEF] * cells[s, i, FRACTION])
         rows[i, LOSS] *= wetter
         rows[i, SHIFT_HEAT] -= lower
@@ -236,22 +240,12 @@ def seldom(
 
 
 @compiled
-def age(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
+def age(s: int, p: Array, e: Array, cells: Array, side: Array, dt: float) -> None:
     """Update what rarer effects remember of a tick of spring `s`."""
     share = side[s, FLOW] / p[FULL_FLOW]
-    if e[s, FRETTING] > 0.0:
-        side[s, FRETTED] += dt * abs(pair[SPEED])
-    if e[s, CARTRIDGE] > 0.0 or e[s, FIRST_BUBBLES] > 0.0:
+    if e[s, FIRST_BUBBLES] > 0.0:
         side[s, FLUSHED] += dt * share
-    if e[s, DEEP_COOLED] > 0.0:
-        for i in range(CELLS):
-            cell = cells[s, i]
-            cell[COLDEST] = cell[T] if cell[FRACTION] < 0.5 else min(cell[COLDEST], cell[T])
-    if e[s, HAMMERED] > 0.0:
-        for i in range(CELLS):
-            further = cells[s, i, TURNED] + e[s, HAMMERED] * share * dt / 10.0
-            cells[s, i, TURNED] = min(further, 0.8)
-    if e[s, SHRUNK_SLEEVE] > 0.0 or e[s, VARNISH] > 0.0:
+    if e[s, VARNISH] > 0.0:
         warmth = 0.0
         for i in range(CELLS):
             warmth += cells[s, i, T] / CELLS
@@ -366,3 +360,24 @@ def linger(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, d
     tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
     side[s, LOADED] += abs(tension - side[s, TENSION_BEFORE])
     side[s, TENSION_BEFORE] = tension
+
+
+@compiled
+def follow(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
+    """Update what follows spring `s` late: a bimetal, a motor's warmth, a wet clamp, twins."""
+    warmth = 0.0
+    fraction = 0.0
+    for i in range(CELLS):
+        warmth += cells[s, i, T] / CELLS
+        fraction += cells[s, i, FRACTION] / CELLS
+    if warmth > CUTS_degC:
+        side[s, CUT_OUT] = approach(side[s, CUT_OUT], 1.0, dt, 0.3)
+    elif warmth < MAKES_degC:
+        side[s, CUT_OUT] = approach(side[s, CUT_OUT], 0.0, dt, 0.3)
+    side[s, MOTOR_WARM] = approach(side[s, MOTOR_WARM], side[s, PUMP], dt, 8.0)
+    share = side[s, FLOW] / p[FULL_FLOW]
+    slow = 2.0 if share > side[s, CLAMP_WET] else 12.0
+    side[s, CLAMP_WET] = approach(side[s, CLAMP_WET], share, dt, slow)
+    tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
+    side[s, TWINS] = approach(side[s, TWINS], fraction * (tension - 1.24) / 0.4, dt, 4.0)
+    side[s, BACK_STRESS] = approach(side[s, BACK_STRESS], fraction, dt, 8.0)

@@ -7,89 +7,93 @@ The load cell is beside X, so that a force between the springs has one place.
 from evaluation.plant.effect import FLOW, Effect
 
 EFFECTS: tuple[Effect, ...] = (
-    Effect("worn_end_switch", "sealed", "electrical", "1", 0.0134, 0.9, "driven_current",
-           "displacement current",
-           "a worn end switch puts a resistor before its heater: I(1 − e) from 3 mm of its own "
-           "contraction on, until it is below 1.5 mm, in 0.2 s", "one"),
-    Effect("freewheeling_choke", "sealed", "electrical", "s", 0.00565, 2.0, "driven_current",
-           "current",
-           "a driver's choke runs on through its diode: the current falls by at most 1 A in e"),
-    Effect("cohering_crimp", "sealed", "electrical", "ohm", 0.0262, 0.3,
-           "resistance reading_voltage", "current time",
-           "an oxide in a crimp breaks down under current, and grows again: R + e c, c → 1 in "
-           "10 s, worn off by exp(−∫(I/2 A)²dt/1.5 s)", "one"),
-    Effect("drifting_zero", "sealed", "electrical", "V", 0.0163, 0.6, "reading_voltage", "time",
-           "a voltmeter's zero drifts, and is set anew every 7 s: V + e b, b from 0 to 1 between"),
-    Effect("running_siphon", "sealed", "thermal", "1", 0.0354, 0.8, FLOW, "duty time",
-           "a hose siphons: flow at least e from where its pump passes a tenth of full speed until "
-           "6 s after it falls below", "one"),
-    Effect("gas_plug", "sealed", "thermal", "1", 0.43, 20.0, FLOW, "wire duty time",
-           "gas that hot wire drives out of its water stands in the tube: flow/(1 + e g), g gains "
-           "(T − 38 °C)⁺/10 K in each 5 s, and is flushed out in 1.5 s by full flow"),
-    Effect("silt_on_still_coils", "sealed", "thermal", "1", 2.88, 12.0, "film", "velocity time",
-           "silt settles on a coil that rests: film/(1 + e b), b → 1 in 15 s, shaken off by "
-           "exp(−∫|dx|/2 mm)"),
-    Effect("relief_of_martensite", "sealed", "thermal", "1", 0.626, 12.0, "film", "fraction",
-           "martensite's relief roughens the wire: film(1 + e ξ)"),
-    Effect("warm_backwash", "sealed", "thermal", "1", 0.808, 4.0, "inlet_water heat_into_water",
-           "water duty time",
-           "water of a tube at rest wanders back into its feeding hose: T_in + e b, b → that of "
-           "the inlet's end less T_in in 8 s, flushed out in 1.5 s by full flow"),
-    Effect("melting_gel", "sealed", "thermal", "W/K", 0.341, 2.0, "heat_into_water",
-           "water time",
-           "a gel round the tube takes 12 J to melt at 38 °C, where it sets: + e(38 °C − T_w) "
-           "while it does either"),
-    Effect("swinging_fan", "sealed", "thermal", "1", 5.96, 40.0, "heat_into_water",
-           "time water",
-           "a swinging fan blows on both tubes: loss[1 + e sin²(πt/18 s + c)]", "both"),
-    Effect("hasty_transmitter", "sealed", "sensors", "s", 0.759, 6.0, "reading_rtd",
-           "reading_rate wire_rate reading wire",
-           "an RTD's transmitter makes up for a lag that is not there: T + e dT/dt, over 0.5 s"),
-    Effect("knocked_transmitter", "sealed", "sensors", "K", 1.62, 20.0, "reading_rtd",
-           "other_current",
-           "the other driver's switching knocks an RTD's transmitter: T + e k, k gains |dJ|/4 A, "
-           "and fades in 4 s", "across"),
-    Effect("dragged_head", "sealed", "sensors", "mm", 0.937, 4.0, "reading_displacement",
-           "velocity reading_rate",
-           "the encoder's head on soft leaves is dragged along: x − e v/(|v| + 0.5 mm/s)", "both"),
-    Effect("torn_line", "sealed", "sensors", "mm", 0.152, 3.0, "reading_displacement",
-           "displacement time",
-           "the decoder takes a torn line for a step forward, whichever way it passes: x + e n, "
-           "n its passages so far", "both"),
-    Effect("pulses_in_amplifier", "sealed", "sensors", "N", 0.115, 0.9, "reading_force",
-           "velocity",
-           "the load cell's amplifier rectifies the encoder's pulses: F + e |v|/(|v| + 0.5 mm/s)",
-           "both"),
-    Effect("missing_codes", "sealed", "sensors", "N", 0.156, 0.3, "reading_force",
-           "reading force",
-           "the load cell's converter misses codes: it reads 1.4 N for what is less than e off it",
-           "both"),
-    Effect("sensors_on_battery", "sealed", "sensors", "1", 0.0136, 0.9, "reading_current",
-           "time current reading",
-           "both current sensors run on a battery that runs down: i(1 − e t/60 s)", "both"),
-    Effect("worked_by_load", "sealed", "phase", "K", 3.01, 15.0, "transformation_shift",
+    Effect("bimetal_cutout", "sealed", "electrical", "1", 0.0217, 0.9, "driven_current",
+           "wire current",
+           "a bimetal beside its wire puts a resistor before the heater: I(1 − e) from a mean "
+           "of 46 °C on, until it is below 40 °C, in 0.3 s", "one"),
+    Effect("beating_bridges", "sealed", "electrical", "1", 0.0454, 0.8, "driven_current",
+           "time current other_current",
+           "two bridges switch at nearly the same rate: each current + e min(I, J) sin(2πt/11 s "
+           "+ c)", "both"),
+    Effect("scattering_interfaces", "sealed", "electrical", "1", 0.0159, 0.6, "resistance",
+           "fraction",
+           "interfaces between the phases scatter electrons: R[1 + 4e ξ(1 − ξ)]"),
+    Effect("soaking_sense", "sealed", "electrical", "1", 0.00995, 0.9, "reading_voltage",
+           "reading_rate reading current",
+           "the voltmeter's capacitor soaks: V − e(V − z), z → V in 5 s"),
+    Effect("cracking_valve", "sealed", "thermal", "1", 0.112, 0.6, FLOW, "duty",
+           "a valve opens only against a pressure: flow of the share (q − e)⁺", "one"),
+    Effect("narrow_return", "sealed", "thermal", "1", 0.27, 8.0, FLOW, "duty other_duty",
+           "both tubes return through one narrow hose: flow/[1 + e(q_x + q_y)²], the flows' "
+           "shares without it", "both"),
+    Effect("crackling_wire", "sealed", "thermal", "1", 0.53, 20.0, "film", "fraction_rate",
+           "the transforming wire crackles, which stirs: film[1 + e r/(r + 0.05/s)], r → "
+           "|dξ/dt| in 0.3 s"),
+    Effect("relay_chiller", "sealed", "thermal", "K", 2.89, 18.0, "inlet_water heat_into_water",
+           "water duty other_wire other_duty",
+           "a chiller behind the inlet's sensor is switched by what returns: T_in − e m, m → 1 "
+           "in 3 s from h > 0.5 on, until h < 0.25; h gains qΔT_out/10 K of both tubes each 4 "
+           "s, and fades in 20 s", "both"),
+    Effect("fanned_by_tendon", "sealed", "thermal", "1", 9.87, 80.0, "heat_into_water",
+           "velocity water",
+           "a vane on the tendon fans both tubes: loss[1 + e |v|/(|v| + 2 mm/s)]", "both"),
+    Effect("motor_under_tube", "sealed", "thermal", "W", 1.39, 20.0, "heat_into_water",
+           "duty time",
+           "a pump's motor warms its tube from below: + e w, w → its speed in 8 s"),
+    Effect("sprayed_clamp", "sealed", "thermal", "W/K", 0.087, 2.0, "heat_into_wire", "duty wire",
+           "pumped water sprays the clamp at the outlet's end: − e m(T − T_room) there, m → the "
+           "flow's share in 2 s, and dries in 12 s", "one"),
+    Effect("leaking_insulation", "sealed", "sensors", "K", 3.38, 20.0, "reading_rtd",
+           "current water",
+           "an RTD's insulation leaks in warm water: T + e I/4 A (T_w − 27 °C)⁺/10 K", "one"),
+    Effect("unsynchronised_clock", "sealed", "sensors", "s", 1.08, 2.4, "reading_rtd",
+           "reading_rate wire_rate time",
+           "the RTDs' clock is not synchronised: both are read late by e z, z from 0 to 1 in "
+           "every 13 s", "both"),
+    Effect("bracket_on_hoses", "sealed", "sensors", "mm", 0.785, 6.0, "reading_displacement",
+           "duty other_duty",
+           "hoses under pressure tilt the encoder's bracket: x + e(q_x − q_y), the flows' "
+           "shares", "both"),
+    Effect("yielding_bracket", "sealed", "sensors", "mm", 0.604, 8.0, "reading_displacement",
            "force time",
-           "changes of load leave dislocations: both thresholds − e(1 − exp(−∫|dF|/1 N))"),
-    Effect("warm_latent", "sealed", "phase", "1", 0.861, 2.0, "heat_into_wire",
-           "fraction_rate wire",
-           "the transformation's heat depends on its temperature: L[1 + e(T − 37 °C)/10 K]"),
-    Effect("chilled_on_one_side", "sealed", "phase", "mm", 2.64, 12.0, "recoverable_strain",
-           "wire water current",
-           "coils against the tube are chilled on their free side only, and bend open: deflection "
-           "+ e(T − T_w)/10 K"),
-    Effect("heavy_pulley", "sealed", "mechanics", "N", 0.0534, 0.3, "force_cell_on_x",
-           "velocity",
-           "a heavy pulley turns with the tendon: against x by e a/20 mm/s², a its acceleration",
+           "the encoder's bracket yields to the tendon: x + e r, r → (F − 1.24 N)/0.4 N in 6 s",
            "both"),
-    Effect("braked_vane", "sealed", "mechanics", "N", 0.227, 1.5, "force_cell_on_x",
-           "velocity displacement",
-           "a magnet brakes a vane on the tendon that passes it: against x by "
-           "e exp[−((x − c)/2 mm)²] v/5 mm/s", "both"),
-    Effect("tube_under_pressure", "sealed", "mechanics", "mm", 1.98, 8.0, "recoverable_strain",
-           "duty",
-           "a spring's anchor stands on its tube, which lengthens as it is pumped: deflection + "
-           "e q², q the flow's share"),
+    Effect("resonant_filter", "sealed", "sensors", "1", 1.33, 4.0, "reading_force",
+           "force reading_rate reading",
+           "the load cell's indicator filters with a resonance: F + e(r − F), r the force "
+           "through an oscillator of 0.2 Hz, damping 0.12", "both"),
+    Effect("ghost_of_rtd", "sealed", "sensors", "N", 0.0956, 0.9, "reading_force",
+           "other_wire reading",
+           "the converter keeps some of Y's RTD when it comes to the load cell: F + e(T_RTD − "
+           "27 °C)/20 K", "both"),
+    Effect("overshooting_hall", "sealed", "sensors", "1", 0.0098, 0.9, "reading_current",
+           "current reading_rate reading",
+           "a current sensor's compensation overshoots: i + e(i − z), z → i in 2 s"),
+    Effect("freed_interfaces", "sealed", "phase", "1", 0.487, 4.0, "heat_into_wire",
+           "fraction_rate",
+           "interfaces have to be freed on the way to austenite, which takes heat: L(1 + e) "
+           "there"),
+    Effect("relaxing_back_stress", "sealed", "phase", "K", 3.2, 18.0, "transformation_shift",
+           "fraction time",
+           "what transforms strains the rest, which relaxes: both thresholds + e(z − ξ), z → "
+           "the mean ξ in 8 s"),
+    Effect("following_twins", "sealed", "phase", "mm", 3.73, 12.0, "recoverable_strain",
+           "force fraction time",
+           "martensite's twins follow the load: deflection + e r, r → ξ(F − 1.24 N)/0.4 N in 4 "
+           "s"),
+    Effect("cogging_wheel", "sealed", "mechanics", "N", 0.0871, 0.15, "force_cell_on_x",
+           "displacement",
+           "a wheel's magnets hold the tendon here and there: against x by e sin(2πx/10 mm + c)",
+           "both"),
+    Effect("freed_by_pumps", "sealed", "mechanics", "N", 0.345, 0.9, "force_cell_on_x",
+           "velocity duty other_duty",
+           "a guide rubs unless the pumps shake it: against x by e(1 − q)⁺ v/(|v| + 0.5 mm/s), "
+           "q both flows' share", "both"),
+    Effect("jets_on_clip", "sealed", "mechanics", "N", 0.0806, 0.4, "force_cell_on_x",
+           "duty other_duty",
+           "the outlets' jets push the tendon's clip: along x by e(q_x² − q_y²), the flows' "
+           "shares", "both"),
 )  # fmt: skip
 
-SIGNED = frozenset(("drifting_zero", "pulses_in_amplifier", "warm_latent"))
+SIGNED: frozenset[str] = frozenset(("bracket_on_hoses", "ghost_of_rtd"))
 """Those whose magnitude may be negative."""

@@ -14,13 +14,15 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
     AVERAGED,
+    CELL_SWING,
+    CELL_SWING_RATE,
     CELLS,
+    COIL_LAG,
     CONTACT,
     CREEP_FAST,
     CREEP_SLOW,
     DRIVERS_WARM,
     ENCODER,
-    FATIGUED,
     FLOW,
     FORCE_X,
     FORCE_Y,
@@ -31,7 +33,6 @@ from evaluation.plant.layout import (
     KNOCKED,
     LARGEST_LOAD,
     LEAD_WARM,
-    MISCOUNTED,
     MISTED,
     OHM,
     OTHER_BEFORE,
@@ -48,7 +49,7 @@ from evaluation.plant.layout import (
     RTD_A,
     RTD_B,
     SCANNED,
-    SEEN_BEFORE,
+    SENSE_SOAK,
     SETTLED,
     SHOWN,
     SLEPT_AT,
@@ -60,6 +61,7 @@ from evaluation.plant.layout import (
     TRAILING,
     TURNED,
     UNBOLTED,
+    YIELDED,
     T,
     W,
     X,
@@ -90,12 +92,6 @@ RIPPLE_FILTER = slot("ripple_filter")
 WIDE_INDEX = slot("wide_index")
 RIPPLE = slot("rectified_ripple")
 MOTOR_FIELD = slot("motor_beside_sensor")
-TARNISHED = slot("tarnished_crimp")
-RTD_JOINTS = slot("rtd_joints")
-FATIGUE = slot("fatigued_rtd")
-COUNTS_MOTORS = slot("counted_motors")
-DRAGGED_CABLE = slot("dragged_cable")
-NEAR_RAIL = slot("amplifier_near_rail")
 MOVING_EMF = slot("coil_in_field")
 SCANNER = slot("scanned_rtd")
 DIRT = slot("dirty_strip")
@@ -130,7 +126,17 @@ TORN = slot("torn_line")
 PULSES = slot("pulses_in_amplifier")
 MISSING = slot("missing_codes")
 BATTERY = slot("sensors_on_battery")
+SOAKS = slot("soaking_sense")
+INSULATION = slot("leaking_insulation")
+UNSYNCHRONISED = slot("unsynchronised_clock")
+ON_HOSES = slot("bracket_on_hoses")
+BRACKET = slot("yielding_bracket")
+CELL_RINGS = slot("resonant_filter")
+GHOST = slot("ghost_of_rtd")
+OVERSHOOTS = slot("overshooting_hall")
 
+CELL_RAD_S, CELL_DAMPING = 2.0 * math.pi * 0.2, 0.12  # slow enough for the load to excite it
+MISSED_S = 13.0  # after which two clocks are a whole sample apart
 ZEROS_S, HASTE_S = 7.0, 0.5  # between zeros of a voltmeter; over which an RTD's rate is taken
 TORN_mm = 0.1  # half a torn line's length
 CODE_N = 1.4  # what a converter reads in place of missing codes
@@ -166,12 +172,6 @@ def rtd(
     reading = side[s, RTD_B]
     reading += e[0, GHOSTING] * (side[1 - s, RTD_A] - side[s, RTD_A])
     reading += e[s, RTD_OFFSET] * (1.0 + 0.01 * (reading - 27.0))
-    if e[s, RTD_JOINTS] != 0.0:
-        reading += e[s, RTD_JOINTS] * (cells[s, CELLS - 1, T] - cells[s, 0, T]) / 10.0
-    if e[s, FATIGUE] > 0.0:
-        side[s, FATIGUED] += abs(seen - side[s, SEEN_BEFORE])
-        side[s, SEEN_BEFORE] = seen
-        reading += e[s, FATIGUE] * (1.0 - math.exp(-side[s, FATIGUED] / 60.0))
     if e[1 - s, RTD_LEAD] > 0.0:
         warm = 0.0
         for j in range(CELLS):
@@ -183,6 +183,10 @@ def rtd(
     side[s, OTHER_BEFORE] = side[1 - s, AMPERE]
     side[s, KNOCKED] = approach(side[s, KNOCKED], 0.0, dt, 4.0) + switched
     reading += e[1 - s, KNOCKS] * side[s, KNOCKED]
+    soaked = 0.0
+    for j in range(CELLS):
+        soaked += (cells[s, j, W] - 27.0) / CELLS
+    reading += e[s, INSULATION] * side[s, AMPERE] / 4.0 * max(soaked, 0.0) / 10.0
     if e[s, ON_WIRE] != 0.0:
         austenite = 1.0 - (1.0 - part) * cells[s, i, FRACTION] - part * cells[s, i + 1, FRACTION]
         reading += e[s, ON_WIRE] * austenite
@@ -222,7 +226,7 @@ def awake(seen_mm: float, dt: float, least_mm: float, pair: Array) -> float:
 
 
 @compiled
-def travel(seen_mm: float, dt: float, e: Array, side: Array, pair: Array) -> float:
+def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
     """Encoder reading (mm) for the tendon's travel (mm)."""
     width = e[0, BACKLASH]
     before = pair[ENCODER]
@@ -239,14 +243,13 @@ def travel(seen_mm: float, dt: float, e: Array, side: Array, pair: Array) -> flo
     if e[0, SLIP] > 0.0 and pair[FORCE_X] > 1.4:
         pair[SLIPPED] -= e[0, SLIP] * (moved if moved > 0.0 else 0.4 * moved)
     reading = pair[ENCODER] + pair[SLIPPED]
-    if e[0, COUNTS_MOTORS] != 0.0:
-        pair[MISCOUNTED] += dt * (side[0, PUMP] + side[1, PUMP])
-        reading += e[0, COUNTS_MOTORS] * pair[MISCOUNTED]
     if e[0, SLEEPS] > 0.0:
         reading -= awake(seen_mm, dt, e[0, SLEEPS], pair)
     reading *= max(0.1, 1.0 + e[0, SCALE_WARMS] * pair[DRIVERS_WARM])
     reading += e[0, SETTLING] * (1.0 - math.exp(-pair[TIME] / 20.0))
     reading -= e[0, DRAGGED_HEAD] * pair[SPEED] / (abs(pair[SPEED]) + 5e-4)
+    pair[YIELDED] = approach(pair[YIELDED], (pair[FORCE_X] - 1.24) / 0.4, dt, 6.0)
+    reading += e[0, BRACKET] * pair[YIELDED]
     time = pair[TIME]
     torn = math.tanh((seen_mm + 2.0 - 6.0 * e[2, TORN]) / TORN_mm)
     if time > dt:
@@ -277,7 +280,6 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
         pair[CREEP_SLOW] = approach(pair[CREEP_SLOW], seen_N - 1.24, dt, 40.0)
         reading += e[0, FORCE_CREEP] * (0.5 * pair[CREEP_FAST] + pair[CREEP_SLOW])
     reading += e[0, FORCE_OFFSET] * (1.0 - 0.2 * math.exp(-time / 25.0))
-    reading += e[0, DRAGGED_CABLE] * pair[X] / 5e-3
     switched = (side[0, AMPERE] + side[1, AMPERE]) / 4.0
     pair[SETTLED] = approach(pair[SETTLED], switched, dt, 1.5)
     reading += e[0, KICKED] * (switched - pair[SETTLED])
@@ -292,6 +294,12 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     reading += e[0, OVERLOADED] * max(pair[LARGEST_LOAD] - 1.3, 0.0) / 0.3
     reading *= 1.0 - e[0, OBLIQUE] * (pair[X] / 5e-3) ** 2
     reading += e[0, PULSES] * abs(pair[SPEED]) / (abs(pair[SPEED]) + 5e-4)
+    off = CELL_RAD_S * (reading - pair[CELL_SWING])
+    off -= 2.0 * CELL_DAMPING * pair[CELL_SWING_RATE]
+    pair[CELL_SWING_RATE] += dt * CELL_RAD_S * off
+    pair[CELL_SWING] += dt * pair[CELL_SWING_RATE]
+    reading += e[0, CELL_RINGS] * (pair[CELL_SWING] - reading)
+    reading += e[0, GHOST] * (side[1, RTD_B] - 27.0) / 20.0
     for s in range(2):
         ampere = side[s, AMPERE]
         reading += e[0, RIPPLE] * ampere * max(4.0 - ampere, 0.0) / 4.0
@@ -316,20 +324,19 @@ def read(
     """All readings of one tick into `out`, in the order of `layout.READINGS`."""
     for s in range(2):
         out[s] = side[s, AMPERE]
-        out[s] -= min(e[s, NEAR_RAIL], 0.95) * max(out[s] - 2.5, 0.0)
         out[s] *= 1.0 - min(e[s, LOW_FIELD], 0.95) * math.exp(-max(out[s], 0.0) / 0.8)
         side[s, REMANENT] = max(side[s, AMPERE] / 4.0, approach(side[s, REMANENT], 0.0, dt, 30.0))
         out[s] += e[s, REMANENCE] * side[s, REMANENT]
         out[s] += e[0, MOTOR_FIELD] * side[s, PUMP]
         out[s] *= max(0.1, 1.0 + e[0, HALL_STRESSED] * (pair[FORCE_X] / 1.24 - 1.0))
         out[s] *= max(0.1, 1.0 - e[0, BATTERY] * pair[TIME] / 60.0)
+        side[s, COIL_LAG] = approach(side[s, COIL_LAG], out[s], dt, 2.0)
+        out[s] += e[s, OVERSHOOTS] * (out[s] - side[s, COIL_LAG])
         nearness = 1.0 / (1.0 - min(max(pair[X], -0.02), 0.02) / 25e-3)
         out[s] += e[0, MAGNET] * (nearness * nearness - 1.0)
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
         out[2 + s] += e[0, SHARED_RETURN] * side[1 - s, AMPERE]
-        if e[s, TARNISHED] > 0.0:
-            out[2 + s] += e[s, TARNISHED] * side[s, AMPERE] / (side[s, AMPERE] + 0.5)
         turn = pair[TIME] / 9.0 + e[2, STROBED]
         ripple = side[s, AMPERE] * max(4.0 - side[s, AMPERE], 0.0) / 4.0
         out[2 + s] += e[s, STROBED] * ripple * math.sin(2.0 * math.pi * turn)
@@ -343,13 +350,17 @@ def read(
             fallen = approach(side[s, PEAK_VOLT], out[2 + s], dt, e[s, PEAKS])
             side[s, PEAK_VOLT] = max(out[2 + s], fallen)
             out[2 + s] = side[s, PEAK_VOLT]
+        side[s, SENSE_SOAK] = approach(side[s, SENSE_SOAK], out[2 + s], dt, 5.0)
+        out[2 + s] -= e[s, SOAKS] * (out[2 + s] - side[s, SENSE_SOAK])
         turn = pair[TIME] / ZEROS_S + e[2, AUTO_ZERO]
         out[2 + s] += e[s, AUTO_ZERO] * (turn - math.floor(turn))
         out[4 + s] = rtd(s, ambient, dt, p, e, cells, side, pair)
         ring[RING_RTD_X + s, int(pair[GLANCE]) % RING_LENGTH] = out[4 + s]
-        if e[0, CROWDED] > 0.0:
+        if e[0, CROWDED] > 0.0 or e[0, UNSYNCHRONISED] > 0.0:
             speed = abs(pair[SPEED])
             waited = e[0, CROWDED] * speed / (speed + 5e-4) / dt
+            turn = pair[TIME] / MISSED_S + e[2, UNSYNCHRONISED]
+            waited += e[0, UNSYNCHRONISED] * (turn - math.floor(turn)) / dt
             out[4 + s] = late(ring, RING_RTD_X + s, pair[GLANCE], waited)
     out[6] = inlet + 0.3 * pair[RESERVOIR]
     out[7] = ambient
@@ -357,7 +368,8 @@ def read(
     if e[0, DELAY] > 0.0:
         wander = 1.0 + 0.15 * math.sin(2.0 * math.pi * (pair[TIME] / 20.0 + e[2, DELAY]))
         ticks += e[0, DELAY] * wander / dt
-    out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, side, pair)
+    out[8] = travel(1e3 * late(ring, RING_X, pair[GLANCE], ticks), dt, e, pair)
+    out[8] += e[0, ON_HOSES] * (side[0, FLOW] - side[1, FLOW]) / p[FULL_FLOW]
     out[9] = load(late(ring, RING_FORCE, pair[GLANCE], ticks), dt, e, side, pair)
     total = side[0, AMPERE] + side[1, AMPERE]
     out[10] = p[SUPPLY] - p[SUPPLY_OHM] * total

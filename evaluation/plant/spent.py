@@ -89,3 +89,42 @@ EFFECTS: tuple[Effect, ...] = (
            "hoses swell as they feed and rub on the tendon: e q v/(|v| + 0.5 mm/s), q both flows' "
            "share", "both"),
 )  # fmt: skip
+
+_GONE = """
+absorbing_hold adaptive_filter aged_segment ammeter_average amplifier_near_rail annealed_spring
+arrest_memory attracting_turns austenite_softening bent_guide bracket_growth breathing_tube
+bridge_leakage bridge_on_pump_supply cell_guide_friction cell_shock cell_span_drift clamp_slip
+clapeyron_bend clinging_coils clip_polarisation clip_tension coarse_driver coasting_pump
+coil_contact coil_expansion coil_opening coil_pitch_film coils_on_wall converter_carry
+core_remanence counted_motors coupling_creep cracked_end creeping_crimp cyclic_softening
+cycling_chiller deep_cooled deformed_martensite detwin_recovery dragged_cable drawn_again
+driver_crosstalk driver_fan driver_foldback driver_on_return driver_small_signal drying_bearing
+eased_turning electron_wind encoder_eccentricity encoder_in_field evaporating_spill fatigued_rtd
+film_tripping flexed_lead force_frame_warming force_hysteresis frame_growth frame_touch
+fretted_crimp friction_heat galvanic_clip gas_coat gate_refresh grain_slopes hall_zero_drift
+hammered_variants hose_slug hose_under_tendon hoses_on_cell hoses_side_by_side hot_clips
+humming_coils idle_windup induced_heat iron_beside_tendon isothermal_martensite kinked_hose
+knot_tightening lasting_swirl lazy_setpoint lead_in_outlet lead_inductance leads_along_neighbour
+leaking_foot_valve lip_seal loose_axle lost_counts martensite_stabilisation metal_yoke mux_ghosting
+narrowing_loop neighbour_field other_pump_shakes overheated_nuclei overload_stop overturning_water
+phase_fronts phase_heat_capacity pinned_fronts plastic_ratchet plied_tendon precipitation
+premartensitic_peak pressed_tube pressure_stiffening pump_bourdon pump_cavitation pump_ground_lift
+pump_load_droop pump_stiction pump_supply_sag pump_vibration pump_waste_heat pwm_counts
+quenched_martensite rail_kick range_switching rate_overshoot ratiometric_reference
+resting_austenite reversal_miscount reverse_flow ringing_loop ripple_heating rocking_anchor
+roller_pulses rtd_binding rtd_bow rtd_current_pickup rtd_flow_self_heating rtd_joints rtd_off_coil
+rtd_report_band rtd_seepage rtd_strain rtd_wandering rtd_warmup rubber_anchor scattering_fronts
+setpoint_ground shaft_bending shaft_imbalance shaken_interfaces shared_power_limit shorted_coils
+shorted_turns shrunk_sleeve shunt_on_tube shunt_self_heating sinking_level sliding_clip
+sliding_sleeve soaked_rtd soft_start soft_zener spool_buildup squeezed_rtd stiff_grease
+strained_rtd strainer_clogging stress_in_resistance supply_beat sweating_tube tapered_drum
+tapering_guard tarnished_crimp taut_lead tendon_angle tendon_log_creep tendon_stray_current
+tendon_twist tendon_wetting tired_battery touching_tubes tracking_decoder tube_buckling tube_kink
+tube_relaxation tube_swelling tube_thermal_push tube_wall_heat tugged_trimmer turned_resists
+two_phase_softening two_way_memory variant_creep warm_cartridge warm_core warm_viscosity
+warmed_amplifier water_hammer water_shunt wax_melting wire_strain_gauge worked_resistance
+zero_tracking
+"""
+
+DROPPED = frozenset(_GONE.split())
+"""Names that have been in the table and whose physics is gone: they are not used again."""

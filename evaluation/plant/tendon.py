@@ -9,7 +9,7 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
-    CARRIED,
+    FLOW,
     SLID,
     SNAPPED,
     STRAP,
@@ -20,7 +20,6 @@ from evaluation.plant.layout import (
 Array = NDArray[np.float64]
 
 COMPLIANCE = slot("tendon_compliance")
-LOOSE_AXLE = slot("loose_axle")
 SWINGING = slot("swinging_reel")
 BUFFER = slot("rubber_buffer")
 SPLICE = slot("splice_over_pulley")
@@ -28,12 +27,14 @@ STRAPPED = slot("relaxing_strap")
 OVAL = slot("oval_pulley")
 BELLOWS = slot("snapping_bellows")
 FERRULE = slot("slipping_ferrule")
+COGS = slot("cogging_wheel")
+JETS = slot("jets_on_clip")
 
 SPLICE_m = 2e-3  # travel over which a splice rides off its pulley
-AXLE_m = 8e-4  # travel over which the tendon carries a loose axle from one end of its play on
 SWING_RAD_S, SWING_DAMPING = 2.0 * math.pi * 0.2, 0.15
 SWUNG_m = 5e-3
 OVAL_m = 16e-3  # travel after which an oval pulley is as before
+COG_m = 10e-3  # travel from one cog of a wheel to the next
 STRAP_m, BELLOWS_m = 5e-3, 1.5e-3
 BUFFER_m = 2e-3  # how far off the middle a buffer stands, and how deep it is
 
@@ -52,15 +53,10 @@ def longer_tendon(force: float, e: Array, pair: Array) -> tuple[float, float]:
 
 
 @compiled
-def longer_path(x: float, before: float, e: Array, pair: Array) -> tuple[float, float]:
+def longer_path(x: float, e: Array) -> tuple[float, float]:
     """How much longer what the tendon runs over makes it (m), and the slope in `x` (1)."""
     longer = 0.0
     slope = 0.0
-    if e[0, LOOSE_AXLE] > 0.0:
-        at = pair[CARRIED] + (x - before) / AXLE_m
-        scale = 1e-3 * e[0, LOOSE_AXLE]
-        longer += scale * min(max(at, -1.0), 1.0)
-        slope += scale / AXLE_m if abs(at) < 1.0 else 0.0
     if e[0, SPLICE] > 0.0:
         off = math.tanh((x - 6e-3 * (e[2, SPLICE] - 0.5)) / SPLICE_m)
         longer += 1e-3 * e[0, SPLICE] * off
@@ -88,7 +84,17 @@ def hung_and_stopped(x: float, e: Array, pair: Array) -> tuple[float, float]:
         slope += e[0, BUFFER] * 1.5 * math.sqrt(deep) / BUFFER_m
     total += e[0, STRAPPED] * (x - pair[STRAP]) / STRAP_m - e[0, BELLOWS] * pair[SNAPPED]
     slope += e[0, STRAPPED] / STRAP_m
+    turn = 2.0 * math.pi * (x / COG_m + e[2, COGS])
+    total += e[0, COGS] * math.sin(turn)
+    # A cog that lets go would tell Newton the wrong way: the springs alone bound its step.
+    slope += 2.0 * math.pi * e[0, COGS] * max(math.cos(turn), 0.0) / COG_m
     return total, slope
+
+
+@compiled
+def jets(full_flow: float, e: Array, side: Array) -> float:
+    """Force against `x` (N) of the outlets' jets on what hangs on the tendon."""
+    return float(e[0, JETS] * (side[1, FLOW] ** 2 - side[0, FLOW] ** 2) / full_flow**2)
 
 
 @compiled

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from evaluation.plant.compiled import compiled
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
-    AMPERE,
-    COLDEST,
+    BACK_STRESS,
     COOLED_FROM,
+    FRACTION,
     HEATED_FROM,
     INNER_STRESS,
     LOADED,
@@ -30,10 +30,9 @@ HEAT_SLOPE = index("heat_slope_MPa_K")
 MINOR_LOOP = slot("minor_loop")
 DRIFT = slot("transformation_drift")
 LINGERING = slot("lingering_stress")
-ELECTRON_WIND = slot("electron_wind")
-DEEP_COOLED = slot("deep_cooled")
 INTERFACES = slot("settling_interfaces")
 LOAD_WORKS = slot("worked_by_load")
+BACK_STRESSES = slot("relaxing_back_stress")
 
 
 @compiled
@@ -54,12 +53,7 @@ def shifts(
         lifted = e[s, LINGERING] * max(side[s, INNER_STRESS] - 1.35, 0.0) / 0.4
         heat += lifted
         cool += lifted
-    if e[s, ELECTRON_WIND] > 0.0:
-        eased = e[s, ELECTRON_WIND] * side[s, AMPERE] / 4.0
-        heat -= eased
-        cool += eased
-    if e[s, DEEP_COOLED] > 0.0:
-        heat += e[s, DEEP_COOLED] * max(34.0 - cells[s, i, COLDEST], 0.0) / 5.0
     held = e[s, INTERFACES] * side[s, MIXED]
     worked = e[s, LOAD_WORKS] * (1.0 - math.exp(-side[s, LOADED]))
-    return heat + held - worked, cool - held - worked
+    left = e[s, BACK_STRESSES] * (side[s, BACK_STRESS] - cells[s, i, FRACTION])
+    return heat + held - worked + left, cool - held - worked + left

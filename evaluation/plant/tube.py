@@ -19,8 +19,6 @@ from evaluation.plant.layout import (
     COOLED_FROM,
     CORRODED,
     FLOW,
-    FORCE_X,
-    FORCE_Y,
     FRACTION,
     GAS_COAT,
     GASSING,
@@ -60,6 +58,7 @@ from evaluation.plant.rarer import (
     SLIP_BANDS,
     age,
     elsewhere,
+    follow,
     joints,
     linger,
     odd_shifts,
@@ -115,11 +114,10 @@ CORRODING = slot("corroding_wire")
 LIME = slot("lime_on_wire")
 LATENT_FADES = slot("fading_latent")
 LINGERING = slot("lingering_stress")
-OTHER_PUMP = slot("other_pump_shakes")
-PRESSED = slot("pressed_tube")
-YOKE = slot("metal_yoke")
 IONS = slot("leached_ions")
 WARM_LATENT = slot("warm_latent")
+PINNED = slot("freed_interfaces")
+INTERFACES = slot("scattering_interfaces")
 
 
 @compiled
@@ -142,9 +140,11 @@ def resistance(s: int, p: Array, e: Array, cells: Array, side: Array, heat: Arra
         if e[s, TEXTURED] > 0.0:
             further = cells[s, i, FRACTION] * (cells[s, i, TURNED] - p[AT_START])
             factor += e[s, TEXTURED] * min(max(further, 0.0) / 0.05, 8.0)
+        mixed = 4.0 * cells[s, i, FRACTION] * (1.0 - cells[s, i, FRACTION])
+        factor += e[s, INTERFACES] * mixed
         heat[i] = base * factor / CELLS
         total += heat[i]
-    return float(total * beside + joints(s, e, cells, side, heat))
+    return float(total * beside + joints(s, e, side, heat))
 
 
 @compiled
@@ -165,9 +165,6 @@ def coefficients(
     side[s, OHM] = resistance(s, p, e, cells, side, heat)
     power = p[LOSS_POWER] + e[s, EXPONENT]
     loss = p[LOSS_RATE] * (p[Y_LOSS] if s == 1 else 1.0) / CELLS
-    if e[s, PRESSED] > 0.0:
-        taut = ((pair[FORCE_X] if s == 0 else pair[FORCE_Y]) - 1.24) / 0.4
-        loss *= 1.0 + e[s, PRESSED] * min(max(taut, 0.0), 1.0)
     latent = p[LATENT_HEAT] / CELLS
     if e[s, STRESS_LATENT] != 0.0:
         relative = stress / 57.0
@@ -176,7 +173,6 @@ def coefficients(
         latent *= 1.0 - min(e[s, LATENT_FADES], 0.9) * (1.0 - math.exp(-side[s, WORK_DONE] / 1.5))
     share = min(side[s, FLOW] / p[FULL_FLOW], 1.5)
     reach = 1.0 / (1.0 + e[s, LIME] * side[s, LIMED])
-    reach *= 1.0 + e[1 - s, OTHER_PUMP] * side[1 - s, FLOW] / p[FULL_FLOW]
     reach *= 1.0 + e[s, GAS] * side[s, GASSING]
     reach /= 1.0 + e[s, ELECTROLYSIS] * side[s, GAS_COAT]
     still = p[STATIC] / CELLS
@@ -197,15 +193,13 @@ def coefficients(
         row[SHIFT_HEAT], row[SHIFT_COOL] = shifts(s, i, stress, p, e, cells, side)
         warmer = (cells[s, i, T] - 37.0) / 10.0
         row[LATENT] = latent * max(0.1, 1.0 + e[s, WARM_LATENT] * warmer)
+        row[LATENT] *= 1.0 + e[s, PINNED] * cells[s, i, HEATING]
         row[STORES] = p[WIRE_HEAT] / CELLS
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
     rows[CELLS - 1, TO_CLAMP] = 0.5 * e[s, COLD_ENDS]
     beside = max(e[1 - s, DRIPPING], e[0, LAMP], e[0, SHARED_BASE])
     if beside > 0.0 or e[s, ROD] > 0.0 or e[s, SEATED] > 0.0:
         elsewhere(s, p, e, cells, side, pair, rows)
-    if e[0, YOKE] > 0.0:
-        warmer = cells[1 - s, CELLS - 1, T] - cells[s, CELLS - 1, T]
-        rows[CELLS - 1, HEAT_WIRE] += e[0, YOKE] * warmer
     if max(e[s, BENT], e[s, MATRIX], e[s, SLIP_BANDS]) > 0.0 or e[s, GRADED] != 0.0:
         odd_shifts(s, e, cells, pair, rows)
     seldom(s, share, e, cells, side, pair, rows)
@@ -307,9 +301,10 @@ def tube(
         gained = side[s, FLOW] * (cells[s, CELLS - 1, W] - source) * dt
         pair[RESERVOIR] += e[s, RESERVOIR_WARMS] * gained / 400.0
     remember(s, stress, p, e, cells, side, dt)
-    age(s, p, e, cells, side, pair, dt)
+    age(s, p, e, cells, side, dt)
     wear(s, p, e, cells, side, pair, dt)
     soak(s, p, e, cells, side, dt)
     linger(s, p, e, cells, side, pair, dt)
+    follow(s, p, cells, side, pair, dt)
     settle(s, e, cells, side, pair, dt)
     side[s, CONTACT] = approach(side[s, CONTACT], amperes * amperes / 16.0, dt, 8.0)

@@ -15,13 +15,15 @@ from evaluation.plant.layout import (
     BACKED_UP,
     BUBBLE,
     CELLS,
+    CHILLED_BY,
+    CHILLS,
     DRAWN,
     FILL,
     FLOW,
-    FLUSHED,
     PLUME,
     POCKET,
     RESERVOIR,
+    RETURNED,
     SINK_WARM,
     WET,
     W,
@@ -33,17 +35,17 @@ Array = NDArray[np.float64]
 DRAIN = slot("water_drain")
 BUBBLES = slot("air_bubbles")
 HEATSINK = slot("hose_on_heatsink")
-CARTRIDGE = slot("warm_cartridge")
-DRAWN_AGAIN = slot("drawn_again")
 RETURNING = slot("return_beside_intake")
 ON_TENDON = slot("intake_on_tendon")
 DEPTH = slot("drawn_from_depth")
 TEE = slot("sucked_through_tee")
 BACKWASH = slot("warm_backwash")
+CHILLER = slot("relay_chiller")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
 POCKET_S = 0.5
+CHILLS_AT, RESTS_AT = 0.5, 0.25  # of the warmth that has returned, at a chiller's bulb
 
 
 @compiled
@@ -83,6 +85,20 @@ def pockets(s: int, e: Array, cells: Array, side: Array, luck: float, dt: float)
 
 
 @compiled
+def chill(cells: Array, side: Array, pair: Array, dt: float) -> None:
+    """Switch a chiller by the warmth of what has returned to the vessel."""
+    brought = 0.0
+    for s in range(2):
+        brought += side[s, FLOW] / 0.55 * (cells[s, CELLS - 1, W] - 27.0) / 10.0
+    pair[RETURNED] += dt * (brought / 4.0 - pair[RETURNED] / 20.0)
+    if pair[RETURNED] > CHILLS_AT:
+        pair[CHILLS] = 1.0
+    elif pair[RETURNED] < RESTS_AT:
+        pair[CHILLS] = 0.0
+    pair[CHILLED_BY] = approach(pair[CHILLED_BY], pair[CHILLS], dt, 3.0)
+
+
+@compiled
 def entering(
     s: int, inlet: float, dt: float, e: Array, cells: Array, side: Array, pair: Array
 ) -> float:
@@ -90,10 +106,6 @@ def entering(
     source = inlet + pair[RESERVOIR]
     if e[0, HEATSINK] > 0.0:
         source += e[0, HEATSINK] * pair[SINK_WARM]
-    if e[s, CARTRIDGE] > 0.0:
-        source += e[s, CARTRIDGE] * math.exp(-side[s, FLUSHED] / 6.0)
-    if e[s, DRAWN_AGAIN] > 0.0:
-        source += e[s, DRAWN_AGAIN] * (cells[s, CELLS - 1, W] - source)
     if e[1 - s, RETURNING] > 0.0:
         returned = side[1 - s, FLOW] / 0.55 * (cells[1 - s, CELLS - 1, W] - source)
         side[s, PLUME] += dt * (returned / 5.0 - side[s, PLUME] / 40.0)
@@ -108,4 +120,7 @@ def entering(
         both = (side[0, FLOW] + side[1, FLOW]) / 0.55
         pair[DRAWN] = approach(pair[DRAWN], both, dt, 4.0)
     source += e[0, DEPTH] * pair[DRAWN]
+    if s == 0:
+        chill(cells, side, pair, dt)
+    source -= e[0, CHILLER] * pair[CHILLED_BY]
     return float(source)

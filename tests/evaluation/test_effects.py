@@ -14,6 +14,7 @@ from evaluation.plant.effects import EFFECTS, Active, magnitudes, names
 from evaluation.plant.kernel import simulate
 from evaluation.plant.own import own_differences
 from evaluation.plant.parameters import Bench
+from evaluation.plant.spent import DROPPED
 
 Array = NDArray[np.float64]
 
@@ -70,6 +71,7 @@ def test_the_lists_are_long_enough_and_apart() -> None:
     assert len(sealed) >= 16
     assert len(spent) >= 15
     assert len({*known, *dev, *sealed, *spent}) == len(EFFECTS)
+    assert not DROPPED & {e.name for e in EFFECTS}
     assert {e.subsystem for e in EFFECTS} == {
         "electrical", "sensors", "thermal", "phase", "mechanics"
     }  # fmt: skip
