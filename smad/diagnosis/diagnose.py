@@ -16,9 +16,21 @@ from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import Effect, PlantModel
 from smad.diagnosis.questions import Inquiry, changed_pairs, changed_runs, differs
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.verdict import CHANGED, DIFFERS, QUIET, REFUSED, RunRecord, Verdict
+from smad.diagnosis.verdict import (
+    CAUSES,
+    CHANGED,
+    DIFFERS,
+    PARAMETERS,
+    QUIET,
+    REFUSED,
+    RunRecord,
+    Verdict,
+)
 from smad.progress import Say, silent
 from smad.version import VERSION
+
+_NO_CAUSE = {QUIET: "nothing new", PARAMETERS: "no cause"}
+"""What is said of runs that repeat good ones, by an outcome after which the others are asked."""
 
 
 @repeatable
@@ -34,7 +46,7 @@ def diagnose(
     """Say what the model lacks compared with the runs: fit rivals by replay and compare their gaps.
 
     With `good` runs it says what has changed since them. Runs that repeat their inputs are judged
-    first, each by models fitted to the others; where these show nothing new, or there are none, the
+    first, each by models fitted to the others; where these show no cause, or there are none, the
     other runs are judged. `hold_out` are runs to judge on; without them, too, each run is judged by
     models fitted to the others.
     `candidates` are the effects that may be named. Nothing is random. Raises PlantMismatch for a
@@ -85,7 +97,7 @@ def _of_differs(inquiry: Inquiry) -> Answer:
 def _of_changed(inquiry: Inquiry) -> tuple[Answer, Sequence[GapRun]]:
     """What is new since the good runs, and the runs that were judged beside no good one.
 
-    Runs that repeat good ones show the smallest changes. Where they show none, the others are
+    Runs that repeat good ones show the smallest changes. Where they show no cause, the others are
     asked: an effect may act in these alone.
     """
     runs = (*inquiry.fit, *inquiry.held_out)
@@ -99,15 +111,16 @@ def _of_changed(inquiry: Inquiry) -> tuple[Answer, Sequence[GapRun]]:
     if not names:
         return answer.with_verdict(notes=notes), ()
     listed = ", ".join(names)
-    if answer.verdict.outcome != QUIET:
+    if answer.verdict.outcome not in _NO_CAUSE:
         note = f"not judged, since no good run has the same inputs: {listed}; ask of them alone"
         return answer.with_verdict(notes=[*notes, note]), ()
     apart = inquiry.of(names)
     asked, of_others = (*apart.fit, *apart.held_out), _of_changed_runs(apart)
-    if of_others.verdict.outcome == QUIET:
-        note = f"runs that repeat no good one show nothing new either: {listed}"
+    same, more = answer.verdict.outcome, of_others.verdict.outcome
+    if more == QUIET or (same == PARAMETERS and more != CAUSES):
+        note = f"runs that repeat no good one show {_NO_CAUSE[same]} either: {listed}"
         return answer.with_verdict(notes=[*notes, note]), asked
-    note = f"runs that repeat good ones show nothing new, the others do: {listed}"
+    note = f"runs that repeat good ones show {_NO_CAUSE[same]}, the others do: {listed}"
     return of_others.with_verdict(notes=[note, *notes]), asked
 
 

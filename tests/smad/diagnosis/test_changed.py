@@ -134,6 +134,15 @@ def test_an_effect_that_shows_in_runs_alone_that_repeat_no_good_one_is_found() -
     assert found.notes[0].startswith("runs that repeat good ones show nothing new, the others do: ")
 
 
+def test_where_runs_that_repeat_good_ones_show_other_parameters_the_others_are_judged() -> None:
+    moved = {**OTHER, "ha_W_K": 0.66}
+    repeated, *_ = bank(moved, day=3)
+    others = bank(moved, GAIN, seed=40)
+    found = ask([repeated], good=bank(OTHER, day=1), hold_out=others)
+    assert [c.name for c in found.causes] == ["driver_gain"]
+    assert found.notes[0].startswith("runs that repeat good ones show no cause, the others do: ")
+
+
 def test_an_answer_that_nothing_is_new_is_of_all_runs() -> None:
     repeated, *_ = bank(OTHER, day=3)
     (other, *_) = bank(OTHER, seed=40)
