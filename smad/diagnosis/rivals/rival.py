@@ -189,9 +189,18 @@ class Question:
             for too_much, r in zip(above, rivals, strict=True)
         ]
 
+    def incomplete(self, rivals: Sequence[Rival]) -> bool:
+        """Whether a simulator whose parameters are free leaves more than noise without a part more.
+
+        Then it surely lacks something: what is asked is whether a rival describes it.
+        """
+        same = (r for r in rivals if r.kind not in (EFFECT, LAW))
+        return self.tied is None and all(self.gap(r) > self.quiet_gap for r in same)
+
     def ranked(self, rivals: Sequence[Rival], *, first: bool = False) -> list[Rival]:
         """Rivals with their probabilities, the likeliest first; `first`: nothing has entered."""
         refuted = self.refuted(rivals)
+        temper = self.temper.of_unknown if self.incomplete(rivals) else self.temper
         compared = [r for r, out in zip(rivals, refuted, strict=True) if not out]
         # Parameters that a prior holds back leave a little without being wrong in form.
         same = [r.fit.model for r in compared if r.fit and r.kind not in (EFFECT, LAW)]
@@ -199,7 +208,7 @@ class Question:
         p = probabilities(
             np.array([r.scores for r in compared]),
             [r.kind for r in compared],
-            self.temper,
+            temper,
             effects=len(self.effects),
             laws=len(self.model.plant.places),
             log_prior=np.array([r.log_prior for r in compared]),

@@ -24,7 +24,7 @@ hangs on one run is not sure.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -56,6 +56,12 @@ class Temper:
     nothing: float
     parameters: float
     effect: float
+
+    @property
+    def of_unknown(self) -> Temper:
+        """The same where the simulator surely lacks something: without a part it stands for a cause
+        that no rival describes, which is as likely as all places together."""
+        return replace(self, nothing=0.0, parameters=0.0)
 
     def each_effect(self, effects: int) -> float:
         """Log prior of one of so many effects."""

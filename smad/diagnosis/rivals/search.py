@@ -35,8 +35,8 @@ from smad.diagnosis.rivals.screening import Screened, screened, started
 
 MOST_CAUSES = 3
 """Of an answer: of two changes one is found at most (docs/trust.md)."""
-_SCREENED = 8
-"""Effects of each reference that are fitted."""
+_SCREENED, _PROMISING = 8, 0.2
+"""Effects of each reference that are fitted, and the least share of what the best one promises."""
 _LAWS = 4
 """Places whose law is fitted."""
 _LIKELIER = 0.5
@@ -175,10 +175,11 @@ class _Search(Searched):
         same = _same(ranked)
         missing = 1.0 - sum(r.probability for r in same)
         if missing > _LIKELIER:
-            score = self.final.scores.sum()
+            question, score = self.question, self.final.scores.sum()
+            gap = question.gap(self.final)
             for rival in ranked:
-                nearer = rival.probability > 0.0 and rival.scores.sum() > score
-                if rival.kind in (EFFECT, LAW) and nearer:
+                nearer = rival.scores.sum() > score and question.gap(rival) < gap
+                if rival.kind in (EFFECT, LAW) and rival.probability > 0.0 and nearer:
                     return _named(rival, ranked)
         return same[0] if same[0].kind == PARAMETERS and not self.moved else None
 
@@ -192,8 +193,9 @@ class _Search(Searched):
         own = rival.fit
         if own is None or beside.fit is None:
             return rival
-        # Free parameters that were far may have to come far.
-        starts = [(beside.fit.x[: len(own.x)], self.question.tied is not None)]
+        # Free parameters that were far may have to come far, until something has entered.
+        near = self.question.tied is not None or bool(self.parts)
+        starts = [(beside.fit.x[: len(own.x)], near)]
         if own.objective < beside.fit.objective + _WITHIN:
             starts.append((own.x, True))
         best, least = rival, own.objective
@@ -234,7 +236,7 @@ class _Search(Searched):
             candidates = self._screened(base)
             gain = max((s.gain for s in candidates if s.part.name == name), default=0.0)
             fits = _Fits(question, self.nominal, without=np.inf)
-            better = [s for s in candidates if s.gain > gain][:_SCREENED]
+            better = [s for s in candidates if s.gain > gain]
             for part, start in started(question.evidence, base, better):
                 fits.begin(EFFECT, base, part, np.r_[base.x, start])
             ranked = question.ranked([replace(current, kind=EFFECT, name=name), *fits.rivals()])
@@ -255,10 +257,11 @@ class _Search(Searched):
         return rebased(e, made) if made else None
 
     def _screened(self, reference: Reference) -> list[Screened]:
-        """The effects that a reference does not have, the most promising first."""
+        """The most promising effects that a reference does not have, the best first."""
         present = {part.name for part in reference.model.parts}
         changes = [c for c in self.changes if c.effect.name not in present]
-        return screened(self.question.evidence, reference, changes)
+        found = screened(self.question.evidence, reference, changes)
+        return [s for s in found[:_SCREENED] if s.gain >= _PROMISING * found[0].gain]
 
     def _rivals(self, current: Rival) -> list[Rival]:
         """Effects and laws beside what a model has, each fitted and scored."""
@@ -275,7 +278,7 @@ class _Search(Searched):
             # Where the parameters have moved to imitate an effect it is hidden.
             references.append(replace(self.nominal, model=here.model))
         for reference in references:
-            for effect, start in started(e, reference, self._screened(reference)[:_SCREENED]):
+            for effect, start in started(e, reference, self._screened(reference)):
                 fits.begin(EFFECT, reference, effect, np.r_[reference.x, start])
         for rival in self.imitated:
             # The parameters took what the effect takes: begin with half of each.
