@@ -8,7 +8,7 @@ differs from another by itself (a day, a room that wanders) are fitted to each r
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -41,6 +41,11 @@ class Trial:
     played: Played
     target: Array
     rows: RunRows
+
+    def less_known(self, sd: Array) -> Trial:
+        """The same where as much more, (bins, channels) in channel units, is not known."""
+        rows = replace(self.rows, sd=np.sqrt(self.rows.sd**2 + sd**2))
+        return replace(self, rows=rows)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.data.played import predictions
 from smad.diagnosis.errors import GapError
+from smad.diagnosis.numerics.white import FORM
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Array, Effect, ModelPoint, PlantModel, traits_of
@@ -79,7 +81,8 @@ class Question:
     them are the answer; None: they are free from the start.
     `responses` are those of laws, and `changes` those of effects, where they are known.
     `form_share` is the largest share of a floor's square that the model's form makes, and `good`
-    how many runs say so.
+    how many runs say so. `form` (bins, channels) of each judged run is how well the form of what
+    has entered is known, one standard deviation in channel units; empty before.
     """
 
     evidence: Evidence
@@ -93,11 +96,34 @@ class Question:
     say: Say
     form_share: float = 0.0
     good: int = 0
+    form: tuple[Array, ...] = ()
 
     @property
     def judged(self) -> Evidence:
         """The runs that rivals are judged on."""
         return self.evidence if self.held_out is None else self.held_out
+
+    @cached_property
+    def scored(self) -> Evidence:
+        """The judged runs in floors that hold what is not known of the form of what has entered."""
+        if not self.form:
+            return self.judged
+        pairs = zip(self.judged.trials, self.form, strict=True)
+        return Evidence(trials=tuple(t.less_known(form) for t, form in pairs))
+
+    def after(self, fitted: Fit) -> Question:
+        """The same once the parts of a fit have entered: their form is known to `FORM`."""
+        e, model = self.judged, fitted.model
+        whole = replayed(e, fitted.point, model, exact=True)
+        known = [np.zeros_like(t.target) for t in e.trials]
+        for k, part in enumerate(model.parts):
+            others = model.with_parts([p for p in model.parts if p is not part])
+            x = np.delete(fitted.x, np.arange(len(fitted.x))[model.slices[k]])
+            without = replayed(e, others.point(x), others, exact=True)
+            if whole is not None and without is not None:
+                changes = (a - b for a, b in zip(whole, without, strict=True))
+                known = [np.hypot(sd, FORM * c) for sd, c in zip(known, changes, strict=True)]
+        return replace(self, form=tuple(known))
 
     def rival(self, kind: str, name: str, fitted: Fit) -> Rival | None:
         """A rival by what it leaves of the judged runs; None where it cannot run there."""
@@ -144,10 +170,9 @@ class Question:
         self, predicted: Sequence[Array], kind: str, name: str, fitted: Fit | None
     ) -> Rival:
         """A rival by its prediction of the judged runs; what wanders in each is taken off."""
-        e = self.judged
-        left = e.left(predicted)
-        squares = e.squares(e.freed(left, weights(e, left)))
-        scores = log_scores(squares, e.counts)
+        squares = _squares(self.judged, predicted)
+        scored = _squares(self.scored, predicted) if self.form else squares
+        scores = log_scores(scored, self.judged.counts)
         return Rival(kind=kind, name=name, fit=fitted, squares=squares, scores=scores)
 
     def point_of(self, rival: Rival) -> ModelPoint:
@@ -197,14 +222,17 @@ class Question:
         same = (r for r in rivals if r.kind not in (EFFECT, LAW))
         return self.tied is None and all(self.gap(r) > self.quiet_gap for r in same)
 
-    def ranked(self, rivals: Sequence[Rival], *, first: bool = False) -> list[Rival]:
-        """Rivals with their probabilities, the likeliest first; `first`: nothing has entered."""
+    def ranked(self, rivals: Sequence[Rival], *, by_rows: bool = False) -> list[Rival]:
+        """Rivals with their probabilities, the likeliest first.
+
+        `by_rows`: every row counts against a simulator without a part more, since it may be right.
+        """
         refuted = self.refuted(rivals)
         temper = self.temper.of_unknown if self.incomplete(rivals) else self.temper
         compared = [r for r, out in zip(rivals, refuted, strict=True) if not out]
         # Parameters that a prior holds back leave a little without being wrong in form.
         same = [r.fit.model for r in compared if r.fit and r.kind not in (EFFECT, LAW)]
-        formed = first or any(model.parts for model in same)
+        formed = by_rows or any(model.parts for model in same)
         p = probabilities(
             np.array([r.scores for r in compared]),
             [r.kind for r in compared],
@@ -213,7 +241,7 @@ class Question:
             laws=len(self.model.plant.places),
             log_prior=np.array([r.log_prior for r in compared]),
             rows=self.independent_rows,
-            first=first,
+            first=by_rows,
             near=[formed and self.near(r) for r in compared],
         )
         made = [replace(r, probability=float(x)) for r, x in zip(compared, p, strict=True)]
@@ -267,6 +295,12 @@ class Question:
             if like or share == _STEP_SHARES[-1]:
                 break
         return out
+
+
+def _squares(evidence: Evidence, predicted: Sequence[Array]) -> Array:
+    """Squares that a prediction leaves, what wanders in each run taken off, (runs, channels)."""
+    left = evidence.left(predicted)
+    return evidence.squares(evidence.freed(left, weights(evidence, left)))
 
 
 def question_of(

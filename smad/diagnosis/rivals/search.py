@@ -152,11 +152,12 @@ class _Search(Searched):
         elif not self.moved and (free := self._freed()) is not None:
             same.append(free)
         rivals = [*same, *self._rivals(self.final)]
-        ranked = question.ranked(rivals, first=first)
+        by_rows = first or bool(question.form)
+        ranked = question.ranked(rivals, by_rows=by_rows)
         entered = self._entering(ranked)
         if entered is not None and entered.kind in (EFFECT, LAW):
             ended = [self._ended(rival, entered) for rival in same]
-            ranked = question.ranked([*ended, *rivals[len(same) :]], first=first)
+            ranked = question.ranked([*ended, *rivals[len(same) :]], by_rows=by_rows)
             entered = self._entering(ranked)
         if first and self.moved and entered is None:
             # Fitted parameters are as likely as true ones; what shows nothing needs no others.
@@ -167,8 +168,18 @@ class _Search(Searched):
             effects = sorted((r for r in ranked if r.kind == EFFECT), key=question.log_weight)
             self.imitated = tuple(effects[-_POLISHED:]) if entered.kind == PARAMETERS else ()
             self.final = self._exchanged(entered) if self.exchange else entered
+            self._ask_beside()
         self.steps.append(Step(rivals=tuple(ranked), entered=entered))
         return self.steps[-1]
+
+    def _ask_beside(self) -> None:
+        """What is asked next counts what is known of the form of the parts, where the simulator was
+        right without them."""
+        fitted = self.final.fit
+        if self.question.tied is not None and self.parts and fitted is not None:
+            self.question = self.question.after(fitted)
+            again = self.question.rival(self.final.kind, self.final.name, fitted)
+            self.final = again or self.final
 
     def _entering(self, ranked: Sequence[Rival]) -> Rival | None:
         """What enters: the likeliest that brings the judged runs nearer, if more is missing."""
