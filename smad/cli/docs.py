@@ -2,10 +2,11 @@
 
 import click
 
+from smad.cli.options import Command, argument
 
-@click.command()
-@click.argument("page", required=False)
-def docs(page: str | None) -> None:
+
+@click.command(cls=Command)
+def docs(page: str | None = argument(required=False)) -> None:
     """Print a PAGE of the documentation, or list the pages."""
     from smad.cli import pages
 

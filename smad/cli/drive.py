@@ -4,24 +4,25 @@ import click
 
 from firmware_protocol.enums import Fault
 from smad.cli.faults import fault_argument
-from smad.cli.output import (
+from smad.cli.options import (
     NEGATIVE,
+    Command,
+    argument,
     axis_option,
     bench_option,
     checked,
-    client,
-    described,
-    wait_for_motion,
+    flag,
+    option,
     wait_option,
 )
+from smad.cli.output import client, described, wait_for_motion
 from smad.cli.quantity import Quantity
 
 _SPRING = click.Choice(["x", "y"], case_sensitive=False)
 
 
-@click.command()
-@axis_option
-def arm(bench: str) -> None:
+@click.command(cls=Command)
+def arm(bench: str = axis_option) -> None:
     """Arm the bench: the board checks itself and allows current.
 
     It stays armed after this command ends, without a lease, until a client disarms it.
@@ -31,18 +32,16 @@ def arm(bench: str) -> None:
     click.echo("armed: the bench heats when you command it; smad disarm ends this")
 
 
-@click.command()
-@bench_option
-def disarm(bench: str) -> None:
+@click.command(cls=Command)
+def disarm(bench: str = bench_option) -> None:
     """Switch heating off and cool down. Any client may do so."""
     with client(bench) as bench_client:
         bench_client.disarm()
     click.echo("disarmed: heating is off, and the board cools by itself")
 
 
-@click.command()
-@bench_option
-def estop(bench: str) -> None:
+@click.command(cls=Command)
+def estop(bench: str = bench_option) -> None:
     """Switch everything off until the board's power is cycled."""
     with client(bench) as bench_client:
         bench_client.estop()
@@ -62,10 +61,8 @@ def _duty(ctx: click.Context, param: click.Parameter, value: str) -> float:
     return duty
 
 
-@click.command()
-@fault_argument
-@axis_option
-def clear(bench: str, fault: Fault | None) -> None:
+@click.command(cls=Command)
+def clear(fault: Fault | None = fault_argument, bench: str = axis_option) -> None:
     """Acknowledge the latched fault, or only FAULT (name or number).
 
     Works once its cause is gone and the springs are cold.
@@ -75,25 +72,18 @@ def clear(bench: str, fault: Fault | None) -> None:
     click.echo("cleared: the board is watched again; arming is up to you")
 
 
-@click.command(context_settings=NEGATIVE)
-@click.argument("spring", type=_SPRING, metavar="SPRING")
-@click.argument("temperature_degC", type=Quantity("degC"), metavar="DEGC")
-@click.option(
-    "--rate", type=Quantity("K/s"), metavar="K/S", help="Ramp to it instead of going at once."
-)
-@click.option("--for", "duration_s", type=Quantity("s"), metavar="S", help="Hold for this time.")
-@click.option("--water/--no-water", default=True, help="Cool with the pump while too warm.")
-@wait_option
-@axis_option
+@click.command(cls=Command, context_settings=NEGATIVE)
 def heat(
     *,
-    spring: str,
-    temperature_degc: float,
-    rate: float | None,
-    duration_s: float | None,
-    water: bool,
-    wait: bool,
-    bench: str,
+    spring: str = argument(_SPRING, metavar="SPRING"),
+    temperature_degc: float = argument(Quantity("degC"), metavar="DEGC"),
+    rate: float | None = option(
+        "--rate K/S", Quantity("K/s"), "Ramp to it instead of going at once."
+    ),
+    duration_s: float | None = option("--for S", Quantity("s"), "Hold for this time."),
+    water: bool = flag("--water/--no-water", "Cool with the pump while too warm.", default=True),
+    wait: bool = wait_option,
+    bench: str = axis_option,
 ) -> None:
     """Hold SPRING (x or y) at a temperature in °C."""
     from smad.control.commands import HoldTemperature
@@ -124,23 +114,15 @@ def heat(
         )
 
 
-@click.command(context_settings=NEGATIVE)
-@click.argument("spring", type=_SPRING, metavar="SPRING")
-@click.argument("current_a", type=Quantity("A"), metavar="A")
-@click.option("--for", "duration_s", type=Quantity("s"), metavar="S", help="End after this time.")
-@click.option(
-    "--until", "until_degc", type=Quantity("degC"), metavar="DEGC", help="End at this temperature."
-)
-@wait_option
-@axis_option
+@click.command(cls=Command, context_settings=NEGATIVE)
 def current(
     *,
-    spring: str,
-    current_a: float,
-    duration_s: float | None,
-    until_degc: float | None,
-    wait: bool,
-    bench: str,
+    spring: str = argument(_SPRING, metavar="SPRING"),
+    current_a: float = argument(Quantity("A"), metavar="A"),
+    duration_s: float | None = option("--for S", Quantity("s"), "End after this time."),
+    until_degc: float | None = option("--until DEGC", Quantity("degC"), "End at this temperature."),
+    wait: bool = wait_option,
+    bench: str = axis_option,
 ) -> None:
     """Send a constant current (A) through SPRING (x or y)."""
     from smad.control.commands import DriveCurrent
@@ -164,13 +146,14 @@ def current(
         )
 
 
-@click.command(context_settings=NEGATIVE)
-@click.argument("spring", type=_SPRING, metavar="SPRING")
-@click.argument("duty", callback=_duty)
-@click.option("--for", "duration_s", type=Quantity("s"), metavar="S", help="End after this time.")
-@wait_option
-@axis_option
-def pump(spring: str, duty: float, duration_s: float | None, wait: bool, bench: str) -> None:
+@click.command(cls=Command, context_settings=NEGATIVE)
+def pump(
+    spring: str = argument(_SPRING, metavar="SPRING"),
+    duty: float = argument(callback=_duty),
+    duration_s: float | None = option("--for S", Quantity("s"), "End after this time."),
+    wait: bool = wait_option,
+    bench: str = axis_option,
+) -> None:
     """Run the pump of SPRING (x or y) at a DUTY (0.5, or 50%)."""
     from smad.control.commands import DriveCurrent
 
@@ -189,9 +172,8 @@ def pump(spring: str, duty: float, duration_s: float | None, wait: bool, bench: 
         )
 
 
-@click.command()
-@axis_option
-def idle(bench: str) -> None:
+@click.command(cls=Command)
+def idle(bench: str = axis_option) -> None:
     """Stop the present motion: no current, no water. The bench stays armed."""
     with client(bench) as bench_client:
         motion = bench_client.idle()

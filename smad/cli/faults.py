@@ -5,7 +5,8 @@ import click
 from firmware_protocol.enums import Fault
 from firmware_protocol.nearest import instead
 from smad.cli import complete
-from smad.cli.output import bench_option, client
+from smad.cli.options import Group, argument, bench_option
+from smad.cli.output import client
 from smad.cli.tables import print_columns
 
 
@@ -22,20 +23,16 @@ def _named(ctx: click.Context, param: click.Parameter, value: str | None) -> Fau
     raise click.BadParameter(f"there is no fault {value!r}; {suggestion}", ctx, param)
 
 
-fault_argument = click.argument(
-    "fault", callback=_named, required=False, shell_complete=complete.faults
-)
+fault_argument = argument(callback=_named, required=False, shell_complete=complete.faults)
 
 
-@click.group()
+@click.group(cls=Group)
 def faults() -> None:
     """Explain the faults that stop the board, and what to do."""
 
 
 @faults.command()
-@fault_argument
-@bench_option
-def explain(fault: Fault | None, bench: str) -> None:
+def explain(fault: Fault | None = fault_argument, bench: str = bench_option) -> None:
     """Explain a FAULT by name or number, or the latched one."""
     if fault is None:
         with client(bench) as bench_client:

@@ -31,18 +31,27 @@ from smad.cli.gap_runs import (
     without_left_out,
 )
 from smad.cli.gap_simulator import (
+    Simulator,
     diagnose_simulator,
     mapping_of,
     processes_option,
-    require_pairs,
-    simulator_options,
 )
-from smad.cli.output import EXISTING, OUTPUT, json_option, print_json, progress, require_outputs
+from smad.cli.options import (
+    EXISTING,
+    OUTPUT,
+    Group,
+    argument,
+    json_option,
+    option,
+    require_outputs,
+    together,
+)
+from smad.cli.output import print_json, progress
 from smad.cli.quantity import Whole
 from smad.files import named_output
 
 
-@click.group()
+@click.group(cls=Group)
 def gap() -> None:
     """Diagnose the gap between the simulator and recorded runs."""
 
@@ -55,35 +64,20 @@ gap.add_command(plan_runs)
 
 
 @gap.command(cls=ManyRuns)
-@runs_argument
-@hold_out_option
-@good_option
-@leave_out_option
-@trust_option
-@params_option
-@variant_option
-@click.option("--json", "json_path", type=OUTPUT, help="Write the whole verdict here.")
-@click.option("--html", "html_path", type=OUTPUT, help="Write the report page here.")
-@click.option("--apply", "model_path", type=OUTPUT, help="Write the better model here.")
-@simulator_options
-@processes_option
 def diagnose(
     *,
-    runs: tuple[Path, ...],
-    hold_out: tuple[Path, ...],
-    good: tuple[Path, ...],
-    leave_out: tuple[str, ...],
-    trust: tuple[str, ...],
-    params: str,
-    variant: str,
-    json_path: Path | None,
-    html_path: Path | None,
-    model_path: Path | None,
-    fmu: Path | None,
-    mjcf: Path | None,
-    map_path: Path | None,
-    window_s: float | None,
-    processes: int | None,
+    runs: tuple[Path, ...] = runs_argument,
+    hold_out: tuple[Path, ...] = hold_out_option,
+    good: tuple[Path, ...] = good_option,
+    leave_out: tuple[str, ...] = leave_out_option,
+    trust: tuple[str, ...] = trust_option,
+    params: str = params_option,
+    variant: str = variant_option,
+    json_path: Path | None = option("--json", OUTPUT, "Write the whole verdict here."),
+    html_path: Path | None = option("--html", OUTPUT, "Write the report page here."),
+    model_path: Path | None = option("--apply", OUTPUT, "Write the better model here."),
+    simulator: Simulator = together(Simulator),
+    processes: int | None = processes_option,
 ) -> None:
     """Say where model and RUNs disagree, and what is missing.
 
@@ -102,28 +96,19 @@ def diagnose(
     if not runs:
         raise click.UsageError("--leave-out leaves no run to fit; give more runs")
     good = without_cut_runs(good)
-    require_pairs(fmu, mjcf, map_path, window_s)
-    if fmu is not None and model_path is not None:
+    simulator.require_pairs()
+    if simulator.fmu is not None and model_path is not None:
         raise click.UsageError("--apply cannot write the model of an FMI unit; leave --apply out")
-    if processes is not None and not (fmu or mjcf):
+    if processes is not None and not simulator.given:
         raise click.UsageError("--processes needs --fmu or --mjcf; leave it out")
     with clean_errors():
-        if map_path is not None and (fmu or mjcf):
-            answer = diagnose_simulator(
-                runs,
-                good,
-                hold_out,
-                trust,
-                fmu=fmu,
-                mjcf=mjcf,
-                map_path=map_path,
-                window_s=window_s,
-                processes=processes,
-            )
+        if simulator.given:
+            answer = diagnose_simulator(simulator, runs, good, hold_out, trust, processes=processes)
             arguments = ""
         else:
             from smad.diagnosis.spring_pair.files import diagnose_files
 
+            map_path = simulator.map_path
             mapping = None if map_path is None else mapping_of(map_path)
             plant = plant_of(params, variant)
             with progress() as line:
@@ -145,10 +130,14 @@ def diagnose(
 
 
 @gap.command()
-@click.argument("verdict", type=EXISTING)
-@click.option("--out", type=OUTPUT, required=True, help="The model file to write.")
-@click.option("--first", type=Whole(0), help="Only this many causes; 0: the parameters alone.")
-def apply(*, verdict: Path, out: Path, first: int | None) -> None:
+def apply(
+    *,
+    verdict: Path = argument(EXISTING),
+    out: Path = option("--out", OUTPUT, "The model file to write.", required=True),
+    first: int | None = option(
+        "--first", Whole(0), "Only this many causes; 0: the parameters alone."
+    ),
+) -> None:
     """Write the model of a VERDICT, with all causes or the first few.
 
     A verdict is what --json of `smad gap diagnose` and `smad gap checkup` writes.
@@ -164,10 +153,14 @@ def apply(*, verdict: Path, out: Path, first: int | None) -> None:
 
 
 @gap.command()
-@click.argument("names", nargs=-1, metavar="[NAME]...", shell_complete=complete.effects)
-@variant_option
-@json_option
-def effects(*, names: tuple[str, ...], variant: str, as_json: bool) -> None:
+def effects(
+    *,
+    names: tuple[str, ...] = argument(
+        nargs=-1, metavar="[NAME]...", shell_complete=complete.effects
+    ),
+    variant: str = variant_option,
+    as_json: bool = json_option,
+) -> None:
     """List the effects of the library, or those of NAME: places, units, ranges."""
     from smad.diagnosis.spring_pair import SmaPlant
 
@@ -194,13 +187,13 @@ def effects(*, names: tuple[str, ...], variant: str, as_json: bool) -> None:
 
 
 @gap.command()
-@runs_argument
-@click.option("--model", "model_path", required=True, type=EXISTING, help="Model file of --apply.")
-@params_option
-@variant_option
-@json_option
 def verify(
-    *, runs: tuple[Path, ...], model_path: Path, params: str, variant: str, as_json: bool
+    *,
+    runs: tuple[Path, ...] = runs_argument,
+    model_path: Path = option("--model", EXISTING, "Model file of --apply.", required=True),
+    params: str = params_option,
+    variant: str = variant_option,
+    as_json: bool = json_option,
 ) -> None:
     """Show the gap of new RUNs with and without the model."""
     plant = plant_of(params, variant)

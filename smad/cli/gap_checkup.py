@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from smad.cli.gap_print import print_verdict, write_verdict
-from smad.cli.output import (
+from smad.cli.options import (
     FOLDER,
     OUTPUT,
     Checked,
-    F,
-    Progress,
+    Command,
     axis_option,
-    progress,
-    ready_client,
+    flag,
+    option,
     require_outputs,
 )
+from smad.cli.output import Progress, progress, ready_client
 from smad.cli.quantity import Quantity, Whole
 from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
 from smad.counted import counted
@@ -30,40 +30,24 @@ if TYPE_CHECKING:
     from smad.checkup.inquiry import Report
     from smad.checkup.series import Player
 
-_programme = click.option(
-    "--programme", "programme_folder", type=FOLDER, help="A programme in place of the package's."
-)
+_programme = option("--programme", FOLDER, "A programme in place of the package's.")
 _NOW = 1000
 """What a simulated bench adds to its seed after the commissioning, whose repeats count from 1."""
 
 
-def _bench_options(command: F) -> F:
-    for option in (axis_option, _programme, seed_option, sim_option):
-        command = option(command)
-    return command
-
-
-@click.command()
-@click.option("--baseline", "folder", type=FOLDER, required=True, help="Where the baseline goes.")
-@click.option(
-    "--repeats",
-    type=Whole(1, 8),
-    default=2,
-    help="How often the whole programme is played.",
-)
-@click.option("--again", is_flag=True, help="Add repeats to a baseline, for a better floor.")
-@click.option("--quick", is_flag=True, help="Only the part that separates most.")
-@_bench_options
+@click.command(cls=Command)
 def commission(
     *,
-    folder: Path,
-    repeats: int,
-    again: bool,
-    quick: bool,
-    sim: bool,
-    seed: int,
-    programme_folder: Path | None,
-    bench: str,
+    folder: Path = option("--baseline", FOLDER, "Where the baseline goes.", required=True),
+    repeats: int = option(
+        "--repeats", Whole(1, 8), "How often the whole programme is played.", default=2
+    ),
+    again: bool = flag("--again", "Add repeats to a baseline, for a better floor."),
+    quick: bool = flag("--quick", "Only the part that separates most."),
+    sim: bool = sim_option,
+    seed: int = seed_option,
+    programme_folder: Path | None = _programme,
+    bench: str = axis_option,
 ) -> None:
     """Record the programme on a good bench, as a baseline.
 
@@ -115,40 +99,29 @@ def _require_pairs(given: Mapping[str, Any]) -> None:
 
 
 @click.command(cls=Checked, require=_require_pairs)
-@click.option("--baseline", "folder", type=FOLDER, help="Play its programme again, and judge.")
-@click.option("--good", type=FOLDER, help="Run files of the good bench, best with repeats.")
-@click.option("--now", type=FOLDER, help="New run files with the same inputs as the good ones.")
-@click.option("--quick", is_flag=True, help="With --baseline: the part that separates most.")
-@click.option(
-    "--out",
-    type=FOLDER,
-    help="With --baseline: folder of the new runs  [default: BASELINE/now-1, now-2 …]",
-)
-@effect_option
-@_bench_options
-@click.option("--json", "json_path", type=OUTPUT, help="Write the verdict here.")
-@click.option("--report", "page_path", type=OUTPUT, help="Write a page with figures here.")
-@click.option(
-    "--model",
-    "model_path",
-    type=OUTPUT,
-    help="Write the model with the effects and laws that were found.",
-)
 def checkup(
     *,
-    folder: Path | None,
-    good: Path | None,
-    now: Path | None,
-    quick: bool,
-    out: Path | None,
-    sim: bool,
-    effects: tuple[str, ...],
-    seed: int,
-    programme_folder: Path | None,
-    bench: str,
-    json_path: Path | None,
-    page_path: Path | None,
-    model_path: Path | None,
+    folder: Path | None = option("--baseline", FOLDER, "Play its programme again, and judge."),
+    good: Path | None = option("--good", FOLDER, "Run files of the good bench, best with repeats."),
+    now: Path | None = option(
+        "--now", FOLDER, "New run files with the same inputs as the good ones."
+    ),
+    quick: bool = flag("--quick", "With --baseline: the part that separates most."),
+    out: Path | None = option(
+        "--out",
+        FOLDER,
+        "With --baseline: folder of the new runs  [default: BASELINE/now-1, now-2 …]",
+    ),
+    effects: tuple[str, ...] = effect_option,
+    sim: bool = sim_option,
+    seed: int = seed_option,
+    programme_folder: Path | None = _programme,
+    bench: str = axis_option,
+    json_path: Path | None = option("--json", OUTPUT, "Write the verdict here."),
+    page_path: Path | None = option("--report", OUTPUT, "Write a page with figures here."),
+    model_path: Path | None = option(
+        "--model", OUTPUT, "Write the model with the effects and laws that were found."
+    ),
 ) -> None:
     """Repeat the inputs of good runs; say what has changed.
 
@@ -204,27 +177,21 @@ def checkup(
         click.echo(f"written: {path}", err=True)
 
 
-@click.command()
-@click.option(
-    "--baseline", "folder", type=FOLDER, required=True, help="The baseline of a commission."
-)
-@click.option(
-    "--minutes",
-    type=Quantity("min", 1.0, 600.0),
-    default=20.0,
-    help="Bench time for all runs with their rests.",
-)
-@effect_option
-@_bench_options
+@click.command(cls=Command)
 def investigate(
     *,
-    folder: Path,
-    minutes: float,
-    programme_folder: Path | None,
-    sim: bool,
-    effects: tuple[str, ...],
-    seed: int,
-    bench: str,
+    folder: Path = option("--baseline", FOLDER, "The baseline of a commission.", required=True),
+    minutes: float = option(
+        "--minutes",
+        Quantity("min", 1.0, 600.0),
+        "Bench time for all runs with their rests.",
+        default=20.0,
+    ),
+    effects: tuple[str, ...] = effect_option,
+    sim: bool = sim_option,
+    seed: int = seed_option,
+    programme_folder: Path | None = _programme,
+    bench: str = axis_option,
 ) -> None:
     """Check up, then measure more until one cause is left.
 

@@ -23,15 +23,8 @@ from smad.cli.gap_runs import (
     some_runs_argument,
     without_cut_runs,
 )
-from smad.cli.output import (
-    EXISTING,
-    FOLDER,
-    PATH,
-    bench_option,
-    leased_driver,
-    progress,
-    ready_client,
-)
+from smad.cli.options import EXISTING, FOLDER, PATH, bench_option, flag, option
+from smad.cli.output import leased_driver, progress, ready_client
 from smad.cli.simulated import effect_option, seed_option, simulated_model
 from smad.files import display_path
 
@@ -42,45 +35,29 @@ _OFFERS = 4
 
 
 @click.command(name="next", cls=ManyRuns)
-@some_runs_argument
-@hold_out_option
-@good_option
-@click.option(
-    "--run",
-    "chosen",
-    metavar="NAME",
-    help="Carry out this experiment now: arms the bench and heats it.",
-)
-@click.option(
-    "--baseline", type=FOLDER, help="Recommend a run to repeat after a check-up, in place of RUNs."
-)
-@click.option("--sim", is_flag=True, help="With --run: in virtual time instead of on the bench.")
-@click.option(
-    "--model", "model_path", type=EXISTING, help="With --sim: model of the simulated bench."
-)
-@effect_option
-@click.option(
-    "--folder", type=PATH, default=Path("runs"), help="With --sim: where the run log goes."
-)
-@bench_option
-@params_option
-@variant_option
-@seed_option
 def next_experiment(
     *,
-    runs: tuple[Path, ...],
-    hold_out: tuple[Path, ...],
-    good: tuple[Path, ...],
-    chosen: str | None,
-    baseline: Path | None,
-    sim: bool,
-    model_path: Path | None,
-    effects: tuple[str, ...],
-    folder: Path,
-    bench: str,
-    params: str,
-    variant: str,
-    seed: int,
+    runs: tuple[Path, ...] = some_runs_argument,
+    hold_out: tuple[Path, ...] = hold_out_option,
+    good: tuple[Path, ...] = good_option,
+    chosen: str | None = option(
+        "--run NAME", str, "Carry out this experiment now: arms the bench and heats it."
+    ),
+    baseline: Path | None = option(
+        "--baseline", FOLDER, "Recommend a run to repeat after a check-up, in place of RUNs."
+    ),
+    sim: bool = flag("--sim", "With --run: in virtual time instead of on the bench."),
+    model_path: Path | None = option(
+        "--model", EXISTING, "With --sim: model of the simulated bench."
+    ),
+    effects: tuple[str, ...] = effect_option,
+    folder: Path = option(
+        "--folder", PATH, "With --sim: where the run log goes.", default=Path("runs")
+    ),
+    bench: str = bench_option,
+    params: str = params_option,
+    variant: str = variant_option,
+    seed: int = seed_option,
 ) -> None:
     """Recommend the experiment to record next, or run one.
 

@@ -10,8 +10,9 @@ import click
 
 from smad.cli.gap_print import clean_errors, params_option, plant_of, variant_option
 from smad.cli.gap_runs import files
-from smad.cli.gap_simulator import require_pairs, simulator_options, warn_that_code_runs
-from smad.cli.output import json_option, print_json
+from smad.cli.gap_simulator import Simulator, warn_that_code_runs
+from smad.cli.options import Command, json_option, option, together
+from smad.cli.output import print_json
 from smad.cli.quantity import Quantity
 
 if TYPE_CHECKING:
@@ -20,46 +21,26 @@ if TYPE_CHECKING:
     from smad.simulators.planning import Plan
 
 
-@click.command(name="plan")
-@click.option(
-    "--inputs",
-    "inputs",
-    multiple=True,
-    callback=files,
-    metavar="FILE…",
-    help="Tables or run logs with the inputs to play.",
-)
-@click.option(
-    "--experiment",
-    "experiments",
-    multiple=True,
-    metavar="NAME",
-    help="A run of the spring pair, from `smad gap next`.",
-)
-@click.option(
-    "--within",
-    "within_s",
-    type=Quantity("s", 0.1, 3600.0),
-    default=5.0,
-    metavar="S",
-    help="Limit of the processor time.",
-)
-@json_option
-@simulator_options
-@params_option
-@variant_option
+@click.command(cls=Command, name="plan")
 def plan_runs(
     *,
-    inputs: tuple[Path, ...],
-    experiments: tuple[str, ...],
-    within_s: float,
-    as_json: bool,
-    fmu: Path | None,
-    mjcf: Path | None,
-    map_path: Path | None,
-    window_s: float | None,
-    params: str,
-    variant: str,
+    inputs: tuple[Path, ...] = option(
+        "--inputs FILE…",
+        str,
+        "Tables or run logs with the inputs to play.",
+        multiple=True,
+        callback=files,
+    ),
+    experiments: tuple[str, ...] = option(
+        "--experiment NAME", str, "A run of the spring pair, from `smad gap next`.", multiple=True
+    ),
+    within_s: float = option(
+        "--within S", Quantity("s", 0.1, 3600.0), "Limit of the processor time.", default=5.0
+    ),
+    as_json: bool = json_option,
+    simulator: Simulator = together(Simulator),
+    params: str = params_option,
+    variant: str = variant_option,
 ) -> None:
     """Rate what inputs could show, before measuring.
 
@@ -70,27 +51,32 @@ def plan_runs(
     weak          noticed only above its typical size, or like another
     not           nothing shows within its range, or parameters imitate it
     """
-    require_pairs(fmu, mjcf, map_path, window_s)
+    simulator.require_pairs()
+    map_path = simulator.map_path
     if not inputs and not experiments:
         raise click.UsageError("nothing would be played; give --inputs FILE or --experiment NAME")
-    if map_path is not None and not (fmu or mjcf):
+    if map_path is not None and not simulator.given:
         raise click.UsageError("--map needs --fmu or --mjcf; give one of them")
     if experiments and map_path is not None:
         raise click.UsageError(
             "--experiment works with the spring pair only; with --map give --inputs"
         )
     with clean_errors():
-        if mjcf is not None and map_path is not None:
+        if simulator.mjcf is not None and map_path is not None:
             from smad.simulators.mjcf.asked import plan_mjcf
 
             planned = plan_mjcf(
-                mjcf, map_path, inputs, window_s=window_s, within_s=_left_s(within_s)
+                simulator.mjcf,
+                map_path,
+                inputs,
+                window_s=simulator.window_s,
+                within_s=_left_s(within_s),
             )
-        elif fmu is not None and map_path is not None:
+        elif simulator.fmu is not None and map_path is not None:
             from smad.fmi.asked import plan_unit
 
-            warn_that_code_runs(fmu)
-            planned = plan_unit(fmu, map_path, inputs, within_s=_left_s(within_s))
+            warn_that_code_runs(simulator.fmu)
+            planned = plan_unit(simulator.fmu, map_path, inputs, within_s=_left_s(within_s))
         else:
             from smad.simulators.planning import Plan
             from smad.simulators.rating import rate

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from smad.cli.options import option
 from smad.errors import REFUSED_STATUS
 from smad.files import named_output
 
@@ -20,12 +21,12 @@ if TYPE_CHECKING:
     from smad.diagnosis.verdict import Verdict
 
 
-params_option = click.option("--params", default="A", help="Parameter file, or A, B, conserving.")
-variant_option = click.option(
+params_option = option("--params", str, "Parameter file, or A, B, conserving.", default="A")
+variant_option = option(
     "--variant",
-    type=click.Choice(["extended", "printed"]),
+    click.Choice(["extended", "printed"]),
+    "The thermal model; printed is the paper's, whose water stays cold.",
     default="extended",
-    help="The thermal model; printed is the paper's, whose water stays cold.",
 )
 
 
@@ -58,8 +59,8 @@ def arguments_text(
 ) -> str:
     """The arguments as a shell takes them, to ask once more."""
     words = [str(path) for path in runs]
-    for option, paths in (("--hold-out", hold_out), ("--good", good)):
-        words += [option, *map(str, paths)] if paths else []
+    for name, paths in (("--hold-out", hold_out), ("--good", good)):
+        words += [name, *map(str, paths)] if paths else []
     words += [] if mapping is None else ["--map", str(mapping)]
     return shlex.join(words)
 

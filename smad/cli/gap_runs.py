@@ -3,15 +3,17 @@
 import glob
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
 from smad.cli import complete
+from smad.cli.options import Command, argument, option
 from smad.cli.output import note
 from smad.runlog.paths import SUFFIX, names_of, passed_over
 
 
-class ManyRuns(click.Command):
+class ManyRuns(Command):
     """A command whose `--hold-out` and `--good` take all that follows, up to the next option."""
 
     GREEDY = ("--hold-out", "--good")
@@ -40,6 +42,11 @@ def with_option_repeated(args: Sequence[str], greedy: Sequence[str]) -> list[str
 def files(ctx: click.Context, param: click.Parameter, values: Sequence[str]) -> tuple[Path, ...]:
     """A callback: the run logs that files, patterns ('runs/*.mcap') and folders stand for."""
     return tuple(path for value in values for path in _files(value, ctx, param))
+
+
+def files_option(name: str, about: str) -> Any:
+    """Return an option that takes such files, and may be repeated."""
+    return option(name, str, about, multiple=True, callback=files)
 
 
 def _files(value: str, ctx: click.Context, param: click.Parameter) -> list[Path]:
@@ -74,11 +81,27 @@ def _in_folder(folder: Path) -> list[Path]:
     return runs
 
 
-runs_argument = click.argument(
-    "runs", nargs=-1, required=True, callback=files, metavar="RUN…", shell_complete=complete.runs
+runs_argument = argument(
+    nargs=-1, required=True, callback=files, metavar="RUN…", shell_complete=complete.runs
 )
-some_runs_argument = click.argument(
-    "runs", nargs=-1, callback=files, metavar="[RUN…]", shell_complete=complete.runs
+some_runs_argument = argument(
+    nargs=-1, callback=files, metavar="[RUN…]", shell_complete=complete.runs
+)
+leave_out_option = option(
+    "--leave-out RUN", str, "Leave out this run, by its name in the answer.", multiple=True
+)
+trust_option = option(
+    "--trust RUN",
+    str,
+    "Use this run although its channels contradict the nominal model.",
+    multiple=True,
+)
+hold_out_option = files_option(
+    "--hold-out RUN…",
+    "Runs to judge on, not fitted to unless they repeat good ones: files or folders.",
+)
+good_option = files_option(
+    "--good RUN…", "Runs known to be good: files, patterns or folders, up to the next option."
 )
 
 
@@ -102,34 +125,6 @@ def require_among(names: Sequence[str], groups: Sequence[Sequence[Path]], option
             raise click.BadParameter(
                 f"{name!r} is none of the runs given. They are: {there}", param_hint=option
             )
-
-
-leave_out_option = click.option(
-    "--leave-out",
-    multiple=True,
-    metavar="RUN",
-    help="Leave out this run, by its name in the answer.",
-)
-trust_option = click.option(
-    "--trust",
-    multiple=True,
-    metavar="RUN",
-    help="Use this run although its channels contradict the nominal model.",
-)
-hold_out_option = click.option(
-    "--hold-out",
-    multiple=True,
-    callback=files,
-    metavar="RUN…",
-    help="Runs to judge on, not fitted to unless they repeat good ones: files or folders.",
-)
-good_option = click.option(
-    "--good",
-    multiple=True,
-    callback=files,
-    metavar="RUN…",
-    help="Runs known to be good: files, patterns or folders, up to the next option.",
-)
 
 
 def without_cut_runs(good: Sequence[Path]) -> tuple[Path, ...]:

@@ -7,39 +7,38 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import FILE, FOLDER, OUTPUT, json_option, print_json, progress, require_outputs
+from smad.cli.options import (
+    FILE,
+    FOLDER,
+    OUTPUT,
+    Command,
+    json_option,
+    option,
+    require_outputs,
+)
+from smad.cli.output import print_json, progress
 
 
-@click.command()
-@click.option(
-    "--folder",
-    type=FOLDER,
-    default=Path("runs"),
-    help="Folder of the run logs; health.jsonl is kept there.",
-)
-@click.option(
-    "--verdict",
-    "verdicts",
-    multiple=True,
-    type=FILE,
-    help="Add a check-up: the JSON that it wrote; may be repeated.",
-)
-@click.option(
-    "--limit",
-    "limits",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="Predict the cycles to a limit, such as stroke_mm=8; may be repeated.",
-)
-@click.option("--report", type=OUTPUT, help="Write one page with all trends here.")
-@json_option
+@click.command(cls=Command)
 def health(
     *,
-    folder: Path,
-    verdicts: tuple[Path, ...],
-    limits: tuple[str, ...],
-    report: Path | None,
-    as_json: bool,
+    folder: Path = option(
+        "--folder",
+        FOLDER,
+        "Folder of the run logs; health.jsonl is kept there.",
+        default=Path("runs"),
+    ),
+    verdicts: tuple[Path, ...] = option(
+        "--verdict", FILE, "Add a check-up: the JSON that it wrote; may be repeated.", multiple=True
+    ),
+    limits: tuple[str, ...] = option(
+        "--limit NAME=VALUE",
+        str,
+        "Predict the cycles to a limit, such as stroke_mm=8; may be repeated.",
+        multiple=True,
+    ),
+    report: Path | None = option("--report", OUTPUT, "Write one page with all trends here."),
+    as_json: bool = json_option,
 ) -> None:
     """Show how the bench ages, from its run logs and check-ups.
 

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import click
 
 from firmware_protocol.nearest import instead
-from smad.cli.output import FOLDER, bench_option
+from smad.cli.options import FOLDER, Group, argument, bench_option, flag, option
 from smad.errors import CommandError
 
 if TYPE_CHECKING:
     from smad.hooks.relay import Relay
 
 
-@click.group()
+@click.group(cls=Group)
 def hooks() -> None:
     """Run commands on faults, stops, lost links and a full disk.
 
@@ -24,14 +24,16 @@ def hooks() -> None:
 
 
 @hooks.command()
-@bench_option
-@click.option(
-    "--folder",
-    type=FOLDER,
-    envvar="SMAD_QUEUE",
-    help="Folder of the queue  [default: that of the daemon's run logs]",
-)
-def run(*, bench: str, folder: Path | None) -> None:
+def run(
+    *,
+    bench: str = bench_option,
+    folder: Path | None = option(
+        "--folder",
+        FOLDER,
+        "Folder of the queue  [default: that of the daemon's run logs]",
+        envvar="SMAD_QUEUE",
+    ),
+) -> None:
     """Watch bench and queue until ctrl-C, and run the hooks.
 
     It first reports what happened since it last ran.
@@ -53,10 +55,8 @@ def run(*, bench: str, folder: Path | None) -> None:
             watcher.close()
 
 
-@hooks.command()
-@click.argument("name", metavar="HOOK")
-@bench_option
-def test(*, name: str, bench: str) -> None:
+@hooks.command("test")
+def run_once(*, name: str = argument(metavar="HOOK"), bench: str = bench_option) -> None:
     """Run one HOOK with a made-up event, and wait for its end."""
     from smad.hooks.events import Event
     from smad.hooks.watch import HOOKS, POLL_S, Watcher, commands_of
@@ -76,16 +76,15 @@ def test(*, name: str, bench: str) -> None:
 
 
 @hooks.command(context_settings={"ignore_unknown_options": True})
-@click.option("--tasmota", metavar="URL", help="A plug with Tasmota's firmware: http://plug.lab")
-@click.option(
-    "--while",
-    "holding",
-    is_flag=True,
-    help="COMMAND keeps the relay on while it runs, such as gpioset.",
-)
-@click.argument("command", nargs=-1, type=click.UNPROCESSED)
-@bench_option
-def relay(*, tasmota: str | None, holding: bool, command: tuple[str, ...], bench: str) -> None:
+def relay(
+    *,
+    tasmota: str | None = option(
+        "--tasmota URL", str, "A plug with Tasmota's firmware: http://plug.lab"
+    ),
+    holding: bool = flag("--while", "COMMAND keeps the relay on while it runs, such as gpioset."),
+    command: tuple[str, ...] = argument(click.UNPROCESSED, nargs=-1),
+    bench: str = bench_option,
+) -> None:
     """Keep the heaters' supply on while samples arrive.
 
     The relay of the supply opens when the daemon's samples end, when the board is in FAULT or

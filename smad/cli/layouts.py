@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import FOLDER
+from smad.cli.options import FOLDER, Command, argument, option
 from smad.errors import RunLogError, refused_by_system
 from smad.files import write_whole
 
@@ -13,12 +13,13 @@ Foxglove, Lichtblick: Layouts > Import from file, then open a run log.
 PlotJuggler: open a run log, or start the ZeroMQ stream, then File > Load Layout."""
 
 
-@click.command()
-@click.argument("folder", default="layouts", type=FOLDER)
-@click.option(
-    "--axis", "axes", multiple=True, help="An axis, if the bench has several; may be repeated."
-)
-def layouts(folder: Path, axes: tuple[str, ...]) -> None:
+@click.command(cls=Command)
+def layouts(
+    folder: Path = argument(FOLDER, default="layouts"),
+    axes: tuple[str, ...] = option(
+        "--axis", str, "An axis, if the bench has several; may be repeated.", multiple=True
+    ),
+) -> None:
     """Write layouts for PlotJuggler and Foxglove into FOLDER.
 
     With several axes, each has a tab.

@@ -5,7 +5,8 @@ import time
 import click
 
 from smad.api import Status
-from smad.cli.output import axis_option, client, progress
+from smad.cli.options import Group, axis_option, option
+from smad.cli.output import client, progress
 from smad.cli.quantity import Quantity
 from smad.counted import counted
 from smad.errors import PortError
@@ -14,17 +15,18 @@ from smad.view.terminal.status_lines import spread
 _ERRORS = ("crc_errors", "cobs_errors", "length_errors", "payload_errors")
 
 
-@click.group()
+@click.group(cls=Group)
 def link() -> None:
     """Test the serial link."""
 
 
-@link.command()
-@click.option(
-    "--for", "duration_s", type=Quantity("s", 0.01, 3600.0), default=5.0, help="Seconds to count."
-)
-@axis_option
-def test(duration_s: float, bench: str) -> None:
+@link.command("test")
+def count(
+    duration_s: float = option(
+        "--for", Quantity("s", 0.01, 3600.0), "Seconds to count.", default=5.0
+    ),
+    bench: str = axis_option,
+) -> None:
     """Count samples, errors and delays for some seconds.
 
     The exit status is 1 if a sample was lost.

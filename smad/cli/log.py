@@ -15,7 +15,8 @@ import click
 
 from smad.cli import complete
 from smad.cli.layouts import layouts
-from smad.cli.output import FILE, OUTPUT, PATH, json_option, print_json
+from smad.cli.options import FILE, OUTPUT, PATH, Group, argument, flag, json_option, option
+from smad.cli.output import print_json
 from smad.cli.quantity import Quantity, Whole
 from smad.cli.tables import print_columns
 from smad.counted import counted
@@ -42,19 +43,18 @@ def _folder_of_bench(context: click.Context, parameter: click.Parameter, folder:
     return display_path(of_bench) if of_bench is not None and of_bench.is_dir() else _HERE
 
 
-_folder = click.option(
+_folder = option(
     "--folder",
+    str,
+    "Folder of the run logs [default: that of the running daemon, else runs]",
     envvar="SMAD_RUNS",
     callback=_folder_of_bench,
-    help="Folder of the run logs [default: that of the running daemon, else runs]",
 )
-_axis = click.option(
-    "--axis", default="", show_default=False, help="The axis, if the log has several."
-)
-_path = click.argument("path", required=False, type=PATH, shell_complete=complete.runs)
+_axis = option("--axis", str, "The axis, if the log has several.", default="", show_default=False)
+_path = argument(PATH, required=False, shell_complete=complete.runs)
 
 
-@click.group()
+@click.group(cls=Group)
 def log() -> None:
     """List, show, plot, export, import and recover run logs.
 
@@ -66,10 +66,11 @@ log.add_command(layouts)
 
 
 @log.command("list")
-@click.argument("place", metavar="[FOLDER]", required=False)
-@_folder
-@json_option
-def list_command(place: str | None, folder: str, as_json: bool) -> None:
+def list_command(
+    place: str | None = argument(metavar="[FOLDER]", required=False),
+    folder: str = _folder,
+    as_json: bool = json_option,
+) -> None:
     """List the run logs of FOLDER, or of --folder."""
     from smad.runlog.overview import list_runs
 
@@ -89,11 +90,9 @@ def list_command(place: str | None, folder: str, as_json: bool) -> None:
 
 
 @log.command()
-@_path
-@_folder
-@_axis
-@json_option
-def show(path: Path | None, folder: str, axis: str, as_json: bool) -> None:
+def show(
+    path: Path | None = _path, folder: str = _folder, axis: str = _axis, as_json: bool = json_option
+) -> None:
     """Summarise a run log: header, range of each channel, events."""
     from smad.runlog.reader import read_run
     from smad.runlog.summary import summarise
@@ -113,30 +112,21 @@ def show(path: Path | None, folder: str, axis: str, as_json: bool) -> None:
 
 
 @log.command()
-@_path
-@_folder
-@click.option(
-    "--to",
-    "suffix",
-    type=click.Choice(["csv", "parquet", "mat", "rosbag2", "lerobot"]),
-    default="csv",
-    help="Format, if --output does not name it.",
-)
-@click.option("-o", "--output", type=PATH, help="File, or folder of a bag, to write.")
-@click.option("--overwrite", is_flag=True, help="Replace a file that is there.")
-@click.option("--wide", is_flag=True, help="Several axes in one table: NAME.channel.")
-@click.option("--fps", type=Whole(1, 1000), help="Frames per second, for lerobot.")
-@json_option
 def export(
     *,
-    path: Path | None,
-    folder: str,
-    suffix: str,
-    output: Path | None,
-    overwrite: bool,
-    wide: bool,
-    fps: int | None,
-    as_json: bool,
+    path: Path | None = _path,
+    folder: str = _folder,
+    suffix: str = option(
+        "--to",
+        click.Choice(["csv", "parquet", "mat", "rosbag2", "lerobot"]),
+        "Format, if --output does not name it.",
+        default="csv",
+    ),
+    output: Path | None = option("-o --output", PATH, "File, or folder of a bag, to write."),
+    overwrite: bool = flag("--overwrite", "Replace a file that is there."),
+    wide: bool = flag("--wide", "Several axes in one table: NAME.channel."),
+    fps: int | None = option("--fps", Whole(1, 1000), "Frames per second, for lerobot."),
+    as_json: bool = json_option,
 ) -> None:
     """Write a run log as CSV, Parquet, MATLAB, ROS or LeRobot file.
 
@@ -166,9 +156,7 @@ def export(
 
 
 @log.command()
-@_path
-@_folder
-def split(path: Path | None, folder: str) -> None:
+def split(path: Path | None = _path, folder: str = _folder) -> None:
     """Write one run log for each axis, beside the log."""
     from smad.runlog.one_axis import extract
     from smad.runlog.reader import read_axes
@@ -180,37 +168,28 @@ def split(path: Path | None, folder: str) -> None:
 
 
 @log.command()
-@click.argument("paths", metavar="[RUN]...", nargs=-1, type=PATH, shell_complete=complete.runs)
-@_folder
-@click.option("-o", "--output", type=OUTPUT, help="Page to write.")
-@click.option("--from", "from_s", type=Quantity("s"), help="First second to draw.")
-@click.option("--to", "to_s", type=Quantity("s"), help="Last second to draw.")
-@click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")
-@click.option(
-    "--figure",
-    type=FILE,
-    help="Write the panels as a figure for print in place of a page: .svg, .pdf or .png.",
-)
-@click.option(
-    "--width",
-    "width_mm",
-    type=Quantity("mm", 40.0, 400.0),
-    default=85.0,
-    metavar="MM",
-    help="Width of the figure; a column of a journal is about 85, two are 175.",
-)
-@_axis
 def plot(
     *,
-    paths: tuple[Path, ...],
-    folder: str,
-    axis: str,
-    output: Path | None,
-    from_s: float | None,
-    to_s: float | None,
-    open_page: bool,
-    figure: Path | None,
-    width_mm: float,
+    paths: tuple[Path, ...] = argument(
+        PATH, metavar="[RUN]...", nargs=-1, shell_complete=complete.runs
+    ),
+    folder: str = _folder,
+    output: Path | None = option("-o --output", OUTPUT, "Page to write."),
+    from_s: float | None = option("--from", Quantity("s"), "First second to draw."),
+    to_s: float | None = option("--to", Quantity("s"), "Last second to draw."),
+    open_page: bool = flag("--open", "Open the page in a browser."),
+    figure: Path | None = option(
+        "--figure",
+        FILE,
+        "Write the panels as a figure for print in place of a page: .svg, .pdf or .png.",
+    ),
+    width_mm: float = option(
+        "--width MM",
+        Quantity("mm", 40.0, 400.0),
+        "Width of the figure; a column of a journal is about 85, two are 175.",
+        default=85.0,
+    ),
+    axis: str = _axis,
 ) -> None:
     """Make a page with plots of one or more run logs.
 
@@ -244,15 +223,14 @@ def plot(
 
 
 @log.command("import")
-@click.argument("source", type=PATH)
-@click.option("-o", "--output", type=PATH, help="Run log to write.")
-@click.option(
-    "--mapping",
-    type=PATH,
-    help="TOML file that says what the columns are, if their names do not.",
-)
-@json_option
-def import_command(source: Path, output: Path | None, mapping: Path | None, as_json: bool) -> None:
+def import_command(
+    source: Path = argument(PATH),
+    output: Path | None = option("-o --output", PATH, "Run log to write."),
+    mapping: Path | None = option(
+        "--mapping", PATH, "TOML file that says what the columns are, if their names do not."
+    ),
+    as_json: bool = json_option,
+) -> None:
     """Make a run log from a CSV or Parquet file, or a ROS bag.
 
     The names of the columns end with their units, or --mapping says what they are.
@@ -277,11 +255,12 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
 
 
 @log.command()
-@_path
-@_folder
-@click.option("-o", "--output", type=PATH, help="Run log to write.")
-@json_option
-def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) -> None:
+def recover(
+    path: Path | None = _path,
+    folder: str = _folder,
+    output: Path | None = option("-o --output", PATH, "Run log to write."),
+    as_json: bool = json_option,
+) -> None:
     """Write an intact copy of a damaged log; report what was lost."""
     from smad.runlog.holes import words
     from smad.runlog.recover import recover as recover_log

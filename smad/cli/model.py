@@ -4,44 +4,40 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import FILE, PATH
+from smad.cli.options import FILE, PATH, Group, argument, flag, option
 from smad.cli.simulated import effects_option, simulated_model
 from smad.errors import SmadError
 
 
-@click.group()
+@click.group(cls=Group)
 def model() -> None:
     """Export a model to other programs."""
 
 
 @model.command()
-@click.argument("source", metavar="[MODEL]", required=False, type=PATH)
-@click.option("--params", default="A", help="Without MODEL: parameter file, or A, B, conserving.")
-@effects_option("Add an effect, or replace the model's of that name.")
-@click.option(
-    "--fixture",
-    type=click.Choice(["antagonistic", "stretch", "blocked"]),
-    default="antagonistic",
-    help="How the springs are held; the last two have a stage.",
-)
-@click.option("--fmi", "unit", required=True, type=FILE, help="FMI co-simulation unit to write.")
-@click.option(
-    "--fmi-version",
-    "version",
-    type=click.Choice(["3", "2"]),
-    default="3",
-    help="2 for programs that do not import FMI 3.0.",
-)
-@click.option("--overwrite", is_flag=True, help="Replace a file that is there.")
 def export(
     *,
-    source: Path | None,
-    params: str,
-    effects: tuple[str, ...],
-    fixture: str,
-    unit: Path,
-    version: str,
-    overwrite: bool,
+    source: Path | None = argument(PATH, metavar="[MODEL]", required=False),
+    params: str = option(
+        "--params", str, "Without MODEL: parameter file, or A, B, conserving.", default="A"
+    ),
+    effects: tuple[str, ...] = effects_option(
+        "Add an effect, or replace the model's of that name."
+    ),
+    fixture: str = option(
+        "--fixture",
+        click.Choice(["antagonistic", "stretch", "blocked"]),
+        "How the springs are held; the last two have a stage.",
+        default="antagonistic",
+    ),
+    unit: Path = option("--fmi", FILE, "FMI co-simulation unit to write.", required=True),
+    version: str = option(
+        "--fmi-version",
+        click.Choice(["3", "2"]),
+        "2 for programs that do not import FMI 3.0.",
+        default="3",
+    ),
+    overwrite: bool = flag("--overwrite", "Replace a file that is there."),
 ) -> None:
     """Write the plant of a MODEL file as an FMI unit.
 

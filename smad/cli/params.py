@@ -4,18 +4,18 @@ import click
 
 from smad.api import READ_AS, Param
 from smad.cli import complete
-from smad.cli.output import axis_option, client
+from smad.cli.options import Group, argument, axis_option
+from smad.cli.output import client
 from smad.cli.tables import print_columns
 
 
-@click.group()
+@click.group(cls=Group)
 def params() -> None:
     """Show and change the parameters stored on the board."""
 
 
 @params.command("list")
-@axis_option
-def list_command(bench: str) -> None:
+def list_command(bench: str = axis_option) -> None:
     """List all parameters of the board."""
     with client(bench) as bench_client:
         parameters = bench_client.params()
@@ -27,19 +27,18 @@ def list_command(bench: str) -> None:
 
 
 @params.command()
-@click.argument("name", shell_complete=complete.parameters)
-@axis_option
-def get(name: str, bench: str) -> None:
+def get(name: str = argument(shell_complete=complete.parameters), bench: str = axis_option) -> None:
     """Show one parameter of the board."""
     with client(bench) as bench_client:
         click.echo(_value(bench_client.get_param(name)))
 
 
 @params.command("set")
-@click.argument("name", shell_complete=complete.parameters)
-@click.argument("value", type=float)
-@axis_option
-def set_command(name: str, value: float, bench: str) -> None:
+def set_command(
+    name: str = argument(shell_complete=complete.parameters),
+    value: float = argument(float),
+    bench: str = axis_option,
+) -> None:
     """Change one parameter while not armed. `smad params save` keeps it over a power cycle."""
     with client(bench) as bench_client:
         param = bench_client.set_param(name, value)
@@ -47,8 +46,7 @@ def set_command(name: str, value: float, bench: str) -> None:
 
 
 @params.command("name")
-@axis_option
-def name_command(bench: str) -> None:
+def name_command(bench: str = axis_option) -> None:
     """Store the name of --axis on its board, while not armed."""
     from firmware_protocol.parameters import axis_name_crc
 
@@ -61,8 +59,7 @@ def name_command(bench: str) -> None:
 
 
 @params.command()
-@axis_option
-def save(bench: str) -> None:
+def save(bench: str = axis_option) -> None:
     """Keep all parameters over a power cycle, while not armed."""
     with client(bench) as bench_client:
         count = len(bench_client.save_params())

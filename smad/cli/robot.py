@@ -7,38 +7,34 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import (
+from smad.cli.options import (
     NEGATIVE,
     PATH,
+    Group,
+    argument,
     bench_option,
-    client,
-    wait_for_motion,
+    option,
     wait_option,
 )
+from smad.cli.output import client, wait_for_motion
 from smad.cli.quantity import Quantity, Whole
 
 if TYPE_CHECKING:
     from smad.client import Client
     from smad.robot import Angles
 
-_segment = click.argument("segment")
-circle_period_option = click.option(
-    "--period",
-    "period_s",
-    type=Quantity("s", 0.5, 3600.0),
-    default=20.0,
-    help="Seconds for one circle.",
+circle_period_option = option(
+    "--period", Quantity("s", 0.5, 3600.0), "Seconds for one circle.", default=20.0
 )
 
 
-@click.group()
+@click.group(cls=Group)
 def robot() -> None:
     """Move the segments of a robot by the angles of their joints."""
 
 
 @robot.command()
-@bench_option
-def angles(bench: str) -> None:
+def angles(bench: str = bench_option) -> None:
     """Show pitch and yaw of each segment."""
     from smad.robot.moving import robot_of, standing_deg
 
@@ -48,20 +44,16 @@ def angles(bench: str) -> None:
 
 
 @robot.command(context_settings=NEGATIVE)
-@_segment
-@click.argument("pitch_deg", type=Quantity("deg"))
-@click.argument("yaw_deg", type=Quantity("deg"))
-@click.option(
-    "--for",
-    "duration_s",
-    type=Quantity("s", 0.1, 3600.0),
-    default=10.0,
-    help="Seconds to stay there.",
-)
-@wait_option
-@bench_option
 def step(
-    *, segment: str, pitch_deg: float, yaw_deg: float, duration_s: float, wait: bool, bench: str
+    *,
+    segment: str = argument(),
+    pitch_deg: float = argument(Quantity("deg")),
+    yaw_deg: float = argument(Quantity("deg")),
+    duration_s: float = option(
+        "--for", Quantity("s", 0.1, 3600.0), "Seconds to stay there.", default=10.0
+    ),
+    wait: bool = wait_option,
+    bench: str = bench_option,
 ) -> None:
     """Turn SEGMENT to PITCH_DEG and YAW_DEG."""
     from smad.robot import step as made
@@ -74,14 +66,14 @@ def step(
 
 
 @robot.command(context_settings=NEGATIVE)
-@_segment
-@click.argument("radius_deg", type=Quantity("deg", 0.0, 180.0))
-@circle_period_option
-@click.option("--cycles", type=Whole(1, 1000), default=1, help="Number of circles.")
-@wait_option
-@bench_option
 def circle(
-    *, segment: str, radius_deg: float, period_s: float, cycles: int, wait: bool, bench: str
+    *,
+    segment: str = argument(),
+    radius_deg: float = argument(Quantity("deg", 0.0, 180.0)),
+    period_s: float = circle_period_option,
+    cycles: int = option("--cycles", Whole(1, 1000), "Number of circles.", default=1),
+    wait: bool = wait_option,
+    bench: str = bench_option,
 ) -> None:
     """Draw a circle with the tip of SEGMENT, from straight and back."""
     from smad.robot import circle as made
@@ -91,11 +83,12 @@ def circle(
 
 
 @robot.command()
-@_segment
-@click.argument("path", type=PATH)
-@wait_option
-@bench_option
-def follow(segment: str, path: Path, wait: bool, bench: str) -> None:
+def follow(
+    segment: str = argument(),
+    path: Path = argument(PATH),
+    wait: bool = wait_option,
+    bench: str = bench_option,
+) -> None:
     """Follow the points of a CSV file.
 
     Its columns are t_s, pitch_deg and yaw_deg.

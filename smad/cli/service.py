@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import FOLDER
+from smad.cli.options import FOLDER, Group, flag, option
 
 _NEXT = """\
 Next: put the vendor and product of your adapter into the udev rule, then
@@ -13,20 +13,18 @@ Next: put the vendor and product of your adapter into the udev rule, then
   systemctl daemon-reload"""
 
 
-@click.group()
+@click.group(cls=Group)
 def service() -> None:
     """Install the systemd units and the udev rule."""
 
 
 @service.command()
-@click.option(
-    "--root",
-    type=FOLDER,
-    default=Path("/"),
-    help="Root of the system, for an image that is being made.",
-)
-@click.option("--overwrite", is_flag=True, help="Replace files that were edited.")
-def install(root: Path, overwrite: bool) -> None:
+def install(
+    root: Path = option(
+        "--root", FOLDER, "Root of the system, for an image that is being made.", default=Path("/")
+    ),
+    overwrite: bool = flag("--overwrite", "Replace files that were edited."),
+) -> None:
     """Write the files where the system looks for them; needs root.
 
     The units of daemon, queue and hooks start the smad that this command belongs to.

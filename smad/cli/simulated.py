@@ -2,90 +2,77 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from smad.cli import complete
-from smad.cli.output import F, note
+from smad.cli.options import flag, option
+from smad.cli.output import note
 from smad.cli.quantity import Whole
-from smad.errors import SmadError
+from smad.errors import ConfigError, SmadError
 from smad.processes.boards import BOARDS
 
 if TYPE_CHECKING:
     from sim_device.plant.models import Model
 
-FIRMWARES = "the board: " + ", ".join(f"{name} ({b.about})" for name, b in BOARDS.items()) + "."
+FIRMWARES = "The board: " + ", ".join(f"{name} ({b.about})" for name, b in BOARDS.items()) + "."
 
-sim_option = click.option("--sim", is_flag=True, help="On a simulated bench in virtual time.")
+sim_option = flag("--sim", "On a simulated bench in virtual time.")
+seed_option = option("--seed", Whole(0, 2**32 - 1), "With --sim: seed of all noise.", default=0)
 
 
-def effects_option(about: str) -> Callable[[F], F]:
+def effects_option(about: str) -> Any:
     """Return the option --effect, which may be repeated, of a simulated bench."""
-    return click.option(
-        "--effect",
-        "effects",
-        multiple=True,
-        metavar="NAME[:P=V,…]",
-        shell_complete=complete.effects,
-        help=about,
+    return option(
+        "--effect NAME[:P=V,…]", str, about, multiple=True, shell_complete=complete.effects
     )
 
 
 effect_option = effects_option("With --sim: an effect that the simulated bench has.")
 
 
-def board_options(lead: str) -> Callable[[F], F]:
-    """Return the options of the boards that `smad sim` runs, and `smad start --sim` begins.
+rate_option = option("--rate", click.Choice(["100", "250", "500"]), "Samples per second.")
 
-    `lead` begins the help of each.
-    """
 
-    def about(text: str) -> str:
-        return lead + text if lead else text[0].upper() + text[1:]
+@dataclass(frozen=True, kw_only=True)
+class Boards:
+    """The boards that `smad sim` runs, and `smad start --sim` begins."""
 
-    number = Whole(0, 2**32 - 1)
-    options = (
-        click.option(
-            "--rate", type=click.Choice(["100", "250", "500"]), help="Samples per second."
-        ),
-        click.option("--axes", type=Whole(1, 6), help=about("number of boards.")),
-        click.option("--speed", type=float, help=about("board time over wall time.")),
-        click.option("--seed", type=number, help=about("seed of all noise.")),
-        click.option(
-            "--paced-by-host", is_flag=True, help=about("the board waits for each setpoint.")
-        ),
-        click.option(
-            "--fault",
-            "faults",
-            multiple=True,
-            metavar="NAME@S[:KEY=VALUE,…]",
-            help=about("a fault to inject; smad sim --fault list lists them."),
-        ),
-        click.option(
-            "--firmware",
-            type=click.Choice([*BOARDS]),
-            default="python",
-            help=about(FIRMWARES),
-        ),
-        # With --paced-by-host both ends wait so many times as long for each other.
-        click.option("--patience", type=Whole(1, 1000), default=1, hidden=True),
-        # End when this process does.
-        click.option("--parent", type=int, hidden=True),
+    axes: int | None = option("--axes", Whole(1, 6), "Number of boards.")
+    speed: float | None = option("--speed", float, "Board time over wall time.")
+    seed: int | None = option("--seed", Whole(0, 2**32 - 1), "Seed of all noise.")
+    paced_by_host: bool = flag("--paced-by-host", "The board waits for each setpoint.")
+    faults: tuple[str, ...] = option(
+        "--fault NAME@S[:KEY=VALUE,…]",
+        str,
+        "A fault to inject; smad sim --fault list lists them.",
+        multiple=True,
     )
+    firmware: str = option("--firmware", click.Choice([*BOARDS]), FIRMWARES, default="python")
+    # With --paced-by-host both ends wait so many times as long for each other.
+    patience: int = option("--patience", Whole(1, 1000), default=1, hidden=True)
+    # End when this process does.
+    parent: int | None = option("--parent", int, hidden=True)
 
-    def add(command: F) -> F:
-        return functools.reduce(lambda made, option: option(made), reversed(options), command)
+    def require_none(self) -> None:
+        """Raise ConfigError where something is asked of a board that is not simulated."""
+        asked = self.speed, self.seed, self.axes, self.paced_by_host or None, self.faults or None
+        if any(given is not None for given in asked) or self.firmware != "python":
+            raise ConfigError(
+                "--speed, --seed, --axes, --paced-by-host, --fault and --firmware need --sim",
+                action="add --sim, or leave them out",
+            )
 
-    return add
-
-
-seed_option = click.option(
-    "--seed", type=Whole(0, 2**32 - 1), default=0, help="With --sim: seed of all noise."
-)
+    def words(self, config_path: Path | None) -> list[str]:
+        """What `smad sim` is given beside the configuration's own."""
+        words = [word for text in self.faults for word in ("--fault", text)]
+        words += [] if config_path is None else ["--config", str(config_path)]
+        paced = ["--paced-by-host", "--patience", str(self.patience)]
+        return [*words, *(paced if self.paced_by_host else ())]
 
 
 def require_sim(effects: Iterable[str], *, sim: bool) -> None:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import OUTPUT, bench_option, client, progress
+from smad.cli.options import OUTPUT, Command, bench_option, flag, option
+from smad.cli.output import client, progress
 from smad.cli.quantity import Quantity
 from smad.cli.robot import circle_period_option
 from smad.counted import counted
@@ -22,16 +23,14 @@ if TYPE_CHECKING:
 TITLE = "circles of the segments of a robot, in turn and together"
 
 
-@click.command("six-axes")
-@click.option("--sim", is_flag=True, help="On a simulated bench of six axes.")
-@click.option(
-    "--radius", "radius_deg", type=Quantity("deg", 0.1, 180.0), default=15.0, help="Degrees."
-)
-@circle_period_option
-@click.option("--report", type=OUTPUT, help="Page; by default beside the log.")
-@bench_option
+@click.command("six-axes", cls=Command)
 def six_axes(
-    *, sim: bool, radius_deg: float, period_s: float, report: Path | None, bench: str
+    *,
+    sim: bool = flag("--sim", "On a simulated bench of six axes."),
+    radius_deg: float = option("--radius", Quantity("deg", 0.1, 180.0), "Degrees.", default=15.0),
+    period_s: float = circle_period_option,
+    report: Path | None = option("--report", OUTPUT, "Page; by default beside the log."),
+    bench: str = bench_option,
 ) -> None:
     """Let the segments draw circles, in turn and together.
 

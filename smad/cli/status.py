@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import axis_option, client, json_option, print_json
+from smad.cli.options import Command, axis_option, flag, json_option
+from smad.cli.output import client, print_json
 from smad.view.terminal.status_lines import labelled, lines
 
 if TYPE_CHECKING:
@@ -19,13 +20,12 @@ if TYPE_CHECKING:
 _REFRESH_S = 0.5
 
 
-@click.command()
-@click.option(
-    "--watch", is_flag=True, help="A screen, drawn twice a second; the space bar stops the bench."
-)
-@json_option
-@axis_option
-def status(watch: bool, as_json: bool, bench: str) -> None:
+@click.command(cls=Command)
+def status(
+    watch: bool = flag("--watch", "A screen, drawn twice a second; the space bar stops the bench."),
+    as_json: bool = json_option,
+    bench: str = axis_option,
+) -> None:
     """Show link, board, motion, readings, timing, run log."""
     with client(bench) as bench_client:
         if watch and not as_json:

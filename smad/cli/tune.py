@@ -8,16 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from smad.cli.output import (
+from smad.cli.options import (
     OUTPUT,
+    Command,
+    argument,
     axis_option,
+    flag,
     json_option,
     lease_option,
-    leased_driver,
-    print_json,
-    progress,
-    ready_client,
+    option,
 )
+from smad.cli.output import leased_driver, print_json, progress, ready_client
 from smad.errors import CommandError
 from smad.files import write_whole
 
@@ -26,37 +27,25 @@ if TYPE_CHECKING:
     from smad.experiments.tuning import Session
 
 
-@click.command()
-@click.argument("loop", type=click.Choice(["displacement", "temperature"]), default="displacement")
-@click.option(
-    "--spring",
-    type=click.Choice(["x", "y"]),
-    default="x",
-    help="Which spring to heat, for the temperature loop.",
-)
-@click.option("--trial/--no-trial", default=True, help="Try the old and the new gains.")
-@click.option("--apply", is_flag=True, help="Put the new gains in force on the running daemon.")
-@click.option(
-    "--save",
-    type=OUTPUT,
-    metavar="FILE",
-    help="Write the section of the configuration to a new file.",
-)
-@json_option
-@lease_option
-@click.option("--yes", is_flag=True, help="Do not ask before the bench is armed and heated.")
-@axis_option
+@click.command(cls=Command)
 def tune(
     *,
-    loop: str,
-    spring: str,
-    trial: bool,
-    apply: bool,
-    save: Path | None,
-    as_json: bool,
-    lease: float,
-    yes: bool,
-    bench: str,
+    loop: str = argument(click.Choice(["displacement", "temperature"]), default="displacement"),
+    spring: str = option(
+        "--spring",
+        click.Choice(["x", "y"]),
+        "Which spring to heat, for the temperature loop.",
+        default="x",
+    ),
+    trial: bool = flag("--trial/--no-trial", "Try the old and the new gains.", default=True),
+    apply: bool = flag("--apply", "Put the new gains in force on the running daemon."),
+    save: Path | None = option(
+        "--save FILE", OUTPUT, "Write the section of the configuration to a new file."
+    ),
+    as_json: bool = json_option,
+    lease: float = lease_option,
+    yes: bool = flag("--yes", "Do not ask before the bench is armed and heated."),
+    bench: str = axis_option,
 ) -> None:
     """Find the gains of a control loop by a short experiment.
 

@@ -8,18 +8,19 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import bench_option, tcp_port_option
+from smad.cli.options import Command, bench_option, flag, port_option
 
 if TYPE_CHECKING:
     from smad.view.server import Links
 
 
-@click.command()
-@tcp_port_option(8787)
-@click.option("--no-browser", is_flag=True, help="Only print the links.")
-@click.option("--watch-only", is_flag=True, help="Print no link that can command the bench.")
-@bench_option
-def view(port: int, no_browser: bool, watch_only: bool, bench: str) -> None:
+@click.command(cls=Command)
+def view(
+    port: int = port_option(8787),
+    no_browser: bool = flag("--no-browser", "Only print the links."),
+    watch_only: bool = flag("--watch-only", "Print no link that can command the bench."),
+    bench: str = bench_option,
+) -> None:
     """Serve the live page of the bench, and open it in a browser.
 
     Only this machine can open it, by the link with its token.
