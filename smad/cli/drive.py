@@ -15,7 +15,7 @@ from smad.cli.options import (
     option,
     wait_option,
 )
-from smad.cli.output import client, described, wait_for_motion
+from smad.cli.output import client, wait_for_motion
 from smad.cli.quantity import Quantity
 
 _SPRING = click.Choice(["x", "y"], case_sensitive=False)
@@ -175,6 +175,8 @@ def pump(
 @click.command(cls=Command)
 def idle(bench: str = axis_option) -> None:
     """Stop the present motion: no current, no water. The bench stays armed."""
+    from smad.view.terminal.status_lines import motion_words
+
     with client(bench) as bench_client:
         motion = bench_client.idle()
-    click.echo(f"stopped: {described(motion)}")
+    click.echo(f"stopped: {motion_words(motion)}")

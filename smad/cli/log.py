@@ -9,7 +9,6 @@ import shlex
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -20,14 +19,9 @@ from smad.cli.output import print_json
 from smad.cli.quantity import Quantity, Whole
 from smad.cli.tables import print_columns
 from smad.counted import counted
-from smad.errors import RunLogError
 from smad.files import display_path, require_writable
+from smad.runlog.paths import newest_run
 
-if TYPE_CHECKING:
-    from smad.runlog.overview import Overview
-    from smad.runlog.summary import RunSummary
-
-_EVENTS_SHOWN = 10
 _BAR_STEPS = 1000
 
 _HERE = "runs"
@@ -72,6 +66,7 @@ def list_command(
     as_json: bool = json_option,
 ) -> None:
     """List the run logs of FOLDER, or of --folder."""
+    from smad.runlog import words
     from smad.runlog.overview import list_runs
 
     folder = place or folder
@@ -82,11 +77,7 @@ def list_command(
     if not runs:
         click.echo(f"no run logs in {folder}")
         return
-    print_columns(
-        ("file", "name", "source", "started", "rows", "duration", "size", ""),
-        [_overview_cells(run) for run in runs],
-        numeric=(4, 5, 6),
-    )
+    print_columns(words.OVERVIEW, [words.overview_row(run) for run in runs], numeric=(4, 5, 6))
 
 
 @log.command()
@@ -94,16 +85,22 @@ def show(
     path: Path | None = _path, folder: str = _folder, axis: str = _axis, as_json: bool = json_option
 ) -> None:
     """Summarise a run log: header, range of each channel, events."""
+    from smad.runlog import words
     from smad.runlog.reader import read_run
     from smad.runlog.summary import summarise
 
     with _progress("reading") as progress:
-        run = read_run(_resolve(path, folder), axis=axis, progress=progress)
+        run = read_run(path or newest_run(folder), axis=axis, progress=progress)
     summary = summarise(run)
     if as_json:
         print_json(summary)
         return
-    _print_summary(summary)
+    for line in words.header_lines(summary):
+        click.echo(line)
+    click.echo()
+    print_columns(words.CHANNELS, words.channel_rows(summary), numeric=(2, 3, 4, 5))
+    for line in words.ending_lines(summary):
+        click.echo(line)
     if run.cut_short or run.damaged:
         click.echo(
             "\nthe log is incomplete; this is what could be read. To write that as a complete "
@@ -138,7 +135,7 @@ def export(
     from smad.runlog.formats import export_axes
     from smad.runlog.reader import read_axes
 
-    source = _resolve(path, folder)
+    source = path or newest_run(folder)
     with _progress("reading") as progress:
         runs = read_axes(source, progress=progress)
     target = output or source.with_suffix(f".{suffix}")
@@ -161,7 +158,7 @@ def split(path: Path | None = _path, folder: str = _folder) -> None:
     from smad.runlog.one_axis import extract
     from smad.runlog.reader import read_axes
 
-    source = _resolve(path, folder)
+    source = path or newest_run(folder)
     written = {extract(source, axis): len(run) for axis, run in read_axes(source).items()}
     for file, rows in written.items():
         click.echo(f"{counted(rows, 'row')} to {file}")
@@ -201,7 +198,7 @@ def plot(
     from smad.report.runs import page_of, run_parts
     from smad.runlog.reader import read_run
 
-    sources = paths or (_resolve(None, folder),)
+    sources = paths or (newest_run(folder),)
     runs = []
     for source in sources:
         with _progress(f"reading {source.name}") as progress:
@@ -268,7 +265,7 @@ def recover(
     if output is not None:
         require_writable(output)
     with _progress("recovering") as progress:
-        done = recover_log(_resolve(path, folder), output, progress=progress)
+        done = recover_log(path or newest_run(folder), output, progress=progress)
     if as_json:
         print_json(done)
         return
@@ -276,17 +273,6 @@ def recover(
     lost = counted(done.lost_messages, "message")
     click.echo(f"lost: {lost} in damaged chunks, {done.unread_bytes} bytes")
     _print_notes([*done.notes, *words(done.holes)])
-
-
-def _resolve(path: Path | None, folder: str) -> Path:
-    if path is not None:
-        return path
-    from smad.runlog.paths import newest_run
-
-    newest = newest_run(folder)
-    if newest is None:
-        raise RunLogError(f"no run logs in {folder}", action="name one, or another --folder")
-    return newest
 
 
 @contextlib.contextmanager
@@ -305,55 +291,3 @@ def _progress(label: str) -> Iterator[Callable[[float], None]]:
 def _print_notes(notes: Sequence[str]) -> None:
     for note in notes:
         click.echo(f"note: {note}")
-
-
-def _overview_cells(run: Overview) -> tuple[str, ...]:
-    from smad.runlog.header import date_of
-
-    return (
-        Path(run.path).name,
-        run.name,
-        run.source,
-        date_of(run.started_unix_s),
-        "" if run.rows is None else str(run.rows),
-        "" if run.duration_s is None else f"{run.duration_s:.1f} s",
-        f"{run.size_bytes / 1e6:.2f} MB",
-        run.problem,
-    )
-
-
-def _print_summary(run: RunSummary) -> None:
-    from smad.runlog.header import date_of
-
-    rate = "" if run.rate_hz is None else f" at {run.rate_hz:g} Hz"
-    facts = [
-        ("file", run.path),
-        ("name", run.name),
-        ("source", run.source),
-        ("started", date_of(run.started_unix_s)),
-        ("rows", f"{run.rows} in {run.duration_s:.2f} s{rate}"),
-        ("axis", str(run.axis)),
-        ("seed", "" if run.seed is None else str(run.seed)),
-        ("gains", ", ".join(f"{name} = {value:g}" for name, value in run.gains.items())),
-        ("parameters", run.parameter_sha256[:12]),
-    ]
-    for name, value in facts:
-        if value:
-            click.echo(f"{name:<11}{value}")
-    _print_notes(run.notes)
-    click.echo()
-    print_columns(
-        ("channel", "unit", "rows", "least", "mean", "most"),
-        [
-            (c.name, c.unit, str(c.recorded), f"{c.least:g}", f"{c.mean:g}", f"{c.most:g}")
-            for c in run.channels
-        ],
-        numeric=(2, 3, 4, 5),
-    )
-    if run.missing:
-        click.echo(f"\nnot recorded: {', '.join(run.missing)}")
-    if run.events:
-        click.echo(f"\nevents ({len(run.events)}, the last {_EVENTS_SHOWN}):")
-        for event in run.events[-_EVENTS_SHOWN:]:
-            when = "" if event.t_s is None else f"{event.t_s:.3f} s"
-            click.echo(f"{when:>12}  {event.kind:<8} {event.text}")

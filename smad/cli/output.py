@@ -14,7 +14,6 @@ import click
 from smad.cli.options import AXIS
 
 if TYPE_CHECKING:
-    from smad.api import Motion
     from smad.client import Client
     from smad.experiments.leased import LeasedDriver
     from smad.progress import Say
@@ -136,6 +135,7 @@ def wait_for_motion(bench_client: Client, *, wait: bool, what: str) -> None:
     So does a terminal that is closed, and SIGTERM.
     """
     from smad.client.signals import ended_by_signals
+    from smad.view.terminal.status_lines import motion_words
 
     if not wait:
         click.echo(f"{what}: begun")
@@ -144,27 +144,13 @@ def wait_for_motion(bench_client: Client, *, wait: bool, what: str) -> None:
         try:
             with progress() as line:
                 motion = bench_client.wait_until_done(
-                    lambda now: line.say(f"{what}: {described(now)}")
+                    lambda now: line.say(f"{what}: {motion_words(now)}")
                 )
         except (KeyboardInterrupt, SystemExit):
             bench_client.idle()
             click.echo(f"{what}: interrupted; the bench is idle now and still armed", err=True)
             raise
-    click.echo(f"{what}: done; {described(motion)}")
-
-
-def described(motion: Motion) -> str:
-    """Return a motion in a few words."""
-    from smad.view.terminal.axis_lines import aged
-
-    parts = [f"{motion.running}, board {motion.mode}"]
-    if motion.displacement_mm is not None:
-        parts.append(f"at {motion.displacement_mm:.2f} mm{aged(motion)}")
-    if motion.reference_mm is not None:
-        parts.append(f"reference {motion.reference_mm:.2f} mm")
-    if motion.fault is not None:
-        parts.append(f"fault {motion.fault.name}")
-    return ", ".join(parts)
+    click.echo(f"{what}: done; {motion_words(motion)}")
 
 
 def print_json(value: object, *, indent: int = 2) -> None:

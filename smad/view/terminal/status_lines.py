@@ -8,7 +8,9 @@ import click
 
 from firmware_protocol.enums import Fault
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
-from smad.api import Percentiles, Status
+from smad.api import Motion, Percentiles, Status
+from smad.client.link_counts import LinkCounts
+from smad.counted import counted
 from smad.files import display_path
 from smad.view.state import LINK_MEANS, limiter_of
 from smad.view.terminal.axis_lines import aged, axis_lines, number
@@ -133,6 +135,35 @@ def _realtime(now: Status) -> Iterator[str]:
         f"smad {now.version}, process {now.pid}, up {now.uptime_s:.0f} s, "
         f"{now.memory_MiB:.0f} MiB, {now.counts.commands} commands, {now.counts.refused} refused",
     )
+
+
+def motion_words(motion: Motion) -> str:
+    """A motion in a few words."""
+    parts = [f"{motion.running}, board {motion.mode}"]
+    if motion.displacement_mm is not None:
+        parts.append(f"at {motion.displacement_mm:.2f} mm{aged(motion)}")
+    if motion.reference_mm is not None:
+        parts.append(f"reference {motion.reference_mm:.2f} mm")
+    if motion.fault is not None:
+        parts.append(f"fault {motion.fault.name}")
+    return ", ".join(parts)
+
+
+def count_lines(test: LinkCounts) -> Iterator[str]:
+    """What was counted on the link, a line each."""
+    timing = test.after.timing
+    rate_hz = test.after.link.rate_hz
+    rows = {
+        "samples": f"{test.since('samples')} in {test.took_s:.1f} s (asked for {rate_hz} a second)",
+        "missed": f"{test.since('missed')}",
+        "skipped": f"{test.since('skipped')} (a newer one was there already)",
+        "damaged": f"{counted(test.damaged, 'frame')} from the board",
+        "not written": counted(test.since("setpoints_dropped"), "setpoint"),
+        "refused": f"{counted(test.since('setpoints_refused'), 'setpoint')}, too old for the board",
+        "setpoint age": spread(timing.setpoint_age),
+        "host share": spread(timing.own_share),
+    }
+    yield from (f"{name:<13} {text}" for name, text in rows.items())
 
 
 def labelled(label: str, text: str) -> str:
