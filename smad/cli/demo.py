@@ -5,9 +5,9 @@ from pathlib import Path
 import click
 
 from smad.cli.options import PATH, Command, option
-from smad.cli.output import Progress
 from smad.cli.quantity import Whole
 from smad.processes.boards import BOARDS
+from smad.view.terminal.progress import Progress
 
 
 @click.command(cls=Command)
@@ -29,9 +29,9 @@ def demo(
     The same seed gives the same bench. The table's last digits still differ from run to run: the
     noise depends on when the bench was armed.
     """
-    from smad.cli.tables import print_table
     from smad.demo import figures
     from smad.demo.play import play
+    from smad.view.terminal.tables import print_table
 
     line = Progress()
     tables, places = {}, []

@@ -70,10 +70,10 @@ def design(
     """
     from sim_device.plant.errors import PlantError
     from sim_device.plant.geometry import load_geometry
-    from smad.cli.tables import print_table
     from smad.design.cycle import design_cycle
     from smad.design.page import design_page
     from smad.report.page import Table, write_page
+    from smad.view.terminal.tables import print_table
 
     require_outputs()
     try:

@@ -7,7 +7,7 @@ from firmware_protocol.nearest import instead
 from smad.cli import complete
 from smad.cli.options import Group, argument, bench_option
 from smad.cli.output import client
-from smad.cli.tables import print_columns
+from smad.view.terminal.tables import print_columns
 
 
 def _named(ctx: click.Context, param: click.Parameter, value: str | None) -> Fault | None:

@@ -46,9 +46,10 @@ from smad.cli.options import (
     require_outputs,
     together,
 )
-from smad.cli.output import print_json, progress
+from smad.cli.output import print_json
 from smad.cli.quantity import Whole
 from smad.files import named_output
+from smad.view.terminal.progress import progress
 
 
 @click.group(cls=Group)

@@ -20,11 +20,12 @@ from smad.cli.options import (
     option,
     require_outputs,
 )
-from smad.cli.output import Progress, progress, ready_client
+from smad.cli.output import ready_client
 from smad.cli.quantity import Quantity, Whole
 from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
 from smad.counted import counted
 from smad.files import named_output
+from smad.view.terminal.progress import Progress, progress
 
 if TYPE_CHECKING:
     from smad.checkup.inquiry import Report

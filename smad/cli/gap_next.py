@@ -24,9 +24,10 @@ from smad.cli.gap_runs import (
     without_cut_runs,
 )
 from smad.cli.options import EXISTING, FOLDER, PATH, bench_option, flag, option
-from smad.cli.output import leased_driver, progress, ready_client
+from smad.cli.output import ready_client
 from smad.cli.simulated import effect_option, seed_option, simulated_model
 from smad.files import display_path
+from smad.view.terminal.progress import progress
 
 if TYPE_CHECKING:
     from sim_device.plant.models import Model
@@ -145,6 +146,7 @@ def _perform(name: str, seed: int, bench: str) -> None:
     """Carries an experiment out on the bench."""
     from smad.checkup.play import LEASE_S
     from smad.diagnosis.spring_pair.catalogue import plan_named
+    from smad.experiments.leased import leased_driver
 
     plan = plan_named(name, seed)
     with ready_client(bench, extra="gap") as connected, progress() as line:

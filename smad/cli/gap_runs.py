@@ -9,8 +9,8 @@ import click
 
 from smad.cli import complete
 from smad.cli.options import Command, argument, option
-from smad.cli.output import note
 from smad.runlog.paths import SUFFIX, names_of, passed_over
+from smad.view.terminal.progress import note
 
 
 class ManyRuns(Command):

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from smad.cli.options import EXISTING, option
-from smad.cli.output import note, progress
 from smad.cli.quantity import Quantity, Whole
+from smad.view.terminal.progress import note, progress
 
 if TYPE_CHECKING:
     from smad.diagnosis.answer import Answer

@@ -16,7 +16,8 @@ from smad.cli.options import (
     option,
     require_outputs,
 )
-from smad.cli.output import print_json, progress
+from smad.cli.output import print_json
+from smad.view.terminal.progress import progress
 
 
 @click.command(cls=Command)
@@ -67,7 +68,7 @@ def health(
         return
     click.echo(headline(bench_health))
     if bench_health.trends:
-        from smad.cli.tables import print_table
+        from smad.view.terminal.tables import print_table
 
         print_table(table(bench_health))
     if report is not None:

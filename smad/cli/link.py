@@ -3,8 +3,9 @@
 import click
 
 from smad.cli.options import Group, axis_option, option
-from smad.cli.output import client, progress
+from smad.cli.output import client
 from smad.cli.quantity import Quantity
+from smad.view.terminal.progress import progress
 
 
 @click.group(cls=Group)

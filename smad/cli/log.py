@@ -17,10 +17,10 @@ from smad.cli.layouts import layouts
 from smad.cli.options import FILE, OUTPUT, PATH, Group, argument, flag, json_option, option
 from smad.cli.output import print_json
 from smad.cli.quantity import Quantity, Whole
-from smad.cli.tables import print_columns
 from smad.counted import counted
 from smad.files import display_path, require_writable
 from smad.runlog.paths import newest_run
+from smad.view.terminal.tables import print_columns
 
 _BAR_STEPS = 1000
 

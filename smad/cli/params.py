@@ -6,7 +6,7 @@ from smad.api import READ_AS, Param
 from smad.cli import complete
 from smad.cli.options import Group, argument, axis_option
 from smad.cli.output import client
-from smad.cli.tables import print_columns
+from smad.view.terminal.tables import print_columns
 
 
 @click.group(cls=Group)

@@ -118,9 +118,9 @@ def list_items(
 
 
 def _print_items(snapshot: Snapshot, *, everything: bool) -> None:
-    from smad.cli.tables import print_table
     from smad.queue.words import clock
     from smad.report.page import Table
+    from smad.view.terminal.tables import print_table
 
     ended = [item for item in snapshot.items if item.ended_unix_s]
     shown = [*ended, *([snapshot.running] if snapshot.running else []), *snapshot.queued]

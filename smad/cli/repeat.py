@@ -15,8 +15,9 @@ from smad.cli.options import (
     lease_option,
     option,
 )
-from smad.cli.output import progress, ready_client
+from smad.cli.output import ready_client
 from smad.cli.simulated import seed_option, sim_option
+from smad.view.terminal.progress import progress
 
 
 @click.command(cls=Command)

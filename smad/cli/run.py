@@ -22,11 +22,12 @@ from smad.cli.options import (
     option,
     require_outputs,
 )
-from smad.cli.output import leased_driver, print_json, progress, ready_client
+from smad.cli.output import print_json, ready_client
 from smad.cli.quantity import Whole
 from smad.cli.simulated import seed_option, simulated_model
-from smad.cli.tables import print_columns, print_table
 from smad.files import named_output
+from smad.view.terminal.progress import progress
+from smad.view.terminal.tables import print_columns, print_table
 
 _OTHERS = {
     "repeat": "smad.cli.repeat",
@@ -137,6 +138,7 @@ def run(
     from smad.experiments import report as reports
     from smad.experiments.campaign import CampaignBench, configured, run_here, run_on
     from smad.experiments.inverse import feedforward_section
+    from smad.experiments.leased import leased_driver
     from smad.experiments.logs import LogDriver
     from smad.experiments.ready import require_ready
     from smad.experiments.registry import chosen_experiments

@@ -11,10 +11,11 @@ from typing import Any, Literal
 import click
 
 from smad.cli.options import FOLDER, Checked, axis_option, flag, lease_option, option
-from smad.cli.output import leased_driver, progress, ready_client
+from smad.cli.output import ready_client
 from smad.cli.quantity import Quantity, Whole
 from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
 from smad.counted import counted
+from smad.view.terminal.progress import progress
 
 _percent = Quantity("pct", 0.0, 100.0, above=True)
 
@@ -103,6 +104,7 @@ def endurance(
     from smad.experiments.endurance.judgement import checker
     from smad.experiments.endurance.limits import EndLimits
     from smad.experiments.endurance.profile import Profile
+    from smad.experiments.leased import leased_driver
     from smad.experiments.ready import require_baseline, require_packages
     from smad.experiments.virtual import VirtualDriver
     from smad.runlog.paths import make_folder

@@ -5,7 +5,8 @@ from pathlib import Path
 import click
 
 from smad.cli.options import FILE, Command, argument, axis_option, lease_option
-from smad.cli.output import leased_driver, progress, ready_client
+from smad.cli.output import ready_client
+from smad.view.terminal.progress import progress
 
 
 @click.command(cls=Command)
@@ -20,6 +21,7 @@ def moves(
     FILE is TOML with a table [[pieces]] for each piece: `kind` is step, ramp, sine …,
     the other keys are its fields (smad docs guide/clients). `timeout_s` ends a motion that hangs.
     """
+    from smad.experiments.leased import leased_driver
     from smad.experiments.moves import read_moves
 
     plan = read_moves(path).plan(path.stem[:60])

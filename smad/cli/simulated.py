@@ -11,10 +11,10 @@ import click
 
 from smad.cli import complete
 from smad.cli.options import flag, option
-from smad.cli.output import note
 from smad.cli.quantity import Whole
 from smad.errors import ConfigError, SmadError
 from smad.processes.boards import BOARDS
+from smad.view.terminal.progress import note
 
 if TYPE_CHECKING:
     from sim_device.plant.models import Model

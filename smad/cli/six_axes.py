@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING
 import click
 
 from smad.cli.options import OUTPUT, Command, bench_option, flag, option
-from smad.cli.output import client, progress
+from smad.cli.output import client
 from smad.cli.quantity import Quantity
 from smad.cli.robot import circle_period_option
 from smad.counted import counted
+from smad.view.terminal.progress import progress
 
 if TYPE_CHECKING:
     from smad.client import Client
@@ -37,11 +38,11 @@ def six_axes(
     It arms the running bench, or with --sim its own. At the end it disarms, and writes a table and
     a page.
     """
-    from smad.cli.tables import print_table
     from smad.experiments.circles import Circles, draw, page_of, table, trackings
     from smad.report.page import write_page
     from smad.robot.moving import robot_of
     from smad.runlog.reader import read_axes
+    from smad.view.terminal.tables import print_table
 
     with _simulated() if sim else client(bench) as connected, progress() as line:
         made = robot_of(connected)

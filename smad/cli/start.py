@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import click
 
 from smad.cli.options import PATH, Command, config_option, flag, option, together
-from smad.cli.output import progress
 from smad.cli.quantity import Whole
 from smad.cli.simulated import Boards, rate_option
 from smad.errors import ConfigError
+from smad.view.terminal.progress import progress
 
 if TYPE_CHECKING:
     from smad.config import Config

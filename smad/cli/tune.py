@@ -18,9 +18,10 @@ from smad.cli.options import (
     lease_option,
     option,
 )
-from smad.cli.output import leased_driver, print_json, progress, ready_client
+from smad.cli.output import print_json, ready_client
 from smad.errors import CommandError
 from smad.files import write_whole
+from smad.view.terminal.progress import progress
 
 if TYPE_CHECKING:
     from smad.control.commands import Spring
@@ -100,6 +101,7 @@ def _ask() -> None:
 def _session(
     loop: str, spring: str, *, trial: bool, apply: bool, lease_s: float, bench: str
 ) -> Session:
+    from smad.experiments.leased import leased_driver
     from smad.experiments.tuning import tune_bench
 
     with ready_client(bench, extra="sim") as connected, progress() as line:
@@ -111,8 +113,8 @@ def _session(
 
 
 def _print(session: Session) -> None:
-    from smad.cli.tables import print_table
     from smad.experiments.tuning_report import facts, gains_table, trial_table
+    from smad.view.terminal.tables import print_table
 
     for text in facts(session):
         click.echo(text)

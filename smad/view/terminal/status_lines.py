@@ -149,17 +149,17 @@ def motion_words(motion: Motion) -> str:
     return ", ".join(parts)
 
 
-def count_lines(test: LinkCounts) -> Iterator[str]:
+def count_lines(link: LinkCounts) -> Iterator[str]:
     """What was counted on the link, a line each."""
-    timing = test.after.timing
-    rate_hz = test.after.link.rate_hz
+    timing = link.after.timing
+    rate_hz = link.after.link.rate_hz
     rows = {
-        "samples": f"{test.since('samples')} in {test.took_s:.1f} s (asked for {rate_hz} a second)",
-        "missed": f"{test.since('missed')}",
-        "skipped": f"{test.since('skipped')} (a newer one was there already)",
-        "damaged": f"{counted(test.damaged, 'frame')} from the board",
-        "not written": counted(test.since("setpoints_dropped"), "setpoint"),
-        "refused": f"{counted(test.since('setpoints_refused'), 'setpoint')}, too old for the board",
+        "samples": f"{link.since('samples')} in {link.took_s:.1f} s (asked for {rate_hz} a second)",
+        "missed": f"{link.since('missed')}",
+        "skipped": f"{link.since('skipped')} (a newer one was there already)",
+        "damaged": f"{counted(link.damaged, 'frame')} from the board",
+        "not written": counted(link.since("setpoints_dropped"), "setpoint"),
+        "refused": f"{counted(link.since('setpoints_refused'), 'setpoint')}, too old for the board",
         "setpoint age": spread(timing.setpoint_age),
         "host share": spread(timing.own_share),
     }

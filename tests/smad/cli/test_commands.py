@@ -17,10 +17,10 @@ from sim_device.plant.laws import Law, Term
 from sim_device.plant.models import save_model
 from smad import api
 from smad.cli import COMMANDS, LazyGroup, execute, root
-from smad.cli.output import Progress
 from smad.config import Config
 from smad.processes.boards import build
 from smad.runlog.schema import Row
+from smad.view.terminal.progress import Progress
 from smad.view.terminal.status_lines import lines, motion_words
 from tests.smad.fakedaemon import MOTION, FakeDaemon, fake_daemon
 from tests.smad.runlog.helpers import write_small_run
