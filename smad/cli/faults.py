@@ -4,6 +4,7 @@ import click
 
 from firmware_protocol.enums import Fault
 from firmware_protocol.nearest import instead
+from firmware_protocol.supervisor.faults import FAULT_TEXTS
 from smad.cli import complete
 from smad.cli.options import Group, argument, bench_option
 from smad.cli.output import client
@@ -42,23 +43,15 @@ def explain(fault: Fault | None = fault_argument, bench: str = bench_option) -> 
             return
         click.echo(f"latched: {latched.in_words()}")
         fault = Fault(latched.number)
-    _print(fault)
-
-
-@faults.command("list")
-def list_command() -> None:
-    """List every fault with its number."""
-    from firmware_protocol.supervisor.faults import FAULT_TEXTS
-
-    rows = [(str(int(fault)), fault.name, FAULT_TEXTS[fault].cause) for fault in Fault if fault]
-    print_columns(("number", "name", "cause"), rows, numeric=(0,))
-
-
-def _print(fault: Fault) -> None:
-    from firmware_protocol.supervisor.faults import FAULT_TEXTS
-
     text = FAULT_TEXTS[fault]
     click.echo(f"{fault.name} ({int(fault)})")
     click.echo(f"  cause:  {text.cause}")
     click.echo(f"  remedy: {text.remedy}")
     click.echo("  then:   smad clear, once the springs are cold; arming again is up to you")
+
+
+@faults.command("list")
+def list_command() -> None:
+    """List every fault with its number."""
+    rows = [(str(int(fault)), fault.name, FAULT_TEXTS[fault].cause) for fault in Fault if fault]
+    print_columns(("number", "name", "cause"), rows, numeric=(0,))

@@ -5,8 +5,6 @@ from pathlib import Path
 import click
 
 from smad.cli.options import FOLDER, Command, argument, option
-from smad.errors import RunLogError, refused_by_system
-from smad.files import write_whole
 
 _HOW = """\
 Foxglove, Lichtblick: Layouts > Import from file, then open a run log.
@@ -24,14 +22,8 @@ def layouts(
 
     With several axes, each has a tab.
     """
-    from smad.view.layouts import layouts as contents
+    from smad.view.layouts import write_layouts
 
-    cause, action = "cannot write the layouts", "name another FOLDER"
-    with refused_by_system(RunLogError, cause, value=str(folder), action=action):
-        folder.mkdir(parents=True, exist_ok=True)
-        written = contents(axes)
-        for name, content in written.items():
-            write_whole(folder / name, content)
-    for name in written:
-        click.echo(folder / name)
+    for path in write_layouts(folder, axes):
+        click.echo(path)
     click.echo(_HOW)

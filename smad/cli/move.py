@@ -23,14 +23,11 @@ from smad.cli.options import (
 from smad.cli.output import client, wait_for_motion
 from smad.cli.quantity import Quantity, typed_units
 from smad.config.fields import bare, info_of
-from smad.control.commands import PIECES, Piece, Samples, Trajectory
+from smad.control.commands import PIECES, Piece, Trajectory
 from smad.control.segment import millimetres
 from smad.errors import SmadError
-from smad.records.points import TIME, read_points
+from smad.records.points import read_samples
 from smad.units import parted_name
-
-DISPLACEMENT_COLUMN = "displacement_mm"
-ANGLE_COLUMN = "angle_deg"
 
 
 def _unit_mm(context: click.Context, parameter: click.Parameter, degrees: bool) -> float:
@@ -169,13 +166,6 @@ def follow(
     Its columns are t_s and displacement_mm, or angle_deg for angles of the segment.
     """
     _send(read_samples(path), queue=queue, wait=wait, bench=bench)
-
-
-def read_samples(path: Path) -> Samples:
-    """Return the points of a CSV file, times shifted to begin at 0. Raises CommandError."""
-    columns = read_points(path, [(DISPLACEMENT_COLUMN, ANGLE_COLUMN)])
-    places = columns.get(DISPLACEMENT_COLUMN) or [millimetres(a) for a in columns[ANGLE_COLUMN]]
-    return Samples(t_s=tuple(columns[TIME]), displacement_mm=tuple(places))
 
 
 def _send(trajectory: Trajectory, *, queue: bool, wait: bool, bench: str) -> None:

@@ -14,7 +14,6 @@ of the parameter that takes it.
 from __future__ import annotations
 
 import inspect
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -254,24 +253,9 @@ def checked(command: C, typed: Mapping[str, str]) -> C:
 
     Raises a usage error that names what was typed. The daemon checks it again.
     """
-    import msgspec
+    from smad.config.bounds import refusal_of
 
-    from smad.config.bounds import field_and_words
-    from smad.units import in_words, unit_of
-
-    values = msgspec.to_builtins(command)
-    for name, value in values.items():
-        if isinstance(value, float) and not math.isfinite(value):
-            raise click.BadParameter(
-                f"{value:g} is not a finite number", param_hint=repr(typed.get(name, name))
-            )
-    try:
-        msgspec.convert(values, type(command))
-    except msgspec.ValidationError as error:
-        name, bound = field_and_words(str(error))
-        unit, value = f" {in_words(unit_of(name))}".rstrip(), values.get(name)
-        shown = f"{value:g}" if isinstance(value, int | float) else repr(value)
-        raise click.BadParameter(
-            f"{shown}{unit}: {bound}{unit}", param_hint=repr(typed.get(name, name))
-        ) from None
+    if (refused := refusal_of(command)) is not None:
+        name, why = refused
+        raise click.BadParameter(why, param_hint=repr(typed.get(name, name)))
     return command

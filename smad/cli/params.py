@@ -2,7 +2,6 @@
 
 import click
 
-from smad.api import READ_AS, Param
 from smad.cli import complete
 from smad.cli.options import Group, argument, axis_option
 from smad.cli.output import client
@@ -20,7 +19,7 @@ def list_command(bench: str = axis_option) -> None:
     with client(bench) as bench_client:
         parameters = bench_client.params()
     rows = [
-        (p.name, _value(p), f"{p.minimum:.10g} to {p.maximum:.10g}", p.description)
+        (p.name, p.in_words(), f"{p.minimum:.10g} to {p.maximum:.10g}", p.description)
         for p in parameters
     ]
     print_columns(("name", "value", "allowed", "meaning"), rows, numeric=(1,))
@@ -30,7 +29,7 @@ def list_command(bench: str = axis_option) -> None:
 def get(name: str = argument(shell_complete=complete.parameters), bench: str = axis_option) -> None:
     """Show one parameter of the board."""
     with client(bench) as bench_client:
-        click.echo(_value(bench_client.get_param(name)))
+        click.echo(bench_client.get_param(name).in_words())
 
 
 @params.command("set")
@@ -42,7 +41,7 @@ def set_command(
     """Change one parameter while not armed. `smad params save` keeps it over a power cycle."""
     with client(bench) as bench_client:
         param = bench_client.set_param(name, value)
-    click.echo(f"{name} = {_value(param)}; not yet kept over a power cycle (smad params save)")
+    click.echo(f"{name} = {param.in_words()}; not yet kept over a power cycle (smad params save)")
 
 
 @params.command("name")
@@ -64,12 +63,3 @@ def save(bench: str = axis_option) -> None:
     with client(bench) as bench_client:
         count = len(bench_client.save_params())
     click.echo(f"saved {count} parameters on the board")
-
-
-def _value(param: Param) -> str:
-    raw = f"{param.value:.10g} {param.unit}".rstrip()
-    if param.unit not in READ_AS:
-        return raw
-    # Named, and set, in the unit of the wire; a person reads the other.
-    unit, scale = READ_AS[param.unit]
-    return f"{raw} = {param.value * scale:g} {unit}"

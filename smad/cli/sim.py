@@ -8,8 +8,8 @@ import msgspec
 
 from smad.cli.options import FILE, PATH, Command, config_option, option, together
 from smad.cli.quantity import Quantity
-from smad.cli.simulated import Boards, effect_lines, effects_option, rate_option
-from smad.processes.boards import SimulatedBenchError, build, built
+from smad.cli.simulated import Boards, effects_option, rate_option
+from smad.processes.boards import SimulatedBenchError, build, built, effect_lines
 from smad.processes.simulator import READY
 from smad.view.terminal.tables import print_columns
 

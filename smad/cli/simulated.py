@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ from smad.cli import complete
 from smad.cli.options import flag, option
 from smad.cli.quantity import Whole
 from smad.errors import ConfigError, SmadError
-from smad.processes.boards import BOARDS
+from smad.processes.boards import BOARDS, effect_lines
 from smad.view.terminal.progress import note
 
 if TYPE_CHECKING:
@@ -104,17 +104,3 @@ def simulated_model(
     for line in effect_lines(model.effects, effects):
         note(line)
     return model
-
-
-def effect_lines(effects: Mapping[str, Mapping[str, float]], named: Iterable[str]) -> Iterator[str]:
-    """Yield a line for each effect of `named` (NAME or NAME:P=V): its values with their units."""
-    from sim_device.plant.effects.registry import effect
-
-    for text in named:
-        name = text.partition(":")[0].strip()
-        entry, values = effect(name), effects[name]
-        shown = ", ".join(
-            f"{p.name} = {values[p.name]:g} {'' if p.unit == '1' else p.unit}".rstrip()
-            for p in entry.parameters
-        )
-        yield f"effect {name}: {shown}"
