@@ -12,7 +12,6 @@ from smad.cli.options import (
     argument,
     json_option,
     option,
-    require_outputs,
     together,
 )
 from smad.cli.output import print_json
@@ -75,7 +74,6 @@ def design(
     from smad.report.page import Table, write_page
     from smad.view.terminal.tables import print_table
 
-    require_outputs()
     try:
         base, geometry = load_geometry(source, base=params)
         geometry = replace(geometry, **{n: v for n, v in asdict(sizes).items() if v is not None})

@@ -43,7 +43,6 @@ from smad.cli.options import (
     argument,
     json_option,
     option,
-    require_outputs,
     together,
 )
 from smad.cli.output import print_json
@@ -92,7 +91,6 @@ def diagnose(
     The status is 3 if the runs cannot support the question.
     """
     require_among(trust, (runs, hold_out, good), "--trust")
-    require_outputs()
     runs, hold_out, good = without_left_out((runs, hold_out, good), leave_out)
     if not runs:
         raise click.UsageError("--leave-out leaves no run to fit; give more runs")
@@ -145,7 +143,6 @@ def apply(
     """
     from smad.diagnosis.verdict import read_verdict
 
-    require_outputs()
     read = read_verdict(verdict)
     with named_output(out) as path:
         read.write_model(path, first)

@@ -18,7 +18,6 @@ from smad.cli.options import (
     axis_option,
     flag,
     option,
-    require_outputs,
 )
 from smad.cli.output import ready_client
 from smad.cli.quantity import Quantity, Whole
@@ -131,7 +130,6 @@ def checkup(
     their columns' names. Runs are paired by their inputs, and by name if several fit. Good runs
     that a stop cut short are listed and left out.
     """
-    require_outputs()
     from smad.checkup import check
     from smad.checkup.judge import save_model_of
     from smad.checkup.programme import chosen

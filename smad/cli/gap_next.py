@@ -79,13 +79,12 @@ def next_experiment(
     plant = plant_of(params, variant)
     with clean_errors():
         if chosen is not None:
+            model = None
             if sim:
                 model = simulated_model(effects, params=params, model_file=model_path)
                 if model_path is None:
                     model = dataclasses.replace(model, variant=variant)
-                _simulate(model, chosen, seed, folder)
-            else:
-                _perform(chosen, seed, bench)
+            _carry_out(chosen, seed, model, folder, bench=bench)
             return
         if not runs:
             _list_catalogue()
@@ -142,26 +141,21 @@ def _list_catalogue() -> None:
             click.echo(f"  {t.name:<16} {t.duration_s:>4.0f} s  {t.title}")
 
 
-def _perform(name: str, seed: int, bench: str) -> None:
-    """Carries an experiment out on the bench."""
+def _carry_out(name: str, seed: int, model: Model | None, folder: Path, *, bench: str) -> None:
+    """Carry an experiment out: on the simulated bench of a model, else on that of the daemon."""
     from smad.checkup.play import LEASE_S
     from smad.diagnosis.spring_pair.catalogue import plan_named
-    from smad.experiments.leased import leased_driver
-
-    plan = plan_named(name, seed)
-    with ready_client(bench, extra="gap") as connected, progress() as line:
-        driver = leased_driver(connected, "smad gap next", LEASE_S, line.say)
-        driver.run(plan)
-    click.echo(f"done: {name}, recorded to {display_path(driver.log or plan.name)}")
-
-
-def _simulate(model: Model, name: str, seed: int, folder: Path) -> None:
-    """Carries an experiment out on a simulated bench in virtual time; says where its run log is."""
-    from smad.diagnosis.spring_pair.catalogue import plan_named
     from smad.experiments.driver import new_log_path
+    from smad.experiments.leased import leased_driver
     from smad.experiments.virtual import VirtualDriver
 
     plan = plan_named(name, seed)
+    if model is None:
+        with ready_client(bench, extra="gap") as connected, progress() as line:
+            driver = leased_driver(connected, "smad gap next", LEASE_S, line.say)
+            driver.run(plan)
+        click.echo(f"done: {name}, recorded to {display_path(driver.log or plan.name)}")
+        return
     if seed:
         plan = dataclasses.replace(plan, name=f"{plan.name} {seed}")
     path = new_log_path(folder, plan, "give another --folder or --seed, or move it away")

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -14,11 +12,6 @@ from smad.cli.gap_simulator import Simulator, warn_that_code_runs
 from smad.cli.options import Command, json_option, option, together
 from smad.cli.output import print_json
 from smad.cli.quantity import Quantity
-
-if TYPE_CHECKING:
-    from smad.diagnosis.runs import GapRun
-    from smad.diagnosis.spring_pair import SmaPlant
-    from smad.simulators.planning import Plan
 
 
 @click.command(cls=Command, name="plan")
@@ -51,6 +44,8 @@ def plan_runs(
     weak          noticed only above its typical size, or like another
     not           nothing shows within its range, or parameters imitate it
     """
+    from smad.simulators.planning import left_of, plan_pair
+
     simulator.require_pairs()
     map_path = simulator.map_path
     if not inputs and not experiments:
@@ -61,64 +56,23 @@ def plan_runs(
         raise click.UsageError(
             "--experiment works with the spring pair only; with --map give --inputs"
         )
+    left_s = left_of(within_s)
     with clean_errors():
         if simulator.mjcf is not None and map_path is not None:
             from smad.simulators.mjcf.asked import plan_mjcf
 
+            window_s = simulator.window_s
             planned = plan_mjcf(
-                simulator.mjcf,
-                map_path,
-                inputs,
-                window_s=simulator.window_s,
-                within_s=_left_s(within_s),
+                simulator.mjcf, map_path, inputs, window_s=window_s, within_s=left_s
             )
         elif simulator.fmu is not None and map_path is not None:
             from smad.fmi.asked import plan_unit
 
             warn_that_code_runs(simulator.fmu)
-            planned = plan_unit(simulator.fmu, map_path, inputs, within_s=_left_s(within_s))
+            planned = plan_unit(simulator.fmu, map_path, inputs, within_s=left_s)
         else:
-            from smad.simulators.planning import Plan
-            from smad.simulators.rating import rate
-
-            plant = plant_of(params, variant)
-            played = _played(plant, inputs, experiments)
-            planned = Plan(rate(plant, played, within_s=_left_s(within_s)), [])
-    _print(planned, as_json=as_json)
-
-
-def _left_s(within_s: float) -> float:
-    """What of a time is left for replays; a little always is."""
-    from smad.simulators.rating import LEAST_S
-
-    return max(within_s - time.process_time(), LEAST_S)
-
-
-def _played(
-    plant: SmaPlant, inputs: tuple[Path, ...], experiments: tuple[str, ...]
-) -> list[GapRun]:
-    from smad.diagnosis.errors import GapError
-    from smad.diagnosis.plant import nominal_point
-    from smad.diagnosis.spring_pair.signals import read_gap_runs
-
-    shown = [plant.perform(name, nominal_point(plant), 0) for name in experiments]
-    given = read_gap_runs(inputs, inputs)
-    for run in given:
-        if lacking := [s.name for s in plant.inputs if s.name not in run.inputs]:
-            raise GapError(
-                f"{run.name} lacks inputs: {', '.join(lacking)}",
-                action="name the columns of the table so",
-            )
-    return [*given, *shown]
-
-
-def _print(planned: Plan, *, as_json: bool) -> None:
-    import dataclasses
-
-    if not as_json:
+            planned = plan_pair(plant_of(params, variant), inputs, experiments, within_s=within_s)
+    if as_json:
+        print_json(planned.record())
+    else:
         click.echo(str(planned))
-        return
-    rows = [dataclasses.asdict(r) for r in planned.ratings]
-    for row in rows:
-        row["size"] = row["size"] if row["size"] < float("inf") else None
-    print_json(rows)

@@ -14,7 +14,6 @@ from smad.cli.options import (
     Command,
     json_option,
     option,
-    require_outputs,
 )
 from smad.cli.output import print_json
 from smad.view.terminal.progress import progress
@@ -56,7 +55,6 @@ def health(
     from smad.report.page import write_page
 
     require_packages("report" if report else "sim")
-    require_outputs()
     given = _limits(limits)
     with progress() as line:
         collect(folder, verdicts, say=line.note, progress=line.say)

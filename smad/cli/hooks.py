@@ -1,12 +1,10 @@
 """`smad hooks`: word of what happens on a bench, and the relay of its heaters' supply."""
 
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from firmware_protocol.nearest import instead
 from smad.cli.options import FOLDER, Group, argument, bench_option, flag, option
 from smad.errors import CommandError
 
@@ -58,21 +56,9 @@ def run(
 @hooks.command("test")
 def run_once(*, name: str = argument(metavar="HOOK"), bench: str = bench_option) -> None:
     """Run one HOOK with a made-up event, and wait for its end."""
-    from smad.hooks.events import Event
-    from smad.hooks.watch import HOOKS, POLL_S, Watcher, commands_of
+    from smad.hooks.watch import try_hook
 
-    if name not in HOOKS:
-        raise CommandError("there is no such hook", value=name, action=instead(name, HOOKS))
-    commands = commands_of(Watcher(bench, None).config(), _say)
-    event = Event(event=name, bench=bench, unix_s=time.time(), text=f"a test of {name}")  # type: ignore[arg-type]
-    if not commands.fire(event):
-        raise CommandError(
-            f"the daemon's configuration has no {name}",
-            action="set it in section [hooks], and restart the daemon",
-        )
-    while commands.busy:
-        time.sleep(POLL_S)
-        commands.tick()
+    try_hook(name, bench, _say)
 
 
 @hooks.command(context_settings={"ignore_unknown_options": True})

@@ -104,7 +104,8 @@ class Command(click.Command):
         super().__init__(callback=callback, params=params, **kw)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Call the function."""
+        """Call the function, once each file that it is to write can be."""
+        _require_outputs(ctx)
         assert self.callback is not None
         given = dict(ctx.params)
         for name, declared in _declared(self.callback):
@@ -165,12 +166,11 @@ OUTPUT = _Output(dir_okay=False, path_type=Path)
 write that is no recording."""
 
 
-def require_outputs() -> None:
+def _require_outputs(context: click.Context) -> None:
     """Raise unless each file that this command is to write can be, and is no other file of it.
 
     Raises a usage error for a file that the command reads, or writes a second time.
     """
-    context = click.get_current_context()
     files = [
         (parameter, path)
         for parameter in context.command.params

@@ -22,6 +22,7 @@ from smad.cli.options import (
 from smad.cli.output import print_json
 from smad.cli.quantity import Quantity, Whole
 from smad.counted import counted
+from smad.view.terminal.tables import print_columns
 
 if TYPE_CHECKING:
     from smad.queue import Queue
@@ -118,26 +119,10 @@ def list_items(
 
 
 def _print_items(snapshot: Snapshot, *, everything: bool) -> None:
-    from smad.queue.words import clock
-    from smad.report.page import Table
-    from smad.view.terminal.tables import print_table
+    from smad.queue.words import ITEMS, item_rows
 
-    ended = [item for item in snapshot.items if item.ended_unix_s]
-    shown = [*ended, *([snapshot.running] if snapshot.running else []), *snapshot.queued]
-    if not everything:
-        shown = shown[max(0, len(ended) - 5) :]
-    rows = [
-        (
-            str(item.id),
-            item.title,
-            item.state,
-            clock(item.started_unix_s or item.added_unix_s),
-            item.reason,
-        )
-        for item in shown
-    ]
-    if rows:
-        print_table(Table(("item", "command", "state", "since", "why"), rows))
+    if rows := item_rows(snapshot, everything=everything):
+        print_columns(ITEMS, rows)
 
 
 @queue.command()

@@ -20,7 +20,6 @@ from smad.cli.options import (
     json_option,
     lease_option,
     option,
-    require_outputs,
 )
 from smad.cli.output import print_json, ready_client
 from smad.cli.quantity import Whole
@@ -148,7 +147,6 @@ def run(
     if listing:
         _print_list(as_json=as_json)
         return
-    require_outputs()
     given = simulated_model(params=parameters, model_file=model)
     nominal = given.parameters
     if feedforward:

@@ -1,13 +1,6 @@
 """`smad run six-axes`: circles of the segments of a robot, in turn and together."""
 
-from __future__ import annotations
-
-import contextlib
-import os
-import tempfile
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -17,9 +10,6 @@ from smad.cli.quantity import Quantity
 from smad.cli.robot import circle_period_option
 from smad.counted import counted
 from smad.view.terminal.progress import progress
-
-if TYPE_CHECKING:
-    from smad.client import Client
 
 TITLE = "circles of the segments of a robot, in turn and together"
 
@@ -39,12 +29,13 @@ def six_axes(
     a page.
     """
     from smad.experiments.circles import Circles, draw, page_of, table, trackings
+    from smad.processes.simulated import simulated_axes
     from smad.report.page import write_page
     from smad.robot.moving import robot_of
     from smad.runlog.reader import read_axes
     from smad.view.terminal.tables import print_table
 
-    with _simulated() if sim else client(bench) as connected, progress() as line:
+    with simulated_axes(6) if sim else client(bench) as connected, progress() as line:
         made = robot_of(connected)
         log, skew = draw(connected, made, Circles(radius_deg, period_s), line.say)
     written = write_page(page_of(log, made, skew), report or log.with_suffix(".html"))
@@ -54,17 +45,3 @@ def six_axes(
         f"at most {skew.max_us / 1000:.2f} ms"
     )
     click.echo(written)
-
-
-@contextlib.contextmanager
-def _simulated() -> Iterator[Client]:
-    """A simulated bench of six axes for as long as the block lasts."""
-    from smad.client import Client
-    from smad.processes.daemon import running_daemon
-
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        running_daemon(["--sim", "--axes", "6", "--parent", str(os.getpid())], Path(folder)),
-        Client(folder=folder) as connected,
-    ):
-        yield connected
