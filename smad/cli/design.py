@@ -5,15 +5,7 @@ from pathlib import Path
 
 import click
 
-from smad.cli.options import (
-    OUTPUT,
-    PATH,
-    Command,
-    argument,
-    json_option,
-    option,
-    together,
-)
+from smad.cli.options import OUTPUT, PATH, Command, argument, json_option, option, together
 from smad.cli.output import print_json
 from smad.cli.quantity import Quantity
 from smad.errors import SmadError

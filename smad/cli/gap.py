@@ -30,21 +30,8 @@ from smad.cli.gap_runs import (
     without_cut_runs,
     without_left_out,
 )
-from smad.cli.gap_simulator import (
-    Simulator,
-    diagnose_simulator,
-    mapping_of,
-    processes_option,
-)
-from smad.cli.options import (
-    EXISTING,
-    OUTPUT,
-    Group,
-    argument,
-    json_option,
-    option,
-    together,
-)
+from smad.cli.gap_simulator import Simulator, diagnose_simulator, mapping_of, processes_option
+from smad.cli.options import EXISTING, OUTPUT, Group, argument, json_option, option, together
 from smad.cli.output import print_json
 from smad.cli.quantity import Whole
 from smad.files import named_output

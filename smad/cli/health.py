@@ -7,14 +7,7 @@ from pathlib import Path
 
 import click
 
-from smad.cli.options import (
-    FILE,
-    FOLDER,
-    OUTPUT,
-    Command,
-    json_option,
-    option,
-)
+from smad.cli.options import FILE, FOLDER, OUTPUT, Command, json_option, option
 from smad.cli.output import print_json
 from smad.view.terminal.progress import progress
 

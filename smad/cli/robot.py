@@ -7,15 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.options import (
-    NEGATIVE,
-    PATH,
-    Group,
-    argument,
-    bench_option,
-    option,
-    wait_option,
-)
+from smad.cli.options import NEGATIVE, PATH, Group, argument, bench_option, option, wait_option
 from smad.cli.output import client, wait_for_motion
 from smad.cli.quantity import Quantity, Whole
 
