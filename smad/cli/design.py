@@ -6,9 +6,8 @@ from pathlib import Path
 import click
 
 from smad.cli.options import OUTPUT, PATH, Command, argument, json_option, option, together
-from smad.cli.output import print_json
+from smad.cli.output import plain_errors, print_json
 from smad.cli.quantity import Quantity
-from smad.errors import SmadError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,21 +58,18 @@ def design(
     replaces its value. The default is the spring of the parameter set. The simulated pair makes
     a full stroke to and fro; docs/guide/design.md says what is scaled and what is not.
     """
-    from sim_device.plant.errors import PlantError
     from sim_device.plant.geometry import load_geometry
     from smad.design.cycle import design_cycle
     from smad.design.page import design_page
     from smad.report.page import Table, write_page
     from smad.view.terminal.tables import print_table
 
-    try:
+    with plain_errors():
         base, geometry = load_geometry(source, base=params)
         geometry = replace(geometry, **{n: v for n, v in asdict(sizes).items() if v is not None})
         made = design_cycle(
             base, geometry, current_A=current_A, cooling=cooling, air_m_per_s=air_m_per_s
         )
-    except PlantError as error:
-        raise SmadError(str(error)) from error
     for said in made.outside:
         click.echo(f"outside what was checked: {said}", err=True)
     if page is not None:

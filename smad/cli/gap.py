@@ -10,10 +10,8 @@ from smad.cli.gap_checkup import checkup, commission, investigate
 from smad.cli.gap_next import next_experiment
 from smad.cli.gap_plan import plan_runs
 from smad.cli.gap_print import (
+    SpringPair,
     arguments_text,
-    clean_errors,
-    params_option,
-    plant_of,
     print_answer,
     require_answered,
     variant_option,
@@ -32,7 +30,7 @@ from smad.cli.gap_runs import (
 )
 from smad.cli.gap_simulator import Simulator, diagnose_simulator, mapping_of, processes_option
 from smad.cli.options import EXISTING, OUTPUT, Group, argument, json_option, option, together
-from smad.cli.output import print_json
+from smad.cli.output import plain_errors, print_json
 from smad.cli.quantity import Whole
 from smad.files import named_output
 from smad.view.terminal.progress import progress
@@ -58,8 +56,7 @@ def diagnose(
     good: tuple[Path, ...] = good_option,
     leave_out: tuple[str, ...] = leave_out_option,
     trust: tuple[str, ...] = trust_option,
-    params: str = params_option,
-    variant: str = variant_option,
+    pair: SpringPair = together(SpringPair),
     json_path: Path | None = option("--json", OUTPUT, "Write the whole verdict here."),
     html_path: Path | None = option("--html", OUTPUT, "Write the report page here."),
     model_path: Path | None = option("--apply", OUTPUT, "Write the better model here."),
@@ -87,7 +84,7 @@ def diagnose(
         raise click.UsageError("--apply cannot write the model of an FMI unit; leave --apply out")
     if processes is not None and not simulator.given:
         raise click.UsageError("--processes needs --fmu or --mjcf; leave it out")
-    with clean_errors():
+    with plain_errors():
         if simulator.given:
             answer = diagnose_simulator(simulator, runs, good, hold_out, trust, processes=processes)
             arguments = ""
@@ -96,7 +93,7 @@ def diagnose(
 
             map_path = simulator.map_path
             mapping = None if map_path is None else mapping_of(map_path)
-            plant = plant_of(params, variant)
+            plant = pair.plant()
             with progress() as line:
                 answer = diagnose_files(
                     plant, runs, good, hold_out, trust, mapping=mapping, progress=line.say
@@ -176,13 +173,12 @@ def verify(
     *,
     runs: tuple[Path, ...] = runs_argument,
     model_path: Path = option("--model", EXISTING, "Model file of --apply.", required=True),
-    params: str = params_option,
-    variant: str = variant_option,
+    pair: SpringPair = together(SpringPair),
     as_json: bool = json_option,
 ) -> None:
     """Show the gap of new RUNs with and without the model."""
-    plant = plant_of(params, variant)
-    with clean_errors():
+    plant = pair.plant()
+    with plain_errors():
         from smad.diagnosis.spring_pair.signals import read_gap_runs
         from smad.diagnosis.verify import verified
 

@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.gap_print import (
-    clean_errors,
-    params_option,
-    plant_of,
-    print_answer,
-    require_answered,
-    variant_option,
-)
+from smad.cli.gap_print import SpringPair, print_answer, require_answered
 from smad.cli.gap_runs import (
     ManyRuns,
     good_option,
@@ -23,8 +16,8 @@ from smad.cli.gap_runs import (
     some_runs_argument,
     without_cut_runs,
 )
-from smad.cli.options import EXISTING, FOLDER, PATH, bench_option, flag, option
-from smad.cli.output import ready_client
+from smad.cli.options import EXISTING, FOLDER, PATH, bench_option, flag, option, together
+from smad.cli.output import plain_errors, ready_client
 from smad.cli.simulated import effect_option, seed_option, simulated_model
 from smad.files import display_path
 from smad.view.terminal.progress import progress
@@ -56,8 +49,7 @@ def next_experiment(
         "--folder", PATH, "With --sim: where the run log goes.", default=Path("runs")
     ),
     bench: str = bench_option,
-    params: str = params_option,
-    variant: str = variant_option,
+    pair: SpringPair = together(SpringPair),
     seed: int = seed_option,
 ) -> None:
     """Recommend the experiment to record next, or run one.
@@ -76,14 +68,14 @@ def next_experiment(
             raise click.UsageError("--baseline has its own runs; give neither RUNs nor --run")
         _propose(baseline)
         return
-    plant = plant_of(params, variant)
-    with clean_errors():
+    plant = pair.plant()
+    with plain_errors():
         if chosen is not None:
             model = None
             if sim:
-                model = simulated_model(effects, params=params, model_file=model_path)
+                model = simulated_model(effects, params=pair.params, model_file=model_path)
                 if model_path is None:
-                    model = dataclasses.replace(model, variant=variant)
+                    model = dataclasses.replace(model, variant=pair.variant)
             _carry_out(chosen, seed, model, folder, bench=bench)
             return
         if not runs:

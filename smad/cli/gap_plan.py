@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
-from smad.cli.gap_print import clean_errors, params_option, plant_of, variant_option
+from smad.cli.gap_print import SpringPair
 from smad.cli.gap_runs import files
 from smad.cli.gap_simulator import Simulator, warn_that_code_runs
 from smad.cli.options import Command, json_option, option, together
-from smad.cli.output import print_json
+from smad.cli.output import plain_errors, print_json
 from smad.cli.quantity import Quantity
 
 
@@ -32,8 +32,7 @@ def plan_runs(
     ),
     as_json: bool = json_option,
     simulator: Simulator = together(Simulator),
-    params: str = params_option,
-    variant: str = variant_option,
+    pair: SpringPair = together(SpringPair),
 ) -> None:
     """Rate what inputs could show, before measuring.
 
@@ -57,7 +56,7 @@ def plan_runs(
             "--experiment works with the spring pair only; with --map give --inputs"
         )
     left_s = left_of(within_s)
-    with clean_errors():
+    with plain_errors():
         if simulator.mjcf is not None and map_path is not None:
             from smad.simulators.mjcf.asked import plan_mjcf
 
@@ -71,7 +70,7 @@ def plan_runs(
             warn_that_code_runs(simulator.fmu)
             planned = plan_unit(simulator.fmu, map_path, inputs, within_s=left_s)
         else:
-            planned = plan_pair(plant_of(params, variant), inputs, experiments, within_s=within_s)
+            planned = plan_pair(pair.plant(), inputs, experiments, within_s=within_s)
     if as_json:
         print_json(planned.record())
     else:

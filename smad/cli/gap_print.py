@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import shlex
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from smad.cli.options import option
+from smad.cli.output import plain_errors
 from smad.errors import REFUSED_STATUS
 from smad.files import named_output
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from smad.diagnosis.verdict import Verdict
 
 
-params_option = option("--params", str, "Parameter file, or A, B, conserving.", default="A")
 variant_option = option(
     "--variant",
     click.Choice(["extended", "printed"]),
@@ -30,25 +30,20 @@ variant_option = option(
 )
 
 
-def plant_of(params: str, variant: str) -> SmaPlant:
-    """Return the spring pair with a parameter set. Raises GapError."""
-    from sim_device.plant import load_parameters
-    from smad.diagnosis.spring_pair import SmaPlant
+@dataclass(frozen=True, kw_only=True)
+class SpringPair:
+    """The plant of this bench, as a command names it."""
 
-    with clean_errors():
-        return SmaPlant(load_parameters(params), variant)
+    params: str = option("--params", str, "Parameter file, or A, B, conserving.", default="A")
+    variant: str = variant_option
 
+    def plant(self) -> SmaPlant:
+        """Return it with its parameter set. Raises SmadError."""
+        from sim_device.plant import load_parameters
+        from smad.diagnosis.spring_pair import SmaPlant
 
-@contextlib.contextmanager
-def clean_errors() -> Iterator[None]:
-    """Errors of the plant become one line, as all others."""
-    from sim_device.plant.errors import PlantError
-    from smad.diagnosis.errors import GapError
-
-    try:
-        yield
-    except PlantError as error:
-        raise GapError(str(error)) from error
+        with plain_errors():
+            return SmaPlant(load_parameters(self.params), self.variant)
 
 
 def arguments_text(

@@ -5,8 +5,8 @@ from pathlib import Path
 import click
 
 from smad.cli.options import FILE, PATH, Group, argument, flag, option
+from smad.cli.output import plain_errors
 from smad.cli.simulated import effects_option, simulated_model
-from smad.errors import SmadError
 
 
 @click.group(cls=Group)
@@ -45,15 +45,13 @@ def export(
     unit contains C source, and a binary for this machine if that has a compiler. More: smad docs
     guide/fmi.
     """
-    from sim_device.plant.errors import PlantError
     from smad.fmi.export import Mounted, export_unit
 
     given = simulated_model(effects, params=params, model_file=source)
-    try:
+    mounted = Mounted(fixture=fixture)
+    with plain_errors():
         written = export_unit(
-            given, unit, version=int(version), mounted=Mounted(fixture=fixture), overwrite=overwrite
+            given, unit, version=int(version), mounted=mounted, overwrite=overwrite
         )
-    except PlantError as error:
-        raise SmadError(str(error)) from error
     binary = f"binary for {written.platform}" if written.platform else "no C compiler, so no binary"
     click.echo(f"{written.path}: FMI {version}.0, C source, {binary}")

@@ -11,8 +11,9 @@ import click
 
 from smad.cli import complete
 from smad.cli.options import flag, option
+from smad.cli.output import plain_errors
 from smad.cli.quantity import Whole
-from smad.errors import ConfigError, SmadError
+from smad.errors import ConfigError
 from smad.processes.boards import BOARDS, effect_lines
 from smad.view.terminal.progress import note
 
@@ -93,10 +94,8 @@ def simulated_model(
     from sim_device.plant.errors import PlantError
     from sim_device.plant.models import built_in, read_model
 
-    try:
+    with plain_errors():
         given = built_in(params) if model_file is None else read_model(model_file)
-    except PlantError as error:
-        raise SmadError(str(error)) from None
     try:
         model = given.with_effects(dict(from_text(text) for text in effects))
     except PlantError as error:
