@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import os
 import shlex
-import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
@@ -20,9 +18,8 @@ from smad.cli.quantity import Quantity, Whole
 from smad.counted import counted
 from smad.files import display_path, require_writable
 from smad.runlog.paths import newest_run
+from smad.view.terminal.progress import bar
 from smad.view.terminal.tables import print_columns
-
-_BAR_STEPS = 1000
 
 _HERE = "runs"
 
@@ -89,7 +86,7 @@ def show(
     from smad.runlog.reader import read_run
     from smad.runlog.summary import summarise
 
-    with _progress("reading") as progress:
+    with bar("reading") as progress:
         run = read_run(path or newest_run(folder), axis=axis, progress=progress)
     summary = summarise(run)
     if as_json:
@@ -136,7 +133,7 @@ def export(
     from smad.runlog.reader import read_axes
 
     source = path or newest_run(folder)
-    with _progress("reading") as progress:
+    with bar("reading") as progress:
         runs = read_axes(source, progress=progress)
     target = output or source.with_suffix(f".{suffix}")
     files = export_axes(runs, target, kind=suffix, wide=wide, fps=fps, overwrite=overwrite)
@@ -201,7 +198,7 @@ def plot(
     sources = paths or (newest_run(folder),)
     runs = []
     for source in sources:
-        with _progress(f"reading {source.name}") as progress:
+        with bar(f"reading {source.name}") as progress:
             runs.append(read_run(source, axis=axis, progress=progress))
     drawn = run_parts(
         runs, -math.inf if from_s is None else from_s, math.inf if to_s is None else to_s
@@ -264,7 +261,7 @@ def recover(
 
     if output is not None:
         require_writable(output)
-    with _progress("recovering") as progress:
+    with bar("recovering") as progress:
         done = recover_log(path or newest_run(folder), output, progress=progress)
     if as_json:
         print_json(done)
@@ -273,19 +270,6 @@ def recover(
     lost = counted(done.lost_messages, "message")
     click.echo(f"lost: {lost} in damaged chunks, {done.unread_bytes} bytes")
     _print_notes([*done.notes, *words(done.holes)])
-
-
-@contextlib.contextmanager
-def _progress(label: str) -> Iterator[Callable[[float], None]]:
-    if not sys.stderr.isatty():
-        yield lambda share: None
-        return
-    with click.progressbar(length=_BAR_STEPS, label=label, file=sys.stderr) as bar:
-
-        def advance(share: float) -> None:
-            bar.update(max(0, round(share * _BAR_STEPS) - bar.pos))
-
-        yield advance
 
 
 def _print_notes(notes: Sequence[str]) -> None:

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import click
-import msgspec
 
 from smad.cli.options import FILE, PATH, Command, config_option, option, together
 from smad.cli.quantity import Quantity
@@ -43,7 +42,6 @@ def sim(
     from sim_device.errors import BenchError
     from sim_device.plant.errors import PlantError
     from sim_device.pty import HOST_TIMEOUT_S, said_of_host, serve
-    from smad.config import Config, load_config
 
     if "list" in boards.faults:
         from sim_device.faults import fault_rows
@@ -55,18 +53,14 @@ def sim(
 
         # A daemon that is killed must not leave a bench behind that nobody knows how to end.
         end_with(boards.parent)
-    config = (Config() if path is None else load_config(path)).with_axes(boards.axes)
-    if rate is not None:
-        # What an axis has of its own stands.
-        link = msgspec.structs.replace(config.link, rate_hz=int(rate))
-        config = msgspec.structs.replace(config, link=link)
+    config = boards.configured(path, rate)
     try:
         # Compiling the physics takes seconds the first time; a port that is silent for so long
         # would look like a dead board.
         build(config, rate_hz=100, seed=0).step()
         made = built(
             config,
-            seed=config.plant.seed if boards.seed is None else boards.seed,
+            seed=config.plant.seed,
             faults=boards.faults,
             model_path=model_path,
             effects=effects,
@@ -78,7 +72,7 @@ def sim(
                 click.echo(line, err=True)
             stats, counts = serve(
                 benches,
-                speed=config.plant.speed_ratio if boards.speed is None else boards.speed,
+                speed=config.plant.speed_ratio,
                 symlink=symlink,
                 transport=transport,
                 paced_by_host=boards.paced_by_host,

@@ -19,6 +19,7 @@ from smad.view.terminal.progress import note
 
 if TYPE_CHECKING:
     from sim_device.plant.models import Model
+    from smad.config import Config
 
 FIRMWARES = "The board: " + ", ".join(f"{name} ({b.about})" for name, b in BOARDS.items()) + "."
 
@@ -58,6 +59,15 @@ class Boards:
     patience: int = option("--patience", Whole(1, 1000), default=1, hidden=True)
     # End when this process does.
     parent: int | None = option("--parent", int, hidden=True)
+
+    def configured(self, path: Path | None, rate: str | None) -> Config:
+        """The configuration of a file, else the usual one, with what is asked of the boards."""
+        from smad.config import Config, load_config, with_changes
+
+        config = Config() if path is None else load_config(path)
+        link = {"rate_hz": None if rate is None else int(rate)}
+        plant = {"seed": self.seed, "speed_ratio": self.speed}
+        return with_changes(config, link=link, plant=plant).with_axes(self.axes)
 
     def require_none(self) -> None:
         """Raise ConfigError where something is asked of a board that is not simulated."""

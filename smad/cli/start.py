@@ -45,7 +45,7 @@ def start(
 
     Clients then command it: smad status, smad arm, smad move …, or smad.Client in Python.
     """
-    from smad.config import Config, load_config, with_changes, without_realtime
+    from smad.config import load_config, with_changes, without_realtime
     from smad.daemon.link.openers import serial_openers, socket_openers
     from smad.daemon.process import Options
     from smad.daemon.trace import Trace
@@ -58,10 +58,8 @@ def start(
         _require_none({"--port": port, "--baud": baud})
     else:
         boards.require_none()
-    link = {"rate_hz": None if rate is None else int(rate), "baud": baud}
-    plant = {"seed": boards.seed, "speed_ratio": boards.speed}
-    config = Config() if path is None else load_config(path)
-    config = with_changes(config, link=link, daemon={"bench": bench}, plant=plant)
+    config = boards.configured(path, rate)
+    config = with_changes(config, link={"baud": baud}, daemon={"bench": bench})
     if no_realtime:
         config = without_realtime(config)
     options = Options(
@@ -81,7 +79,7 @@ def start(
     with (
         progress() as line,
         simulated_board(
-            config.with_axes(boards.axes),
+            config,
             boards.words(path),
             firmware=boards.firmware,
             paced_by_host=boards.paced_by_host,

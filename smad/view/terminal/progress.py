@@ -8,8 +8,11 @@ from collections.abc import Callable, Iterator
 
 import click
 
+from smad.progress import Share
+
 FIRST_PROGRESS_S = 2.0
 _LINE_EVERY_S = 5.0
+_BAR_STEPS = 1000
 
 
 def note(text: str, *, nl: bool = True) -> None:
@@ -70,3 +73,13 @@ def progress() -> Iterator[Progress]:
         yield line
     finally:
         line.done()
+
+
+@contextlib.contextmanager
+def bar(label: str) -> Iterator[Share]:
+    """A bar on a terminal that is told the share that is done."""
+    if not sys.stderr.isatty():
+        yield lambda share: None
+        return
+    with click.progressbar(length=_BAR_STEPS, label=label, file=sys.stderr) as shown:
+        yield lambda share: shown.update(max(0, round(share * _BAR_STEPS) - shown.pos))
