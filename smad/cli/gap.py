@@ -12,7 +12,7 @@ from smad.cli.gap_plan import plan_runs
 from smad.cli.gap_print import (
     SpringPair,
     arguments_text,
-    print_answer,
+    print_verdict,
     require_answered,
     variant_option,
     write_verdict,
@@ -41,11 +41,8 @@ def gap() -> None:
     """Diagnose the gap between the simulator and recorded runs."""
 
 
-gap.add_command(commission)
-gap.add_command(checkup)
-gap.add_command(investigate)
-gap.add_command(next_experiment)
-gap.add_command(plan_runs)
+for _command in (commission, checkup, investigate, next_experiment, plan_runs):
+    gap.add_command(_command)
 
 
 @gap.command(cls=ManyRuns)
@@ -106,7 +103,7 @@ def diagnose(
         with named_output(model_path) as path:
             answer.verdict.write_model(path)
         written.append(model_path)
-    print_answer(answer.verdict, arguments)
+    print_verdict(answer.verdict, arguments)
     for path in written:
         click.echo(f"written: {path}", err=True)
     require_answered(answer.verdict)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from smad.cli.gap_print import print_verdict, write_verdict
-from smad.cli.options import FOLDER, OUTPUT, Checked, Command, axis_option, flag, option
+from smad.cli.options import FOLDER, OUTPUT, Command, axis_option, flag, option
 from smad.cli.output import ready_client
 from smad.cli.quantity import Quantity, Whole
 from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
@@ -90,7 +90,7 @@ def _require_pairs(given: Mapping[str, Any]) -> None:
     require_sim(given["effects"], sim=given["sim"])
 
 
-@click.command(cls=Checked, require=_require_pairs)
+@click.command(cls=Command, require=_require_pairs)
 def checkup(
     *,
     folder: Path | None = option("--baseline", FOLDER, "Play its programme again, and judge."),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.gap_print import SpringPair, print_answer, require_answered
+from smad.cli.gap_print import SpringPair, print_verdict, require_answered
 from smad.cli.gap_runs import (
     ManyRuns,
     good_option,
@@ -87,7 +87,7 @@ def next_experiment(
         good = without_cut_runs(good)
         with progress() as line:
             answer = diagnose_files(plant, runs, good, hold_out, progress=line.say)
-        print_answer(answer.verdict, "")
+        print_verdict(answer.verdict)
         require_answered(answer.verdict)
         with progress() as line:
             confused, ranked = offers(answer, line.say)

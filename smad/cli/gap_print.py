@@ -81,22 +81,18 @@ def write_verdict(
     return written
 
 
-def print_verdict(verdict: Verdict) -> None:
-    """Print the verdict, its headline first, as wide as the terminal."""
-    from smad.diagnosis.report.words import lines
+def print_verdict(verdict: Verdict, arguments: str = "") -> None:
+    """Print the verdict as wide as the terminal, its headline first; with arguments what is next.
+
+    These are those of the question, for the commands that are named.
+    """
+    from smad.diagnosis.report.words import advice, lines
 
     headline, *rest = lines(verdict)
     width = min(100, shutil.get_terminal_size((100, 24)).columns)
     click.secho(headline, bold=True)
     for text in rest:
         click.echo(text if text.startswith("  ") else click.wrap_text(text, width=width))
-
-
-def print_answer(verdict: Verdict, arguments: str) -> None:
-    """Print the verdict, and what to do next."""
-    from smad.diagnosis.report.words import advice
-
-    print_verdict(verdict)
     for command, why in advice(verdict, arguments) if arguments else ():
         click.echo(f"{why}: {command}" if command else why)
 

@@ -16,13 +16,14 @@ from smad.view.terminal.progress import note
 class ManyRuns(Command):
     """A command whose `--hold-out` and `--good` take all that follows, up to the next option."""
 
-    GREEDY = ("--hold-out", "--good")
-
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        return super().parse_args(ctx, with_option_repeated(args, self.GREEDY))
+        return super().parse_args(ctx, _with_option_repeated(args))
 
 
-def with_option_repeated(args: Sequence[str], greedy: Sequence[str]) -> list[str]:
+_GREEDY = ("--hold-out", "--good")
+
+
+def _with_option_repeated(args: Sequence[str]) -> list[str]:
     """The arguments with the name of a greedy option before each of its values."""
     out: list[str] = []
     option = ""
@@ -30,7 +31,7 @@ def with_option_repeated(args: Sequence[str], greedy: Sequence[str]) -> list[str
         if arg == "--":
             return [*out, *args[i:]]
         if arg.startswith("-"):
-            option = arg if arg in greedy else ""
+            option = arg if arg in _GREEDY else ""
             following = args[i + 1] if i + 1 < len(args) else "--"
             if not option or following.startswith("-"):
                 out.append(arg)

@@ -7,6 +7,7 @@ import click
 
 from smad.cli.options import FOLDER, Group, argument, bench_option, flag, option
 from smad.errors import CommandError
+from smad.view.terminal.progress import note
 
 if TYPE_CHECKING:
     from smad.hooks.relay import Relay
@@ -42,12 +43,12 @@ def run(
 
     watcher = Watcher(bench, folder)
     config = watcher.config()
-    commands = commands_of(config, _say)
+    commands = commands_of(config, note)
     detector = Detector(bench, disk_low_MB=config.disk_low_MB, known=watcher.known())
-    _say(f"watching bench {bench}")
+    note(f"watching bench {bench}")
     with ended_by_signals():
         try:
-            watch(watcher, detector, commands, _say)
+            watch(watcher, detector, commands, note)
         finally:
             commands.close()
             watcher.close()
@@ -58,7 +59,7 @@ def run_once(*, name: str = argument(metavar="HOOK"), bench: str = bench_option)
     """Run one HOOK with a made-up event, and wait for its end."""
     from smad.hooks.watch import try_hook
 
-    try_hook(name, bench, _say)
+    try_hook(name, bench, note)
 
 
 @hooks.command(context_settings={"ignore_unknown_options": True})
@@ -87,14 +88,10 @@ def relay(
         address = client.connection.telemetry
     with ended_by_signals():
         try:
-            reason = hold(device, address, _say)
+            reason = hold(device, address, note)
         finally:
             device.cut()
     raise CommandError(
         f"the supply of the heaters was cut: {reason}",
         action="look at the bench, then give this command again",
     )
-
-
-def _say(text: str) -> None:
-    click.echo(text, err=True)

@@ -11,8 +11,7 @@ from pathlib import Path
 import click
 
 from smad.cli import complete
-from smad.cli.layouts import layouts
-from smad.cli.options import FILE, OUTPUT, PATH, Group, argument, flag, json_option, option
+from smad.cli.options import FILE, FOLDER, OUTPUT, PATH, Group, argument, flag, json_option, option
 from smad.cli.output import print_json
 from smad.cli.quantity import Quantity, Whole
 from smad.counted import counted
@@ -22,6 +21,9 @@ from smad.view.terminal.progress import bar
 from smad.view.terminal.tables import print_columns
 
 _HERE = "runs"
+_LAYOUTS = """\
+Foxglove, Lichtblick: Layouts > Import from file, then open a run log.
+PlotJuggler: open a run log, or start the ZeroMQ stream, then File > Load Layout."""
 
 
 def _folder_of_bench(context: click.Context, parameter: click.Parameter, folder: str | None) -> str:
@@ -53,7 +55,22 @@ def log() -> None:
     """
 
 
-log.add_command(layouts)
+@log.command()
+def layouts(
+    folder: Path = argument(FOLDER, default="layouts"),
+    axes: tuple[str, ...] = option(
+        "--axis", str, "An axis, if the bench has several; may be repeated.", multiple=True
+    ),
+) -> None:
+    """Write layouts for PlotJuggler and Foxglove into FOLDER.
+
+    With several axes, each has a tab.
+    """
+    from smad.view.layouts import write_layouts
+
+    for path in write_layouts(folder, axes):
+        click.echo(path)
+    click.echo(_LAYOUTS)
 
 
 @log.command("list")

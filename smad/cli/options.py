@@ -97,11 +97,29 @@ def _parameters_of(function: Callable[..., Any]) -> list[click.Parameter]:
 
 
 class Command(click.Command):
-    """A command whose options are those that the parameters of its function declare."""
+    """A command whose options are those that the parameters of its function declare.
 
-    def __init__(self, callback: Callable[..., Any], params: Any, **kw: Any) -> None:
+    `require` checks them together as soon as they are parsed: the queue parses a command when it is
+    added, and begins it when nobody is there.
+    """
+
+    def __init__(
+        self,
+        callback: Callable[..., Any],
+        params: Any,
+        require: Callable[[Mapping[str, Any]], None] | None = None,
+        **kw: Any,
+    ) -> None:
         params = [*_parameters_of(callback), *params]
         super().__init__(callback=callback, params=params, **kw)
+        self._require = require
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse, and raise the usage error of options that do not belong together."""
+        left = super().parse_args(ctx, args)
+        if self._require is not None and not ctx.resilient_parsing:
+            self._require(ctx.params)
+        return left
 
     def invoke(self, ctx: click.Context) -> Any:
         """Call the function, once each file that it is to write can be."""
@@ -121,24 +139,6 @@ class Group(click.Group):
     """A group of such commands."""
 
     command_class = Command
-
-
-class Checked(Command):
-    """A command whose options are checked together, by `require`, as soon as they are parsed.
-
-    The queue parses a command when it is added, and begins it when nobody is there.
-    """
-
-    def __init__(self, *args: Any, require: Callable[[Mapping[str, Any]], None], **kw: Any) -> None:
-        super().__init__(*args, **kw)
-        self._require = require
-
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse, and raise the usage error of options that do not belong together."""
-        left = super().parse_args(ctx, args)
-        if not ctx.resilient_parsing:
-            self._require(ctx.params)
-        return left
 
 
 class _Output(click.Path):

@@ -1,4 +1,4 @@
-"""`smad robot`: joint angles of the segments on a bench of several axes."""
+"""`smad robot` and `smad run six-axes`: joint angles on a bench of several axes."""
 
 from __future__ import annotations
 
@@ -7,17 +7,31 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.options import NEGATIVE, PATH, Group, argument, bench_option, option, wait_option
+from smad.cli.options import (
+    NEGATIVE,
+    OUTPUT,
+    PATH,
+    Command,
+    Group,
+    argument,
+    bench_option,
+    flag,
+    option,
+    wait_option,
+)
 from smad.cli.output import client, wait_for_motion
 from smad.cli.quantity import Quantity, Whole
+from smad.counted import counted
+from smad.view.terminal.progress import progress
+from smad.view.terminal.tables import print_table
 
 if TYPE_CHECKING:
     from smad.client import Client
     from smad.robot import Angles
 
-circle_period_option = option(
-    "--period", Quantity("s", 0.5, 3600.0), "Seconds for one circle.", default=20.0
-)
+TITLE = "circles of the segments of a robot, in turn and together"
+"""What `smad run six-axes` does."""
+_period = option("--period", Quantity("s", 0.5, 3600.0), "Seconds for one circle.", default=20.0)
 
 
 @click.group(cls=Group)
@@ -62,7 +76,7 @@ def circle(
     *,
     segment: str = argument(),
     radius_deg: float = argument(Quantity("deg", 0.0, 180.0)),
-    period_s: float = circle_period_option,
+    period_s: float = _period,
     cycles: int = option("--cycles", Whole(1, 1000), "Number of circles.", default=1),
     wait: bool = wait_option,
     bench: str = bench_option,
@@ -89,6 +103,38 @@ def follow(
 
     with client(bench) as connected:
         _move(connected, segment, waypoints(path), wait=wait)
+
+
+@click.command("six-axes", cls=Command)
+def six_axes(
+    *,
+    sim: bool = flag("--sim", "On a simulated bench of six axes."),
+    radius_deg: float = option("--radius", Quantity("deg", 0.1, 180.0), "Degrees.", default=15.0),
+    period_s: float = _period,
+    report: Path | None = option("--report", OUTPUT, "Page; by default beside the log."),
+    bench: str = bench_option,
+) -> None:
+    """Let the segments draw circles, in turn and together.
+
+    It arms the running bench, or with --sim its own. At the end it disarms, and writes a table and
+    a page.
+    """
+    from smad.experiments.circles import Circles, draw, page_of, table, trackings
+    from smad.processes.simulated import simulated_axes
+    from smad.report.page import write_page
+    from smad.robot.moving import robot_of
+    from smad.runlog.reader import read_axes
+
+    with simulated_axes(6) if sim else client(bench) as connected, progress() as line:
+        made = robot_of(connected)
+        log, skew = draw(connected, made, Circles(radius_deg, period_s), line.say)
+    written = write_page(page_of(log, made, skew), report or log.with_suffix(".html"))
+    print_table(table(list(trackings(read_axes(log), made))))
+    click.echo(
+        f"{counted(skew.count, 'simultaneous start')}: {skew.p50_us / 1000:.2f} ms apart (median), "
+        f"at most {skew.max_us / 1000:.2f} ms"
+    )
+    click.echo(written)
 
 
 def _move(connected: Client, segment: str, wanted: Angles, *, wait: bool) -> None:

@@ -30,7 +30,7 @@ from smad.view.terminal.tables import print_columns, print_table
 
 _OTHERS = {
     "repeat": "smad.cli.repeat",
-    "six-axes": "smad.cli.six_axes",
+    "six-axes": "smad.cli.robot",
     "moves": "smad.cli.run_moves",
     "endurance": "smad.cli.run_endurance",
 }
@@ -196,7 +196,7 @@ def run(
 
 
 def _print_list(*, as_json: bool) -> None:
-    from smad.cli.six_axes import TITLE
+    from smad.cli.robot import TITLE
     from smad.experiments.driver import PARTS
     from smad.experiments.registry import EXPERIMENTS, make_experiment
 

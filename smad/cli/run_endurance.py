@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import click
 
-from smad.cli.options import FOLDER, Checked, axis_option, flag, lease_option, option
+from smad.cli.options import FOLDER, Command, axis_option, flag, lease_option, option
 from smad.cli.output import ready_client
 from smad.cli.quantity import Quantity, Whole
 from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
@@ -30,7 +30,7 @@ def _require_pairs(given: Mapping[str, Any]) -> None:
     require_sim(given["effects"], sim=given["sim"])
 
 
-@click.command(cls=Checked, require=_require_pairs)
+@click.command(cls=Command, require=_require_pairs)
 def endurance(
     *,
     cycles: int = option("--cycles", Whole(1, 10_000_000), "How many.", required=True),

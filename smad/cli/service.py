@@ -1,6 +1,5 @@
 """`smad service`: the files that let systemd and udev look after a bench."""
 
-import sys
 from pathlib import Path
 
 import click
@@ -31,7 +30,7 @@ def install(
     """
     from smad.processes import service as service_files
 
-    for path in service_files.install(root, _program(), overwrite=overwrite):
+    for path in service_files.install(root, overwrite=overwrite):
         click.echo(path)
     click.echo(_NEXT)
 
@@ -42,8 +41,4 @@ def show() -> None:
     from smad.processes import service as service_files
 
     for name, place in service_files.PLACES.items():
-        click.echo(f"# /{place}/{name}\n{service_files.content(name, _program())}")
-
-
-def _program() -> str:
-    return str(Path(sys.prefix) / "bin" / "smad")
+        click.echo(f"# /{place}/{name}\n{service_files.content(name)}")
