@@ -13,13 +13,13 @@ from smad.view.terminal.progress import Progress
 @click.command(cls=Command)
 def demo(
     folder: Path = option(
-        "--folder", PATH, "Where the run log and the page go.", default=Path("runs")
+        "--folder", "Where the run log and the page go.", PATH, default=Path("runs")
     ),
-    seed: int = option("--seed", Whole(0, 2**32 - 1), "Seed of all noise.", default=0),
+    seed: int = option("--seed", "Seed of all noise.", Whole(0, 2**32 - 1), default=0),
     boards: tuple[str, ...] = option(
         "--firmware",
-        click.Choice([*BOARDS]),
         "The board, see smad sim --help; give it again for another one beside it.",
+        click.Choice([*BOARDS]),
         default=["python"],
         multiple=True,
     ),

@@ -14,15 +14,15 @@ from smad.cli.quantity import Quantity
 class _Sizes:
     """What replaces a size of the geometry; None: nothing does."""
 
-    wire_mm: float | None = option("--wire", Quantity("mm"), "Diameter of the wire, mm.")
-    coil_mm: float | None = option("--coil", Quantity("mm"), "Mean diameter of the coil, mm.")
-    turns: float | None = option("--turns", Quantity(), "Active turns.")
+    wire_mm: float | None = option("--wire", "Diameter of the wire, mm.", Quantity("mm"))
+    coil_mm: float | None = option("--coil", "Mean diameter of the coil, mm.", Quantity("mm"))
+    turns: float | None = option("--turns", "Active turns.", Quantity())
     pitch_mm: float | None = option(
-        "--pitch", Quantity("mm"), "Free space between turns, mm; used in still air."
+        "--pitch", "Free space between turns, mm; used in still air.", Quantity("mm")
     )
-    tube_mm: float | None = option("--tube", Quantity("mm"), "Inner diameter of the tube, mm.")
+    tube_mm: float | None = option("--tube", "Inner diameter of the tube, mm.", Quantity("mm"))
     prestrain: float | None = option(
-        "--prestrain", Quantity("1"), "Shear strain of the mounted springs."
+        "--prestrain", "Shear strain of the mounted springs.", Quantity("1")
     )
 
 
@@ -32,24 +32,24 @@ def design(
     source: Path | None = argument(PATH, metavar="[GEOMETRY]", required=False),
     sizes: _Sizes = together(_Sizes),
     current_A: float = option(
-        "--current", Quantity("A", 0.01, 50.0), "Current of the heated spring, A.", default=4.0
+        "--current", "Current of the heated spring, A.", Quantity("A", 0.01, 50.0), default=4.0
     ),
     cooling: str = option(
         "--cooling",
-        click.Choice(["water", "air", "bath"]),
         "Water pumped through a tube around the wire, air, or water at rest around the spring.",
+        click.Choice(["water", "air", "bath"]),
         default="water",
     ),
     air_m_per_s: float = option(
         "--air-speed",
-        Quantity("m/s"),
         "With air: its speed from a fan, m/s; 0 is still air.",
+        Quantity("m/s"),
         default=0.0,
     ),
     params: str | None = option(
-        "--params", str, "The alloy: a parameter set.  [default: A, or the file's base]"
+        "--params", "The alloy: a parameter set.  [default: A, or the file's base]"
     ),
-    page: Path | None = option("--html", OUTPUT, "Page to write."),
+    page: Path | None = option("--html", "Page to write.", OUTPUT),
     as_json: bool = json_option,
 ) -> None:
     """Compute stroke, force, period and power of a pair of springs.

@@ -1,6 +1,9 @@
 """`smad arm`, `disarm`, `estop`, `clear`, `heat`, `current`, `pump`, `idle`."""
 
+from collections.abc import Mapping
+
 import click
+from msgspec.structs import asdict
 
 from firmware_protocol.enums import Fault
 from smad.cli.faults import fault_argument
@@ -17,6 +20,7 @@ from smad.cli.options import (
 )
 from smad.cli.output import client, wait_for_motion
 from smad.cli.quantity import Quantity
+from smad.control.commands import DriveCurrent, HoldTemperature
 
 _SPRING = click.Choice(["x", "y"], case_sensitive=False)
 
@@ -78,40 +82,25 @@ def heat(
     spring: str = argument(_SPRING, metavar="SPRING"),
     temperature_degc: float = argument(Quantity("degC"), metavar="DEGC"),
     rate: float | None = option(
-        "--rate K/S", Quantity("K/s"), "Ramp to it instead of going at once."
+        "--rate K/S", "Ramp to it instead of going at once.", Quantity("K/s")
     ),
-    duration_s: float | None = option("--for S", Quantity("s"), "Hold for this time."),
+    duration_s: float | None = option("--for S", "Hold for this time.", Quantity("s")),
     water: bool = flag("--water/--no-water", "Cool with the pump while too warm.", default=True),
     wait: bool = wait_option,
     bench: str = axis_option,
 ) -> None:
     """Hold SPRING (x or y) at a temperature in °C."""
-    from smad.control.commands import HoldTemperature
-
-    command = checked(
-        HoldTemperature(
-            spring="x" if spring == "x" else "y",
-            temperature_degC=temperature_degc,
-            rate_K_per_s=rate,
-            duration_s=duration_s,
-            use_water=water,
-        ),
-        {"temperature_degC": "DEGC", "rate_K_per_s": "--rate", "duration_s": "--for"},
+    command = HoldTemperature(
+        spring="x" if spring == "x" else "y",
+        temperature_degC=temperature_degc,
+        rate_K_per_s=rate,
+        duration_s=duration_s,
+        use_water=water,
     )
-    with client(bench) as bench_client:
-        bench_client.heat(
-            command.spring,
-            command.temperature_degC,
-            rate_K_per_s=rate,
-            duration_s=duration_s,
-            use_water=water,
-        )
-        # Without a duration it holds for ever: there is nothing to wait for.
-        wait_for_motion(
-            bench_client,
-            wait=wait and duration_s is not None,
-            what=f"spring {spring} to {temperature_degc:g} °C",
-        )
+    typed = {"temperature_degC": "DEGC", "rate_K_per_s": "--rate", "duration_s": "--for"}
+    what = f"spring {spring} to {temperature_degc:g} °C"
+    # Without a duration it holds for ever: there is nothing to wait for.
+    _begin(command, typed, bench, wait=wait and duration_s is not None, what=what)
 
 
 @click.command(cls=Command, context_settings=NEGATIVE)
@@ -119,57 +108,59 @@ def current(
     *,
     spring: str = argument(_SPRING, metavar="SPRING"),
     current_a: float = argument(Quantity("A"), metavar="A"),
-    duration_s: float | None = option("--for S", Quantity("s"), "End after this time."),
-    until_degc: float | None = option("--until DEGC", Quantity("degC"), "End at this temperature."),
+    duration_s: float | None = option("--for S", "End after this time.", Quantity("s")),
+    until_degc: float | None = option("--until DEGC", "End at this temperature.", Quantity("degC")),
     wait: bool = wait_option,
     bench: str = axis_option,
 ) -> None:
     """Send a constant current (A) through SPRING (x or y)."""
-    from smad.control.commands import DriveCurrent
-
     heats_x = spring == "x"
-    command = checked(
-        DriveCurrent(
-            i_x_A=current_a if heats_x else 0.0,
-            i_y_A=0.0 if heats_x else current_a,
-            duration_s=duration_s,
-            stop_spring="x" if heats_x else "y",
-            stop_above_degC=until_degc,
-        ),
-        {"i_x_A": "A", "i_y_A": "A", "duration_s": "--for", "stop_above_degC": "--until"},
+    command = DriveCurrent(
+        i_x_A=current_a if heats_x else 0.0,
+        i_y_A=0.0 if heats_x else current_a,
+        duration_s=duration_s,
+        stop_spring="x" if heats_x else "y",
+        stop_above_degC=until_degc,
     )
+    typed = {"i_x_A": "A", "i_y_A": "A", "duration_s": "--for", "stop_above_degC": "--until"}
     ends = duration_s is not None or until_degc is not None
-    with client(bench) as bench_client:
-        bench_client.current(command)
-        wait_for_motion(
-            bench_client, wait=wait and ends, what=f"{current_a:g} A in spring {spring}"
-        )
+    _begin(command, typed, bench, wait=wait and ends, what=f"{current_a:g} A in spring {spring}")
 
 
 @click.command(cls=Command, context_settings=NEGATIVE)
 def pump(
     spring: str = argument(_SPRING, metavar="SPRING"),
     duty: float = argument(callback=_duty),
-    duration_s: float | None = option("--for S", Quantity("s"), "End after this time."),
+    duration_s: float | None = option("--for S", "End after this time.", Quantity("s")),
     wait: bool = wait_option,
     bench: str = axis_option,
 ) -> None:
     """Run the pump of SPRING (x or y) at a DUTY (0.5, or 50%)."""
-    from smad.control.commands import DriveCurrent
-
-    command = checked(
-        DriveCurrent(
-            pump_x_duty=duty if spring == "x" else 0.0,
-            pump_y_duty=duty if spring == "y" else 0.0,
-            duration_s=duration_s,
-        ),
-        {"duration_s": "--for"},
+    command = DriveCurrent(
+        pump_x_duty=duty if spring == "x" else 0.0,
+        pump_y_duty=duty if spring == "y" else 0.0,
+        duration_s=duration_s,
     )
+    what = f"pump {spring} at {duty:.0%}"
+    _begin(command, {"duration_s": "--for"}, bench, wait=wait and duration_s is not None, what=what)
+
+
+def _begin(
+    command: HoldTemperature | DriveCurrent,
+    typed: Mapping[str, str],
+    bench: str,
+    *,
+    wait: bool,
+    what: str,
+) -> None:
+    """Check a command by what was `typed` for its fields, begin it, and wait for its end."""
+    checked(command, typed)
     with client(bench) as bench_client:
-        bench_client.current(command)
-        wait_for_motion(
-            bench_client, wait=wait and duration_s is not None, what=f"pump {spring} at {duty:.0%}"
-        )
+        if isinstance(command, DriveCurrent):
+            bench_client.current(command)
+        else:
+            bench_client.heat(**asdict(command))
+        wait_for_motion(bench_client, wait=wait, what=what)
 
 
 @click.command(cls=Command)

@@ -54,9 +54,9 @@ def diagnose(
     leave_out: tuple[str, ...] = leave_out_option,
     trust: tuple[str, ...] = trust_option,
     pair: SpringPair = together(SpringPair),
-    json_path: Path | None = option("--json", OUTPUT, "Write the whole verdict here."),
-    html_path: Path | None = option("--html", OUTPUT, "Write the report page here."),
-    model_path: Path | None = option("--apply", OUTPUT, "Write the better model here."),
+    json_path: Path | None = option("--json", "Write the whole verdict here.", OUTPUT),
+    html_path: Path | None = option("--html", "Write the report page here.", OUTPUT),
+    model_path: Path | None = option("--apply", "Write the better model here.", OUTPUT),
     simulator: Simulator = together(Simulator),
     processes: int | None = processes_option,
 ) -> None:
@@ -113,9 +113,9 @@ def diagnose(
 def apply(
     *,
     verdict: Path = argument(EXISTING),
-    out: Path = option("--out", OUTPUT, "The model file to write.", required=True),
+    out: Path = option("--out", "The model file to write.", OUTPUT, required=True),
     first: int | None = option(
-        "--first", Whole(0), "Only this many causes; 0: the parameters alone."
+        "--first", "Only this many causes; 0: the parameters alone.", Whole(0)
     ),
 ) -> None:
     """Write the model of a VERDICT, with all causes or the first few.
@@ -169,7 +169,7 @@ def effects(
 def verify(
     *,
     runs: tuple[Path, ...] = runs_argument,
-    model_path: Path = option("--model", EXISTING, "Model file of --apply.", required=True),
+    model_path: Path = option("--model", "Model file of --apply.", EXISTING, required=True),
     pair: SpringPair = together(SpringPair),
     as_json: bool = json_option,
 ) -> None:

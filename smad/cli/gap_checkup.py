@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from smad.checkup.inquiry import Report
     from smad.checkup.series import Player
 
-_programme = option("--programme", FOLDER, "A programme in place of the package's.")
+_programme = option("--programme", "A programme in place of the package's.", FOLDER)
 _NOW = 1000
 """What a simulated bench adds to its seed after the commissioning, whose repeats count from 1."""
 
@@ -30,9 +30,9 @@ _NOW = 1000
 @click.command(cls=Command)
 def commission(
     *,
-    folder: Path = option("--baseline", FOLDER, "Where the baseline goes.", required=True),
+    folder: Path = option("--baseline", "Where the baseline goes.", FOLDER, required=True),
     repeats: int = option(
-        "--repeats", Whole(1, 8), "How often the whole programme is played.", default=2
+        "--repeats", "How often the whole programme is played.", Whole(1, 8), default=2
     ),
     again: bool = flag("--again", "Add repeats to a baseline, for a better floor."),
     quick: bool = flag("--quick", "Only the part that separates most."),
@@ -93,26 +93,26 @@ def _require_pairs(given: Mapping[str, Any]) -> None:
 @click.command(cls=Command, require=_require_pairs)
 def checkup(
     *,
-    folder: Path | None = option("--baseline", FOLDER, "Play its programme again, and judge."),
-    good: Path | None = option("--good", FOLDER, "Run files of the good bench, best with repeats."),
+    folder: Path | None = option("--baseline", "Play its programme again, and judge.", FOLDER),
+    good: Path | None = option("--good", "Run files of the good bench, best with repeats.", FOLDER),
     now: Path | None = option(
-        "--now", FOLDER, "New run files with the same inputs as the good ones."
+        "--now", "New run files with the same inputs as the good ones.", FOLDER
     ),
     quick: bool = flag("--quick", "With --baseline: the part that separates most."),
     out: Path | None = option(
         "--out",
-        FOLDER,
         "With --baseline: folder of the new runs  [default: BASELINE/now-1, now-2 …]",
+        FOLDER,
     ),
     effects: tuple[str, ...] = effect_option,
     sim: bool = sim_option,
     seed: int = seed_option,
     programme_folder: Path | None = _programme,
     bench: str = axis_option,
-    json_path: Path | None = option("--json", OUTPUT, "Write the verdict here."),
-    page_path: Path | None = option("--report", OUTPUT, "Write a page with figures here."),
+    json_path: Path | None = option("--json", "Write the verdict here.", OUTPUT),
+    page_path: Path | None = option("--report", "Write a page with figures here.", OUTPUT),
     model_path: Path | None = option(
-        "--model", OUTPUT, "Write the model with the effects and laws that were found."
+        "--model", "Write the model with the effects and laws that were found.", OUTPUT
     ),
 ) -> None:
     """Repeat the inputs of good runs; say what has changed.
@@ -171,11 +171,11 @@ def checkup(
 @click.command(cls=Command)
 def investigate(
     *,
-    folder: Path = option("--baseline", FOLDER, "The baseline of a commission.", required=True),
+    folder: Path = option("--baseline", "The baseline of a commission.", FOLDER, required=True),
     minutes: float = option(
         "--minutes",
-        Quantity("min", 1.0, 600.0),
         "Bench time for all runs with their rests.",
+        Quantity("min", 1.0, 600.0),
         default=20.0,
     ),
     effects: tuple[str, ...] = effect_option,

@@ -35,18 +35,18 @@ def next_experiment(
     hold_out: tuple[Path, ...] = hold_out_option,
     good: tuple[Path, ...] = good_option,
     chosen: str | None = option(
-        "--run NAME", str, "Carry out this experiment now: arms the bench and heats it."
+        "--run NAME", "Carry out this experiment now: arms the bench and heats it."
     ),
     baseline: Path | None = option(
-        "--baseline", FOLDER, "Recommend a run to repeat after a check-up, in place of RUNs."
+        "--baseline", "Recommend a run to repeat after a check-up, in place of RUNs.", FOLDER
     ),
     sim: bool = flag("--sim", "With --run: in virtual time instead of on the bench."),
     model_path: Path | None = option(
-        "--model", EXISTING, "With --sim: model of the simulated bench."
+        "--model", "With --sim: model of the simulated bench.", EXISTING
     ),
     effects: tuple[str, ...] = effect_option,
     folder: Path = option(
-        "--folder", PATH, "With --sim: where the run log goes.", default=Path("runs")
+        "--folder", "With --sim: where the run log goes.", PATH, default=Path("runs")
     ),
     bench: str = bench_option,
     pair: SpringPair = together(SpringPair),

@@ -19,16 +19,15 @@ def plan_runs(
     *,
     inputs: tuple[Path, ...] = option(
         "--inputs FILE…",
-        str,
         "Tables or run logs with the inputs to play.",
         multiple=True,
         callback=files,
     ),
     experiments: tuple[str, ...] = option(
-        "--experiment NAME", str, "A run of the spring pair, from `smad gap next`.", multiple=True
+        "--experiment NAME", "A run of the spring pair, from `smad gap next`.", multiple=True
     ),
     within_s: float = option(
-        "--within S", Quantity("s", 0.1, 3600.0), "Limit of the processor time.", default=5.0
+        "--within S", "Limit of the processor time.", Quantity("s", 0.1, 3600.0), default=5.0
     ),
     as_json: bool = json_option,
     simulator: Simulator = together(Simulator),

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 variant_option = option(
     "--variant",
-    click.Choice(["extended", "printed"]),
     "The thermal model; printed is the paper's, whose water stays cold.",
+    click.Choice(["extended", "printed"]),
     default="extended",
 )
 
@@ -34,7 +34,7 @@ variant_option = option(
 class SpringPair:
     """The plant of this bench, as a command names it."""
 
-    params: str = option("--params", str, "Parameter file, or A, B, conserving.", default="A")
+    params: str = option("--params", "Parameter file, or A, B, conserving.", default="A")
     variant: str = variant_option
 
     def plant(self) -> SmaPlant:

@@ -47,7 +47,7 @@ def files(ctx: click.Context, param: click.Parameter, values: Sequence[str]) -> 
 
 def files_option(name: str, about: str) -> Any:
     """Return an option that takes such files, and may be repeated."""
-    return option(name, str, about, multiple=True, callback=files)
+    return option(name, about, multiple=True, callback=files)
 
 
 def _files(value: str, ctx: click.Context, param: click.Parameter) -> list[Path]:
@@ -89,13 +89,10 @@ some_runs_argument = argument(
     nargs=-1, callback=files, metavar="[RUN…]", shell_complete=complete.runs
 )
 leave_out_option = option(
-    "--leave-out RUN", str, "Leave out this run, by its name in the answer.", multiple=True
+    "--leave-out RUN", "Leave out this run, by its name in the answer.", multiple=True
 )
 trust_option = option(
-    "--trust RUN",
-    str,
-    "Use this run although its channels contradict the nominal model.",
-    multiple=True,
+    "--trust RUN", "Use this run although its channels contradict the nominal model.", multiple=True
 )
 hold_out_option = files_option(
     "--hold-out RUN…",

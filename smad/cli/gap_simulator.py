@@ -23,16 +23,16 @@ class Simulator:
     """A simulator that is not ours, with the files that a person names for it."""
 
     fmu: Path | None = option(
-        "--fmu", EXISTING, "Use this FMI 2.0 unit as the model; needs --map. Runs its code."
+        "--fmu", "Use this FMI 2.0 unit as the model; needs --map. Runs its code.", EXISTING
     )
-    mjcf: Path | None = option("--mjcf", EXISTING, "Use this MuJoCo model; needs --map.")
+    mjcf: Path | None = option("--mjcf", "Use this MuJoCo model; needs --map.", EXISTING)
     map_path: Path | None = option(
-        "--map", EXISTING, "TOML file that maps columns to variables or parts of a simulator."
+        "--map", "TOML file that maps columns to variables or parts of a simulator.", EXISTING
     )
     window_s: float | None = option(
         "--window S",
-        Quantity("s", 0.0),
         "With --mjcf: replay windows of this length; 0: whole runs (default: chosen and reported).",
+        Quantity("s", 0.0),
     )
 
     @property
@@ -53,9 +53,9 @@ class Simulator:
 
 processes_option = option(
     "--processes N",
-    Whole(1),
     "With --mjcf or --fmu: number of processes (default: 1; all idle cores for a slow MuJoCo "
     "model).",
+    Whole(1),
 )
 
 

@@ -17,20 +17,19 @@ def health(
     *,
     folder: Path = option(
         "--folder",
-        FOLDER,
         "Folder of the run logs; health.jsonl is kept there.",
+        FOLDER,
         default=Path("runs"),
     ),
     verdicts: tuple[Path, ...] = option(
-        "--verdict", FILE, "Add a check-up: the JSON that it wrote; may be repeated.", multiple=True
+        "--verdict", "Add a check-up: the JSON that it wrote; may be repeated.", FILE, multiple=True
     ),
     limits: tuple[str, ...] = option(
         "--limit NAME=VALUE",
-        str,
         "Predict the cycles to a limit, such as stroke_mm=8; may be repeated.",
         multiple=True,
     ),
-    report: Path | None = option("--report", OUTPUT, "Write one page with all trends here."),
+    report: Path | None = option("--report", "Write one page with all trends here.", OUTPUT),
     as_json: bool = json_option,
 ) -> None:
     """Show how the bench ages, from its run logs and check-ups.

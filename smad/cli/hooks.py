@@ -28,8 +28,8 @@ def run(
     bench: str = bench_option,
     folder: Path | None = option(
         "--folder",
-        FOLDER,
         "Folder of the queue  [default: that of the daemon's run logs]",
+        FOLDER,
         envvar="SMAD_QUEUE",
     ),
 ) -> None:
@@ -66,7 +66,7 @@ def run_once(*, name: str = argument(metavar="HOOK"), bench: str = bench_option)
 def relay(
     *,
     tasmota: str | None = option(
-        "--tasmota URL", str, "A plug with Tasmota's firmware: http://plug.lab"
+        "--tasmota URL", "A plug with Tasmota's firmware: http://plug.lab"
     ),
     holding: bool = flag("--while", "COMMAND keeps the relay on while it runs, such as gpioset."),
     command: tuple[str, ...] = argument(click.UNPROCESSED, nargs=-1),

@@ -16,7 +16,7 @@ def link() -> None:
 @link.command("test")
 def count(
     duration_s: float = option(
-        "--for", Quantity("s", 0.01, 3600.0), "Seconds to count.", default=5.0
+        "--for", "Seconds to count.", Quantity("s", 0.01, 3600.0), default=5.0
     ),
     bench: str = axis_option,
 ) -> None:

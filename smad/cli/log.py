@@ -38,12 +38,11 @@ def _folder_of_bench(context: click.Context, parameter: click.Parameter, folder:
 
 _folder = option(
     "--folder",
-    str,
     "Folder of the run logs [default: that of the running daemon, else runs]",
     envvar="SMAD_RUNS",
     callback=_folder_of_bench,
 )
-_axis = option("--axis", str, "The axis, if the log has several.", default="", show_default=False)
+_axis = option("--axis", "The axis, if the log has several.", default="", show_default=False)
 _path = argument(PATH, required=False, shell_complete=complete.runs)
 
 
@@ -59,7 +58,7 @@ def log() -> None:
 def layouts(
     folder: Path = argument(FOLDER, default="layouts"),
     axes: tuple[str, ...] = option(
-        "--axis", str, "An axis, if the bench has several; may be repeated.", multiple=True
+        "--axis", "An axis, if the bench has several; may be repeated.", multiple=True
     ),
 ) -> None:
     """Write layouts for PlotJuggler and Foxglove into FOLDER.
@@ -129,14 +128,14 @@ def export(
     folder: str = _folder,
     suffix: str = option(
         "--to",
-        click.Choice(["csv", "parquet", "mat", "rosbag2", "lerobot"]),
         "Format, if --output does not name it.",
+        click.Choice(["csv", "parquet", "mat", "rosbag2", "lerobot"]),
         default="csv",
     ),
-    output: Path | None = option("-o --output", PATH, "File, or folder of a bag, to write."),
+    output: Path | None = option("-o --output", "File, or folder of a bag, to write.", PATH),
     overwrite: bool = flag("--overwrite", "Replace a file that is there."),
     wide: bool = flag("--wide", "Several axes in one table: NAME.channel."),
-    fps: int | None = option("--fps", Whole(1, 1000), "Frames per second, for lerobot."),
+    fps: int | None = option("--fps", "Frames per second, for lerobot.", Whole(1, 1000)),
     as_json: bool = json_option,
 ) -> None:
     """Write a run log as CSV, Parquet, MATLAB, ROS or LeRobot file.
@@ -185,19 +184,19 @@ def plot(
         PATH, metavar="[RUN]...", nargs=-1, shell_complete=complete.runs
     ),
     folder: str = _folder,
-    output: Path | None = option("-o --output", OUTPUT, "Page to write."),
-    from_s: float | None = option("--from", Quantity("s"), "First second to draw."),
-    to_s: float | None = option("--to", Quantity("s"), "Last second to draw."),
+    output: Path | None = option("-o --output", "Page to write.", OUTPUT),
+    from_s: float | None = option("--from", "First second to draw.", Quantity("s")),
+    to_s: float | None = option("--to", "Last second to draw.", Quantity("s")),
     open_page: bool = flag("--open", "Open the page in a browser."),
     figure: Path | None = option(
         "--figure",
-        FILE,
         "Write the panels as a figure for print in place of a page: .svg, .pdf or .png.",
+        FILE,
     ),
     width_mm: float = option(
         "--width MM",
-        Quantity("mm", 40.0, 400.0),
         "Width of the figure; a column of a journal is about 85, two are 175.",
+        Quantity("mm", 40.0, 400.0),
         default=85.0,
     ),
     axis: str = _axis,
@@ -236,9 +235,9 @@ def plot(
 @log.command("import")
 def import_command(
     source: Path = argument(PATH),
-    output: Path | None = option("-o --output", PATH, "Run log to write."),
+    output: Path | None = option("-o --output", "Run log to write.", PATH),
     mapping: Path | None = option(
-        "--mapping", PATH, "TOML file that says what the columns are, if their names do not."
+        "--mapping", "TOML file that says what the columns are, if their names do not.", PATH
     ),
     as_json: bool = json_option,
 ) -> None:
@@ -269,7 +268,7 @@ def import_command(
 def recover(
     path: Path | None = _path,
     folder: str = _folder,
-    output: Path | None = option("-o --output", PATH, "Run log to write."),
+    output: Path | None = option("-o --output", "Run log to write.", PATH),
     as_json: bool = json_option,
 ) -> None:
     """Write an intact copy of a damaged log; report what was lost."""

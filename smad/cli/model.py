@@ -19,22 +19,22 @@ def export(
     *,
     source: Path | None = argument(PATH, metavar="[MODEL]", required=False),
     params: str = option(
-        "--params", str, "Without MODEL: parameter file, or A, B, conserving.", default="A"
+        "--params", "Without MODEL: parameter file, or A, B, conserving.", default="A"
     ),
     effects: tuple[str, ...] = effects_option(
         "Add an effect, or replace the model's of that name."
     ),
     fixture: str = option(
         "--fixture",
-        click.Choice(["antagonistic", "stretch", "blocked"]),
         "How the springs are held; the last two have a stage.",
+        click.Choice(["antagonistic", "stretch", "blocked"]),
         default="antagonistic",
     ),
-    unit: Path = option("--fmi", FILE, "FMI co-simulation unit to write.", required=True),
+    unit: Path = option("--fmi", "FMI co-simulation unit to write.", FILE, required=True),
     version: str = option(
         "--fmi-version",
-        click.Choice(["3", "2"]),
         "2 for programs that do not import FMI 3.0.",
+        click.Choice(["3", "2"]),
         default="3",
     ),
     overwrite: bool = flag("--overwrite", "Replace a file that is there."),

@@ -4,7 +4,7 @@
     def apply(
         *,
         verdict: Path = argument(EXISTING),
-        first: int | None = option("--first", Whole(0), "Only this many causes."),
+        first: int | None = option("--first", "Only this many causes.", Whole(0)),
     ) -> None:
 
 Several that belong together are the fields of a dataclass, and `together(Simulator)` the default
@@ -56,7 +56,7 @@ class _Together:
         return made
 
 
-def option(names: str, type: Any, help: str | None = None, **settings: Any) -> Any:
+def option(names: str, help: str | None = None, type: Any = str, **settings: Any) -> Any:
     """Declare a parameter as an option of one value for each word behind its `names`.
 
     `"-o --output"` and `"--between LOW HIGH"` are examples; `settings` are those of `click.Option`.
@@ -202,16 +202,16 @@ def _files(value: object) -> list[Path]:
 json_option = flag("--json", "Print JSON.")
 wait_option = flag("--wait/--no-wait", "Wait until it is done, or return at once.", default=True)
 config_option = option(
-    "--config", PATH, "Configuration file (smad config show).", envvar="SMAD_CONFIG"
+    "--config", "Configuration file (smad config show).", PATH, envvar="SMAD_CONFIG"
 )
 lease_option = option(
     "--lease S",
-    Quantity("s", 0.5, 3600.0),
     "On a real bench: the daemon disarms after this time without a message from this program.",
+    Quantity("s", 0.5, 3600.0),
     default=2.0,
 )
 bench_option = option(
-    "--bench", str, "Name of the bench, if there are several.", default="bench", envvar="SMAD_BENCH"
+    "--bench", "Name of the bench, if there are several.", default="bench", envvar="SMAD_BENCH"
 )
 AXIS = "smad.axis"
 """Where the context of a command keeps the axis that was typed."""
@@ -237,7 +237,7 @@ axis_option = replace(bench_option, others=(_AXIS_OPTION,))
 def port_option(usual: int) -> Any:
     """Return the option of a server's port."""
     return option(
-        "--port", Whole(0, 65535), "TCP port on this machine; 0 takes any.", default=usual
+        "--port", "TCP port on this machine; 0 takes any.", Whole(0, 65535), default=usual
     )
 
 

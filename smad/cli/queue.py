@@ -38,8 +38,8 @@ class _Place:
     bench: str = bench_option
     folder: Path | None = option(
         "--folder",
-        FOLDER,
         "Folder of the queue  [default: that of the daemon's run logs, else runs]",
+        FOLDER,
         envvar="SMAD_QUEUE",
     )
 
@@ -68,7 +68,7 @@ def add(
     *,
     kind: str = argument(metavar="run|tune|checkup|move"),
     words: tuple[str, ...] = argument(click.UNPROCESSED, nargs=-1),
-    repeat: int = option("--repeat", Whole(1, 1000), "How many copies to add.", default=1),
+    repeat: int = option("--repeat", "How many copies to add.", Whole(1, 1000), default=1),
     as_json: bool = json_option,
     opened: Queue = _queue,
 ) -> None:
@@ -161,17 +161,15 @@ def pause(
 @queue.command()
 def resume(
     *,
-    until: str | None = option(
-        "--until HH:MM", str, "End time, such as 07:30 or 2026-11-26T07:30."
-    ),
-    hours: float | None = option("--hours", Quantity("h", 0.0, 744.0, above=True), "Longest time."),
+    until: str | None = option("--until HH:MM", "End time, such as 07:30 or 2026-11-26T07:30."),
+    hours: float | None = option("--hours", "Longest time.", Quantity("h", 0.0, 744.0, above=True)),
     energy_kJ: float | None = option(
-        "--energy-kJ", Quantity("kJ", 0.0, above=True), "Largest heating energy."
+        "--energy-kJ", "Largest heating energy.", Quantity("kJ", 0.0, above=True)
     ),
     cycles: float | None = option(
-        "--cycles", Quantity(low=0.0, above=True), "Largest number of cycles."
+        "--cycles", "Largest number of cycles.", Quantity(low=0.0, above=True)
     ),
-    code: str | None = option("--confirm CODE", str, "Second step, with the code of the first."),
+    code: str | None = option("--confirm CODE", "Second step, with the code of the first."),
     opened: Queue = _queue,
 ) -> None:
     """Arm the queue, in two steps.
@@ -232,7 +230,7 @@ def run(
 @queue.command()
 def messages(
     *,
-    after: int = option("--after", Whole(0), "Only messages with a higher number.", default=0),
+    after: int = option("--after", "Only messages with a higher number.", Whole(0), default=0),
     as_json: bool = json_option,
     opened: Queue = _queue,
 ) -> None:

@@ -28,7 +28,7 @@ def repeat(
     other_bench: bool = flag("--other-bench", "Allow a run of another bench or board."),
     sim: bool = sim_option,
     save_logs: Path = option(
-        "--save-logs", FOLDER, "With --sim, the folder of the new run log.", default=Path("runs")
+        "--save-logs", "With --sim, the folder of the new run log.", FOLDER, default=Path("runs")
     ),
     seed: int = seed_option,
     lease: float = lease_option,

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 TITLE = "circles of the segments of a robot, in turn and together"
 """What `smad run six-axes` does."""
-_period = option("--period", Quantity("s", 0.5, 3600.0), "Seconds for one circle.", default=20.0)
+_period = option("--period", "Seconds for one circle.", Quantity("s", 0.5, 3600.0), default=20.0)
 
 
 @click.group(cls=Group)
@@ -56,7 +56,7 @@ def step(
     pitch_deg: float = argument(Quantity("deg")),
     yaw_deg: float = argument(Quantity("deg")),
     duration_s: float = option(
-        "--for", Quantity("s", 0.1, 3600.0), "Seconds to stay there.", default=10.0
+        "--for", "Seconds to stay there.", Quantity("s", 0.1, 3600.0), default=10.0
     ),
     wait: bool = wait_option,
     bench: str = bench_option,
@@ -77,7 +77,7 @@ def circle(
     segment: str = argument(),
     radius_deg: float = argument(Quantity("deg", 0.0, 180.0)),
     period_s: float = _period,
-    cycles: int = option("--cycles", Whole(1, 1000), "Number of circles.", default=1),
+    cycles: int = option("--cycles", "Number of circles.", Whole(1, 1000), default=1),
     wait: bool = wait_option,
     bench: str = bench_option,
 ) -> None:
@@ -109,9 +109,9 @@ def follow(
 def six_axes(
     *,
     sim: bool = flag("--sim", "On a simulated bench of six axes."),
-    radius_deg: float = option("--radius", Quantity("deg", 0.1, 180.0), "Degrees.", default=15.0),
+    radius_deg: float = option("--radius", "Degrees.", Quantity("deg", 0.1, 180.0), default=15.0),
     period_s: float = _period,
-    report: Path | None = option("--report", OUTPUT, "Page; by default beside the log."),
+    report: Path | None = option("--report", "Page; by default beside the log.", OUTPUT),
     bench: str = bench_option,
 ) -> None:
     """Let the segments draw circles, in turn and together.

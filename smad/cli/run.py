@@ -66,57 +66,54 @@ def run(
     sim: bool = flag("--sim", "In virtual time, on a simulated bench."),
     parameters: str = option(
         "--parameters",
-        str,
         "Parameter file (or A, B, conserving): of the simulated bench, and to compare with.",
         default="A",
     ),
     model: Path | None = option(
         "--model",
-        FILE,
         "Model file of the diagnosis: parameters, variant and effects of the simulated bench.",
+        FILE,
     ),
     settings: tuple[str, ...] = option(
         "--set [EXPERIMENT.]KEY=VALUE",
-        str,
         "Change a setting of an experiment; may be repeated.",
         multiple=True,
     ),
     config_file: Path | None = option(
-        "--config", FILE, "Configuration of the control in virtual time, as for `smad start`."
+        "--config", "Configuration of the control in virtual time, as for `smad start`.", FILE
     ),
     seed: int = seed_option,
     jobs: int | None = option(
-        "--jobs", Whole(1, 256), "Processes for --sim; by default one a core."
+        "--jobs", "Processes for --sim; by default one a core.", Whole(1, 256)
     ),
     logs: tuple[Path, ...] = option(
         "--from",
-        FILE,
         "Analyse these run logs instead of running anything; may be repeated.",
+        FILE,
         multiple=True,
     ),
     fixture: str = option(
         "--fixture",
-        click.Choice(["antagonistic", "stretch", "blocked"]),
         "How the springs of the real bench are mounted.",
+        click.Choice(["antagonistic", "stretch", "blocked"]),
         default="antagonistic",
     ),
     air: bool = flag("--air", "The real bench has no tubes mounted."),
     lacking: tuple[str, ...] = option(
         "--lacking PART",
-        str,
         "Remove a sensor (a channel such as force_N) of the simulated bench; may be repeated.",
         multiple=True,
     ),
     report: Path | None = option(
         "--report",
-        OUTPUT,
         "Page to write [default: experiments.html; experiments-2.html and so on if it exists]",
+        OUTPUT,
     ),
     save_parameters: Path | None = option(
-        "--save-parameters", OUTPUT, "Write the recovered parameters to this parameter file."
+        "--save-parameters", "Write the recovered parameters to this parameter file.", OUTPUT
     ),
     save_logs: Path | None = option(
-        "--save-logs", FOLDER, "With --sim, write the run logs into this folder."
+        "--save-logs", "With --sim, write the run logs into this folder.", FOLDER
     ),
     feedforward: bool = flag(
         "--feedforward", "Only print the section [control.feedforward] for --parameters."

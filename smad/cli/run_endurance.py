@@ -33,58 +33,58 @@ def _require_pairs(given: Mapping[str, Any]) -> None:
 @click.command(cls=Command, require=_require_pairs)
 def endurance(
     *,
-    cycles: int = option("--cycles", Whole(1, 10_000_000), "How many.", required=True),
+    cycles: int = option("--cycles", "How many.", Whole(1, 10_000_000), required=True),
     displacement: tuple[float, float] | None = option(
         "--displacement LOW HIGH",
-        Quantity("mm", -20.0, 20.0),
         "Cycle between these, mm  [default: -5 5]",
+        Quantity("mm", -20.0, 20.0),
     ),
     temperature: tuple[float, float] | None = option(
         "--temperature LOW HIGH",
-        Quantity("degC", 0.0, 95.0),
         "Cycle one spring between these instead, °C.",
+        Quantity("degC", 0.0, 95.0),
     ),
     spring: Literal["x", "y"] = option(
-        "--spring", click.Choice(["x", "y"]), "With --temperature: the spring.", default="x"
+        "--spring", "With --temperature: the spring.", click.Choice(["x", "y"]), default="x"
     ),
     rate: float = option(
         "--rate MM/S",
-        Quantity(low=0.01, high=50.0),
         "Rate of the ramps; K/s with --temperature.",
+        Quantity(low=0.01, high=50.0),
         default=2.0,
     ),
     dwell: float = option(
-        "--dwell S", Quantity("s", 0.0, 600.0), "Pause at each end.", default=1.0
+        "--dwell S", "Pause at each end.", Quantity("s", 0.0, 600.0), default=1.0
     ),
     every: tuple[int, str] | None = option(
         "--every N checkup",
-        (Whole(1), click.Choice(["checkup"])),
         "Play the quick check-up every N cycles.",
+        (Whole(1), click.Choice(["checkup"])),
     ),
-    baseline: Path | None = option("--baseline", FOLDER, "Baseline of the check-ups."),
+    baseline: Path | None = option("--baseline", "Baseline of the check-ups.", FOLDER),
     end_stroke_lost: float | None = option(
-        "--end-stroke-lost %", _percent, "End when this much stroke is lost."
+        "--end-stroke-lost %", "End when this much stroke is lost.", _percent
     ),
     end_resistance_up: float | None = option(
-        "--end-resistance-up %", _percent, "End when resistance has risen by this much."
+        "--end-resistance-up %", "End when resistance has risen by this much.", _percent
     ),
     end_shift: float | None = option(
         "--end-shift K",
-        Quantity("K", 0.0, 100.0, above=True),
         "End when the transformation shifted.",
+        Quantity("K", 0.0, 100.0, above=True),
     ),
     end_place: float | None = option(
         "--end-place P",
-        Quantity("1", 0.0, 1.0, above=True),
         "End when a place has changed with this probability.",
+        Quantity("1", 0.0, 1.0, above=True),
     ),
     full_every: int = option(
         "--full-every",
-        Whole(1, 1_000_000),
         "Keep all samples of every n-th cycle, only statistics of the others.",
+        Whole(1, 1_000_000),
         default=1,
     ),
-    folder: Path = option("--folder", FOLDER, "Where cycles.csv goes.", default=Path("endurance")),
+    folder: Path = option("--folder", "Where cycles.csv goes.", FOLDER, default=Path("endurance")),
     go_on: bool = flag("--go-on", "Go on after the cycles that the folder has."),
     sim: bool = sim_option,
     effects: tuple[str, ...] = effect_option,

@@ -20,7 +20,7 @@ def service() -> None:
 @service.command()
 def install(
     root: Path = option(
-        "--root", FOLDER, "Root of the system, for an image that is being made.", default=Path("/")
+        "--root", "Root of the system, for an image that is being made.", FOLDER, default=Path("/")
     ),
     overwrite: bool = flag("--overwrite", "Replace files that were edited."),
 ) -> None:

@@ -17,11 +17,11 @@ from smad.view.terminal.tables import print_columns
 def sim(
     *,
     path: Path | None = config_option,
-    symlink: Path | None = option("--symlink", PATH, "A lasting name for the port."),
+    symlink: Path | None = option("--symlink", "A lasting name for the port.", PATH),
     model_path: Path | None = option(
         "--model",
-        PATH,
         "Model file of smad gap diagnose --apply, in place of the configured plant.",
+        PATH,
     ),
     effects: tuple[str, ...] = effects_option(
         "An effect that the bench has (smad gap effects); typical strength without values."
@@ -29,10 +29,10 @@ def sim(
     rate: str | None = rate_option,
     boards: Boards = together(Boards),
     store_path: Path | None = option(
-        "--store", FILE, "With --firmware: file that keeps the board's parameter memory."
+        "--store", "With --firmware: file that keeps the board's parameter memory.", FILE
     ),
-    seconds: float | None = option("--for S", Quantity("s", 0.0, 1e9), "End after this time."),
-    transport: str = option("--transport", str, "pty, or fd:N,… (sockets).", default="pty"),
+    seconds: float | None = option("--for S", "End after this time.", Quantity("s", 0.0, 1e9)),
+    transport: str = option("--transport", "pty, or fd:N,… (sockets).", default="pty"),
 ) -> None:
     """Run the simulated bench alone, without a daemon.
 

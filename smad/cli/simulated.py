@@ -24,41 +24,38 @@ if TYPE_CHECKING:
 FIRMWARES = "The board: " + ", ".join(f"{name} ({b.about})" for name, b in BOARDS.items()) + "."
 
 sim_option = flag("--sim", "On a simulated bench in virtual time.")
-seed_option = option("--seed", Whole(0, 2**32 - 1), "With --sim: seed of all noise.", default=0)
+seed_option = option("--seed", "With --sim: seed of all noise.", Whole(0, 2**32 - 1), default=0)
 
 
 def effects_option(about: str) -> Any:
     """Return the option --effect, which may be repeated, of a simulated bench."""
-    return option(
-        "--effect NAME[:P=V,…]", str, about, multiple=True, shell_complete=complete.effects
-    )
+    return option("--effect NAME[:P=V,…]", about, multiple=True, shell_complete=complete.effects)
 
 
 effect_option = effects_option("With --sim: an effect that the simulated bench has.")
 
 
-rate_option = option("--rate", click.Choice(["100", "250", "500"]), "Samples per second.")
+rate_option = option("--rate", "Samples per second.", click.Choice(["100", "250", "500"]))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Boards:
     """The boards that `smad sim` runs, and `smad start --sim` begins."""
 
-    axes: int | None = option("--axes", Whole(1, 6), "Number of boards.")
-    speed: float | None = option("--speed", float, "Board time over wall time.")
-    seed: int | None = option("--seed", Whole(0, 2**32 - 1), "Seed of all noise.")
+    axes: int | None = option("--axes", "Number of boards.", Whole(1, 6))
+    speed: float | None = option("--speed", "Board time over wall time.", float)
+    seed: int | None = option("--seed", "Seed of all noise.", Whole(0, 2**32 - 1))
     paced_by_host: bool = flag("--paced-by-host", "The board waits for each setpoint.")
     faults: tuple[str, ...] = option(
         "--fault NAME@S[:KEY=VALUE,…]",
-        str,
         "A fault to inject; smad sim --fault list lists them.",
         multiple=True,
     )
-    firmware: str = option("--firmware", click.Choice([*BOARDS]), FIRMWARES, default="python")
+    firmware: str = option("--firmware", FIRMWARES, click.Choice([*BOARDS]), default="python")
     # With --paced-by-host both ends wait so many times as long for each other.
-    patience: int = option("--patience", Whole(1, 1000), default=1, hidden=True)
+    patience: int = option("--patience", type=Whole(1, 1000), default=1, hidden=True)
     # End when this process does.
-    parent: int | None = option("--parent", int, hidden=True)
+    parent: int | None = option("--parent", type=int, hidden=True)
 
     def configured(self, path: Path | None, rate: str | None) -> Config:
         """The configuration of a file, else the usual one, with what is asked of the boards."""

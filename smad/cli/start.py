@@ -26,19 +26,19 @@ if TYPE_CHECKING:
 def start(
     *,
     port: str | None = option(
-        "--port", str, "Serial device of the board, preferably /dev/serial/by-id/…."
+        "--port", "Serial device of the board, preferably /dev/serial/by-id/…."
     ),
     simulated: bool = flag("--sim", "Start a simulated bench and use it."),
     path: Path | None = config_option,
-    bench: str | None = option("--bench", str, "Name of the bench, if there are several."),
-    baud: int | None = option("--baud", Whole(1), "Bits per second of the serial line."),
+    bench: str | None = option("--bench", "Name of the bench, if there are several."),
+    baud: int | None = option("--baud", "Bits per second of the serial line.", Whole(1)),
     without_missing: bool = flag("--without-missing", "Start even if some boards are missing."),
     rate: str | None = rate_option,
     boards: Boards = together(Boards, "With --sim: "),
     fd: str | None = option(
-        "--fd", str, "Inherited sockets instead of ports: N,… by axis.", hidden=True
+        "--fd", "Inherited sockets instead of ports: N,… by axis.", hidden=True
     ),
-    trace_path: Path | None = option("--trace", PATH, hidden=True),
+    trace_path: Path | None = option("--trace", type=PATH, hidden=True),
     no_realtime: bool = flag("--no-realtime", "Do not ask for real-time measures."),
 ) -> int:
     """Run the daemon until ctrl-C, which disarms.

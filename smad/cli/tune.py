@@ -33,14 +33,14 @@ def tune(
     loop: str = argument(click.Choice(["displacement", "temperature"]), default="displacement"),
     spring: Spring = option(
         "--spring",
-        click.Choice(["x", "y"]),
         "Which spring to heat, for the temperature loop.",
+        click.Choice(["x", "y"]),
         default="x",
     ),
     trial: bool = flag("--trial/--no-trial", "Try the old and the new gains.", default=True),
     apply: bool = flag("--apply", "Put the new gains in force on the running daemon."),
     save: Path | None = option(
-        "--save FILE", OUTPUT, "Write the section of the configuration to a new file."
+        "--save FILE", "Write the section of the configuration to a new file.", OUTPUT
     ),
     as_json: bool = json_option,
     lease: float = lease_option,

@@ -15,7 +15,7 @@ def command(
     runs: tuple[Path, ...] = runs_argument,
     hold_out: tuple[Path, ...] = hold_out_option,
     good: tuple[Path, ...] = good_option,
-    seed: int = option("--seed", int, default=0),
+    seed: int = option("--seed", type=int, default=0),
 ) -> None:
     for group in (runs, hold_out, good):
         click.echo(" ".join(path.name for path in group))
