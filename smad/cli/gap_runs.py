@@ -1,6 +1,5 @@
 """Runs on the command line of the diagnosis: files, patterns and folders, several to an option."""
 
-import glob
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,7 @@ import click
 
 from smad.cli import complete
 from smad.cli.options import Command, argument, option
-from smad.runlog.paths import SUFFIX, names_of, passed_over
+from smad.runlog.paths import SUFFIX, names_of
 from smad.view.terminal.progress import note
 
 
@@ -51,35 +50,14 @@ def files_option(name: str, about: str) -> Any:
 
 
 def _files(value: str, ctx: click.Context, param: click.Parameter) -> list[Path]:
-    path = Path(value)
-    if path.is_file():
-        return [path]
-    if path.is_dir():
-        from smad.records.tables import KINDS
+    from smad.records.finding import runs_at
 
-        paths = _in_folder(path)
-        kinds = ", ".join(f"*{kind}" for kind in KINDS)
-        lacking = f"folder {value!r} holds no run log (*{SUFFIX}) and no table ({kinds})"
-    else:
-        paths = sorted(p for p in map(Path, glob.glob(value)) if p.is_file())
-        lacking = f"no file, folder or match of a pattern: {value!r}"
+    paths, lacking = runs_at(value, note)
     if not paths:
         raise click.BadParameter(
             f"{lacking}. Give run logs, a folder of them or a quoted pattern", ctx, param
         )
     return paths
-
-
-def _in_folder(folder: Path) -> list[Path]:
-    """The run logs of a folder, or its tables where it has none; files passed over are named."""
-    from smad.records.tables import is_table
-
-    there = sorted(p for p in folder.iterdir() if p.is_file())
-    logs = [p for p in there if p.name.lower().endswith(SUFFIX)]
-    runs = logs or [p for p in there if is_table(p)]
-    if runs and (text := passed_over(folder, there, runs)):
-        note(text)
-    return runs
 
 
 runs_argument = argument(

@@ -1,16 +1,12 @@
 """`smad hooks`: word of what happens on a bench, and the relay of its heaters' supply."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from smad.cli.options import FOLDER, Group, argument, bench_option, flag, option
 from smad.errors import CommandError
 from smad.view.terminal.progress import note
-
-if TYPE_CHECKING:
-    from smad.hooks.relay import Relay
 
 
 @click.group(cls=Group)
@@ -79,7 +75,7 @@ def relay(
     """
     from smad.client import Client
     from smad.client.signals import ended_by_signals
-    from smad.hooks.relay import HoldingRelay, TasmotaRelay, hold
+    from smad.hooks.relay import HoldingRelay, Relay, TasmotaRelay, hold
 
     if (tasmota is None) == (not holding) or holding != bool(command):
         raise click.UsageError("give --tasmota URL, or --while COMMAND…")

@@ -116,10 +116,7 @@ def _limit_of_bench(bench: str, field: str) -> str:
     from smad.config import parse_config
 
     with contextlib.suppress(SmadError), client(bench) as bench_client:
-        limits = parse_config(bench_client.config()).limits
-        if field.endswith("_mm_per_s"):
-            return f"up to {limits.reference_rate_max_mm_per_s:g} mm/s"
-        return f"up to ±{limits.displacement_max_mm:g} mm"
+        return parse_config(bench_client.config()).limits.in_words(field)
     return ""
 
 

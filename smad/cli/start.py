@@ -1,12 +1,10 @@
 """`smad start`: the daemon, on a board or on a simulated bench."""
 
-from __future__ import annotations
-
+import contextlib
 import dataclasses
 import functools
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -15,11 +13,6 @@ from smad.cli.quantity import Whole
 from smad.cli.simulated import Boards, rate_option
 from smad.errors import ConfigError
 from smad.view.terminal.progress import progress
-
-if TYPE_CHECKING:
-    from smad.config import Config
-    from smad.daemon.link.port import Opener
-    from smad.daemon.process import Options
 
 
 @click.command(cls=Command)
@@ -46,6 +39,7 @@ def start(
     Clients then command it: smad status, smad arm, smad move …, or smad.Client in Python.
     """
     from smad.config import load_config, with_changes, without_realtime
+    from smad.daemon.lifecycle import run
     from smad.daemon.link.openers import serial_openers, socket_openers
     from smad.daemon.process import Options
     from smad.daemon.trace import Trace
@@ -69,26 +63,29 @@ def start(
         patience=boards.patience,
         without_missing=without_missing,
     )
-    if not simulated:
-        if port is not None and config.axes:
-            cause, action = "--port is for a bench of one axis", "set the ports in [[axes]]"
-            raise ConfigError(cause, value=port, action=action)
-        config = with_changes(config, link={"port": port})
-        openers = serial_openers(config) if fd is None else socket_openers(config, fd)
-        return _run(config, openers, options)
-    with (
-        progress() as line,
-        simulated_board(
-            config,
-            boards.words(path),
-            firmware=boards.firmware,
-            paced_by_host=boards.paced_by_host,
-            waiting=line.say,
-        ) as (config, parameter_text),
-    ):
-        line.done()
-        options = dataclasses.replace(options, parameter_text=parameter_text)
-        return _run(config, serial_openers(config), options)
+    with contextlib.ExitStack() as stack:
+        if simulated:
+            line = stack.enter_context(progress())
+            board = simulated_board(
+                config,
+                boards.words(path),
+                firmware=boards.firmware,
+                paced_by_host=boards.paced_by_host,
+                waiting=line.say,
+            )
+            config, parameter_text = stack.enter_context(board)
+            options = dataclasses.replace(options, parameter_text=parameter_text)
+            line.done()
+        elif port is not None:
+            if config.axes:
+                cause, action = "--port is for a bench of one axis", "set the ports in [[axes]]"
+                raise ConfigError(cause, value=port, action=action)
+            config = with_changes(config, link={"port": port})
+        on_lines = simulated or fd is None
+        openers = serial_openers(config) if on_lines else socket_openers(config, fd)
+        ended = run(config, openers, options)
+    click.echo(f"smad: {ended.line}", err=True)
+    return ended.status
 
 
 def _require_none(given: Mapping[str, object]) -> None:
@@ -97,11 +94,3 @@ def _require_none(given: Mapping[str, object]) -> None:
         if value is not None:
             cause = f"{name} and --sim exclude each other"
             raise ConfigError(cause, value=value, action=f"leave {name} out, or --sim")
-
-
-def _run(config: Config, openers: Mapping[str, Opener], options: Options) -> int:
-    from smad.daemon.lifecycle import run
-
-    ended = run(config, openers, options)
-    click.echo(f"smad: {ended.line}", err=True)
-    return ended.status

@@ -171,6 +171,11 @@ def labelled(label: str, text: str) -> str:
     return f"{label:<{_LABEL}} {text}"
 
 
+def folded(line: str, width: int) -> str:
+    """Return a labelled line in lines of at most `width`: the text goes on below itself."""
+    return click.wrap_text(line, width, subsequent_indent=labelled("", ""))
+
+
 def _lost(count: int) -> str:
     return _red(str(count)) if count else "0"
 
