@@ -19,7 +19,6 @@ from smad.files import named_output
 from smad.view.terminal.progress import Progress, progress
 
 if TYPE_CHECKING:
-    from smad.checkup.inquiry import Report
     from smad.checkup.series import Player
 
 _programme = option("--programme", "A programme in place of the package's.", FOLDER)
@@ -195,7 +194,9 @@ def investigate(
     from smad.checkup.inquiry import Inquiry, open_folder
     from smad.checkup.programme import chosen
     from smad.checkup.store import load
+    from smad.diagnosis.report.words import budget_lines
     from smad.diagnosis.spring_pair import SmaPlant
+    from smad.diagnosis.verdict import CHECK_UP
 
     require_sim(effects, sim=sim)
     plant, programme = SmaPlant(), chosen(programme_folder)
@@ -218,7 +219,22 @@ def investigate(
             seconds=60.0 * minutes,
         )
         report = inquiry.carry_out(line.say)
-    _print_report(report, place, inquiry.spent_s(report))
+    assert report.verdict is not None
+    print_verdict(report.verdict)
+    spent_min = inquiry.spent_s(report) / 60.0
+    click.echo(f"{report.why_over}; {counted(len(report.records), 'run')} in {spent_min:.1f} min")
+    for run, separation in report.offers.items():
+        click.echo(
+            f"the baseline has no run {run}; recorded on the good bench, it would be expected to "
+            f"separate the remaining causes by d² = {separation:.0f}"
+        )
+    if report.proof:
+        click.echo("held out, with the model from the runs before:")
+        for text in budget_lines(report.proof, CHECK_UP):
+            click.echo(text)
+    if report.model:
+        click.echo(f"model: {report.model}")
+    click.echo(f"runs and report: {place}")
 
 
 @contextlib.contextmanager
@@ -237,26 +253,3 @@ def _player(
         live(connected, bench=bench, who="smad gap", say=line.note, progress=line.say) as player,
     ):
         yield player
-
-
-def _print_report(report: Report, folder: Path, spent_s: float) -> None:
-    from smad.diagnosis.report.words import budget_lines
-    from smad.diagnosis.verdict import CHECK_UP
-
-    assert report.verdict is not None
-    print_verdict(report.verdict)
-    click.echo(
-        f"{report.why_over}; {counted(len(report.records), 'run')} in {spent_s / 60.0:.1f} min"
-    )
-    for run, separation in report.offers.items():
-        click.echo(
-            f"the baseline has no run {run}; recorded on the good bench, it would be expected to "
-            f"separate the remaining causes by d² = {separation:.0f}"
-        )
-    if report.proof:
-        click.echo("held out, with the model from the runs before:")
-        for text in budget_lines(report.proof, CHECK_UP):
-            click.echo(text)
-    if report.model:
-        click.echo(f"model: {report.model}")
-    click.echo(f"runs and report: {folder}")

@@ -38,6 +38,7 @@ _NOT_QUEUED = ("listing", "feedforward", "logs")
 
 def items_of(kind: str, given: Sequence[str], folder: Path, repeat: int) -> list[Item]:
     """Return `repeat` items of a kind, checked. Raises QueueError, or what the command raises."""
+    from smad.experiments.registry import whole_names
     from smad.queue.states import Item
 
     if kind not in KINDS:
@@ -90,18 +91,6 @@ def obstacle_of(item: Item) -> Obstacle | None:
     except click.ClickException as error:
         return Obstacle(error.format_message())
     return None
-
-
-def whole_names(given: Sequence[str]) -> list[str]:
-    """Return the words with a shortened experiment's name made whole: `fig11` is fig11-tracking."""
-    from smad.experiments.registry import EXPERIMENTS
-
-    words = list(given)
-    if words and words[0] not in EXPERIMENTS:
-        fitting = [name for name in EXPERIMENTS if name.startswith(words[0])]
-        if len(fitting) == 1:
-            words[0] = fitting[0]
-    return words
 
 
 def _checked(kind: str, words: Sequence[str], folder: Path) -> bool:

@@ -81,8 +81,10 @@ def start(
                 cause, action = "--port is for a bench of one axis", "set the ports in [[axes]]"
                 raise ConfigError(cause, value=port, action=action)
             config = with_changes(config, link={"port": port})
-        on_lines = simulated or fd is None
-        openers = serial_openers(config) if on_lines else socket_openers(config, fd)
+        if simulated or fd is None:
+            openers = serial_openers(config)
+        else:
+            openers = socket_openers(config, fd)
         ended = run(config, openers, options)
     click.echo(f"smad: {ended.line}", err=True)
     return ended.status

@@ -1,11 +1,17 @@
 """Run logs in words, for whoever prints them: header, rows and events. Pure."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from smad.runlog.header import date_of
 from smad.runlog.overview import Overview
-from smad.runlog.summary import RunSummary
+
+if TYPE_CHECKING:
+    # A list of runs needs no numpy.
+    from smad.runlog.summary import RunSummary
 
 _EVENTS_SHOWN = 10
 
