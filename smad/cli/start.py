@@ -81,10 +81,8 @@ def start(
                 cause, action = "--port is for a bench of one axis", "set the ports in [[axes]]"
                 raise ConfigError(cause, value=port, action=action)
             config = with_changes(config, link={"port": port})
-        if simulated or fd is None:
-            openers = serial_openers(config)
-        else:
-            openers = socket_openers(config, fd)
+        sockets = None if simulated else fd
+        openers = serial_openers(config) if sockets is None else socket_openers(config, sockets)
         ended = run(config, openers, options)
     click.echo(f"smad: {ended.line}", err=True)
     return ended.status
