@@ -25,12 +25,12 @@ from campaign.soak.run import run_stage
 from firmware_protocol.nearest import instead
 from smad.cli import root as smad_root
 from smad.cli import run_group
-from smad.cli.output import progress
 from smad.cli.quantity import Quantity, Whole
-from smad.cli.tables import print_table
 from smad.client.signals import ended_by_signals
 from smad.errors import CommandError
 from smad.report.page import write_page
+from smad.view.terminal.progress import progress
+from smad.view.terminal.tables import print_table
 
 _PAIRS_A_COUNT = 5
 _SHOWN = 5

@@ -79,6 +79,28 @@ def damaged(kind: type[SmadError], path: Path, error: Exception) -> SmadError:
     )
 
 
+def unusable_path(error: Exception) -> str:
+    """Say that a path given by the user cannot be used; nothing when that is not what happened."""
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"cannot use {error.filename}: {error.strerror}; check the path, or name another"
+    if isinstance(error, ValueError) and "embedded null" in str(error):
+        return "a path contains a NUL character; leave it out"
+    return ""
+
+
+def reported(error: Exception) -> str:
+    """Write the traceback of an error that is a mistake of ours to a file, and say where it is."""
+    import tempfile
+    import traceback
+
+    with tempfile.NamedTemporaryFile("w", prefix="smad-", suffix=".txt", delete=False) as file:
+        file.write("".join(traceback.format_exception(error)))
+    return (
+        f"internal error: {type(error).__name__}: {error}; this is a mistake in smad, "
+        f"please report it with {file.name}"
+    )
+
+
 @contextlib.contextmanager
 def refused_by_system(
     kind: type[SmadError], cause: str, *, value: Any = None, limit: Any = None, action: str

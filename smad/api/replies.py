@@ -330,6 +330,14 @@ class Param(Struct, frozen=True, kw_only=True):
     unit: Annotated[str, Meta(description="unit of all three")] = ""
     description: Annotated[str, Meta(description="what it does")] = ""
 
+    def in_words(self) -> str:
+        """Return its value as it is named and set, and as a person reads it."""
+        raw = f"{self.value:.10g} {self.unit}".rstrip()
+        if self.unit not in READ_AS:
+            return raw
+        unit, scale = READ_AS[self.unit]
+        return f"{raw} = {self.value * scale:g} {unit}"
+
 
 class ParamList(Struct, frozen=True, kw_only=True):
     """All parameters of the board."""

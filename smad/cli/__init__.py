@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 import click
 
 from firmware_protocol.nearest import instead
-from smad.errors import SmadError
+from smad.errors import SmadError, reported, unusable_path
 from smad.extras import missing
 from smad.processes.oom import prefer_as_oom_victim
 from smad.units import is_unit
@@ -41,8 +41,8 @@ _NO_COMMAND = re.compile(r"No such command '([^']+)'")
 _EXTRA = re.compile(r"Got unexpected extra argument \((\S+)\)")
 _NO_NUMBER = re.compile(r"is not a valid (float|integer)")
 _NUMBERS = {"float": "number", "integer": "whole number"}
-_INTERRUPTED = 130
-_INTERNAL = 70
+INTERRUPTED = 130
+INTERNAL = 70
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -159,20 +159,20 @@ def run_group(group: click.Group, arguments: Sequence[str], program: str) -> int
     except click.ClickException as error:
         return _complain(error.format_message(), error.exit_code)
     except (click.Abort, KeyboardInterrupt):
-        return _complain("interrupted", _INTERRUPTED)
+        return _complain("interrupted", INTERRUPTED)
     except BrokenPipeError:
         # Whoever read our output has gone; a second complaint at exit would help nobody.
         _discard_output()
         return 1
     except ModuleNotFoundError as error:
         extra = missing(error, arguments)
-        return _complain(str(extra), 1) if extra else _complain(_internal(error), _INTERNAL)
+        return _complain(str(extra), 1) if extra else _complain(reported(error), INTERNAL)
     except Exception as error:
         if isinstance(error, OSError) and error.errno in _NO_ROOM:
             _discard_output()
             return _complain(f"the answer cannot be printed: {error.strerror}; make room", 1)
-        reason = _unusable_path(error)
-        return _complain(reason, 1) if reason else _complain(_internal(error), _INTERNAL)
+        reason = unusable_path(error)
+        return _complain(reason, 1) if reason else _complain(reported(error), INTERNAL)
     return result if isinstance(result, int) else 0
 
 
@@ -194,27 +194,6 @@ def _discard_output() -> None:
     """Let what is still to be printed go nowhere, so that nothing complains of it at the exit."""
     if sys.stdout is not None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _unusable_path(error: Exception) -> str:
-    """Say that a path given by the user cannot be used; nothing when that is not what happened."""
-    if isinstance(error, OSError) and error.filename is not None:
-        return f"cannot use {error.filename}: {error.strerror}; check the path, or name another"
-    if isinstance(error, ValueError) and "embedded null" in str(error):
-        return "a path contains a NUL character; leave it out"
-    return ""
-
-
-def _internal(error: Exception) -> str:
-    import tempfile
-    import traceback
-
-    with tempfile.NamedTemporaryFile("w", prefix="smad-", suffix=".txt", delete=False) as file:
-        file.write("".join(traceback.format_exception(error)))
-    return (
-        f"internal error: {type(error).__name__}: {error}; this is a mistake in smad, "
-        f"please report it with {file.name}"
-    )
 
 
 def _complain(message: str, status: int) -> int:

@@ -5,18 +5,16 @@ import contextlib
 
 import click
 
-from smad.cli.output import bench_option, tcp_port_option
+from smad.cli.options import Group, bench_option, port_option
 
 
-@click.group()
+@click.group(cls=Group)
 def bridge() -> None:
     """Show the live bench in another viewer, read-only."""
 
 
 @bridge.command()
-@tcp_port_option(8765)
-@bench_option
-def foxglove(port: int, bench: str) -> None:
+def foxglove(port: int = port_option(8765), bench: str = bench_option) -> None:
     """Serve Foxglove and Lichtblick on this machine, until ctrl-C.
 
     Viewers see samples, link counters, events and parameters. They command nothing.

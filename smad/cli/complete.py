@@ -30,34 +30,32 @@ def _offer(names: Callable[[], Iterable[tuple[str, str]]]) -> Offer:
     return offered
 
 
-def _parameters() -> Iterator[tuple[str, str]]:
+@_offer
+def parameters() -> Iterator[tuple[str, str]]:
     from firmware_protocol.parameters import PARAMETERS
 
     return ((entry.name, entry.doc) for entry in PARAMETERS)
 
 
-def _experiments() -> Iterator[tuple[str, str]]:
+@_offer
+def experiments() -> Iterator[tuple[str, str]]:
     from smad.experiments.registry import EXPERIMENTS
 
     return ((name, "") for name in (*EXPERIMENTS, "all"))
 
 
-def _effects() -> Iterator[tuple[str, str]]:
+@_offer
+def effects() -> Iterator[tuple[str, str]]:
     from sim_device.plant.effects.registry import EFFECTS
 
     return ((effect.name, effect.title) for effect in EFFECTS)
 
 
-def _faults() -> Iterator[tuple[str, str]]:
+@_offer
+def faults() -> Iterator[tuple[str, str]]:
     from firmware_protocol.enums import Fault
 
     return ((fault.name, "") for fault in Fault if fault is not Fault.NONE)
-
-
-parameters = _offer(_parameters)
-experiments = _offer(_experiments)
-effects = _offer(_effects)
-faults = _offer(_faults)
 
 
 def runs(context: click.Context, parameter: click.Parameter, typed: str) -> list[CompletionItem]:

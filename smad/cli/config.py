@@ -4,18 +4,19 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import PATH, axis_option, client
+from smad.cli.options import PATH, Group, argument, axis_option, flag
+from smad.cli.output import client
 
 
-@click.group()
+@click.group(cls=Group)
 def config() -> None:
     """Print or check a configuration."""
 
 
 @config.command()
-@click.option("--running", is_flag=True, help="The one a running daemon uses.")
-@axis_option
-def show(running: bool, bench: str) -> None:
+def show(
+    running: bool = flag("--running", "The one a running daemon uses."), bench: str = axis_option
+) -> None:
     """Print the default configuration, or the one in use."""
     if running:
         with client(bench) as bench_client:
@@ -27,8 +28,7 @@ def show(running: bool, bench: str) -> None:
 
 
 @config.command()
-@click.argument("path", type=PATH)
-def check(path: Path) -> None:
+def check(path: Path = argument(PATH)) -> None:
     """Check the keys, ranges, axes and data rate of a file."""
     from smad.config import load_config
     from smad.daemon.link.wirerate import check_rate, line_share

@@ -4,33 +4,34 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import PATH, Progress
+from smad.cli.options import PATH, Command, option
 from smad.cli.quantity import Whole
 from smad.processes.boards import BOARDS
+from smad.view.terminal.progress import Progress
 
 
-@click.command()
-@click.option(
-    "--folder", type=PATH, default=Path("runs"), help="Where the run log and the page go."
-)
-@click.option("--seed", type=Whole(0, 2**32 - 1), default=0, help="Seed of all noise.")
-@click.option(
-    "--firmware",
-    "boards",
-    type=click.Choice([*BOARDS]),
-    default=["python"],
-    multiple=True,
-    help="The board, see smad sim --help; give it again for another one beside it.",
-)
-def demo(folder: Path, seed: int, boards: tuple[str, ...]) -> None:
+@click.command(cls=Command)
+def demo(
+    folder: Path = option(
+        "--folder", "Where the run log and the page go.", PATH, default=Path("runs")
+    ),
+    seed: int = option("--seed", "Seed of all noise.", Whole(0, 2**32 - 1), default=0),
+    boards: tuple[str, ...] = option(
+        "--firmware",
+        "The board, see smad sim --help; give it again for another one beside it.",
+        click.Choice([*BOARDS]),
+        default=["python"],
+        multiple=True,
+    ),
+) -> None:
     """Run steps and a sinusoid on a simulated bench; show numbers.
 
     The same seed gives the same bench. The table's last digits still differ from run to run: the
     noise depends on when the bench was armed.
     """
-    from smad.cli.tables import print_table
     from smad.demo import figures
     from smad.demo.play import play
+    from smad.view.terminal.tables import print_table
 
     line = Progress()
     tables, places = {}, []

@@ -1,27 +1,32 @@
 """`smad arm`, `disarm`, `estop`, `clear`, `heat`, `current`, `pump`, `idle`."""
 
+from collections.abc import Mapping
+
 import click
+from msgspec.structs import asdict
 
 from firmware_protocol.enums import Fault
 from smad.cli.faults import fault_argument
-from smad.cli.output import (
+from smad.cli.options import (
     NEGATIVE,
+    Command,
+    argument,
     axis_option,
     bench_option,
     checked,
-    client,
-    described,
-    wait_for_motion,
+    flag,
+    option,
     wait_option,
 )
+from smad.cli.output import client, wait_for_motion
 from smad.cli.quantity import Quantity
+from smad.control.commands import DriveCurrent, HoldTemperature
 
 _SPRING = click.Choice(["x", "y"], case_sensitive=False)
 
 
-@click.command()
-@axis_option
-def arm(bench: str) -> None:
+@click.command(cls=Command)
+def arm(bench: str = axis_option) -> None:
     """Arm the bench: the board checks itself and allows current.
 
     It stays armed after this command ends, without a lease, until a client disarms it.
@@ -31,18 +36,16 @@ def arm(bench: str) -> None:
     click.echo("armed: the bench heats when you command it; smad disarm ends this")
 
 
-@click.command()
-@bench_option
-def disarm(bench: str) -> None:
+@click.command(cls=Command)
+def disarm(bench: str = bench_option) -> None:
     """Switch heating off and cool down. Any client may do so."""
     with client(bench) as bench_client:
         bench_client.disarm()
     click.echo("disarmed: heating is off, and the board cools by itself")
 
 
-@click.command()
-@bench_option
-def estop(bench: str) -> None:
+@click.command(cls=Command)
+def estop(bench: str = bench_option) -> None:
     """Switch everything off until the board's power is cycled."""
     with client(bench) as bench_client:
         bench_client.estop()
@@ -62,10 +65,8 @@ def _duty(ctx: click.Context, param: click.Parameter, value: str) -> float:
     return duty
 
 
-@click.command()
-@fault_argument
-@axis_option
-def clear(bench: str, fault: Fault | None) -> None:
+@click.command(cls=Command)
+def clear(fault: Fault | None = fault_argument, bench: str = axis_option) -> None:
     """Acknowledge the latched fault, or only FAULT (name or number).
 
     Works once its cause is gone and the springs are cold.
@@ -75,124 +76,98 @@ def clear(bench: str, fault: Fault | None) -> None:
     click.echo("cleared: the board is watched again; arming is up to you")
 
 
-@click.command(context_settings=NEGATIVE)
-@click.argument("spring", type=_SPRING, metavar="SPRING")
-@click.argument("temperature_degC", type=Quantity("degC"), metavar="DEGC")
-@click.option(
-    "--rate", type=Quantity("K/s"), metavar="K/S", help="Ramp to it instead of going at once."
-)
-@click.option("--for", "duration_s", type=Quantity("s"), metavar="S", help="Hold for this time.")
-@click.option("--water/--no-water", default=True, help="Cool with the pump while too warm.")
-@wait_option
-@axis_option
+@click.command(cls=Command, context_settings=NEGATIVE)
 def heat(
     *,
-    spring: str,
-    temperature_degc: float,
-    rate: float | None,
-    duration_s: float | None,
-    water: bool,
-    wait: bool,
-    bench: str,
+    spring: str = argument(_SPRING, metavar="SPRING"),
+    temperature_degc: float = argument(Quantity("degC"), metavar="DEGC"),
+    rate: float | None = option(
+        "--rate K/S", "Ramp to it instead of going at once.", Quantity("K/s")
+    ),
+    duration_s: float | None = option("--for S", "Hold for this time.", Quantity("s")),
+    water: bool = flag("--water/--no-water", "Cool with the pump while too warm.", default=True),
+    wait: bool = wait_option,
+    bench: str = axis_option,
 ) -> None:
     """Hold SPRING (x or y) at a temperature in °C."""
-    from smad.control.commands import HoldTemperature
-
-    command = checked(
-        HoldTemperature(
-            spring="x" if spring == "x" else "y",
-            temperature_degC=temperature_degc,
-            rate_K_per_s=rate,
-            duration_s=duration_s,
-            use_water=water,
-        ),
-        {"temperature_degC": "DEGC", "rate_K_per_s": "--rate", "duration_s": "--for"},
+    command = HoldTemperature(
+        spring="x" if spring == "x" else "y",
+        temperature_degC=temperature_degc,
+        rate_K_per_s=rate,
+        duration_s=duration_s,
+        use_water=water,
     )
-    with client(bench) as bench_client:
-        bench_client.heat(
-            command.spring,
-            command.temperature_degC,
-            rate_K_per_s=rate,
-            duration_s=duration_s,
-            use_water=water,
-        )
-        # Without a duration it holds for ever: there is nothing to wait for.
-        wait_for_motion(
-            bench_client,
-            wait=wait and duration_s is not None,
-            what=f"spring {spring} to {temperature_degc:g} °C",
-        )
+    typed = {"temperature_degC": "DEGC", "rate_K_per_s": "--rate", "duration_s": "--for"}
+    what = f"spring {spring} to {temperature_degc:g} °C"
+    # Without a duration it holds for ever: there is nothing to wait for.
+    _begin(command, typed, bench, wait=wait and duration_s is not None, what=what)
 
 
-@click.command(context_settings=NEGATIVE)
-@click.argument("spring", type=_SPRING, metavar="SPRING")
-@click.argument("current_a", type=Quantity("A"), metavar="A")
-@click.option("--for", "duration_s", type=Quantity("s"), metavar="S", help="End after this time.")
-@click.option(
-    "--until", "until_degc", type=Quantity("degC"), metavar="DEGC", help="End at this temperature."
-)
-@wait_option
-@axis_option
+@click.command(cls=Command, context_settings=NEGATIVE)
 def current(
     *,
-    spring: str,
-    current_a: float,
-    duration_s: float | None,
-    until_degc: float | None,
-    wait: bool,
-    bench: str,
+    spring: str = argument(_SPRING, metavar="SPRING"),
+    current_a: float = argument(Quantity("A"), metavar="A"),
+    duration_s: float | None = option("--for S", "End after this time.", Quantity("s")),
+    until_degc: float | None = option("--until DEGC", "End at this temperature.", Quantity("degC")),
+    wait: bool = wait_option,
+    bench: str = axis_option,
 ) -> None:
     """Send a constant current (A) through SPRING (x or y)."""
-    from smad.control.commands import DriveCurrent
-
     heats_x = spring == "x"
-    command = checked(
-        DriveCurrent(
-            i_x_A=current_a if heats_x else 0.0,
-            i_y_A=0.0 if heats_x else current_a,
-            duration_s=duration_s,
-            stop_spring="x" if heats_x else "y",
-            stop_above_degC=until_degc,
-        ),
-        {"i_x_A": "A", "i_y_A": "A", "duration_s": "--for", "stop_above_degC": "--until"},
+    command = DriveCurrent(
+        i_x_A=current_a if heats_x else 0.0,
+        i_y_A=0.0 if heats_x else current_a,
+        duration_s=duration_s,
+        stop_spring="x" if heats_x else "y",
+        stop_above_degC=until_degc,
     )
+    typed = {"i_x_A": "A", "i_y_A": "A", "duration_s": "--for", "stop_above_degC": "--until"}
     ends = duration_s is not None or until_degc is not None
-    with client(bench) as bench_client:
-        bench_client.current(command)
-        wait_for_motion(
-            bench_client, wait=wait and ends, what=f"{current_a:g} A in spring {spring}"
-        )
+    _begin(command, typed, bench, wait=wait and ends, what=f"{current_a:g} A in spring {spring}")
 
 
-@click.command(context_settings=NEGATIVE)
-@click.argument("spring", type=_SPRING, metavar="SPRING")
-@click.argument("duty", callback=_duty)
-@click.option("--for", "duration_s", type=Quantity("s"), metavar="S", help="End after this time.")
-@wait_option
-@axis_option
-def pump(spring: str, duty: float, duration_s: float | None, wait: bool, bench: str) -> None:
+@click.command(cls=Command, context_settings=NEGATIVE)
+def pump(
+    spring: str = argument(_SPRING, metavar="SPRING"),
+    duty: float = argument(callback=_duty),
+    duration_s: float | None = option("--for S", "End after this time.", Quantity("s")),
+    wait: bool = wait_option,
+    bench: str = axis_option,
+) -> None:
     """Run the pump of SPRING (x or y) at a DUTY (0.5, or 50%)."""
-    from smad.control.commands import DriveCurrent
-
-    command = checked(
-        DriveCurrent(
-            pump_x_duty=duty if spring == "x" else 0.0,
-            pump_y_duty=duty if spring == "y" else 0.0,
-            duration_s=duration_s,
-        ),
-        {"duration_s": "--for"},
+    command = DriveCurrent(
+        pump_x_duty=duty if spring == "x" else 0.0,
+        pump_y_duty=duty if spring == "y" else 0.0,
+        duration_s=duration_s,
     )
+    what = f"pump {spring} at {duty:.0%}"
+    _begin(command, {"duration_s": "--for"}, bench, wait=wait and duration_s is not None, what=what)
+
+
+def _begin(
+    command: HoldTemperature | DriveCurrent,
+    typed: Mapping[str, str],
+    bench: str,
+    *,
+    wait: bool,
+    what: str,
+) -> None:
+    """Check a command by what was `typed` for its fields, begin it, and wait for its end."""
+    checked(command, typed)
     with client(bench) as bench_client:
-        bench_client.current(command)
-        wait_for_motion(
-            bench_client, wait=wait and duration_s is not None, what=f"pump {spring} at {duty:.0%}"
-        )
+        if isinstance(command, DriveCurrent):
+            bench_client.current(command)
+        else:
+            bench_client.heat(**asdict(command))
+        wait_for_motion(bench_client, wait=wait, what=what)
 
 
-@click.command()
-@axis_option
-def idle(bench: str) -> None:
+@click.command(cls=Command)
+def idle(bench: str = axis_option) -> None:
     """Stop the present motion: no current, no water. The bench stays armed."""
+    from smad.view.terminal.status_lines import motion_words
+
     with client(bench) as bench_client:
         motion = bench_client.idle()
-    click.echo(f"stopped: {described(motion)}")
+    click.echo(f"stopped: {motion_words(motion)}")

@@ -4,9 +4,11 @@ import click
 
 from firmware_protocol.enums import Fault
 from firmware_protocol.nearest import instead
+from firmware_protocol.supervisor.faults import FAULT_TEXTS
 from smad.cli import complete
-from smad.cli.output import bench_option, client
-from smad.cli.tables import print_columns
+from smad.cli.options import Group, argument, bench_option
+from smad.cli.output import client
+from smad.view.terminal.tables import print_columns
 
 
 def _named(ctx: click.Context, param: click.Parameter, value: str | None) -> Fault | None:
@@ -22,20 +24,16 @@ def _named(ctx: click.Context, param: click.Parameter, value: str | None) -> Fau
     raise click.BadParameter(f"there is no fault {value!r}; {suggestion}", ctx, param)
 
 
-fault_argument = click.argument(
-    "fault", callback=_named, required=False, shell_complete=complete.faults
-)
+fault_argument = argument(callback=_named, required=False, shell_complete=complete.faults)
 
 
-@click.group()
+@click.group(cls=Group)
 def faults() -> None:
     """Explain the faults that stop the board, and what to do."""
 
 
 @faults.command()
-@fault_argument
-@bench_option
-def explain(fault: Fault | None, bench: str) -> None:
+def explain(fault: Fault | None = fault_argument, bench: str = bench_option) -> None:
     """Explain a FAULT by name or number, or the latched one."""
     if fault is None:
         with client(bench) as bench_client:
@@ -45,23 +43,15 @@ def explain(fault: Fault | None, bench: str) -> None:
             return
         click.echo(f"latched: {latched.in_words()}")
         fault = Fault(latched.number)
-    _print(fault)
-
-
-@faults.command("list")
-def list_command() -> None:
-    """List every fault with its number."""
-    from firmware_protocol.supervisor.faults import FAULT_TEXTS
-
-    rows = [(str(int(fault)), fault.name, FAULT_TEXTS[fault].cause) for fault in Fault if fault]
-    print_columns(("number", "name", "cause"), rows, numeric=(0,))
-
-
-def _print(fault: Fault) -> None:
-    from firmware_protocol.supervisor.faults import FAULT_TEXTS
-
     text = FAULT_TEXTS[fault]
     click.echo(f"{fault.name} ({int(fault)})")
     click.echo(f"  cause:  {text.cause}")
     click.echo(f"  remedy: {text.remedy}")
     click.echo("  then:   smad clear, once the springs are cold; arming again is up to you")
+
+
+@faults.command("list")
+def list_command() -> None:
+    """List every fault with its number."""
+    rows = [(str(int(fault)), fault.name, FAULT_TEXTS[fault].cause) for fault in Fault if fault]
+    print_columns(("number", "name", "cause"), rows, numeric=(0,))

@@ -10,11 +10,9 @@ from smad.cli.gap_checkup import checkup, commission, investigate
 from smad.cli.gap_next import next_experiment
 from smad.cli.gap_plan import plan_runs
 from smad.cli.gap_print import (
+    SpringPair,
     arguments_text,
-    clean_errors,
-    params_option,
-    plant_of,
-    print_answer,
+    print_verdict,
     require_answered,
     variant_option,
     write_verdict,
@@ -30,60 +28,37 @@ from smad.cli.gap_runs import (
     without_cut_runs,
     without_left_out,
 )
-from smad.cli.gap_simulator import (
-    diagnose_simulator,
-    mapping_of,
-    processes_option,
-    require_pairs,
-    simulator_options,
-)
-from smad.cli.output import EXISTING, OUTPUT, json_option, print_json, progress, require_outputs
+from smad.cli.gap_simulator import Simulator, diagnose_simulator, mapping_of, processes_option
+from smad.cli.options import EXISTING, OUTPUT, Group, argument, json_option, option, together
+from smad.cli.output import plain_errors, print_json
 from smad.cli.quantity import Whole
 from smad.files import named_output
+from smad.view.terminal.progress import progress
 
 
-@click.group()
+@click.group(cls=Group)
 def gap() -> None:
     """Diagnose the gap between the simulator and recorded runs."""
 
 
-gap.add_command(commission)
-gap.add_command(checkup)
-gap.add_command(investigate)
-gap.add_command(next_experiment)
-gap.add_command(plan_runs)
+for _command in (commission, checkup, investigate, next_experiment, plan_runs):
+    gap.add_command(_command)
 
 
 @gap.command(cls=ManyRuns)
-@runs_argument
-@hold_out_option
-@good_option
-@leave_out_option
-@trust_option
-@params_option
-@variant_option
-@click.option("--json", "json_path", type=OUTPUT, help="Write the whole verdict here.")
-@click.option("--html", "html_path", type=OUTPUT, help="Write the report page here.")
-@click.option("--apply", "model_path", type=OUTPUT, help="Write the better model here.")
-@simulator_options
-@processes_option
 def diagnose(
     *,
-    runs: tuple[Path, ...],
-    hold_out: tuple[Path, ...],
-    good: tuple[Path, ...],
-    leave_out: tuple[str, ...],
-    trust: tuple[str, ...],
-    params: str,
-    variant: str,
-    json_path: Path | None,
-    html_path: Path | None,
-    model_path: Path | None,
-    fmu: Path | None,
-    mjcf: Path | None,
-    map_path: Path | None,
-    window_s: float | None,
-    processes: int | None,
+    runs: tuple[Path, ...] = runs_argument,
+    hold_out: tuple[Path, ...] = hold_out_option,
+    good: tuple[Path, ...] = good_option,
+    leave_out: tuple[str, ...] = leave_out_option,
+    trust: tuple[str, ...] = trust_option,
+    pair: SpringPair = together(SpringPair),
+    json_path: Path | None = option("--json", "Write the whole verdict here.", OUTPUT),
+    html_path: Path | None = option("--html", "Write the report page here.", OUTPUT),
+    model_path: Path | None = option("--apply", "Write the better model here.", OUTPUT),
+    simulator: Simulator = together(Simulator),
+    processes: int | None = processes_option,
 ) -> None:
     """Say where model and RUNs disagree, and what is missing.
 
@@ -97,35 +72,25 @@ def diagnose(
     The status is 3 if the runs cannot support the question.
     """
     require_among(trust, (runs, hold_out, good), "--trust")
-    require_outputs()
     runs, hold_out, good = without_left_out((runs, hold_out, good), leave_out)
     if not runs:
         raise click.UsageError("--leave-out leaves no run to fit; give more runs")
     good = without_cut_runs(good)
-    require_pairs(fmu, mjcf, map_path, window_s)
-    if fmu is not None and model_path is not None:
+    simulator.require_pairs()
+    if simulator.fmu is not None and model_path is not None:
         raise click.UsageError("--apply cannot write the model of an FMI unit; leave --apply out")
-    if processes is not None and not (fmu or mjcf):
+    if processes is not None and not simulator.given:
         raise click.UsageError("--processes needs --fmu or --mjcf; leave it out")
-    with clean_errors():
-        if map_path is not None and (fmu or mjcf):
-            answer = diagnose_simulator(
-                runs,
-                good,
-                hold_out,
-                trust,
-                fmu=fmu,
-                mjcf=mjcf,
-                map_path=map_path,
-                window_s=window_s,
-                processes=processes,
-            )
+    with plain_errors():
+        if simulator.given:
+            answer = diagnose_simulator(simulator, runs, good, hold_out, trust, processes=processes)
             arguments = ""
         else:
             from smad.diagnosis.spring_pair.files import diagnose_files
 
+            map_path = simulator.map_path
             mapping = None if map_path is None else mapping_of(map_path)
-            plant = plant_of(params, variant)
+            plant = pair.plant()
             with progress() as line:
                 answer = diagnose_files(
                     plant, runs, good, hold_out, trust, mapping=mapping, progress=line.say
@@ -138,24 +103,27 @@ def diagnose(
         with named_output(model_path) as path:
             answer.verdict.write_model(path)
         written.append(model_path)
-    print_answer(answer.verdict, arguments)
+    print_verdict(answer.verdict, arguments)
     for path in written:
         click.echo(f"written: {path}", err=True)
     require_answered(answer.verdict)
 
 
 @gap.command()
-@click.argument("verdict", type=EXISTING)
-@click.option("--out", type=OUTPUT, required=True, help="The model file to write.")
-@click.option("--first", type=Whole(0), help="Only this many causes; 0: the parameters alone.")
-def apply(*, verdict: Path, out: Path, first: int | None) -> None:
+def apply(
+    *,
+    verdict: Path = argument(EXISTING),
+    out: Path = option("--out", "The model file to write.", OUTPUT, required=True),
+    first: int | None = option(
+        "--first", "Only this many causes; 0: the parameters alone.", Whole(0)
+    ),
+) -> None:
     """Write the model of a VERDICT, with all causes or the first few.
 
     A verdict is what --json of `smad gap diagnose` and `smad gap checkup` writes.
     """
     from smad.diagnosis.verdict import read_verdict
 
-    require_outputs()
     read = read_verdict(verdict)
     with named_output(out) as path:
         read.write_model(path, first)
@@ -164,10 +132,14 @@ def apply(*, verdict: Path, out: Path, first: int | None) -> None:
 
 
 @gap.command()
-@click.argument("names", nargs=-1, metavar="[NAME]...", shell_complete=complete.effects)
-@variant_option
-@json_option
-def effects(*, names: tuple[str, ...], variant: str, as_json: bool) -> None:
+def effects(
+    *,
+    names: tuple[str, ...] = argument(
+        nargs=-1, metavar="[NAME]...", shell_complete=complete.effects
+    ),
+    variant: str = variant_option,
+    as_json: bool = json_option,
+) -> None:
     """List the effects of the library, or those of NAME: places, units, ranges."""
     from smad.diagnosis.spring_pair import SmaPlant
 
@@ -194,17 +166,16 @@ def effects(*, names: tuple[str, ...], variant: str, as_json: bool) -> None:
 
 
 @gap.command()
-@runs_argument
-@click.option("--model", "model_path", required=True, type=EXISTING, help="Model file of --apply.")
-@params_option
-@variant_option
-@json_option
 def verify(
-    *, runs: tuple[Path, ...], model_path: Path, params: str, variant: str, as_json: bool
+    *,
+    runs: tuple[Path, ...] = runs_argument,
+    model_path: Path = option("--model", "Model file of --apply.", EXISTING, required=True),
+    pair: SpringPair = together(SpringPair),
+    as_json: bool = json_option,
 ) -> None:
     """Show the gap of new RUNs with and without the model."""
-    plant = plant_of(params, variant)
-    with clean_errors():
+    plant = pair.plant()
+    with plain_errors():
         from smad.diagnosis.spring_pair.signals import read_gap_runs
         from smad.diagnosis.verify import verified
 

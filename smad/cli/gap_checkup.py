@@ -10,60 +10,35 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from smad.cli.gap_print import print_verdict, write_verdict
-from smad.cli.output import (
-    FOLDER,
-    OUTPUT,
-    Checked,
-    F,
-    Progress,
-    axis_option,
-    progress,
-    ready_client,
-    require_outputs,
-)
+from smad.cli.options import FOLDER, OUTPUT, Command, axis_option, flag, option
+from smad.cli.output import ready_client
 from smad.cli.quantity import Quantity, Whole
 from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
 from smad.counted import counted
 from smad.files import named_output
+from smad.view.terminal.progress import Progress, progress
 
 if TYPE_CHECKING:
-    from smad.checkup.inquiry import Report
     from smad.checkup.series import Player
 
-_programme = click.option(
-    "--programme", "programme_folder", type=FOLDER, help="A programme in place of the package's."
-)
+_programme = option("--programme", "A programme in place of the package's.", FOLDER)
 _NOW = 1000
 """What a simulated bench adds to its seed after the commissioning, whose repeats count from 1."""
 
 
-def _bench_options(command: F) -> F:
-    for option in (axis_option, _programme, seed_option, sim_option):
-        command = option(command)
-    return command
-
-
-@click.command()
-@click.option("--baseline", "folder", type=FOLDER, required=True, help="Where the baseline goes.")
-@click.option(
-    "--repeats",
-    type=Whole(1, 8),
-    default=2,
-    help="How often the whole programme is played.",
-)
-@click.option("--again", is_flag=True, help="Add repeats to a baseline, for a better floor.")
-@click.option("--quick", is_flag=True, help="Only the part that separates most.")
-@_bench_options
+@click.command(cls=Command)
 def commission(
     *,
-    folder: Path,
-    repeats: int,
-    again: bool,
-    quick: bool,
-    sim: bool,
-    seed: int,
-    programme_folder: Path | None,
-    bench: str,
+    folder: Path = option("--baseline", "Where the baseline goes.", FOLDER, required=True),
+    repeats: int = option(
+        "--repeats", "How often the whole programme is played.", Whole(1, 8), default=2
+    ),
+    again: bool = flag("--again", "Add repeats to a baseline, for a better floor."),
+    quick: bool = flag("--quick", "Only the part that separates most."),
+    sim: bool = sim_option,
+    seed: int = seed_option,
+    programme_folder: Path | None = _programme,
+    bench: str = axis_option,
 ) -> None:
     """Record the programme on a good bench, as a baseline.
 
@@ -114,41 +89,30 @@ def _require_pairs(given: Mapping[str, Any]) -> None:
     require_sim(given["effects"], sim=given["sim"])
 
 
-@click.command(cls=Checked, require=_require_pairs)
-@click.option("--baseline", "folder", type=FOLDER, help="Play its programme again, and judge.")
-@click.option("--good", type=FOLDER, help="Run files of the good bench, best with repeats.")
-@click.option("--now", type=FOLDER, help="New run files with the same inputs as the good ones.")
-@click.option("--quick", is_flag=True, help="With --baseline: the part that separates most.")
-@click.option(
-    "--out",
-    type=FOLDER,
-    help="With --baseline: folder of the new runs  [default: BASELINE/now-1, now-2 …]",
-)
-@effect_option
-@_bench_options
-@click.option("--json", "json_path", type=OUTPUT, help="Write the verdict here.")
-@click.option("--report", "page_path", type=OUTPUT, help="Write a page with figures here.")
-@click.option(
-    "--model",
-    "model_path",
-    type=OUTPUT,
-    help="Write the model with the effects and laws that were found.",
-)
+@click.command(cls=Command, require=_require_pairs)
 def checkup(
     *,
-    folder: Path | None,
-    good: Path | None,
-    now: Path | None,
-    quick: bool,
-    out: Path | None,
-    sim: bool,
-    effects: tuple[str, ...],
-    seed: int,
-    programme_folder: Path | None,
-    bench: str,
-    json_path: Path | None,
-    page_path: Path | None,
-    model_path: Path | None,
+    folder: Path | None = option("--baseline", "Play its programme again, and judge.", FOLDER),
+    good: Path | None = option("--good", "Run files of the good bench, best with repeats.", FOLDER),
+    now: Path | None = option(
+        "--now", "New run files with the same inputs as the good ones.", FOLDER
+    ),
+    quick: bool = flag("--quick", "With --baseline: the part that separates most."),
+    out: Path | None = option(
+        "--out",
+        "With --baseline: folder of the new runs  [default: BASELINE/now-1, now-2 …]",
+        FOLDER,
+    ),
+    effects: tuple[str, ...] = effect_option,
+    sim: bool = sim_option,
+    seed: int = seed_option,
+    programme_folder: Path | None = _programme,
+    bench: str = axis_option,
+    json_path: Path | None = option("--json", "Write the verdict here.", OUTPUT),
+    page_path: Path | None = option("--report", "Write a page with figures here.", OUTPUT),
+    model_path: Path | None = option(
+        "--model", "Write the model with the effects and laws that were found.", OUTPUT
+    ),
 ) -> None:
     """Repeat the inputs of good runs; say what has changed.
 
@@ -157,7 +121,6 @@ def checkup(
     their columns' names. Runs are paired by their inputs, and by name if several fit. Good runs
     that a stop cut short are listed and left out.
     """
-    require_outputs()
     from smad.checkup import check
     from smad.checkup.judge import save_model_of
     from smad.checkup.programme import chosen
@@ -204,27 +167,21 @@ def checkup(
         click.echo(f"written: {path}", err=True)
 
 
-@click.command()
-@click.option(
-    "--baseline", "folder", type=FOLDER, required=True, help="The baseline of a commission."
-)
-@click.option(
-    "--minutes",
-    type=Quantity("min", 1.0, 600.0),
-    default=20.0,
-    help="Bench time for all runs with their rests.",
-)
-@effect_option
-@_bench_options
+@click.command(cls=Command)
 def investigate(
     *,
-    folder: Path,
-    minutes: float,
-    programme_folder: Path | None,
-    sim: bool,
-    effects: tuple[str, ...],
-    seed: int,
-    bench: str,
+    folder: Path = option("--baseline", "The baseline of a commission.", FOLDER, required=True),
+    minutes: float = option(
+        "--minutes",
+        "Bench time for all runs with their rests.",
+        Quantity("min", 1.0, 600.0),
+        default=20.0,
+    ),
+    effects: tuple[str, ...] = effect_option,
+    sim: bool = sim_option,
+    seed: int = seed_option,
+    programme_folder: Path | None = _programme,
+    bench: str = axis_option,
 ) -> None:
     """Check up, then measure more until one cause is left.
 
@@ -237,7 +194,9 @@ def investigate(
     from smad.checkup.inquiry import Inquiry, open_folder
     from smad.checkup.programme import chosen
     from smad.checkup.store import load
+    from smad.diagnosis.report.words import budget_lines
     from smad.diagnosis.spring_pair import SmaPlant
+    from smad.diagnosis.verdict import CHECK_UP
 
     require_sim(effects, sim=sim)
     plant, programme = SmaPlant(), chosen(programme_folder)
@@ -260,7 +219,22 @@ def investigate(
             seconds=60.0 * minutes,
         )
         report = inquiry.carry_out(line.say)
-    _print_report(report, place, inquiry.spent_s(report))
+    assert report.verdict is not None
+    print_verdict(report.verdict)
+    spent_min = inquiry.spent_s(report) / 60.0
+    click.echo(f"{report.why_over}; {counted(len(report.records), 'run')} in {spent_min:.1f} min")
+    for run, separation in report.offers.items():
+        click.echo(
+            f"the baseline has no run {run}; recorded on the good bench, it would be expected to "
+            f"separate the remaining causes by d² = {separation:.0f}"
+        )
+    if report.proof:
+        click.echo("held out, with the model from the runs before:")
+        for text in budget_lines(report.proof, CHECK_UP):
+            click.echo(text)
+    if report.model:
+        click.echo(f"model: {report.model}")
+    click.echo(f"runs and report: {place}")
 
 
 @contextlib.contextmanager
@@ -279,26 +253,3 @@ def _player(
         live(connected, bench=bench, who="smad gap", say=line.note, progress=line.say) as player,
     ):
         yield player
-
-
-def _print_report(report: Report, folder: Path, spent_s: float) -> None:
-    from smad.diagnosis.report.words import budget_lines
-    from smad.diagnosis.verdict import CHECK_UP
-
-    assert report.verdict is not None
-    print_verdict(report.verdict)
-    click.echo(
-        f"{report.why_over}; {counted(len(report.records), 'run')} in {spent_s / 60.0:.1f} min"
-    )
-    for run, separation in report.offers.items():
-        click.echo(
-            f"the baseline has no run {run}; recorded on the good bench, it would be expected to "
-            f"separate the remaining causes by d² = {separation:.0f}"
-        )
-    if report.proof:
-        click.echo("held out, with the model from the runs before:")
-        for text in budget_lines(report.proof, CHECK_UP):
-            click.echo(text)
-    if report.model:
-        click.echo(f"model: {report.model}")
-    click.echo(f"runs and report: {folder}")

@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.gap_print import (
-    clean_errors,
-    params_option,
-    plant_of,
-    print_answer,
-    require_answered,
-    variant_option,
-)
+from smad.cli.gap_print import SpringPair, print_verdict, require_answered
 from smad.cli.gap_runs import (
     ManyRuns,
     good_option,
@@ -23,17 +16,11 @@ from smad.cli.gap_runs import (
     some_runs_argument,
     without_cut_runs,
 )
-from smad.cli.output import (
-    EXISTING,
-    FOLDER,
-    PATH,
-    bench_option,
-    leased_driver,
-    progress,
-    ready_client,
-)
+from smad.cli.options import EXISTING, FOLDER, PATH, bench_option, flag, option, together
+from smad.cli.output import plain_errors, ready_client
 from smad.cli.simulated import effect_option, seed_option, simulated_model
 from smad.files import display_path
+from smad.view.terminal.progress import progress
 
 if TYPE_CHECKING:
     from sim_device.plant.models import Model
@@ -42,45 +29,28 @@ _OFFERS = 4
 
 
 @click.command(name="next", cls=ManyRuns)
-@some_runs_argument
-@hold_out_option
-@good_option
-@click.option(
-    "--run",
-    "chosen",
-    metavar="NAME",
-    help="Carry out this experiment now: arms the bench and heats it.",
-)
-@click.option(
-    "--baseline", type=FOLDER, help="Recommend a run to repeat after a check-up, in place of RUNs."
-)
-@click.option("--sim", is_flag=True, help="With --run: in virtual time instead of on the bench.")
-@click.option(
-    "--model", "model_path", type=EXISTING, help="With --sim: model of the simulated bench."
-)
-@effect_option
-@click.option(
-    "--folder", type=PATH, default=Path("runs"), help="With --sim: where the run log goes."
-)
-@bench_option
-@params_option
-@variant_option
-@seed_option
 def next_experiment(
     *,
-    runs: tuple[Path, ...],
-    hold_out: tuple[Path, ...],
-    good: tuple[Path, ...],
-    chosen: str | None,
-    baseline: Path | None,
-    sim: bool,
-    model_path: Path | None,
-    effects: tuple[str, ...],
-    folder: Path,
-    bench: str,
-    params: str,
-    variant: str,
-    seed: int,
+    runs: tuple[Path, ...] = some_runs_argument,
+    hold_out: tuple[Path, ...] = hold_out_option,
+    good: tuple[Path, ...] = good_option,
+    chosen: str | None = option(
+        "--run NAME", "Carry out this experiment now: arms the bench and heats it."
+    ),
+    baseline: Path | None = option(
+        "--baseline", "Recommend a run to repeat after a check-up, in place of RUNs.", FOLDER
+    ),
+    sim: bool = flag("--sim", "With --run: in virtual time instead of on the bench."),
+    model_path: Path | None = option(
+        "--model", "With --sim: model of the simulated bench.", EXISTING
+    ),
+    effects: tuple[str, ...] = effect_option,
+    folder: Path = option(
+        "--folder", "With --sim: where the run log goes.", PATH, default=Path("runs")
+    ),
+    bench: str = bench_option,
+    pair: SpringPair = together(SpringPair),
+    seed: int = seed_option,
 ) -> None:
     """Recommend the experiment to record next, or run one.
 
@@ -98,16 +68,15 @@ def next_experiment(
             raise click.UsageError("--baseline has its own runs; give neither RUNs nor --run")
         _propose(baseline)
         return
-    plant = plant_of(params, variant)
-    with clean_errors():
+    plant = pair.plant()
+    with plain_errors():
         if chosen is not None:
+            model = None
             if sim:
-                model = simulated_model(effects, params=params, model_file=model_path)
+                model = simulated_model(effects, params=pair.params, model_file=model_path)
                 if model_path is None:
-                    model = dataclasses.replace(model, variant=variant)
-                _simulate(model, chosen, seed, folder)
-            else:
-                _perform(chosen, seed, bench)
+                    model = dataclasses.replace(model, variant=pair.variant)
+            _carry_out(chosen, seed, model, folder, bench=bench)
             return
         if not runs:
             _list_catalogue()
@@ -118,7 +87,7 @@ def next_experiment(
         good = without_cut_runs(good)
         with progress() as line:
             answer = diagnose_files(plant, runs, good, hold_out, progress=line.say)
-        print_answer(answer.verdict, "")
+        print_verdict(answer.verdict)
         require_answered(answer.verdict)
         with progress() as line:
             confused, ranked = offers(answer, line.say)
@@ -164,25 +133,21 @@ def _list_catalogue() -> None:
             click.echo(f"  {t.name:<16} {t.duration_s:>4.0f} s  {t.title}")
 
 
-def _perform(name: str, seed: int, bench: str) -> None:
-    """Carries an experiment out on the bench."""
+def _carry_out(name: str, seed: int, model: Model | None, folder: Path, *, bench: str) -> None:
+    """Carry an experiment out: on the simulated bench of a model, else on that of the daemon."""
     from smad.checkup.play import LEASE_S
     from smad.diagnosis.spring_pair.catalogue import plan_named
-
-    plan = plan_named(name, seed)
-    with ready_client(bench, extra="gap") as connected, progress() as line:
-        driver = leased_driver(connected, "smad gap next", LEASE_S, line.say)
-        driver.run(plan)
-    click.echo(f"done: {name}, recorded to {display_path(driver.log or plan.name)}")
-
-
-def _simulate(model: Model, name: str, seed: int, folder: Path) -> None:
-    """Carries an experiment out on a simulated bench in virtual time; says where its run log is."""
-    from smad.diagnosis.spring_pair.catalogue import plan_named
     from smad.experiments.driver import new_log_path
+    from smad.experiments.leased import leased_driver
     from smad.experiments.virtual import VirtualDriver
 
     plan = plan_named(name, seed)
+    if model is None:
+        with ready_client(bench, extra="gap") as connected, progress() as line:
+            driver = leased_driver(connected, "smad gap next", LEASE_S, line.say)
+            driver.run(plan)
+        click.echo(f"done: {name}, recorded to {display_path(driver.log or plan.name)}")
+        return
     if seed:
         plan = dataclasses.replace(plan, name=f"{plan.name} {seed}")
     path = new_log_path(folder, plan, "give another --folder or --seed, or move it away")

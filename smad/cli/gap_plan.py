@@ -2,64 +2,36 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.gap_print import clean_errors, params_option, plant_of, variant_option
+from smad.cli.gap_print import SpringPair
 from smad.cli.gap_runs import files
-from smad.cli.gap_simulator import require_pairs, simulator_options, warn_that_code_runs
-from smad.cli.output import json_option, print_json
+from smad.cli.gap_simulator import Simulator, warn_that_code_runs
+from smad.cli.options import Command, json_option, option, together
+from smad.cli.output import plain_errors, print_json
 from smad.cli.quantity import Quantity
 
-if TYPE_CHECKING:
-    from smad.diagnosis.runs import GapRun
-    from smad.diagnosis.spring_pair import SmaPlant
-    from smad.simulators.planning import Plan
 
-
-@click.command(name="plan")
-@click.option(
-    "--inputs",
-    "inputs",
-    multiple=True,
-    callback=files,
-    metavar="FILE…",
-    help="Tables or run logs with the inputs to play.",
-)
-@click.option(
-    "--experiment",
-    "experiments",
-    multiple=True,
-    metavar="NAME",
-    help="A run of the spring pair, from `smad gap next`.",
-)
-@click.option(
-    "--within",
-    "within_s",
-    type=Quantity("s", 0.1, 3600.0),
-    default=5.0,
-    metavar="S",
-    help="Limit of the processor time.",
-)
-@json_option
-@simulator_options
-@params_option
-@variant_option
+@click.command(cls=Command, name="plan")
 def plan_runs(
     *,
-    inputs: tuple[Path, ...],
-    experiments: tuple[str, ...],
-    within_s: float,
-    as_json: bool,
-    fmu: Path | None,
-    mjcf: Path | None,
-    map_path: Path | None,
-    window_s: float | None,
-    params: str,
-    variant: str,
+    inputs: tuple[Path, ...] = option(
+        "--inputs FILE…",
+        "Tables or run logs with the inputs to play.",
+        multiple=True,
+        callback=files,
+    ),
+    experiments: tuple[str, ...] = option(
+        "--experiment NAME", "A run of the spring pair, from `smad gap next`.", multiple=True
+    ),
+    within_s: float = option(
+        "--within S", "Limit of the processor time.", Quantity("s", 0.1, 3600.0), default=5.0
+    ),
+    as_json: bool = json_option,
+    simulator: Simulator = together(Simulator),
+    pair: SpringPair = together(SpringPair),
 ) -> None:
     """Rate what inputs could show, before measuring.
 
@@ -70,69 +42,35 @@ def plan_runs(
     weak          noticed only above its typical size, or like another
     not           nothing shows within its range, or parameters imitate it
     """
-    require_pairs(fmu, mjcf, map_path, window_s)
+    from smad.simulators.planning import left_of, plan_pair
+
+    simulator.require_pairs()
+    map_path = simulator.map_path
     if not inputs and not experiments:
         raise click.UsageError("nothing would be played; give --inputs FILE or --experiment NAME")
-    if map_path is not None and not (fmu or mjcf):
+    if map_path is not None and not simulator.given:
         raise click.UsageError("--map needs --fmu or --mjcf; give one of them")
     if experiments and map_path is not None:
         raise click.UsageError(
             "--experiment works with the spring pair only; with --map give --inputs"
         )
-    with clean_errors():
-        if mjcf is not None and map_path is not None:
+    left_s = left_of(within_s)
+    with plain_errors():
+        if simulator.mjcf is not None and map_path is not None:
             from smad.simulators.mjcf.asked import plan_mjcf
 
+            window_s = simulator.window_s
             planned = plan_mjcf(
-                mjcf, map_path, inputs, window_s=window_s, within_s=_left_s(within_s)
+                simulator.mjcf, map_path, inputs, window_s=window_s, within_s=left_s
             )
-        elif fmu is not None and map_path is not None:
+        elif simulator.fmu is not None and map_path is not None:
             from smad.fmi.asked import plan_unit
 
-            warn_that_code_runs(fmu)
-            planned = plan_unit(fmu, map_path, inputs, within_s=_left_s(within_s))
+            warn_that_code_runs(simulator.fmu)
+            planned = plan_unit(simulator.fmu, map_path, inputs, within_s=left_s)
         else:
-            from smad.simulators.planning import Plan
-            from smad.simulators.rating import rate
-
-            plant = plant_of(params, variant)
-            played = _played(plant, inputs, experiments)
-            planned = Plan(rate(plant, played, within_s=_left_s(within_s)), [])
-    _print(planned, as_json=as_json)
-
-
-def _left_s(within_s: float) -> float:
-    """What of a time is left for replays; a little always is."""
-    from smad.simulators.rating import LEAST_S
-
-    return max(within_s - time.process_time(), LEAST_S)
-
-
-def _played(
-    plant: SmaPlant, inputs: tuple[Path, ...], experiments: tuple[str, ...]
-) -> list[GapRun]:
-    from smad.diagnosis.errors import GapError
-    from smad.diagnosis.plant import nominal_point
-    from smad.diagnosis.spring_pair.signals import read_gap_runs
-
-    shown = [plant.perform(name, nominal_point(plant), 0) for name in experiments]
-    given = read_gap_runs(inputs, inputs)
-    for run in given:
-        if lacking := [s.name for s in plant.inputs if s.name not in run.inputs]:
-            raise GapError(
-                f"{run.name} lacks inputs: {', '.join(lacking)}",
-                action="name the columns of the table so",
-            )
-    return [*given, *shown]
-
-
-def _print(planned: Plan, *, as_json: bool) -> None:
-    import dataclasses
-
-    if not as_json:
+            planned = plan_pair(pair.plant(), inputs, experiments, within_s=within_s)
+    if as_json:
+        print_json(planned.record())
+    else:
         click.echo(str(planned))
-        return
-    rows = [dataclasses.asdict(r) for r in planned.ratings]
-    for row in rows:
-        row["size"] = row["size"] if row["size"] < float("inf") else None
-    print_json(rows)

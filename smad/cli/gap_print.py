@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import shlex
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from smad.cli.options import option
+from smad.cli.output import plain_errors
 from smad.errors import REFUSED_STATUS
 from smad.files import named_output
 
@@ -20,34 +22,28 @@ if TYPE_CHECKING:
     from smad.diagnosis.verdict import Verdict
 
 
-params_option = click.option("--params", default="A", help="Parameter file, or A, B, conserving.")
-variant_option = click.option(
+variant_option = option(
     "--variant",
-    type=click.Choice(["extended", "printed"]),
+    "The thermal model; printed is the paper's, whose water stays cold.",
+    click.Choice(["extended", "printed"]),
     default="extended",
-    help="The thermal model; printed is the paper's, whose water stays cold.",
 )
 
 
-def plant_of(params: str, variant: str) -> SmaPlant:
-    """Return the spring pair with a parameter set. Raises GapError."""
-    from sim_device.plant import load_parameters
-    from smad.diagnosis.spring_pair import SmaPlant
+@dataclass(frozen=True, kw_only=True)
+class SpringPair:
+    """The plant of this bench, as a command names it."""
 
-    with clean_errors():
-        return SmaPlant(load_parameters(params), variant)
+    params: str = option("--params", "Parameter file, or A, B, conserving.", default="A")
+    variant: str = variant_option
 
+    def plant(self) -> SmaPlant:
+        """Return it with its parameter set. Raises SmadError."""
+        from sim_device.plant import load_parameters
+        from smad.diagnosis.spring_pair import SmaPlant
 
-@contextlib.contextmanager
-def clean_errors() -> Iterator[None]:
-    """Errors of the plant become one line, as all others."""
-    from sim_device.plant.errors import PlantError
-    from smad.diagnosis.errors import GapError
-
-    try:
-        yield
-    except PlantError as error:
-        raise GapError(str(error)) from error
+        with plain_errors():
+            return SmaPlant(load_parameters(self.params), self.variant)
 
 
 def arguments_text(
@@ -58,8 +54,8 @@ def arguments_text(
 ) -> str:
     """The arguments as a shell takes them, to ask once more."""
     words = [str(path) for path in runs]
-    for option, paths in (("--hold-out", hold_out), ("--good", good)):
-        words += [option, *map(str, paths)] if paths else []
+    for name, paths in (("--hold-out", hold_out), ("--good", good)):
+        words += [name, *map(str, paths)] if paths else []
     words += [] if mapping is None else ["--map", str(mapping)]
     return shlex.join(words)
 
@@ -85,22 +81,18 @@ def write_verdict(
     return written
 
 
-def print_verdict(verdict: Verdict) -> None:
-    """Print the verdict, its headline first, as wide as the terminal."""
-    from smad.diagnosis.report.words import lines
+def print_verdict(verdict: Verdict, arguments: str = "") -> None:
+    """Print the verdict as wide as the terminal, its headline first; with arguments what is next.
+
+    These are those of the question, for the commands that are named.
+    """
+    from smad.diagnosis.report.words import advice, lines
 
     headline, *rest = lines(verdict)
     width = min(100, shutil.get_terminal_size((100, 24)).columns)
     click.secho(headline, bold=True)
     for text in rest:
         click.echo(text if text.startswith("  ") else click.wrap_text(text, width=width))
-
-
-def print_answer(verdict: Verdict, arguments: str) -> None:
-    """Print the verdict, and what to do next."""
-    from smad.diagnosis.report.words import advice
-
-    print_verdict(verdict)
     for command, why in advice(verdict, arguments) if arguments else ():
         click.echo(f"{why}: {command}" if command else why)
 

@@ -1,26 +1,28 @@
 """Runs on the command line of the diagnosis: files, patterns and folders, several to an option."""
 
-import glob
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
 from smad.cli import complete
-from smad.cli.output import note
-from smad.runlog.paths import SUFFIX, names_of, passed_over
+from smad.cli.options import Command, argument, option
+from smad.runlog.paths import SUFFIX, names_of
+from smad.view.terminal.progress import note
 
 
-class ManyRuns(click.Command):
+class ManyRuns(Command):
     """A command whose `--hold-out` and `--good` take all that follows, up to the next option."""
 
-    GREEDY = ("--hold-out", "--good")
-
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        return super().parse_args(ctx, with_option_repeated(args, self.GREEDY))
+        return super().parse_args(ctx, _with_option_repeated(args))
 
 
-def with_option_repeated(args: Sequence[str], greedy: Sequence[str]) -> list[str]:
+_GREEDY = ("--hold-out", "--good")
+
+
+def _with_option_repeated(args: Sequence[str]) -> list[str]:
     """The arguments with the name of a greedy option before each of its values."""
     out: list[str] = []
     option = ""
@@ -28,7 +30,7 @@ def with_option_repeated(args: Sequence[str], greedy: Sequence[str]) -> list[str
         if arg == "--":
             return [*out, *args[i:]]
         if arg.startswith("-"):
-            option = arg if arg in greedy else ""
+            option = arg if arg in _GREEDY else ""
             following = args[i + 1] if i + 1 < len(args) else "--"
             if not option or following.startswith("-"):
                 out.append(arg)
@@ -42,19 +44,15 @@ def files(ctx: click.Context, param: click.Parameter, values: Sequence[str]) -> 
     return tuple(path for value in values for path in _files(value, ctx, param))
 
 
-def _files(value: str, ctx: click.Context, param: click.Parameter) -> list[Path]:
-    path = Path(value)
-    if path.is_file():
-        return [path]
-    if path.is_dir():
-        from smad.records.tables import KINDS
+def files_option(name: str, about: str) -> Any:
+    """Return an option that takes such files, and may be repeated."""
+    return option(name, about, multiple=True, callback=files)
 
-        paths = _in_folder(path)
-        kinds = ", ".join(f"*{kind}" for kind in KINDS)
-        lacking = f"folder {value!r} holds no run log (*{SUFFIX}) and no table ({kinds})"
-    else:
-        paths = sorted(p for p in map(Path, glob.glob(value)) if p.is_file())
-        lacking = f"no file, folder or match of a pattern: {value!r}"
+
+def _files(value: str, ctx: click.Context, param: click.Parameter) -> list[Path]:
+    from smad.records.finding import runs_at
+
+    paths, lacking = runs_at(value, note)
     if not paths:
         raise click.BadParameter(
             f"{lacking}. Give run logs, a folder of them or a quoted pattern", ctx, param
@@ -62,23 +60,24 @@ def _files(value: str, ctx: click.Context, param: click.Parameter) -> list[Path]
     return paths
 
 
-def _in_folder(folder: Path) -> list[Path]:
-    """The run logs of a folder, or its tables where it has none; files passed over are named."""
-    from smad.records.tables import is_table
-
-    there = sorted(p for p in folder.iterdir() if p.is_file())
-    logs = [p for p in there if p.name.lower().endswith(SUFFIX)]
-    runs = logs or [p for p in there if is_table(p)]
-    if runs and (text := passed_over(folder, there, runs)):
-        note(text)
-    return runs
-
-
-runs_argument = click.argument(
-    "runs", nargs=-1, required=True, callback=files, metavar="RUN…", shell_complete=complete.runs
+runs_argument = argument(
+    nargs=-1, required=True, callback=files, metavar="RUN…", shell_complete=complete.runs
 )
-some_runs_argument = click.argument(
-    "runs", nargs=-1, callback=files, metavar="[RUN…]", shell_complete=complete.runs
+some_runs_argument = argument(
+    nargs=-1, callback=files, metavar="[RUN…]", shell_complete=complete.runs
+)
+leave_out_option = option(
+    "--leave-out RUN", "Leave out this run, by its name in the answer.", multiple=True
+)
+trust_option = option(
+    "--trust RUN", "Use this run although its channels contradict the nominal model.", multiple=True
+)
+hold_out_option = files_option(
+    "--hold-out RUN…",
+    "Runs to judge on, not fitted to unless they repeat good ones: files or folders.",
+)
+good_option = files_option(
+    "--good RUN…", "Runs known to be good: files, patterns or folders, up to the next option."
 )
 
 
@@ -102,34 +101,6 @@ def require_among(names: Sequence[str], groups: Sequence[Sequence[Path]], option
             raise click.BadParameter(
                 f"{name!r} is none of the runs given. They are: {there}", param_hint=option
             )
-
-
-leave_out_option = click.option(
-    "--leave-out",
-    multiple=True,
-    metavar="RUN",
-    help="Leave out this run, by its name in the answer.",
-)
-trust_option = click.option(
-    "--trust",
-    multiple=True,
-    metavar="RUN",
-    help="Use this run although its channels contradict the nominal model.",
-)
-hold_out_option = click.option(
-    "--hold-out",
-    multiple=True,
-    callback=files,
-    metavar="RUN…",
-    help="Runs to judge on, not fitted to unless they repeat good ones: files or folders.",
-)
-good_option = click.option(
-    "--good",
-    multiple=True,
-    callback=files,
-    metavar="RUN…",
-    help="Runs known to be good: files, patterns or folders, up to the next option.",
-)
 
 
 def without_cut_runs(good: Sequence[Path]) -> tuple[Path, ...]:

@@ -2,71 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from smad.cli.output import note, progress
+from smad.cli.options import EXISTING, option
 from smad.cli.quantity import Quantity, Whole
+from smad.view.terminal.progress import note, progress
 
 if TYPE_CHECKING:
     from smad.diagnosis.answer import Answer
     from smad.records.channels import MappingFile
 
-_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
-_F = TypeVar("_F", bound=Callable[..., Any])
+
+@dataclass(frozen=True, kw_only=True)
+class Simulator:
+    """A simulator that is not ours, with the files that a person names for it."""
+
+    fmu: Path | None = option(
+        "--fmu", "Use this FMI 2.0 unit as the model; needs --map. Runs its code.", EXISTING
+    )
+    mjcf: Path | None = option("--mjcf", "Use this MuJoCo model; needs --map.", EXISTING)
+    map_path: Path | None = option(
+        "--map", "TOML file that maps columns to variables or parts of a simulator.", EXISTING
+    )
+    window_s: float | None = option(
+        "--window S",
+        "With --mjcf: replay windows of this length; 0: whole runs (default: chosen and reported).",
+        Quantity("s", 0.0),
+    )
+
+    @property
+    def given(self) -> bool:
+        """Whether it is one of FMI or MuJoCo; a map alone is one of columns."""
+        return self.fmu is not None or self.mjcf is not None
+
+    def require_pairs(self) -> None:
+        """Raise UsageError for options that do not belong together."""
+        if self.fmu is not None and self.mjcf is not None:
+            raise click.UsageError("a model is one of --fmu and --mjcf; give one")
+        if self.map_path is None and self.given:
+            name = "--fmu" if self.fmu else "--mjcf"
+            raise click.UsageError(f"{name} and --map belong together; give both")
+        if self.window_s is not None and self.mjcf is None:
+            raise click.UsageError("--window needs --mjcf; leave it out")
 
 
-def simulator_options(command: _F) -> _F:
-    """Add --fmu, --mjcf, --map and --window to a command."""
-    for option in (
-        click.option(
-            "--window",
-            "window_s",
-            type=Quantity("s", 0.0),
-            metavar="S",
-            help="With --mjcf: replay windows of this length; 0: whole runs "
-            "(default: chosen and reported).",
-        ),
-        click.option(
-            "--map",
-            "map_path",
-            type=_FILE,
-            help="TOML file that maps columns to variables or parts of a simulator.",
-        ),
-        click.option("--mjcf", type=_FILE, help="Use this MuJoCo model; needs --map."),
-        click.option(
-            "--fmu",
-            type=_FILE,
-            help="Use this FMI 2.0 unit as the model; needs --map. Runs its code.",
-        ),
-    ):
-        command = option(command)
-    return command
-
-
-processes_option = click.option(
-    "--processes",
-    type=Whole(1),
-    metavar="N",
-    help="With --mjcf or --fmu: number of processes (default: 1; all idle cores for a slow MuJoCo "
+processes_option = option(
+    "--processes N",
+    "With --mjcf or --fmu: number of processes (default: 1; all idle cores for a slow MuJoCo "
     "model).",
+    Whole(1),
 )
-
-
-def require_pairs(
-    fmu: Path | None, mjcf: Path | None, map_path: Path | None, window_s: float | None
-) -> None:
-    """Raise UsageError for options that do not belong together."""
-    if fmu is not None and mjcf is not None:
-        raise click.UsageError("a model is one of --fmu and --mjcf; give one")
-    if map_path is None and (fmu or mjcf):
-        name = "--fmu" if fmu else "--mjcf"
-        raise click.UsageError(f"{name} and --map belong together; give both")
-    if window_s is not None and mjcf is None:
-        raise click.UsageError("--window needs --mjcf; leave it out")
 
 
 def mapping_of(map_path: Path) -> MappingFile:
@@ -91,18 +81,17 @@ def warn_that_code_runs(fmu: Path) -> None:
 
 
 def diagnose_simulator(
+    simulator: Simulator,
     runs: Sequence[Path],
     good: Sequence[Path],
     hold_out: Sequence[Path],
     trusted: Sequence[str],
     *,
-    fmu: Path | None,
-    mjcf: Path | None,
-    map_path: Path,
-    window_s: float | None,
     processes: int | None,
 ) -> Answer:
     """The answer for a simulator that is not ours."""
+    map_path = simulator.map_path
+    assert map_path is not None
     with progress() as line:
         common: dict[str, Any] = {
             "good": good,
@@ -112,12 +101,14 @@ def diagnose_simulator(
             "progress": line.say,
             "announced": line.note,
         }
-        if mjcf is not None:
+        if simulator.mjcf is not None:
             from smad.simulators.mjcf.asked import diagnose_mjcf
 
-            return diagnose_mjcf(mjcf, map_path, runs, window_s=window_s, **common)
+            return diagnose_mjcf(
+                simulator.mjcf, map_path, runs, window_s=simulator.window_s, **common
+            )
         from smad.fmi.asked import diagnose_unit
 
-        assert fmu is not None
-        warn_that_code_runs(fmu)
-        return diagnose_unit(fmu, map_path, runs, **common)
+        assert simulator.fmu is not None
+        warn_that_code_runs(simulator.fmu)
+        return diagnose_unit(simulator.fmu, map_path, runs, **common)

@@ -7,39 +7,30 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import FILE, FOLDER, OUTPUT, json_option, print_json, progress, require_outputs
+from smad.cli.options import FILE, FOLDER, OUTPUT, Command, json_option, option
+from smad.cli.output import print_json
+from smad.view.terminal.progress import progress
 
 
-@click.command()
-@click.option(
-    "--folder",
-    type=FOLDER,
-    default=Path("runs"),
-    help="Folder of the run logs; health.jsonl is kept there.",
-)
-@click.option(
-    "--verdict",
-    "verdicts",
-    multiple=True,
-    type=FILE,
-    help="Add a check-up: the JSON that it wrote; may be repeated.",
-)
-@click.option(
-    "--limit",
-    "limits",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="Predict the cycles to a limit, such as stroke_mm=8; may be repeated.",
-)
-@click.option("--report", type=OUTPUT, help="Write one page with all trends here.")
-@json_option
+@click.command(cls=Command)
 def health(
     *,
-    folder: Path,
-    verdicts: tuple[Path, ...],
-    limits: tuple[str, ...],
-    report: Path | None,
-    as_json: bool,
+    folder: Path = option(
+        "--folder",
+        "Folder of the run logs; health.jsonl is kept there.",
+        FOLDER,
+        default=Path("runs"),
+    ),
+    verdicts: tuple[Path, ...] = option(
+        "--verdict", "Add a check-up: the JSON that it wrote; may be repeated.", FILE, multiple=True
+    ),
+    limits: tuple[str, ...] = option(
+        "--limit NAME=VALUE",
+        "Predict the cycles to a limit, such as stroke_mm=8; may be repeated.",
+        multiple=True,
+    ),
+    report: Path | None = option("--report", "Write one page with all trends here.", OUTPUT),
+    as_json: bool = json_option,
 ) -> None:
     """Show how the bench ages, from its run logs and check-ups.
 
@@ -56,7 +47,6 @@ def health(
     from smad.report.page import write_page
 
     require_packages("report" if report else "sim")
-    require_outputs()
     given = _limits(limits)
     with progress() as line:
         collect(folder, verdicts, say=line.note, progress=line.say)
@@ -68,7 +58,7 @@ def health(
         return
     click.echo(headline(bench_health))
     if bench_health.trends:
-        from smad.cli.tables import print_table
+        from smad.view.terminal.tables import print_table
 
         print_table(table(bench_health))
     if report is not None:

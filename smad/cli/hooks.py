@@ -1,20 +1,15 @@
 """`smad hooks`: word of what happens on a bench, and the relay of its heaters' supply."""
 
-import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from firmware_protocol.nearest import instead
-from smad.cli.output import FOLDER, bench_option
+from smad.cli.options import FOLDER, Group, argument, bench_option, flag, option
 from smad.errors import CommandError
-
-if TYPE_CHECKING:
-    from smad.hooks.relay import Relay
+from smad.view.terminal.progress import note
 
 
-@click.group()
+@click.group(cls=Group)
 def hooks() -> None:
     """Run commands on faults, stops, lost links and a full disk.
 
@@ -24,14 +19,16 @@ def hooks() -> None:
 
 
 @hooks.command()
-@bench_option
-@click.option(
-    "--folder",
-    type=FOLDER,
-    envvar="SMAD_QUEUE",
-    help="Folder of the queue  [default: that of the daemon's run logs]",
-)
-def run(*, bench: str, folder: Path | None) -> None:
+def run(
+    *,
+    bench: str = bench_option,
+    folder: Path | None = option(
+        "--folder",
+        "Folder of the queue  [default: that of the daemon's run logs]",
+        FOLDER,
+        envvar="SMAD_QUEUE",
+    ),
+) -> None:
     """Watch bench and queue until ctrl-C, and run the hooks.
 
     It first reports what happened since it last ran.
@@ -42,50 +39,35 @@ def run(*, bench: str, folder: Path | None) -> None:
 
     watcher = Watcher(bench, folder)
     config = watcher.config()
-    commands = commands_of(config, _say)
+    commands = commands_of(config, note)
     detector = Detector(bench, disk_low_MB=config.disk_low_MB, known=watcher.known())
-    _say(f"watching bench {bench}")
+    note(f"watching bench {bench}")
     with ended_by_signals():
         try:
-            watch(watcher, detector, commands, _say)
+            watch(watcher, detector, commands, note)
         finally:
             commands.close()
             watcher.close()
 
 
-@hooks.command()
-@click.argument("name", metavar="HOOK")
-@bench_option
-def test(*, name: str, bench: str) -> None:
+@hooks.command("test")
+def run_once(*, name: str = argument(metavar="HOOK"), bench: str = bench_option) -> None:
     """Run one HOOK with a made-up event, and wait for its end."""
-    from smad.hooks.events import Event
-    from smad.hooks.watch import HOOKS, POLL_S, Watcher, commands_of
+    from smad.hooks.watch import try_hook
 
-    if name not in HOOKS:
-        raise CommandError("there is no such hook", value=name, action=instead(name, HOOKS))
-    commands = commands_of(Watcher(bench, None).config(), _say)
-    event = Event(event=name, bench=bench, unix_s=time.time(), text=f"a test of {name}")  # type: ignore[arg-type]
-    if not commands.fire(event):
-        raise CommandError(
-            f"the daemon's configuration has no {name}",
-            action="set it in section [hooks], and restart the daemon",
-        )
-    while commands.busy:
-        time.sleep(POLL_S)
-        commands.tick()
+    try_hook(name, bench, note)
 
 
 @hooks.command(context_settings={"ignore_unknown_options": True})
-@click.option("--tasmota", metavar="URL", help="A plug with Tasmota's firmware: http://plug.lab")
-@click.option(
-    "--while",
-    "holding",
-    is_flag=True,
-    help="COMMAND keeps the relay on while it runs, such as gpioset.",
-)
-@click.argument("command", nargs=-1, type=click.UNPROCESSED)
-@bench_option
-def relay(*, tasmota: str | None, holding: bool, command: tuple[str, ...], bench: str) -> None:
+def relay(
+    *,
+    tasmota: str | None = option(
+        "--tasmota URL", "A plug with Tasmota's firmware: http://plug.lab"
+    ),
+    holding: bool = flag("--while", "COMMAND keeps the relay on while it runs, such as gpioset."),
+    command: tuple[str, ...] = argument(click.UNPROCESSED, nargs=-1),
+    bench: str = bench_option,
+) -> None:
     """Keep the heaters' supply on while samples arrive.
 
     The relay of the supply opens when the daemon's samples end, when the board is in FAULT or
@@ -93,7 +75,7 @@ def relay(*, tasmota: str | None, holding: bool, command: tuple[str, ...], bench
     """
     from smad.client import Client
     from smad.client.signals import ended_by_signals
-    from smad.hooks.relay import HoldingRelay, TasmotaRelay, hold
+    from smad.hooks.relay import HoldingRelay, Relay, TasmotaRelay, hold
 
     if (tasmota is None) == (not holding) or holding != bool(command):
         raise click.UsageError("give --tasmota URL, or --while COMMAND…")
@@ -102,14 +84,10 @@ def relay(*, tasmota: str | None, holding: bool, command: tuple[str, ...], bench
         address = client.connection.telemetry
     with ended_by_signals():
         try:
-            reason = hold(device, address, _say)
+            reason = hold(device, address, note)
         finally:
             device.cut()
     raise CommandError(
         f"the supply of the heaters was cut: {reason}",
         action="look at the bench, then give this command again",
     )
-
-
-def _say(text: str) -> None:
-    click.echo(text, err=True)

@@ -4,13 +4,12 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import PATH
+from smad.cli.options import PATH, Command, argument
 from smad.errors import ConfigError, refused_by_system
 
 
-@click.command()
-@click.argument("path", type=PATH)
-def keys(path: Path) -> None:
+@click.command(cls=Command)
+def keys(path: Path = argument(PATH)) -> None:
     """Make a key pair for a client on another machine.
 
     PATH gets both CURVE keys. The public key goes into daemon.tcp.allowed_keys of the bench;

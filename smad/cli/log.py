@@ -2,34 +2,28 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import os
 import shlex
-import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from smad.cli import complete
-from smad.cli.layouts import layouts
-from smad.cli.output import FILE, OUTPUT, PATH, json_option, print_json
+from smad.cli.options import FILE, FOLDER, OUTPUT, PATH, Group, argument, flag, json_option, option
+from smad.cli.output import print_json
 from smad.cli.quantity import Quantity, Whole
-from smad.cli.tables import print_columns
 from smad.counted import counted
-from smad.errors import RunLogError
 from smad.files import display_path, require_writable
-
-if TYPE_CHECKING:
-    from smad.runlog.overview import Overview
-    from smad.runlog.summary import RunSummary
-
-_EVENTS_SHOWN = 10
-_BAR_STEPS = 1000
+from smad.runlog.paths import newest_run
+from smad.view.terminal.progress import bar
+from smad.view.terminal.tables import print_columns
 
 _HERE = "runs"
+_LAYOUTS = """\
+Foxglove, Lichtblick: Layouts > Import from file, then open a run log.
+PlotJuggler: open a run log, or start the ZeroMQ stream, then File > Load Layout."""
 
 
 def _folder_of_bench(context: click.Context, parameter: click.Parameter, folder: str | None) -> str:
@@ -42,19 +36,17 @@ def _folder_of_bench(context: click.Context, parameter: click.Parameter, folder:
     return display_path(of_bench) if of_bench is not None and of_bench.is_dir() else _HERE
 
 
-_folder = click.option(
+_folder = option(
     "--folder",
+    "Folder of the run logs [default: that of the running daemon, else runs]",
     envvar="SMAD_RUNS",
     callback=_folder_of_bench,
-    help="Folder of the run logs [default: that of the running daemon, else runs]",
 )
-_axis = click.option(
-    "--axis", default="", show_default=False, help="The axis, if the log has several."
-)
-_path = click.argument("path", required=False, type=PATH, shell_complete=complete.runs)
+_axis = option("--axis", "The axis, if the log has several.", default="", show_default=False)
+_path = argument(PATH, required=False, shell_complete=complete.runs)
 
 
-@click.group()
+@click.group(cls=Group)
 def log() -> None:
     """List, show, plot, export, import and recover run logs.
 
@@ -62,15 +54,32 @@ def log() -> None:
     """
 
 
-log.add_command(layouts)
+@log.command()
+def layouts(
+    folder: Path = argument(FOLDER, default="layouts"),
+    axes: tuple[str, ...] = option(
+        "--axis", "An axis, if the bench has several; may be repeated.", multiple=True
+    ),
+) -> None:
+    """Write layouts for PlotJuggler and Foxglove into FOLDER.
+
+    With several axes, each has a tab.
+    """
+    from smad.view.layouts import write_layouts
+
+    for path in write_layouts(folder, axes):
+        click.echo(path)
+    click.echo(_LAYOUTS)
 
 
 @log.command("list")
-@click.argument("place", metavar="[FOLDER]", required=False)
-@_folder
-@json_option
-def list_command(place: str | None, folder: str, as_json: bool) -> None:
+def list_command(
+    place: str | None = argument(metavar="[FOLDER]", required=False),
+    folder: str = _folder,
+    as_json: bool = json_option,
+) -> None:
     """List the run logs of FOLDER, or of --folder."""
+    from smad.runlog import words
     from smad.runlog.overview import list_runs
 
     folder = place or folder
@@ -81,30 +90,30 @@ def list_command(place: str | None, folder: str, as_json: bool) -> None:
     if not runs:
         click.echo(f"no run logs in {folder}")
         return
-    print_columns(
-        ("file", "name", "source", "started", "rows", "duration", "size", ""),
-        [_overview_cells(run) for run in runs],
-        numeric=(4, 5, 6),
-    )
+    print_columns(words.OVERVIEW, [words.overview_row(run) for run in runs], numeric=(4, 5, 6))
 
 
 @log.command()
-@_path
-@_folder
-@_axis
-@json_option
-def show(path: Path | None, folder: str, axis: str, as_json: bool) -> None:
+def show(
+    path: Path | None = _path, folder: str = _folder, axis: str = _axis, as_json: bool = json_option
+) -> None:
     """Summarise a run log: header, range of each channel, events."""
+    from smad.runlog import words
     from smad.runlog.reader import read_run
     from smad.runlog.summary import summarise
 
-    with _progress("reading") as progress:
-        run = read_run(_resolve(path, folder), axis=axis, progress=progress)
+    with bar("reading") as progress:
+        run = read_run(path or newest_run(folder), axis=axis, progress=progress)
     summary = summarise(run)
     if as_json:
         print_json(summary)
         return
-    _print_summary(summary)
+    for line in words.header_lines(summary):
+        click.echo(line)
+    click.echo()
+    print_columns(words.CHANNELS, words.channel_rows(summary), numeric=(2, 3, 4, 5))
+    for line in words.ending_lines(summary):
+        click.echo(line)
     if run.cut_short or run.damaged:
         click.echo(
             "\nthe log is incomplete; this is what could be read. To write that as a complete "
@@ -113,30 +122,21 @@ def show(path: Path | None, folder: str, axis: str, as_json: bool) -> None:
 
 
 @log.command()
-@_path
-@_folder
-@click.option(
-    "--to",
-    "suffix",
-    type=click.Choice(["csv", "parquet", "mat", "rosbag2", "lerobot"]),
-    default="csv",
-    help="Format, if --output does not name it.",
-)
-@click.option("-o", "--output", type=PATH, help="File, or folder of a bag, to write.")
-@click.option("--overwrite", is_flag=True, help="Replace a file that is there.")
-@click.option("--wide", is_flag=True, help="Several axes in one table: NAME.channel.")
-@click.option("--fps", type=Whole(1, 1000), help="Frames per second, for lerobot.")
-@json_option
 def export(
     *,
-    path: Path | None,
-    folder: str,
-    suffix: str,
-    output: Path | None,
-    overwrite: bool,
-    wide: bool,
-    fps: int | None,
-    as_json: bool,
+    path: Path | None = _path,
+    folder: str = _folder,
+    suffix: str = option(
+        "--to",
+        "Format, if --output does not name it.",
+        click.Choice(["csv", "parquet", "mat", "rosbag2", "lerobot"]),
+        default="csv",
+    ),
+    output: Path | None = option("-o --output", "File, or folder of a bag, to write.", PATH),
+    overwrite: bool = flag("--overwrite", "Replace a file that is there."),
+    wide: bool = flag("--wide", "Several axes in one table: NAME.channel."),
+    fps: int | None = option("--fps", "Frames per second, for lerobot.", Whole(1, 1000)),
+    as_json: bool = json_option,
 ) -> None:
     """Write a run log as CSV, Parquet, MATLAB, ROS or LeRobot file.
 
@@ -148,8 +148,8 @@ def export(
     from smad.runlog.formats import export_axes
     from smad.runlog.reader import read_axes
 
-    source = _resolve(path, folder)
-    with _progress("reading") as progress:
+    source = path or newest_run(folder)
+    with bar("reading") as progress:
         runs = read_axes(source, progress=progress)
     target = output or source.with_suffix(f".{suffix}")
     files = export_axes(runs, target, kind=suffix, wide=wide, fps=fps, overwrite=overwrite)
@@ -166,51 +166,40 @@ def export(
 
 
 @log.command()
-@_path
-@_folder
-def split(path: Path | None, folder: str) -> None:
+def split(path: Path | None = _path, folder: str = _folder) -> None:
     """Write one run log for each axis, beside the log."""
     from smad.runlog.one_axis import extract
     from smad.runlog.reader import read_axes
 
-    source = _resolve(path, folder)
+    source = path or newest_run(folder)
     written = {extract(source, axis): len(run) for axis, run in read_axes(source).items()}
     for file, rows in written.items():
         click.echo(f"{counted(rows, 'row')} to {file}")
 
 
 @log.command()
-@click.argument("paths", metavar="[RUN]...", nargs=-1, type=PATH, shell_complete=complete.runs)
-@_folder
-@click.option("-o", "--output", type=OUTPUT, help="Page to write.")
-@click.option("--from", "from_s", type=Quantity("s"), help="First second to draw.")
-@click.option("--to", "to_s", type=Quantity("s"), help="Last second to draw.")
-@click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")
-@click.option(
-    "--figure",
-    type=FILE,
-    help="Write the panels as a figure for print in place of a page: .svg, .pdf or .png.",
-)
-@click.option(
-    "--width",
-    "width_mm",
-    type=Quantity("mm", 40.0, 400.0),
-    default=85.0,
-    metavar="MM",
-    help="Width of the figure; a column of a journal is about 85, two are 175.",
-)
-@_axis
 def plot(
     *,
-    paths: tuple[Path, ...],
-    folder: str,
-    axis: str,
-    output: Path | None,
-    from_s: float | None,
-    to_s: float | None,
-    open_page: bool,
-    figure: Path | None,
-    width_mm: float,
+    paths: tuple[Path, ...] = argument(
+        PATH, metavar="[RUN]...", nargs=-1, shell_complete=complete.runs
+    ),
+    folder: str = _folder,
+    output: Path | None = option("-o --output", "Page to write.", OUTPUT),
+    from_s: float | None = option("--from", "First second to draw.", Quantity("s")),
+    to_s: float | None = option("--to", "Last second to draw.", Quantity("s")),
+    open_page: bool = flag("--open", "Open the page in a browser."),
+    figure: Path | None = option(
+        "--figure",
+        "Write the panels as a figure for print in place of a page: .svg, .pdf or .png.",
+        FILE,
+    ),
+    width_mm: float = option(
+        "--width MM",
+        "Width of the figure; a column of a journal is about 85, two are 175.",
+        Quantity("mm", 40.0, 400.0),
+        default=85.0,
+    ),
+    axis: str = _axis,
 ) -> None:
     """Make a page with plots of one or more run logs.
 
@@ -222,10 +211,10 @@ def plot(
     from smad.report.runs import page_of, run_parts
     from smad.runlog.reader import read_run
 
-    sources = paths or (_resolve(None, folder),)
+    sources = paths or (newest_run(folder),)
     runs = []
     for source in sources:
-        with _progress(f"reading {source.name}") as progress:
+        with bar(f"reading {source.name}") as progress:
             runs.append(read_run(source, axis=axis, progress=progress))
     drawn = run_parts(
         runs, -math.inf if from_s is None else from_s, math.inf if to_s is None else to_s
@@ -244,15 +233,14 @@ def plot(
 
 
 @log.command("import")
-@click.argument("source", type=PATH)
-@click.option("-o", "--output", type=PATH, help="Run log to write.")
-@click.option(
-    "--mapping",
-    type=PATH,
-    help="TOML file that says what the columns are, if their names do not.",
-)
-@json_option
-def import_command(source: Path, output: Path | None, mapping: Path | None, as_json: bool) -> None:
+def import_command(
+    source: Path = argument(PATH),
+    output: Path | None = option("-o --output", "Run log to write.", PATH),
+    mapping: Path | None = option(
+        "--mapping", "TOML file that says what the columns are, if their names do not.", PATH
+    ),
+    as_json: bool = json_option,
+) -> None:
     """Make a run log from a CSV or Parquet file, or a ROS bag.
 
     The names of the columns end with their units, or --mapping says what they are.
@@ -277,19 +265,20 @@ def import_command(source: Path, output: Path | None, mapping: Path | None, as_j
 
 
 @log.command()
-@_path
-@_folder
-@click.option("-o", "--output", type=PATH, help="Run log to write.")
-@json_option
-def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) -> None:
+def recover(
+    path: Path | None = _path,
+    folder: str = _folder,
+    output: Path | None = option("-o --output", "Run log to write.", PATH),
+    as_json: bool = json_option,
+) -> None:
     """Write an intact copy of a damaged log; report what was lost."""
     from smad.runlog.holes import words
     from smad.runlog.recover import recover as recover_log
 
     if output is not None:
         require_writable(output)
-    with _progress("recovering") as progress:
-        done = recover_log(_resolve(path, folder), output, progress=progress)
+    with bar("recovering") as progress:
+        done = recover_log(path or newest_run(folder), output, progress=progress)
     if as_json:
         print_json(done)
         return
@@ -299,82 +288,6 @@ def recover(path: Path | None, folder: str, output: Path | None, as_json: bool) 
     _print_notes([*done.notes, *words(done.holes)])
 
 
-def _resolve(path: Path | None, folder: str) -> Path:
-    if path is not None:
-        return path
-    from smad.runlog.paths import newest_run
-
-    newest = newest_run(folder)
-    if newest is None:
-        raise RunLogError(f"no run logs in {folder}", action="name one, or another --folder")
-    return newest
-
-
-@contextlib.contextmanager
-def _progress(label: str) -> Iterator[Callable[[float], None]]:
-    if not sys.stderr.isatty():
-        yield lambda share: None
-        return
-    with click.progressbar(length=_BAR_STEPS, label=label, file=sys.stderr) as bar:
-
-        def advance(share: float) -> None:
-            bar.update(max(0, round(share * _BAR_STEPS) - bar.pos))
-
-        yield advance
-
-
 def _print_notes(notes: Sequence[str]) -> None:
     for note in notes:
         click.echo(f"note: {note}")
-
-
-def _overview_cells(run: Overview) -> tuple[str, ...]:
-    from smad.runlog.header import date_of
-
-    return (
-        Path(run.path).name,
-        run.name,
-        run.source,
-        date_of(run.started_unix_s),
-        "" if run.rows is None else str(run.rows),
-        "" if run.duration_s is None else f"{run.duration_s:.1f} s",
-        f"{run.size_bytes / 1e6:.2f} MB",
-        run.problem,
-    )
-
-
-def _print_summary(run: RunSummary) -> None:
-    from smad.runlog.header import date_of
-
-    rate = "" if run.rate_hz is None else f" at {run.rate_hz:g} Hz"
-    facts = [
-        ("file", run.path),
-        ("name", run.name),
-        ("source", run.source),
-        ("started", date_of(run.started_unix_s)),
-        ("rows", f"{run.rows} in {run.duration_s:.2f} s{rate}"),
-        ("axis", str(run.axis)),
-        ("seed", "" if run.seed is None else str(run.seed)),
-        ("gains", ", ".join(f"{name} = {value:g}" for name, value in run.gains.items())),
-        ("parameters", run.parameter_sha256[:12]),
-    ]
-    for name, value in facts:
-        if value:
-            click.echo(f"{name:<11}{value}")
-    _print_notes(run.notes)
-    click.echo()
-    print_columns(
-        ("channel", "unit", "rows", "least", "mean", "most"),
-        [
-            (c.name, c.unit, str(c.recorded), f"{c.least:g}", f"{c.mean:g}", f"{c.most:g}")
-            for c in run.channels
-        ],
-        numeric=(2, 3, 4, 5),
-    )
-    if run.missing:
-        click.echo(f"\nnot recorded: {', '.join(run.missing)}")
-    if run.events:
-        click.echo(f"\nevents ({len(run.events)}, the last {_EVENTS_SHOWN}):")
-        for event in run.events[-_EVENTS_SHOWN:]:
-            when = "" if event.t_s is None else f"{event.t_s:.3f} s"
-            click.echo(f"{when:>12}  {event.kind:<8} {event.text}")

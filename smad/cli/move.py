@@ -10,17 +10,24 @@ import click
 import msgspec
 from msgspec import inspect as types
 
-from smad.cli.output import NEGATIVE, PATH, axis_option, checked, client, wait_for_motion
+from smad.cli.options import (
+    NEGATIVE,
+    PATH,
+    Group,
+    argument,
+    axis_option,
+    checked,
+    flag,
+    wait_option,
+)
+from smad.cli.output import client, wait_for_motion
 from smad.cli.quantity import Quantity, typed_units
 from smad.config.fields import bare, info_of
-from smad.control.commands import PIECES, Piece, Samples, Trajectory
+from smad.control.commands import PIECES, Piece, Trajectory
 from smad.control.segment import millimetres
 from smad.errors import SmadError
-from smad.records.points import TIME, read_points
+from smad.records.points import read_samples
 from smad.units import parted_name
-
-DISPLACEMENT_COLUMN = "displacement_mm"
-ANGLE_COLUMN = "angle_deg"
 
 
 def _unit_mm(context: click.Context, parameter: click.Parameter, degrees: bool) -> float:
@@ -28,14 +35,12 @@ def _unit_mm(context: click.Context, parameter: click.Parameter, degrees: bool) 
     return millimetres(1.0) if degrees else 1.0
 
 
-_COMMON = (
-    click.Option(
-        ["--queue"], is_flag=True, help="Append to the present motion instead of replacing it."
-    ),
-    click.Option(
-        ["--wait/--no-wait"], default=True, help="Wait until it is done, or return at once."
-    ),
-)
+_queue_option = flag("--queue", "Append to the present motion instead of replacing it.")
+_COMMON = [
+    *_queue_option.parameters("queue"),
+    *wait_option.parameters("wait"),
+    *axis_option.parameters("bench"),
+]
 _DEGREES = click.Option(
     ["--deg", "unit_mm"],
     is_flag=True,
@@ -45,7 +50,7 @@ _DEGREES = click.Option(
 _LENGTHS = ("_mm_per_s", "_mm")
 
 
-@click.group()
+@click.group(cls=Group)
 def move() -> None:
     """Move the pair along a trajectory. Positive displacement: spring X pulls."""
 
@@ -97,14 +102,13 @@ def command_of(piece: type[Piece]) -> click.Command | None:
         for parameter, (_, _, meta) in zip(parameters, fields, strict=True)
         if isinstance(parameter, click.Argument)
     ]
-    command = click.Command(
+    return click.Command(
         piece.word or str(piece.__struct_config__.tag).replace("_", "-"),
         params=[*parameters, *([_DEGREES] if lengths else []), *_COMMON],
         callback=send,
         help="\n\n".join([inspect.getdoc(piece) or "", "\b\n" + "\n".join(arguments)]),
         context_settings=NEGATIVE,
     )
-    return axis_option(command)
 
 
 def _limit_of_bench(bench: str, field: str) -> str:
@@ -112,10 +116,7 @@ def _limit_of_bench(bench: str, field: str) -> str:
     from smad.config import parse_config
 
     with contextlib.suppress(SmadError), client(bench) as bench_client:
-        limits = parse_config(bench_client.config()).limits
-        if field.endswith("_mm_per_s"):
-            return f"up to {limits.reference_rate_max_mm_per_s:g} mm/s"
-        return f"up to ±{limits.displacement_max_mm:g} mm"
+        return parse_config(bench_client.config()).limits.in_words(field)
     return ""
 
 
@@ -150,24 +151,18 @@ def _parameter(
 
 
 @move.command(context_settings=NEGATIVE)
-@click.argument("path", type=PATH)
-@axis_option
-def follow(path: Path, **options: Any) -> None:
+def follow(
+    *,
+    path: Path = argument(PATH),
+    queue: bool = _queue_option,
+    wait: bool = wait_option,
+    bench: str = axis_option,
+) -> None:
     """Follow the points of a CSV file.
 
     Its columns are t_s and displacement_mm, or angle_deg for angles of the segment.
     """
-    _send(read_samples(path), **options)
-
-
-def read_samples(path: Path) -> Samples:
-    """Return the points of a CSV file, times shifted to begin at 0. Raises CommandError."""
-    columns = read_points(path, [(DISPLACEMENT_COLUMN, ANGLE_COLUMN)])
-    places = columns.get(DISPLACEMENT_COLUMN) or [millimetres(a) for a in columns[ANGLE_COLUMN]]
-    return Samples(t_s=tuple(columns[TIME]), displacement_mm=tuple(places))
-
-
-follow.params += _COMMON
+    _send(read_samples(path), queue=queue, wait=wait, bench=bench)
 
 
 def _send(trajectory: Trajectory, *, queue: bool, wait: bool, bench: str) -> None:

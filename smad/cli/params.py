@@ -2,53 +2,50 @@
 
 import click
 
-from smad.api import READ_AS, Param
 from smad.cli import complete
-from smad.cli.output import axis_option, client
-from smad.cli.tables import print_columns
+from smad.cli.options import Group, argument, axis_option
+from smad.cli.output import client
+from smad.view.terminal.tables import print_columns
 
 
-@click.group()
+@click.group(cls=Group)
 def params() -> None:
     """Show and change the parameters stored on the board."""
 
 
 @params.command("list")
-@axis_option
-def list_command(bench: str) -> None:
+def list_command(bench: str = axis_option) -> None:
     """List all parameters of the board."""
     with client(bench) as bench_client:
         parameters = bench_client.params()
     rows = [
-        (p.name, _value(p), f"{p.minimum:.10g} to {p.maximum:.10g}", p.description)
+        (p.name, p.in_words(), f"{p.minimum:.10g} to {p.maximum:.10g}", p.description)
         for p in parameters
     ]
     print_columns(("name", "value", "allowed", "meaning"), rows, numeric=(1,))
 
 
 @params.command()
-@click.argument("name", shell_complete=complete.parameters)
-@axis_option
-def get(name: str, bench: str) -> None:
+def get(name: str = argument(shell_complete=complete.parameters), bench: str = axis_option) -> None:
     """Show one parameter of the board."""
     with client(bench) as bench_client:
-        click.echo(_value(bench_client.get_param(name)))
+        click.echo(bench_client.get_param(name).in_words())
 
 
 @params.command("set")
-@click.argument("name", shell_complete=complete.parameters)
-@click.argument("value", type=float)
-@axis_option
-def set_command(name: str, value: float, bench: str) -> None:
+def set_command(
+    name: str = argument(shell_complete=complete.parameters),
+    value: float = argument(float),
+    bench: str = axis_option,
+) -> None:
     """Change one parameter while not armed. `smad params save` keeps it over a power cycle."""
     with client(bench) as bench_client:
         param = bench_client.set_param(name, value)
-    click.echo(f"{name} = {_value(param)}; not yet kept over a power cycle (smad params save)")
+    click.echo(f"{name} = {param.in_words()}; not yet kept over a power cycle (smad params save)")
 
 
 @params.command("name")
-@axis_option
-def name_command(bench: str) -> None:
+def name_command(bench: str = axis_option) -> None:
     """Store the name of --axis on its board, while not armed."""
     from firmware_protocol.parameters import axis_name_crc
 
@@ -61,18 +58,8 @@ def name_command(bench: str) -> None:
 
 
 @params.command()
-@axis_option
-def save(bench: str) -> None:
+def save(bench: str = axis_option) -> None:
     """Keep all parameters over a power cycle, while not armed."""
     with client(bench) as bench_client:
         count = len(bench_client.save_params())
     click.echo(f"saved {count} parameters on the board")
-
-
-def _value(param: Param) -> str:
-    raw = f"{param.value:.10g} {param.unit}".rstrip()
-    if param.unit not in READ_AS:
-        return raw
-    # Named, and set, in the unit of the wire; a person reads the other.
-    unit, scale = READ_AS[param.unit]
-    return f"{raw} = {param.value * scale:g} {unit}"

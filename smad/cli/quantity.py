@@ -23,12 +23,7 @@ class Quantity(click.FloatRange):
     name = kind = "number"
 
     def __init__(
-        self,
-        unit: str = "",
-        low: float = -math.inf,
-        high: float = math.inf,
-        *,
-        above: bool = False,
+        self, unit: str = "", low: float = -math.inf, high: float = math.inf, *, above: bool = False
     ) -> None:
         super().__init__(low, high, min_open=above)
         self.unit = unit

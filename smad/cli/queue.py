@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-import functools
 import time
-from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import FOLDER, bench_option, json_option, print_json
+from smad.cli.options import (
+    FOLDER,
+    Group,
+    argument,
+    bench_option,
+    flag,
+    json_option,
+    option,
+    together,
+)
+from smad.cli.output import print_json
 from smad.cli.quantity import Quantity, Whole
 from smad.counted import counted
+from smad.view.terminal.tables import print_columns
 
 if TYPE_CHECKING:
     from smad.queue import Queue
@@ -20,29 +30,31 @@ if TYPE_CHECKING:
 
 _ANYTHING = {"ignore_unknown_options": True, "allow_interspersed_args": False}
 
-_folder_option = click.option(
-    "--folder",
-    type=FOLDER,
-    envvar="SMAD_QUEUE",
-    help="Folder of the queue  [default: that of the daemon's run logs, else runs]",
-)
-_number = click.argument("number", type=Whole(1), metavar="ITEM")
 
+@dataclass(frozen=True, kw_only=True)
+class _Place:
+    """The queue that a command is for."""
 
-def _on_queue(command: Callable[..., None]) -> Callable[..., None]:
-    """Add `--bench` and `--folder`; the command gets the queue they name as `opened`."""
+    bench: str = bench_option
+    folder: Path | None = option(
+        "--folder",
+        "Folder of the queue  [default: that of the daemon's run logs, else runs]",
+        FOLDER,
+        envvar="SMAD_QUEUE",
+    )
 
-    @functools.wraps(command)
-    def open_queue(*, folder: Path | None, bench: str, **typed: Any) -> None:
+    def open(self) -> Queue:
+        """Open it, for as long as the command runs."""
         from smad.queue import Queue
 
-        with Queue(folder, bench=bench) as opened:
-            command(opened=opened, **typed)
-
-    return bench_option(_folder_option(open_queue))
+        return Queue(self.folder, bench=self.bench)
 
 
-@click.group()
+_queue = together(_Place)
+_number = argument(Whole(1), metavar="ITEM")
+
+
+@click.group(cls=Group)
 def queue() -> None:
     """Queue commands; the queue survives kills and power losses.
 
@@ -52,18 +64,13 @@ def queue() -> None:
 
 
 @queue.command(context_settings=_ANYTHING)
-@click.argument("kind", metavar="run|tune|checkup|move")
-@click.argument("words", nargs=-1, type=click.UNPROCESSED)
-@click.option("--repeat", type=Whole(1, 1000), default=1, help="How many copies to add.")
-@json_option
-@_on_queue
 def add(
     *,
-    kind: str,
-    words: tuple[str, ...],
-    repeat: int,
-    as_json: bool,
-    opened: Queue,
+    kind: str = argument(metavar="run|tune|checkup|move"),
+    words: tuple[str, ...] = argument(click.UNPROCESSED, nargs=-1),
+    repeat: int = option("--repeat", "How many copies to add.", Whole(1, 1000), default=1),
+    as_json: bool = json_option,
+    opened: Queue = _queue,
 ) -> None:
     """Add a command to the queue.
 
@@ -91,10 +98,12 @@ def add(
 
 
 @queue.command("list")
-@click.option("--all", "everything", is_flag=True, help="Include ended items.")
-@json_option
-@_on_queue
-def list_items(*, everything: bool, as_json: bool, opened: Queue) -> None:
+def list_items(
+    *,
+    everything: bool = flag("--all", "Include ended items."),
+    as_json: bool = json_option,
+    opened: Queue = _queue,
+) -> None:
     """Show the items and the state of the queue."""
     from smad.queue.words import state_in_words
 
@@ -110,60 +119,39 @@ def list_items(*, everything: bool, as_json: bool, opened: Queue) -> None:
 
 
 def _print_items(snapshot: Snapshot, *, everything: bool) -> None:
-    from smad.cli.tables import print_table
-    from smad.queue.words import clock
-    from smad.report.page import Table
+    from smad.queue.words import ITEMS, item_rows
 
-    ended = [item for item in snapshot.items if item.ended_unix_s]
-    shown = [*ended, *([snapshot.running] if snapshot.running else []), *snapshot.queued]
-    if not everything:
-        shown = shown[max(0, len(ended) - 5) :]
-    rows = [
-        (
-            str(item.id),
-            item.title,
-            item.state,
-            clock(item.started_unix_s or item.added_unix_s),
-            item.reason,
-        )
-        for item in shown
-    ]
-    if rows:
-        print_table(Table(("item", "command", "state", "since", "why"), rows))
+    if rows := item_rows(snapshot, everything=everything):
+        print_columns(ITEMS, rows)
 
 
 @queue.command()
-@_number
-@click.argument("place", type=Whole(1))
-@_on_queue
-def move(*, number: int, place: int, opened: Queue) -> None:
+def move(*, number: int = _number, place: int = argument(Whole(1)), opened: Queue = _queue) -> None:
     """Move a queued ITEM to PLACE among those that wait."""
     opened.move(number, place)
     click.echo(f"item {number} is now number {place} of the waiting items")
 
 
 @queue.command()
-@_number
-@_on_queue
-def remove(*, number: int, opened: Queue) -> None:
+def remove(*, number: int = _number, opened: Queue = _queue) -> None:
     """Remove a queued ITEM."""
     opened.remove(number)
     click.echo(f"item {number} removed")
 
 
 @queue.command()
-@_number
-@_on_queue
-def again(*, number: int, opened: Queue) -> None:
+def again(*, number: int = _number, opened: Queue = _queue) -> None:
     """Add an ended or interrupted ITEM again."""
     item = opened.again(number)
     click.echo(f"item {item.id}: {item.title}")
 
 
 @queue.command()
-@click.option("--now", is_flag=True, help="End the running item: it disarms and keeps its log.")
-@_on_queue
-def pause(*, now: bool, opened: Queue) -> None:
+def pause(
+    *,
+    now: bool = flag("--now", "End the running item: it disarms and keeps its log."),
+    opened: Queue = _queue,
+) -> None:
     """Begin no further item, and end the arming."""
     running = opened.pause(now=now).after.running
     ends = "is being ended" if now else "goes on to its end"
@@ -171,25 +159,18 @@ def pause(*, now: bool, opened: Queue) -> None:
 
 
 @queue.command()
-@click.option("--until", metavar="HH:MM", help="End time, such as 07:30 or 2026-11-26T07:30.")
-@click.option("--hours", type=Quantity("h", 0.0, 744.0, above=True), help="Longest time.")
-@click.option(
-    "--energy-kJ",
-    "energy_kJ",
-    type=Quantity("kJ", 0.0, above=True),
-    help="Largest heating energy.",
-)
-@click.option("--cycles", type=Quantity(low=0.0, above=True), help="Largest number of cycles.")
-@click.option("--confirm", "code", metavar="CODE", help="Second step, with the code of the first.")
-@_on_queue
 def resume(
     *,
-    until: str | None,
-    hours: float | None,
-    energy_kJ: float | None,
-    cycles: float | None,
-    code: str | None,
-    opened: Queue,
+    until: str | None = option("--until HH:MM", "End time, such as 07:30 or 2026-11-26T07:30."),
+    hours: float | None = option("--hours", "Longest time.", Quantity("h", 0.0, 744.0, above=True)),
+    energy_kJ: float | None = option(
+        "--energy-kJ", "Largest heating energy.", Quantity("kJ", 0.0, above=True)
+    ),
+    cycles: float | None = option(
+        "--cycles", "Largest number of cycles.", Quantity(low=0.0, above=True)
+    ),
+    code: str | None = option("--confirm CODE", "Second step, with the code of the first."),
+    opened: Queue = _queue,
 ) -> None:
     """Arm the queue, in two steps.
 
@@ -228,9 +209,11 @@ def resume(
 
 
 @queue.command()
-@click.option("--until-paused", is_flag=True, help="End when the queue pauses, for scripts.")
-@_on_queue
-def run(*, until_paused: bool, opened: Queue) -> None:
+def run(
+    *,
+    until_paused: bool = flag("--until-paused", "End when the queue pauses, for scripts."),
+    opened: Queue = _queue,
+) -> None:
     """Run the items of the queue until ctrl-C. A queue has one runner.
 
     After a kill or a restart the item that ran is interrupted, its run log is recovered, and the
@@ -245,10 +228,12 @@ def run(*, until_paused: bool, opened: Queue) -> None:
 
 
 @queue.command()
-@click.option("--after", type=Whole(0), default=0, help="Only messages with a higher number.")
-@json_option
-@_on_queue
-def messages(*, after: int, as_json: bool, opened: Queue) -> None:
+def messages(
+    *,
+    after: int = option("--after", "Only messages with a higher number.", Whole(0), default=0),
+    as_json: bool = json_option,
+    opened: Queue = _queue,
+) -> None:
     """List how every item ended and why the queue paused."""
     from smad.queue.words import clock
 

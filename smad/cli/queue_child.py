@@ -11,14 +11,12 @@ from collections.abc import Sequence
 
 import click
 
-from smad.cli import root
+from smad.cli import INTERNAL, INTERRUPTED, root
 from smad.client import Client
 from smad.errors import SmadError
 from smad.processes.parent import end_group_with
 from smad.queue.ending import is_used_up, status_of
 from smad.queue.machine import SHORT, STOPPED
-
-_INTERRUPTED, _INTERNAL = 130, 70
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -34,13 +32,13 @@ def main(arguments: Sequence[str]) -> int:
         click.echo(f"smad: {error.format_message()}", err=True)
         return error.exit_code
     except click.Abort:
-        return _INTERRUPTED
+        return INTERRUPTED
     except (MemoryError, OSError) as error:
         traceback.print_exc()
-        return SHORT if is_used_up(error) else _INTERNAL
+        return SHORT if is_used_up(error) else INTERNAL
     except Exception:
         traceback.print_exc()
-        return _INTERNAL
+        return INTERNAL
     return STOPPED if _stopped_since(bench) else 0
 
 

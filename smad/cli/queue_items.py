@@ -7,19 +7,19 @@ from __future__ import annotations
 
 import importlib
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from firmware_protocol.nearest import instead
 from smad.errors import ComputerError, SmadError
+from smad.queue.admission import require_startable
 from smad.queue.errors import QueueError
 from smad.queue.machine import Obstacle
 
 if TYPE_CHECKING:
-    from smad.config import Config
     from smad.queue.states import Item
 
 KINDS: Mapping[str, tuple[tuple[str, ...], str]] = {
@@ -34,12 +34,11 @@ Whoever arms a queue has agreed to what is in it, so `smad tune` does not ask.
 """
 _NOT_QUEUED = ("listing", "feedforward", "logs")
 """Options of `smad run` that run nothing."""
-INPUTS = ("run", "path", "config_file", "model", "programme_folder")
-"""Parameters whose files must be there before."""
 
 
 def items_of(kind: str, given: Sequence[str], folder: Path, repeat: int) -> list[Item]:
     """Return `repeat` items of a kind, checked. Raises QueueError, or what the command raises."""
+    from smad.experiments.registry import whole_names
     from smad.queue.states import Item
 
     if kind not in KINDS:
@@ -94,18 +93,6 @@ def obstacle_of(item: Item) -> Obstacle | None:
     return None
 
 
-def whole_names(given: Sequence[str]) -> list[str]:
-    """Return the words with a shortened experiment's name made whole: `fig11` is fig11-tracking."""
-    from smad.experiments.registry import EXPERIMENTS
-
-    words = list(given)
-    if words and words[0] not in EXPERIMENTS:
-        fitting = [name for name in EXPERIMENTS if name.startswith(words[0])]
-        if len(fitting) == 1:
-            words[0] = fitting[0]
-    return words
-
-
 def _checked(kind: str, words: Sequence[str], folder: Path) -> bool:
     """Raise unless the command can begin in `folder`; return whether it is simulated."""
     lead, place = KINDS[kind]
@@ -119,69 +106,9 @@ def _checked(kind: str, words: Sequence[str], folder: Path) -> bool:
             action=f"give smad {' '.join(lead)} --help itself",
         )
     context = command.make_context(" ".join(["smad", *lead]), list(words[len(lead) :]))
-    with context:
-        given = dict(context.params)
-        for name in _NOT_QUEUED:
-            if given.get(name):
-                raise QueueError(f"a command with --{name} moves nothing, so it is not queued")
-        if kind == "run" and "names" in given:
-            _check_experiments(given)
-        for name, path in _inputs(given):
-            if not (folder / path).exists():
-                raise QueueError(
-                    f"{name} {path} is not there", action="nothing was begun; restore it"
-                )
-        _check_baseline(context, folder)
-        if attribute == "moves":
-            from smad.experiments.moves import read_moves
-
-            read_moves(folder / given["path"]).require_within(_config(given["bench"]))
-        sim = bool(given.get("sim"))
-        from smad.client.folder import recording_folder
-
-        _check_disk(folder if sim else recording_folder(given["bench"]) or folder, sim=sim)
-    return sim
-
-
-def _config(bench: str) -> Config:
-    """The configuration of the daemon; without one the usual one, as it is looked at again."""
-    from smad.client import Client
-    from smad.config import Config, parse_config
-    from smad.errors import DaemonError
-
-    try:
-        with Client(bench, timeout_s=1.0) as client:
-            return parse_config(client.config())
-    except DaemonError:
-        return Config()
-
-
-def _check_experiments(given: Mapping[str, Any]) -> None:
-    from smad.experiments.registry import chosen_experiments
-
-    chosen_experiments(given["names"], given["settings"])
-
-
-def _inputs(given: Mapping[str, Any]) -> Iterator[tuple[str, Path]]:
-    for name in INPUTS:
-        if isinstance(path := given.get(name), Path):
-            yield name, path
-
-
-def _check_baseline(context: click.Context, folder: Path) -> None:
-    """A check-up needs a baseline that was commissioned."""
-    for parameter in context.command.params:
-        if "--baseline" in parameter.opts and parameter.name is not None:
-            path = context.params.get(parameter.name)
-            if path is not None and not (folder / path / "baseline.json").exists():
-                raise QueueError(
-                    f"there is no baseline in {path}",
-                    action="commission the bench (smad gap commission), or name another",
-                )
-
-
-def _check_disk(folder: Path, *, sim: bool) -> None:
-    from smad.experiments.ready import BYTES_A_ROW, ROOM_S, require_logs
-
-    # At the usual rate; the command itself looks again.
-    require_logs(folder, 0.0 if sim else BYTES_A_ROW * 100 * ROOM_S)
+    given = context.params
+    for name in _NOT_QUEUED:
+        if given.get(name):
+            raise QueueError(f"a command with --{name} moves nothing, so it is not queued")
+    require_startable(kind, given, folder)
+    return bool(given.get("sim"))

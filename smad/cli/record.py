@@ -2,21 +2,20 @@
 
 import click
 
-from smad.cli.output import bench_option, client
+from smad.cli.options import Group, argument, bench_option, option
+from smad.cli.output import client
 from smad.cli.quantity import Quantity
 from smad.counted import counted
 from smad.files import display_path
 
 
-@click.group()
+@click.group(cls=Group)
 def record() -> None:
     """Record a run. Arming starts a recording, unless the configuration says otherwise."""
 
 
 @record.command()
-@click.argument("name", default="")
-@bench_option
-def start(name: str, bench: str) -> None:
+def start(name: str = argument(default=""), bench: str = bench_option) -> None:
     """Begin a run log; NAME goes into the file's name.
 
     Without NAME, the log that arming started continues. With NAME, it ends and a new one begins.
@@ -27,8 +26,7 @@ def start(name: str, bench: str) -> None:
 
 
 @record.command()
-@bench_option
-def stop(bench: str) -> None:
+def stop(bench: str = bench_option) -> None:
     """Close the run log."""
     with client(bench) as bench_client:
         status = bench_client.stop_recording()
@@ -40,9 +38,10 @@ def stop(bench: str) -> None:
 
 
 @record.command()
-@click.option("--seconds", type=Quantity("s"), default=60.0, help="How far back.")
-@bench_option
-def last(seconds: float, bench: str) -> None:
+def last(
+    seconds: float = option("--seconds", "How far back.", Quantity("s"), default=60.0),
+    bench: str = bench_option,
+) -> None:
     """Write the last seconds into a log, recorded or not.
 
     After a fault this happens by itself.
@@ -55,9 +54,7 @@ def last(seconds: float, bench: str) -> None:
 
 
 @record.command()
-@click.argument("text")
-@bench_option
-def note(text: str, bench: str) -> None:
+def note(text: str = argument(), bench: str = bench_option) -> None:
     """Write TEXT into the run log."""
     with client(bench) as bench_client:
         bench_client.note(text)

@@ -5,34 +5,34 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import FILE, FOLDER, axis_option, lease_option, progress, ready_client
-from smad.cli.simulated import seed_option, sim_option
-
-
-@click.command()
-@click.argument("run", type=FILE)
-@click.option("--as-is", is_flag=True, help="Begin where the bench is, without cooling first.")
-@click.option("--other-bench", is_flag=True, help="Allow a run of another bench or board.")
-@sim_option
-@click.option(
-    "--save-logs",
-    type=FOLDER,
-    default=Path("runs"),
-    help="With --sim, the folder of the new run log.",
+from smad.cli.options import (
+    FILE,
+    FOLDER,
+    Command,
+    argument,
+    axis_option,
+    flag,
+    lease_option,
+    option,
 )
-@seed_option
-@lease_option
-@axis_option
+from smad.cli.output import ready_client
+from smad.cli.simulated import seed_option, sim_option
+from smad.view.terminal.progress import progress
+
+
+@click.command(cls=Command)
 def repeat(
     *,
-    run: Path,
-    as_is: bool,
-    other_bench: bool,
-    sim: bool,
-    save_logs: Path,
-    seed: int,
-    lease: float,
-    bench: str,
+    run: Path = argument(FILE),
+    as_is: bool = flag("--as-is", "Begin where the bench is, without cooling first."),
+    other_bench: bool = flag("--other-bench", "Allow a run of another bench or board."),
+    sim: bool = sim_option,
+    save_logs: Path = option(
+        "--save-logs", "With --sim, the folder of the new run log.", FOLDER, default=Path("runs")
+    ),
+    seed: int = seed_option,
+    lease: float = lease_option,
+    bench: str = axis_option,
 ) -> None:
     """Play the currents and pump duties of RUN again, sample by sample, into a new run log.
 

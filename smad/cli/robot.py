@@ -1,4 +1,4 @@
-"""`smad robot`: joint angles of the segments on a bench of several axes."""
+"""`smad robot` and `smad run six-axes`: joint angles on a bench of several axes."""
 
 from __future__ import annotations
 
@@ -7,38 +7,40 @@ from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import (
+from smad.cli.options import (
     NEGATIVE,
+    OUTPUT,
     PATH,
+    Command,
+    Group,
+    argument,
     bench_option,
-    client,
-    wait_for_motion,
+    flag,
+    option,
     wait_option,
 )
+from smad.cli.output import client, wait_for_motion
 from smad.cli.quantity import Quantity, Whole
+from smad.counted import counted
+from smad.view.terminal.progress import progress
+from smad.view.terminal.tables import print_table
 
 if TYPE_CHECKING:
     from smad.client import Client
     from smad.robot import Angles
 
-_segment = click.argument("segment")
-circle_period_option = click.option(
-    "--period",
-    "period_s",
-    type=Quantity("s", 0.5, 3600.0),
-    default=20.0,
-    help="Seconds for one circle.",
-)
+TITLE = "circles of the segments of a robot, in turn and together"
+"""What `smad run six-axes` does."""
+_period = option("--period", "Seconds for one circle.", Quantity("s", 0.5, 3600.0), default=20.0)
 
 
-@click.group()
+@click.group(cls=Group)
 def robot() -> None:
     """Move the segments of a robot by the angles of their joints."""
 
 
 @robot.command()
-@bench_option
-def angles(bench: str) -> None:
+def angles(bench: str = bench_option) -> None:
     """Show pitch and yaw of each segment."""
     from smad.robot.moving import robot_of, standing_deg
 
@@ -48,20 +50,16 @@ def angles(bench: str) -> None:
 
 
 @robot.command(context_settings=NEGATIVE)
-@_segment
-@click.argument("pitch_deg", type=Quantity("deg"))
-@click.argument("yaw_deg", type=Quantity("deg"))
-@click.option(
-    "--for",
-    "duration_s",
-    type=Quantity("s", 0.1, 3600.0),
-    default=10.0,
-    help="Seconds to stay there.",
-)
-@wait_option
-@bench_option
 def step(
-    *, segment: str, pitch_deg: float, yaw_deg: float, duration_s: float, wait: bool, bench: str
+    *,
+    segment: str = argument(),
+    pitch_deg: float = argument(Quantity("deg")),
+    yaw_deg: float = argument(Quantity("deg")),
+    duration_s: float = option(
+        "--for", "Seconds to stay there.", Quantity("s", 0.1, 3600.0), default=10.0
+    ),
+    wait: bool = wait_option,
+    bench: str = bench_option,
 ) -> None:
     """Turn SEGMENT to PITCH_DEG and YAW_DEG."""
     from smad.robot import step as made
@@ -74,14 +72,14 @@ def step(
 
 
 @robot.command(context_settings=NEGATIVE)
-@_segment
-@click.argument("radius_deg", type=Quantity("deg", 0.0, 180.0))
-@circle_period_option
-@click.option("--cycles", type=Whole(1, 1000), default=1, help="Number of circles.")
-@wait_option
-@bench_option
 def circle(
-    *, segment: str, radius_deg: float, period_s: float, cycles: int, wait: bool, bench: str
+    *,
+    segment: str = argument(),
+    radius_deg: float = argument(Quantity("deg", 0.0, 180.0)),
+    period_s: float = _period,
+    cycles: int = option("--cycles", "Number of circles.", Whole(1, 1000), default=1),
+    wait: bool = wait_option,
+    bench: str = bench_option,
 ) -> None:
     """Draw a circle with the tip of SEGMENT, from straight and back."""
     from smad.robot import circle as made
@@ -91,11 +89,12 @@ def circle(
 
 
 @robot.command()
-@_segment
-@click.argument("path", type=PATH)
-@wait_option
-@bench_option
-def follow(segment: str, path: Path, wait: bool, bench: str) -> None:
+def follow(
+    segment: str = argument(),
+    path: Path = argument(PATH),
+    wait: bool = wait_option,
+    bench: str = bench_option,
+) -> None:
     """Follow the points of a CSV file.
 
     Its columns are t_s, pitch_deg and yaw_deg.
@@ -104,6 +103,38 @@ def follow(segment: str, path: Path, wait: bool, bench: str) -> None:
 
     with client(bench) as connected:
         _move(connected, segment, waypoints(path), wait=wait)
+
+
+@click.command("six-axes", cls=Command)
+def six_axes(
+    *,
+    sim: bool = flag("--sim", "On a simulated bench of six axes."),
+    radius_deg: float = option("--radius", "Degrees.", Quantity("deg", 0.1, 180.0), default=15.0),
+    period_s: float = _period,
+    report: Path | None = option("--report", "Page; by default beside the log.", OUTPUT),
+    bench: str = bench_option,
+) -> None:
+    """Let the segments draw circles, in turn and together.
+
+    It arms the running bench, or with --sim its own. At the end it disarms, and writes a table and
+    a page.
+    """
+    from smad.experiments.circles import Circles, draw, page_of, table, trackings
+    from smad.processes.simulated import simulated_axes
+    from smad.report.page import write_page
+    from smad.robot.moving import robot_of
+    from smad.runlog.reader import read_axes
+
+    with simulated_axes(6) if sim else client(bench) as connected, progress() as line:
+        made = robot_of(connected)
+        log, skew = draw(connected, made, Circles(radius_deg, period_s), line.say)
+    written = write_page(page_of(log, made, skew), report or log.with_suffix(".html"))
+    print_table(table(list(trackings(read_axes(log), made))))
+    click.echo(
+        f"{counted(skew.count, 'simultaneous start')}: {skew.p50_us / 1000:.2f} ms apart (median), "
+        f"at most {skew.max_us / 1000:.2f} ms"
+    )
+    click.echo(written)
 
 
 def _move(connected: Client, segment: str, wanted: Angles, *, wait: bool) -> None:

@@ -3,46 +3,41 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from smad.cli import complete
-from smad.cli.output import (
+from smad.cli.options import (
     FILE,
     FOLDER,
     OUTPUT,
+    Command,
+    argument,
     axis_option,
+    flag,
     json_option,
     lease_option,
-    leased_driver,
-    print_json,
-    progress,
-    ready_client,
-    require_outputs,
+    option,
 )
+from smad.cli.output import print_json, ready_client
 from smad.cli.quantity import Whole
 from smad.cli.simulated import seed_option, simulated_model
 from smad.files import named_output
-
-if TYPE_CHECKING:
-    from sim_device.plant.models import Model
-    from sim_device.plant.parameters import ParameterSet
-    from smad.experiments.base import Experiment
-    from smad.experiments.campaign import CampaignResult
+from smad.view.terminal.progress import progress
+from smad.view.terminal.tables import print_columns, print_table
 
 _OTHERS = {
     "repeat": "smad.cli.repeat",
-    "six-axes": "smad.cli.six_axes",
+    "six-axes": "smad.cli.robot",
     "moves": "smad.cli.run_moves",
     "endurance": "smad.cli.run_endurance",
 }
 """Commands under the name of this one, and their modules."""
 
 
-class _Run(click.Command):
+class _Run(Command):
     """The command, and others under its name: `smad run repeat`, `smad run six-axes`."""
 
     def make_context(
@@ -61,72 +56,71 @@ class _Run(click.Command):
 
 
 @click.command(cls=_Run)
-@click.argument("names", nargs=-1, metavar="NAME…|all", shell_complete=complete.experiments)
-@click.option("--list", "listing", is_flag=True, help="Show the experiments and what each needs.")
-@json_option
-@click.option("--sim", is_flag=True, help="In virtual time, on a simulated bench.")
-@click.option(
-    "--parameters",
-    default="A",
-    help="Parameter file (or A, B, conserving): of the simulated bench, and to compare with.",
-)
-@click.option(
-    "--model",
-    type=FILE,
-    help="Model file of the diagnosis: parameters, variant and effects of the simulated bench.",
-)
-@click.option(
-    "--set",
-    "settings",
-    multiple=True,
-    metavar="[EXPERIMENT.]KEY=VALUE",
-    help="Change a setting of an experiment; may be repeated.",
-)
-@click.option(
-    "--config",
-    "config_file",
-    type=FILE,
-    help="Configuration of the control in virtual time, as for `smad start`.",
-)
-@seed_option
-@click.option("--jobs", type=Whole(1, 256), help="Processes for --sim; by default one a core.")
-@click.option(
-    "--from",
-    "logs",
-    multiple=True,
-    type=FILE,
-    help="Analyse these run logs instead of running anything; may be repeated.",
-)
-@click.option(
-    "--fixture",
-    type=click.Choice(["antagonistic", "stretch", "blocked"]),
-    default="antagonistic",
-    help="How the springs of the real bench are mounted.",
-)
-@click.option("--air", is_flag=True, help="The real bench has no tubes mounted.")
-@click.option(
-    "--lacking",
-    multiple=True,
-    metavar="PART",
-    help="Remove a sensor (a channel such as force_N) of the simulated bench; may be repeated.",
-)
-@click.option(
-    "--report",
-    type=OUTPUT,
-    help="Page to write [default: experiments.html; experiments-2.html and so on if it exists]",
-)
-@click.option(
-    "--save-parameters", type=OUTPUT, help="Write the recovered parameters to this parameter file."
-)
-@click.option("--save-logs", type=FOLDER, help="With --sim, write the run logs into this folder.")
-@click.option(
-    "--feedforward",
-    is_flag=True,
-    help="Only print the section [control.feedforward] for --parameters.",
-)
-@lease_option
-@axis_option
-def run(names: tuple[str, ...], **options: Any) -> None:
+def run(
+    *,
+    names: tuple[str, ...] = argument(
+        nargs=-1, metavar="NAME…|all", shell_complete=complete.experiments
+    ),
+    listing: bool = flag("--list", "Show the experiments and what each needs."),
+    as_json: bool = json_option,
+    sim: bool = flag("--sim", "In virtual time, on a simulated bench."),
+    parameters: str = option(
+        "--parameters",
+        "Parameter file (or A, B, conserving): of the simulated bench, and to compare with.",
+        default="A",
+    ),
+    model: Path | None = option(
+        "--model",
+        "Model file of the diagnosis: parameters, variant and effects of the simulated bench.",
+        FILE,
+    ),
+    settings: tuple[str, ...] = option(
+        "--set [EXPERIMENT.]KEY=VALUE",
+        "Change a setting of an experiment; may be repeated.",
+        multiple=True,
+    ),
+    config_file: Path | None = option(
+        "--config", "Configuration of the control in virtual time, as for `smad start`.", FILE
+    ),
+    seed: int = seed_option,
+    jobs: int | None = option(
+        "--jobs", "Processes for --sim; by default one a core.", Whole(1, 256)
+    ),
+    logs: tuple[Path, ...] = option(
+        "--from",
+        "Analyse these run logs instead of running anything; may be repeated.",
+        FILE,
+        multiple=True,
+    ),
+    fixture: str = option(
+        "--fixture",
+        "How the springs of the real bench are mounted.",
+        click.Choice(["antagonistic", "stretch", "blocked"]),
+        default="antagonistic",
+    ),
+    air: bool = flag("--air", "The real bench has no tubes mounted."),
+    lacking: tuple[str, ...] = option(
+        "--lacking PART",
+        "Remove a sensor (a channel such as force_N) of the simulated bench; may be repeated.",
+        multiple=True,
+    ),
+    report: Path | None = option(
+        "--report",
+        "Page to write [default: experiments.html; experiments-2.html and so on if it exists]",
+        OUTPUT,
+    ),
+    save_parameters: Path | None = option(
+        "--save-parameters", "Write the recovered parameters to this parameter file.", OUTPUT
+    ),
+    save_logs: Path | None = option(
+        "--save-logs", "With --sim, write the run logs into this folder.", FOLDER
+    ),
+    feedforward: bool = flag(
+        "--feedforward", "Only print the section [control.feedforward] for --parameters."
+    ),
+    lease: float = lease_option,
+    bench: str = axis_option,
+) -> None:
     """Run experiments of the paper, analyse them, and write one page.
 
     NAME is an experiment, `all` is all of them. Without --sim they run on the bench of the
@@ -136,130 +130,82 @@ def run(names: tuple[str, ...], **options: Any) -> None:
     `smad run six-axes` draws circles with the segments of a robot, `smad run moves FILE` plays the
     trajectories of a file, `smad run endurance` cycles until a limit ends it.
     """
+    from sim_device.plant.parameters import parameters_text
+    from smad.experiments import report as reports
+    from smad.experiments.campaign import CampaignBench, configured, run_here, run_on
+    from smad.experiments.inverse import feedforward_section
+    from smad.experiments.leased import leased_driver
+    from smad.experiments.logs import LogDriver
     from smad.experiments.ready import require_ready
     from smad.experiments.registry import chosen_experiments
+    from smad.report.page import write_page
     from smad.runlog.paths import free_path
 
-    if options["listing"]:
-        _print_list(as_json=options["as_json"])
+    if listing:
+        _print_list(as_json=as_json)
         return
-    require_outputs()
-    given = simulated_model(params=options["parameters"], model_file=options["model"])
-    model = given.parameters
-    if options["feedforward"]:
-        from smad.experiments.inverse import feedforward_section
-
-        click.echo(feedforward_section(model, given.variant), nl=False)
+    given = simulated_model(params=parameters, model_file=model)
+    nominal = given.parameters
+    if feedforward:
+        click.echo(feedforward_section(nominal, given.variant), nl=False)
         return
-    experiments = chosen_experiments(names, options["settings"])
-    if options["report"] is None:
-        options["report"] = free_path(Path("experiments.html"))
-    require_ready(extra="report", outputs=[options["report"], options["save_parameters"]])
-    if options["logs"]:
-        result, facts = _from_logs(experiments, model, options["logs"])
-    elif options["sim"]:
-        result, facts = _simulated(experiments, given, options)
-    else:
-        result, facts = _live(experiments, model, options)
-    _finish(result, model, facts, options)
-
-
-def _print_list(*, as_json: bool) -> None:
-    from smad.cli.six_axes import TITLE
-    from smad.cli.tables import print_table
-    from smad.experiments.driver import PARTS
-    from smad.experiments.registry import EXPERIMENTS, make_experiment
-    from smad.report.page import Table
-
-    experiments = [make_experiment(name) for name in EXPERIMENTS]
-    if as_json:
-        print_json(
-            [
-                {"name": e.name, "title": e.title, "needs": sorted(e.requirements())}
-                for e in experiments
-            ]
+    experiments = chosen_experiments(names, settings)
+    page = report or free_path(Path("experiments.html"))
+    require_ready(extra="report", outputs=[page, save_parameters])
+    if logs:
+        facts = ("logs", str(len(logs)))
+        result = run_on(experiments, LogDriver(logs), nominal)
+    elif sim:
+        facts = ("bench", f"simulated, {given.variant}, seed {seed}")
+        simulated = CampaignBench(
+            given,
+            config=configured(given, config_file),
+            seed=seed,
+            lacking=frozenset(lacking),
+            folder=save_logs,
         )
-        return
-    rows = []
-    for experiment in experiments:
-        needs = [PARTS[part] for part in sorted(experiment.requirements())]
-        rows.append((experiment.name, experiment.title, ", ".join(needs) or "a data file"))
-    rows.append(("six-axes", TITLE, "several axes"))
-    print_table(Table(("name", "what", "needs"), rows))
-
-
-Facts = list[tuple[str, str]]
-
-
-def _simulated(
-    experiments: Sequence[Experiment[Any]], given: Model, options: dict[str, Any]
-) -> tuple[CampaignResult, Facts]:
-    from smad.config import load_config
-    from smad.experiments.campaign import CampaignBench, run_here, usual_config
-
-    file = options["config_file"]
-    bench = CampaignBench(
-        given,
-        config=usual_config(given) if file is None else load_config(file),
-        seed=options["seed"],
-        lacking=frozenset(options["lacking"]),
-        folder=options["save_logs"],
-    )
-    facts = [("bench", f"simulated, {given.variant}, seed {options['seed']}")]
-    with progress() as line:
-        return run_here(experiments, bench, options["jobs"], line.say), facts
-
-
-def _live(
-    experiments: Sequence[Experiment[Any]], model: ParameterSet, options: dict[str, Any]
-) -> tuple[CampaignResult, Facts]:
-    from smad.experiments.campaign import run_on
-
-    with ready_client(options["bench"], extra="report") as connected, progress() as line:
-        mounted = {"fixture": options["fixture"], "cooling": "air" if options["air"] else "water"}
-        driver = leased_driver(connected, "smad run", options["lease"], line.say, **mounted)
-        try:
-            result = run_on(experiments, driver, model, line.say)
-        finally:
-            connected.disarm()
-    return result, [("bench", options["bench"])]
-
-
-def _from_logs(
-    experiments: Sequence[Experiment[Any]], model: ParameterSet, logs: Sequence[Path]
-) -> tuple[CampaignResult, Facts]:
-    from smad.experiments.campaign import run_on
-    from smad.experiments.logs import LogDriver
-
-    return run_on(experiments, LogDriver(logs), model), [("logs", str(len(logs)))]
-
-
-def _finish(
-    result: CampaignResult, model: ParameterSet, facts: Facts, options: dict[str, Any]
-) -> None:
-    from sim_device.plant.parameters import parameters_text
-    from smad.experiments.report import campaign_page, campaign_records
-    from smad.report.page import write_page
-
-    given = model if options["sim"] and not options["logs"] else None
-    page = write_page(campaign_page(result, model, given=given, facts=facts), options["report"])
-    files = {"page": str(page)}
-    if options["save_parameters"] is not None:
-        with named_output(options["save_parameters"]) as partial:
+        with progress() as line:
+            result = run_here(experiments, simulated, jobs, line.say)
+    else:
+        facts = ("bench", bench)
+        with ready_client(bench, extra="report") as connected, progress() as line:
+            mounted = {"fixture": fixture, "cooling": "air" if air else "water"}
+            driver = leased_driver(connected, "smad run", lease, line.say, **mounted)
+            try:
+                result = run_on(experiments, driver, nominal, line.say)
+            finally:
+                connected.disarm()
+    truth = nominal if sim and not logs else None
+    shown = reports.campaign_page(result, nominal, given=truth, facts=[facts])
+    files = {"page": str(write_page(shown, page))}
+    if save_parameters is not None:
+        with named_output(save_parameters) as partial:
             partial.write_text(parameters_text(result.recovered))
-        files["parameters"] = str(options["save_parameters"])
-    if options["as_json"]:
-        print_json({**campaign_records(result, given), **files})
+        files["parameters"] = str(save_parameters)
+    if as_json:
+        print_json({**reports.campaign_records(result, truth), **files})
         return
-    _print_tables(result, model, given)
+    print_table(reports.comparison_table(result))
+    if result.estimates:
+        print_table(reports.recovery_table(result.estimates, nominal, truth))
     for name, path in files.items():
         click.echo(f"{name}  {path}")
 
 
-def _print_tables(result: CampaignResult, model: ParameterSet, given: ParameterSet | None) -> None:
-    from smad.cli.tables import print_table
-    from smad.experiments.report import comparison_table, recovery_table
+def _print_list(*, as_json: bool) -> None:
+    from smad.cli.robot import TITLE
+    from smad.experiments.driver import PARTS
+    from smad.experiments.registry import EXPERIMENTS, make_experiment
 
-    print_table(comparison_table(result))
-    if result.estimates:
-        print_table(recovery_table(result.estimates, model, given))
+    experiments = [make_experiment(name) for name in EXPERIMENTS]
+    needs = {e.name: sorted(e.requirements()) for e in experiments}
+    if as_json:
+        print_json(
+            [{"name": e.name, "title": e.title, "needs": needs[e.name]} for e in experiments]
+        )
+        return
+    rows = [
+        (e.name, e.title, ", ".join(PARTS[part] for part in needs[e.name]) or "a data file")
+        for e in experiments
+    ]
+    print_columns(("name", "what", "needs"), [*rows, ("six-axes", TITLE, "several axes")])

@@ -4,19 +4,24 @@ from pathlib import Path
 
 import click
 
-from smad.cli.output import FILE, axis_option, lease_option, leased_driver, progress, ready_client
+from smad.cli.options import FILE, Command, argument, axis_option, lease_option
+from smad.cli.output import ready_client
+from smad.view.terminal.progress import progress
 
 
-@click.command()
-@click.argument("path", type=FILE, metavar="FILE")
-@lease_option
-@axis_option
-def moves(*, path: Path, lease: float, bench: str) -> None:
+@click.command(cls=Command)
+def moves(
+    *,
+    path: Path = argument(FILE, metavar="FILE"),
+    lease: float = lease_option,
+    bench: str = axis_option,
+) -> None:
     """Arm, follow the trajectories of FILE from rest, record them, and disarm.
 
     FILE is TOML with a table [[pieces]] for each piece: `kind` is step, ramp, sine …,
     the other keys are its fields (smad docs guide/clients). `timeout_s` ends a motion that hangs.
     """
+    from smad.experiments.leased import leased_driver
     from smad.experiments.moves import read_moves
 
     plan = read_moves(path).plan(path.stem[:60])

@@ -1,11 +1,10 @@
 """`smad service`: the files that let systemd and udev look after a bench."""
 
-import sys
 from pathlib import Path
 
 import click
 
-from smad.cli.output import FOLDER
+from smad.cli.options import FOLDER, Group, flag, option
 
 _NEXT = """\
 Next: put the vendor and product of your adapter into the udev rule, then
@@ -13,27 +12,25 @@ Next: put the vendor and product of your adapter into the udev rule, then
   systemctl daemon-reload"""
 
 
-@click.group()
+@click.group(cls=Group)
 def service() -> None:
     """Install the systemd units and the udev rule."""
 
 
 @service.command()
-@click.option(
-    "--root",
-    type=FOLDER,
-    default=Path("/"),
-    help="Root of the system, for an image that is being made.",
-)
-@click.option("--overwrite", is_flag=True, help="Replace files that were edited.")
-def install(root: Path, overwrite: bool) -> None:
+def install(
+    root: Path = option(
+        "--root", "Root of the system, for an image that is being made.", FOLDER, default=Path("/")
+    ),
+    overwrite: bool = flag("--overwrite", "Replace files that were edited."),
+) -> None:
     """Write the files where the system looks for them; needs root.
 
     The units of daemon, queue and hooks start the smad that this command belongs to.
     """
     from smad.processes import service as service_files
 
-    for path in service_files.install(root, _program(), overwrite=overwrite):
+    for path in service_files.install(root, overwrite=overwrite):
         click.echo(path)
     click.echo(_NEXT)
 
@@ -44,8 +41,4 @@ def show() -> None:
     from smad.processes import service as service_files
 
     for name, place in service_files.PLACES.items():
-        click.echo(f"# /{place}/{name}\n{service_files.content(name, _program())}")
-
-
-def _program() -> str:
-    return str(Path(sys.prefix) / "bin" / "smad")
+        click.echo(f"# /{place}/{name}\n{service_files.content(name)}")

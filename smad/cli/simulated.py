@@ -2,90 +2,85 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from smad.cli import complete
-from smad.cli.output import F, note
+from smad.cli.options import flag, option
+from smad.cli.output import plain_errors
 from smad.cli.quantity import Whole
-from smad.errors import SmadError
-from smad.processes.boards import BOARDS
+from smad.errors import ConfigError
+from smad.processes.boards import BOARDS, effect_lines
+from smad.view.terminal.progress import note
 
 if TYPE_CHECKING:
     from sim_device.plant.models import Model
+    from smad.config import Config
 
-FIRMWARES = "the board: " + ", ".join(f"{name} ({b.about})" for name, b in BOARDS.items()) + "."
+FIRMWARES = "The board: " + ", ".join(f"{name} ({b.about})" for name, b in BOARDS.items()) + "."
 
-sim_option = click.option("--sim", is_flag=True, help="On a simulated bench in virtual time.")
+sim_option = flag("--sim", "On a simulated bench in virtual time.")
+seed_option = option("--seed", "With --sim: seed of all noise.", Whole(0, 2**32 - 1), default=0)
 
 
-def effects_option(about: str) -> Callable[[F], F]:
+def effects_option(about: str) -> Any:
     """Return the option --effect, which may be repeated, of a simulated bench."""
-    return click.option(
-        "--effect",
-        "effects",
-        multiple=True,
-        metavar="NAME[:P=V,…]",
-        shell_complete=complete.effects,
-        help=about,
-    )
+    return option("--effect NAME[:P=V,…]", about, multiple=True, shell_complete=complete.effects)
 
 
 effect_option = effects_option("With --sim: an effect that the simulated bench has.")
 
 
-def board_options(lead: str) -> Callable[[F], F]:
-    """Return the options of the boards that `smad sim` runs, and `smad start --sim` begins.
+rate_option = option("--rate", "Samples per second.", click.Choice(["100", "250", "500"]))
 
-    `lead` begins the help of each.
-    """
 
-    def about(text: str) -> str:
-        return lead + text if lead else text[0].upper() + text[1:]
+@dataclass(frozen=True, kw_only=True)
+class Boards:
+    """The boards that `smad sim` runs, and `smad start --sim` begins."""
 
-    number = Whole(0, 2**32 - 1)
-    options = (
-        click.option(
-            "--rate", type=click.Choice(["100", "250", "500"]), help="Samples per second."
-        ),
-        click.option("--axes", type=Whole(1, 6), help=about("number of boards.")),
-        click.option("--speed", type=float, help=about("board time over wall time.")),
-        click.option("--seed", type=number, help=about("seed of all noise.")),
-        click.option(
-            "--paced-by-host", is_flag=True, help=about("the board waits for each setpoint.")
-        ),
-        click.option(
-            "--fault",
-            "faults",
-            multiple=True,
-            metavar="NAME@S[:KEY=VALUE,…]",
-            help=about("a fault to inject; smad sim --fault list lists them."),
-        ),
-        click.option(
-            "--firmware",
-            type=click.Choice([*BOARDS]),
-            default="python",
-            help=about(FIRMWARES),
-        ),
-        # With --paced-by-host both ends wait so many times as long for each other.
-        click.option("--patience", type=Whole(1, 1000), default=1, hidden=True),
-        # End when this process does.
-        click.option("--parent", type=int, hidden=True),
+    axes: int | None = option("--axes", "Number of boards.", Whole(1, 6))
+    speed: float | None = option("--speed", "Board time over wall time.", float)
+    seed: int | None = option("--seed", "Seed of all noise.", Whole(0, 2**32 - 1))
+    paced_by_host: bool = flag("--paced-by-host", "The board waits for each setpoint.")
+    faults: tuple[str, ...] = option(
+        "--fault NAME@S[:KEY=VALUE,…]",
+        "A fault to inject; smad sim --fault list lists them.",
+        multiple=True,
     )
+    firmware: str = option("--firmware", FIRMWARES, click.Choice([*BOARDS]), default="python")
+    # With --paced-by-host both ends wait so many times as long for each other.
+    patience: int = option("--patience", type=Whole(1, 1000), default=1, hidden=True)
+    # End when this process does.
+    parent: int | None = option("--parent", type=int, hidden=True)
 
-    def add(command: F) -> F:
-        return functools.reduce(lambda made, option: option(made), reversed(options), command)
+    def configured(self, path: Path | None, rate: str | None) -> Config:
+        """The configuration of a file, else the usual one, with what is asked of the boards."""
+        from smad.config import Config, load_config, with_changes
 
-    return add
+        config = Config() if path is None else load_config(path)
+        link = {"rate_hz": None if rate is None else int(rate)}
+        plant = {"seed": self.seed, "speed_ratio": self.speed}
+        return with_changes(config, link=link, plant=plant).with_axes(self.axes)
 
+    def require_none(self) -> None:
+        """Raise ConfigError where something is asked of a board that is not simulated."""
+        asked = self.speed, self.seed, self.axes, self.paced_by_host or None, self.faults or None
+        if any(given is not None for given in asked) or self.firmware != "python":
+            raise ConfigError(
+                "--speed, --seed, --axes, --paced-by-host, --fault and --firmware need --sim",
+                action="add --sim, or leave them out",
+            )
 
-seed_option = click.option(
-    "--seed", type=Whole(0, 2**32 - 1), default=0, help="With --sim: seed of all noise."
-)
+    def words(self, config_path: Path | None) -> list[str]:
+        """What `smad sim` is given beside the configuration's own."""
+        words = [word for text in self.faults for word in ("--fault", text)]
+        words += [] if config_path is None else ["--config", str(config_path)]
+        paced = ["--paced-by-host", "--patience", str(self.patience)]
+        return [*words, *(paced if self.paced_by_host else ())]
 
 
 def require_sim(effects: Iterable[str], *, sim: bool) -> None:
@@ -106,10 +101,8 @@ def simulated_model(
     from sim_device.plant.errors import PlantError
     from sim_device.plant.models import built_in, read_model
 
-    try:
+    with plain_errors():
         given = built_in(params) if model_file is None else read_model(model_file)
-    except PlantError as error:
-        raise SmadError(str(error)) from None
     try:
         model = given.with_effects(dict(from_text(text) for text in effects))
     except PlantError as error:
@@ -117,17 +110,3 @@ def simulated_model(
     for line in effect_lines(model.effects, effects):
         note(line)
     return model
-
-
-def effect_lines(effects: Mapping[str, Mapping[str, float]], named: Iterable[str]) -> Iterator[str]:
-    """Yield a line for each effect of `named` (NAME or NAME:P=V): its values with their units."""
-    from sim_device.plant.effects.registry import effect
-
-    for text in named:
-        name = text.partition(":")[0].strip()
-        entry, values = effect(name), effects[name]
-        shown = ", ".join(
-            f"{p.name} = {values[p.name]:g} {'' if p.unit == '1' else p.unit}".rstrip()
-            for p in entry.parameters
-        )
-        yield f"effect {name}: {shown}"

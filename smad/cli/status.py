@@ -1,35 +1,34 @@
 """`smad status`: everything about the bench on one screen."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 import time
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
 
 import click
 
-from smad.cli.output import axis_option, client, json_option, print_json
-from smad.view.terminal.status_lines import labelled, lines
-
-if TYPE_CHECKING:
-    from smad.client import Client
+from smad.cli.options import Command, axis_option, flag, json_option
+from smad.cli.output import client, print_json
+from smad.view.terminal.status_lines import folded, labelled, lines
 
 _REFRESH_S = 0.5
 
 
-@click.command()
-@click.option(
-    "--watch", is_flag=True, help="A screen, drawn twice a second; the space bar stops the bench."
-)
-@json_option
-@axis_option
-def status(watch: bool, as_json: bool, bench: str) -> None:
+@click.command(cls=Command)
+def status(
+    watch: bool = flag("--watch", "A screen, drawn twice a second; the space bar stops the bench."),
+    as_json: bool = json_option,
+    bench: str = axis_option,
+) -> None:
     """Show link, board, motion, readings, timing, run log."""
     with client(bench) as bench_client:
         if watch and not as_json:
-            _watch(bench_client)
+            if not (sys.stdin.isatty() and sys.stdout.isatty()):
+                raise click.UsageError("--watch needs a terminal; --watch --json prints lines.")
+            from smad.view.terminal import watch as screen
+
+            bench_client.timeout_s = screen.PATIENCE_S
+            screen.run(bench_client)
             return
         while True:
             now = bench_client.status()
@@ -46,20 +45,6 @@ def _print(facts: Iterable[str]) -> None:
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else sys.maxsize
     for line in facts:
         click.echo(folded(line, width))
-
-
-def folded(line: str, width: int) -> str:
-    """Return a labelled line in lines of at most `width`: the text goes on below itself."""
-    return click.wrap_text(line, width, subsequent_indent=labelled("", ""))
-
-
-def _watch(bench_client: Client) -> None:
-    if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        raise click.UsageError("--watch needs a terminal; --watch --json prints lines.")
-    from smad.view.terminal import watch
-
-    bench_client.timeout_s = watch.PATIENCE_S
-    watch.run(bench_client)
 
 
 def _other_benches(bench: str) -> Iterator[str]:

@@ -4,59 +4,48 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
+import msgspec
 
-from smad.cli.output import (
+from smad.cli.options import (
     OUTPUT,
+    Command,
+    argument,
     axis_option,
+    flag,
     json_option,
     lease_option,
-    leased_driver,
-    print_json,
-    progress,
-    ready_client,
+    option,
 )
+from smad.cli.output import print_json, ready_client
+from smad.control.commands import Spring
 from smad.errors import CommandError
 from smad.files import write_whole
-
-if TYPE_CHECKING:
-    from smad.control.commands import Spring
-    from smad.experiments.tuning import Session
+from smad.view.terminal.progress import progress
+from smad.view.terminal.tables import print_table
 
 
-@click.command()
-@click.argument("loop", type=click.Choice(["displacement", "temperature"]), default="displacement")
-@click.option(
-    "--spring",
-    type=click.Choice(["x", "y"]),
-    default="x",
-    help="Which spring to heat, for the temperature loop.",
-)
-@click.option("--trial/--no-trial", default=True, help="Try the old and the new gains.")
-@click.option("--apply", is_flag=True, help="Put the new gains in force on the running daemon.")
-@click.option(
-    "--save",
-    type=OUTPUT,
-    metavar="FILE",
-    help="Write the section of the configuration to a new file.",
-)
-@json_option
-@lease_option
-@click.option("--yes", is_flag=True, help="Do not ask before the bench is armed and heated.")
-@axis_option
+@click.command(cls=Command)
 def tune(
     *,
-    loop: str,
-    spring: str,
-    trial: bool,
-    apply: bool,
-    save: Path | None,
-    as_json: bool,
-    lease: float,
-    yes: bool,
-    bench: str,
+    loop: str = argument(click.Choice(["displacement", "temperature"]), default="displacement"),
+    spring: Spring = option(
+        "--spring",
+        "Which spring to heat, for the temperature loop.",
+        click.Choice(["x", "y"]),
+        default="x",
+    ),
+    trial: bool = flag("--trial/--no-trial", "Try the old and the new gains.", default=True),
+    apply: bool = flag("--apply", "Put the new gains in force on the running daemon."),
+    save: Path | None = option(
+        "--save FILE", "Write the section of the configuration to a new file.", OUTPUT
+    ),
+    as_json: bool = json_option,
+    lease: float = lease_option,
+    yes: bool = flag("--yes", "Do not ask before the bench is armed and heated."),
+    bench: str = axis_option,
 ) -> None:
     """Find the gains of a control loop by a short experiment.
 
@@ -64,26 +53,34 @@ def tune(
     disarms; takes two to four minutes. Nothing changes without --apply or --save, or if the trial
     is worse than with the present gains.
     """
-    from smad.experiments.ready import require_ready
+    from smad.experiments.leased import leased_driver
+    from smad.experiments.tuning import tune_bench
+    from smad.experiments.tuning_report import facts, gains_table, trial_table
 
     if save is not None and save.exists():
         raise CommandError(
             f"{save} exists", action="name a new file, and copy the section from it; nothing moved"
         )
-    require_ready(outputs=[save])
     if not yes:
         _ask()
-    session = _session(loop, spring, trial=trial, apply=apply, lease_s=lease, bench=bench)
+    with ready_client(bench, extra="sim") as connected, progress() as line:
+        driver = leased_driver(connected, "smad tune", lease, line.say)
+        warm = spring if loop == "temperature" else None
+        session = tune_bench(connected, driver, warm, trial=trial, apply=apply)
     section = session.tuned.toml()
     if save is not None and not session.worse:
         write_whole(save, section)
     if as_json:
-        import msgspec
-
         fields: dict[str, Any] = msgspec.to_builtins(session)
         print_json(fields | {"toml": section, "worse": session.worse}, indent=-1)
         return
-    _print(session)
+    for text in (*facts(session), ""):
+        click.echo(text)
+    print_table(gains_table(session))
+    click.echo("margins are those at full current")
+    if (trials := trial_table(session)) is not None:
+        click.echo()
+        print_table(trials)
     click.echo(f"\n{section}", nl=False)
     if session.worse:
         click.echo(f"keep the gains you have: {session.worse}; nothing was changed")
@@ -106,30 +103,3 @@ def _ask() -> None:
     )
     if not click.confirm("Go on?", err=True):
         raise CommandError("not begun; nothing was armed")
-
-
-def _session(
-    loop: str, spring: str, *, trial: bool, apply: bool, lease_s: float, bench: str
-) -> Session:
-    from smad.experiments.tuning import tune_bench
-
-    with ready_client(bench, extra="sim") as connected, progress() as line:
-        driver = leased_driver(connected, "smad tune", lease_s, line.say)
-        warm: Spring | None = None
-        if loop == "temperature":
-            warm = "x" if spring == "x" else "y"
-        return tune_bench(connected, driver, warm, trial=trial, apply=apply)
-
-
-def _print(session: Session) -> None:
-    from smad.cli.tables import print_table
-    from smad.experiments.tuning_report import facts, gains_table, trial_table
-
-    for text in facts(session):
-        click.echo(text)
-    click.echo()
-    print_table(gains_table(session))
-    click.echo("margins are those at full current")
-    if (trials := trial_table(session)) is not None:
-        click.echo()
-        print_table(trials)

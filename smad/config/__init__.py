@@ -19,6 +19,7 @@ from smad.config.load import (
     load_config,
     parse_config,
     replaced,
+    with_changes,
     without_realtime,
 )
 from smad.config.model import (
@@ -58,5 +59,6 @@ __all__ = [
     "load_config",
     "parse_config",
     "replaced",
+    "with_changes",
     "without_realtime",
 ]

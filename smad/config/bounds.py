@@ -1,7 +1,12 @@
 """A value that its type does not allow, told without the words of a schema. Pure."""
 
+import math
 import re
 from typing import Any
+
+import msgspec
+
+from smad import units
 
 _BOUND = re.compile(r"Expected `(?:float|int)` (?P<side>[<>]=?) (?P<limit>[-+.0-9e]+)")
 _KIND = re.compile(r"Expected `(?P<wanted>[a-z]+)`, got `(?P<given>[a-z]+)`")
@@ -37,6 +42,22 @@ def field_and_words(message: str) -> tuple[str, str]:
     """Return where msgspec found a value that is not allowed (`a[2].b`, or empty), and why."""
     cause, _, path = message.partition(" - at `$")
     return path.rstrip("`").removeprefix("."), in_words(cause)
+
+
+def refusal_of(command: msgspec.Struct) -> tuple[str, str] | None:
+    """Return the field of a command whose value is not allowed, and why; None: all are."""
+    values = msgspec.to_builtins(command)
+    for name, value in values.items():
+        if isinstance(value, float) and not math.isfinite(value):
+            return name, f"{value:g} is not a finite number"
+    try:
+        msgspec.convert(values, type(command))
+    except msgspec.ValidationError as error:
+        name, bound = field_and_words(str(error))
+        unit, value = f" {units.in_words(units.unit_of(name))}".rstrip(), values.get(name)
+        shown = f"{value:g}" if isinstance(value, int | float) else repr(value)
+        return name, f"{shown}{unit}: {bound}{unit}"
+    return None
 
 
 def value_at(value: Any, path: str) -> Any:

@@ -192,3 +192,9 @@ class LimitsConfig(Section, frozen=True, kw_only=True):
     temperature_rate_max_K_per_s: Annotated[
         float, between(0.1, 1000.0, "faster than this is a broken sensor")
     ] = 50.0
+
+    def in_words(self, field: str) -> str:
+        """Return how far a displacement may go, or how fast a rate may be, by the field's name."""
+        if field.endswith("_mm_per_s"):
+            return f"up to {self.reference_rate_max_mm_per_s:g} mm/s"
+        return f"up to ±{self.displacement_max_mm:g} mm"

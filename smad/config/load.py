@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NoReturn
 
@@ -72,6 +73,17 @@ def replaced(config: Config, section: str, **values: object) -> Config:
     return parse_config(
         config_to_toml(msgspec.structs.replace(config, **{section: changed})), source="options"
     )
+
+
+def with_changes(config: Config, **sections: Mapping[str, object]) -> Config:
+    """Return the configuration with keys of sections changed, but not to None.
+
+    Raises ConfigError.
+    """
+    for section, keys in sections.items():
+        changed = {key: value for key, value in keys.items() if value is not None}
+        config = replaced(config, section, **changed) if changed else config
+    return config
 
 
 def without_realtime(config: Config) -> Config:

@@ -12,7 +12,7 @@ from typing import Any
 from sim_device.plant.errors import PlantError
 from sim_device.plant.models import Model
 from sim_device.plant.parameters import ParameterSet
-from smad.config import Config, ControlConfig
+from smad.config import Config, ControlConfig, load_config
 from smad.experiments.base import Experiment, Findings
 from smad.experiments.driver import Driver
 from smad.experiments.errors import ExperimentError
@@ -89,8 +89,10 @@ def run_campaign(
     return conclude_all(experiments, outcomes, model)
 
 
-def usual_config(model: Model) -> Config:
-    """The usual configuration with the inverse of the very model that is simulated."""
+def configured(model: Model, path: Path | None) -> Config:
+    """The configuration of a file, else the usual one with the inverse of the simulated model."""
+    if path is not None:
+        return load_config(path)
     return Config(
         control=ControlConfig(feedforward=feedforward_of(model.parameters, model.variant))
     )

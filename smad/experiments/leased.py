@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from smad.client.arming import arm_when_allowed
 from smad.experiments.driver import Mounting
@@ -90,3 +90,14 @@ class LeasedDriver:
     def _say_waiting(self, plan: Plan) -> None:
         if self._disarmed:
             self._progress(f"{plan.name}: waiting until the springs are cold enough to arm")
+
+
+def leased_driver(
+    client: Client, who: str, lease_s: float, say: Say, **mounted: Any
+) -> LeasedDriver:
+    """What carries plans out on the bench of a client, armed for each under a lease of `who`.
+
+    `mounted`: fixture and cooling, as `LiveDriver` takes them.
+    """
+    live = LiveDriver(client, progress=say, **mounted)
+    return LeasedDriver(client, live, lease_s=lease_s, progress=say, who=who)

@@ -83,6 +83,15 @@ def require_logs(folder: Path, room_bytes: float) -> None:
         )
 
 
+def require_baseline(folder: Path) -> None:
+    """Raise CommandError unless a bench was commissioned there."""
+    if not (folder / "baseline.json").exists():
+        raise CommandError(
+            f"there is no baseline in {folder}",
+            action=f"commission the bench (smad gap commission), or name another; {_NOTHING}",
+        )
+
+
 def _seen(place: Path) -> bool:
     try:
         return place.exists()

@@ -38,6 +38,12 @@ def make_experiment(name: str, settings: Mapping[str, Any] | None = None) -> Exp
     return kind(options_from(kind.options_type, settings or {}, name))
 
 
+def whole_names(words: Sequence[str]) -> list[str]:
+    """Return the words with a shortened experiment's name made whole: `fig11` is fig11-tracking."""
+    fitting = [name for name in EXPERIMENTS if words and name.startswith(words[0])]
+    return [*fitting, *words[1:]] if len(fitting) == 1 else [*words]
+
+
 def chosen_experiments(names: Sequence[str], settings: Sequence[str] = ()) -> list[Experiment[Any]]:
     """The experiments of these names, or of `all`, with settings `[EXPERIMENT.]KEY=VALUE`.
 

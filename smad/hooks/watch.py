@@ -8,12 +8,13 @@ from typing import get_args
 
 import msgspec
 
+from firmware_protocol.nearest import instead
 from smad.client import Client
 from smad.config import HooksConfig, parse_config
-from smad.errors import SmadError
+from smad.errors import CommandError, SmadError
 from smad.files import write_whole
 from smad.hooks.commands import HookCommands
-from smad.hooks.events import Detector, Name, Observation, WatcherState
+from smad.hooks.events import Detector, Event, Name, Observation, WatcherState
 from smad.progress import Say
 from smad.queue.lease import RunnerLease
 from smad.queue.states import Snapshot
@@ -153,6 +154,22 @@ def commands_of(config: HooksConfig, say: Say) -> HookCommands:
         say=say,
         clock_s=time.monotonic,
     )
+
+
+def try_hook(name: str, bench: str, say: Say) -> None:
+    """Run one hook with a made-up event, and wait for its end. Raises CommandError."""
+    if name not in HOOKS:
+        raise CommandError("there is no such hook", value=name, action=instead(name, HOOKS))
+    commands = commands_of(Watcher(bench, None).config(), say)
+    fields = {"event": name, "bench": bench, "unix_s": time.time(), "text": f"a test of {name}"}
+    if not commands.fire(msgspec.convert(fields, Event)):
+        raise CommandError(
+            f"the daemon's configuration has no {name}",
+            action="set it in section [hooks], and restart the daemon",
+        )
+    while commands.busy:
+        time.sleep(POLL_S)
+        commands.tick()
 
 
 def _free_MB(folder: Path) -> float | None:

@@ -1,5 +1,6 @@
 """The service files, and their installation below the root of the system."""
 
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -16,17 +17,18 @@ PROGRAM = "/opt/smad/bin/smad"
 """What the units start where `content` gets no other program."""
 
 
-def content(name: str, program: str) -> str:
-    """Return a service file that starts `program`, the path of an installed `smad`."""
+def content(name: str, program: str = "") -> str:
+    """Return a service file that starts `program`, by default the `smad` of this Python."""
+    program = program or str(Path(sys.prefix) / "bin" / "smad")
     return Path(__file__).with_name(name).read_text("utf-8").replace(PROGRAM, program)
 
 
-def install(root: Path, program: str, *, overwrite: bool) -> list[Path]:
+def install(root: Path, *, overwrite: bool) -> list[Path]:
     """Write the files under `root` and return their paths; one that is there as it is stays.
 
     Raises SmadError when one is there that somebody changed, or cannot be written.
     """
-    files = {root / place / name: content(name, program) for name, place in PLACES.items()}
+    files = {root / place / name: content(name) for name, place in PLACES.items()}
     try:
         changed = [
             path for path, text in files.items() if path.exists() and path.read_text() != text

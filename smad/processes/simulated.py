@@ -1,6 +1,7 @@
 """A simulated bench in one line: a daemon of its own with a client, gone when the block ends."""
 
 import contextlib
+import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -35,3 +36,15 @@ def simulated(*, speed: float = 4.0, options: Sequence[str] = ()) -> Iterator[Cl
         # Nobody else is there to take control from, and a notebook may think for long.
         with running_daemon(arguments, folder), Client(folder=folder, lease_s=None) as bench:
             yield bench
+
+
+@contextlib.contextmanager
+def simulated_axes(count: int) -> Iterator[Client]:
+    """A client of a simulated bench of so many axes, in real time; it ends with this process."""
+    arguments = ["--sim", "--axes", str(count), "--parent", str(os.getpid())]
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        running_daemon(arguments, Path(folder)),
+        Client(folder=folder) as bench,
+    ):
+        yield bench

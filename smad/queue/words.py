@@ -13,6 +13,27 @@ def state_in_words(snapshot: Snapshot, *, runner: bool) -> str:
     return f"running until {limits_in_words(snapshot.arming)}{without}"
 
 
+ITEMS = ("item", "command", "state", "since", "why")
+_ENDED_SHOWN = 5
+
+
+def item_rows(snapshot: Snapshot, *, everything: bool) -> list[tuple[str, ...]]:
+    """Return the cells of each item, as `ITEMS` names them; of ended ones the last, or all."""
+    ended = [item for item in snapshot.items if item.ended_unix_s]
+    first = 0 if everything else max(0, len(ended) - _ENDED_SHOWN)
+    running = [snapshot.running] if snapshot.running else []
+    return [
+        (
+            str(item.id),
+            item.title,
+            item.state,
+            clock(item.started_unix_s or item.added_unix_s),
+            item.reason,
+        )
+        for item in [*ended[first:], *running, *snapshot.queued]
+    ]
+
+
 def limits_in_words(arming: Arming) -> str:
     """Return end time, budget and what is used of it, in one line."""
     usage, budget = arming.usage, arming.budget

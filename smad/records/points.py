@@ -9,10 +9,14 @@ from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
+from smad.control.commands import Samples
+from smad.control.segment import millimetres
 from smad.counted import counted
 from smad.errors import CommandError
 
 TIME = "t_s"
+DISPLACEMENT = "displacement_mm"
+ANGLE = "angle_deg"
 
 
 def read_points(path: Path, columns: Sequence[Sequence[str]]) -> dict[str, list[float]]:
@@ -48,6 +52,16 @@ def read_points(path: Path, columns: Sequence[Sequence[str]]) -> dict[str, list[
     by_name = dict(zip(names, map(list, zip(*points, strict=True)), strict=True))
     start_s = by_name[TIME][0]
     return by_name | {TIME: [t - start_s for t in by_name[TIME]]}
+
+
+def read_samples(path: Path) -> Samples:
+    """Return the points of a CSV file with displacements, or angles of the segment.
+
+    Raises CommandError, as `read_points` does.
+    """
+    columns = read_points(path, [(DISPLACEMENT, ANGLE)])
+    places = columns.get(DISPLACEMENT) or [millimetres(angle) for angle in columns[ANGLE]]
+    return Samples(t_s=tuple(columns[TIME]), displacement_mm=tuple(places))
 
 
 def _number(path: Path, line: int, column: str, text: str | None) -> float:

@@ -52,10 +52,12 @@ def part_path(first: Path, part: int) -> Path:
     return first.with_name(f"{first.stem}.part{part}{first.suffix}")
 
 
-def newest_run(folder: str | Path) -> Path | None:
-    """The run log in `folder` whose name says it is the latest, or None."""
+def newest_run(folder: str | Path) -> Path:
+    """The run log in `folder` whose name says it is the latest. Raises RunLogError: none is."""
     runs = sorted(Path(folder).glob(f"*{SUFFIX}"), key=lambda path: path.name)
-    return runs[-1] if runs else None
+    if not runs:
+        raise RunLogError(f"no run logs in {folder}", action="name one, or another --folder")
+    return runs[-1]
 
 
 def names_of(path: Path) -> set[str]:

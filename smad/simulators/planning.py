@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from smad.diagnosis.data.columns import filled
+from smad.diagnosis.errors import GapError
 from smad.diagnosis.plant import ModelPoint, nominal_point
 from smad.diagnosis.runs import GapRun
+from smad.diagnosis.spring_pair import SmaPlant
+from smad.diagnosis.spring_pair.signals import read_gap_runs
 from smad.simulators.bind import bind
 from smad.simulators.calling import called
 from smad.simulators.columns import Table, tables_of
@@ -34,6 +39,11 @@ class Plan:
         return "\n".join([*lines(self.ratings), *self.notes])
 
     __repr__ = __str__
+
+    def record(self) -> list[dict[str, Any]]:
+        """The ratings for JSON, which has no infinite size."""
+        rows = [asdict(rating) for rating in self.ratings]
+        return [row | {"size": row["size"] if np.isfinite(row["size"]) else None} for row in rows]
 
 
 class AtRest(dict[str, float]):
@@ -67,6 +77,29 @@ def plan(
     ratings = rate(bound.plant, runs, within_s=left_s)
     read = dict.fromkeys(text for r in runs for text in r.notes)
     return Plan(ratings, [*([why] if why else []), *plain.failures.notes, *read])
+
+
+def left_of(within_s: float) -> float:
+    """What this process has left of a processor time for replays; a little always is."""
+    return max(within_s - time.process_time(), LEAST_S)
+
+
+def plan_pair(
+    plant: SmaPlant, inputs: Sequence[Path], experiments: Sequence[str], *, within_s: float
+) -> Plan:
+    """As `plan`, of the spring pair, for files of inputs and experiments of its catalogue.
+
+    `within_s` is that of the whole process. Raises GapError for a file that lacks an input.
+    """
+    given = read_gap_runs(inputs, inputs)
+    for run in given:
+        if lacking := [s.name for s in plant.inputs if s.name not in run.inputs]:
+            raise GapError(
+                f"{run.name} lacks inputs: {', '.join(lacking)}",
+                action="name the columns of the table so",
+            )
+    shown = [plant.perform(name, nominal_point(plant), 0) for name in experiments]
+    return Plan(rate(plant, [*given, *shown], within_s=left_of(within_s)), [])
 
 
 def _complete(declared: Simulator, table: Table) -> Table:

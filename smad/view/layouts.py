@@ -1,9 +1,10 @@
 """Layouts of the strips for PlotJuggler and Foxglove (Lichtblick), made from the one table.
 
-Pure. Both show a run log; PlotJuggler's shows the live stream as well.
+Both show a run log; PlotJuggler's shows the live stream as well.
 """
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as xml
 
@@ -11,6 +12,8 @@ import msgspec
 
 from smad.api import topic_of
 from smad.bridge.foxglove import LOG_TOPIC
+from smad.errors import RunLogError, refused_by_system
+from smad.files import write_whole
 from smad.runlog.schema import EVENT_TOPIC, row_topic
 from smad.style.palette import in_print
 from smad.style.strips import STRIPS, Strip
@@ -24,6 +27,17 @@ def layouts(axes: Sequence[str] = ()) -> Mapping[str, bytes]:
         "smad-plotjuggler-log.xml": plotjuggler({axis: row_topic(axis) for axis in names}),
         "smad-plotjuggler-live.xml": plotjuggler({axis: topic_of(axis) for axis in names}),
     }
+
+
+def write_layouts(folder: Path, axes: Sequence[str]) -> list[Path]:
+    """Write the layouts into a folder; return their paths. Raises RunLogError."""
+    cause, action = "cannot write the layouts", "name another FOLDER"
+    with refused_by_system(RunLogError, cause, value=str(folder), action=action):
+        folder.mkdir(parents=True, exist_ok=True)
+        written = {folder / name: content for name, content in layouts(axes).items()}
+        for path, content in written.items():
+            write_whole(path, content)
+    return list(written)
 
 
 def foxglove(axes: Sequence[str]) -> bytes:

@@ -71,12 +71,24 @@ def judged_by_command(words: Sequence[str], bench: str, number: int) -> Judgemen
 
 
 def checker(
-    words: Callable[[int], Sequence[str]], bench: str, driver: BlockDriver
+    baseline: Path,
+    folder: Path,
+    driver: BlockDriver,
+    bench: str,
+    simulated: tuple[int, Sequence[str]] | None,
 ) -> Callable[[int], Judgement]:
-    """What plays the check-up with these words after so many cycles, between blocks of a driver."""
+    """What plays the check-up after so many cycles, between blocks of a driver.
+
+    Its runs go into `folder`. `simulated`: seed and effects of a simulated bench; None: it is the
+    bench of that name.
+    """
 
     def check(number: int) -> Judgement:
-        judgement = judged_by_command(words(number), bench, number)
+        words = [f"--baseline={baseline}", f"--out={folder / f'checkup-{number:07d}'}"]
+        if simulated is not None:
+            seed, effects = simulated
+            words += ["--sim", f"--seed={seed + number}", *(f"--effect={text}" for text in effects)]
+        judgement = judged_by_command(words, bench, number)
         if isinstance(driver, LeasedDriver):
             # The check-up's own disarms were orderly: it says so by its status.
             driver.client.as_of(driver.client.motion().generation)

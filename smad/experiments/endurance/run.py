@@ -12,6 +12,7 @@ from msgspec import Struct, structs
 
 from smad.config import Config
 from smad.control.plan import Plan
+from smad.counted import counted
 from smad.errors import RunLogError, SmadError
 from smad.experiments.endurance.limits import EndLimits, LimitMonitor
 from smad.experiments.endurance.profile import Profile
@@ -80,6 +81,20 @@ def earlier_cycles(folder: Path) -> int:
     if not path.exists():
         return 0
     return max((int(row["number"]) for row in csv.DictReader(whole_lines(path))), default=0)
+
+
+def first_cycle(folder: Path, *, go_on: bool) -> int:
+    """Return the number of the first cycle of a run in this folder.
+
+    Raises SmadError where the folder has cycles and the run is not to `go_on` after them.
+    """
+    earlier = earlier_cycles(folder)
+    if earlier and not go_on:
+        raise SmadError(
+            f"{folder} has {counted(earlier, 'cycle')} already",
+            action="name another folder, or give --go-on to go on after them",
+        )
+    return earlier + 1
 
 
 def whole_lines(path: Path) -> list[str]:

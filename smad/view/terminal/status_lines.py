@@ -8,7 +8,9 @@ import click
 
 from firmware_protocol.enums import Fault
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
-from smad.api import Percentiles, Status
+from smad.api import Motion, Percentiles, Status
+from smad.client.link_counts import LinkCounts
+from smad.counted import counted
 from smad.files import display_path
 from smad.view.state import LINK_MEANS, limiter_of
 from smad.view.terminal.axis_lines import aged, axis_lines, number
@@ -135,9 +137,43 @@ def _realtime(now: Status) -> Iterator[str]:
     )
 
 
+def motion_words(motion: Motion) -> str:
+    """A motion in a few words."""
+    parts = [f"{motion.running}, board {motion.mode}"]
+    if motion.displacement_mm is not None:
+        parts.append(f"at {motion.displacement_mm:.2f} mm{aged(motion)}")
+    if motion.reference_mm is not None:
+        parts.append(f"reference {motion.reference_mm:.2f} mm")
+    if motion.fault is not None:
+        parts.append(f"fault {motion.fault.name}")
+    return ", ".join(parts)
+
+
+def count_lines(link: LinkCounts) -> Iterator[str]:
+    """What was counted on the link, a line each."""
+    timing = link.after.timing
+    rate_hz = link.after.link.rate_hz
+    rows = {
+        "samples": f"{link.since('samples')} in {link.took_s:.1f} s (asked for {rate_hz} a second)",
+        "missed": f"{link.since('missed')}",
+        "skipped": f"{link.since('skipped')} (a newer one was there already)",
+        "damaged": f"{counted(link.damaged, 'frame')} from the board",
+        "not written": counted(link.since("setpoints_dropped"), "setpoint"),
+        "refused": f"{counted(link.since('setpoints_refused'), 'setpoint')}, too old for the board",
+        "setpoint age": spread(timing.setpoint_age),
+        "host share": spread(timing.own_share),
+    }
+    yield from (f"{name:<13} {text}" for name, text in rows.items())
+
+
 def labelled(label: str, text: str) -> str:
     """A line of the status: its label in a column, then the text."""
     return f"{label:<{_LABEL}} {text}"
+
+
+def folded(line: str, width: int) -> str:
+    """Return a labelled line in lines of at most `width`: the text goes on below itself."""
+    return click.wrap_text(line, width, subsequent_indent=labelled("", ""))
 
 
 def _lost(count: int) -> str:

@@ -17,11 +17,11 @@ from sim_device.plant.laws import Law, Term
 from sim_device.plant.models import save_model
 from smad import api
 from smad.cli import COMMANDS, LazyGroup, execute, root
-from smad.cli.output import Progress, described
 from smad.config import Config
 from smad.processes.boards import build
 from smad.runlog.schema import Row
-from smad.view.terminal.status_lines import lines
+from smad.view.terminal.progress import Progress
+from smad.view.terminal.status_lines import lines, motion_words
 from tests.smad.fakedaemon import MOTION, FakeDaemon, fake_daemon
 from tests.smad.runlog.helpers import write_small_run
 
@@ -215,7 +215,7 @@ def test_every_reading_of_a_lost_link_is_shown_with_its_age(age_s: float, shown:
     readings = [line for line in told if "°C" in line or "mm," in line]
     assert len(readings) == 4
     assert all(line.endswith(shown) and ("old" in line) == bool(shown) for line in readings)
-    assert described(motion).startswith(f"idle, board ARMED, at 1.25 mm{shown}")
+    assert motion_words(motion).startswith(f"idle, board ARMED, at 1.25 mm{shown}")
 
 
 def test_status_as_json_is_the_whole_status(

@@ -7,15 +7,15 @@ import pytest
 from click.testing import CliRunner
 
 from smad.cli.gap_runs import ManyRuns, good_option, hold_out_option, runs_argument
+from smad.cli.options import option
 
 
 @click.command(cls=ManyRuns)
-@runs_argument
-@hold_out_option
-@good_option
-@click.option("--seed", default=0)
 def command(
-    runs: tuple[Path, ...], hold_out: tuple[Path, ...], good: tuple[Path, ...], seed: int
+    runs: tuple[Path, ...] = runs_argument,
+    hold_out: tuple[Path, ...] = hold_out_option,
+    good: tuple[Path, ...] = good_option,
+    seed: int = option("--seed", type=int, default=0),
 ) -> None:
     for group in (runs, hold_out, good):
         click.echo(" ".join(path.name for path in group))

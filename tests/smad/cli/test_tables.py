@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from smad.cli import execute, tables
-from smad.cli.status import folded
+from smad.cli import execute
 from smad.experiments.campaign import time_left
 from smad.report.page import Table
-from smad.view.terminal.status_lines import labelled
+from smad.view.terminal import tables
+from smad.view.terminal.status_lines import folded, labelled
 from tests.smad.runlog.helpers import write_small_run
 
 WIDE = Table(

@@ -209,7 +209,8 @@ def test_names_of_files_tell_date_and_name_and_are_never_taken_twice(tmp_path: P
 
 
 def test_the_newest_run_is_the_last_by_name(tmp_path: Path) -> None:
-    assert newest_run(tmp_path) is None
+    with pytest.raises(RunLogError, match="no run logs in"):
+        newest_run(tmp_path)
     for name in ("20261120-050709-b.mcap", "20261121-000000-a.mcap", "20260101-000000-z.mcap"):
         (tmp_path / name).touch()
     assert newest_run(tmp_path) == tmp_path / "20261121-000000-a.mcap"

@@ -1,0 +1,47 @@
+"""What a command needs to begin: looked at when it is queued, and again before it runs."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from smad.client import Client, folder
+from smad.config import Config, parse_config
+from smad.errors import DaemonError
+from smad.experiments.moves import read_moves
+from smad.experiments.ready import BYTES_A_ROW, ROOM_S, require_baseline, require_logs
+from smad.experiments.registry import chosen_experiments
+from smad.queue.errors import QueueError
+
+INPUTS = ("run", "path", "config_file", "model", "programme_folder")
+"""Parameters whose files must be there before."""
+USUAL_RATE_HZ = 100
+"""What the disk must have room for; the command itself looks again."""
+
+
+def require_startable(kind: str, given: Mapping[str, Any], here: Path) -> None:
+    """Raise SmadError unless a command of this kind, with these parameters, can begin in `here`."""
+    if kind == "run" and "names" in given:
+        chosen_experiments(given["names"], given["settings"])
+    for name in INPUTS:
+        path = given.get(name)
+        if isinstance(path, Path) and not (here / path).exists():
+            raise QueueError(f"{name} {path} is not there", action="nothing was begun; restore it")
+    baseline = given.get("folder" if kind == "checkup" else "baseline")
+    if baseline is not None:
+        require_baseline(here / baseline)
+    if kind == "move":
+        read_moves(here / given["path"]).require_within(_config(given["bench"]))
+    if given.get("sim"):
+        require_logs(here, 0.0)
+    else:
+        where = folder.recording_folder(given["bench"]) or here
+        require_logs(where, BYTES_A_ROW * USUAL_RATE_HZ * ROOM_S)
+
+
+def _config(bench: str) -> Config:
+    """The configuration of the daemon; without one the usual one, as it is looked at again."""
+    try:
+        with Client(bench, timeout_s=1.0) as client:
+            return parse_config(client.config())
+    except DaemonError:
+        return Config()
