@@ -49,8 +49,6 @@ class StepResponse:
     """Until it stays within the band around the target for the rest of the record."""
     overshoot_fraction: float
     """Largest excess over the target as a share of the step; 0 when there is none."""
-    final_error: float
-    """Target less the mean of the last tenth, in the unit of the displacement."""
 
 
 def step_response(
@@ -81,12 +79,10 @@ def step_response(
         settling = math.nan
     else:
         settling = float(t[outside[-1] + 1] - t[0])
-    tail = y[-max(1, y.size // 10) :]
     return StepResponse(
         rise_time_s=ninetieth - tenth,
         settling_time_s=settling,
         overshoot_fraction=max(0.0, float(share.max()) - 1.0),
-        final_error=target - float(tail.mean()),
     )
 
 
