@@ -10,10 +10,10 @@ from firmware_protocol.events import HostState
 from smad.api import Reason
 from smad.daemon.arming import Phase
 from smad.daemon.axis import Axis
+from smad.daemon.boardstop import BoardStop
 from smad.daemon.errors import Refusal
 from smad.daemon.link.tighter import require_name_of_axis, require_tighter
 from smad.daemon.link.watch import disagreement
-from smad.daemon.stops import BoardStop
 
 _POLLS = 100
 _POLL_S = 0.02
