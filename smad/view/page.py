@@ -325,10 +325,7 @@ class Page:
 
     async def _reply(self, number: int, done: bool, text: str, result: Any = None) -> None:
         reply = {"type": "reply", "id": number, "done": done, "text": text, "found": result}
-        await self._send(reply)
-
-    async def _send(self, message: dict[str, Any]) -> None:
-        await self._connection.send(_encode(message).decode())
+        await self._connection.send(_encode(reply).decode())
 
 
 def hello(source: Source, axis: Axis, right: Right) -> dict[str, Any]:
