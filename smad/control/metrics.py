@@ -39,6 +39,10 @@ def r2_by_period(
     return [tracking_r2(r[(t >= a) & (t < b)], y[(t >= a) & (t < b)]) for a, b in pairwise(edges)]
 
 
+SETTLED = 0.05
+"""Half width of the band around the target in which a response has settled, as a share."""
+
+
 @dataclass(frozen=True)
 class StepResponse:
     """What a step did. A time is nan when the response never got there."""
@@ -52,12 +56,7 @@ class StepResponse:
 
 
 def step_response(
-    t_s: ArrayLike,
-    actual: ArrayLike,
-    target: float,
-    *,
-    start: float | None = None,
-    band_fraction: float = 0.05,
+    t_s: ArrayLike, actual: ArrayLike, target: float, *, start: float | None = None
 ) -> StepResponse:
     """The response to a step to `target` asked for at `t_s[0]`, from `start` (or `actual[0]`).
 
@@ -72,7 +71,7 @@ def step_response(
         raise ValueError(f"the step from {begin:g} to {target:g} has no height")
     share = (y - begin) / height
     tenth, ninetieth = _first_time(t, share >= 0.1), _first_time(t, share >= 0.9)
-    outside = np.flatnonzero(np.abs(share - 1.0) > band_fraction)
+    outside = np.flatnonzero(np.abs(share - 1.0) > SETTLED)
     if outside.size == 0:
         settling = 0.0
     elif outside[-1] == t.size - 1:
