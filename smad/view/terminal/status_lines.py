@@ -9,7 +9,6 @@ import click
 from firmware_protocol.enums import Fault
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
 from smad.api import Percentiles, Status
-from smad.counted import counted
 from smad.files import display_path
 from smad.view.state import LINK_MEANS, limiter_of
 from smad.view.terminal.axis_lines import aged, axis_lines, number
@@ -75,7 +74,7 @@ def _readings(now: Status) -> Iterator[str]:
             name,
             f"{number(degrees, 2)} °C, {number(amperes, 2)} A, {number(volts, 2)} V, "
             f"pump {number(None if duty is None else 100 * duty, 0)} %"
-            + ("" if starts is None else f", {counted(starts, 'start')}")
+            + ("" if starts is None else f", {starts} start{'s'[: starts != 1]}")
             + old,
         )
     yield labelled(
