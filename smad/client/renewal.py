@@ -8,7 +8,6 @@ import contextlib
 import os
 import sys
 import threading
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -30,14 +29,6 @@ def program_name() -> str:
     return f"{program[:40]}, process {os.getpid()}"
 
 
-@dataclass(frozen=True)
-class Until:
-    """A lease is renewed until it is over, or the thread that armed has ended."""
-
-    over: threading.Event
-    owner: threading.Thread
-
-
 class Renewal:
     """Renews one lease at a time, from `begin` to `end`."""
 
@@ -50,11 +41,10 @@ class Renewal:
         """Renew the lease with this secret from now on, while the calling thread lives."""
         self.end()
         self._over = threading.Event()
-        until = Until(self._over, threading.current_thread())
         threading.Thread(
             target=_renew,
-            args=(self._connection, self._keys, lease),
-            kwargs={"every_s": lease_s / _EACH, "until": until},
+            args=(self._connection, self._keys, lease, lease_s / _EACH),
+            kwargs={"over": self._over, "owner": threading.current_thread()},
             name="smad lease",
             daemon=True,
         ).start()
@@ -67,14 +57,21 @@ class Renewal:
 
 
 def _renew(
-    connection: Connection, keys: Keys | None, lease: str, *, every_s: float, until: Until
+    connection: Connection,
+    keys: Keys | None,
+    lease: str,
+    every_s: float,
+    *,
+    over: threading.Event,
+    owner: threading.Thread,
 ) -> None:
+    """Renew a lease until it is over, or the thread that armed has ended."""
     context: zmq.Context[Any] = zmq.Context()
     socket = connect(context, connection.command, keys, new_identity())
     try:
         conversation = Conversation()
         conversation.lease = lease
-        while not until.over.wait(every_s) and until.owner.is_alive():
+        while not over.wait(every_s) and owner.is_alive():
             with contextlib.suppress(zmq.Again):
                 socket.send(conversation.request(GetMotion())[1], zmq.NOBLOCK)
             with contextlib.suppress(zmq.Again):

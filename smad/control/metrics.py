@@ -39,6 +39,10 @@ def r2_by_period(
     return [tracking_r2(r[(t >= a) & (t < b)], y[(t >= a) & (t < b)]) for a, b in pairwise(edges)]
 
 
+SETTLED = 0.05
+"""Half width of the band around the target in which a response has settled, as a share."""
+
+
 @dataclass(frozen=True)
 class StepResponse:
     """What a step did. A time is nan when the response never got there."""
@@ -49,17 +53,10 @@ class StepResponse:
     """Until it stays within the band around the target for the rest of the record."""
     overshoot_fraction: float
     """Largest excess over the target as a share of the step; 0 when there is none."""
-    final_error: float
-    """Target less the mean of the last tenth, in the unit of the displacement."""
 
 
 def step_response(
-    t_s: ArrayLike,
-    actual: ArrayLike,
-    target: float,
-    *,
-    start: float | None = None,
-    band_fraction: float = 0.05,
+    t_s: ArrayLike, actual: ArrayLike, target: float, *, start: float | None = None
 ) -> StepResponse:
     """The response to a step to `target` asked for at `t_s[0]`, from `start` (or `actual[0]`).
 
@@ -74,19 +71,17 @@ def step_response(
         raise ValueError(f"the step from {begin:g} to {target:g} has no height")
     share = (y - begin) / height
     tenth, ninetieth = _first_time(t, share >= 0.1), _first_time(t, share >= 0.9)
-    outside = np.flatnonzero(np.abs(share - 1.0) > band_fraction)
+    outside = np.flatnonzero(np.abs(share - 1.0) > SETTLED)
     if outside.size == 0:
         settling = 0.0
     elif outside[-1] == t.size - 1:
         settling = math.nan
     else:
         settling = float(t[outside[-1] + 1] - t[0])
-    tail = y[-max(1, y.size // 10) :]
     return StepResponse(
         rise_time_s=ninetieth - tenth,
         settling_time_s=settling,
         overshoot_fraction=max(0.0, float(share.max()) - 1.0),
-        final_error=target - float(tail.mean()),
     )
 
 

@@ -94,10 +94,6 @@ class DisplacementMode:
     def reference_m(self) -> float:
         return self._queue.reference_m
 
-    @property
-    def remaining_s(self) -> float:
-        return self._queue.remaining_s
-
     def tune(self, command: Tune) -> None:
         """Take the fields of `command` that are not empty."""
         pi = self._pi

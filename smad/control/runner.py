@@ -53,13 +53,12 @@ class _Stepper:
         self,
         bench: TypedBench,
         controller: Controller,
-        scales: Scales,
         recorder: Recorder | None,
         progress: Progress | None,
     ) -> None:
         self._bench = bench
         self._controller = controller
-        self._scales = scales
+        self._scales = Scales({})
         self._recorder = recorder
         self._progress = progress
         self._unwrap = Unwrapper()
@@ -97,18 +96,17 @@ def run_virtual(
     controller: Controller,
     plan: Plan,
     *,
-    scales: Scales | None = None,
     recorder: Recorder | None = None,
     progress: Progress | None = None,
 ) -> VirtualRun:
-    """Arm the bench and carry out the plan; `recorder` gets every sample.
+    """Arm the bench, whose board has default parameters, and carry out the plan.
 
-    `scales` default to those of a board with default parameters. Raises CommandError for a command
-    that the controller refuses, and PlanError when the board leaves ARMED, a limit of the
-    host ends the motion, or a wait takes too long.
+    `recorder` gets every sample. Raises CommandError for a command that the controller refuses, and
+    PlanError when the board leaves ARMED, a limit of the host ends the motion, or a wait takes too
+    long.
     """
     bench.arm()
-    stepper = _Stepper(bench, controller, scales or Scales({}), recorder, progress)
+    stepper = _Stepper(bench, controller, recorder, progress)
     sample = stepper.step()
     run = stepper.run
     for action in plan.actions:

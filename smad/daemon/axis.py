@@ -24,6 +24,7 @@ from smad.config import Config
 from smad.control.controller import Controller
 from smad.control.inputs import Departure
 from smad.control.sample import Scales
+from smad.daemon.boardstop import BoardStop
 from smad.daemon.control import ControlOutputs, ControlTask, Finished
 from smad.daemon.hoststop import HostStop, in_full
 from smad.daemon.link.link import Link
@@ -32,7 +33,7 @@ from smad.daemon.link.requests import BoardRequests
 from smad.daemon.link.watch import BoardWatch
 from smad.daemon.process import Process
 from smad.daemon.services import Services
-from smad.daemon.stops import BoardStop, Stops
+from smad.daemon.stops import Stops
 from smad.daemon.telemetry.stamps import Stamps
 from smad.errors import CommandError
 from smad.runlog.schema import Row
@@ -103,7 +104,15 @@ class Axis:
             baud=lambda: 0 if self.link.transport is None else self.link.transport.baud,
             on_scales=self._set_scales,
         )
-        self.stop = BoardStop(bench.stops, self.control, self.requests, self.watch, services)
+        self.stop = BoardStop(
+            bench.stops.arming,
+            self.control,
+            self.requests,
+            self.watch,
+            services,
+            on_failure=bench.stops.board_failed,
+        )
+        bench.stops.boards.append(self.stop)
         self.host_stop = HostStop(self.controller)
 
     @property

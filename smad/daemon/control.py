@@ -127,11 +127,6 @@ class ControlTask:
         self._last_age_seq = -1
         self._arrived: tuple[int, int] | None = None
 
-    @property
-    def armed(self) -> bool:
-        """Whether the board is armed, and by us."""
-        return self.last is not None and self.last.sample.armed
-
     def opened(self) -> None:
         """The port is open: begin the handshake."""
         self._arrived = None

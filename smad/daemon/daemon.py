@@ -17,6 +17,7 @@ from firmware_protocol.mirror import STOPPED
 from smad.config import Config
 from smad.daemon.arming import Arming
 from smad.daemon.axis import Axis, AxisDependencies
+from smad.daemon.boardstop import BoardStop
 from smad.daemon.command.bench import Bench, CommandCounts
 from smad.daemon.command.dispatcher import RequestDispatcher
 from smad.daemon.command.lease import DeadMan, Lease
@@ -29,7 +30,7 @@ from smad.daemon.link.port import Opener
 from smad.daemon.process import Process
 from smad.daemon.realtime import IdleCollector
 from smad.daemon.services import Services
-from smad.daemon.stops import BoardStop, Stops
+from smad.daemon.stops import Stops
 from smad.daemon.telemetry.blackbox import BlackBox
 from smad.daemon.telemetry.publisher import Publisher
 from smad.daemon.telemetry.recorder import Recorder

@@ -13,7 +13,7 @@ class Notifier:
     that a loop that has stopped stepping is noticed.
     """
 
-    def __init__(self, environment: Mapping[str, str] = os.environ, pid: int | None = None) -> None:
+    def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
         self._socket: socket.socket | None = None
         self._next_us = 0
         self.watchdog_us = 0
@@ -24,8 +24,8 @@ class Notifier:
             socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC | socket.SOCK_NONBLOCK
         )
         self._address = "\0" + address[1:] if address.startswith("@") else address
-        watched = environment.get("WATCHDOG_PID", str(pid or os.getpid()))
-        if watched == str(pid or os.getpid()):
+        ours = str(os.getpid())
+        if environment.get("WATCHDOG_PID", ours) == ours:
             with contextlib.suppress(ValueError):
                 self.watchdog_us = max(0, int(environment.get("WATCHDOG_USEC", "0")))
 

@@ -1,15 +1,13 @@
 """A policy on a bench: through a client, under all limits of board and host, logged as a run."""
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from smad.api import Control, Motion, RecorderStatus
 from smad.client import Client, NotInControl
 from smad.control.commands import DriveCurrent
 from smad.envs import references, signals
@@ -23,18 +21,6 @@ STALE_S = 0.2
 """After a policy that took longer, the samples that have come meanwhile are left out."""
 _REFERENCE_STEP_S = 0.01
 _OFF = DriveCurrent(i_x_A=0.0, i_y_A=0.0)
-
-
-class BenchClient(Protocol):
-    """What is used of `smad.Client`."""
-
-    def take_control(self, name: str, lease_s: float = ...) -> Control: ...
-    def release_control(self) -> Control: ...
-    def armed(self) -> AbstractContextManager[None]: ...
-    def start_recording(self, name: str = ..., repeats: str = ...) -> RecorderStatus: ...
-    def stop_recording(self) -> RecorderStatus: ...
-    def current(self, command: DriveCurrent) -> Motion: ...
-    def telemetry(self) -> Iterator[Any]: ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +104,7 @@ class Answering:
 def on_bench(
     policy: Policy,
     *,
-    client: BenchClient | None = None,
+    client: Client | None = None,
     action: str = "currents",
     reference: str | references.Reference = "sines",
     duration_s: float = 20.0,
@@ -137,49 +123,31 @@ def on_bench(
 
     Raises ActionRefused, PolicyFailed, and what the client raises.
     """
-    if client is None:
-        with Client() as made_client:
-            return on_bench(
-                policy,
-                client=made_client,
-                action=action,
-                reference=reference,
-                duration_s=duration_s,
-                seed=seed,
-                name=name,
-                lease_s=lease_s,
-                clock=clock,
-            )
-    answering = Answering(
-        policy, action=action, reference=reference, duration_s=duration_s, seed=seed
-    )
-    with _leased(client, name, lease_s), client.armed():
-        client.start_recording(name)
+    with ExitStack() as stack:
+        bench = stack.enter_context(Client()) if client is None else client
+        answering = Answering(
+            policy, action=action, reference=reference, duration_s=duration_s, seed=seed
+        )
+        # Not `in_control`: that renews the lease in the background, however long a policy thinks.
+        bench.take_control(name, lease_s)
+        stack.callback(bench.release_control)
+        stack.enter_context(bench.armed())
+        bench.start_recording(name)
         try:
-            late = _drive(client, answering, clock)
+            late = _drive(bench, answering, clock)
         except NotInControl:
             # The lease has lapsed and the bench is disarmed; without control its run would go on.
-            client.take_control(name, lease_s)
+            bench.take_control(name, lease_s)
             raise
         finally:
-            recorded = client.stop_recording()
+            recorded = bench.stop_recording()
     t_s, seen, wanted = np.array(answering.trace).reshape(-1, 3).T
     return BenchRun(
         path=str(recorded.path), t_s=t_s, displacement_mm=seen, reference_mm=wanted, late=late
     )
 
 
-@contextmanager
-def _leased(client: BenchClient, name: str, lease_s: float) -> Iterator[None]:
-    # Not `in_control`: that renews the lease in the background, however long a policy thinks.
-    client.take_control(name, lease_s)
-    try:
-        yield
-    finally:
-        client.release_control()
-
-
-def _drive(client: BenchClient, answering: Answering, clock: Callable[[], float]) -> int:
+def _drive(client: Client, answering: Answering, clock: Callable[[], float]) -> int:
     """Answer samples until the time is over; returns how often the policy was late."""
     late = 0
     samples = client.telemetry()

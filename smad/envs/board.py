@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from firmware_protocol.enums import Fault
-from firmware_protocol.supervisor.limits import Limits, compiled_limits
+from firmware_protocol.supervisor.limits import compiled_limits
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -19,8 +19,8 @@ class Boards:
     """Of each plant: what current is let through, and whether a fault has come. Integers of the
     wire, as on the board."""
 
-    def __init__(self, size: int, limits: Limits | None = None) -> None:
-        self.limits = compiled_limits() if limits is None else limits
+    def __init__(self, size: int) -> None:
+        self.limits = compiled_limits()
         self._hot: Counts = np.zeros((size, 2), dtype=np.int64)
         self._i2t_mA2us: Counts = np.zeros((size, 2), dtype=np.int64)
         self._t_cC: Counts = np.zeros((size, 2), dtype=np.int64)

@@ -7,12 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from firmware_protocol.supervisor.limits import compiled_limits
-from sim_device.hardware import (
-    I16_MOST,
-    U16_MOST,
-    RTD_RAIL_HIGH_cC,
-    RTD_RAIL_LOW_cC,
-)
+from sim_device.hardware import I16_MOST, U16_MOST, RTD_RAIL_HIGH_cC, RTD_RAIL_LOW_cC
 from smad.envs.errors import ActionRefused, EnvError
 
 Array = npt.NDArray[np.float64]
@@ -32,14 +27,11 @@ class Observed:
     step: float
 
 
-def _rtd(name: str) -> Observed:
-    return Observed(f"rtd_{name}_degC", RTD_RAIL_LOW_cC * 0.01, RTD_RAIL_HIGH_cC * 0.01, 0.01)
-
-
+_RTD = (RTD_RAIL_LOW_cC * 0.01, RTD_RAIL_HIGH_cC * 0.01, 0.01)
 OBSERVATION: tuple[Observed, ...] = (
     Observed("displacement_mm", -_TRAVEL_mm, _TRAVEL_mm, 1e-3),
     Observed("force_N", -_FORCE_N, _FORCE_N, 1e-3),
-    *(_rtd(name) for name in ("x", "y", "inlet", "ambient")),
+    *(Observed(f"rtd_{name}_degC", *_RTD) for name in ("x", "y", "inlet", "ambient")),
     *(Observed(f"i_meas_{s}_A", -I16_MOST * 1e-3, I16_MOST * 1e-3, 1e-3) for s in "xy"),
     *(Observed(f"v_{s}_V", -I16_MOST * 1e-3, U16_MOST * 1e-3, 1e-3) for s in "xy"),
     Observed("reference_mm", -_TRAVEL_mm, _TRAVEL_mm, 0.0),

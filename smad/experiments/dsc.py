@@ -119,19 +119,14 @@ def both_peaks(data: DscData, above_K: float, window_K: float = WINDOW_K) -> tup
     """
     rate = np.gradient(data.temperature_K, data.t_s)
     lag_s = instrument_lag(data)
-    return (
-        _peak(
-            data, rate > 0.5 * data.rate_K_per_s, above_K, sign=1.0, lag_s=lag_s, window_K=window_K
-        ),
-        _peak(
-            data,
-            rate < -0.5 * data.rate_K_per_s,
-            above_K,
-            sign=-1.0,
-            lag_s=lag_s,
-            window_K=window_K,
-        ),
+    heating, cooling = (
+        _peak(data, half, above_K, sign=sign, lag_s=lag_s, window_K=window_K)
+        for half, sign in (
+            (rate > 0.5 * data.rate_K_per_s, 1.0),
+            (rate < -0.5 * data.rate_K_per_s, -1.0),
+        )
     )
+    return heating, cooling
 
 
 def instrument_lag(data: DscData) -> float:

@@ -52,7 +52,7 @@ class Fig11Tracking(SineExperiment[TrackingOptions]):
     def conclude(self, outcomes: Mapping[str, Any], model: ParameterSet) -> Findings:
         period_s = self.options.period_s
         runs = {trial.rpartition("/")[2]: outcomes[trial] for trial in self.trials()}
-        scores = {name: score_of(_again(run), period_s) for name, run in runs.items()}
+        scores = {name: score_of(run, period_s) for name, run in runs.items()}
         water = scores["water"]
         what = f"{self.options.amplitude_mm:g} mm, {period_s:g} s"
         comparisons = [
@@ -75,7 +75,7 @@ class Fig11Tracking(SineExperiment[TrackingOptions]):
                     f"Fig. 11: {what} in air",
                     "5 good periods (R² 0.9585), then lost",
                     f"{good} good periods (R² {r2:.4f}), then "
-                    + ", ".join(map(_two_digits, by_period[good : good + 3])),
+                    + ", ".join(f"{period_r2:z.2f}" for period_r2 in by_period[good : good + 3]),
                     "a ratchet with a threshold: the count hangs on small differences",
                 )
             )
@@ -94,7 +94,7 @@ class Fig11Tracking(SineExperiment[TrackingOptions]):
                 CONTROLS[name].name,
                 f"{score.r2:.4f}",
                 f"{score.r2_all:.4f}",
-                " ".join(map(_two_digits, score.by_period)),
+                " ".join(f"{r2:z.2f}" for r2 in score.by_period),
                 f"{score.peak_degC:.1f}",
                 f"{score.peak_A:.2f}",
             )
@@ -112,17 +112,6 @@ class Fig11Tracking(SineExperiment[TrackingOptions]):
                 ),
             ),
         )
-
-
-def _two_digits(r2: float) -> str:
-    """Without the sign of a zero."""
-    return f"{round(r2, 2) + 0.0:.2f}"
-
-
-def _again(run: Recording) -> Recording:
-    """The recording with marks at its ends, as `score_of` wants them."""
-    t = run.t_s
-    return Recording(run.columns, {"sine": float(t[0]) - 1e-6, "end": float(t[-1])})
 
 
 def _panels(runs: Mapping[str, Recording]) -> Panels:

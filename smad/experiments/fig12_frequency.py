@@ -235,18 +235,11 @@ def _table(largest_of: Mapping[str, list[Largest]]) -> Table:
     rows = []
     for control, results in largest_of.items():
         for amplitude, largest in zip(AMPLITUDES_MM, results, strict=True):
-            score = largest.score
-            rows.append(
-                (
-                    CONTROLS[control].name,
-                    f"{amplitude}",
-                    f"{largest.frequency_Hz:.3f}",
-                    "–" if score is None else f"{score.r2:.3f}",
-                    "–" if score is None else f"{score.peak_degC:.1f}",
-                    "–" if score is None else f"{score.peak_A:.2f}",
-                    f"{len(largest.tried)}",
-                )
-            )
+            cells = ("–", "–", "–")
+            if (score := largest.score) is not None:
+                cells = (f"{score.r2:.3f}", f"{score.peak_degC:.1f}", f"{score.peak_A:.2f}")
+            named = (CONTROLS[control].name, f"{amplitude}", f"{largest.frequency_Hz:.3f}")
+            rows.append((*named, *cells, f"{len(largest.tried)}"))
     header = ("control", "mm", "Hz", "R²", "peak °C", "peak A", "runs")
     return Table(header, rows, numeric=frozenset(range(1, 7)))
 

@@ -228,13 +228,7 @@ def reverse_lines(blocks: Sequence[Block], model: ParameterSet) -> list[Estimate
     rows: list[Array] = []
     for block in blocks:
         xi = martensite_heating(block, model)
-        used = (xi > USED[0]) & (xi < USED[1])
-        branch = block.heating
-        rows.append(
-            np.column_stack(
-                [branch.temperature_K[used], _progress(xi[used]), branch.stress_Pa[used]]
-            )
-        )
+        rows.append(_used(block.heating, xi, left=xi))
     data, groups = _stacked(rows, "heating")
 
     def fit(chosen: Index) -> Sequence[float]:
@@ -256,18 +250,9 @@ def forward_lines(blocks: Sequence[Block], model: ParameterSet) -> list[Estimate
     rows: list[Array] = []
     for block in blocks:
         xi = martensite_cooling(block, model)
-        branch = block.cooling
         # Eq. (13) holds above M_S only; two kelvin keep clear of it whatever M_S turns out to be.
-        used = (
-            (xi > USED[0])
-            & (xi < USED[1])
-            & (branch.temperature_K > model["martensite_start"] + 2.0)
-        )
-        rows.append(
-            np.column_stack(
-                [branch.temperature_K[used], _progress(1.0 - xi[used]), branch.stress_Pa[used]]
-            )
-        )
+        above_K = model["martensite_start"] + 2.0
+        rows.append(_used(block.cooling, xi, left=1.0 - xi, above_K=above_K))
     data, groups = _stacked(rows, "cooling")
     stress_start = model["stress_start"] * 1e-6
     width = (model["stress_finish"] - model["stress_start"]) * 1e-6
@@ -281,6 +266,12 @@ def forward_lines(blocks: Sequence[Block], model: ParameterSet) -> list[Estimate
 
     intervals = bootstrap(fit, len(data), seed=52, groups=groups)
     return estimates_from(_OF_COOLING, intervals, "fig5-block, cooling")
+
+
+def _used(branch: Branch, xi: Array, *, left: Array, above_K: float = -np.inf) -> Array:
+    """Temperature, progress of what is `left`, and stress of the samples to fit, shape (m, 3)."""
+    used = (xi > USED[0]) & (xi < USED[1]) & (branch.temperature_K > above_K)
+    return np.column_stack([branch.temperature_K, _progress(left), branch.stress_Pa])[used]
 
 
 def _solve(columns: Array, target: Array) -> Array:

@@ -67,16 +67,12 @@ class Fig9Cycle(Experiment[CycleOptions]):
         run: Recording = outcomes[self.name]
         theory = cycle_theory(model)
         mounted_mm = model["initial_deflection"] * 1e3
-        full_mm, full_N = _extreme(run.between("x heats", "x cools"))
+        pull = run.between("x heats", "x cools")
+        full_mm, full_N = _extreme(pull)
         back_mm, back_N = _last(run.between("x cools", "y heats"))
         reverse_mm, reverse_N = _extreme(run.between("y heats", "y cools"))
         end_mm, end_N = _last(run.between("y cools", "end"))
-        response = step_response(
-            run.between("x heats", "x cools").t_s,
-            run.between("x heats", "x cools")["displacement_mm"],
-            self.options.step_mm,
-            start=0.0,
-        )
+        response = step_response(pull.t_s, pull["displacement_mm"], self.options.step_mm, start=0.0)
         away_N = deviation(run, theory, model)
         return Findings(
             (
@@ -209,23 +205,13 @@ def characteristic_curves(model: ParameterSet, top_N: float) -> tuple[Array, Arr
 def _plane(run: Recording, theory: CycleTheory, model: ParameterSet) -> Plane:
     mounted_mm = model["initial_deflection"] * 1e3
     force, martensite, austenite = characteristic_curves(model, 1.05 * theory.full_force_N)
-    shown = [(bend * 1e3 > 10.0) & (bend * 1e3 < 40.0) for bend in (martensite, austenite)]
     deflection_mm, force_N = theory.deflection_m * 1e3, theory.force_N
-    curves = [
-        Curve(
-            label="martensite curve",
-            pen="reference",
-            dash=(2, 3),
-            x=martensite[shown[0]] * 1e3,
-            y=force[shown[0]],
-        ),
-        Curve(
-            label="austenite curve",
-            pen="reference",
-            dash=(6, 4),
-            x=austenite[shown[1]] * 1e3,
-            y=force[shown[1]],
-        ),
+    curves = []
+    for phase, bend, dash in (("martensite", martensite, (2, 3)), ("austenite", austenite, (6, 4))):
+        shown = (bend * 1e3 > 10.0) & (bend * 1e3 < 40.0)
+        x, y = bend[shown] * 1e3, force[shown]
+        curves.append(Curve(label=f"{phase} curve", pen="reference", dash=dash, x=x, y=y))
+    curves += [
         Curve(
             label="run",
             pen="main",

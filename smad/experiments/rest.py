@@ -23,12 +23,12 @@ class Start:
     displacement_mm: float | None
     over_water_K: tuple[float | None, float | None]
 
-    def mismatch(self, other: Start, mm: float = NEAR_MM, kelvin: float = NEAR_K) -> str:
+    def mismatch(self, other: Start) -> str:
         """What keeps `other` from being this start, in words; empty when nothing does."""
         pairs = (
-            ("displacement", self.displacement_mm, other.displacement_mm, mm, "mm"),
-            ("spring X over water", self.over_water_K[0], other.over_water_K[0], kelvin, "K"),
-            ("spring Y over water", self.over_water_K[1], other.over_water_K[1], kelvin, "K"),
+            ("displacement", self.displacement_mm, other.displacement_mm, NEAR_MM, "mm"),
+            ("spring X over water", self.over_water_K[0], other.over_water_K[0], NEAR_K, "K"),
+            ("spring Y over water", self.over_water_K[1], other.over_water_K[1], NEAR_K, "K"),
         )
         return ", ".join(
             f"{name} {here:.2f} {unit} instead of {then:.2f}"

@@ -36,20 +36,12 @@ class Session:
     @property
     def worse(self) -> str:
         """What the trial has against the new gains; empty when nothing, or without a trial."""
-        if self.trials is None:
-            return ""
-        now, new = self.trials
-        if isinstance(now, Trial) and isinstance(new, Trial):
-            comparison = (
-                f"R² of the sinusoid is {new.r2:.4f} with the new gains, {now.r2:.4f} with yours"
-            )
-            return comparison if new.r2 < now.r2 else ""
-        assert isinstance(now, WarmTrial)
-        assert isinstance(new, WarmTrial)
-        comparison = (
-            f"within 0.5 K after {new.settling_s:.1f} s, with yours after {now.settling_s:.1f} s"
-        )
-        return comparison if new.settling_s > now.settling_s else ""
+        match self.trials:
+            case (Trial(r2=now), Trial(r2=new)) if new < now:
+                return f"R² of the sinusoid is {new:.4f} with the new gains, {now:.4f} with yours"
+            case (WarmTrial(settling_s=now_s), WarmTrial(settling_s=new_s)) if new_s > now_s:
+                return f"within 0.5 K after {new_s:.1f} s, with yours after {now_s:.1f} s"
+        return ""
 
 
 def tune_displacement(driver: Driver, config: ControlConfig, *, trial: bool = True) -> Session:
@@ -63,11 +55,10 @@ def tune_displacement(driver: Driver, config: ControlConfig, *, trial: bool = Tr
     tuned = tuned_displacement(run.columns, run.marks, config)
     if not trial:
         return Session(tuned, None)
-    before = driver.run(displacement_trial("before", tuned.command(tuned.before)))
-    after = driver.run(displacement_trial("after", tuned.command(tuned.after)))
-    return Session(
-        tuned, (trial_of(before.columns, before.marks), trial_of(after.columns, after.marks))
-    )
+    gains = {"before": tuned.before, "after": tuned.after}
+    plans = [displacement_trial(name, tuned.command(tried)) for name, tried in gains.items()]
+    before, after = (trial_of(run.columns, run.marks) for run in map(driver.run, plans))
+    return Session(tuned, (before, after))
 
 
 def tune_bench(
@@ -113,14 +104,12 @@ def tune_temperature(
     if not trial:
         return Session(tuned, None)
     at_degC = float(run[name][0])
+    gains = {"before": tuned.before, "after": tuned.after}
+    plans = [
+        temperature_trial(name, tuned.command(tried), spring, at_degC)
+        for name, tried in gains.items()
+    ]
     before, after = (
-        driver.run(temperature_trial(which, tuned.command(gains), spring, at_degC))
-        for which, gains in (("before", tuned.before), ("after", tuned.after))
+        warm_trial_of(run.columns, run.marks, spring) for run in map(driver.run, plans)
     )
-    return Session(
-        tuned,
-        (
-            warm_trial_of(before.columns, before.marks, spring),
-            warm_trial_of(after.columns, after.marks, spring),
-        ),
-    )
+    return Session(tuned, (before, after))

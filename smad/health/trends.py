@@ -55,8 +55,7 @@ class Trend:
 
     `passed` are the rows at which earlier changes were noticed, and at which each had come back.
     `since` is the row from which the cumulative sum rose: about where the change began. `band` is
-    mean ± 3 scatters of the reference. `slope` and its standard error are per unit of x, since the
-    change or over all rows.
+    mean ± 3 scatters of the reference.
     """
 
     name: str
@@ -67,8 +66,6 @@ class Trend:
     noticed: int | None
     since: int | None
     passed: tuple[tuple[int, int], ...]
-    slope: float
-    slope_sd: float
 
     @property
     def band(self) -> tuple[float, float]:
@@ -107,9 +104,6 @@ def trend_of(name: str, x: Array, y: Array, unix_s: Array | None = None) -> Tren
     mean, scatter, _ = known[0]
     changes = sorted(change for c in known for change in c.changes)
     first = min((c for c in changes if c.back is None), key=lambda c: c.noticed, default=None)
-    since = None if first is None else first.since
-    part = slice(None) if since is None else slice(max(since - 1, 0), None)
-    slope, slope_sd = _line(x[part], y[part])[1:3]
     return Trend(
         name=name,
         x=x,
@@ -117,10 +111,8 @@ def trend_of(name: str, x: Array, y: Array, unix_s: Array | None = None) -> Tren
         mean=mean,
         scatter=scatter,
         noticed=None if first is None else first.noticed,
-        since=since,
+        since=None if first is None else first.since,
         passed=tuple((c.noticed, c.back) for c in changes if c.back is not None),
-        slope=slope,
-        slope_sd=slope_sd,
     )
 
 
@@ -223,25 +215,6 @@ def _changes(u: Array) -> list[_Change]:
     return changes
 
 
-def _line(x: Array, y: Array) -> tuple[float, float, float, float, Array]:
-    """Intercept, slope, its standard error, residual scatter, and the covariance of both."""
-    if len(x) < 3 or np.ptp(x) == 0.0:
-        return float(np.mean(y)), 0.0, math.inf, math.inf, np.full((2, 2), math.inf)
-    design = np.column_stack([np.ones_like(x), x])
-    normal = np.linalg.inv(design.T @ design)
-    intercept, slope = normal @ design.T @ y
-    residual = y - design @ np.array([intercept, slope])
-    scatter = float(np.sqrt(residual @ residual / (len(x) - 2)))
-    covariance = scatter**2 * normal
-    return (
-        float(intercept),
-        float(slope),
-        float(np.sqrt(covariance[1, 1])),
-        scatter,
-        np.asarray(covariance, float),
-    )
-
-
 def forecast(trend: Trend, limit: float) -> Forecast | None:
     """Return when the limit is reached; None where the slope does not lead there.
 
@@ -252,21 +225,23 @@ def forecast(trend: Trend, limit: float) -> Forecast | None:
 
     part = slice(None) if trend.since is None else slice(max(trend.since - 1, 0), None)
     x, y = trend.x[part], trend.y[part]
-    intercept, slope, slope_sd, _, covariance = _line(x, y)
-    if len(x) < 4 or not math.isfinite(slope_sd):
+    if len(x) < 4 or np.ptp(x) == 0.0:
         return None
+    line, covariance = np.polyfit(x, y, 1, cov=True)
+    slope, intercept = line.tolist()
+    (slope_var, both_var), (_, intercept_var) = covariance.tolist()
     quantile = float(student.ppf(0.975, len(x) - 2))
     now = float(trend.x[-1])
-    if abs(slope) <= quantile * slope_sd:
+    if abs(slope) <= quantile * math.sqrt(slope_var):
         return None
     crossing = (limit - intercept) / slope
     if crossing < now:
         return None
     gap = intercept - limit
     square = quantile**2
-    a = slope**2 - square * covariance[1, 1]
-    b = 2.0 * (gap * slope - square * covariance[0, 1])
-    c = gap**2 - square * covariance[0, 0]
+    a = slope**2 - square * slope_var
+    b = 2.0 * (gap * slope - square * both_var)
+    c = gap**2 - square * intercept_var
     root = math.sqrt(max(b * b - 4.0 * a * c, 0.0))
     low, high = sorted(((-b - root) / (2.0 * a), (-b + root) / (2.0 * a)))
     return Forecast(crossing, max(low, now), high)

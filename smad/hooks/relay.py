@@ -49,8 +49,7 @@ class Relay(Protocol):
 class Heartbeat:
     """Says why the supply must be cut, if it must. Pure: times are arguments."""
 
-    def __init__(self, silent_s: float = SILENT_S) -> None:
-        self._silent_s = silent_s
+    def __init__(self) -> None:
         self._last_s: float | None = None
         self._stopped_in: BoardState | None = None
 
@@ -70,7 +69,7 @@ class Heartbeat:
         """Return why the supply must be cut; empty while it may be on."""
         if self._last_s is None:
             return "no sample has come from the daemon"
-        if now_s - self._last_s >= self._silent_s:
+        if now_s - self._last_s >= SILENT_S:
             return f"no sample came from the daemon for {now_s - self._last_s:.1f} s"
         if self._stopped_in is not None:
             return f"the board is in {self._stopped_in.name}"

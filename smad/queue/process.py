@@ -9,31 +9,12 @@ import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Protocol
 
 from smad.queue.states import Item
 
 LONGEST_OUTPUT = 1_000_000
 """Bytes kept of what an item prints: one that floods must not fill the disk."""
 _LONGEST_LINE = 500
-
-
-class Process(Protocol):
-    """What the runner needs of a process."""
-
-    pid: int
-
-    def poll(self) -> int | None:
-        """Return the exit status (negative: a signal), or None while it runs."""
-
-    def end(self) -> None:
-        """Ask it to disarm and end."""
-
-    def kill(self) -> None:
-        """End it at once."""
-
-    def last_line(self) -> str:
-        """Return what it printed last."""
 
 
 class ItemProcess:

@@ -11,7 +11,7 @@ import secrets
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
@@ -50,19 +50,12 @@ class Queue:
     Raises StoreError when its file cannot be used.
     """
 
-    def __init__(
-        self,
-        folder: str | Path | None = None,
-        *,
-        bench: str = "bench",
-        wall_s: Callable[[], float] = time.time,
-    ) -> None:
+    def __init__(self, folder: str | Path | None = None, *, bench: str = "bench") -> None:
         self.folder = (
             Path(folder) if folder is not None else recording_folder(bench) or Path("runs")
         )
         self.bench = bench
         self.store = Store(self.folder / FILE)
-        self._wall_s = wall_s
 
     def __enter__(self) -> Queue:
         return self
@@ -102,7 +95,7 @@ class Queue:
 
     def add_checked(self, items: Sequence[Item]) -> tuple[Item, ...]:
         """Append items that were checked."""
-        now_s = self._wall_s()
+        now_s = time.time()
         return self.store.add([msgspec.structs.replace(item, added_unix_s=now_s) for item in items])
 
     def again(self, number: int) -> Item:
@@ -123,7 +116,7 @@ class Queue:
 
     def remove(self, number: int) -> Change:
         """Take a queued item away. Raises QueueError for any other."""
-        return self.store.change(lambda s: machine.removed(s, number, self._wall_s()))
+        return self.store.change(lambda s: machine.removed(s, number, time.time()))
 
     def move(self, number: int, place: int) -> Change:
         """Make a queued item the `place`-th of those that wait, from 1. Raises QueueError."""
@@ -132,7 +125,7 @@ class Queue:
     def pause(self, reason: str = "paused by hand", *, now: bool = False) -> Change:
         """Let nothing more begin; `now` ends what runs, in order."""
         change = self.store.change(lambda s: machine.paused(s, reason, end_item=now))
-        self.store.add_message("queue_paused", reason, None, self._wall_s())
+        self.store.add_message("queue_paused", reason, None, time.time())
         return change
 
     def propose(self, end_unix_s: float, budget: Budget) -> Proposal:
@@ -140,7 +133,7 @@ class Queue:
         proposal = arming.propose(
             self.snapshot(),
             code="".join(secrets.choice(_ALPHABET) for _ in range(4)),
-            now_unix_s=self._wall_s(),
+            now_unix_s=time.time(),
             end_unix_s=end_unix_s,
             budget=budget,
             generation=self._generation(),
@@ -160,7 +153,7 @@ class Queue:
         proposal, generation = self.store.proposal(), self._generation()
         change = self.store.change(
             lambda s: arming.confirm(
-                s, proposal, code, now_unix_s=self._wall_s(), generation=generation
+                s, proposal, code, now_unix_s=time.time(), generation=generation
             )
         )
         self.store.propose(None)

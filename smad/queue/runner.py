@@ -5,15 +5,14 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from smad.errors import RunLogError, SmadError
 from smad.progress import Say, silent
 from smad.queue import machine
-from smad.queue.bench import BenchSnapshot
+from smad.queue.bench import BenchSnapshot, BenchWatch
 from smad.queue.errors import QueueError, StoreError
 from smad.queue.machine import Change, EndItem, Obstacle, PostMessage, StartItem
-from smad.queue.process import Process
+from smad.queue.process import ItemProcess
 from smad.queue.states import Item, Snapshot, State, Usage
 from smad.queue.store import Store
 from smad.runlog.open_logs import being_written
@@ -31,25 +30,12 @@ _BEFORE_S = 5.0
 """Clocks of files may lag behind ours."""
 
 
-class BenchObserver(Protocol):
-    """How the runner sees the bench."""
-
-    def look(self, *, now: bool = False) -> BenchSnapshot:
-        """Return how the bench is."""
-
-    def usage(self) -> Usage:
-        """Return what was used since the last call."""
-
-    def stop_recording(self) -> None:
-        """Close the run log. Raises SmadError."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class RunnerParts:
     """What the runner acts with. `check` returns why an item cannot begin now; None: it can."""
 
-    watch: BenchObserver
-    start: Callable[[Item], Process]
+    watch: BenchWatch
+    start: Callable[[Item], ItemProcess]
     check: Callable[[Item], Obstacle | None]
     say: Say = silent
     wall_s: Callable[[], float] = time.time
@@ -62,7 +48,7 @@ class Runner:
     def __init__(self, store: Store, parts: RunnerParts) -> None:
         self._store = store
         self._parts = parts
-        self._process: Process | None = None
+        self._process: ItemProcess | None = None
         self._item = 0
         self._asked_to_end_s: float | None = None
         self._generation: int | None = None

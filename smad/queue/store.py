@@ -161,12 +161,6 @@ class Store:
         names = ("id", "unix_s", "event", "text", "item")
         return tuple(Message(**dict(zip(names, row, strict=True))) for row in rows)
 
-    def version(self) -> int:
-        """Return a number that changes when another connection has changed the file."""
-        with self._explained():
-            (number,) = self._db.execute("PRAGMA data_version").fetchone()
-        return int(number)
-
     def _prepare(self) -> None:
         with self._transaction("IMMEDIATE"):
             (version,) = self._db.execute("PRAGMA user_version").fetchone()

@@ -6,8 +6,9 @@ messages of the topic with most of them; beside each stands the last value that 
 had by then, unless it is too old (`_longest_ns`). Times are those at which the bag recorded.
 """
 
+import contextlib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -39,21 +40,13 @@ class BagTable:
     path: Path
     places: Mapping[str, tuple[str, str]]
     counts: Mapping[str, int]
+    stamps: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     @property
     def names(self) -> list[str]:
         """Every column."""
         return [TIME, *self.places]
-
-    @property
-    def stamps(self) -> dict[str, str]:
-        """The times at which a bag recorded are numbers."""
-        return {}
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Nothing is done to a bag that a reader would not expect."""
-        return ()
 
     @property
     def most_rows(self) -> int:
@@ -183,27 +176,16 @@ def _flat(message: Any, before: str = "") -> dict[str, float]:
     return fields
 
 
-class _reader:
+@contextlib.contextmanager
+def _reader(path: Path) -> Iterator[Any]:
     """A reader of rosbags over one bag, whose errors name the bag."""
-
-    def __init__(self, path: Path) -> None:
-        highlevel, typesys = part("rosbags.highlevel"), part("rosbags.typesys")
-        self._path = path
-        self._reader = highlevel.AnyReader(
-            [path], default_typestore=typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-        )
-
-    def __enter__(self) -> Any:
-        try:
-            return self._reader.__enter__()
-        except Exception as error:  # of rosbags, yaml, sqlite and zstandard alike
-            raise self._unreadable(error) from error
-
-    def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
-        self._reader.__exit__(kind, error, trace)
-        if isinstance(error, Exception) and not isinstance(error, LogImportError):
-            raise self._unreadable(error) from error
-
-    def _unreadable(self, error: Exception) -> LogImportError:
-        reason = f"cannot read {self._path}: {first_line(error)}"
-        return LogImportError(reason, action="restore the bag")
+    highlevel, typesys = part("rosbags.highlevel"), part("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    try:
+        with highlevel.AnyReader([path], default_typestore=store) as reader:
+            yield reader
+    except LogImportError:
+        raise
+    except Exception as error:  # of rosbags, yaml, sqlite and zstandard alike
+        reason = f"cannot read {path}: {first_line(error)}"
+        raise LogImportError(reason, action="restore the bag") from error

@@ -23,9 +23,8 @@ import numpy as np
 
 from smad.errors import RunLogError, refused_by_system
 from smad.files import replacing, require_writable
-from smad.runlog.legends import LEGENDS
 from smad.runlog.reader import Column, Run, recorded
-from smad.runlog.schema import MISSING_INTEGER, channel_of
+from smad.runlog.schema import LEGENDS, MISSING_INTEGER, channel_of
 
 if TYPE_CHECKING:
     import pyarrow

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import NDArray
 
 from smad.extras import part
-from smad.runlog.legends import LEGENDS
-from smad.runlog.schema import CHANNELS
+from smad.runlog.schema import CHANNELS, LEGENDS
 
 if TYPE_CHECKING:
     import pandas

@@ -74,8 +74,8 @@ class McapFile:
     def __init__(self, file: FileIO) -> None:
         self._file = file
         self._compressor = zstandard.ZstdCompressor(level=_COMPRESSION_LEVEL)
-        self._chunk_indexes = RecordBuilder()
-        self._metadata_indexes = RecordBuilder()
+        self._chunk_indexes = bytearray()
+        self._metadata_indexes = bytearray()
         self._metadata_count = 0
         self._chunk_count = 0
         self._counts = dict.fromkeys(CHANNEL_IDS.values(), 0)
@@ -88,16 +88,13 @@ class McapFile:
         """Board time that the rows so far cover. A restart of the board begins it anew, so only
         what goes forward counts."""
         self.size_bytes = 0
-        opening = RecordBuilder()
-        opening.write(MCAP0_MAGIC)
-        records.Header(profile="", library=f"smad {VERSION}").write(opening)
-        opening.write(_schemas() + _channels())
-        self._write(_taken(opening))
+        header = records.Header(profile="", library=f"smad {VERSION}")
+        self._write(MCAP0_MAGIC + _bytes_of(header) + _schemas() + _channels())
 
     def add_axis(self, name: str) -> int:
         """Add the channel for the samples of a named axis; return its number."""
         if name not in self._axes:
-            self._write(_channel(FIRST_AXIS_ID + len(self._axes), row_topic(name), Row))
+            self._write(_bytes_of(_channel(FIRST_AXIS_ID + len(self._axes), row_topic(name), Row)))
             self._counts[FIRST_AXIS_ID + len(self._axes)] = 0
             self._axes.append(name)
         return FIRST_AXIS_ID + self._axes.index(name)
@@ -105,15 +102,12 @@ class McapFile:
     def write_metadata(self, name: str, texts: Mapping[str, str]) -> None:
         """A metadata record, text to text."""
         self._write_filling()
-        builder = RecordBuilder()
-        records.Metadata(name=name, metadata=dict(texts)).write(builder)
-        data = _taken(builder)
+        data = _bytes_of(records.Metadata(name=name, metadata=dict(texts)))
         offset = self.size_bytes
         self._write(data)
         self._metadata_count += 1
-        records.MetadataIndex(offset=offset, length=len(data), name=name).write(
-            self._metadata_indexes
-        )
+        index = records.MetadataIndex(offset=offset, length=len(data), name=name)
+        self._metadata_indexes += _bytes_of(index)
 
     def add(self, message: Packed) -> None:
         """Add a message to the chunk that is filling, which is written once it is full.
@@ -135,24 +129,24 @@ class McapFile:
         body = b"".join([message.data for message in messages])
         times, index = _message_index(messages)
         start_ns, end_ns = min(times), max(times)
-        chunk = RecordBuilder()
         compressed = self._compressor.compress(body)
-        records.Chunk(
-            compression="zstd",
-            data=compressed,
-            message_start_time=start_ns,
-            message_end_time=end_ns,
-            uncompressed_crc=zlib.crc32(body),
-            uncompressed_size=len(body),
-        ).write(chunk)
-        chunk_length = chunk.count
+        data = _bytes_of(
+            records.Chunk(
+                compression="zstd",
+                data=compressed,
+                message_start_time=start_ns,
+                message_end_time=end_ns,
+                uncompressed_crc=zlib.crc32(body),
+                uncompressed_size=len(body),
+            )
+        )
+        chunk_length = len(data)
         offsets = {}
         for channel_id, entries in index.items():
-            offsets[channel_id] = self.size_bytes + chunk.count
+            offsets[channel_id] = self.size_bytes + len(data)
             size = len(entries) * entries.itemsize
-            chunk.write(_INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + size, channel_id, size))
-            chunk.write(entries.tobytes())
-        data = _taken(chunk)
+            data += _INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + size, channel_id, size)
+            data += entries.tobytes()
         start_offset = self.size_bytes
         self._write(data)
         self._chunk_count += 1
@@ -165,68 +159,63 @@ class McapFile:
             self._last_row_ns = time_ns
         self._first_ns = start_ns if self._first_ns is None else min(self._first_ns, start_ns)
         self._last_ns = max(self._last_ns, end_ns)
-        records.ChunkIndex(
-            chunk_length=chunk_length,
-            chunk_start_offset=start_offset,
-            compression="zstd",
-            compressed_size=len(compressed),
-            message_start_time=start_ns,
-            message_end_time=end_ns,
-            message_index_length=len(data) - chunk_length,
-            message_index_offsets=offsets,
-            uncompressed_size=len(body),
-        ).write(self._chunk_indexes)
+        self._chunk_indexes += _bytes_of(
+            records.ChunkIndex(
+                chunk_length=chunk_length,
+                chunk_start_offset=start_offset,
+                compression="zstd",
+                compressed_size=len(compressed),
+                message_start_time=start_ns,
+                message_end_time=end_ns,
+                message_index_length=len(data) - chunk_length,
+                message_index_offsets=offsets,
+                uncompressed_size=len(body),
+            )
+        )
 
     def finish(self) -> None:
         """The summary and the footer: from here on viewers can jump about in the file."""
         self.write_metadata(ROWS_METADATA_NAME, {ROWS_DURATION: f"{self.rows_ns / _NS:.6f}"})
-        ending = RecordBuilder()
-        records.DataEnd(data_section_crc=0).write(ending)
-        summary_start = self.size_bytes + ending.count
+        data_end = _bytes_of(records.DataEnd(data_section_crc=0))
+        summary_start = self.size_bytes + len(data_end)
         groups = [
             (Opcode.SCHEMA, _schemas()),
             (Opcode.CHANNEL, _channels(self._axes)),
             (Opcode.STATISTICS, self._statistics()),
-            (Opcode.CHUNK_INDEX, _taken(self._chunk_indexes)),
-            (Opcode.METADATA_INDEX, _taken(self._metadata_indexes)),
+            (Opcode.CHUNK_INDEX, bytes(self._chunk_indexes)),
+            (Opcode.METADATA_INDEX, bytes(self._metadata_indexes)),
         ]
-        summary = RecordBuilder()
-        offsets = RecordBuilder()
+        summary = b""
+        offsets = []
         for opcode, data in groups:
             if data:
-                records.SummaryOffset(
-                    group_opcode=opcode,
-                    group_start=summary_start + summary.count,
-                    group_length=len(data),
-                ).write(offsets)
-                summary.write(data)
-        offset_start = summary_start + summary.count
-        summary.write(_taken(offsets))
-        data = _taken(summary)
-        crc = zlib.crc32(
-            struct.pack("<BQQQ", Opcode.FOOTER, 20, summary_start, offset_start), zlib.crc32(data)
+                start = summary_start + len(summary)
+                offsets.append(records.SummaryOffset(opcode, start, len(data)))
+                summary += data
+        offset_start = summary_start + len(summary)
+        summary += _bytes_of(*offsets)
+        footer_head = struct.pack("<BQQQ", Opcode.FOOTER, 20, summary_start, offset_start)
+        footer = records.Footer(
+            summary_start=summary_start,
+            summary_offset_start=offset_start,
+            summary_crc=zlib.crc32(footer_head, zlib.crc32(summary)),
         )
-        ending.write(data)
-        records.Footer(
-            summary_start=summary_start, summary_offset_start=offset_start, summary_crc=crc
-        ).write(ending)
-        ending.write(MCAP0_MAGIC)
-        self._write(_taken(ending))
+        self._write(data_end + summary + _bytes_of(footer) + MCAP0_MAGIC)
 
     def _statistics(self) -> bytes:
-        builder = RecordBuilder()
-        records.Statistics(
-            attachment_count=0,
-            channel_count=len(self._counts),
-            channel_message_counts={k: n for k, n in self._counts.items() if n},
-            chunk_count=self._chunk_count,
-            message_count=sum(self._counts.values()),
-            message_start_time=self._first_ns or 0,
-            message_end_time=self._last_ns,
-            metadata_count=self._metadata_count,
-            schema_count=len(CHANNEL_IDS),
-        ).write(builder)
-        return _taken(builder)
+        return _bytes_of(
+            records.Statistics(
+                attachment_count=0,
+                channel_count=len(self._counts),
+                channel_message_counts={k: n for k, n in self._counts.items() if n},
+                chunk_count=self._chunk_count,
+                message_count=sum(self._counts.values()),
+                message_start_time=self._first_ns or 0,
+                message_end_time=self._last_ns,
+                metadata_count=self._metadata_count,
+                schema_count=len(CHANNEL_IDS),
+            )
+        )
 
     def _write(self, data: bytes) -> None:
         left = memoryview(data)
@@ -256,40 +245,38 @@ def _message_index(messages: Iterable[Packed]) -> tuple[list[int], dict[int, arr
     return times, index
 
 
-def _taken(builder: RecordBuilder) -> bytes:
+def _bytes_of(*parts: records.McapRecord) -> bytes:
+    builder = RecordBuilder()
+    for part in parts:
+        part.write(builder)
     data: bytes = builder.end()  # type: ignore[no-untyped-call]
     return data
 
 
 def _schemas() -> bytes:
-    builder = RecordBuilder()
-    for record, number in CHANNEL_IDS.items():
+    schemas = (
         records.Schema(
             id=number,
             name=f"smad.{record.__name__}",
             encoding="jsonschema",
             data=json_schema(record),
-        ).write(builder)
-    return _taken(builder)
+        )
+        for record, number in CHANNEL_IDS.items()
+    )
+    return _bytes_of(*schemas)
 
 
 def _channels(axes: Sequence[str] = ()) -> bytes:
-    row_channels = [
-        _channel(number, TOPICS[record], record) for record, number in CHANNEL_IDS.items()
-    ]
+    fixed = (_channel(number, TOPICS[record], record) for record, number in CHANNEL_IDS.items())
     numbered = enumerate(axes, start=FIRST_AXIS_ID)
-    return b"".join(
-        row_channels + [_channel(number, row_topic(name), Row) for number, name in numbered]
-    )
+    return _bytes_of(*fixed, *(_channel(number, row_topic(name), Row) for number, name in numbered))
 
 
-def _channel(number: int, topic: str, record: type[Struct]) -> bytes:
-    builder = RecordBuilder()
-    records.Channel(
+def _channel(number: int, topic: str, record: type[Struct]) -> records.Channel:
+    return records.Channel(
         id=number,
         topic=topic,
         message_encoding="json",
         schema_id=CHANNEL_IDS[record],
         metadata={},
-    ).write(builder)
-    return _taken(builder)
+    )

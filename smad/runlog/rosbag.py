@@ -35,12 +35,13 @@ Times = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class _Topic:
-    """One topic: its message type, which rows it has, and what makes the message of a row."""
+    """One topic: its message type, its rows with their times, and what makes a row's message."""
 
     name: str
     kind: str
     rows: NDArray[np.intp]
-    message: Callable[[int], Any]
+    stamps: Times | list[int]
+    message: Callable[[int, int], Any]
 
 
 def export_bag(run: Run, target: Path, *, overwrite: bool = False) -> Path:
@@ -86,54 +87,53 @@ def _write(run: Run, folder: Path) -> None:
         for topic in (*_topics(run, store.types, stamps), *_events(run, store.types, stamps)):
             connection = bag.add_connection(topic.name, topic.kind, typestore=store)
             for row in topic.rows:
-                when, message = topic.message(int(row))
+                when = int(topic.stamps[row])
+                message = topic.message(int(row), when)
                 bag.write(connection, when, store.serialize_cdr(message, topic.kind))
 
 
 def _topics(run: Run, types: Any, stamps: Times) -> Iterator[_Topic]:
-    header = _headers(types, stamps)
     columns = {name: c for name, c in run.columns.items() if recorded(c).any()}
     if "displacement_mm" in columns:
-        yield _joint(columns, types, stamps, header)
+        yield _joint(columns, types, stamps)
     for name in (n for n in columns if n not in _NEVER and n != "displacement_mm"):
-        yield _of_channel(name, columns[name], types, stamps, header)
+        yield _of_channel(name, columns[name], types, stamps)
 
 
-def _of_channel(name: str, column: Any, types: Any, stamps: Times, header: Any) -> _Topic:
-    def numbers(row: int) -> Any:
-        return int(stamps[row]), types[kind](data=column[row].item())
+def _of_channel(name: str, column: Any, types: Any, stamps: Times) -> _Topic:
+    def numbers(row: int, when: int) -> Any:
+        return types[kind](data=column[row].item())
 
-    def temperature(row: int) -> Any:
+    def temperature(row: int, when: int) -> Any:
         # A variance of 0 stands for "unknown" in ROS.
-        return int(stamps[row]), types[kind](header(row), column[row].item(), 0.0)
+        return types[kind](_header(types, when), column[row].item(), 0.0)
 
-    def wrench(row: int) -> Any:
+    def wrench(row: int, when: int) -> Any:
         vector, none = types["geometry_msgs/msg/Vector3"], (0.0, 0.0, 0.0)
         force = types["geometry_msgs/msg/Wrench"](vector(column[row].item(), 0, 0), vector(*none))
-        return int(stamps[row]), types[kind](header(row), force)
+        return types[kind](_header(types, when), force)
 
-    rows = np.flatnonzero(recorded(column))
     if CHANNELS[name].unit == "degC":
-        kind = "sensor_msgs/msg/Temperature"
-        return _Topic(f"/smad/{name}", kind, rows, temperature)
-    if name == "force_N":
-        kind = "geometry_msgs/msg/WrenchStamped"
-        return _Topic(f"/smad/{name}", kind, rows, wrench)
-    kind = f"std_msgs/msg/{'Float64' if CHANNELS[name].kind == 'float' else 'Int64'}"
-    return _Topic(f"/smad/{name}", kind, rows, numbers)
+        kind, message = "sensor_msgs/msg/Temperature", temperature
+    elif name == "force_N":
+        kind, message = "geometry_msgs/msg/WrenchStamped", wrench
+    else:
+        kind = f"std_msgs/msg/{'Float64' if CHANNELS[name].kind == 'float' else 'Int64'}"
+        message = numbers
+    return _Topic(f"/smad/{name}", kind, np.flatnonzero(recorded(column)), stamps, message)
 
 
-def _joint(columns: Any, types: Any, stamps: Times, header: Any) -> _Topic:
+def _joint(columns: Any, types: Any, stamps: Times) -> _Topic:
     kind = "sensor_msgs/msg/JointState"
     at_mm, force = columns["displacement_mm"], columns.get("force_N")
 
-    def joint(row: int) -> Any:
+    def joint(row: int, when: int) -> Any:
         known = force is not None and np.isfinite(force[row])
         effort = np.array([force[row]] if known else [])
         at_m = np.array([at_mm[row] * 1e-3])
-        return int(stamps[row]), types[kind](header(row), [JOINT], at_m, np.array([]), effort)
+        return types[kind](_header(types, when), [JOINT], at_m, np.array([]), effort)
 
-    return _Topic(JOINT_TOPIC, kind, np.flatnonzero(recorded(at_mm)), joint)
+    return _Topic(JOINT_TOPIC, kind, np.flatnonzero(recorded(at_mm)), stamps, joint)
 
 
 def _events(run: Run, types: Any, stamps: Times) -> Iterator[_Topic]:
@@ -141,16 +141,14 @@ def _events(run: Run, types: Any, stamps: Times) -> Iterator[_Topic]:
         return
     kind = "rcl_interfaces/msg/Log"
     t_s = np.asarray(run.columns["t_s"])
+    whens = [_when(event, t_s, stamps) for event in run.events]
 
-    def log(row: int) -> Any:
+    def log(row: int, when: int) -> Any:
         event = run.events[row]
-        when = _when(event, t_s, stamps)
         level = _LEVELS.get(event.kind, _INFO)
-        return when, types[kind](
-            _stamp(types, when), level, f"smad.{event.kind}", event.text, "", "", 0
-        )
+        return types[kind](_stamp(types, when), level, f"smad.{event.kind}", event.text, "", "", 0)
 
-    yield _Topic(EVENTS, kind, np.arange(len(run.events)), log)
+    yield _Topic(EVENTS, kind, np.arange(len(run.events)), whens, log)
 
 
 def _when(event: Event, t_s: Any, stamps: Times) -> int:
@@ -163,11 +161,8 @@ def _when(event: Event, t_s: Any, stamps: Times) -> int:
     return int(stamps[0]) if host_s is None else max(round(host_s * 1e9), 0)
 
 
-def _headers(types: Any, stamps: Times) -> Callable[[int], Any]:
-    def header(row: int) -> Any:
-        return types["std_msgs/msg/Header"](_stamp(types, int(stamps[row])), "bench")
-
-    return header
+def _header(types: Any, when_ns: int) -> Any:
+    return types["std_msgs/msg/Header"](_stamp(types, when_ns), "bench")
 
 
 def _stamp(types: Any, when_ns: int) -> Any:

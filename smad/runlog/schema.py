@@ -14,6 +14,7 @@ import msgspec
 from msgspec import Meta, Struct
 from msgspec import inspect as types
 
+from firmware_protocol.enums import BoardState, Limiter
 from smad.config.fields import bare, fields_of
 
 ROW_TOPIC = "/smad/row"
@@ -197,6 +198,13 @@ def _channel(field: types.Field) -> ChannelSpec:
 
 CHANNELS: Mapping[str, ChannelSpec] = {field.name: _channel(field) for field in fields_of(Row)}
 """Every channel of a sample, by name, in the order of the columns."""
+
+
+LEGENDS: Mapping[str, Mapping[int, str]] = {
+    "mode": {state.value: state.name for state in BoardState},
+    "limiter": {limiter.value: limiter.name.lower() for limiter in Limiter},
+}
+"""What the numbers of some channels stand for, in the words of `smad status`."""
 
 
 def channel_of(column: str) -> ChannelSpec:

@@ -79,11 +79,6 @@ class RunWriter:
         self._thread.start()
 
     @property
-    def size_bytes(self) -> int:
-        """Size of the part being written."""
-        return self._mcap.size_bytes
-
-    @property
     def dropped(self) -> int:
         """Records that did not reach the file."""
         return self._refused + self._unfit + self._lost

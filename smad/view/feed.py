@@ -10,7 +10,6 @@ waits in a queue, and nothing grows.
 """
 
 import math
-from collections.abc import Sequence
 
 from msgspec import Struct
 
@@ -52,8 +51,8 @@ class Feed:
     `motion` is the channel whose turning points end a cycle.
     """
 
-    def __init__(self, channels: int, motion: int = 0, windows: Sequence[Window] = WINDOWS) -> None:
-        self.tiers = tuple(Tier(w.bucket_s, channels, w.capacity) for w in windows)
+    def __init__(self, channels: int, motion: int = 0) -> None:
+        self.tiers = tuple(Tier(w.bucket_s, channels, w.capacity) for w in WINDOWS)
         self.epoch = 0
         self._motion = motion
         self._cycles = Cycles()

@@ -137,7 +137,6 @@ class JobState(Struct, frozen=True, kw_only=True):
     title: str
     lines: tuple[str, ...]
     running: bool
-    on_the_bench: bool
     took_s: float
     failed: str = ""
     report: str = ""
@@ -272,7 +271,6 @@ class Jobs:
             title=self._command.title,
             lines=tuple(self._lines),
             running=self.running,
-            on_the_bench=isinstance(self._job, ON_THE_BENCH),
             took_s=round(until_s - self._began_s, 1),
             failed=self._failed,
             report=self._address,

@@ -9,9 +9,9 @@ page had asked for before and was not carried out yet.
 
 import asyncio
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 from websockets.asyncio.server import ServerConnection
@@ -47,22 +47,18 @@ _WATCH_ONLY = "this link is for watching and stopping: it commands nothing else"
 _encode = msgspec.json.Encoder().encode
 
 
-class Clients(Protocol):
-    """Makes a client of the bench."""
-
-    def __call__(self) -> AsyncClient:
-        """Return a new one. Raises NoDaemon."""
-
-
 class Page:
-    """A browser's page at the other end of a WebSocket."""
+    """A browser's page at the other end of a WebSocket.
+
+    `clients` makes a client of the bench, or raises NoDaemon.
+    """
 
     def __init__(
         self,
         connection: ServerConnection,
         right: Right,
         source: Source,
-        clients: Clients,
+        clients: Callable[[], AsyncClient],
         queries: Queries,
     ) -> None:
         self._connection = connection
@@ -329,10 +325,7 @@ class Page:
 
     async def _reply(self, number: int, done: bool, text: str, result: Any = None) -> None:
         reply = {"type": "reply", "id": number, "done": done, "text": text, "found": result}
-        await self._send(reply)
-
-    async def _send(self, message: dict[str, Any]) -> None:
-        await self._connection.send(_encode(message).decode())
+        await self._connection.send(_encode(reply).decode())
 
 
 def hello(source: Source, axis: Axis, right: Right) -> dict[str, Any]:

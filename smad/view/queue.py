@@ -8,7 +8,7 @@ from msgspec import Meta, Struct
 
 from smad.counted import counted
 from smad.queue import Queue, QueueError
-from smad.queue.states import Arming, Budget, Snapshot
+from smad.queue.states import Budget, Snapshot
 from smad.queue.store import FILE
 
 MOST_ENDED = 8
@@ -146,7 +146,7 @@ def queue_state(folder: Path, bench: str) -> QueueState:
         mode=snapshot.mode,
         reason=snapshot.reason,
         runner=runner,
-        end_unix_s=_end(snapshot.arming),
+        end_unix_s=snapshot.arming.end_unix_s if snapshot.arming else None,
         lines=_lines(snapshot),
     )
 
@@ -174,7 +174,3 @@ def _lines(snapshot: Snapshot) -> tuple[Line, ...]:
         )
         for item in (*ended, *running, *snapshot.queued)
     )
-
-
-def _end(arming: Arming | None) -> float | None:
-    return None if arming is None else arming.end_unix_s

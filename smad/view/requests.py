@@ -83,7 +83,6 @@ class Row(Struct, frozen=True):
 
     name: str
     title: str
-    started_unix_s: float
     duration_s: float | None
     rows: int | None
     problem: str

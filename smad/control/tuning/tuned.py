@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from smad.config import ControlConfig
 from smad.control.commands import Spring, Tune
-from smad.control.metrics import hold_quality, tracking_r2
+from smad.control.metrics import hold_quality, starts, tracking_r2
 from smad.control.tuning.errors import TuningError
 from smad.control.tuning.identify import (
     LEAST_PULL_MM,
@@ -221,16 +221,12 @@ def trial_of(columns: Columns, marks: Marks) -> Trial:
         )
         errors.append(1e3 * quality.error_rms)
         ripples.append(1e3 * quality.ripple_A)
-    starts = sum(
-        int(np.count_nonzero((part[name][1:] > 0.0) & ~(part[name][:-1] > 0.0)))
-        for name in ("duty_x", "duty_y")
-    )
     return Trial(
         tracking_r2(reference[later], actual[later]),
         max(overshoot),
         max(errors),
         max(ripples),
-        starts,
+        starts(part["duty_x"]) + starts(part["duty_y"]),
     )
 
 

@@ -15,11 +15,11 @@ from smad.api import Reason
 from smad.control.commands import Idle
 from smad.daemon.arming import Send
 from smad.daemon.axis import Axis
+from smad.daemon.boardstop import LONGEST_STOP_US, BoardStop
 from smad.daemon.command.bench import Bench
 from smad.daemon.command.conditions import first_samples, parameters_read, require_armable
 from smad.daemon.command.lease import Caller
 from smad.daemon.errors import Refusal, raise_together
-from smad.daemon.stops import LONGEST_STOP_US, BoardStop
 
 
 @dataclass(frozen=True)
@@ -172,8 +172,8 @@ class ArmCommand:
             self._arming.fail()
             self._stops.send()
             return request.axes
-        boards = {board.label for board_stop in request.boards for board in board_stop.stopped_with}
-        stopped = [axis for axis in self._bench.axes.values() if axis.name in boards]
+        names = {other for name in request.names for other in self._arming.stopped_by(name)}
+        stopped = [axis for axis in self._bench.axes.values() if axis.name in names]
         if not attempt.failed:
             cause = error.cause if isinstance(error, Refusal) else repr(error)
             self._stops.begin(f"arming failed: {cause}", boards=[axis.stop for axis in stopped])

@@ -38,7 +38,7 @@ class RejectionLog:
         remote, authenticator = server.remote_counts, server.authenticator
         return {
             "keys": 0 if authenticator is None else authenticator.refused,
-            "messages": self._commands.malformed + server.counts.dropped_messages,
+            "messages": self._commands.malformed + server.dropped_messages,
             "connections": remote.connections,
             "ended": remote.ended,
             "handshakes": remote.bad_handshakes,

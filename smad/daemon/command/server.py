@@ -56,15 +56,6 @@ class Handlers:
     look_at_port: Callable[[], None]
 
 
-@dataclass
-class ServerCounts:
-    """What came in and what could not be answered."""
-
-    messages: int = 0
-    dropped_replies: int = 0
-    dropped_messages: int = 0
-
-
 class _Served(Protocol):
     def serve_one(self) -> bool: ...
 
@@ -110,7 +101,8 @@ class CommandServer:
         queue: int,
         reserve: Reserve = nullcontext,
     ) -> None:
-        self.counts = ServerCounts()
+        self.dropped_messages = 0
+        """How many messages had another number of frames than a request has."""
         self.server_key = ""
         self._context = context
         self._loop = loop
@@ -257,7 +249,6 @@ class CommandServer:
         self._look_at_port()
         for served in self._served:
             if served.serve_one():
-                self.counts.messages += 1
                 self._go_on()
                 return
         self._turning = False
@@ -278,9 +269,8 @@ class CommandServer:
         envelope, body = split
 
         def reply(data: bytes) -> None:
-            if not connection.send(encoded([*envelope, data])):
-                # The client is gone, or does not read its replies.
-                self.counts.dropped_replies += 1
+            # Lost where the client is gone, or does not read its replies.
+            connection.send(encoded([*envelope, data]))
 
         handler(connection.identity, body, reply, connection.behind)
 
@@ -291,10 +281,8 @@ class CommandServer:
         envelope, body = split
 
         def reply(data: bytes) -> None:
-            try:
+            with contextlib.suppress(zmq.ZMQError):
                 socket.send_multipart([frames[0], *envelope, data], zmq.NOBLOCK)
-            except zmq.ZMQError:
-                self.counts.dropped_replies += 1
             self.wake()
 
         handler(frames[0], body, reply, self._remote_behind)
@@ -305,7 +293,7 @@ class CommandServer:
             return [b""], frames[1]
         if len(frames) == 1:
             return [], frames[0]
-        self.counts.dropped_messages += 1
+        self.dropped_messages += 1
         return None
 
 

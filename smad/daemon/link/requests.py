@@ -147,7 +147,7 @@ class BoardRequests:
 def failure(event: RequestFailed) -> Refusal:
     """Return what a failed request means."""
     if event.error is not None:
-        return refusal(event.error, event.request)
+        return refusal(event.error)
     cause, action = _FAILURES[event.reason]
     withdrawn = event.reason is FailureReason.WITHDRAWN
     return Refusal(
@@ -158,7 +158,7 @@ def failure(event: RequestFailed) -> Refusal:
     )
 
 
-def refusal(error: Error, request: Message | None = None) -> Refusal:
+def refusal(error: Error) -> Refusal:
     """Return what the board's ERROR means."""
     cause, action = REFUSALS.get(
         error.code, (f"the board refused with code {int(error.code)}", _UPDATE)

@@ -47,17 +47,13 @@ class LimitMonitor:
         limits = self._limits
         now = {name: _middle(self._last, name) for name in _WATCHED}
         was = self._reference
-        lost = 100.0 * (1.0 - now["stroke_mm"] / was["stroke_mm"])
-        up = 100.0 * (now["resistance_ohm"] / was["resistance_ohm"] - 1.0)
+        lost = -_percent_more(now["stroke_mm"], was["stroke_mm"])
+        up = _percent_more(now["resistance_ohm"], was["resistance_ohm"])
         shifted_K = now["transformation_degC"] - was["transformation_degC"]
         for value, limit, words in (
             (lost, limits.stroke_lost_percent, f"the stroke has lost {lost:.1f} %"),
             (up, limits.resistance_up_percent, f"the resistance has risen by {up:.1f} %"),
-            (
-                abs(shifted_K),
-                limits.shift_K,
-                f"the transformation shifted by {shifted_K:.1f} K",
-            ),
+            (abs(shifted_K), limits.shift_K, f"the transformation shifted by {shifted_K:.1f} K"),
         ):
             if limit is not None and value >= limit:
                 return f"{words} at cycle {number} (limit {limit:g})"
@@ -65,6 +61,11 @@ class LimitMonitor:
 
 
 _WATCHED = ("stroke_mm", "resistance_ohm", "transformation_degC")
+
+
+def _percent_more(now: float, was: float) -> float:
+    """NaN where there was nothing: a spring that is blocked has no stroke to lose."""
+    return 100.0 * (now / was - 1.0) if was else math.nan
 
 
 def _middle(cycles: list[Cycle] | deque[Cycle], name: str) -> float:

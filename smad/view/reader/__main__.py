@@ -55,9 +55,7 @@ def runs(ask: requests.Runs) -> list[requests.Row]:
     if not Path(ask.folder).is_dir():
         return []
     return [
-        requests.Row(
-            Path(run.path).name, run.name, run.started_unix_s, run.duration_s, run.rows, run.problem
-        )
+        requests.Row(Path(run.path).name, run.name, run.duration_s, run.rows, run.problem)
         for run in reversed(list_runs(ask.folder, newest=ask.most))
     ]
 

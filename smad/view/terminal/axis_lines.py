@@ -40,4 +40,4 @@ def aged(motion: Motion) -> str:
 
 def number(value: float | None, digits: int) -> str:
     """Return a number with so many digits and no negative zero; a dash for one not known."""
-    return "–" if value is None else f"{round(value, digits) + 0.0:.{digits}f}"
+    return "–" if value is None else f"{value:z.{digits}f}"

@@ -127,16 +127,11 @@ def _readings(now: Status, history: History, columns: int) -> Iterator[Line]:
             continue
         name = f"{strip.title.partition(' of ')[0]}, {curve.label}"
         newest = values[-1]
-        value = "–" if newest is None else f"{_fixed(newest, strip.digits)} {strip.unit}"
-        ends = f"{_fixed(min(known), strip.digits)} … {_fixed(max(known), strip.digits)}"
+        value = "–" if newest is None else f"{newest:z.{strip.digits}f} {strip.unit}"
+        ends = f"{min(known):z.{strip.digits}f} … {max(known):z.{strip.digits}f}"
         yield Line(
             f"{name:<{_NAME}} {value:>{_VALUE}} {sparkline(values):>{width}} {ends:>{_RANGE}}"
         )
-
-
-def _fixed(value: float, digits: int) -> str:
-    # Without the sign of a zero.
-    return f"{round(value, digits) + 0.0:.{digits}f}"
 
 
 def _facts(now: Status) -> Iterator[Line]:

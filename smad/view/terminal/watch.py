@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from smad.errors import SmadError
 from smad.view.terminal.screen import History, Line, Style, screen
@@ -13,7 +13,7 @@ from smad.view.terminal.screen import History, Line, Style, screen
 if TYPE_CHECKING:
     import curses
 
-    from smad.api import Motion, Status
+    from smad.client import Client
 
 REFRESH_S = 0.5
 PATIENCE_S = 1.0
@@ -22,30 +22,7 @@ STOP_KEYS = frozenset(" sS")
 QUIT_KEYS = frozenset("qQ")
 
 
-class WatchedClient(Protocol):
-    """What of a client is used here."""
-
-    def status(self) -> Status:
-        """Return everything about the bench."""
-
-    def disarm(self) -> Motion:
-        """Stop it."""
-
-
-class Terminal(Protocol):
-    """A screen and its keys."""
-
-    def size(self) -> tuple[int, int]:
-        """Return columns and rows."""
-
-    def draw(self, lines: Sequence[Line]) -> None:
-        """Show these lines and nothing else."""
-
-    def key(self, timeout_s: float) -> str:
-        """Return the next key, or nothing when none came in time."""
-
-
-def watch(bench: WatchedClient, terminal: Terminal, clock_s: Callable[[], float]) -> None:
+def watch(bench: Client, terminal: Terminal, clock_s: Callable[[], float]) -> None:
     """Show the bench until somebody quits."""
     history, now, away, said = History(), None, "", ""
     due_s = clock_s()
@@ -67,14 +44,14 @@ def watch(bench: WatchedClient, terminal: Terminal, clock_s: Callable[[], float]
             due_s = clock_s()
 
 
-def _stopped(bench: WatchedClient) -> str:
+def _stopped(bench: Client) -> str:
     try:
         return f"stopped: the board is in {bench.disarm().mode}"
     except SmadError as error:
         return f"NOT CONFIRMED: {error}"
 
 
-class CursesTerminal:
+class Terminal:
     """The terminal that we run in, on its alternate buffer."""
 
     def __init__(self, window: curses.window) -> None:
@@ -82,7 +59,6 @@ class CursesTerminal:
 
         self._window = window
         self._error = curses.error
-        window.keypad(True)
         with contextlib.suppress(curses.error):
             curses.curs_set(0)
         self._attributes: dict[Style, int] = dict.fromkeys(_COLOURS, curses.A_BOLD)
@@ -125,26 +101,11 @@ _COLOURS: dict[Style, str] = {
 }
 
 
-def run(bench: WatchedClient) -> None:
+def run(bench: Client) -> None:
     """Watch in this terminal, and leave it as it was; ctrl-C quits too."""
-    with _curses() as terminal, contextlib.suppress(KeyboardInterrupt):
-        watch(bench, terminal, time.monotonic)
-
-
-@contextlib.contextmanager
-def _curses() -> Iterator[CursesTerminal]:
     import curses
     import locale
 
     locale.setlocale(locale.LC_ALL, "")
-    window = curses.initscr()
-    try:
-        curses.noecho()
-        curses.cbreak()
-        if curses.has_colors():
-            curses.start_color()
-        yield CursesTerminal(window)
-    finally:
-        curses.nocbreak()
-        curses.echo()
-        curses.endwin()
+    with contextlib.suppress(KeyboardInterrupt):
+        curses.wrapper(lambda window: watch(bench, Terminal(window), time.monotonic))

@@ -11,7 +11,7 @@ from campaign.virtual import Refused
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import CODEC
 from firmware_protocol.framing import DELIMITER, FrameDecoder
-from smad.daemon.stops import BoardStop
+from smad.daemon.boardstop import BoardStop
 from tests.smad.daemon.axes import NAMES, axes_in, lines
 from tests.smad.daemon.tap import TappedLine, tapped
 from tests.smad.daemon.test_axes import all_safe, armed, hot

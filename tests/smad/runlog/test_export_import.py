@@ -15,9 +15,8 @@ from smad.records.column_names import ALIASES
 from smad.records.importer import import_table
 from smad.records.units import convert
 from smad.runlog.export import export_run
-from smad.runlog.legends import LEGENDS
 from smad.runlog.reader import Run, read_run
-from smad.runlog.schema import CHANNELS, Event
+from smad.runlog.schema import CHANNELS, LEGENDS, Event
 from smad.units import units_for
 
 from .helpers import HEADER, write_small_run

@@ -111,6 +111,11 @@ def reached(limits: EndLimits, change: Callable[[int], dict[str, float]]) -> tup
     return 0, ""
 
 
+def test_a_pair_that_does_not_move_loses_no_stroke() -> None:
+    limits = EndLimits(stroke_lost_percent=10.0)
+    assert reached(limits, lambda n: {"stroke_mm": 0.0}) == (0, "")
+
+
 @pytest.mark.parametrize(
     ("limits", "change", "words"),
     [
