@@ -16,8 +16,7 @@ import numpy as np
 from smad.diagnosis.plant import Array, Mask
 
 _LEAST_DIRECTION = 1e-6
-FORM = 0.4
-"""Share of a change that the form of the model's does not tell."""
+_DAY_FORM = 0.4
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ def with_day_form(sd: Array, day: Array, day_sd: Array) -> Array:
     less to be taken off.
     """
     moved = np.tensordot(day_sd**2, day**2, axes=1)
-    return np.asarray(np.sqrt(sd**2 + FORM**2 * moved))
+    return np.asarray(np.sqrt(sd**2 + _DAY_FORM**2 * moved))
 
 
 def lag_one_correlation(rows: Iterable[Array], most: float) -> Array:

@@ -27,6 +27,8 @@ CORRELATED = 16.0
 _MOST_CORRELATED = 0.98
 _FOLDS = 4
 _TURNS = 2
+_FORM_SHARES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0)
+"""Of a change, that its form may leave."""
 _UNTOLD = 0.05
 """Share of what a place wanders by that readings cannot tell: of 0.2 K the last digit of an RTD."""
 
@@ -181,6 +183,31 @@ class Evidence:
     def part(self, chosen: Sequence[int]) -> Evidence:
         """Some of the trials."""
         return Evidence(trials=tuple(self.trials[k] for k in chosen))
+
+
+def form_of(
+    evidence: Evidence, predicted: Sequence[Array], changes: Sequence[Array]
+) -> tuple[Array, ...]:
+    """How well the form of `changes` is known, one deviation in channel units, as them.
+
+    Of each channel that is the share of the change under which what the prediction leaves is
+    likeliest, normal with that beside the floor. All are (bins, channels) of each trial.
+    """
+    sd, valid = (
+        np.concatenate(
+            [np.broadcast_to(getattr(t.rows, x), t.target.shape) for t in evidence.trials]
+        )
+        for x in ("sd", "valid")
+    )
+    left = np.concatenate([t.target - p for t, p in zip(evidence.trials, predicted, strict=True)])
+    moved = np.concatenate(changes)
+    best, share = np.full(evidence.channels, np.inf), np.zeros(evidence.channels)
+    for f in _FORM_SHARES:
+        variance = sd**2 + (f * moved) ** 2
+        cost = np.where(valid, np.log(variance) + left**2 / variance, 0.0).sum(axis=0)
+        share = np.where(cost < best, f, share)
+        best = np.minimum(cost, best)
+    return tuple(share * c for c in changes)
 
 
 def recorded_evidence(

@@ -15,12 +15,11 @@ import numpy as np
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.data.played import predictions
 from smad.diagnosis.errors import GapError
-from smad.diagnosis.numerics.white import FORM
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Array, Effect, ModelPoint, PlantModel, traits_of
 from smad.diagnosis.rivals.changes import Changes
-from smad.diagnosis.rivals.evidence import CORRELATED, Evidence
+from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, form_of
 from smad.diagnosis.rivals.fit import Fit, Reference, fit, fit_to_end, leave_out, replayed, weights
 from smad.diagnosis.rivals.parts import Model
 from smad.diagnosis.rivals.score import (
@@ -112,18 +111,20 @@ class Question:
         return Evidence(trials=tuple(t.less_known(form) for t, form in pairs))
 
     def after(self, fitted: Fit) -> Question:
-        """The same once the parts of a fit have entered: their form is known to `FORM`."""
+        """The same once the parts of a fit have entered: what these leave says how well their form
+        is known. As it is where the model cannot run."""
         e, model = self.judged, fitted.model
-        whole = replayed(e, fitted.point, model, exact=True)
-        known = [np.zeros_like(t.target) for t in e.trials]
+        predicted, whole = self.predicted(fitted), replayed(e, fitted.point, model, exact=True)
+        moved = [np.zeros_like(t.target) for t in e.trials]
         for k, part in enumerate(model.parts):
             others = model.with_parts([p for p in model.parts if p is not part])
             x = np.delete(fitted.x, np.arange(len(fitted.x))[model.slices[k]])
             without = replayed(e, others.point(x), others, exact=True)
-            if whole is not None and without is not None:
-                changes = (a - b for a, b in zip(whole, without, strict=True))
-                known = [np.hypot(sd, FORM * c) for sd, c in zip(known, changes, strict=True)]
-        return replace(self, form=tuple(known))
+            if predicted is None or whole is None or without is None:
+                return self
+            changes = (a - b for a, b in zip(whole, without, strict=True))
+            moved = [np.hypot(so_far, c) for so_far, c in zip(moved, changes, strict=True)]
+        return replace(self, form=form_of(e, predicted or (), moved))
 
     def rival(self, kind: str, name: str, fitted: Fit) -> Rival | None:
         """A rival by what it leaves of the judged runs; None where it cannot run there."""
@@ -204,10 +205,10 @@ class Question:
         """Which rivals leave more than nothing new leaves, as long as another one does not.
 
         Where floors hold an error of form κ is too soft to refute a simulator by its score. Else a
-        part may be nearly right.
+        part may be nearly right, and so may a simulator that a part has entered.
         """
         above = [self.gap(r) > self.quiet_gap for r in rivals]
-        if all(above):
+        if all(above) or self.form:
             return [False] * len(above)
         return [
             too_much and (bool(self.form_share) or r.kind not in (EFFECT, LAW))
