@@ -234,8 +234,14 @@ class Question:
         # Parameters that a prior holds back leave a little without being wrong in form.
         same = [r.fit.model for r in compared if r.fit and r.kind not in (EFFECT, LAW)]
         formed = by_rows or any(model.parts for model in same)
+        near = [formed and self.near(r) for r in compared]
+        part = [r.kind in (EFFECT, LAW) for r in compared]
+        scores = np.array([r.scores for r in compared])
+        if any(np.logical_and(near, part)) and not any(np.logical_and(near, np.logical_not(part))):
+            # With it nothing is left that could be told: the form of what has entered is right.
+            scores = np.array([log_scores(r.squares, self.judged.counts) for r in compared])
         p = probabilities(
-            np.array([r.scores for r in compared]),
+            scores,
             [r.kind for r in compared],
             temper,
             effects=len(self.effects),
@@ -243,7 +249,7 @@ class Question:
             log_prior=np.array([r.log_prior for r in compared]),
             rows=self.independent_rows,
             first=by_rows,
-            near=[formed and self.near(r) for r in compared],
+            near=near,
         )
         made = [replace(r, probability=float(x)) for r, x in zip(compared, p, strict=True)]
         made += [replace(r, probability=0.0) for r, out in zip(rivals, refuted, strict=True) if out]

@@ -9,7 +9,7 @@ from typing import Any, cast
 import pytest
 
 from smad.diagnosis.rivals.rival import Question
-from smad.diagnosis.rivals.score import EFFECT, NOTHING
+from smad.diagnosis.rivals.score import EFFECT, NOTHING, PARAMETERS
 from smad.diagnosis.rivals.search import _Fits
 
 
@@ -54,7 +54,7 @@ def test_a_simulator_that_leaves_more_than_nothing_new_leaves_is_refuted_by_one_
     form_share: float, effect: float, refuted: list[bool]
 ) -> None:
     question = SimpleNamespace(
-        gap=lambda rival: rival.floors, quiet_gap=1.35, form_share=form_share
+        gap=lambda rival: rival.floors, quiet_gap=1.35, form_share=form_share, form=()
     )
     rivals = [
         SimpleNamespace(kind=NOTHING, floors=1.5),
@@ -67,7 +67,31 @@ def test_a_part_that_is_nearly_right_is_refuted_only_where_floors_hold_an_error_
     left = [SimpleNamespace(kind=EFFECT, floors=1.5), SimpleNamespace(kind=NOTHING, floors=0.9)]
     for form_share, refuted in ((0.0, False), (0.9, True)):
         question = SimpleNamespace(
-            gap=lambda rival: rival.floors, quiet_gap=1.35, form_share=form_share
+            gap=lambda rival: rival.floors, quiet_gap=1.35, form_share=form_share, form=()
         )
         first, _ = Question.refuted(cast(Any, question), cast(Any, left))
         assert first is refuted
+
+
+def test_a_simulator_that_a_part_has_entered_is_not_refuted_by_what_its_form_leaves() -> None:
+    left = [SimpleNamespace(kind=NOTHING, floors=1.5), SimpleNamespace(kind=EFFECT, floors=0.9)]
+    question = SimpleNamespace(
+        gap=lambda rival: rival.floors, quiet_gap=1.35, form_share=0.0, form=("of one run",)
+    )
+    assert Question.refuted(cast(Any, question), cast(Any, left)) == [False, False]
+
+
+@pytest.mark.parametrize(
+    ("tied", "floors", "incomplete"),
+    [(None, (20.0, 15.0), True), (None, (20.0, 1.2), False), ("a day", (20.0, 15.0), False)],
+)
+def test_a_simulator_with_free_parameters_surely_lacks_something_where_it_leaves_more_than_noise(
+    tied: str | None, floors: tuple[float, float], incomplete: bool
+) -> None:
+    question = SimpleNamespace(gap=lambda rival: rival.floors, quiet_gap=1.35, tied=tied)
+    rivals = [
+        SimpleNamespace(kind=NOTHING, floors=floors[0]),
+        SimpleNamespace(kind=PARAMETERS, floors=floors[1]),
+        SimpleNamespace(kind=EFFECT, floors=0.5),
+    ]
+    assert Question.incomplete(cast(Any, question), cast(Any, rivals)) is incomplete

@@ -1,0 +1,39 @@
+"""How well the form of what has entered is known, from what it leaves."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from smad.diagnosis.numerics.white import RunRows
+from smad.diagnosis.rivals.evidence import Evidence, Trial, form_of
+
+FLOOR, BINS, CHANNELS = 0.5, 600, 3
+
+
+def test_the_form_of_a_change_is_known_to_the_share_of_it_that_is_left() -> None:
+    rng = np.random.default_rng(7)
+    change = np.abs(rng.normal(10.0, 3.0, (BINS, CHANNELS)))
+    change[:, 2] = 0.0
+    left = FLOOR * rng.normal(size=change.shape)
+    left[:, 0] += 0.3 * change[:, 0] * rng.normal(size=BINS)
+    valid = np.ones(change.shape, dtype=bool)
+    # What is far off and does not count.
+    left[:50, 1], valid[:50, 1] = 40.0, False
+    rows = RunRows.of(np.full(CHANNELS, FLOOR), valid)
+    trial = Trial(played=cast(Any, SimpleNamespace()), target=left, rows=rows)
+    (known,) = form_of(Evidence(trials=(trial,)), [np.zeros_like(left)], [change])
+    assert known[:, 0] == pytest.approx(0.3 * change[:, 0])
+    assert known[:, 1] == pytest.approx(0.0, abs=0.06 * change[:, 1].max())
+    assert not known[:, 2].any()
+
+
+def test_rows_that_are_less_known_count_less() -> None:
+    rows = RunRows.of(np.full(1, 3.0), np.ones((4, 1), dtype=bool))
+    trial = Trial(played=cast(Any, SimpleNamespace()), target=np.full((4, 1), 10.0), rows=rows)
+    unknown = np.array([[0.0], [0.0], [4.0], [4.0]])
+    left = Evidence(trials=(trial.less_known(unknown),)).left([np.zeros((4, 1))])
+    assert left == pytest.approx([10 / 3, 10 / 3, 2.0, 2.0])
