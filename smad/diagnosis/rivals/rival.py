@@ -235,13 +235,8 @@ class Question:
         same = [r.fit.model for r in compared if r.fit and r.kind not in (EFFECT, LAW)]
         formed = by_rows or any(model.parts for model in same)
         near = [formed and self.near(r) for r in compared]
-        part = [r.kind in (EFFECT, LAW) for r in compared]
-        scores = np.array([r.scores for r in compared])
-        if any(np.logical_and(near, part)) and not any(np.logical_and(near, np.logical_not(part))):
-            # With it nothing is left that could be told: the form of what has entered is right.
-            scores = np.array([log_scores(r.squares, self.judged.counts) for r in compared])
         p = probabilities(
-            scores,
+            self._compared(compared, near),
             [r.kind for r in compared],
             temper,
             effects=len(self.effects),
@@ -254,6 +249,19 @@ class Question:
         made = [replace(r, probability=float(x)) for r, x in zip(compared, p, strict=True)]
         made += [replace(r, probability=0.0) for r, out in zip(rivals, refuted, strict=True) if out]
         return sorted(made, key=lambda r: -r.probability)
+
+    def _compared(self, rivals: Sequence[Rival], near: Sequence[bool]) -> Array:
+        """Scores (rivals, runs), some of the rivals being `near` the floor.
+
+        If parts alone leave nothing that could be told, the form of what has entered is right, and
+        floors hold nothing of it.
+        """
+        parts = {
+            r.kind in (EFFECT, LAW) for r, is_near in zip(rivals, near, strict=True) if is_near
+        }
+        if self.form and parts == {True}:
+            return np.array([log_scores(r.squares, self.judged.counts) for r in rivals])
+        return np.array([r.scores for r in rivals])
 
     def log_weight(self, rival: Rival) -> float:
         """What orders fits of one kind: score at κ for each run, and prior of the parameters."""

@@ -8,10 +8,10 @@ evidence, k, are counted for each run and channel, whatever its length,
     w(rival) = prior(rival) · exp(−k/2 · Σ_rc log(v_rc + 1)).
 
 *Whether* anything is missing compares rivals with the simulator without a further part. That one
-may be right, and what is right is not beaten: until something has entered every independent row
-counts (κ₀) against it. After that its error of form is in the simulator: k = κ. Every row counts,
-too, at first and after a cause, between two of which one leaves nothing that could be told and the
-other leaves more: what leaves more is wrong in form.
+may be right, and what is right is not beaten: every independent row counts (κ₀) against it, until
+something has entered, and after that in floors that hold what is not known of its form. Elsewhere
+the error of form is in the simulator: k = κ. Every row counts there, too, between two of which one
+leaves nothing that could be told and the other leaves more: what leaves more is wrong in form.
 
 *Which* cause it is: the form of the likeliest is as likely right as wrong. Where it is right every
 independent row counts, k = κ₀. Where all are wrong in form they are so the same way in every run:
