@@ -8,6 +8,7 @@ import numpy as np
 
 from sim_device.plant.parameters import Entry, ParameterSet
 from smad.arrays import Array, Index
+from smad.experiments.errors import ExperimentError
 
 REPEATS = 200
 BLOCKS = 20
@@ -63,6 +64,7 @@ def bootstrap(
     block bootstrap: blocks of neighbouring samples are drawn with replacement and fitted anew. With
     `groups` (such as two prestresses) each group is resampled within itself. Resamples that cannot
     be fitted (LinAlgError, ValueError) are drawn again, at most as many as there are repeats.
+    Raises ExperimentError where none can be.
 
     Returns three arrays of shape (k,): value, low, high. Reference: Künsch, Ann. Statist. 17, 1989.
     """
@@ -78,6 +80,12 @@ def bootstrap(
             resampled.append(np.asarray(fit(chosen), float))
         except (np.linalg.LinAlgError, ValueError):
             continue
+    if not resampled:
+        raise ExperimentError(
+            "the value was found, and no interval: no choice of these samples can be fitted",
+            value=f"{samples} samples, {2 * repeats} choices",
+            action="record a longer run, in which more transforms",
+        )
     low, high = np.percentile(np.array(resampled), [2.5, 97.5], axis=0)
     return value, np.minimum(low, value), np.maximum(high, value)
 
