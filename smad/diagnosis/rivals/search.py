@@ -182,16 +182,24 @@ class _Search(Searched):
             self.final = again or self.final
 
     def _entering(self, ranked: Sequence[Rival]) -> Rival | None:
-        """What enters: the likeliest that brings the judged runs nearer, if more is missing."""
+        """What enters: the likeliest that brings the judged runs nearer, if more is missing.
+
+        What enters beside another part lessens the gap, too, and what does so is likelier than not.
+        """
         same = _same(ranked)
-        missing = 1.0 - sum(r.probability for r in same)
-        if missing > _LIKELIER:
-            question, score = self.question, self.final.scores.sum()
-            gap = question.gap(self.final)
-            for rival in ranked:
-                nearer = rival.scores.sum() > score and question.gap(rival) < gap
-                if rival.kind in (EFFECT, LAW) and rival.probability > 0.0 and nearer:
-                    return _named(rival, ranked)
+        question, final = self.question, self.final
+        score, gap = final.scores.sum(), question.gap(final) if self.parts else np.inf
+        nearer = [
+            r
+            for r in ranked
+            if r.kind in (EFFECT, LAW)
+            and r.probability > 0.0
+            and r.scores.sum() > score
+            and question.gap(r) < gap
+        ]
+        counted = nearer if self.parts else [r for r in ranked if r not in same]
+        if nearer and sum(r.probability for r in counted) > _LIKELIER:
+            return _named(nearer[0], ranked)
         return same[0] if same[0].kind == PARAMETERS and not self.moved else None
 
     def _ended(self, rival: Rival, beside: Rival) -> Rival:
