@@ -73,7 +73,10 @@ def answer_of(search: Searched, *, question: str, judged_on: str) -> Answer:
     entered = _entered(search)
     before_last = [rival for _, rival in entered[:-1]]
     with_causes = [*before_last, search.final] if entered else []
-    causes = [_cause(asked, k, step, with_causes[k], level) for k, (step, _) in enumerate(entered)]
+    causes = [
+        _cause(asked, k, step, search.final, gap=asked.gap(with_causes[k]), level=level)
+        for k, (step, _) in enumerate(entered)
+    ]
     stages = (search.configured, search.parameters, *with_causes)
     *gaps, whole = signal_gaps(asked, stages)
     outcome = _outcome(search, causes)
@@ -252,9 +255,11 @@ def _scores(question: Question, rivals: Sequence[Rival]) -> list[RivalScore]:
     ]
 
 
-def _cause(question: Question, index: int, step: Step, stage: Rival, level: float) -> Cause:
-    """The cause that entered with a step, as it is in the model of a stage."""
-    plant, fitted = question.model.plant, stage.fit
+def _cause(
+    question: Question, index: int, step: Step, final: Rival, *, gap: float, level: float
+) -> Cause:
+    """The cause of a step, as it is in the final model; `gap` is what was left with it."""
+    plant, fitted = question.model.plant, final.fit
     assert fitted is not None
     part, mine = fitted.model.parts[index], fitted.model.slices[index]
     x, sd = fitted.x[mine], _deviations(question, fitted)[mine]
@@ -289,7 +294,7 @@ def _cause(question: Question, index: int, step: Step, stage: Rival, level: floa
         terms=described.terms(law, x, sd, trajectories) if law else [],
         largest=described.largest(law, x, question, trajectories) if law else 0.0,
         unit=next((p.unit for p in plant.places if p.name == place), ""),
-        gap=question.gap(stage),
+        gap=gap,
         rivals=_table(question, step.rivals),
     )
 

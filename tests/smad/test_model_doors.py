@@ -12,11 +12,12 @@ from sim_device.plant import Drive, Plant, load_parameters
 from sim_device.plant.covariance import Covariance
 from sim_device.plant.laws import Law, Term
 from sim_device.plant.models import Model, read_model, save_model, write_model
-from smad.cli import execute, run
+from smad.cli import execute
 from smad.config import Config
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.envs.models import Source
-from smad.experiments.registry import chosen_experiments
+from smad.experiments.campaign import CampaignBench
+from smad.experiments.errors import ExperimentError
 from smad.experiments.virtual import VirtualDriver
 from smad.fmi.export import MODEL, export_unit
 from smad.processes.boards import build
@@ -56,13 +57,14 @@ def by_sim(path: Path, monkeypatch: pytest.MonkeyPatch) -> Plant:
 
 def by_run(path: Path, monkeypatch: pytest.MonkeyPatch) -> Plant:
     seen = drivers_of(monkeypatch)
-    options = {"seed": 0, "lacking": (), "save_logs": None, "config_file": None, "jobs": 1}
-    monkeypatch.setattr(
-        "smad.experiments.campaign.run_campaign", lambda e, bench, m, **_: (bench.driver(), None)[1]
-    )
-    run._simulated(
-        chosen_experiments(["resistance"]), run.simulated_model(model_file=path), options
-    )
+
+    def only_begun(_: object, bench: CampaignBench, *__: object, **___: object) -> None:
+        bench.driver()
+        raise ExperimentError("begun")
+
+    monkeypatch.setattr("smad.experiments.campaign.run_campaign", only_begun)
+    words = ["--sim", "--model", str(path), "--report", str(path.with_suffix(".html"))]
+    assert execute(["run", "resistance", *words]) != 0
     return plant_of(seen[0])
 
 

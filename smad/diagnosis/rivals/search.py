@@ -34,9 +34,10 @@ from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS
 from smad.diagnosis.rivals.screening import Screened, screened, started
 
 MOST_CAUSES = 3
-"""Of an answer: of two changes one is found at most (docs/trust.md)."""
-_SCREENED, _PROMISING = 8, 0.2
-"""Effects of each reference that are fitted, and the least share of what the best one promises."""
+"""Of an answer. Both of two changes are found in a third of the pairs (decision 0720)."""
+_SCREENED = 8
+"""Effects of each reference that are fitted. One that acts beyond a limit may promise little: an
+overflow of tanks, which left least, a fifth of what another one did."""
 _LAWS = 4
 """Places whose law is fitted."""
 _LIKELIER = 0.5
@@ -249,6 +250,7 @@ class _Search(Searched):
             if fitted is None or question.near(current):
                 break
             name = fitted.model.parts[i].name
+            others = [k for k in range(count) if k != i]
             base = self._without(fitted, i)
             if base is None:
                 continue
@@ -258,9 +260,15 @@ class _Search(Searched):
             better = [s for s in candidates if s.gain > gain]
             for part, start in started(question.evidence, base, better):
                 fits.begin(EFFECT, base, part, np.r_[base.x, start])
-            ranked = question.ranked([replace(current, kind=EFFECT, name=name), *fits.rivals()])
-            if ranked[0].name != name and question.gap(ranked[0]) < question.gap(current):
-                current = ranked[0]
+            # The part that is asked is the last one of each rival.
+            asked = replace(current, kind=EFFECT, name=name, fit=_reordered(fitted, [*others, i]))
+            ranked = question.ranked([asked, *fits.rivals()])
+            best = ranked[0].fit
+            if best and ranked[0].name != name and question.gap(ranked[0]) < question.gap(current):
+                order = [*range(i), count - 1, *range(i, count - 1)]
+                current = replace(ranked[0], fit=_reordered(best, order))
+                k = [k for k, s in enumerate(self.steps) if s.entered and s.entered.places][i]
+                self.steps[k] = Step(rivals=tuple(ranked), entered=ranked[0])
         return current
 
     def _without(self, fitted: Fit, i: int) -> Reference | None:
@@ -279,8 +287,7 @@ class _Search(Searched):
         """The most promising effects that a reference does not have, the best first."""
         present = {part.name for part in reference.model.parts}
         changes = [c for c in self.changes if c.effect.name not in present]
-        found = screened(self.question.evidence, reference, changes)
-        return [s for s in found[:_SCREENED] if s.gain >= _PROMISING * found[0].gain]
+        return screened(self.question.evidence, reference, changes)[:_SCREENED]
 
     def _rivals(self, current: Rival) -> list[Rival]:
         """Effects and laws beside what a model has, each fitted and scored."""
@@ -319,6 +326,20 @@ class _Search(Searched):
             if law.name not in present:
                 laws.begin(LAW, here, law, np.r_[here.x, start])
         return rivals + laws.rivals()
+
+
+def _reordered(fitted: Fit, order: Sequence[int]) -> Fit:
+    """The same fit with its parts in another order."""
+    model = fitted.model
+    of_parts = [np.arange(model.slices[k].start, model.slices[k].stop) for k in order]
+    columns = np.concatenate([np.arange(model.parameters), *of_parts])
+    return replace(
+        fitted,
+        model=model.with_parts([model.parts[k] for k in order]),
+        x=fitted.x[columns],
+        slopes=fitted.slopes[columns],
+        linearized_at=fitted.linearized_at[columns],
+    )
 
 
 def _same(ranked: Sequence[Rival]) -> list[Rival]:
