@@ -6,11 +6,14 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
+from smad.diagnosis.rivals.fit import Fit
+from smad.diagnosis.rivals.parts import Model
 from smad.diagnosis.rivals.rival import Question
 from smad.diagnosis.rivals.score import EFFECT, NOTHING, PARAMETERS
-from smad.diagnosis.rivals.search import _Fits
+from smad.diagnosis.rivals.search import _Fits, _reordered
 
 
 @dataclass(frozen=True)
@@ -95,3 +98,31 @@ def test_a_simulator_with_free_parameters_surely_lacks_something_where_it_leaves
         SimpleNamespace(kind=EFFECT, floors=0.5),
     ]
     assert Question.incomplete(cast(Any, question), cast(Any, rivals)) is incomplete
+
+
+def test_a_fit_keeps_its_coordinates_where_its_parts_change_places() -> None:
+    parts = tuple(
+        SimpleNamespace(name=name, size=size) for name, size in (("a", 1), ("b", 2), ("c", 1))
+    )
+    model = Model(
+        plant=cast(Any, SimpleNamespace(parameters=["film", "loss"])),
+        start=cast(Any, None),
+        parameter_precision=np.eye(2),
+        parts=cast(Any, parts),
+    )
+    x = np.array([0.1, 0.2, 1.0, 2.0, 2.5, 3.0])
+    fitted = Fit(
+        model=model,
+        x=x,
+        left=np.zeros(4),
+        slopes=np.outer(x, np.ones(4)),
+        linearized_at=-x,
+        objective=7.0,
+        shift=None,
+    )
+    moved = _reordered(fitted, [1, 2, 0])
+    assert [part.name for part in moved.model.parts] == ["b", "c", "a"]
+    assert moved.x.tolist() == [0.1, 0.2, 2.0, 2.5, 3.0, 1.0]
+    assert (moved.slopes[:, 0] == moved.x).all()
+    assert (moved.linearized_at == -moved.x).all()
+    assert _reordered(moved, [2, 0, 1]).x.tolist() == x.tolist()
