@@ -93,7 +93,7 @@ class CaseRivals:
             log_prior=np.array([r.log_prior for r in self.rivals]),
             rows=self.independent_rows,
             near=[r.near for r in self.rivals],
-            first=True,
+            by_rows=True,
         )
 
     def places_of(self, p: Array) -> dict[str, float]:

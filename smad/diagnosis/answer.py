@@ -110,7 +110,7 @@ def answer_of(search: Searched, *, question: str, judged_on: str) -> Answer:
 
 def _alternatives(step: Step, level: float) -> tuple[Rival, ...]:
     """The rivals of a step between which the runs do not decide; one where they do."""
-    rivals = {r.name: r for r in step.rivals if r.kind in (EFFECT, LAW)}
+    rivals = {r.name: r for r in step.rivals if r.has_part}
     total = max(sum(r.probability for r in rivals.values()), 1e-300)
     names = credible_set({n: r.probability / total for n, r in rivals.items()}, level)
     return tuple(rivals[n] for n in names)
@@ -135,7 +135,7 @@ def _entered(search: Searched) -> list[tuple[Step, Rival]]:
     if search.final.fit is None or not search.final.fit.model.parts:
         return []
     steps = [(s, s.entered) for s in search.steps if s.entered is not None]
-    return [(step, rival) for step, rival in steps if rival.kind in (EFFECT, LAW)]
+    return [(step, rival) for step, rival in steps if rival.has_part]
 
 
 def signal_gaps(question: Question, stages: Sequence[Rival]) -> list[SignalGap]:
@@ -195,7 +195,7 @@ def _table(question: Question, rivals: Sequence[Rival]) -> list[RivalGap]:
     """
     plant = question.model.plant
     described = Describer(plant)
-    shown = [r for k, r in enumerate(rivals) if k < _ROWS or r.kind not in (EFFECT, LAW)]
+    shown = [r for k, r in enumerate(rivals) if k < _ROWS or not r.has_part]
     counts = question.judged.counts.sum(axis=0)
     titles = {e.name: e.title for e in question.effects}
     return [
@@ -265,7 +265,7 @@ def _cause(
     x, sd = fitted.x[mine], _deviations(question, fitted)[mine]
     effect = part if isinstance(part, EffectPart) else None
     law = part if isinstance(part, LawPart) else None
-    of_parts = [r for r in step.rivals if r.kind in (EFFECT, LAW)]
+    of_parts = [r for r in step.rivals if r.has_part]
     total = max(sum(r.probability for r in of_parts), 1e-300)
     laws = [r.places[0] for r in of_parts if r.kind == LAW]
     places = place_probabilities([(r, r.probability) for r in of_parts])

@@ -28,7 +28,7 @@ _MOST_CORRELATED = 0.98
 _FOLDS = 4
 _TURNS = 2
 _FORM_SHARES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0)
-"""Of a change, that its form may leave."""
+"""Shares of a change that are tried for how far its form is off: none, and up to three times it."""
 _UNTOLD = 0.05
 """Share of what a place wanders by that readings cannot tell: of 0.2 K the last digit of an RTD."""
 
@@ -194,10 +194,8 @@ def form_of(
     likeliest, normal with that beside the floor. All are (bins, channels) of each trial.
     """
     sd, valid = (
-        np.concatenate(
-            [np.broadcast_to(getattr(t.rows, x), t.target.shape) for t in evidence.trials]
-        )
-        for x in ("sd", "valid")
+        np.concatenate(rows)
+        for rows in zip(*((t.rows.sd, t.rows.valid) for t in evidence.trials), strict=True)
     )
     left = np.concatenate([t.target - p for t, p in zip(evidence.trials, predicted, strict=True)])
     moved = np.concatenate(changes)

@@ -19,13 +19,13 @@ from functools import cached_property
 import numpy as np
 
 from smad.diagnosis.data.played import finite, predictions
+from smad.diagnosis.numerics.bounded import RIDGE, bounded_step
 from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.rivals.evidence import CORRELATED, Evidence
 from smad.diagnosis.rivals.parts import Model
 
 _DAMPING = (0.0, 0.003, 0.03, 0.3, 3.0, 30.0)
 _LONGER = (1.0, 2.0, 4.0, 8.0)
-_RIDGE, _TINY = 1e-9, 1e-12
 _ROUNDS = 8
 NAT = 2.0
 """Of F, where every row counts."""
@@ -82,6 +82,19 @@ class Fit:
     def point(self) -> ModelPoint:
         """The simulator that was fitted."""
         return self.model.point(self.x)
+
+    def of_parts(self, order: Sequence[int]) -> Fit:
+        """The same coordinates with these of its parts alone, in this order; not fitted anew."""
+        model = self.model
+        of_parts = [np.arange(model.slices[k].start, model.slices[k].stop) for k in order]
+        columns = np.concatenate([np.arange(model.parameters), *of_parts])
+        return replace(
+            self,
+            model=model.with_parts([model.parts[k] for k in order]),
+            x=self.x[columns],
+            slopes=self.slopes[columns],
+            linearized_at=self.linearized_at[columns],
+        )
 
 
 def replayed(
@@ -410,29 +423,10 @@ def covariance(evidence: Evidence, fitted: Fit) -> Array:
     tau = np.maximum(CORRELATED, evidence.correlation_rows(fitted.left))
     J = evidence.weighted(weights(evidence, fitted.left, tau=tau))(fitted.slopes)
     _, precision = replace(fitted.model, rows_as_one=1.0).prior
-    return np.asarray(np.linalg.inv(J @ J.T + precision + _RIDGE * np.eye(len(precision))))
+    return np.asarray(np.linalg.inv(J @ J.T + precision + RIDGE * np.eye(len(precision))))
 
 
 def _weighted(evidence: Evidence, slopes: Array, left: Array, weight: Array) -> tuple[Array, Array]:
     """Slopes (k, n) and rows (n,) at their weights (n,), each run's directions open."""
     both = evidence.weighted(weight)(np.concatenate([slopes, left[None]]))
     return both[:-1], both[-1]
-
-
-def bounded_step(A: Array, g: Array, low: Array, high: Array, damping: float = 0.0) -> Array:
-    """The step s (k,) that minimises ½ sᵀ(A + damping·diag A)s − gᵀs, with low ≤ s ≤ high.
-
-    By active sets: coordinates that would leave their range are put to its end, and the others
-    solved anew beside them. Every round fixes one more, so there are at most k.
-    """
-    damped = A + np.diag((damping + _RIDGE) * np.diag(A) + _TINY)
-    step, free = np.zeros(len(g)), np.ones(len(g), dtype=bool)
-    while free.any():
-        rest = g[free] - damped[np.ix_(free, ~free)] @ step[~free]
-        step[free] = np.linalg.solve(damped[np.ix_(free, free)], rest)
-        out = free & ((step < low) | (step > high))
-        if not out.any():
-            break
-        step = np.clip(step, low, high)
-        free &= ~out
-    return step

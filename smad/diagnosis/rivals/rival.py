@@ -65,9 +65,14 @@ class Rival:
     probability: float = 0.0
 
     @property
+    def has_part(self) -> bool:
+        """Whether it adds an effect or a law to the simulator."""
+        return self.kind in (EFFECT, LAW)
+
+    @property
     def places(self) -> tuple[str, ...]:
         """Where the part that is asked acts; empty for parameters and nothing."""
-        if self.kind not in (EFFECT, LAW) or self.fit is None:
+        if not self.has_part or self.fit is None:
             return ()
         return self.fit.model.parts[-1].places
 
@@ -104,27 +109,26 @@ class Question:
 
     @cached_property
     def scored(self) -> Evidence:
-        """The judged runs in floors that hold what is not known of the form of what has entered."""
-        if not self.form:
-            return self.judged
+        """The judged runs in floors that hold the `form` of what has entered, where it has one."""
         pairs = zip(self.judged.trials, self.form, strict=True)
         return Evidence(trials=tuple(t.less_known(form) for t, form in pairs))
 
     def after(self, fitted: Fit) -> Question:
         """The same once the parts of a fit have entered: what these leave says how well their form
         is known. As it is where the model cannot run."""
-        e, model = self.judged, fitted.model
-        predicted, whole = self.predicted(fitted), replayed(e, fitted.point, model, exact=True)
-        moved = [np.zeros_like(t.target) for t in e.trials]
-        for k, part in enumerate(model.parts):
-            others = model.with_parts([p for p in model.parts if p is not part])
-            x = np.delete(fitted.x, np.arange(len(fitted.x))[model.slices[k]])
-            without = replayed(e, others.point(x), others, exact=True)
-            if predicted is None or whole is None or without is None:
+        e, count = self.judged, len(fitted.model.parts)
+        left_out = self.predicted(fitted)
+        some = [fitted.of_parts([k for k in range(count) if k != i]) for i in range(count)]
+        whole, *without = (replayed(e, f.point, f.model, exact=True) for f in (fitted, *some))
+        if left_out is None or whole is None:
+            return self
+        moved = [np.zeros_like(p) for p in whole]
+        for others in without:
+            if others is None:
                 return self
-            changes = (a - b for a, b in zip(whole, without, strict=True))
+            changes = (a - b for a, b in zip(whole, others, strict=True))
             moved = [np.hypot(so_far, c) for so_far, c in zip(moved, changes, strict=True)]
-        return replace(self, form=form_of(e, predicted or (), moved))
+        return replace(self, form=form_of(e, left_out, moved))
 
     def rival(self, kind: str, name: str, fitted: Fit) -> Rival | None:
         """A rival by what it leaves of the judged runs; None where it cannot run there."""
@@ -211,7 +215,7 @@ class Question:
         if all(above) or self.form:
             return [False] * len(above)
         return [
-            too_much and (bool(self.form_share) or r.kind not in (EFFECT, LAW))
+            too_much and (bool(self.form_share) or not r.has_part)
             for too_much, r in zip(above, rivals, strict=True)
         ]
 
@@ -220,7 +224,7 @@ class Question:
 
         Then it surely lacks something: what is asked is whether a rival describes it.
         """
-        same = (r for r in rivals if r.kind not in (EFFECT, LAW))
+        same = (r for r in rivals if not r.has_part)
         return self.tied is None and all(self.gap(r) > self.quiet_gap for r in same)
 
     def ranked(self, rivals: Sequence[Rival], *, by_rows: bool = False) -> list[Rival]:
@@ -232,7 +236,7 @@ class Question:
         temper = self.temper.of_unknown if self.incomplete(rivals) else self.temper
         compared = [r for r, out in zip(rivals, refuted, strict=True) if not out]
         # Parameters that a prior holds back leave a little without being wrong in form.
-        same = [r.fit.model for r in compared if r.fit and r.kind not in (EFFECT, LAW)]
+        same = [r.fit.model for r in compared if r.fit and not r.has_part]
         formed = by_rows or any(model.parts for model in same)
         near = [formed and self.near(r) for r in compared]
         p = probabilities(
@@ -243,7 +247,7 @@ class Question:
             laws=len(self.model.plant.places),
             log_prior=np.array([r.log_prior for r in compared]),
             rows=self.independent_rows,
-            first=by_rows,
+            by_rows=by_rows,
             near=near,
         )
         made = [replace(r, probability=float(x)) for r, x in zip(compared, p, strict=True)]
@@ -256,10 +260,8 @@ class Question:
         If parts alone leave nothing that could be told, the form of what has entered is right, and
         floors hold nothing of it.
         """
-        parts = {
-            r.kind in (EFFECT, LAW) for r, is_near in zip(rivals, near, strict=True) if is_near
-        }
-        if self.form and parts == {True}:
+        have_part = {r.has_part for r, is_near in zip(rivals, near, strict=True) if is_near}
+        if self.form and have_part == {True}:
             return np.array([log_scores(r.squares, self.judged.counts) for r in rivals])
         return np.array([r.scores for r in rivals])
 

@@ -110,12 +110,12 @@ def probabilities(
     log_prior: Array,
     rows: float,
     near: Sequence[bool],
-    first: bool,
+    by_rows: bool,
 ) -> Array:
     """Probability of each rival, (rivals,), from `scores` (rivals, runs).
 
     `rows` is κ₀, the independent rows of a run and channel; `near` says which rivals leave nothing
-    that could be told; `first`: nothing has entered yet.
+    that could be told; `by_rows`: every row counts against those without a part.
     `effects` and `laws` are how many of each kind might have been asked: a prior is shared by all
     of them, asked or not, and by as many as the spring pair has. `log_prior` (rivals,) is that of
     where each one's parameters are: what imitates an effect by moving them far is less likely than
@@ -132,7 +132,7 @@ def probabilities(
     of_run, of_rows = 0.5 * temper.evidence, 0.5 * rows
     of_which = of_run / scores.shape[1]
     part = np.isin(kinds, (EFFECT, LAW))
-    of_same = of_rows if first else of_run
+    of_same = of_rows if by_rows else of_run
     counts = (of_which, of_rows)
     if part.all():
         return np.asarray(_which(prior, total, counts).mean(axis=0))

@@ -156,7 +156,7 @@ class _Search(Searched):
         by_rows = first or bool(question.form)
         ranked = question.ranked(rivals, by_rows=by_rows)
         entered = self._entering(ranked)
-        if entered is not None and entered.kind in (EFFECT, LAW):
+        if entered is not None and entered.has_part:
             ended = [self._ended(rival, entered) for rival in same]
             ranked = question.ranked([*ended, *rivals[len(same) :]], by_rows=by_rows)
             entered = self._entering(ranked)
@@ -187,19 +187,13 @@ class _Search(Searched):
 
         What enters beside another part lessens the gap, too, and what does so is likelier than not.
         """
-        same = _same(ranked)
-        question, final = self.question, self.final
-        score, gap = final.scores.sum(), question.gap(final) if self.parts else np.inf
-        nearer = [
-            r
-            for r in ranked
-            if r.kind in (EFFECT, LAW)
-            and r.probability > 0.0
-            and r.scores.sum() > score
-            and question.gap(r) < gap
-        ]
-        counted = nearer if self.parts else [r for r in ranked if r not in same]
-        if nearer and sum(r.probability for r in counted) > _LIKELIER:
+        same, more = _same(ranked), [r for r in ranked if r.has_part]
+        score = self.final.scores.sum()
+        nearer = [r for r in more if r.probability > 0.0 and r.scores.sum() > score]
+        if self.parts:
+            gap = self.question.gap(self.final)
+            more = nearer = [r for r in nearer if self.question.gap(r) < gap]
+        if nearer and sum(r.probability for r in more) > _LIKELIER:
             return _named(nearer[0], ranked)
         return same[0] if same[0].kind == PARAMETERS and not self.moved else None
 
@@ -251,7 +245,7 @@ class _Search(Searched):
                 break
             name = fitted.model.parts[i].name
             others = [k for k in range(count) if k != i]
-            base = self._without(fitted, i)
+            base = self._without(fitted, others)
             if base is None:
                 continue
             candidates = self._screened(base)
@@ -261,26 +255,25 @@ class _Search(Searched):
             for part, start in started(question.evidence, base, better):
                 fits.begin(EFFECT, base, part, np.r_[base.x, start])
             # The part that is asked is the last one of each rival.
-            asked = replace(current, kind=EFFECT, name=name, fit=_reordered(fitted, [*others, i]))
+            asked = replace(current, kind=EFFECT, name=name, fit=fitted.of_parts([*others, i]))
             ranked = question.ranked([asked, *fits.rivals()])
             best = ranked[0].fit
             if best and ranked[0].name != name and question.gap(ranked[0]) < question.gap(current):
                 order = [*range(i), count - 1, *range(i, count - 1)]
-                current = replace(ranked[0], fit=_reordered(best, order))
-                k = [k for k, s in enumerate(self.steps) if s.entered and s.entered.places][i]
-                self.steps[k] = Step(rivals=tuple(ranked), entered=ranked[0])
+                current = replace(ranked[0], fit=best.of_parts(order))
+                self.steps[self._of_parts()[i]] = Step(rivals=tuple(ranked), entered=ranked[0])
         return current
 
-    def _without(self, fitted: Fit, i: int) -> Reference | None:
-        """The model without one of its parts, fitted anew."""
-        e, model = self.question.evidence, fitted.model
-        stays = np.ones(len(fitted.x), dtype=bool)
-        stays[model.slices[i]] = False
-        smaller = model.with_parts([p for p in model.parts if p is not model.parts[i]])
-        here = rebased(
-            e, replace(fitted, model=smaller, x=fitted.x[stays], slopes=fitted.slopes[stays])
-        )
-        made = here and fit(e, smaller, here.x, here)
+    def _of_parts(self) -> list[int]:
+        """Numbers of the steps by which parts entered."""
+        return [k for k, s in enumerate(self.steps) if s.entered and s.entered.has_part]
+
+    def _without(self, fitted: Fit, others: Sequence[int]) -> Reference | None:
+        """The model with some of its parts alone, fitted anew."""
+        e, fewer = self.question.evidence, fitted.of_parts(others)
+        # So that no other fit takes slopes for its own that were measured with all parts.
+        here = rebased(e, replace(fewer, linearized_at=fitted.linearized_at))
+        made = here and fit(e, here.model, here.x, here)
         return rebased(e, made) if made else None
 
     def _screened(self, reference: Reference) -> list[Screened]:
@@ -328,23 +321,9 @@ class _Search(Searched):
         return rivals + laws.rivals()
 
 
-def _reordered(fitted: Fit, order: Sequence[int]) -> Fit:
-    """The same fit with its parts in another order."""
-    model = fitted.model
-    of_parts = [np.arange(model.slices[k].start, model.slices[k].stop) for k in order]
-    columns = np.concatenate([np.arange(model.parameters), *of_parts])
-    return replace(
-        fitted,
-        model=model.with_parts([model.parts[k] for k in order]),
-        x=fitted.x[columns],
-        slopes=fitted.slopes[columns],
-        linearized_at=fitted.linearized_at[columns],
-    )
-
-
 def _same(ranked: Sequence[Rival]) -> list[Rival]:
     """The rivals without a part more, the likeliest first."""
-    return [r for r in ranked if r.kind in (NOTHING, PARAMETERS)]
+    return [r for r in ranked if not r.has_part]
 
 
 def _named(rival: Rival, ranked: Sequence[Rival]) -> Rival:

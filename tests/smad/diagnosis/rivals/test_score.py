@@ -26,7 +26,7 @@ RUNS, ROWS = 8, 23.0
 
 
 def of(
-    leads: tuple[float, ...], *, near: tuple[bool, ...] = NEAR, first: bool = True
+    leads: tuple[float, ...], *, near: tuple[bool, ...] = NEAR, by_rows: bool = True
 ) -> list[float]:
     """Probabilities of rivals whose scores over all runs lead the first one by so much."""
     scores = np.array([[lead / RUNS] * RUNS for lead in leads])
@@ -38,17 +38,17 @@ def of(
         laws=20,
         rows=ROWS,
         near=near,
-        first=first,
+        by_rows=by_rows,
         log_prior=np.zeros(len(KINDS)),
     )
     return [float(x) for x in p]
 
 
 def missing(
-    leads: tuple[float, ...], *, near: tuple[bool, ...] = NEAR, first: bool = True
+    leads: tuple[float, ...], *, near: tuple[bool, ...] = NEAR, by_rows: bool = True
 ) -> float:
     """The probability that anything is missing."""
-    return sum(of(leads, near=near, first=first)[2:])
+    return sum(of(leads, near=near, by_rows=by_rows)[2:])
 
 
 @pytest.mark.parametrize("leads", [(0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 3.0, 9.0, -2.0, 700.0)])
@@ -59,7 +59,7 @@ def test_probabilities_sum_to_one(leads: tuple[float, ...]) -> None:
 def test_a_small_lead_in_every_run_is_noticed_where_every_row_counts_and_not_where_few_do() -> None:
     small = (0.0, 0.0, 1.0, 0.0, 0.0)
     assert missing(small) > 0.9
-    assert missing(small, first=False) < 0.1
+    assert missing(small, by_rows=False) < 0.1
 
 
 @pytest.mark.parametrize("near", [(False,) * 5, (False, True, True, False, False)])
@@ -87,7 +87,7 @@ def test_a_lead_that_hangs_on_one_run_is_less_sure_than_the_same_lead_in_every_r
             laws=20,
             rows=ROWS,
             near=(True, False),
-            first=True,
+            by_rows=True,
             log_prior=np.zeros(2),
         )[1]
         for x in (even, one)
@@ -106,7 +106,7 @@ def test_of_two_effects_the_better_one_is_not_sure_however_many_runs_there_are()
             laws=20,
             rows=ROWS,
             near=(False,) * 3,
-            first=True,
+            by_rows=True,
             log_prior=np.zeros(3),
         )
         assert 0.75 < p[2] / (p[1] + p[2]) < 0.85
@@ -119,8 +119,8 @@ def test_few_signals_say_as_much_together_as_many() -> None:
 
 def test_after_a_cause_every_row_counts_for_what_leaves_nothing_against_what_leaves_more() -> None:
     small = (0.0, 0.0, 1.0, 0.0, 0.0)
-    assert missing(small, first=False, near=(False, False, True, False, False)) > 0.9
-    assert missing(small, first=False, near=(True, True, True, False, False)) < 0.1
+    assert missing(small, by_rows=False, near=(False, False, True, False, False)) > 0.9
+    assert missing(small, by_rows=False, near=(True, True, True, False, False)) < 0.1
 
 
 def test_an_effect_that_explains_nothing_is_no_cause_however_soft_the_evidence_is() -> None:

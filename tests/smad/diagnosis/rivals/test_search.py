@@ -11,9 +11,9 @@ import pytest
 
 from smad.diagnosis.rivals.fit import Fit
 from smad.diagnosis.rivals.parts import Model
-from smad.diagnosis.rivals.rival import Question
+from smad.diagnosis.rivals.rival import Question, Rival
 from smad.diagnosis.rivals.score import EFFECT, NOTHING, PARAMETERS
-from smad.diagnosis.rivals.search import _Fits, _reordered
+from smad.diagnosis.rivals.search import _Fits
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,16 @@ class Leaving:
     """A rival by the floors that it leaves."""
 
     floors: float
+
+
+def leaving(kind: str, floors: float) -> Rival:
+    """A rival that leaves these floors of the one channel of one run."""
+    squares, scores = np.array([[floors**2]]), np.zeros(1)
+    return Rival(kind=kind, name=kind, fit=None, squares=squares, scores=scores)
+
+
+def floors_left(rival: Rival) -> float:
+    return float(np.sqrt(rival.squares.sum()))
 
 
 @dataclass(frozen=True)
@@ -56,30 +66,26 @@ def test_parameters_stay_only_where_the_part_then_explains_something(
 def test_a_simulator_that_leaves_more_than_nothing_new_leaves_is_refuted_by_one_that_does_not(
     form_share: float, effect: float, refuted: list[bool]
 ) -> None:
-    question = SimpleNamespace(
-        gap=lambda rival: rival.floors, quiet_gap=1.35, form_share=form_share, form=()
-    )
+    question = SimpleNamespace(gap=floors_left, quiet_gap=1.35, form_share=form_share, form=())
     rivals = [
-        SimpleNamespace(kind=NOTHING, floors=1.5),
-        SimpleNamespace(kind=EFFECT, floors=effect),
+        leaving(NOTHING, 1.5),
+        leaving(EFFECT, effect),
     ]
     assert Question.refuted(cast(Any, question), cast(Any, rivals)) == refuted
 
 
 def test_a_part_that_is_nearly_right_is_refuted_only_where_floors_hold_an_error_of_form() -> None:
-    left = [SimpleNamespace(kind=EFFECT, floors=1.5), SimpleNamespace(kind=NOTHING, floors=0.9)]
+    left = [leaving(EFFECT, 1.5), leaving(NOTHING, 0.9)]
     for form_share, refuted in ((0.0, False), (0.9, True)):
-        question = SimpleNamespace(
-            gap=lambda rival: rival.floors, quiet_gap=1.35, form_share=form_share, form=()
-        )
+        question = SimpleNamespace(gap=floors_left, quiet_gap=1.35, form_share=form_share, form=())
         first, _ = Question.refuted(cast(Any, question), cast(Any, left))
         assert first is refuted
 
 
 def test_a_simulator_that_a_part_has_entered_is_not_refuted_by_what_its_form_leaves() -> None:
-    left = [SimpleNamespace(kind=NOTHING, floors=1.5), SimpleNamespace(kind=EFFECT, floors=0.9)]
+    left = [leaving(NOTHING, 1.5), leaving(EFFECT, 0.9)]
     question = SimpleNamespace(
-        gap=lambda rival: rival.floors, quiet_gap=1.35, form_share=0.0, form=("of one run",)
+        gap=floors_left, quiet_gap=1.35, form_share=0.0, form=("of one run",)
     )
     assert Question.refuted(cast(Any, question), cast(Any, left)) == [False, False]
 
@@ -91,11 +97,11 @@ def test_a_simulator_that_a_part_has_entered_is_not_refuted_by_what_its_form_lea
 def test_a_simulator_with_free_parameters_surely_lacks_something_where_it_leaves_more_than_noise(
     tied: str | None, floors: tuple[float, float], incomplete: bool
 ) -> None:
-    question = SimpleNamespace(gap=lambda rival: rival.floors, quiet_gap=1.35, tied=tied)
+    question = SimpleNamespace(gap=floors_left, quiet_gap=1.35, tied=tied)
     rivals = [
-        SimpleNamespace(kind=NOTHING, floors=floors[0]),
-        SimpleNamespace(kind=PARAMETERS, floors=floors[1]),
-        SimpleNamespace(kind=EFFECT, floors=0.5),
+        leaving(NOTHING, floors[0]),
+        leaving(PARAMETERS, floors[1]),
+        leaving(EFFECT, 0.5),
     ]
     assert Question.incomplete(cast(Any, question), cast(Any, rivals)) is incomplete
 
@@ -120,9 +126,9 @@ def test_a_fit_keeps_its_coordinates_where_its_parts_change_places() -> None:
         objective=7.0,
         shift=None,
     )
-    moved = _reordered(fitted, [1, 2, 0])
+    moved = fitted.of_parts([1, 2, 0])
     assert [part.name for part in moved.model.parts] == ["b", "c", "a"]
     assert moved.x.tolist() == [0.1, 0.2, 2.0, 2.5, 3.0, 1.0]
     assert (moved.slopes[:, 0] == moved.x).all()
     assert (moved.linearized_at == -moved.x).all()
-    assert _reordered(moved, [2, 0, 1]).x.tolist() == x.tolist()
+    assert moved.of_parts([2, 0, 1]).x.tolist() == x.tolist()

@@ -1,0 +1,30 @@
+"""A damped step of least squares within bounds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from smad.diagnosis.plant import Array
+
+RIDGE = 1e-9
+"""Share of its diagonal that keeps a matrix invertible; far below what data tell."""
+_TINY = 1e-12
+
+
+def bounded_step(A: Array, g: Array, low: Array, high: Array, damping: float = 0.0) -> Array:
+    """The step s (k,) that minimises ½ sᵀ(A + damping·diag A)s − gᵀs, with low ≤ s ≤ high.
+
+    By active sets: coordinates that would leave their range are put to its end, and the others
+    solved anew beside them. Every round fixes one more, so there are at most k.
+    """
+    damped = A + np.diag((damping + RIDGE) * np.diag(A) + _TINY)
+    step, free = np.zeros(len(g)), np.ones(len(g), dtype=bool)
+    while free.any():
+        rest = g[free] - damped[np.ix_(free, ~free)] @ step[~free]
+        step[free] = np.linalg.solve(damped[np.ix_(free, free)], rest)
+        out = free & ((step < low) | (step > high))
+        if not out.any():
+            break
+        step = np.clip(step, low, high)
+        free &= ~out
+    return step
