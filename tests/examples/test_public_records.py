@@ -162,6 +162,24 @@ def test_an_overflow_put_into_the_tanks_comes_first(tmp_path: Path) -> None:
     assert found.whole.final < 0.3 * found.whole.parameters
 
 
+def test_the_gap_with_the_first_causes_is_that_of_these_alone_where_one_was_exchanged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The right one is not fitted at first, and takes the place of another one later.
+    monkeypatch.setattr("smad.diagnosis.rivals.search._SCREENED", 3)
+    spilling = {"upper_overflow": {"size": 0.9, "upper_rim_V": 10.0, "to_lower": 0.1}}
+    asked = tanks_file(tmp_path, spilling).asked(tmp_path)
+    answer = diagnose([*asked.fit, *asked.hold_out], TANKS.simulator)
+    first, *_ = causes = answer.verdict.causes
+    assert first.name == "upper_overflow"
+    assert len(causes) > 1
+    fits = [stage.fit for stage in answer.stages[1:] if stage.fit is not None]
+    parts = [[part.name for part in fitted.model.parts] for fitted in fits]
+    assert parts == [parts[-1][:count] for count in range(len(causes) + 1)]
+    assert answer.verdict.whole is not None
+    assert answer.verdict.whole.causes == [cause.gap for cause in causes]
+
+
 def test_the_command_prints_the_name_of_what_was_put_in_and_writes_the_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

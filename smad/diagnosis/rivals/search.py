@@ -84,6 +84,7 @@ def searched(question: Question, *, most: int = MOST_CAUSES, exchange: bool = Tr
     done = False
     while not done and len(search.parts) < most:
         done = search.step().entered is None or question.near(search.final)
+    search.nest()
     if not search.parts and not search.moved:
         search.final = search.configured
     worse = question.gap(search.final) > question.gap(search.parameters)
@@ -267,6 +268,21 @@ class _Search(Searched):
     def _of_parts(self) -> list[int]:
         """Numbers of the steps by which parts entered."""
         return [k for k, s in enumerate(self.steps) if s.entered and s.entered.has_part]
+
+    def nest(self) -> None:
+        """Let each step but the last enter the first parts of the final model: after an exchange
+        they are fitted anew, without those that entered later."""
+        e, fitted = self.question.evidence, self.final.fit
+        names = [part.name for part in self.parts]
+        for count, k in enumerate(self._of_parts()[:-1], start=1):
+            entered = self.steps[k].entered
+            assert fitted is not None
+            assert entered is not None
+            if entered.fit and [p.name for p in entered.fit.model.parts] == names[:count]:
+                continue
+            here = rebased(e, fitted.of_parts(range(count)))
+            made = here and self.question.fitted(entered.kind, entered.name, here, near=True)
+            self.steps[k] = replace(self.steps[k], entered=made or entered)
 
     def _without(self, fitted: Fit, others: Sequence[int]) -> Reference | None:
         """The model with some of its parts alone, fitted anew."""
