@@ -90,6 +90,23 @@ def curve_at_turn(leg: Leg, known: Curve, curve: Row) -> float:
 
 
 @inlined
+def rate_around(value: float, target: float, inside: int, leg: Leg, curve: Row) -> float:
+    """How what is left follows the outer curve on the way around a loop that closes at `target`.
+
+    That is the leg before the loop's turn, which ends at turn `inside` or with the outer curve; of
+    what is no loop the outer curve itself.
+    """
+    if inside == 0:
+        return 1.0
+    there = 0.0
+    left_there = 0.0
+    if inside < TURNS and leg.turned_at[inside] < PROGRESS_HIGH:
+        there = interpolate_outer_curve(leg.turned_at[inside], curve)[0]
+        left_there = min(leg.left_there[inside], value)
+    return (value - left_there) / max(target - there, 1e-12)
+
+
+@inlined
 def remaining_on_branch(
     now: float, x: float, leg: Leg, other: Leg, known: Curve, curve: Row, e: Effects
 ) -> tuple[float, float]:
@@ -99,15 +116,15 @@ def remaining_on_branch(
     points where such legs turned before (`leg`), so that every loop closes, a ripple's too. Effect
     minor_loop raises the share of the way that is left: by `kappa` as in the paper's kinetics, the
     share that had not transformed when the leg began being kept in `other`, and by the share that
-    rests until the outer curve itself is reached.
+    rests until the curve around it is reached: of a loop the leg that it turned from, else the
+    outer curve.
     """
     begin = curve_at_begin(leg, known, curve)
     now_left, now_slope = interpolate_outer_curve(now, curve)
-    # Curves with tails cross: what lies beyond the outer curve already goes along beside it.
-    beyond = max(1.0, x / begin)
     value = 0.0
     target = 0.0
     began = 0.0
+    inside = 0
     for level in range(TURNS):
         point = leg.turned_at[level]
         began = other.left_there[level] if other.turned_at[level] < PROGRESS_HIGH else 0.0
@@ -121,26 +138,30 @@ def remaining_on_branch(
             if begin > there:
                 value = leg.left_there[level]
                 target = there
+                inside = level + 1
                 if now < point:
                     break
                 x = min(x, value)
                 begin = target
                 value = 0.0
                 target = 0.0
+                inside = 0
     exponent = (1.0 - e.minor_memory) * (1.0 + e.minor_kappa * began)
     # Rounding may leave a fraction that rests at a turn's below it.
     value = min(value, x)
     part = 1.0 / (begin - target)
     ratio = (now_left - target) * part
     slope = (x - value) * now_slope * part
-    if exponent != 1.0 and ratio > 0.0:
-        raised = math.pow(ratio, exponent)
-        slope *= exponent * raised / ratio
-        ratio = raised
-    left = value + (x - value) * ratio
-    if beyond * now_left < left:
-        return beyond * now_left, beyond * now_slope
-    return left, slope
+    if exponent == 1.0 or ratio <= 0.0:
+        return value + (x - value) * ratio, slope
+    raised = math.pow(ratio, exponent)
+    left = value + (x - value) * raised
+    # Curves with tails cross: what lies beyond the curve around already goes along beside it.
+    around = max(rate_around(value, target, inside, leg, curve), (x - value) * part)
+    bound = value + around * (now_left - target)
+    if bound < left:
+        return bound, around * now_slope
+    return left, slope * exponent * raised / ratio
 
 
 @inlined
