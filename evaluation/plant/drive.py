@@ -21,14 +21,11 @@ from evaluation.plant.layout import (
     CUT_OUT,
     DIPPED,
     FLOW,
-    FORCE_X,
-    FORCE_Y,
     FREEWHEELING,
     GLANCE,
     HEARD,
     HELD_DOWN,
     HOLDING,
-    HOSE_SOFT,
     LAG_A,
     LAG_B,
     LAG_C,
@@ -37,7 +34,6 @@ from evaluation.plant.layout import (
     PLUGGED,
     POLLED,
     PUMP,
-    RELIEVED,
     RING_DUTY_X,
     RING_LENGTH,
     RUN_ON,
@@ -73,11 +69,6 @@ CHATTER = slot("chattering_plug")
 PEAK_AND_HOLD = slot("peak_and_hold")
 SUCTION = slot("shared_suction")
 MEMBRANE = slot("tired_membrane")
-OVERLAPPING = slot("overlapping_pulses")
-SOFTENING = slot("softening_hose")
-RELIEF = slot("relief_valve")
-COLD_REFERENCE = slot("cold_reference")
-PLUG = slot("plug_under_tension")
 AIR_CUSHION = slot("air_cushion")
 THERMOSTAT = slot("wax_thermostat")
 SWALLOWED = slot("swallowed_pulses")
@@ -100,7 +91,6 @@ CRACKING = slot("cracking_valve")
 NARROW = slot("narrow_return")
 
 CURRENT_LIMIT_A = 4.0
-RELIEF_OPENS, RELIEF_CLOSES = 0.7, 0.45  # of the full flow
 CUSHION_RAD_S, CUSHION_DAMPING = 2.0 * math.pi * 0.2, 0.12
 BIT_A = 0.5  # what the wrong bit of a converter stands for
 PEAK_A, PEAK_S = 0.8, 2.5  # a solenoid driver holds back what was on for longer
@@ -158,13 +148,6 @@ def current(
         held = 1.0 if side[s, LONG_ON] > PEAK_S else 0.0
         side[s, HELD_DOWN] = approach(side[s, HELD_DOWN], held, dt, 0.4)
         i *= 1.0 - min(e[s, PEAK_AND_HOLD], 0.9) * side[s, HELD_DOWN]
-    if e[0, OVERLAPPING] > 0.0:
-        i -= e[0, OVERLAPPING] * min(i, side[1 - s, AMPERE])
-    if e[s, COLD_REFERENCE] != 0.0:
-        i *= max(0.1, 1.0 + e[s, COLD_REFERENCE] * math.exp(-pair[TIME] / 20.0))
-    if e[s, PLUG] > 0.0:
-        tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
-        i *= 1.0 - min(e[s, PLUG], 0.9) * min(max((tension - 1.24) / 0.4, 0.0), 1.0)
     if e[s, WRONG_BIT] != 0.0 and math.floor(i / BIT_A) % 2.0 == 1.0:
         i = max(i + e[s, WRONG_BIT], 0.0)
     if e[s, SWALLOWED] > 0.0:
@@ -238,14 +221,6 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
         slow = 10.0 if share > side[s, TIRED] else 25.0
         side[s, TIRED] = approach(side[s, TIRED], share, dt, slow)
         share *= 1.0 - min(e[s, MEMBRANE], 0.95) * min(side[s, TIRED], 1.0)
-    if e[s, SOFTENING] > 0.0:
-        share *= 1.0 - min(e[s, SOFTENING], 0.95) * min(max(side[s, HOSE_SOFT], 0.0), 1.0)
-    if e[s, RELIEF] > 0.0:
-        if share > RELIEF_OPENS:
-            side[s, RELIEVED] = approach(side[s, RELIEVED], 1.0, dt, 0.3)
-        elif share < RELIEF_CLOSES:
-            side[s, RELIEVED] = approach(side[s, RELIEVED], 0.0, dt, 0.3)
-        share *= 1.0 - min(e[s, RELIEF], 0.95) * side[s, RELIEVED]
     if e[s, THERMOSTAT] > 0.0:
         share *= 1.0 - min(e[s, THERMOSTAT], 0.95) * (1.0 - side[s, VALVE_OPEN])
     if e[s, CLOGGING] > 0.0:

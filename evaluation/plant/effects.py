@@ -24,10 +24,6 @@ SIGNED = (
             "convection_exponent",
             "stress_latent_heat",
             "motor_beside_sensor",
-            "coil_in_field",
-            "magnet_near_hall",
-            "graded_wire",
-            "cold_reference",
             "intake_on_tendon",
             "rtd_on_straining_wire",
             "settling_encoder",
@@ -41,6 +37,8 @@ SIGNED = (
             "drifting_zero",
             "pulses_in_amplifier",
             "warm_latent",
+            "bracket_on_hoses",
+            "ghost_of_rtd",
         )
     )
     | sealed.SIGNED

@@ -16,7 +16,6 @@ from evaluation.plant.layout import (
     AMBIENT,
     AMPERE,
     BACK_STRESS,
-    BASE,
     CELL_SWING,
     CELL_WIDTH,
     CELLS,
@@ -47,7 +46,6 @@ from evaluation.plant.layout import (
     RTD_A,
     RTD_B,
     RUN_ON,
-    SCANNED,
     SHOWN,
     SIDE_WIDTH,
     SILT,
@@ -120,7 +118,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, OHM] = bench.resistance_ohm, bench.resistance_ohm * bench.y_resistance
     side[:, RTD_A] = water_degC
     side[:, RTD_B] = water_degC
-    side[:, SCANNED] = water_degC
     side[:, SHOWN] = water_degC
     side[:, CORE_WARM] = water_degC
     side[:, SINCE_START] = 60.0
@@ -132,7 +129,6 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, BACK_STRESS] = 1.0
     side[:, DEAD_END] = water_degC
     side[:, WARMTH_BEFORE] = water_degC
-    pair[BASE] = water_degC
     side[:, STEM] = 0.3 * water_degC + 0.7 * ambient_degC
     pair[FORCE_X] = pair[FORCE_Y] = pair[CELL_SWING] = 1.2
     quiet = np.zeros(8)

@@ -39,22 +39,20 @@ from evaluation.plant.layout import (
     SPONGE,
     TURNED,
     TWINS,
-    WALKED,
     WORK_DONE,
-    YIELDING,
     T,
     W,
     X,
 )
 from evaluation.plant.parameters import index
 from evaluation.plant.phase import TURN_ONSET, TURN_POWER, TURN_SCALE, turned_by
-from evaluation.plant.rarer import CREEPING, WALKING
+from evaluation.plant.rarer import CREEPING
 from evaluation.plant.tendon import (
-    hung_and_stopped,
+    give,
     jets,
     longer_path,
     longer_tendon,
-    swing,
+    tied,
 )
 
 Array = NDArray[np.float64]
@@ -76,7 +74,6 @@ MOBILE = slot("mobile_interfaces")
 SHRINKING = slot("shrinking_tendon")
 SOAKING = slot("hanging_sponge")
 GRIPPING = slot("gripping_hose")
-YIELDS = slot("yielding_austenite")
 DAMPING = slot("damping_martensite")
 DRAWN_CLIP = slot("clip_drawn_to_coils")
 ELECTROPLASTIC = slot("electroplastic")
@@ -121,11 +118,7 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     side[s, GROWN] += 1e-3 * e[s, CHILLED] * across / 10.0
     side[s, GROWN] += 1e-3 * e[s, PRESSURE] * (side[s, FLOW] / p[FULL_FLOW]) ** 2
     side[s, GROWN] += 1e-3 * e[s, TWINS_FOLLOW] * side[s, TWINS]
-    side[s, GROWN] += 1e-3 * (e[s, WALKING] * side[s, WALKED] - e[s, SHRINKING] * side[s, SHRUNK])
-    if e[s, YIELDS] > 0.0:
-        side[s, YIELDING] = 0.0
-        for i in range(CELLS):
-            side[s, YIELDING] += e[s, YIELDS] * 1e-3 * (1.0 - cells[s, i, FRACTION]) / CELLS
+    side[s, GROWN] -= 1e-3 * (e[s, SHRINKING] * side[s, SHRUNK])
     if e[s, MOBILE] > 0.0:
         total *= 1.0 + e[s, MOBILE] * side[s, RATE] / (side[s, RATE] + 0.03)
     total /= 1.0 + e[s, RESTS] * side[s, RESTED]
@@ -147,10 +140,6 @@ def deflection(s: int, force: float, p: Array, cells: Array, side: Array) -> tup
         rate = left * p[TURN_POWER] * power / excess * p[STRESS] / p[TURN_SCALE]
     length = side[s, COMPLIANT] * force + side[s, GROWN]
     slope = side[s, COMPLIANT]
-    if side[s, YIELDING] > 0.0:
-        over = max(force - 1.4, 0.0) / 0.3
-        length += side[s, YIELDING] * over * over
-        slope += side[s, YIELDING] * 2.0 * over / 0.3
     for i in range(CELLS):
         share = side[s, FREE_STRAIN] * cells[s, i, FRACTION]
         if turned > cells[s, i, TURNED]:
@@ -267,7 +256,7 @@ def resisting(
         caught = pair[CAUGHT] + (x - before) / CATCH_m
         total += scale * min(max(caught, -1.0), 1.0)
         slope += scale / CATCH_m if abs(caught) < 1.0 else 0.0
-    hung, stiff = hung_and_stopped(x, e, pair)
+    hung, stiff = tied(x, e, pair)
     hung += jets(full_flow, e, side)
     return total + hung, slope + stiff, bristle
 
@@ -316,7 +305,7 @@ def equilibrium(p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: 
     pair[SLID] += dt / 10.0 * max(force_y - 1.4, 0.0) / 0.2
     warm = (cells[0, CELLS - 1, W] + cells[1, CELLS - 1, W] - 54.0) / 20.0
     pair[SEAL_WARM] = approach(pair[SEAL_WARM], warm, dt, 5.0)
-    swing(x, e, pair, dt)
+    give(x, e, pair, dt)
     if e[0, SOAKING] > 0.0:
         spilt = (side[0, FLOW] + side[1, FLOW]) / p[FULL_FLOW]
         pair[SPONGE] += dt * (spilt / 10.0 - pair[SPONGE] / 40.0)

@@ -14,7 +14,6 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
     BACK_STRESS,
-    BASE,
     BUOYANT,
     CELLS,
     CHARGED,
@@ -35,10 +34,6 @@ from evaluation.plant.layout import (
     FORCE_X,
     FORCE_Y,
     FRACTION,
-    GAS_COAT,
-    GASSING,
-    GREATEST_LOAD,
-    HOSE_SOFT,
     LEACHED,
     LOADED,
     MOLTEN,
@@ -52,12 +47,10 @@ from evaluation.plant.layout import (
     SLEEVED,
     SPEED,
     STRAND,
-    STRETCHING,
     TENSION_BEFORE,
     TIME,
     TWINS,
     VALVE_OPEN,
-    WALKED,
     WARMTH_BEFORE,
     WORK_DONE,
     T,
@@ -83,16 +76,6 @@ DRIPPING = slot("dripping_outlet")
 ROD = slot("rod_in_coil")
 LAMP = slot("cycling_lamp")
 BENT = slot("bent_coils")
-FRAYING = slot("fraying_lead")
-GAS = slot("boiling_out_gas")
-ELECTROLYSIS = slot("electrolysis_gas")
-SOFT_HOSE = slot("softening_hose")
-SHARED_BASE = slot("shared_base")
-SEATED = slot("seated_end")
-MATRIX = slot("stiff_matrix")
-GRADED = slot("graded_wire")
-SLIP_BANDS = slot("warm_slip_bands")
-WALKING = slot("walking_anchor")
 CURING = slot("curing_glue")
 PRESSED = slot("pressed_crimp")
 FIRST_BUBBLES = slot("bubbles_of_filling")
@@ -126,21 +109,19 @@ FANNED = slot("fanned_by_tendon")
 MOTOR_BELOW = slot("motor_under_tube")
 SPRAYED = slot("sprayed_clamp")
 
-BASE_J_K, DEAD_LEG_J_K, CORE_J_K = 20.0, 6.0, 1.0
+DEAD_LEG_J_K, CORE_J_K = 6.0, 1.0
 GEL_degC, GEL_J = 38.0, 12.0  # where a gel melts, and what that takes
 CUTS_degC, MAKES_degC = 46.0, 40.0  # wire at which a bimetal beside it opens and closes
 FAN_S = 18.0  # how long a fan takes to come back
 STRAND_m = 1.5e-3  # travel that parts a broken strand wholly
 WAX_OPENS, WAX_CLOSES = 42.0, 36.0  # °C of the water at a thermostat
-GAS_COMES_K, GAS_GOES_K = 4.0, 1.5  # of wire over water
 LAMP_S, LAMP_ON = 24.0, 0.375  # how often a lamp comes on, and for what share of that
 
 
 @compiled
 def joints(s: int, e: Array, side: Array, heat: Array) -> float:
     """What the ends of spring `s` and their leads add to its resistance (ohm), and to `heat`."""
-    inlet = e[s, FRAYING] * max(side[s, GREATEST_LOAD] - 1.3, 0.0) / 0.3
-    inlet -= e[s, CURING] * (1.0 - math.exp(-side[s, CURED]))
+    inlet = -e[s, CURING] * (1.0 - math.exp(-side[s, CURED]))
     inlet += e[s, STRANDS] * side[s, STRAND]
     inlet += e[s, COHERES] * side[s, OXIDE]
     inlet = max(inlet, -0.95 * heat[0])
@@ -161,27 +142,19 @@ def elsewhere(
     warm = cells[1 - s, CELLS - 1, W]
     turn = pair[TIME] / LAMP_S + e[2, LAMP]
     shone = e[0, LAMP] if turn - math.floor(turn) < LAMP_ON else 0.0
-    tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
-    rows[0, TO_CLAMP] += e[s, SEATED] * min(max((tension - 1.24) / 0.4, 0.0), 1.0)
-    base = e[0, SHARED_BASE] / CELLS
     for i in range(CELLS):
-        rows[i, HEAT_WATER] += base * (pair[BASE] - cells[s, i, W])
         rows[i, TO_CLAMP] += e[s, ROD] * gripped / CELLS
         rows[i, HEAT_WATER] += (dripping * (warm - cells[s, i, W]) + shone) / CELLS
 
 
 @compiled
-def odd_shifts(s: int, e: Array, cells: Array, pair: Array, rows: Array) -> None:
-    """Add to `rows` what rarer effects do to the temperatures of transformation."""
+def bend(s: int, e: Array, pair: Array, rows: Array) -> None:
+    """Add to `rows` what bending a drawn-out coil does to the temperatures of transformation."""
     length = 1.0 + (pair[X] if s == 1 else -pair[X]) / 25e-3
     bent = e[s, BENT] * (length * length - 1.0)
-    drawn_in = pair[STRETCHING] if s == 0 else -pair[STRETCHING]
-    banded = e[s, SLIP_BANDS] * drawn_in / (abs(drawn_in) + 2e-3)
     for i in range(CELLS):
-        uneven = e[s, GRADED] * (2.0 * i / (CELLS - 1.0) - 1.0)
-        both = bent + uneven + e[s, MATRIX] * (0.5 - cells[s, i, FRACTION]) + banded
-        rows[i, SHIFT_HEAT] += both
-        rows[i, SHIFT_COOL] += both
+        rows[i, SHIFT_HEAT] += bent
+        rows[i, SHIFT_COOL] += bent
 
 
 @compiled
@@ -254,32 +227,7 @@ def age(s: int, p: Array, e: Array, cells: Array, side: Array, dt: float) -> Non
 
 @compiled
 def wear(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
-    """Update what loads, gas, hoses, a base and an anchor remember of a tick of spring `s`."""
-    tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
-    if e[s, FRAYING] > 0.0:
-        side[s, GREATEST_LOAD] = max(side[s, GREATEST_LOAD], tension)
-    if e[s, GAS] > 0.0:
-        across = 0.0
-        for i in range(CELLS):
-            across += (cells[s, i, T] - cells[s, i, W]) / CELLS
-        if across > GAS_COMES_K:
-            side[s, GASSING] = approach(side[s, GASSING], 1.0, dt, 0.5)
-        elif across < GAS_GOES_K:
-            side[s, GASSING] = approach(side[s, GASSING], 0.0, dt, 2.0)
-    if e[s, ELECTROLYSIS] > 0.0:
-        coat = approach(side[s, GAS_COAT], side[s, AMPERE] / 4.0, dt, 4.0)
-        side[s, GAS_COAT] = coat * math.exp(-dt * side[s, FLOW] / p[FULL_FLOW] / 1.5)
-    if e[s, SOFT_HOSE] > 0.0:
-        warm = (cells[s, CELLS - 1, W] - 27.0) / 10.0
-        side[s, HOSE_SOFT] = approach(side[s, HOSE_SOFT], warm, dt, 5.0)
-    if e[0, SHARED_BASE] > 0.0:
-        for i in range(CELLS):
-            into = e[0, SHARED_BASE] / CELLS * (cells[s, i, W] - pair[BASE])
-            pair[BASE] += dt * into / BASE_J_K
-    if e[s, SLIP_BANDS] > 0.0 and (s == 1 or e[1, SLIP_BANDS] <= 0.0):
-        pair[STRETCHING] = approach(pair[STRETCHING], pair[SPEED], dt, 0.5)
-    if e[s, WALKING] > 0.0:
-        side[s, WALKED] += dt * side[s, FLOW] / p[FULL_FLOW] / 5.0
+    """Update what glue, a crimp, a branch, stretching and haste leave of a tick of spring `s`."""
     if e[s, CURING] > 0.0:
         side[s, CURED] += dt * max(cells[s, 0, T] - 32.0, 0.0) / 100.0
     if e[s, PRESSED] > 0.0:

@@ -48,7 +48,6 @@ from evaluation.plant.layout import (
     RING_X,
     RTD_A,
     RTD_B,
-    SCANNED,
     SENSE_SOAK,
     SETTLED,
     SHOWN,
@@ -60,7 +59,6 @@ from evaluation.plant.layout import (
     TORN_AT,
     TRAILING,
     TURNED,
-    UNBOLTED,
     YIELDED,
     T,
     W,
@@ -92,12 +90,6 @@ RIPPLE_FILTER = slot("ripple_filter")
 WIDE_INDEX = slot("wide_index")
 RIPPLE = slot("rectified_ripple")
 MOTOR_FIELD = slot("motor_beside_sensor")
-MOVING_EMF = slot("coil_in_field")
-SCANNER = slot("scanned_rtd")
-DIRT = slot("dirty_strip")
-OIL = slot("damped_cell")
-LOOSE_BOLT = slot("loose_bolt")
-MAGNET = slot("magnet_near_hall")
 ON_WIRE = slot("rtd_on_straining_wire")
 MOTOR_LEAD = slot("motor_lead_on_rtd")
 SETTLING = slot("settling_encoder")
@@ -196,11 +188,6 @@ def rtd(
         slow = e[s, RIPPLE_FILTER] * side[s, AMPERE] / 4.0
         side[s, AVERAGED] = approach(side[s, AVERAGED], reading, dt, slow)
         reading = side[s, AVERAGED]
-    if e[s, SCANNER] > 0.0:
-        turn = pair[TIME] / e[s, SCANNER] + 0.5 * s
-        if math.floor(turn) != math.floor(turn - dt / e[s, SCANNER]):
-            side[s, SCANNED] = reading
-        reading = side[s, SCANNED]
     if e[s, SLEWS] > 0.0:
         most = 10.0 * dt / e[s, SLEWS]
         side[s, SHOWN] += min(max(reading - side[s, SHOWN], -most), most)
@@ -256,10 +243,6 @@ def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
         pair[PASSED] += 0.5 * abs(torn - pair[TORN_AT])
     pair[TORN_AT] = torn
     reading += e[0, TORN] * pair[PASSED]
-    if e[0, DIRT] > 0.0:
-        middle = 6.0 * (e[2, DIRT] - 0.5)
-        hidden = min(max((seen_mm - middle) / 6.0, -0.5), 0.5)
-        reading -= e[0, DIRT] * (hidden + middle / 6.0)
     if e[0, WIDE_INDEX] > 0.0:
         off = seen_mm - 6.0 * (e[2, WIDE_INDEX] - 0.5)
         if abs(off) > 1.0:
@@ -283,13 +266,6 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     switched = (side[0, AMPERE] + side[1, AMPERE]) / 4.0
     pair[SETTLED] = approach(pair[SETTLED], switched, dt, 1.5)
     reading += e[0, KICKED] * (switched - pair[SETTLED])
-    reading -= e[0, OIL] * pair[SPEED] / 5e-3
-    if e[0, LOOSE_BOLT] > 0.0:
-        if seen_N > 1.45:
-            pair[UNBOLTED] = approach(pair[UNBOLTED], 1.0, dt, 0.2)
-        elif seen_N < 1.28:
-            pair[UNBOLTED] = approach(pair[UNBOLTED], 0.0, dt, 0.2)
-        reading -= e[0, LOOSE_BOLT] * pair[UNBOLTED]
     pair[LARGEST_LOAD] = max(pair[LARGEST_LOAD], seen_N)
     reading += e[0, OVERLOADED] * max(pair[LARGEST_LOAD] - 1.3, 0.0) / 0.3
     reading *= 1.0 - e[0, OBLIQUE] * (pair[X] / 5e-3) ** 2
@@ -332,15 +308,12 @@ def read(
         out[s] *= max(0.1, 1.0 - e[0, BATTERY] * pair[TIME] / 60.0)
         side[s, COIL_LAG] = approach(side[s, COIL_LAG], out[s], dt, 2.0)
         out[s] += e[s, OVERSHOOTS] * (out[s] - side[s, COIL_LAG])
-        nearness = 1.0 / (1.0 - min(max(pair[X], -0.02), 0.02) / 25e-3)
-        out[s] += e[0, MAGNET] * (nearness * nearness - 1.0)
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
         out[2 + s] += e[0, SHARED_RETURN] * side[1 - s, AMPERE]
         turn = pair[TIME] / 9.0 + e[2, STROBED]
         ripple = side[s, AMPERE] * max(4.0 - side[s, AMPERE], 0.0) / 4.0
         out[2 + s] += e[s, STROBED] * ripple * math.sin(2.0 * math.pi * turn)
-        out[2 + s] += e[s, MOVING_EMF] * (pair[SPEED] if s == 0 else -pair[SPEED]) / 5e-3
         if e[s, MIST] > 0.0:
             share = side[s, FLOW] / p[FULL_FLOW]
             slow = 3.0 if share > side[s, MISTED] else 15.0

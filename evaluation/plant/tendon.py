@@ -1,4 +1,4 @@
-"""The tendon between the springs: how much longer it grows, and what hangs on it or stops it."""
+"""The tendon between the springs: how much longer it grows, and what it is tied to."""
 
 import math
 
@@ -13,15 +13,11 @@ from evaluation.plant.layout import (
     SLID,
     SNAPPED,
     STRAP,
-    SWING,
-    SWING_RATE,
 )
 
 Array = NDArray[np.float64]
 
 COMPLIANCE = slot("tendon_compliance")
-SWINGING = slot("swinging_reel")
-BUFFER = slot("rubber_buffer")
 SPLICE = slot("splice_over_pulley")
 STRAPPED = slot("relaxing_strap")
 OVAL = slot("oval_pulley")
@@ -31,12 +27,9 @@ COGS = slot("cogging_wheel")
 JETS = slot("jets_on_clip")
 
 SPLICE_m = 2e-3  # travel over which a splice rides off its pulley
-SWING_RAD_S, SWING_DAMPING = 2.0 * math.pi * 0.2, 0.15
-SWUNG_m = 5e-3
 OVAL_m = 16e-3  # travel after which an oval pulley is as before
 COG_m = 10e-3  # travel from one cog of a wheel to the next
 STRAP_m, BELLOWS_m = 5e-3, 1.5e-3
-BUFFER_m = 2e-3  # how far off the middle a buffer stands, and how deep it is
 
 
 @compiled
@@ -70,20 +63,10 @@ def longer_path(x: float, e: Array) -> tuple[float, float]:
 
 
 @compiled
-def hung_and_stopped(x: float, e: Array, pair: Array) -> tuple[float, float]:
-    """Force against `x` (N) of what hangs on the tendon and of what stops it, and its slope."""
-    total = 0.0
-    slope = 0.0
-    if e[0, SWINGING] > 0.0:
-        total += e[0, SWINGING] * (x - pair[SWING]) / SWUNG_m
-        slope += e[0, SWINGING] / SWUNG_m
-    if e[0, BUFFER] > 0.0:
-        way = 1.0 if e[2, BUFFER] < 0.5 else -1.0
-        deep = max(way * x / BUFFER_m - 1.0, 0.0)
-        total += way * e[0, BUFFER] * deep**1.5
-        slope += e[0, BUFFER] * 1.5 * math.sqrt(deep) / BUFFER_m
-    total += e[0, STRAPPED] * (x - pair[STRAP]) / STRAP_m - e[0, BELLOWS] * pair[SNAPPED]
-    slope += e[0, STRAPPED] / STRAP_m
+def tied(x: float, e: Array, pair: Array) -> tuple[float, float]:
+    """Force against `x` (N) of what the tendon is tied to, and its slope."""
+    total = e[0, STRAPPED] * (x - pair[STRAP]) / STRAP_m - e[0, BELLOWS] * pair[SNAPPED]
+    slope = e[0, STRAPPED] / STRAP_m
     turn = 2.0 * math.pi * (x / COG_m + e[2, COGS])
     total += e[0, COGS] * math.sin(turn)
     # A cog that lets go would tell Newton the wrong way: the springs alone bound its step.
@@ -98,12 +81,8 @@ def jets(full_flow: float, e: Array, side: Array) -> float:
 
 
 @compiled
-def swing(x: float, e: Array, pair: Array, dt: float) -> None:
-    """Let what hangs on the tendon at `x` swing, give and snap for a tick."""
-    if e[0, SWINGING] > 0.0:
-        off = SWING_RAD_S * (x - pair[SWING]) - 2.0 * SWING_DAMPING * pair[SWING_RATE]
-        pair[SWING_RATE] += dt * SWING_RAD_S * off
-        pair[SWING] += dt * pair[SWING_RATE]
+def give(x: float, e: Array, pair: Array, dt: float) -> None:
+    """Let what the tendon is tied to at `x` give and snap for a tick."""
     pair[STRAP] = approach(pair[STRAP], x, dt, 5.0)
     off = x - 3e-3 * (e[2, BELLOWS] - 0.5)
     if abs(off) > BELLOWS_m:

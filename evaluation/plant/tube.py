@@ -20,8 +20,6 @@ from evaluation.plant.layout import (
     CORRODED,
     FLOW,
     FRACTION,
-    GAS_COAT,
-    GASSING,
     HEATED_FROM,
     HEATING,
     INNER_STRESS,
@@ -47,21 +45,14 @@ from evaluation.plant.phase import WEIGHT, falling, turned_by
 from evaluation.plant.rarer import (
     BENT,
     DRIPPING,
-    ELECTROLYSIS,
-    GAS,
-    GRADED,
     LAMP,
-    MATRIX,
     ROD,
-    SEATED,
-    SHARED_BASE,
-    SLIP_BANDS,
     age,
+    bend,
     elsewhere,
     follow,
     joints,
     linger,
-    odd_shifts,
     seldom,
     settle,
     soak,
@@ -173,8 +164,6 @@ def coefficients(
         latent *= 1.0 - min(e[s, LATENT_FADES], 0.9) * (1.0 - math.exp(-side[s, WORK_DONE] / 1.5))
     share = min(side[s, FLOW] / p[FULL_FLOW], 1.5)
     reach = 1.0 / (1.0 + e[s, LIME] * side[s, LIMED])
-    reach *= 1.0 + e[s, GAS] * side[s, GASSING]
-    reach /= 1.0 + e[s, ELECTROLYSIS] * side[s, GAS_COAT]
     still = p[STATIC] / CELLS
     for i in range(CELLS):
         row = rows[i]
@@ -197,11 +186,10 @@ def coefficients(
         row[STORES] = p[WIRE_HEAT] / CELLS
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
     rows[CELLS - 1, TO_CLAMP] = 0.5 * e[s, COLD_ENDS]
-    beside = max(e[1 - s, DRIPPING], e[0, LAMP], e[0, SHARED_BASE])
-    if beside > 0.0 or e[s, ROD] > 0.0 or e[s, SEATED] > 0.0:
+    if max(e[1 - s, DRIPPING], e[0, LAMP], e[s, ROD]) > 0.0:
         elsewhere(s, p, e, cells, side, pair, rows)
-    if max(e[s, BENT], e[s, MATRIX], e[s, SLIP_BANDS]) > 0.0 or e[s, GRADED] != 0.0:
-        odd_shifts(s, e, cells, pair, rows)
+    if e[s, BENT] > 0.0:
+        bend(s, e, pair, rows)
     seldom(s, share, e, cells, side, pair, rows)
     if e[s, IONS] > 0.0:
         beside = e[s, IONS] * side[s, LEACHED]

@@ -20,7 +20,6 @@ from evaluation.plant.layout import (
     DRAWN,
     FILL,
     FLOW,
-    PLUME,
     POCKET,
     RESERVOIR,
     RETURNED,
@@ -35,7 +34,6 @@ Array = NDArray[np.float64]
 DRAIN = slot("water_drain")
 BUBBLES = slot("air_bubbles")
 HEATSINK = slot("hose_on_heatsink")
-RETURNING = slot("return_beside_intake")
 ON_TENDON = slot("intake_on_tendon")
 DEPTH = slot("drawn_from_depth")
 TEE = slot("sucked_through_tee")
@@ -106,10 +104,6 @@ def entering(
     source = inlet + pair[RESERVOIR]
     if e[0, HEATSINK] > 0.0:
         source += e[0, HEATSINK] * pair[SINK_WARM]
-    if e[1 - s, RETURNING] > 0.0:
-        returned = side[1 - s, FLOW] / 0.55 * (cells[1 - s, CELLS - 1, W] - source)
-        side[s, PLUME] += dt * (returned / 5.0 - side[s, PLUME] / 40.0)
-        source += e[1 - s, RETURNING] * side[s, PLUME]
     ahead = min(max(side[s, FLOW] - side[1 - s, FLOW], 0.0) / 0.55, 1.0)
     source += e[1 - s, TEE] * ahead * (cells[1 - s, CELLS - 1, W] - source)
     backed = approach(side[s, BACKED_UP], cells[s, 0, W] - source, dt, 8.0)
