@@ -22,6 +22,7 @@ from evaluation.plant.layout import (
     DIPPED,
     FLOW,
     FREEWHEELING,
+    FUSE_WARM,
     GLANCE,
     HEARD,
     HELD_DOWN,
@@ -89,6 +90,10 @@ CUTS_OUT = slot("bimetal_cutout")
 BEATING = slot("beating_bridges")
 CRACKING = slot("cracking_valve")
 NARROW = slot("narrow_return")
+SLIP_RING = slot("worn_slip_ring")
+FUSE = slot("resettable_fuse")
+LIFTED = slot("lifted_outlet")
+GEARS = slot("beating_gears")
 
 CURRENT_LIMIT_A = 4.0
 CUSHION_RAD_S, CUSHION_DAMPING = 2.0 * math.pi * 0.2, 0.12
@@ -98,6 +103,8 @@ REFRESHED_A = 5e-3  # change of a set value at which its hold is charged anew
 STARTS_PER_S = 1.0  # how fast a motor gains speed while its start disturbs a bus
 SWITCHES_m, RELEASES_m = 3e-3, 1.5e-3  # own contraction at an end switch
 BEAT_S = 11.0  # how often two bridges switch together
+RING_m = 6e-3  # travel from one worn spot of a slip ring to the next
+GEARS_S = 7.0  # how often two worn gears meet again
 PRIMED_AT, SIPHON_S = 0.1, 6.0  # speed of a pump that starts a siphon, how long it runs on
 SLIPS_AT, MEETS_AT = 0.4, 0.15  # duty ahead of a rotor that it slips at, duty that it waits for
 
@@ -162,6 +169,10 @@ def current(
     i *= 1.0 - min(e[s, CUTS_OUT], 0.9) * side[s, CUT_OUT]
     beat = math.sin(2.0 * math.pi * (pair[TIME] / BEAT_S + e[2, BEATING]))
     i += e[0, BEATING] * min(i, side[1 - s, AMPERE]) * beat
+    worn = math.sin(math.pi * (pair[X] / RING_m + e[2, SLIP_RING]))
+    i *= 1.0 - min(e[s, SLIP_RING], 0.9) * worn * worn
+    side[s, FUSE_WARM] = approach(side[s, FUSE_WARM], (side[s, AMPERE] / 4.0) ** 2, dt, 6.0)
+    i *= 1.0 - min(e[s, FUSE], 0.9) * max(side[s, FUSE_WARM] - 0.2, 0.0)
     if e[s, CHOKE] > 0.0:
         i = max(i, side[s, FREEWHEELING] - dt / e[s, CHOKE])
         side[s, FREEWHEELING] = i
@@ -215,6 +226,10 @@ def flow(s: int, p: Array, e: Array, side: Array, pair: Array, ring: Array, dt: 
     share = _pump_speed(s, p, e, side, pair, ring, dt)
     share *= 1.0 - min(e[s, DECOUPLES], 0.95) * side[s, UNCOUPLED]
     share = max(share - e[s, CRACKING], 0.0)
+    drawn_in = pair[X] if s == 0 else -pair[X]
+    share *= max(1.0 - e[s, LIFTED] * drawn_in / 5e-3, 0.0)
+    beat = math.sin(2.0 * math.pi * (pair[TIME] / GEARS_S + e[2, GEARS]))
+    share *= 1.0 + min(e[s, GEARS], 0.95) * beat
     if e[s, SHORTFALL] > 0.0 and share > 0.0:
         share = (1.0 - e[s, SHORTFALL]) * share ** (1.0 + e[s, SHORTFALL])
     if e[s, MEMBRANE] > 0.0:

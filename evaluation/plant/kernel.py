@@ -19,6 +19,7 @@ from evaluation.plant.layout import (
     CELL_SWING,
     CELL_WIDTH,
     CELLS,
+    CLAMP_WARM,
     COLUMNS,
     CORE_WARM,
     DEAD_END,
@@ -46,12 +47,14 @@ from evaluation.plant.layout import (
     RTD_A,
     RTD_B,
     RUN_ON,
+    SEEN_BEFORE,
     SHOWN,
     SIDE_WIDTH,
     SILT,
     SINCE_START,
     SINK_WARM,
     STEM,
+    TAKEN_UP,
     TENSION_BEFORE,
     TIME,
     TRAILING,
@@ -127,6 +130,9 @@ def at_rest(bench: Bench, effects: Array, *, water_degC: float, ambient_degC: fl
     side[:, TRAILING] = water_degC
     side[:, TENSION_BEFORE] = 1.2
     side[:, BACK_STRESS] = 1.0
+    side[:, CLAMP_WARM] = water_degC
+    side[:, SEEN_BEFORE] = water_degC
+    side[:, TAKEN_UP] = 1.2
     side[:, DEAD_END] = water_degC
     side[:, WARMTH_BEFORE] = water_degC
     side[:, STEM] = 0.3 * water_degC + 0.7 * ambient_degC

@@ -106,8 +106,18 @@ CELL_WIDTH = PLAY + PLAYS
     COIL_LAG,
     TWINS,
     BACK_STRESS,
+    FUSE_WARM,
+    AFLOAT,
+    SHARE_BEFORE,
+    PLATE_WARM,
+    CLAMP_WARM,
+    STUCK,
+    SEEN_BEFORE,
+    HALL_WARM,
+    TAKEN_UP,
+    PIN,
     SIDE_WIDTH,
-) = range(85)
+) = range(95)
 
 (
     TIME,
@@ -146,8 +156,11 @@ CELL_WIDTH = PLAY + PLAYS
     YIELDED,
     CELL_SWING,
     CELL_SWING_RATE,
+    TAPE,
+    CABLE,
+    REPORTED,
     PAIR_WIDTH,
-) = range(37)
+) = range(40)
 
 RING_DUTY_X, RING_DUTY_Y, RING_X, RING_FORCE, RING_RTD_X, RING_RTD_Y, RINGS = range(7)
 RING_LENGTH = 256

@@ -29,6 +29,7 @@ from evaluation.plant.layout import (
     FREE_STRAIN,
     FRICTION,
     GROWN,
+    PIN,
     R_PHASE,
     RATE,
     RESTED,
@@ -88,6 +89,10 @@ HEAVY = slot("heavy_pulley")
 BRAKED = slot("braked_vane")
 TWINS_FOLLOW = slot("following_twins")
 SHAKEN_FREE = slot("freed_by_pumps")
+REMNANTS = slot("reverting_remnants")
+LEAF = slot("folding_leaf")
+SKEWED = slot("skewed_guide")
+SHIFTS = slot("shifting_pin")
 
 PRESTRETCH_m = 0.025
 BRISTLE_m = 1.5e-4
@@ -104,9 +109,11 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
         strain *= 1.0 - 0.02 * e[s, DRIFT] * (1.0 - math.exp(-side[s, WORK_DONE] / 3.0))
     total = 0.0
     across = 0.0
+    reverted = 0.0
     for i in range(CELLS):
         fraction = cells[s, i, FRACTION]
         across += (cells[s, i, T] - cells[s, i, W]) / CELLS
+        reverted += min(max(cells[s, i, T] - 42.0, 0.0) / 10.0, 1.0) / CELLS
         softness = 1.0 / (stiffness * (p[K_MART] * fraction + p[K_AUST] * (1.0 - fraction)))
         warm = max(cells[s, i, T] - 35.0, 0.0) / 10.0
         total += softness / (1.0 + e[s, STIFFENS] * (1.0 - fraction) * warm)
@@ -118,6 +125,7 @@ def soften(s: int, p: Array, e: Array, cells: Array, side: Array) -> None:
     side[s, GROWN] += 1e-3 * e[s, CHILLED] * across / 10.0
     side[s, GROWN] += 1e-3 * e[s, PRESSURE] * (side[s, FLOW] / p[FULL_FLOW]) ** 2
     side[s, GROWN] += 1e-3 * e[s, TWINS_FOLLOW] * side[s, TWINS]
+    side[s, GROWN] += 1e-3 * (e[s, SHIFTS] * side[s, PIN] - e[s, REMNANTS] * reverted)
     side[s, GROWN] -= 1e-3 * (e[s, SHRINKING] * side[s, SHRUNK])
     if e[s, MOBILE] > 0.0:
         total *= 1.0 + e[s, MOBILE] * side[s, RATE] / (side[s, RATE] + 0.03)
@@ -242,6 +250,7 @@ def resisting(
     rubbing += e[0, SHAKEN_FREE] * max(1.0 - flowing / full_flow, 0.0)
     rubbing += e[0, DRAWN_CLIP] * (side[0, AMPERE] ** 2 + side[1, AMPERE] ** 2) / 16.0
     rubbing += e[0, SEAL] * max(pair[SEAL_WARM], 0.0)
+    rubbing += e[0, SKEWED] * (before / 5e-3) ** 2
     v = (x - before) / dt / 5e-4
     total += rubbing * v / (abs(v) + 1.0)
     slope += rubbing / (abs(v) + 1.0) ** 2 / dt / 5e-4
@@ -250,6 +259,9 @@ def resisting(
     heavy = e[0, HEAVY] / GAIN_m_s2 / dt
     total += braking * (x - before) + heavy * ((x - before) / dt - pair[SPEED])
     slope += braking + heavy / dt
+    if x > before:
+        total += e[0, LEAF] * (x - before) / dt / 5e-3
+        slope += e[0, LEAF] / dt / 5e-3
     if e[0, PITTED] > 0.0:
         off = (before - 6e-3 * (e[2, PITTED] - 0.5)) / PIT_m
         scale = e[0, PITTED] * math.exp(-off * off)

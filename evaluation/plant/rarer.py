@@ -12,11 +12,13 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
+    AFLOAT,
     AMPERE,
     BACK_STRESS,
     BUOYANT,
     CELLS,
     CHARGED,
+    CLAMP_WARM,
     CLAMP_WET,
     CLOUD,
     CONTACT,
@@ -34,15 +36,18 @@ from evaluation.plant.layout import (
     FORCE_X,
     FORCE_Y,
     FRACTION,
+    HALL_WARM,
     LEACHED,
     LOADED,
     MOLTEN,
     MOTOR_WARM,
     OXIDE,
+    PIN,
     PLUGGED,
     PRESSED_ON,
     PUMP,
     RATE,
+    SHARE_BEFORE,
     SILT,
     SLEEVED,
     SPEED,
@@ -108,10 +113,16 @@ CRACKLING = slot("crackling_wire")
 FANNED = slot("fanned_by_tendon")
 MOTOR_BELOW = slot("motor_under_tube")
 SPRAYED = slot("sprayed_clamp")
+LOOSENING = slot("loosening_crimp")
+FLAKES = slot("stirred_up_flakes")
+LAGGING = slot("shifted_lagging")
+MOTOR_FAN = slot("fan_on_other_motor")
+CLAMP = slot("massive_clamp")
 
-DEAD_LEG_J_K, CORE_J_K = 6.0, 1.0
+DEAD_LEG_J_K, CORE_J_K, CLAMP_J_K = 6.0, 1.0, 3.0
 GEL_degC, GEL_J = 38.0, 12.0  # where a gel melts, and what that takes
 CUTS_degC, MAKES_degC = 46.0, 40.0  # wire at which a bimetal beside it opens and closes
+PIN_SHIFTS_N, PIN_RETURNS_N = 1.5, 1.3  # load at which an anchor's pin shifts and returns
 FAN_S = 18.0  # how long a fan takes to come back
 STRAND_m = 1.5e-3  # travel that parts a broken strand wholly
 WAX_OPENS, WAX_CLOSES = 42.0, 36.0  # °C of the water at a thermostat
@@ -119,13 +130,15 @@ LAMP_S, LAMP_ON = 24.0, 0.375  # how often a lamp comes on, and for what share o
 
 
 @compiled
-def joints(s: int, e: Array, side: Array, heat: Array) -> float:
+def joints(s: int, e: Array, cells: Array, side: Array, heat: Array) -> float:
     """What the ends of spring `s` and their leads add to its resistance (ohm), and to `heat`."""
     inlet = -e[s, CURING] * (1.0 - math.exp(-side[s, CURED]))
     inlet += e[s, STRANDS] * side[s, STRAND]
     inlet += e[s, COHERES] * side[s, OXIDE]
     inlet = max(inlet, -0.95 * heat[0])
-    outlet = max(-e[s, PRESSED] * side[s, PRESSED_ON], -0.95 * heat[CELLS - 1])
+    outlet = e[s, LOOSENING] * max(cells[s, CELLS - 1, T] - 32.0, 0.0) / 10.0
+    outlet -= e[s, PRESSED] * side[s, PRESSED_ON]
+    outlet = max(outlet, -0.95 * heat[CELLS - 1])
     heat[0] += inlet
     heat[CELLS - 1] += outlet
     return float(inlet + outlet)
@@ -197,6 +210,11 @@ def seldom(
     wetter *= 1.0 + e[0, FAN] * math.sin(math.pi * (pair[TIME] / FAN_S + e[2, FAN])) ** 2
     stirred *= 1.0 + e[s, CRACKLING] * side[s, RATE] / (side[s, RATE] + 0.05)
     wetter *= 1.0 + e[0, FANNED] * speed / (speed + 2e-3)
+    stirred /= 1.0 + e[s, FLAKES] * side[s, AFLOAT]
+    drawn_in = pair[X] if s == 0 else -pair[X]
+    wetter *= 1.0 + e[s, LAGGING] * min(max(drawn_in / 4e-3, 0.0), 1.0)
+    wetter *= 1.0 + e[1 - s, MOTOR_FAN] * side[1 - s, PUMP]
+    rows[0, HEAT_WIRE] += e[s, CLAMP] * (side[s, CLAMP_WARM] - cells[s, 0, T])
     rows[CELLS - 1, TO_CLAMP] += e[s, SPRAYED] * side[s, CLAMP_WET]
     melting = e[s, GEL] * gel_over(s, cells, side)
     for i in range(CELLS):
@@ -329,3 +347,20 @@ def follow(s: int, p: Array, cells: Array, side: Array, pair: Array, dt: float) 
     tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
     side[s, TWINS] = approach(side[s, TWINS], fraction * (tension - 1.24) / 0.4, dt, 4.0)
     side[s, BACK_STRESS] = approach(side[s, BACK_STRESS], fraction, dt, 8.0)
+
+
+@compiled
+def trail(s: int, p: Array, e: Array, cells: Array, side: Array, pair: Array, dt: float) -> None:
+    """Update what trails spring `s`: flakes, a clamp's and a sensor's warmth, a pin."""
+    share = side[s, FLOW] / p[FULL_FLOW]
+    gained = max(share - side[s, SHARE_BEFORE], 0.0)
+    side[s, AFLOAT] = approach(side[s, AFLOAT], 0.0, dt, 4.0) + gained
+    side[s, SHARE_BEFORE] = share
+    side[s, CLAMP_WARM] += dt * e[s, CLAMP] * (cells[s, 0, T] - side[s, CLAMP_WARM]) / CLAMP_J_K
+    warm = (cells[s, CELLS - 1, W] - 27.0) / 20.0
+    side[s, HALL_WARM] = approach(side[s, HALL_WARM], warm, dt, 6.0)
+    tension = pair[FORCE_X] if s == 0 else pair[FORCE_Y]
+    if tension > PIN_SHIFTS_N:
+        side[s, PIN] = approach(side[s, PIN], 1.0, dt, 0.3)
+    elif tension < PIN_RETURNS_N:
+        side[s, PIN] = approach(side[s, PIN], 0.0, dt, 0.3)

@@ -14,6 +14,7 @@ from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
     AMPERE,
     AVERAGED,
+    CABLE,
     CELL_SWING,
     CELL_SWING_RATE,
     CELLS,
@@ -28,6 +29,7 @@ from evaluation.plant.layout import (
     FORCE_Y,
     FRACTION,
     GLANCE,
+    HALL_WARM,
     IDLE,
     INDEXED,
     KNOCKED,
@@ -41,6 +43,7 @@ from evaluation.plant.layout import (
     PEAK_VOLT,
     PUMP,
     REMANENT,
+    REPORTED,
     RESERVOIR,
     RING_FORCE,
     RING_LENGTH,
@@ -48,6 +51,7 @@ from evaluation.plant.layout import (
     RING_X,
     RTD_A,
     RTD_B,
+    SEEN_BEFORE,
     SENSE_SOAK,
     SETTLED,
     SHOWN,
@@ -55,6 +59,8 @@ from evaluation.plant.layout import (
     SLIPPED,
     SPEED,
     STEM,
+    STUCK,
+    TAPE,
     TIME,
     TORN_AT,
     TRAILING,
@@ -126,11 +132,20 @@ BRACKET = slot("yielding_bracket")
 CELL_RINGS = slot("resonant_filter")
 GHOST = slot("ghost_of_rtd")
 OVERSHOOTS = slot("overshooting_hall")
+DIVIDER = slot("warmed_divider")
+TABLE = slot("wrong_table_entry")
+STICKS = slot("sticking_element")
+SOFT_TAPE = slot("soft_tape")
+BOWED = slot("bowed_scale")
+RUBS = slot("rubbing_cable")
+THRIFTY = slot("thrifty_converter")
+ON_RETURN = slot("hall_on_hose")
 
 CELL_RAD_S, CELL_DAMPING = 2.0 * math.pi * 0.2, 0.12  # slow enough for the load to excite it
 MISSED_S = 13.0  # after which two clocks are a whole sample apart
 ZEROS_S, HASTE_S = 7.0, 0.5  # between zeros of a voltmeter; over which an RTD's rate is taken
 TORN_mm = 0.1  # half a torn line's length
+STUCK_K, RUBS_m = 4.0, 1e-3  # how far a winding and a cable give before they slip
 CODE_N = 1.4  # what a converter reads in place of missing codes
 SLOW_mm_s, FALLS_ASLEEP_S = 0.3, 2.0  # how slow and for how long before an encoder sleeps
 
@@ -184,6 +199,12 @@ def rtd(
         reading += e[s, ON_WIRE] * austenite
     side[s, TRAILING] = approach(side[s, TRAILING], reading, dt, HASTE_S)
     reading += e[s, MAKES_UP] * (reading - side[s, TRAILING]) / HASTE_S
+    stuck = side[s, STUCK] + (side[s, RTD_B] - side[s, SEEN_BEFORE]) / STUCK_K
+    side[s, STUCK] = min(max(stuck, -1.0), 1.0)
+    side[s, SEEN_BEFORE] = side[s, RTD_B]
+    reading -= e[s, STICKS] * side[s, STUCK]
+    off = (reading - 30.0 - 10.0 * e[2, TABLE]) / 3.0
+    reading += e[s, TABLE] * math.exp(-off * off)
     if e[s, RIPPLE_FILTER] > 0.0:
         slow = e[s, RIPPLE_FILTER] * side[s, AMPERE] / 4.0
         side[s, AVERAGED] = approach(side[s, AVERAGED], reading, dt, slow)
@@ -237,6 +258,9 @@ def travel(seen_mm: float, dt: float, e: Array, pair: Array) -> float:
     reading -= e[0, DRAGGED_HEAD] * pair[SPEED] / (abs(pair[SPEED]) + 5e-4)
     pair[YIELDED] = approach(pair[YIELDED], (pair[FORCE_X] - 1.24) / 0.4, dt, 6.0)
     reading += e[0, BRACKET] * pair[YIELDED]
+    reading += e[0, BOWED] * (seen_mm / 5.0) ** 2
+    pair[TAPE] = approach(pair[TAPE], reading, dt, 5.0)
+    reading -= e[0, SOFT_TAPE] * (reading - pair[TAPE])
     time = pair[TIME]
     torn = math.tanh((seen_mm + 2.0 - 6.0 * e[2, TORN]) / TORN_mm)
     if time > dt:
@@ -279,9 +303,13 @@ def load(seen_N: float, dt: float, e: Array, side: Array, pair: Array) -> float:
     for s in range(2):
         ampere = side[s, AMPERE]
         reading += e[0, RIPPLE] * ampere * max(4.0 - ampere, 0.0) / 4.0
+    pair[CABLE] = min(max(pair[CABLE] + dt * pair[SPEED] / RUBS_m, -1.0), 1.0)
+    reading += e[0, RUBS] * pair[CABLE]
     if abs(reading - CODE_N) < e[0, MISSING]:
         reading = CODE_N
-    return float(reading)
+    if abs(reading - pair[REPORTED]) > e[0, THRIFTY]:
+        pair[REPORTED] = reading
+    return float(pair[REPORTED])
 
 
 @compiled
@@ -308,12 +336,14 @@ def read(
         out[s] *= max(0.1, 1.0 - e[0, BATTERY] * pair[TIME] / 60.0)
         side[s, COIL_LAG] = approach(side[s, COIL_LAG], out[s], dt, 2.0)
         out[s] += e[s, OVERSHOOTS] * (out[s] - side[s, COIL_LAG])
+        out[s] *= max(0.1, 1.0 + e[s, ON_RETURN] * side[s, HALL_WARM])
         contact = e[s, CONTACT_OHM] * (0.7 + 0.6 * side[s, CONTACT])
         out[2 + s] = side[s, AMPERE] * (side[s, OHM] + contact)
         out[2 + s] += e[0, SHARED_RETURN] * side[1 - s, AMPERE]
         turn = pair[TIME] / 9.0 + e[2, STROBED]
         ripple = side[s, AMPERE] * max(4.0 - side[s, AMPERE], 0.0) / 4.0
         out[2 + s] += e[s, STROBED] * ripple * math.sin(2.0 * math.pi * turn)
+        out[2 + s] *= max(0.1, 1.0 + e[0, DIVIDER] * pair[DRIVERS_WARM])
         if e[s, MIST] > 0.0:
             share = side[s, FLOW] / p[FULL_FLOW]
             slow = 3.0 if share > side[s, MISTED] else 15.0

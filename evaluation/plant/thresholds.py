@@ -18,6 +18,7 @@ from evaluation.plant.layout import (
     INNER_STRESS,
     LOADED,
     MIXED,
+    TAKEN_UP,
     WORK_DONE,
 )
 from evaluation.plant.parameters import index
@@ -26,6 +27,7 @@ from evaluation.plant.phase import cooling_shift
 Array = NDArray[np.float64]
 
 HEAT_SLOPE = index("heat_slope_MPa_K")
+STRESS = index("stress_MPa_N")
 
 MINOR_LOOP = slot("minor_loop")
 DRIFT = slot("transformation_drift")
@@ -33,6 +35,7 @@ LINGERING = slot("lingering_stress")
 INTERFACES = slot("settling_interfaces")
 LOAD_WORKS = slot("worked_by_load")
 BACK_STRESSES = slot("relaxing_back_stress")
+TAKES_UP = slot("lagging_stress")
 
 
 @compiled
@@ -56,4 +59,5 @@ def shifts(
     held = e[s, INTERFACES] * side[s, MIXED]
     worked = e[s, LOAD_WORKS] * (1.0 - math.exp(-side[s, LOADED]))
     left = e[s, BACK_STRESSES] * (side[s, BACK_STRESS] - cells[s, i, FRACTION])
+    left -= e[s, TAKES_UP] * (stress / p[STRESS] - side[s, TAKEN_UP]) / 0.4
     return heat + held - worked + left, cool - held - worked + left

@@ -34,6 +34,7 @@ from evaluation.plant.layout import (
     RATE,
     RESERVOIR,
     RESTED,
+    TAKEN_UP,
     TURNED,
     WET,
     WORK_DONE,
@@ -56,6 +57,7 @@ from evaluation.plant.rarer import (
     seldom,
     settle,
     soak,
+    trail,
     wear,
 )
 from evaluation.plant.thermal import (
@@ -109,6 +111,7 @@ IONS = slot("leached_ions")
 WARM_LATENT = slot("warm_latent")
 PINNED = slot("freed_interfaces")
 INTERFACES = slot("scattering_interfaces")
+OF_REST = slot("latent_of_rest")
 
 
 @compiled
@@ -135,7 +138,7 @@ def resistance(s: int, p: Array, e: Array, cells: Array, side: Array, heat: Arra
         factor += e[s, INTERFACES] * mixed
         heat[i] = base * factor / CELLS
         total += heat[i]
-    return float(total * beside + joints(s, e, side, heat))
+    return float(total * beside + joints(s, e, cells, side, heat))
 
 
 @compiled
@@ -183,6 +186,7 @@ def coefficients(
         warmer = (cells[s, i, T] - 37.0) / 10.0
         row[LATENT] = latent * max(0.1, 1.0 + e[s, WARM_LATENT] * warmer)
         row[LATENT] *= 1.0 + e[s, PINNED] * cells[s, i, HEATING]
+        row[LATENT] *= 1.0 + e[s, OF_REST] * side[s, RESTED]
         row[STORES] = p[WIRE_HEAT] / CELLS
     rows[0, TO_CLAMP] = e[s, COLD_ENDS]
     rows[CELLS - 1, TO_CLAMP] = 0.5 * e[s, COLD_ENDS]
@@ -238,6 +242,7 @@ def remember(
         tension = stress / p[STRESS]
         fading = approach(side[s, INNER_STRESS], tension, dt, 25.0)
         side[s, INNER_STRESS] = max(tension, fading)
+    side[s, TAKEN_UP] = approach(side[s, TAKEN_UP], stress / p[STRESS], dt, 6.0)
     if 0.15 < mean < 0.85:
         side[s, MIXED] = approach(side[s, MIXED], 1.0, dt, 10.0)
     else:
@@ -294,5 +299,6 @@ def tube(
     soak(s, p, e, cells, side, dt)
     linger(s, p, e, cells, side, pair, dt)
     follow(s, p, cells, side, pair, dt)
+    trail(s, p, e, cells, side, pair, dt)
     settle(s, e, cells, side, pair, dt)
     side[s, CONTACT] = approach(side[s, CONTACT], amperes * amperes / 16.0, dt, 8.0)

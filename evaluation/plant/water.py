@@ -12,6 +12,7 @@ from evaluation.plant.compiled import compiled
 from evaluation.plant.drive import approach
 from evaluation.plant.effects import slot
 from evaluation.plant.layout import (
+    AMPERE,
     BACKED_UP,
     BUBBLE,
     CELLS,
@@ -20,6 +21,7 @@ from evaluation.plant.layout import (
     DRAWN,
     FILL,
     FLOW,
+    PLATE_WARM,
     POCKET,
     RESERVOIR,
     RETURNED,
@@ -39,6 +41,7 @@ DEPTH = slot("drawn_from_depth")
 TEE = slot("sucked_through_tee")
 BACKWASH = slot("warm_backwash")
 CHILLER = slot("relay_chiller")
+COOLED_DRIVER = slot("water_cooled_driver")
 
 DRY = 0.04  # what a drained cell keeps: a film on the wall
 POCKETS_PER_S = 1.2
@@ -117,4 +120,7 @@ def entering(
     if s == 0:
         chill(cells, side, pair, dt)
     source -= e[0, CHILLER] * pair[CHILLED_BY]
+    lost = side[s, PLATE_WARM] * (1.0 + 6.0 * side[s, FLOW] / 0.55) / 20.0
+    side[s, PLATE_WARM] += dt * ((side[s, AMPERE] / 4.0) ** 2 / 4.0 - lost)
+    source += e[s, COOLED_DRIVER] * side[s, PLATE_WARM]
     return float(source)
