@@ -49,6 +49,11 @@ class EffectPart:
     def places(self) -> tuple[str, ...]:
         return self.effect.places
 
+    @property
+    def has_strength(self) -> bool:
+        """Whether it can be more or less; else it is there or not."""
+        return any(q.strength for q in self.effect.parameters)
+
     def bounds(self) -> tuple[Array, Array]:
         low = [q.low / q.scale for q in self.effect.parameters]
         high = [q.high / q.scale for q in self.effect.parameters]
@@ -80,8 +85,7 @@ class EffectPart:
         return np.where(strengths, share * p, p)
 
     def absent(self, p: Array) -> Array:
-        strengths = any(q.strength for q in self.effect.parameters)
-        return self.weaker(p, 0.0) if strengths else np.full(self.size, np.inf)
+        return self.weaker(p, 0.0) if self.has_strength else np.full(self.size, np.inf)
 
     def values(self, p: Array) -> dict[str, float]:
         """The effect's values at coordinates `p`."""

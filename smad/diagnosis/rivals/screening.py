@@ -3,7 +3,8 @@
 At a reference a change is scaled to take most of the rows that are left, with the parameters open
 beside it. A right effect is often hidden where the parameters have moved to imitate it, so every
 reference is asked, and the best of each are fitted. What an effect changes does not grow evenly
-with its values: a fit begins where a replay leaves least.
+with its values: a fit begins where a replay leaves least. An effect that is there or not is always
+fitted: what it changes is not small, and a linear picture of it promises nothing.
 """
 
 from __future__ import annotations
@@ -20,6 +21,9 @@ from smad.diagnosis.rivals.evidence import Evidence
 from smad.diagnosis.rivals.fit import Reference, replayed, weights
 from smad.diagnosis.rivals.parts import EffectPart
 
+_MOST = 8
+"""Effects of a reference that are worth a fit. One that acts beyond a limit may promise little: an
+overflow of tanks, which left least, a fifth of what another one did."""
 _FURTHEST = 3.0
 """How far a change is scaled beyond the level that it was made at."""
 _WORTH, _STARTS = 0.5, 4
@@ -70,10 +74,10 @@ def screened(evidence: Evidence, reference: Reference, changes: Sequence[Change]
     for change in changes:
         s = beside(change.rows[None].astype(np.float64))[0]
         square, along = float(s @ s), float(s @ z)
-        if square <= 0.0 or along <= 0.0:
-            continue
         effect = change.effect
         strengths = {q.name for q in effect.parameters if q.strength}
+        if strengths and (square <= 0.0 or along <= 0.0):
+            continue
         scale = min(along / square, _FURTHEST) if strengths else 1.0
         gain = 2.0 * scale * along - scale**2 * square
         scaled = {n: v * scale if n in strengths else v for n, v in change.values.items()}
@@ -83,9 +87,15 @@ def screened(evidence: Evidence, reference: Reference, changes: Sequence[Change]
     for name, found in promising.items():
         found.sort(key=lambda pair: -pair[0])
         best = found[0][0]
-        starts = [start for gain, start in found if gain >= _WORTH * best][:_STARTS]
+        least = best - (1.0 - _WORTH) * abs(best)
+        starts = [start for gain, start in found if gain >= least][:_STARTS]
         out.append(Screened(part=parts[name], starts=tuple(starts), gain=best))
     return sorted(out, key=lambda s: -s.gain)
+
+
+def worth_a_fit(ranked: Sequence[Screened]) -> list[Screened]:
+    """Of effects by what they take, those that are fitted."""
+    return [s for k, s in enumerate(ranked) if k < _MOST or not s.part.has_strength]
 
 
 def started(

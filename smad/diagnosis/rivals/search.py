@@ -31,13 +31,10 @@ from smad.diagnosis.rivals.laws import selected_laws
 from smad.diagnosis.rivals.parts import EffectPart, Part
 from smad.diagnosis.rivals.rival import Question, Rival, cannot_replay
 from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, PARAMETERS
-from smad.diagnosis.rivals.screening import Screened, screened, started
+from smad.diagnosis.rivals.screening import Screened, screened, started, worth_a_fit
 
 MOST_CAUSES = 3
 """Of an answer. Both of two changes are found in a third of the pairs (decision 0720)."""
-_SCREENED = 8
-"""Effects of each reference that are fitted. One that acts beyond a limit may promise little: an
-overflow of tanks, which left least, a fifth of what another one did."""
 _LAWS = 4
 """Places whose law is fitted."""
 _LIKELIER = 0.5
@@ -296,7 +293,7 @@ class _Search(Searched):
         """The most promising effects that a reference does not have, the best first."""
         present = {part.name for part in reference.model.parts}
         changes = [c for c in self.changes if c.effect.name not in present]
-        return screened(self.question.evidence, reference, changes)[:_SCREENED]
+        return worth_a_fit(screened(self.question.evidence, reference, changes))
 
     def _rivals(self, current: Rival) -> list[Rival]:
         """Effects and laws beside what a model has, each fitted and scored."""
