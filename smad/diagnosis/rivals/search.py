@@ -184,14 +184,17 @@ class _Search(Searched):
         """What enters: the likeliest that brings the judged runs nearer, if more is missing.
 
         What enters beside another part lessens the gap, too, and what does so is likelier than not.
+        A simulator that surely lacks something may lack several things, between which likelihood
+        is shared: there what enters is likelier than that no rival describes one.
         """
         same, more = _same(ranked), [r for r in ranked if r.has_part]
-        score = self.final.scores.sum()
+        score, sure = self.final.scores.sum(), self.question.incomplete(same)
         nearer = [r for r in more if r.probability > 0.0 and r.scores.sum() > score]
-        if self.parts:
+        if self.parts or sure:
             gap = self.question.gap(self.final)
             more = nearer = [r for r in nearer if self.question.gap(r) < gap]
-        if nearer and sum(r.probability for r in more) > _LIKELIER:
+        missing = sum(r.probability for r in more) > _LIKELIER
+        if nearer and (missing or sure and nearer[0].probability > same[0].probability):
             return _named(nearer[0], ranked)
         return same[0] if same[0].kind == PARAMETERS and not self.moved else None
 
