@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from bench.cold_start import build_wheel
-from smad.cli import docs
+from smad import pages
 from smad.errors import SmadError
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -356,9 +356,9 @@ def test_every_page_that_a_message_refers_to_is_printed_by_its_command() -> None
     cited = cited_pages()
     assert len(cited) > 5
     for name in cited:
-        assert docs.text(name).startswith("# ")
+        assert pages.text(name).startswith("# ")
     with pytest.raises(SmadError, match=r"no such page; got guide/client; allowed: guide/clients"):
-        docs.text("guide/client")
+        pages.text("guide/client")
 
 
 def test_the_authors_and_keywords_of_the_package_are_those_of_the_citation() -> None:

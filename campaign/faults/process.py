@@ -27,7 +27,6 @@ from campaign.rig import PATIENCE_S
 from campaign.scripted_client import ScriptedClient
 from firmware_protocol.enums import BoardState
 from smad.api import Arm, Reason
-from smad.checkup.series import cut_by
 from smad.client import Client, Refused
 from smad.client.renewal import DEFAULT_LEASE_S
 from smad.control.commands import DriveCurrent
@@ -205,7 +204,7 @@ def _disarm_program(rig: FaultRig, client: Client) -> str:
     said, _ = program.communicate(timeout=PATIENCE_S)
     if GAVE_UP not in said:
         return f"the program ended otherwise: {said!r}"
-    cut = cut_by(rig.log)
+    cut = read_run(rig.log).cut_by
     return "" if "disarm of a client" in cut else f"the log of the run says {cut!r} of what cut it"
 
 

@@ -65,14 +65,14 @@ def simulated(model: Model, *, seed: int) -> Iterator[Player]:
 
 
 @contextlib.contextmanager
-def live(client: Client, *, bench: str, who: str, say: Say, progress: Say) -> Iterator[Player]:
+def live(client: Client, *, bench: str, say: Say, progress: Say) -> Iterator[Player]:
     """The bench of the running daemon, disarmed after each run and at the end.
 
     `client` is ready to arm. Each run begins from the same rest: cold, after a stroke of each
     spring. A bench that does not come back to where the recorded run began is played all the same,
     and `say` tells of it.
     """
-    player = LivePlayer(client, bench=bench, who=who, say=say, progress=progress)
+    player = LivePlayer(client, bench=bench, say=say, progress=progress)
     try:
         # One client plays all series: another would not know of a stop before it.
         yield lambda series: player
@@ -81,12 +81,11 @@ def live(client: Client, *, bench: str, who: str, say: Say, progress: Say) -> It
 
 
 class LivePlayer:
-    """Plays runs on the bench of `client`, each under a lease of `who`."""
+    """Plays runs on the bench of `client`, each under a lease."""
 
-    def __init__(self, client: Client, *, bench: str, who: str, say: Say, progress: Say) -> None:
+    def __init__(self, client: Client, *, bench: str, say: Say, progress: Say) -> None:
         self._client = client
         self._bench = bench
-        self._who = who
         self._say = say
         self._progress = progress
         self._config = parse_config(client.config())
@@ -109,7 +108,7 @@ class LivePlayer:
         )
         driver.start = None if repeat is None else repeat.start
         leased = LeasedDriver(
-            self._client, driver, lease_s=LEASE_S, progress=self._progress, who=self._who
+            self._client, driver, lease_s=LEASE_S, progress=self._progress, who="smad gap"
         )
         self._armed = True
         ended, began_s = "", self._client.motion().board_time_s

@@ -21,6 +21,7 @@ from smad.errors import SmadError
 from smad.files import named_output
 from smad.progress import Say
 from smad.runlog.header import date_of
+from smad.runlog.paths import SUFFIX
 from smad.runlog.reader import read_run
 
 _STATE = "series.json"
@@ -142,18 +143,17 @@ def finished(folders: Sequence[Path], programme: Programme) -> list[Path]:
 
 
 def cut_by(log: Path) -> str:
-    """What cut a recorded run, "stopped by …"; empty for a run that came to its end."""
-    return read_run(log).cut_by
+    """What cut a recorded run, "stopped by …"; empty for a run that came to its end.
+
+    Empty also for what cannot be read: what is wrong with it is told when its rows are read.
+    """
+    with contextlib.suppress(SmadError):
+        return read_run(log).cut_by if log.suffix.lower() == SUFFIX else ""
+    return ""
 
 
 def _whole(log: Path) -> bool:
-    if not log.exists():
-        return False
-    try:
-        return not cut_by(log)
-    except SmadError:
-        # What is wrong with it is told when its rows are read.
-        return True
+    return log.exists() and not cut_by(log)
 
 
 def keep(log: Path, target: Path) -> None:

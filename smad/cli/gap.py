@@ -12,10 +12,9 @@ from smad.cli.gap_plan import plan_runs
 from smad.cli.gap_print import (
     SpringPair,
     arguments_text,
-    print_verdict,
     require_answered,
+    show_verdict,
     variant_option,
-    write_verdict,
 )
 from smad.cli.gap_runs import (
     ManyRuns,
@@ -28,7 +27,7 @@ from smad.cli.gap_runs import (
     without_cut_runs,
     without_left_out,
 )
-from smad.cli.gap_simulator import Simulator, diagnose_simulator, mapping_of, processes_option
+from smad.cli.gap_simulator import Simulator, mapping_of, processes_option
 from smad.cli.options import EXISTING, OUTPUT, Group, argument, json_option, option, together
 from smad.cli.output import plain_errors, print_json
 from smad.cli.quantity import Whole
@@ -83,30 +82,25 @@ def diagnose(
         raise click.UsageError("--processes needs --fmu or --mjcf; leave it out")
     with plain_errors():
         if simulator.given:
-            answer = diagnose_simulator(simulator, runs, good, hold_out, trust, processes=processes)
+            answer = simulator.diagnose(
+                runs, good=good, hold_out=hold_out, trusted=trust, processes=processes
+            )
             arguments = ""
         else:
             from smad.diagnosis.spring_pair.files import diagnose_files
 
-            map_path = simulator.map_path
-            mapping = None if map_path is None else mapping_of(map_path)
-            plant = pair.plant()
+            mapping = mapping_of(simulator.map_path)
             with progress() as line:
                 answer = diagnose_files(
-                    plant, runs, good, hold_out, trust, mapping=mapping, progress=line.say
+                    pair.plant(), runs, good, hold_out, trust, mapping=mapping, progress=line.say
                 )
             # Of a plant that is not ours, no command but this one is known.
-            arguments = arguments_text(runs, hold_out, good, map_path)
-    written = write_verdict(answer, json_path, html_path, arguments)
+            arguments = arguments_text(runs, hold_out, good, simulator.map_path)
+    verdict = answer.verdict
     # A refused answer has no model; why it was refused says more than that.
-    if model_path is not None and (answer.verdict.models or answer.verdict.outcome != "refused"):
-        with named_output(model_path) as path:
-            answer.verdict.write_model(path)
-        written.append(model_path)
-    print_verdict(answer.verdict, arguments)
-    for path in written:
-        click.echo(f"written: {path}", err=True)
-    require_answered(answer.verdict)
+    model_path = None if verdict.outcome == "refused" and not verdict.models else model_path
+    show_verdict(answer, json_path, html_path, model_path, verdict.write_model, arguments=arguments)
+    require_answered(verdict)
 
 
 @gap.command()

@@ -3,25 +3,58 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping
+import functools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from smad.cli.gap_print import print_verdict, write_verdict
-from smad.cli.options import FOLDER, OUTPUT, Command, axis_option, flag, option
+from smad.cli.gap_print import print_verdict, show_verdict
+from smad.cli.options import FOLDER, OUTPUT, Command, axis_option, flag, option, together
 from smad.cli.output import ready_client
 from smad.cli.quantity import Quantity, Whole
 from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
 from smad.counted import counted
-from smad.files import named_output
 from smad.view.terminal.progress import Progress, progress
 
 if TYPE_CHECKING:
     from smad.checkup.series import Player
 
-_programme = option("--programme", "A programme in place of the package's.", FOLDER)
+
+@dataclass(frozen=True, kw_only=True)
+class _Bench:
+    """What plays the runs of a programme: a simulated bench, or that of the running daemon."""
+
+    sim: bool = sim_option
+    seed: int = seed_option
+    programme_folder: Path | None = option(
+        "--programme", "A programme in place of the package's.", FOLDER
+    )
+    bench: str = axis_option
+
+    @property
+    def name(self) -> str:
+        """What a baseline of it says it is of."""
+        return "simulated" if self.sim else self.bench
+
+    @contextlib.contextmanager
+    def player(self, line: Progress, effects: Sequence[str] = ()) -> Iterator[Player]:
+        """Plays runs for as long as the block lasts; that of a daemon is ready to arm."""
+        from smad.checkup.play import live, simulated
+
+        if self.sim:
+            with simulated(simulated_model(effects), seed=self.seed) as player:
+                yield player
+            return
+        with (
+            ready_client(self.bench, extra="gap") as connected,
+            live(connected, bench=self.bench, say=line.note, progress=line.say) as player,
+        ):
+            yield player
+
+
 _NOW = 1000
 """What a simulated bench adds to its seed after the commissioning, whose repeats count from 1."""
 
@@ -35,10 +68,7 @@ def commission(
     ),
     again: bool = flag("--again", "Add repeats to a baseline, for a better floor."),
     quick: bool = flag("--quick", "Only the part that separates most."),
-    sim: bool = sim_option,
-    seed: int = seed_option,
-    programme_folder: Path | None = _programme,
-    bench: str = axis_option,
+    bench: _Bench = together(_Bench),
 ) -> None:
     """Record the programme on a good bench, as a baseline.
 
@@ -50,19 +80,18 @@ def commission(
     from smad.checkup.programme import chosen
     from smad.diagnosis.spring_pair import SmaPlant
 
-    plant, programme = SmaPlant(), chosen(programme_folder, quick=quick)
-    whose = "simulated" if sim else bench
+    plant, programme = SmaPlant(), chosen(bench.programme_folder, quick=quick)
     with progress() as line:
         known = baselines.to_extend(
-            folder, plant, programme, bench=whose, again=again, say=line.note
+            folder, plant, programme, bench=bench.name, again=again, say=line.note
         )
-        with _player(line, sim=sim, seed=seed, effects=(), bench=bench) as player:
+        with bench.player(line) as player:
             reference = baselines.commission(
                 folder,
                 plant,
                 programme,
                 player,
-                bench=whose,
+                bench=bench.name,
                 repeats=repeats,
                 known=known,
                 say=line.note,
@@ -104,10 +133,7 @@ def checkup(
         FOLDER,
     ),
     effects: tuple[str, ...] = effect_option,
-    sim: bool = sim_option,
-    seed: int = seed_option,
-    programme_folder: Path | None = _programme,
-    bench: str = axis_option,
+    bench: _Bench = together(_Bench),
     json_path: Path | None = option("--json", "Write the verdict here.", OUTPUT),
     page_path: Path | None = option("--report", "Write a page with figures here.", OUTPUT),
     model_path: Path | None = option(
@@ -133,18 +159,17 @@ def checkup(
             judgement = check.check_files(plant, good, now, say=line.note, progress=line.say)
         else:
             assert folder is not None
-            programme = chosen(programme_folder, quick=quick)
+            programme = chosen(bench.programme_folder, quick=quick)
             baseline, played = load(folder, plant), now is None
             if now is None:
-                whose = "simulated" if sim else bench
-                with _player(line, sim=sim, seed=seed, effects=effects, bench=bench) as player:
+                with bench.player(line, effects) as player:
                     now = check.played_now(
                         folder,
                         baseline,
                         programme,
                         player(_NOW),
                         out=out,
-                        bench=whose,
+                        bench=bench.name,
                         say=line.note,
                     )
             judgement = check.check_folder(
@@ -157,14 +182,8 @@ def checkup(
                 progress=line.say,
             )
     facts = [("baseline", str(folder or good)), ("repeats", str(judgement.pairs.good.repeats))]
-    written = write_verdict(judgement.answer, json_path, page_path, facts=facts)
-    if model_path is not None:
-        with named_output(model_path) as path:
-            save_model_of(plant, judgement, path)
-        written.append(model_path)
-    print_verdict(judgement.verdict)
-    for path in written:
-        click.echo(f"written: {path}", err=True)
+    save_model = functools.partial(save_model_of, plant, judgement)
+    show_verdict(judgement.answer, json_path, page_path, model_path, save_model, facts=facts)
 
 
 @click.command(cls=Command)
@@ -178,10 +197,7 @@ def investigate(
         default=20.0,
     ),
     effects: tuple[str, ...] = effect_option,
-    sim: bool = sim_option,
-    seed: int = seed_option,
-    programme_folder: Path | None = _programme,
-    bench: str = axis_option,
+    bench: _Bench = together(_Bench),
 ) -> None:
     """Check up, then measure more until one cause is left.
 
@@ -198,16 +214,13 @@ def investigate(
     from smad.diagnosis.spring_pair import SmaPlant
     from smad.diagnosis.verdict import CHECK_UP
 
-    require_sim(effects, sim=sim)
-    plant, programme = SmaPlant(), chosen(programme_folder)
+    require_sim(effects, sim=bench.sim)
+    plant, programme = SmaPlant(), chosen(bench.programme_folder)
     baseline = load(folder, plant)
-    require_same(folder, baseline, "simulated" if sim else bench, programme, part=True)
+    require_same(folder, baseline, bench.name, programme, part=True)
     place = open_folder(folder)
     played = len(list(place.glob("*.mcap")))
-    with (
-        progress() as line,
-        _player(line, sim=sim, seed=seed, effects=effects, bench=bench) as player,
-    ):
+    with progress() as line, bench.player(line, effects) as player:
         inquiry = Inquiry(
             plant=plant,
             reference=baseline.reference,
@@ -235,21 +248,3 @@ def investigate(
     if report.model:
         click.echo(f"model: {report.model}")
     click.echo(f"runs and report: {place}")
-
-
-@contextlib.contextmanager
-def _player(
-    line: Progress, *, sim: bool, seed: int, effects: tuple[str, ...], bench: str
-) -> Iterator[Player]:
-    """What plays runs: a simulated bench, or that of the running daemon."""
-    from smad.checkup.play import live, simulated
-
-    if sim:
-        with simulated(simulated_model(effects), seed=seed) as player:
-            yield player
-        return
-    with (
-        ready_client(bench, extra="gap") as connected,
-        live(connected, bench=bench, who="smad gap", say=line.note, progress=line.say) as player,
-    ):
-        yield player

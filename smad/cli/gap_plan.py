@@ -8,7 +8,7 @@ import click
 
 from smad.cli.gap_print import SpringPair
 from smad.cli.gap_runs import files
-from smad.cli.gap_simulator import Simulator, warn_that_code_runs
+from smad.cli.gap_simulator import Simulator
 from smad.cli.options import Command, json_option, option, together
 from smad.cli.output import plain_errors, print_json
 from smad.cli.quantity import Quantity
@@ -45,29 +45,17 @@ def plan_runs(
     from smad.simulators.planning import left_of, plan_pair
 
     simulator.require_pairs()
-    map_path = simulator.map_path
     if not inputs and not experiments:
         raise click.UsageError("nothing would be played; give --inputs FILE or --experiment NAME")
-    if map_path is not None and not simulator.given:
+    if simulator.map_path is not None and not simulator.given:
         raise click.UsageError("--map needs --fmu or --mjcf; give one of them")
-    if experiments and map_path is not None:
+    if experiments and simulator.given:
         raise click.UsageError(
             "--experiment works with the spring pair only; with --map give --inputs"
         )
-    left_s = left_of(within_s)
     with plain_errors():
-        if simulator.mjcf is not None and map_path is not None:
-            from smad.simulators.mjcf.asked import plan_mjcf
-
-            window_s = simulator.window_s
-            planned = plan_mjcf(
-                simulator.mjcf, map_path, inputs, window_s=window_s, within_s=left_s
-            )
-        elif simulator.fmu is not None and map_path is not None:
-            from smad.fmi.asked import plan_unit
-
-            warn_that_code_runs(simulator.fmu)
-            planned = plan_unit(simulator.fmu, map_path, inputs, within_s=left_s)
+        if simulator.given:
+            planned = simulator.plan(inputs, left_of(within_s))
         else:
             planned = plan_pair(pair.plant(), inputs, experiments, within_s=within_s)
     if as_json:

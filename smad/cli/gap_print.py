@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -60,25 +60,31 @@ def arguments_text(
     return shlex.join(words)
 
 
-def write_verdict(
+def show_verdict(
     answer: Answer,
     json_path: Path | None,
     page_path: Path | None,
+    model_path: Path | None,
+    save_model: Callable[[Path], None],
+    *,
     arguments: str = "",
     facts: Sequence[tuple[str, str]] = (),
-) -> list[Path]:
-    """Write the verdict and its page where asked for, each file whole; returns those written."""
-    written = []
+) -> None:
+    """Write verdict, page and model where asked for, each file whole; print verdict and files."""
     if json_path is not None:
         with named_output(json_path) as path:
             path.write_bytes(answer.verdict.to_json())
-        written.append(json_path)
     if page_path is not None:
         from smad.diagnosis.report.page import page_of
         from smad.report.page import write_page
 
-        written.append(write_page(page_of(answer, arguments, facts=facts), page_path))
-    return written
+        write_page(page_of(answer, arguments, facts=facts), page_path)
+    if model_path is not None:
+        with named_output(model_path) as path:
+            save_model(path)
+    print_verdict(answer.verdict, arguments)
+    for written in filter(None, (json_path, page_path, model_path)):
+        click.echo(f"written: {written}", err=True)
 
 
 def print_verdict(verdict: Verdict, arguments: str = "") -> None:

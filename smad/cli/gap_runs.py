@@ -8,7 +8,7 @@ import click
 
 from smad.cli import complete
 from smad.cli.options import Command, argument, option
-from smad.runlog.paths import SUFFIX, names_of
+from smad.runlog.paths import names_of
 from smad.view.terminal.progress import note
 
 
@@ -110,21 +110,13 @@ def without_cut_runs(good: Sequence[Path]) -> tuple[Path, ...]:
     """
     from smad.checkup.files import left_out
     from smad.checkup.series import cut_by
-    from smad.errors import SmadError
 
-    whole: list[Path] = []
-    for path in good:
-        try:
-            cut = cut_by(path) if path.suffix.lower() == SUFFIX else ""
-        except SmadError:
-            # What is wrong with it is reported when its rows are read.
-            cut = ""
-        if cut:
-            note(left_out(path, cut))
-        else:
-            whole.append(path)
+    cuts = {path: cut for path in good if (cut := cut_by(path))}
+    for path, cut in cuts.items():
+        note(left_out(path, cut))
+    whole = tuple(path for path in good if path not in cuts)
     if good and not whole:
         raise click.BadParameter(
             "every good run was cut short. Give complete runs", param_hint="--good"
         )
-    return tuple(whole)
+    return whole

@@ -16,6 +16,7 @@ from smad.view.terminal.progress import note, progress
 if TYPE_CHECKING:
     from smad.diagnosis.answer import Answer
     from smad.records.channels import MappingFile
+    from smad.simulators.planning import Plan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +51,38 @@ class Simulator:
         if self.window_s is not None and self.mjcf is None:
             raise click.UsageError("--window needs --mjcf; leave it out")
 
+    def diagnose(self, runs: Sequence[Path], **asked: Any) -> Answer:
+        """The answer for it; `asked` is all else that `diagnose_mjcf` and `diagnose_unit` take."""
+        assert self.map_path is not None
+        with progress() as line:
+            asked |= {"progress": line.say, "announced": line.note}
+            if self.mjcf is not None:
+                from smad.simulators.mjcf.asked import diagnose_mjcf
+
+                return diagnose_mjcf(
+                    self.mjcf, self.map_path, runs, window_s=self.window_s, **asked
+                )
+            from smad.fmi.asked import diagnose_unit
+
+            assert self.fmu is not None
+            warn_that_code_runs(self.fmu)
+            return diagnose_unit(self.fmu, self.map_path, runs, **asked)
+
+    def plan(self, inputs: Sequence[Path], within_s: float) -> Plan:
+        """What runs with these inputs would show of it."""
+        assert self.map_path is not None
+        if self.mjcf is not None:
+            from smad.simulators.mjcf.asked import plan_mjcf
+
+            return plan_mjcf(
+                self.mjcf, self.map_path, inputs, window_s=self.window_s, within_s=within_s
+            )
+        from smad.fmi.asked import plan_unit
+
+        assert self.fmu is not None
+        warn_that_code_runs(self.fmu)
+        return plan_unit(self.fmu, self.map_path, inputs, within_s=within_s)
+
 
 processes_option = option(
     "--processes N",
@@ -59,13 +92,13 @@ processes_option = option(
 )
 
 
-def mapping_of(map_path: Path) -> MappingFile:
+def mapping_of(map_path: Path | None) -> MappingFile | None:
     """Return the mapping file that --map alone names. Raises UsageError where it is none."""
     from smad.errors import LogImportError
     from smad.records.channels import read_mapping
 
     try:
-        return read_mapping(map_path)
+        return None if map_path is None else read_mapping(map_path)
     except LogImportError as error:
         raise click.UsageError(
             f"{error}. If it is the map of a simulator, give --fmu or --mjcf, too"
@@ -78,37 +111,3 @@ def warn_that_code_runs(fmu: Path) -> None:
         f"smad: {fmu} contains code that runs with your permissions; "
         "use only units from sources you trust"
     )
-
-
-def diagnose_simulator(
-    simulator: Simulator,
-    runs: Sequence[Path],
-    good: Sequence[Path],
-    hold_out: Sequence[Path],
-    trusted: Sequence[str],
-    *,
-    processes: int | None,
-) -> Answer:
-    """The answer for a simulator that is not ours."""
-    map_path = simulator.map_path
-    assert map_path is not None
-    with progress() as line:
-        common: dict[str, Any] = {
-            "good": good,
-            "hold_out": hold_out,
-            "trusted": trusted,
-            "processes": processes,
-            "progress": line.say,
-            "announced": line.note,
-        }
-        if simulator.mjcf is not None:
-            from smad.simulators.mjcf.asked import diagnose_mjcf
-
-            return diagnose_mjcf(
-                simulator.mjcf, map_path, runs, window_s=simulator.window_s, **common
-            )
-        from smad.fmi.asked import diagnose_unit
-
-        assert simulator.fmu is not None
-        warn_that_code_runs(simulator.fmu)
-        return diagnose_unit(simulator.fmu, map_path, runs, **common)

@@ -53,7 +53,7 @@ def client(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Tripping:
 
 
 def player(client: Any) -> LivePlayer:
-    return LivePlayer(client, bench="bench", who="test", say=print, progress=print)
+    return LivePlayer(client, bench="bench", say=print, progress=print)
 
 
 def test_a_repeat_that_trips_is_kept_as_far_as_it_goes(client: Tripping, tmp_path: Path) -> None:

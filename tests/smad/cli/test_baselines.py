@@ -51,7 +51,7 @@ class ScriptedBench:
         self.fails_at = 0
 
     @contextlib.contextmanager
-    def player(self, line: object, **options: object) -> Iterator[Player]:
+    def player(self, line: object, *effects: object) -> Iterator[Player]:
         self.clients += 1
 
         def play(run: ProgrammeRun, original: Path | None) -> Recorded:
@@ -72,7 +72,7 @@ def bench(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ScriptedBench:
 
 def scripted(monkeypatch: pytest.MonkeyPatch, folder: Path) -> ScriptedBench:
     own = ScriptedBench(folder)
-    monkeypatch.setattr(commands, "_player", own.player)
+    monkeypatch.setattr(commands._Bench, "player", own.player)
     monkeypatch.setattr(spring_pair, "SmaPlant", lambda: PLANT)
     monkeypatch.setattr(programme, "chosen", lambda folder, quick: PROGRAMME)
     return own
