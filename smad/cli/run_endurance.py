@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import click
 
-from smad.cli.options import FOLDER, Command, axis_option, flag, lease_option, option
+from smad.cli.options import FOLDER, Command, axis_option, flag, lease_option, option, together
 from smad.cli.output import ready_client
 from smad.cli.quantity import Quantity, Whole
 from smad.cli.simulated import effect_option, require_sim, seed_option, sim_option, simulated_model
@@ -20,12 +20,34 @@ from smad.view.terminal.progress import progress
 _percent = Quantity("pct", 0.0, 100.0, above=True)
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Ends:
+    """The limits, by their names in `EndLimits`."""
+
+    stroke_lost_percent: float | None = option(
+        "--end-stroke-lost %", "End when this much stroke is lost.", _percent
+    )
+    resistance_up_percent: float | None = option(
+        "--end-resistance-up %", "End when resistance has risen by this much.", _percent
+    )
+    shift_K: float | None = option(
+        "--end-shift K",
+        "End when the transformation shifted.",
+        Quantity("K", 0.0, 100.0, above=True),
+    )
+    place_probability: float | None = option(
+        "--end-place P",
+        "End when a place has changed with this probability.",
+        Quantity("1", 0.0, 1.0, above=True),
+    )
+
+
 def _require_pairs(given: Mapping[str, Any]) -> None:
     if given["displacement"] and given["temperature"]:
         raise click.UsageError("give --displacement or --temperature")
     if given["every"] and given["baseline"] is None:
         raise click.UsageError("--every N checkup needs --baseline FOLDER (of smad gap commission)")
-    if given["end_place"] is not None and not given["every"]:
+    if given["place_probability"] is not None and not given["every"]:
         raise click.UsageError("--end-place needs --every N checkup")
     require_sim(given["effects"], sim=given["sim"])
 
@@ -62,22 +84,7 @@ def endurance(
         (Whole(1), click.Choice(["checkup"])),
     ),
     baseline: Path | None = option("--baseline", "Baseline of the check-ups.", FOLDER),
-    end_stroke_lost: float | None = option(
-        "--end-stroke-lost %", "End when this much stroke is lost.", _percent
-    ),
-    end_resistance_up: float | None = option(
-        "--end-resistance-up %", "End when resistance has risen by this much.", _percent
-    ),
-    end_shift: float | None = option(
-        "--end-shift K",
-        "End when the transformation shifted.",
-        Quantity("K", 0.0, 100.0, above=True),
-    ),
-    end_place: float | None = option(
-        "--end-place P",
-        "End when a place has changed with this probability.",
-        Quantity("1", 0.0, 1.0, above=True),
-    ),
+    ends: _Ends = together(_Ends),
     full_every: int = option(
         "--full-every",
         "Keep all samples of every n-th cycle, only statistics of the others.",
@@ -107,36 +114,27 @@ def endurance(
     from smad.experiments.leased import leased_driver
     from smad.experiments.ready import require_baseline, require_packages
     from smad.experiments.virtual import VirtualDriver
-    from smad.runlog.paths import make_folder
 
     require_packages("gap" if every else "sim")
     first = run.first_cycle(folder, go_on=go_on)
     if baseline is not None:
         require_baseline(baseline)
     low, high = temperature or displacement or (-5.0, 5.0)
-    profile = Profile(
-        quantity="temperature" if temperature else "displacement",
-        low=low,
-        high=high,
-        rate=rate,
-        dwell_s=dwell,
-        spring=spring,
-    )
-    limits = EndLimits(
-        stroke_lost_percent=end_stroke_lost,
-        resistance_up_percent=end_resistance_up,
-        shift_K=end_shift,
-        place_probability=end_place,
-    )
-    plan = run.Endurance(
-        profile=profile,
+    asked = run.Endurance(
+        profile=Profile(
+            quantity="temperature" if temperature else "displacement",
+            low=low,
+            high=high,
+            rate=rate,
+            dwell_s=dwell,
+            spring=spring,
+        ),
         cycles=cycles,
-        limits=limits,
+        limits=EndLimits(**asdict(ends)),
         check_every=every[0] if every else 0,
         full_every=full_every,
         first=first,
     )
-    make_folder(folder)
     driver: run.BlockDriver
     with contextlib.ExitStack() as stack:
         line = stack.enter_context(progress())
@@ -148,14 +146,7 @@ def endurance(
             driver = leased_driver(connected, "smad run endurance", lease, line.say)
             config = parse_config(connected.config())
             logs = Path(connected.status().recorder.folder)
-        if go_on and (late := run.take_over_killed(logs, profile, folder, first)):
-            click.echo(f"{counted(late, 'cycle')} of a killed block taken over from its run log")
-            plan = replace(plan, first=first + late)
-        plan, room = run.on_bench(plan, config)
-        hours = cycles * profile.period_s / 3600.0
-        click.echo(
-            f"{counted(cycles, 'cycle')}, about {hours:.1f} h of board time; {room.in_words()}"
-        )
+        plan, room = run.prepared(asked, config, folder, logs, go_on=go_on, tell=click.echo)
         check = None
         if baseline is not None and every:
             simulated = (seed, effects) if sim else None

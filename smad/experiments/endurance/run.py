@@ -23,7 +23,7 @@ from smad.experiments.errors import ExperimentError
 from smad.experiments.logs import recording_of
 from smad.experiments.recording import Recording
 from smad.progress import Say, silent
-from smad.runlog.paths import SUFFIX
+from smad.runlog.paths import SUFFIX, make_folder
 from smad.runlog.reader import read_run
 from smad.runlog.recover import recovered_path
 
@@ -140,13 +140,23 @@ def endure(
     return ended
 
 
-def on_bench(settings: Endurance, config: Config) -> tuple[Endurance, Room]:
-    """The settings with the longest block of a bench, and the room that they take there."""
-    settings = replace(settings, longest_s=longest_block_s(config))
-    profile, cycles = settings.profile, settings.cycles
-    block = profile.cycles_a_block(settings.check_every or cycles, settings.longest_s)
-    rate_hz = float(config.link.rate_hz)
-    return settings, room_for(profile, cycles, settings.full_every, block, rate_hz)
+def prepared(
+    settings: Endurance, config: Config, folder: Path, logs: Path, *, go_on: bool, tell: Say
+) -> tuple[Endurance, Room]:
+    """The settings on a bench, and the room that they take in `logs`; `tell` says what is ahead.
+
+    To `go_on`, it first takes over the cycles that a killed block has in `logs`.
+    """
+    make_folder(folder)
+    profile, cycles, longest_s = settings.profile, settings.cycles, longest_block_s(config)
+    late = take_over_killed(logs, profile, folder, settings.first) if go_on else 0
+    if late:
+        tell(f"{counted(late, 'cycle')} of a killed block taken over from its run log")
+    block = profile.cycles_a_block(settings.check_every or cycles, longest_s)
+    room = room_for(profile, cycles, settings.full_every, block, float(config.link.rate_hz))
+    hours = cycles * profile.period_s / 3600.0
+    tell(f"{counted(cycles, 'cycle')}, about {hours:.1f} h of board time; {room.in_words()}")
+    return replace(settings, first=settings.first + late, longest_s=longest_s), room
 
 
 def _block(settings: Endurance, done: int, last: int) -> int:
