@@ -177,7 +177,7 @@ def resume(
     The first step shows what would run and until when; the second is --confirm CODE. Give --until,
     --hours, or both: whichever comes first ends the running item and pauses the queue.
     """
-    from smad.queue.arming import CONFIRM_WITHIN_S, end_time
+    from smad.queue.arming import CONFIRM_WITHIN_S, earliest_end
     from smad.queue.queue import now_zoned
     from smad.queue.states import Budget
     from smad.queue.words import limits_in_words, state_in_words
@@ -190,14 +190,10 @@ def resume(
         return
     if until is None and hours is None:
         raise click.UsageError("give an end: --until 07:30, or --hours 8")
-    now = now_zoned()
-    ends = [] if until is None else [end_time(until, now).timestamp()]
-    if hours is not None:
-        ends.append(now.timestamp() + hours * 3600.0)
     budget = Budget(
         energy_J=None if energy_kJ is None else energy_kJ * 1e3, cycles=cycles, hours=hours
     )
-    proposal = opened.propose(min(ends), budget)
+    proposal = opened.propose(earliest_end(until, hours, now_zoned()), budget)
     _print_items(opened.snapshot(), everything=False)
     click.echo(
         f"{counted(len(proposal.arming.items), 'item')} until {limits_in_words(proposal.arming)}"

@@ -32,8 +32,6 @@ KINDS: Mapping[str, tuple[tuple[str, ...], str]] = {
 
 Whoever arms a queue has agreed to what is in it, so `smad tune` does not ask.
 """
-_NOT_QUEUED = ("listing", "feedforward", "logs")
-"""Options of `smad run` that run nothing."""
 
 
 def items_of(kind: str, given: Sequence[str], folder: Path, repeat: int) -> list[Item]:
@@ -50,18 +48,13 @@ def items_of(kind: str, given: Sequence[str], folder: Path, repeat: int) -> list
     lead, _ = KINDS[kind]
     words = [*lead, *(whole_names(given) if kind == "run" else given)]
     title = shlex.join([kind, *words[len(lead) :]])
-    sim = _checked(kind, words, folder)
+    bench = not _checked(kind, words, folder)
+    titles = (
+        [title] if repeat == 1 else [f"{title} ({n} of {repeat})" for n in range(1, repeat + 1)]
+    )
     return [
-        Item(
-            id=0,
-            position=0.0,
-            kind=kind,
-            title=title if repeat == 1 else f"{title} ({number} of {repeat})",
-            words=tuple(words),
-            folder=str(folder),
-            on_bench=not sim,
-        )
-        for number in range(1, repeat + 1)
+        Item(kind=kind, title=text, words=tuple(words), folder=str(folder), on_bench=bench)
+        for text in titles
     ]
 
 
@@ -107,8 +100,5 @@ def _checked(kind: str, words: Sequence[str], folder: Path) -> bool:
         )
     context = command.make_context(" ".join(["smad", *lead]), list(words[len(lead) :]))
     given = context.params
-    for name in _NOT_QUEUED:
-        if given.get(name):
-            raise QueueError(f"a command with --{name} moves nothing, so it is not queued")
     require_startable(kind, given, folder)
     return bool(given.get("sim"))

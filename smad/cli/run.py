@@ -24,7 +24,6 @@ from smad.cli.options import (
 from smad.cli.output import print_json, ready_client
 from smad.cli.quantity import Whole
 from smad.cli.simulated import seed_option, simulated_model
-from smad.files import named_output
 from smad.view.terminal.progress import progress
 from smad.view.terminal.tables import print_columns, print_table
 
@@ -130,7 +129,6 @@ def run(
     `smad run six-axes` draws circles with the segments of a robot, `smad run moves FILE` plays the
     trajectories of a file, `smad run endurance` cycles until a limit ends it.
     """
-    from sim_device.plant.parameters import parameters_text
     from smad.experiments import report as reports
     from smad.experiments.campaign import CampaignBench, configured, run_here, run_on
     from smad.experiments.inverse import feedforward_section
@@ -138,7 +136,6 @@ def run(
     from smad.experiments.logs import LogDriver
     from smad.experiments.ready import require_ready
     from smad.experiments.registry import chosen_experiments
-    from smad.report.page import write_page
     from smad.runlog.paths import free_path
 
     if listing:
@@ -158,11 +155,7 @@ def run(
     elif sim:
         facts = ("bench", f"simulated, {given.variant}, seed {seed}")
         simulated = CampaignBench(
-            given,
-            config=configured(given, config_file),
-            seed=seed,
-            lacking=frozenset(lacking),
-            folder=save_logs,
+            given, configured(given, config_file), seed, frozenset(lacking), save_logs
         )
         with progress() as line:
             result = run_here(experiments, simulated, jobs, line.say)
@@ -171,17 +164,11 @@ def run(
         with ready_client(bench, extra="report") as connected, progress() as line:
             mounted = {"fixture": fixture, "cooling": "air" if air else "water"}
             driver = leased_driver(connected, "smad run", lease, line.say, **mounted)
-            try:
-                result = run_on(experiments, driver, nominal, line.say)
-            finally:
-                connected.disarm()
+            result = run_on(experiments, driver, nominal, line.say)
     truth = nominal if sim and not logs else None
-    shown = reports.campaign_page(result, nominal, given=truth, facts=[facts])
-    files = {"page": str(write_page(shown, page))}
-    if save_parameters is not None:
-        with named_output(save_parameters) as partial:
-            partial.write_text(parameters_text(result.recovered))
-        files["parameters"] = str(save_parameters)
+    files = reports.write_campaign(
+        result, nominal, page, save_parameters, given=truth, facts=[facts]
+    )
     if as_json:
         print_json({**reports.campaign_records(result, truth), **files})
         return

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from sim_device.plant.parameters import ParameterSet, parameters_text
@@ -10,7 +11,8 @@ from smad.experiments.base import Comparison
 from smad.experiments.campaign import CampaignResult
 from smad.experiments.contradictions import numbered, reference
 from smad.experiments.estimate import Estimate
-from smad.report.page import Code, Fold, Page, Section, Table, Text
+from smad.files import named_output
+from smad.report.page import Code, Fold, Page, Section, Table, Text, write_page
 
 
 def comparison_table(result: CampaignResult) -> Table:
@@ -80,6 +82,25 @@ def campaign_records(result: CampaignResult, given: ParameterSet | None) -> dict
             for estimate in result.estimates
         ],
     }
+
+
+def write_campaign(
+    result: CampaignResult,
+    model: ParameterSet,
+    page: Path,
+    parameters: Path | None,
+    *,
+    given: ParameterSet | None,
+    facts: Sequence[tuple[str, str]],
+) -> dict[str, str]:
+    """Write the page, and what was recovered as a parameter file; returns the files by name."""
+    shown = campaign_page(result, model, given=given, facts=facts)
+    files = {"page": str(write_page(shown, page))}
+    if parameters is not None:
+        with named_output(parameters) as partial:
+            partial.write_text(parameters_text(result.recovered))
+        files["parameters"] = str(parameters)
+    return files
 
 
 def campaign_page(

@@ -14,12 +14,17 @@ from smad.queue.errors import QueueError
 
 INPUTS = ("run", "path", "config_file", "model", "programme_folder")
 """Parameters whose files must be there before."""
+NOT_QUEUED = ("listing", "feedforward", "logs")
+"""Parameters of `smad run` with which it runs nothing."""
 USUAL_RATE_HZ = 100
 """What the disk must have room for; the command itself looks again."""
 
 
 def require_startable(kind: str, given: Mapping[str, Any], here: Path) -> None:
     """Raise SmadError unless a command of this kind, with these parameters, can begin in `here`."""
+    for name in NOT_QUEUED:
+        if given.get(name):
+            raise QueueError(f"a command with --{name} moves nothing, so it is not queued")
     if kind == "run" and "names" in given:
         chosen_experiments(given["names"], given["settings"])
     for name in INPUTS:

@@ -60,6 +60,12 @@ def end_time(text: str, now: datetime) -> datetime:
     return end
 
 
+def earliest_end(until: str | None, hours: float | None, now: datetime) -> float:
+    """Return when a time, or so many hours, end first, in Unix seconds. Raises ArmingError."""
+    after_hours = float("inf") if hours is None else now.timestamp() + hours * 3600.0
+    return after_hours if until is None else min(end_time(until, now).timestamp(), after_hours)
+
+
 def _resolved(moment: datetime, zone: tzinfo | None) -> datetime:
     """Return a moment that exists: one that the clocks skip is an hour later."""
     return datetime.fromtimestamp(moment.timestamp(), zone)

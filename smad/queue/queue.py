@@ -104,8 +104,6 @@ class Queue:
         if not old.ended_unix_s:
             raise QueueError(f"item {number} has not ended", action="nothing was added")
         item = Item(
-            id=0,
-            position=0.0,
             kind=old.kind,
             title=old.title,
             words=old.words,

@@ -45,8 +45,8 @@ class Item(Struct, frozen=True, kw_only=True):
     `on_bench` is simulated, and needs no daemon.
     """
 
-    id: int
-    position: float
+    id: int = 0
+    position: float = 0.0
     kind: str
     title: str
     words: tuple[str, ...]
