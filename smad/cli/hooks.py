@@ -5,7 +5,6 @@ from pathlib import Path
 import click
 
 from smad.cli.options import FOLDER, Group, argument, bench_option, flag, option
-from smad.errors import CommandError
 from smad.view.terminal.progress import note
 
 
@@ -34,20 +33,10 @@ def run(
     It first reports what happened since it last ran.
     """
     from smad.client.signals import ended_by_signals
-    from smad.hooks.events import Detector
-    from smad.hooks.watch import Watcher, commands_of, watch
+    from smad.hooks.watch import watch
 
-    watcher = Watcher(bench, folder)
-    config = watcher.config()
-    commands = commands_of(config, note)
-    detector = Detector(bench, disk_low_MB=config.disk_low_MB, known=watcher.known())
-    note(f"watching bench {bench}")
     with ended_by_signals():
-        try:
-            watch(watcher, detector, commands, note)
-        finally:
-            commands.close()
-            watcher.close()
+        watch(bench, folder, note)
 
 
 @hooks.command("test")
@@ -73,21 +62,11 @@ def relay(
     The relay of the supply opens when the daemon's samples end, when the board is in FAULT or
     ESTOP, and when this command ends. Only a person closes it again, with this command.
     """
-    from smad.client import Client
     from smad.client.signals import ended_by_signals
     from smad.hooks.relay import HoldingRelay, Relay, TasmotaRelay, hold
 
     if (tasmota is None) == (not holding) or holding != bool(command):
         raise click.UsageError("give --tasmota URL, or --while COMMAND…")
     device: Relay = HoldingRelay(command) if tasmota is None else TasmotaRelay(tasmota)
-    with Client(bench) as client:
-        address = client.connection.telemetry
     with ended_by_signals():
-        try:
-            reason = hold(device, address, note)
-        finally:
-            device.cut()
-    raise CommandError(
-        f"the supply of the heaters was cut: {reason}",
-        action="look at the bench, then give this command again",
-    )
+        hold(device, bench, note)

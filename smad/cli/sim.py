@@ -8,7 +8,7 @@ import click
 from smad.cli.options import FILE, PATH, Command, config_option, option, together
 from smad.cli.quantity import Quantity
 from smad.cli.simulated import Boards, effects_option, rate_option
-from smad.processes.boards import SimulatedBenchError, build, built, effect_lines
+from smad.processes.boards import SimulatedBenchError, built, effect_lines
 from smad.processes.simulator import READY
 from smad.view.terminal.tables import print_columns
 
@@ -55,9 +55,6 @@ def sim(
         end_with(boards.parent)
     config = boards.configured(path, rate)
     try:
-        # Compiling the physics takes seconds the first time; a port that is silent for so long
-        # would look like a dead board.
-        build(config, rate_hz=100, seed=0).step()
         made = built(
             config,
             seed=config.plant.seed,

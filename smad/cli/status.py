@@ -3,13 +3,13 @@
 import shutil
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
 import click
 
 from smad.cli.options import Command, axis_option, flag, json_option
 from smad.cli.output import client, print_json
-from smad.view.terminal.status_lines import folded, labelled, lines
+from smad.view.terminal.status_lines import folded, lines, other_benches
 
 _REFRESH_S = 0.5
 
@@ -35,7 +35,7 @@ def status(
             if as_json:
                 print_json(now, indent=-1)
             else:
-                _print((*lines(now), *_other_benches(now.bench)))
+                _print((*lines(now), *other_benches(now.bench)))
             if not watch:
                 return
             time.sleep(_REFRESH_S)
@@ -45,12 +45,3 @@ def _print(facts: Iterable[str]) -> None:
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else sys.maxsize
     for line in facts:
         click.echo(folded(line, width))
-
-
-def _other_benches(bench: str) -> Iterator[str]:
-    """Name the other benches that run, if any."""
-    from smad.client.endpoints import candidate_folders, running_benches
-
-    others = [name for name in running_benches(candidate_folders()) if name != bench]
-    if others:
-        yield labelled("also", f"{', '.join(others)} (smad status --bench NAME)")

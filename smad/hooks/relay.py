@@ -11,13 +11,14 @@ import time
 import urllib.parse
 import urllib.request
 from collections.abc import Sequence
-from typing import Protocol
+from typing import NoReturn, Protocol
 
 import zmq
 
 from firmware_protocol.enums import BoardState
+from smad.client import Client
 from smad.client.wire import subscribe, telemetry_of
-from smad.errors import SmadError, refused_by_system
+from smad.errors import CommandError, SmadError, refused_by_system
 from smad.processes.parent import signal_at_parents_end
 from smad.progress import Say
 
@@ -143,8 +144,25 @@ def _end_with_parent() -> None:
     signal_at_parents_end(signal.SIGKILL)
 
 
-def hold(relay: Relay, address: str, say: Say) -> str:
-    """Renew a relay while samples come from the daemon's stream; return why it has to fall."""
+def hold(relay: Relay, bench: str, say: Say) -> NoReturn:
+    """Renew a relay while samples come from the bench's daemon, and cut it whatever happens.
+
+    Raises CommandError, which says why it had to fall.
+    """
+    with Client(bench) as client:
+        address = client.connection.telemetry
+    try:
+        reason = _held(relay, address, say)
+    finally:
+        relay.cut()
+    raise CommandError(
+        f"the supply of the heaters was cut: {reason}",
+        action="look at the bench, then give this command again",
+    )
+
+
+def _held(relay: Relay, address: str, say: Say) -> str:
+    """Renew it for as long as it may be on; return why it may not."""
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     socket = subscribe(context, address, b"", 1000)
     heartbeat = Heartbeat()

@@ -128,22 +128,31 @@ class Watcher:
         return messages
 
 
-def watch(watcher: Watcher, detector: Detector, commands: HookCommands, say: Say) -> None:
-    """Watch for ever.
+def watch(bench: str, folder: Path | None, say: Say) -> None:
+    """Watch a bench, and the queue in `folder`, for ever; see `Watcher`. Raises SmadError.
 
     What was told is written down once its commands have ended: a watcher that is killed before
     lets the next one tell it again.
     """
+    watcher = Watcher(bench, folder)
+    config = watcher.config()
+    commands = commands_of(config, say)
+    detector = Detector(bench, disk_low_MB=config.disk_low_MB, known=watcher.known())
     written: WatcherState | None = None
-    while True:
-        for event in detector.events(watcher.look()):
-            say(f"{event.event}: {event.text}")
-            commands.fire(event)
-        commands.tick()
-        if not commands.busy and detector.known != written:
-            written = detector.known
-            watcher.keep(written)
-        time.sleep(POLL_S)
+    say(f"watching bench {bench}")
+    try:
+        while True:
+            for event in detector.events(watcher.look()):
+                say(f"{event.event}: {event.text}")
+                commands.fire(event)
+            commands.tick()
+            if not commands.busy and detector.known != written:
+                written = detector.known
+                watcher.keep(written)
+            time.sleep(POLL_S)
+    finally:
+        commands.close()
+        watcher.close()
 
 
 def commands_of(config: HooksConfig, say: Say) -> HookCommands:

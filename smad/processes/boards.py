@@ -136,6 +136,9 @@ def built(
     """
     from sim_device.pty import symlink_of
 
+    # Compiling the physics takes seconds the first time; a port that is silent for so long would
+    # look like a dead board.
+    build(config, rate_hz=100, seed=0).step()
     with ExitStack() as stack:
         benches = {}
         for k, (axis, axis_config) in enumerate(config.by_axis().items()):

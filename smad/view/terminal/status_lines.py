@@ -9,6 +9,7 @@ import click
 from firmware_protocol.enums import Fault
 from firmware_protocol.supervisor.faults import FAULT_TEXTS
 from smad.api import Motion, Percentiles, Status
+from smad.client.endpoints import candidate_folders, running_benches
 from smad.client.link_counts import LinkCounts
 from smad.counted import counted
 from smad.files import display_path
@@ -164,6 +165,13 @@ def count_lines(link: LinkCounts) -> Iterator[str]:
         "host share": spread(timing.own_share),
     }
     yield from (f"{name:<13} {text}" for name, text in rows.items())
+
+
+def other_benches(bench: str) -> Iterator[str]:
+    """Name the other benches that run, if any."""
+    others = [name for name in running_benches(candidate_folders()) if name != bench]
+    if others:
+        yield labelled("also", f"{', '.join(others)} (smad status --bench NAME)")
 
 
 def labelled(label: str, text: str) -> str:

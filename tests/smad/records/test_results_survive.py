@@ -90,10 +90,10 @@ def test_a_file_keeps_its_content_until_the_new_one_is_whole(tmp_path: Path) -> 
         raise OSError(28, "No space left on device")
 
 
-_WRITES = {"write_page", "write_whole", "write_figure", "write_verdict", "named_output",
-           "export_run", "extract"}  # fmt: skip
+_WRITES = {"write_page", "write_whole", "write_figure", "show_verdict", "named_output",
+           "export_run", "extract", "write_campaign"}  # fmt: skip
 _PRINTS = {"echo", "secho", "print_table", "_print_table", "_print_tables", "_print_json",
-           "print_verdict", "print_answer"}  # fmt: skip
+           "print_verdict", "show_verdict", "print_answer"}  # fmt: skip
 
 
 def written_late(block: list[ast.stmt], *, printed: bool = False) -> list[int]:
