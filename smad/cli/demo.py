@@ -7,7 +7,7 @@ import click
 from smad.cli.options import PATH, Command, option
 from smad.cli.quantity import Whole
 from smad.processes.boards import BOARDS
-from smad.view.terminal.progress import Progress
+from smad.view.terminal.progress import progress
 
 
 @click.command(cls=Command)
@@ -33,14 +33,8 @@ def demo(
     from smad.demo.play import play
     from smad.view.terminal.tables import print_table
 
-    line = Progress()
-    tables, places = {}, []
-    for board in boards:
-        run, tables[board] = play(folder, seed, board, line.say)
-        line.say("reading the run log and drawing")
-        page = run.path.with_suffix(".html")
-        figures.write(page, run, tables[board])
-        places.append(f"run log  {run.path}\npage     {page}")
-    line.done()
-    print_table(figures.beside(tables))
-    click.echo("\n".join(places))
+    with progress() as line:
+        played = {board: play(folder, seed, board, line.say) for board in boards}
+    print_table(figures.beside({board: table for board, (_, _, table) in played.items()}))
+    for path, page, _ in played.values():
+        click.echo(f"run log  {path}\npage     {page}")

@@ -26,26 +26,33 @@ class _Sizes:
     )
 
 
-@click.command(cls=Command)
-def design(
-    *,
-    source: Path | None = argument(PATH, metavar="[GEOMETRY]", required=False),
-    sizes: _Sizes = together(_Sizes),
+@dataclass(frozen=True, kw_only=True)
+class _Drive:
+    """How the pair is heated and cooled, by the names of `design_cycle`."""
+
     current_A: float = option(
         "--current", "Current of the heated spring, A.", Quantity("A", 0.01, 50.0), default=4.0
-    ),
+    )
     cooling: str = option(
         "--cooling",
         "Water pumped through a tube around the wire, air, or water at rest around the spring.",
         click.Choice(["water", "air", "bath"]),
         default="water",
-    ),
+    )
     air_m_per_s: float = option(
         "--air-speed",
         "With air: its speed from a fan, m/s; 0 is still air.",
         Quantity("m/s"),
         default=0.0,
-    ),
+    )
+
+
+@click.command(cls=Command)
+def design(
+    *,
+    source: Path | None = argument(PATH, metavar="[GEOMETRY]", required=False),
+    sizes: _Sizes = together(_Sizes),
+    drive: _Drive = together(_Drive),
     params: str | None = option(
         "--params", "The alloy: a parameter set.  [default: A, or the file's base]"
     ),
@@ -67,21 +74,11 @@ def design(
     with plain_errors():
         base, geometry = load_geometry(source, base=params)
         geometry = replace(geometry, **{n: v for n, v in asdict(sizes).items() if v is not None})
-        made = design_cycle(
-            base, geometry, current_A=current_A, cooling=cooling, air_m_per_s=air_m_per_s
-        )
+        made = design_cycle(base, geometry, **asdict(drive))
     for said in made.outside:
         click.echo(f"outside what was checked: {said}", err=True)
     if page is not None:
-        shown = design_page(
-            made,
-            geometry,
-            base.title,
-            current_A=current_A,
-            cooling=cooling,
-            air_m_per_s=air_m_per_s,
-        )
-        write_page(shown, page)
+        write_page(design_page(made, geometry, base.title, **asdict(drive)), page)
     if as_json:
         print_json(made)
         return

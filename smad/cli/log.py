@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import shlex
 from collections.abc import Sequence
@@ -144,8 +143,7 @@ def export(
     with --wide all share a table. rosbag2 is a ROS 2 bag: a folder with an MCAP file of standard
     messages. lerobot is a dataset of LeRobot v3.0: a folder with Parquet files, of one episode.
     """
-    from smad.runlog import lerobot
-    from smad.runlog.formats import export_axes
+    from smad.runlog.formats import count_in, export_axes
     from smad.runlog.reader import read_axes
 
     source = path or newest_run(folder)
@@ -154,10 +152,7 @@ def export(
     target = output or source.with_suffix(f".{suffix}")
     files = export_axes(runs, target, kind=suffix, wide=wide, fps=fps, overwrite=overwrite)
     notes = next(iter(runs.values())).notes
-    if all((file / "meta").is_dir() for file in files):
-        what, count = "frames", max(map(lerobot.frames_in, files))
-    else:
-        what, count = "rows", max(map(len, runs.values()))
+    count, what = count_in(files, runs)
     if as_json:
         print_json({"files": [str(file) for file in files], what: count, "notes": notes})
         return
@@ -216,9 +211,7 @@ def plot(
     for source in sources:
         with bar(f"reading {source.name}") as progress:
             runs.append(read_run(source, axis=axis, progress=progress))
-    drawn = run_parts(
-        runs, -math.inf if from_s is None else from_s, math.inf if to_s is None else to_s
-    )
+    drawn = run_parts(runs, from_s, to_s)
     if figure is not None:
         from smad.report.printed import write_figure
         from smad.report.runs import panels_of

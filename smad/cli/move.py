@@ -29,12 +29,6 @@ from smad.errors import SmadError
 from smad.records.points import read_samples
 from smad.units import parted_name
 
-
-def _unit_mm(context: click.Context, parameter: click.Parameter, degrees: bool) -> float:
-    """Millimetres to one unit of the lengths on the command line."""
-    return millimetres(1.0) if degrees else 1.0
-
-
 _queue_option = flag("--queue", "Append to the present motion instead of replacing it.")
 _COMMON = [
     *_queue_option.parameters("queue"),
@@ -43,8 +37,8 @@ _COMMON = [
 ]
 _DEGREES = click.Option(
     ["--deg", "unit_mm"],
+    callback=lambda context, parameter, given: millimetres(1.0) if given else 1.0,
     is_flag=True,
-    callback=_unit_mm,
     help="Lengths are angles of the MINIR-II segment: degrees for mm (25 degrees are 4 mm).",
 )
 _LENGTHS = ("_mm_per_s", "_mm")

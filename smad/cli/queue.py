@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +21,7 @@ from smad.cli.options import (
 from smad.cli.output import print_json
 from smad.cli.quantity import Quantity, Whole
 from smad.counted import counted
+from smad.view.terminal.progress import note
 from smad.view.terminal.tables import print_columns
 
 if TYPE_CHECKING:
@@ -220,7 +220,7 @@ def run(
     from smad.queue.running import run_queue
 
     with ended_by_signals():
-        run_queue(opened, check=obstacle_of, say=_say, until_paused=until_paused)
+        run_queue(opened, check=obstacle_of, say=note, until_paused=until_paused)
 
 
 @queue.command()
@@ -239,9 +239,3 @@ def messages(
         return
     for message in listed:
         click.echo(f"{message.id:>4}  {clock(message.unix_s)}  {message.text}")
-
-
-def _say(text: str) -> None:
-    from smad.queue.words import clock
-
-    click.echo(f"{clock(time.time())}  {text}", err=True)

@@ -1,6 +1,5 @@
 """`smad run repeat`: the inputs of a recorded run again, on a bench or in virtual time."""
 
-import contextlib
 from pathlib import Path
 
 import click
@@ -51,19 +50,14 @@ def repeat(
             f"{recorded.whole_s:.1f} s; that part is repeated",
             err=True,
         )
-    name = f"repeat-of-{run.stem}"[:64]
-    with contextlib.ExitStack() as stack:
-        connected = None if sim else stack.enter_context(ready_client(bench, extra="log"))
-        line = stack.enter_context(progress())
-        path = (
-            repeat_simulated(
-                recorded, name, folder=save_logs, seed=seed, say=line.note, progress=line.say
-            )
-            if connected is None
-            else repeat_on(
+    if sim:
+        with progress() as line:
+            path = repeat_simulated(recorded, save_logs, seed, say=line.note, progress=line.say)
+    else:
+        with ready_client(bench, extra="log") as connected, progress() as line:
+            path = repeat_on(
                 connected,
                 recorded,
-                name,
                 bench=bench,
                 lease_s=lease,
                 as_is=as_is,
@@ -71,5 +65,4 @@ def repeat(
                 say=line.note,
                 progress=line.say,
             )
-        )
     click.echo(f"{run.name} repeated: {path}")

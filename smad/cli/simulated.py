@@ -75,13 +75,6 @@ class Boards:
                 action="add --sim, or leave them out",
             )
 
-    def words(self, config_path: Path | None) -> list[str]:
-        """What `smad sim` is given beside the configuration's own."""
-        words = [word for text in self.faults for word in ("--fault", text)]
-        words += [] if config_path is None else ["--config", str(config_path)]
-        paced = ["--paced-by-host", "--patience", str(self.patience)]
-        return [*words, *(paced if self.paced_by_host else ())]
-
 
 def require_sim(effects: Iterable[str], *, sim: bool) -> None:
     """Raise UsageError for effects of a bench that is not simulated."""

@@ -3,7 +3,6 @@
 import contextlib
 import dataclasses
 import functools
-from collections.abc import Mapping
 from pathlib import Path
 
 import click
@@ -48,10 +47,13 @@ def start(
 
     if boards.parent is not None:
         end_with(boards.parent)
-    if simulated:
-        _require_none({"--port": port, "--baud": baud})
-    else:
+    serial = {name: v for name, v in {"--port": port, "--baud": baud}.items() if v is not None}
+    if not simulated:
         boards.require_none()
+    elif serial:
+        name, value = next(iter(serial.items()))
+        cause = f"{name} and --sim exclude each other"
+        raise ConfigError(cause, value=value, action=f"leave {name} out, or --sim")
     config = boards.configured(path, rate)
     config = with_changes(config, link={"baud": baud}, daemon={"bench": bench})
     if no_realtime:
@@ -68,9 +70,10 @@ def start(
             line = stack.enter_context(progress())
             board = simulated_board(
                 config,
-                boards.words(path),
+                path,
+                faults=boards.faults,
                 firmware=boards.firmware,
-                paced_by_host=boards.paced_by_host,
+                patience=boards.patience if boards.paced_by_host else None,
                 waiting=line.say,
             )
             config, parameter_text = stack.enter_context(board)
@@ -86,11 +89,3 @@ def start(
         ended = run(config, openers, options)
     click.echo(f"smad: {ended.line}", err=True)
     return ended.status
-
-
-def _require_none(given: Mapping[str, object]) -> None:
-    """Raise ConfigError for options of a serial line."""
-    for name, value in given.items():
-        if value is not None:
-            cause = f"{name} and --sim exclude each other"
-            raise ConfigError(cause, value=value, action=f"leave {name} out, or --sim")

@@ -12,7 +12,7 @@ from smad.demo.figures import Rows
 from smad.demo.job import measured, naming_cause, run_cycle
 from smad.processes.daemon import running_daemon
 from smad.progress import Say
-from smad.runlog.reader import Run, read_run
+from smad.runlog.reader import read_run
 
 SPEED = 40
 PATIENCE = 60
@@ -24,8 +24,8 @@ LEASE_S = PATIENCE * DEFAULT_LEASE_S
 REAL_TIME_S = 10.0
 
 
-def play(folder: Path, seed: int, board: str, say: Say) -> tuple[Run, Rows]:
-    """Do the demo's job on one board; return its run and its table."""
+def play(folder: Path, seed: int, board: str, say: Say) -> tuple[Path, Path, Rows]:
+    """Do the demo's job on one board; return its run log, its page and its table."""
     with tempfile.TemporaryDirectory(prefix="smad-demo-") as place:
         sockets = Path(place)
         config = Config(
@@ -51,5 +51,9 @@ def play(folder: Path, seed: int, board: str, say: Say) -> tuple[Run, Rows]:
             Client(folder=sockets, timeout_s=CLIENT_TIMEOUT_S) as client,
         ):
             real = measured(client, REAL_TIME_S, say)
+    say("reading the run log and drawing")
     run = read_run(done.path)
-    return run, figures.table(run, done.status, real)
+    table = figures.table(run, done.status, real)
+    page = run.path.with_suffix(".html")
+    figures.write(page, run, table)
+    return run.path, page, table

@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 
 def repeat_simulated(
-    recorded: RecordedInputs, name: str, *, folder: Path, seed: int, say: Say, progress: Say
+    recorded: RecordedInputs, folder: Path, seed: int, *, say: Say, progress: Say
 ) -> Path:
     """Play a run on the nominal simulated bench in virtual time; return its new run log.
 
     `say` gets the path of the log when it ends early. Raises RepeatError, ExperimentError.
     """
     recorded.require_fit(Config())
-    plan = recorded.plan(name)
+    plan = recorded.plan()
     path = new_log_path(folder, plan, "give another folder with --save-logs, or move it away")
     driver = VirtualDriver(built_in("A"), seed=seed, folder=folder, progress=progress)
     with _saying_where(driver, say):
@@ -41,7 +41,6 @@ def repeat_simulated(
 def repeat_on(
     client: Client,
     recorded: RecordedInputs,
-    name: str,
     *,
     bench: str,
     lease_s: float,
@@ -67,7 +66,7 @@ def repeat_on(
         driver.start = recorded.start
     leased = LeasedDriver(client, driver, lease_s=lease_s, progress=progress, who="smad run repeat")
     with _saying_where(driver, say):
-        leased.run(recorded.plan(name))
+        leased.run(recorded.plan())
     assert driver.log is not None
     return driver.log
 

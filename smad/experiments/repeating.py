@@ -61,10 +61,11 @@ class RecordedInputs:
     armed_s: float
     whole_s: float
 
-    def plan(self, name: str) -> Plan:
-        """The same as a plan, whatever carries it out."""
+    def plan(self, name: str = "") -> Plan:
+        """The same as a plan, whatever carries it out; without a name, as the repeat of its run."""
         actions: list[Action] = [Do(piece) for piece in rows_in_pieces(self.command)]
         waited = (*actions, UntilDone(self.command.end_s + 5.0))
+        name = name or f"repeat-of-{Path(self.name).stem}"[:64]
         return Plan(name, waited, repeats=self.source)
 
     def require_fit(self, config: Config) -> None:

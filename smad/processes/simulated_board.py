@@ -1,7 +1,7 @@
 """What a daemon needs to run on a simulated board: the bench beside it, and its configuration."""
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from importlib import resources
 from pathlib import Path
 
@@ -18,16 +18,18 @@ from smad.progress import Say
 @contextlib.contextmanager
 def simulated_board(
     config: Config,
-    words: Sequence[str],
+    config_path: Path | None,
     *,
+    faults: Iterable[str],
     firmware: str,
-    paced_by_host: bool,
+    patience: int | None,
     waiting: Say,
 ) -> Iterator[tuple[Config, str]]:
-    """Run `smad sim` with these words for as long as the block lasts.
+    """Run `smad sim` for as long as the block lasts, paced by the host where it has `patience`.
 
-    Yields the configuration of the daemon on it, and the text of the plant's parameters. Raises
-    ConfigError, and what `simulated_bench` does.
+    `config` is that of the file, with what was asked for besides. Yields the configuration of the
+    daemon on it, and the text of the plant's parameters. Raises ConfigError, and what
+    `simulated_bench` does.
     """
     # Before the bench is started: it would wait for ever for a file that is a pipe.
     parameter_text = _parameter_text(config)
@@ -38,9 +40,11 @@ def simulated_board(
         *("--seed", str(plant.seed), "--rate", str(config.link.rate_hz)),
         *("--speed", str(plant.speed_ratio), "--firmware", firmware),
         *(("--axes", str(len(config.axes))) if config.axes else ()),
-        *words,
+        *(word for text in faults for word in ("--fault", text)),
+        *(() if config_path is None else ("--config", str(config_path))),
+        *(() if patience is None else ("--paced-by-host", "--patience", str(patience))),
     ]
-    if plant.speed_ratio != 1.0 or paced_by_host:
+    if plant.speed_ratio != 1.0 or patience is not None:
         # Time that is not the wall's needs no priority; a loop that never sleeps would take a core.
         config = replaced(config, "realtime", fifo_priority=0)
     symlink = folder / f"{config.daemon.bench}.tty"

@@ -12,13 +12,20 @@ from smad.queue.process import begin_item
 from smad.queue.queue import Queue
 from smad.queue.runner import Runner, RunnerParts
 from smad.queue.states import Item
-from smad.queue.words import state_in_words
+from smad.queue.words import clock, state_in_words
 
 
 def run_queue(
     opened: Queue, *, check: Callable[[Item], Obstacle | None], say: Say, until_paused: bool
 ) -> None:
-    """Carry a queue out, for ever or until it pauses. Raises QueueError where another does."""
+    """Carry a queue out, for ever or until it pauses. Raises QueueError where another does.
+
+    `say` is told what happens, and when.
+    """
+
+    def stamped(text: str) -> None:
+        say(f"{clock(time.time())}  {text}")
+
     lease = RunnerLease(opened.folder)
     lease.acquire()
     watch = BenchWatch(opened.bench, clock_s=time.monotonic)
@@ -28,10 +35,10 @@ def run_queue(
         bench=opened.bench,
         descriptor=lease.descriptor,
     )
-    runner = Runner(opened.store, RunnerParts(watch=watch, start=start, check=check, say=say))
+    runner = Runner(opened.store, RunnerParts(watch=watch, start=start, check=check, say=stamped))
     try:
         runner.begin()
-        say(f"runner of {opened.folder}: {state_in_words(opened.snapshot(), runner=True)}")
+        stamped(f"runner of {opened.folder}: {state_in_words(opened.snapshot(), runner=True)}")
         runner.run(until_paused=until_paused)
     finally:
         runner.close()

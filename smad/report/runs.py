@@ -67,7 +67,7 @@ def elapsed_s(t_s: Array) -> Array:
 
 
 def run_parts(
-    runs: Sequence[Run], from_s: float = -math.inf, to_s: float = math.inf
+    runs: Sequence[Run], from_s: float | None = None, to_s: float | None = None
 ) -> list[RunPart]:
     """The runs by the names of their files, in the order in which they are drawn.
 
@@ -80,7 +80,8 @@ def run_parts(
         stem if stems.count(stem) == 1 else f"{stem} ({number})"
         for number, stem in enumerate(stems, 1)
     ]
-    parts = [_part(run, name, from_s, to_s) for run, name in zip(runs, names, strict=True)]
+    ends_s = (-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s)
+    parts = [_part(run, name, *ends_s) for run, name in zip(runs, names, strict=True)]
     parts.sort(key=lambda drawn: drawn.run.header.source != "sim")
     if len(parts) == 1:
         return parts

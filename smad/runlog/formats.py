@@ -1,6 +1,6 @@
 """All axes of a run log as files of another program, in any format."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from smad.errors import RunLogError
@@ -41,3 +41,10 @@ def export_axes(
         else:
             files += export_run(run, path, overwrite=overwrite)
     return files
+
+
+def count_in(files: Sequence[Path], runs: Mapping[str, Run]) -> tuple[int, str]:
+    """How much was written of the longest run: so many frames of a dataset, else rows."""
+    if all((file / "meta").is_dir() for file in files):
+        return max(map(lerobot.frames_in, files)), "frames"
+    return max(map(len, runs.values())), "rows"
