@@ -23,6 +23,7 @@ from smad.checkup.files import (
     require_one_bench,
     require_other_recordings,
 )
+from smad.checkup.investigate import Proposal, propose
 from smad.checkup.judge import Judged, judged
 from smad.checkup.programme import Programme
 from smad.checkup.series import Play, folder_for, play_series, read_state
@@ -120,6 +121,14 @@ def check_newest(folder: Path, baseline: Baseline, plant: PlantModel, progress: 
     ]
     runs = [(run, name) for run, name in named if name in known]
     return judged(plant, baseline.reference, runs, progress=progress)
+
+
+def proposed(
+    folder: Path, baseline: Baseline, plant: PlantModel, progress: Say
+) -> tuple[Judged, Proposal]:
+    """The verdict of `check_newest`, and what to play after it if each run takes as long."""
+    judgement = check_newest(folder, baseline, plant, progress)
+    return judgement, propose(judgement, dict.fromkeys(names_in(baseline), 1.0), left_s=1.0)
 
 
 def check_files(plant: PlantModel, good: Path, now: Path, *, say: Say, progress: Say) -> Judged:

@@ -45,6 +45,8 @@ Play = Callable[[ProgrammeRun, Path | None], Recorded]
 Player = Callable[[int], Play]
 """What plays the runs of a series, by the number of the series: a simulated bench takes its noise
 from it."""
+NOW = 1000
+"""The first of the series after the commissioning, whose repeats count from 1."""
 
 
 class State(msgspec.Struct, frozen=True):

@@ -31,12 +31,11 @@ def show(
 def check(path: Path = argument(PATH)) -> None:
     """Check the keys, ranges, axes and data rate of a file."""
     from smad.config import load_config
-    from smad.daemon.link.wirerate import check_rate, line_share
+    from smad.daemon.link.wirerate import check_rate
 
     loaded = load_config(path)
     loaded.turns()
-    check_rate(loaded.link.rate_hz, loaded.link.baud)
-    share = line_share(loaded.link.rate_hz, loaded.link.baud)
+    share = check_rate(loaded.link.rate_hz, loaded.link.baud)
     click.echo(
         f"{path}: good; {loaded.link.rate_hz} Hz fill {share:.0%} of {loaded.link.baud} baud"
     )

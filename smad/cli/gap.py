@@ -121,8 +121,8 @@ def apply(
     read = read_verdict(verdict)
     with named_output(out) as path:
         read.write_model(path, first)
-    causes = read.causes if first is None else read.causes[:first]
-    click.echo(f"{out}: parameters" + "".join(f", {c.name or c.words}" for c in causes))
+    causes = (f", {cause.name or cause.words}" for cause in read.causes[:first])
+    click.echo(f"{out}: parameters{''.join(causes)}")
 
 
 @gap.command()

@@ -55,10 +55,6 @@ class _Bench:
             yield player
 
 
-_NOW = 1000
-"""What a simulated bench adds to its seed after the commissioning, whose repeats count from 1."""
-
-
 @click.command(cls=Command)
 def commission(
     *,
@@ -150,6 +146,7 @@ def checkup(
     from smad.checkup import check
     from smad.checkup.judge import save_model_of
     from smad.checkup.programme import chosen
+    from smad.checkup.series import NOW
     from smad.checkup.store import load
     from smad.diagnosis.spring_pair import SmaPlant
 
@@ -167,7 +164,7 @@ def checkup(
                         folder,
                         baseline,
                         programme,
-                        player(_NOW),
+                        player(NOW),
                         out=out,
                         bench=bench.name,
                         say=line.note,
@@ -209,6 +206,7 @@ def investigate(
     from smad.checkup.baseline import FIRST, require_same
     from smad.checkup.inquiry import Inquiry, open_folder
     from smad.checkup.programme import chosen
+    from smad.checkup.series import NOW
     from smad.checkup.store import load
     from smad.diagnosis.report.words import budget_lines
     from smad.diagnosis.spring_pair import SmaPlant
@@ -227,7 +225,7 @@ def investigate(
             programme=programme,
             originals=folder / FIRST,
             folder=place,
-            play=player(_NOW + played),
+            play=player(NOW + played),
             say=line.note,
             seconds=60.0 * minutes,
         )

@@ -103,17 +103,14 @@ def next_experiment(
 
 def _propose(folder: Path) -> None:
     """Say what an investigation would play next, after the newest check-up or investigation."""
-    from smad.checkup.check import check_newest, names_in
-    from smad.checkup.investigate import propose
+    from smad.checkup.check import proposed
     from smad.checkup.store import load
     from smad.diagnosis.spring_pair import SmaPlant
 
     plant = SmaPlant()
-    baseline = load(folder, plant)
     with progress() as line:
-        judgement = check_newest(folder, baseline, plant, line.say)
+        judgement, proposal = proposed(folder, load(folder, plant), plant, line.say)
     click.secho(judgement.verdict.headline, bold=True)
-    proposal = propose(judgement, dict.fromkeys(names_in(baseline), 1.0), left_s=1.0)
     click.echo(f"{proposal.run} {proposal.why}" if proposal.run else proposal.why)
     for offer in proposal.offers:
         click.echo(f"  {offer.run:<10} d² = {offer.separation:.1f}")
@@ -137,7 +134,6 @@ def _carry_out(name: str, seed: int, model: Model | None, folder: Path, *, bench
     """Carry an experiment out: on the simulated bench of a model, else on that of the daemon."""
     from smad.checkup.play import LEASE_S
     from smad.diagnosis.spring_pair.catalogue import plan_named
-    from smad.experiments.driver import new_log_path
     from smad.experiments.leased import leased_driver
     from smad.experiments.virtual import VirtualDriver
 
@@ -150,7 +146,8 @@ def _carry_out(name: str, seed: int, model: Model | None, folder: Path, *, bench
         return
     if seed:
         plan = dataclasses.replace(plan, name=f"{plan.name} {seed}")
-    path = new_log_path(folder, plan, "give another --folder or --seed, or move it away")
     with progress() as line:
-        VirtualDriver(model, seed=seed, folder=folder, progress=line.say).run(plan)
+        path = VirtualDriver(model, seed=seed, folder=folder, progress=line.say).record(
+            plan, "give another --folder or --seed, or move it away"
+        )
     click.echo(f"done: {path}")

@@ -41,16 +41,14 @@ def health(
     """
     from smad.experiments.ready import require_packages
     from smad.health.collect import collect
-    from smad.health.record import FILE as RECORD
-    from smad.health.record import read
     from smad.health.report import headline, health_of, page, table
     from smad.report.page import write_page
 
     require_packages("report" if report else "sim")
     given = _limits(limits)
     with progress() as line:
-        collect(folder, verdicts, say=line.note, progress=line.say)
-    bench_health = health_of(read(folder / RECORD), given)
+        rows = collect(folder, verdicts, say=line.note, progress=line.say)
+    bench_health = health_of(rows, given)
     if report is not None:
         write_page(page(bench_health, str(folder)), report)
     if as_json:

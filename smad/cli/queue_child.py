@@ -12,10 +12,10 @@ from collections.abc import Sequence
 import click
 
 from smad.cli import INTERNAL, INTERRUPTED, root
-from smad.client import Client
+from smad.cli.output import made_clients
 from smad.errors import SmadError
 from smad.processes.parent import end_group_with
-from smad.queue.ending import is_used_up, status_of
+from smad.queue.ending import is_used_up, status_of, unseen_stop
 from smad.queue.machine import SHORT, STOPPED
 
 
@@ -33,31 +33,12 @@ def main(arguments: Sequence[str]) -> int:
         return error.exit_code
     except click.Abort:
         return INTERRUPTED
-    except (MemoryError, OSError) as error:
+    except Exception as error:
         traceback.print_exc()
         return SHORT if is_used_up(error) else INTERNAL
-    except Exception:
-        traceback.print_exc()
-        return INTERNAL
-    return STOPPED if _stopped_since(bench) else 0
-
-
-def _stopped_since(bench: str) -> bool:
-    """Whether somebody stopped the bench while the command did not look, such as in an analysis."""
-    from smad.cli.output import made_clients
-
-    known = {client.as_of(None) for client in made_clients} - {None}
-    if not known:
-        return False
-    try:
-        with Client(bench) as client:
-            stopped = client.motion().generation not in known
-    except SmadError as error:
-        click.echo(f"smad: {error}", err=True)
-        return True
-    if stopped:
-        click.echo("smad: the bench was stopped while this ran", err=True)
-    return stopped
+    if stop := unseen_stop(made_clients, bench):
+        click.echo(f"smad: {stop}", err=True)
+    return STOPPED if stop else 0
 
 
 if __name__ == "__main__":

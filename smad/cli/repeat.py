@@ -44,12 +44,8 @@ def repeat(
     from smad.experiments.repeating import read_recorded_inputs
 
     recorded = read_recorded_inputs(run)
-    if recorded.armed_s < recorded.whole_s - 0.1:
-        click.echo(
-            f"{run.name}: its board was armed for {recorded.armed_s:.1f} of "
-            f"{recorded.whole_s:.1f} s; that part is repeated",
-            err=True,
-        )
+    if part := recorded.part_in_words():
+        click.echo(part, err=True)
     if sim:
         with progress() as line:
             path = repeat_simulated(recorded, save_logs, seed, say=line.note, progress=line.say)

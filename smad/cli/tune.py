@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
 
 import click
-import msgspec
 
 from smad.cli.options import (
     OUTPUT,
@@ -71,8 +69,7 @@ def tune(
     if save is not None and not session.worse:
         write_whole(save, section)
     if as_json:
-        fields: dict[str, Any] = msgspec.to_builtins(session)
-        print_json(fields | {"toml": section, "worse": session.worse}, indent=-1)
+        print_json(session.record(), indent=-1)
         return
     for text in (*facts(session), ""):
         click.echo(text)

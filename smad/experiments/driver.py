@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Protocol
 
 from smad.control.plan import Cooling, Fixture, Plan
-from smad.experiments.errors import BenchLacksError, ExperimentError
+from smad.experiments.errors import BenchLacksError
 from smad.experiments.recording import Recording
 
 PARTS: Mapping[str, str] = {
@@ -33,16 +33,6 @@ def log_name(plan: Plan) -> str:
 def log_path(folder: Path, plan: Plan) -> Path:
     """The run log of a plan that a simulated bench carries out."""
     return folder / f"{log_name(plan)}.mcap"
-
-
-def new_log_path(folder: Path, plan: Plan, action: str) -> Path:
-    """As `log_path`, of a run log that is not there yet. Raises ExperimentError with `action`."""
-    path = log_path(folder, plan)
-    if path.exists():
-        raise ExperimentError(
-            "a run log of that name is there already", value=str(path), action=action
-        )
-    return path
 
 
 @dataclass(frozen=True, order=True)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from sim_device.plant.models import built_in
 from smad.config import Config, parse_config
-from smad.experiments.driver import new_log_path
 from smad.experiments.errors import EndedEarlyError, StoppedError, TrippedError
 from smad.experiments.leased import LeasedDriver
 from smad.experiments.repeating import RecordedInputs
@@ -30,12 +29,10 @@ def repeat_simulated(
     `say` gets the path of the log when it ends early. Raises RepeatError, ExperimentError.
     """
     recorded.require_fit(Config())
-    plan = recorded.plan()
-    path = new_log_path(folder, plan, "give another folder with --save-logs, or move it away")
     driver = VirtualDriver(built_in("A"), seed=seed, folder=folder, progress=progress)
     with _saying_where(driver, say):
-        driver.run(plan)
-    return path
+        action = "give another folder with --save-logs, or move it away"
+        return driver.record(recorded.plan(), action)
 
 
 def repeat_on(

@@ -68,6 +68,13 @@ class RecordedInputs:
         name = name or f"repeat-of-{Path(self.name).stem}"[:64]
         return Plan(name, waited, repeats=self.source)
 
+    def part_in_words(self) -> str:
+        """Return which part of the run is repeated; empty where it is all of it."""
+        if self.armed_s >= self.whole_s - 0.1:
+            return ""
+        armed = f"its board was armed for {self.armed_s:.1f} of {self.whole_s:.1f} s"
+        return f"{self.name}: {armed}; that part is repeated"
+
     def require_fit(self, config: Config) -> None:
         """Raise RepeatError where rate or limits of the bench forbid it: nothing was moved yet."""
         if abs(self.rate_hz - config.link.rate_hz) > _RATE_TOLERANCE * config.link.rate_hz:

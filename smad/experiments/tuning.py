@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import msgspec
+
 from smad.client import Client
 from smad.config import ControlConfig, parse_config
 from smad.control.commands import Spring, Tune
@@ -42,6 +44,11 @@ class Session:
             case (WarmTrial(settling_s=now_s), WarmTrial(settling_s=new_s)) if new_s > now_s:
                 return f"within 0.5 K after {new_s:.1f} s, with yours after {now_s:.1f} s"
         return ""
+
+    def record(self) -> dict[str, object]:
+        """Return it for JSON, with the section of the configuration."""
+        fields: dict[str, object] = msgspec.to_builtins(self)
+        return fields | {"toml": self.tuned.toml(), "worse": self.worse}
 
 
 def tune_displacement(driver: Driver, config: ControlConfig, *, trial: bool = True) -> Session:

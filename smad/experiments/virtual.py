@@ -62,6 +62,15 @@ class VirtualDriver:
     def mounting(self) -> Mounting | None:
         return None
 
+    def record(self, plan: Plan, action: str) -> Path:
+        """As `run`, into a run log that is not there yet. Raises ExperimentError with `action`."""
+        assert self._folder is not None
+        if (path := log_path(self._folder, plan)).exists():
+            cause = "a run log of that name is there already"
+            raise ExperimentError(cause, value=str(path), action=action)
+        self.run(plan)
+        return path
+
     def run(self, plan: Plan) -> Recording:
         from sim_device.bench import SimulatedBench
         from sim_device.plant.errors import PlantError

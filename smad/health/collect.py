@@ -11,13 +11,15 @@ from smad.experiments.endurance.run import CYCLES_FILE
 from smad.health.cycles import rows_of_cycles
 from smad.health.errors import HealthError
 from smad.health.measure import new_rows
-from smad.health.record import FILE, append, read
+from smad.health.record import FILE, Row, append, read
 from smad.health.verdicts import row_of_verdict
 from smad.progress import Say
 
 
-def collect(folder: Path, verdicts: Sequence[Path], *, say: Say, progress: Say) -> None:
-    """Append the rows of what the record does not know yet; `say` tells which logs are left out.
+def collect(folder: Path, verdicts: Sequence[Path], *, say: Say, progress: Say) -> list[Row]:
+    """Append the rows of what the record does not know yet, and return all that it has then.
+
+    `say` tells which logs are left out.
 
     Raises HealthError for a folder that is not there and a verdict that cannot be read.
     """
@@ -39,3 +41,4 @@ def collect(folder: Path, verdicts: Sequence[Path], *, say: Say, progress: Say) 
         elif row is not None:
             rows.append(row)
     append(folder / FILE, rows)
+    return read(folder / FILE)

@@ -1,8 +1,10 @@
 """What ended an item: the exit status that its process tells the runner."""
 
 import errno
+from collections.abc import Sequence
 
 from smad.api import Reason
+from smad.client import Client
 from smad.client.errors import NoAnswer, NoDaemon, Refused, Stopped
 from smad.errors import ComputerError, SmadError
 from smad.experiments.errors import StoppedError, TrippedError
@@ -39,6 +41,23 @@ def status_of(error: SmadError) -> int:
     return error.exit_status
 
 
-def is_used_up(error: MemoryError | OSError) -> bool:
+def is_used_up(error: Exception) -> bool:
     """Return whether the error says that this computer has no room, memory or files left."""
-    return isinstance(error, MemoryError) or error.errno in _USED_UP
+    used_up = isinstance(error, OSError) and error.errno in _USED_UP
+    return used_up or isinstance(error, MemoryError)
+
+
+def unseen_stop(clients: Sequence[Client], bench: str) -> str:
+    """Return how the bench was stopped while a command did not look, such as in an analysis.
+
+    Empty where it was not, as far as the command's `clients` know of stops.
+    """
+    known = {client.as_of(None) for client in clients} - {None}
+    try:
+        if known:
+            with Client(bench) as client:
+                if client.motion().generation not in known:
+                    return "the bench was stopped while this ran"
+    except SmadError as error:
+        return str(error)
+    return ""

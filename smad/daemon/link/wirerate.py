@@ -9,10 +9,13 @@ def line_share(rate_hz: int, baud: int) -> float:
     return load(rate_hz, baud).share
 
 
-def check_rate(rate_hz: int, baud: int) -> None:
-    """Raise ConfigError, naming a pair that works, when the rate does not fit the baud rate."""
+def check_rate(rate_hz: int, baud: int) -> float:
+    """Return the `line_share` of a rate.
+
+    Raises ConfigError, naming a pair that works, when the rate does not fit the baud rate.
+    """
     if load(rate_hz, baud).fits:
-        return
+        return line_share(rate_hz, baud)
     ways = [f"link.baud = {b} for {rate_hz} Hz" for b in USUAL_BAUDS if load(rate_hz, b).fits][:1]
     ways += [
         f"link.rate_hz = {r} at {baud} baud" for r in USUAL_RATES_HZ[::-1] if load(r, baud).fits
