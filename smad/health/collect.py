@@ -16,7 +16,7 @@ from smad.health.verdicts import row_of_verdict
 from smad.progress import Say
 
 
-def collect(folder: Path, verdicts: Sequence[Path], *, say: Say, progress: Say) -> list[Row]:
+def collect(folder: Path, verdicts: Sequence[Path], *, say: Say, progress: Say) -> tuple[Row, ...]:
     """Append the rows of what the record does not know yet, and return all that it has then.
 
     `say` tells which logs are left out.
