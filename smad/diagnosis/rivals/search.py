@@ -194,7 +194,7 @@ class _Search(Searched):
             gap = self.question.gap(self.final)
             more = nearer = [r for r in nearer if self.question.gap(r) < gap]
         missing = sum(r.probability for r in more) > _LIKELIER
-        if nearer and (missing or sure and nearer[0].probability > same[0].probability):
+        if nearer and (missing or (sure and nearer[0].probability > same[0].probability)):
             return _named(nearer[0], ranked)
         return same[0] if same[0].kind == PARAMETERS and not self.moved else None
 

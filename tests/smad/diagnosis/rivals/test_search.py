@@ -13,7 +13,8 @@ from smad.diagnosis.rivals.fit import Fit
 from smad.diagnosis.rivals.parts import Model
 from smad.diagnosis.rivals.rival import Question, Rival
 from smad.diagnosis.rivals.score import EFFECT, NOTHING, PARAMETERS
-from smad.diagnosis.rivals.search import _Fits
+from smad.diagnosis.rivals.screening import worth_a_fit
+from smad.diagnosis.rivals.search import _Fits, _Search
 
 
 @dataclass(frozen=True)
@@ -23,10 +24,16 @@ class Leaving:
     floors: float
 
 
-def leaving(kind: str, floors: float) -> Rival:
+def leaving(kind: str, floors: float, *, score: float = 0.0, probability: float = 0.0) -> Rival:
     """A rival that leaves these floors of the one channel of one run."""
-    squares, scores = np.array([[floors**2]]), np.zeros(1)
-    return Rival(kind=kind, name=kind, fit=None, squares=squares, scores=scores)
+    return Rival(
+        kind=kind,
+        name=kind,
+        fit=None,
+        squares=np.array([[floors**2]]),
+        scores=np.array([score]),
+        probability=probability,
+    )
 
 
 def floors_left(rival: Rival) -> float:
@@ -104,6 +111,35 @@ def test_a_simulator_with_free_parameters_surely_lacks_something_where_it_leaves
         leaving(EFFECT, 0.5),
     ]
     assert Question.incomplete(cast(Any, question), cast(Any, rivals)) is incomplete
+
+
+@pytest.mark.parametrize(
+    ("surely_incomplete", "likeliest_lessens_by", "enters"),
+    [(True, 10.0, True), (False, 10.0, False), (True, -1.0, False)],
+)
+def test_where_several_things_are_missing_one_enters_that_is_likelier_than_none_and_lessens_the_gap(
+    surely_incomplete: bool, likeliest_lessens_by: float, enters: bool
+) -> None:
+    nothing = leaving(NOTHING, 30.0, probability=0.1)
+    likeliest = leaving(EFFECT, 30.0 - likeliest_lessens_by, score=7.0, probability=0.4)
+    # Better by score, since it shows a quiet channel; all channels together it leaves no less.
+    other = leaving(EFFECT, 30.5, score=4.0, probability=0.35)
+    search = SimpleNamespace(
+        question=SimpleNamespace(gap=floors_left, incomplete=lambda same: surely_incomplete),
+        final=nothing,
+        parts=("cooling_front",),
+        moved=True,
+    )
+    entered = _Search._entering(cast(Any, search), [likeliest, other, nothing])
+    assert entered is (likeliest if enters else None)
+
+
+def test_an_effect_that_is_there_or_not_is_fitted_whatever_a_linear_picture_promises() -> None:
+    ranked = [
+        SimpleNamespace(part=SimpleNamespace(name=str(k), has_strength=k != 11)) for k in range(12)
+    ]
+    worth = worth_a_fit(cast(Any, ranked))
+    assert [cast(Any, s).part.name for s in worth] == [*map(str, range(8)), "11"]
 
 
 def test_a_fit_keeps_its_coordinates_where_its_parts_change_places() -> None:
