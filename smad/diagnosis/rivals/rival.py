@@ -20,7 +20,16 @@ from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Array, Effect, ModelPoint, PlantModel, traits_of
 from smad.diagnosis.rivals.changes import Changes
 from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, form_of
-from smad.diagnosis.rivals.fit import Fit, Reference, fit, fit_to_end, leave_out, replayed, weights
+from smad.diagnosis.rivals.fit import (
+    Fit,
+    Reference,
+    fit,
+    fit_to_end,
+    leave_out,
+    rebased,
+    replayed,
+    weights,
+)
 from smad.diagnosis.rivals.parts import Model
 from smad.diagnosis.rivals.score import (
     EFFECT,
@@ -34,8 +43,6 @@ from smad.diagnosis.rivals.score import (
 )
 from smad.progress import Say
 
-_KEPT = 1e8
-"""Precision of parameters that stay where they are."""
 _STEP_SHARES = (1.0, 0.5, 0.25)
 """Shares of the step to where a run is left out, the longest first."""
 _ROUGH = 0.3
@@ -148,22 +155,19 @@ class Question:
         made = fit_to_end(self.evidence, reference, near=near)
         return None if made is None else self.rival(kind, name, made)
 
-    def parameters_kept_if_likelier(
-        self, rival: Rival | None, kind: str, name: str, free: Fit, nominal: Reference
-    ) -> Rival | None:
-        """The rival, or the same with the parameters where they were, whichever is likelier.
+    def steadied(self, rival: Rival | None, kind: str, name: str, free: Fit) -> Rival | None:
+        """The rival, or the same fitted with the prior that the score prefers, if that is likelier.
 
-        Few runs let free parameters follow noise.
+        Few runs let free parameters follow noise, and where every row counts they go further from
+        the prior than a tempered score rewards.
         """
-        model = free.model
-        fixed = model.with_precision(_KEPT * np.eye(model.parameters))
-        start = free.x.copy()
-        start[: model.parameters] = 0.0
-        made = fit(self.evidence, fixed, start, nominal)
+        here = rebased(self.evidence, free)
+        model = tempered(free.model, self.evidence, self.temper)
+        made = here and fit(self.evidence, model, free.x, here)
         steady = made and self.rival(kind, name, made)
         if not steady or steady.fit is None:
             return rival
-        steady = replace(steady, fit=replace(steady.fit, model=model))
+        steady = replace(steady, fit=replace(steady.fit, model=free.model))
         return steady if rival is None else max(steady, rival, key=self.log_weight)
 
     def of_point(self, point: ModelPoint) -> Rival | None:

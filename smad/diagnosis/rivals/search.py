@@ -401,7 +401,7 @@ class _Fits:
         What leaves more than the simulator without a part explains nothing.
         """
         question = self.question
-        made = question.parameters_kept_if_likelier(rival, kind, name, fitted, self.nominal)
+        made = question.steadied(rival, kind, name, fitted)
         if rival is None or made is None:
             return made
         return made if question.gap(made) < max(self.without, question.gap(rival)) else rival

@@ -46,7 +46,7 @@ class Steady:
 
     floors: float
 
-    def parameters_kept_if_likelier(self, *_: object) -> Leaving:
+    def steadied(self, *_: object) -> Leaving:
         return Leaving(self.floors)
 
     def gap(self, rival: Leaving) -> float:
