@@ -166,9 +166,9 @@ def compare(
     if apart and following:
         say(
             "channels do not follow",
-            f"{', '.join(apart)} move otherwise than the inputs would make them, while "
-            f"{', '.join(following)} follow: either these are of another run, or something "
-            "that the model lacks drives them",
+            f"the model with these inputs predicts {', '.join(following)}, but not "
+            f"{', '.join(apart)}: either these are of another run, or something that the model "
+            "lacks drives them",
         )
     elif apart:
         say(

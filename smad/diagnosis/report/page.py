@@ -76,14 +76,18 @@ def _answer(v: Verdict) -> list[Block]:
 
 
 def rivals(rows: Sequence[RivalGap], judged: str) -> Table:
-    """The table of rivals: values, what each leaves of the judged runs, and its probability."""
-    header = ("floors left", "probability", "rival", "values")
+    """The table of rivals: what each leaves of the judged runs, its probability, and its values
+    where one has any."""
+    first = first_rivals(rows)
+    header = ["floors left", "probability", "rival", "values"]
+    columns = len(header) if any(r.values for r in first) else len(header) - 1
     table = []
-    for r in first_rivals(rows):
+    for r in first:
         what, values = f"{r.words}: {r.title}".removesuffix(": "), (v.text for v in r.values)
-        table.append((f"{r.gap:.3g}", f"{r.probability:.2f}", what, ", ".join(values)))
+        row = (f"{r.gap:.3g}", f"{r.probability:.2f}", what, ", ".join(values))
+        table.append(row[:columns])
     caption = f"Each rival is fitted together with the parameters, and {judged}"
-    return Table(header, table, caption, frozenset((0, 1)))
+    return Table(header[:columns], table, caption, frozenset((0, 1)))
 
 
 def _cause(cause: Cause) -> Table:

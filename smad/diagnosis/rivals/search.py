@@ -251,7 +251,7 @@ class _Search(Searched):
                 continue
             candidates = self._screened(base)
             gain = max((s.gain for s in candidates if s.part.name == name), default=0.0)
-            fits = _Fits(question, self.nominal, without=np.inf)
+            fits = _Fits(question, without=np.inf)
             better = [s for s in candidates if s.gain > gain]
             for part, start in started(question.evidence, base, better):
                 fits.begin(EFFECT, base, part, np.r_[base.x, start])
@@ -307,7 +307,7 @@ class _Search(Searched):
         if here is None:
             return []
         without = question.gap(current)
-        fits = _Fits(question, self.nominal, without=without)
+        fits = _Fits(question, without=without)
         references = [here]
         if self.moved and not self.parts:
             # Where the parameters have moved to imitate an effect it is hidden.
@@ -330,7 +330,7 @@ class _Search(Searched):
             plant, point = here.model.plant, here.model.point(here.x)
             self.responses = responses(plant, point, e.played, progress=question.say)
         present = {part.name for part in here.model.parts}
-        laws = _Fits(question, self.nominal, without=without, least=fits.least)
+        laws = _Fits(question, without=without, least=fits.least)
         for law, start in selected_laws(e, here, self.responses)[:_LAWS]:
             if law.name not in present:
                 laws.begin(LAW, here, law, np.r_[here.x, start])
@@ -359,7 +359,6 @@ class _Fits:
     """
 
     question: Question
-    nominal: Reference
     without: float
     least: float = np.inf
     found: dict[str, tuple[str, Fit]] = field(default_factory=dict)
@@ -389,14 +388,15 @@ class _Fits:
                 self.found[name] = kind, made
                 self.least = min(self.least, made.objective)
         scored = {name: question.rival(kind, name, f) for name, (kind, f) in self.found.items()}
-        # Where good runs say where the parameters are, a fit keeps them there as far as it may.
+        # Where good runs say where the parameters are, all fits have the prior that scores prefer.
         for name in near if question.tied is None else ():
             kind, made = self.found[name]
             scored[name] = self._steadied(scored[name], kind, name, made)
         return [r for r in scored.values() if r is not None]
 
     def _steadied(self, rival: Rival | None, kind: str, name: str, fitted: Fit) -> Rival | None:
-        """The rival with the parameters where they were if that is likelier, and a cause as well.
+        """The rival, or fitted with the prior that its score prefers if that is likelier, and a
+        cause as well.
 
         What leaves more than the simulator without a part explains nothing.
         """

@@ -42,7 +42,7 @@ def floors_left(rival: Rival) -> float:
 
 @dataclass(frozen=True)
 class Steady:
-    """A question to which parameters that stay are always likelier."""
+    """A question to which a fit by a tempered prior is always likelier."""
 
     floors: float
 
@@ -54,10 +54,10 @@ class Steady:
 
 
 @pytest.mark.parametrize(("steady", "taken"), [(9.0, 9.0), (12.0, 12.0), (21.0, 10.0)])
-def test_parameters_stay_only_where_the_part_then_explains_something(
+def test_a_fit_is_steadied_only_where_the_part_then_explains_something(
     steady: float, taken: float
 ) -> None:
-    fits = _Fits(cast(Any, Steady(steady)), cast(Any, None), without=15.0)
+    fits = _Fits(cast(Any, Steady(steady)), without=15.0)
     made = fits._steadied(cast(Any, Leaving(10.0)), "law", "law:input", cast(Any, None))
     assert cast(Any, made).floors == taken
 
