@@ -39,7 +39,7 @@ class RunWriter:
 
     `append` and `close` belong to one thread. Nothing that happens to the disk raises there: it is
     found in `error`, and the rows that did not reach the file are counted in `dropped`. A record
-    that cannot be encoded is left out, and reported in `bad_record`.
+    that cannot be encoded is left out, and an event in the log says why.
 
     The thread runs at the priority of whoever creates the writer, less one: create it after the
     real-time measures are taken, or a busy machine can suspend it while it holds the interpreter.
@@ -59,7 +59,6 @@ class RunWriter:
     ) -> None:
         self.paths = [Path(path)]
         self.error: str | None = None
-        self.bad_record: str | None = None
         self.written = 0
         # Counters of one thread each: += is not atomic. Queue full, unfit: the caller's.
         self._refused = 0
@@ -72,7 +71,8 @@ class RunWriter:
         self._max_file_ns = max_file_s * _NS
         self._queue: deque[Packed] = deque()
         self._packer = RecordPacker(header.started_unix_s, header.axes)
-        self._dropped_told = 0
+        self._refused_told = self._unfit_told = 0
+        self._unfit_why = ""
         self._mcap, self._file = create_log(self.paths[0], header)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="run log", daemon=True)
@@ -94,8 +94,8 @@ class RunWriter:
         try:
             self._queue.append(self._packer.pack(record, axis, time_s))
         except (TypeError, ValueError, OverflowError, KeyError) as error:
+            self._unfit_why = str(error)
             self._unfit += 1
-            self.bad_record = f"a record cannot be written: {error}"
             return False
         return True
 
@@ -148,7 +148,7 @@ class RunWriter:
             self._lost += len(batch)
             return
         try:
-            self._mcap.write_chunk([*batch, *self._drop_notice(batch[-1].time_ns)])
+            self._mcap.write_chunk([*batch, *self._drop_notices(batch[-1].time_ns)])
         except OSError as error:
             self._lost += len(batch)
             self._give_up(error)
@@ -173,18 +173,21 @@ class RunWriter:
         if not there:
             self._give_up(RunLogError("it was deleted, moved or replaced"))
 
-    def _drop_notice(self, time_ns: int) -> list[Packed]:
-        missed = self._refused - self._dropped_told
-        if not missed:
-            return []
-        self._dropped_told += missed
-        notice = Event(
-            host_time_s=time_ns / _NS,
-            kind="record",
-            text=f"{counted(missed, 'row')} dropped: the disk was too slow for the queue",
-            data={"dropped": missed},
+    def _drop_notices(self, time_ns: int) -> list[Packed]:
+        """What was dropped since the last notice, as events."""
+        refused, unfit = self._refused - self._refused_told, self._unfit - self._unfit_told
+        self._refused_told += refused
+        self._unfit_told += unfit
+        told = (
+            (refused, f"{counted(refused, 'row')} dropped: the disk was too slow for the queue"),
+            (unfit, f"{counted(unfit, 'record')} dropped, not writable: {self._unfit_why}"),
         )
-        return [RecordPacker(0.0).pack(notice)]
+        at_s, packer = time_ns / _NS, RecordPacker(0.0)
+        return [
+            packer.pack(Event(host_time_s=at_s, kind="record", text=text, data={"dropped": count}))
+            for count, text in told
+            if count
+        ]
 
     def _start_next_part_if_due(self) -> None:
         # By the rows: an event may carry the host's clock, which somebody may set.
