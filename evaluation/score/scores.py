@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from evaluation.names import canonical
-from evaluation.score.answers import DIFFERS, STRENGTHS, Pair
+from evaluation.score.answers import DIFFERS, STRENGTHS, Cause, Pair
 from evaluation.score.goals import GOALS, Row
 from evaluation.score.intervals import wilson
 from smad.report.page import Table
@@ -87,6 +87,11 @@ def _own_found(p: Pair) -> float:
     told = {c.place for c in p.said.causes[:_FIRST_OWN]}
     found = sum(bool(told & set(own.places)) for own in p.truth.own)
     return min(found / min(len(p.truth.own), _FIRST_OWN), 1.0)
+
+
+def _something_differs(p: Pair, cause: Cause) -> bool:
+    """The added effect or one of the plant's own differences is at the place of a cause."""
+    return cause.place in p.true_places.union(*(own.places for own in p.truth.own))
 
 
 Said = tuple[float, bool]
@@ -210,6 +215,7 @@ def rows(pairs: Sequence[Pair]) -> list[Row]:
 def rows_of_differs(pairs: Sequence[Pair]) -> list[Row]:
     """Every row of the cases without good runs."""
     added = [p for p in pairs if p.truth.effects]
+    gaps = [p.said.whole for p in pairs if p.said.whole is not None]
     return [
         share("added effect's place among the first three", added, lambda p: _added_among(p, 3)),
         share(
@@ -218,6 +224,13 @@ def rows_of_differs(pairs: Sequence[Pair]) -> list[Row]:
             _added_named,
         ),
         share("own differences among the first four places", pairs, _own_found),
+        share(
+            "causes told where something differs",
+            [(p, cause) for p in pairs for cause in p.said.causes],
+            lambda told: _something_differs(*told),
+        ),
+        _over("floors left by parameters alone, median", [w.parameters for w in gaps]),
+        _over("floors left with what is told, median", [w.final for w in gaps]),
         share("held-out gap above that of parameters alone", pairs, _worse),
         *_time(pairs),
     ]

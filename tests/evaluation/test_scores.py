@@ -158,7 +158,8 @@ def test_a_pair_wants_both_places_and_both_names(tmp_path: Path) -> None:
 
 def test_of_differs_the_added_effect_and_the_plants_own_are_looked_for(tmp_path: Path) -> None:
     own = [{"places": ["film"]}, {"places": ["heat_into_water", "reading_rtd"]}]
-    told = said(cause("film"), cause("resistance"), cause("reading_rtd", "rtd_lag"))
+    whole = {"parameters": 30.0, "causes": [20.0, 12.0, 10.0]}
+    told = said(cause("film"), cause("resistance"), cause("reading_rtd", "rtd_lag"), whole=whole)
     found = rows(
         tmp_path,
         {
@@ -170,6 +171,9 @@ def test_of_differs_the_added_effect_and_the_plants_own_are_looked_for(tmp_path:
     assert value["added effect's place among the first three"] == (1.0, 1)
     assert value["added effect's entry named first at its place"] == (1.0, 1)
     assert value["own differences among the first four places"] == (0.75, 2)
+    assert value["causes told where something differs"] == (0.75, 4)
+    assert value["floors left by parameters alone, median"] == (30.0, 1)
+    assert value["floors left with what is told, median"] == (10.0, 1)
 
 
 def test_without_the_right_entry_its_place_may_still_be_told_but_no_name(tmp_path: Path) -> None:
