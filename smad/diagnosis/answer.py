@@ -203,7 +203,7 @@ def _table(question: Question, rivals: Sequence[Rival]) -> list[RivalGap]:
             kind=r.kind,
             name=r.name.removeprefix("law:"),
             words=described.rival(r),
-            title=titles.get(r.name, ""),
+            title=titles.get(r.name, "") if r.has_part else "",
             values=_values(described, question, r),
             places=list(r.places),
             gap=question.gap(r),

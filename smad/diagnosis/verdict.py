@@ -177,6 +177,11 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
         return " or ".join((self.name, *others)) + value
 
     @property
+    def short(self) -> str:
+        """The effect by its name, a law by its place."""
+        return self.name or f"a law at the {self.words}"
+
+    @property
     def rival(self) -> RivalGap | None:
         """Its row in the table of rivals; None where it came in exchange for another one."""
         name = self.name or self.place
@@ -325,7 +330,7 @@ def headline_of(
     first = causes[0]
     verb = "something has changed at" if changed else "the simulator lacks something at"
     likely = f", probability {first.rival.probability:.2f}" if first.rival else ""
-    beside = f", and {len(causes) - 1} more" if len(causes) > 1 else ""
+    beside = "".join(f", and {cause.short}" for cause in causes[1:])
     goes = _goes(before, after)
     return f"{verb} the {first.words}: {first.title}{likely}{beside}; {goes}"
 

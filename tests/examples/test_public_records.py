@@ -178,6 +178,8 @@ def test_the_gap_with_the_first_causes_is_that_of_these_alone_where_one_was_exch
     assert parts == [parts[-1][:count] for count in range(len(causes) + 1)]
     assert answer.verdict.whole is not None
     assert answer.verdict.whole.causes == [cause.gap for cause in causes]
+    # What is named after the part that entered last is no effect itself.
+    assert {r.title for cause in causes for r in cause.rivals if r.kind == "nothing"} == {""}
 
 
 def test_the_command_prints_the_name_of_what_was_put_in_and_writes_the_page(

@@ -9,9 +9,11 @@ from smad.diagnosis.answer import Answer
 from smad.diagnosis.report import figures
 from smad.diagnosis.report.words import (
     advice,
+    beside,
     budget_stages,
     finding_lines,
     first_rivals,
+    gap_by_cause,
     judged_lines,
     name_words,
     place_words,
@@ -68,25 +70,29 @@ def _answer(v: Verdict) -> list[Block]:
     out: list[Block] = [Text(line, "warning") for line in finding_lines(v, doubtful=True)]
     floor = _FLOORS.get(v.question, "what good runs differ in, or the simulator leaves of them")
     judged = f"{''.join(judged_lines(v))}. A floor is {floor}."
-    for cause in v.causes:
-        out += [rivals(cause.rivals, judged), _cause(cause)]
+    caption = f"Each rival is fitted together with the parameters, and {judged}"
+    if steps := gap_by_cause(v):
+        rows = [(f"{gap:.3g}", what) for gap, what in steps]
+        together = "Everything in a row and above it is fitted together with the parameters."
+        out.append(Table(("floors left", "with"), rows, together, frozenset((0,))))
+    for k, cause in enumerate(v.causes):
+        out += [rivals(cause.rivals, "" if k else caption, beside(v.causes[:k])), _cause(cause)]
     if not v.causes and v.rivals:
-        out.append(rivals(v.rivals, judged))
+        out.append(rivals(v.rivals, caption))
     return out + [Text(line, "note") for line in v.notes]
 
 
-def rivals(rows: Sequence[RivalGap], judged: str) -> Table:
+def rivals(rows: Sequence[RivalGap], caption: str, asked: str = "") -> Table:
     """The table of rivals: what each leaves of the judged runs, its probability, and its values
-    where one has any."""
+    where one has any. `asked` says beside what."""
     first = first_rivals(rows)
-    header = ["floors left", "probability", "rival", "values"]
+    header = ["floors left", "probability", f"rival{asked}", "values"]
     columns = len(header) if any(r.values for r in first) else len(header) - 1
     table = []
     for r in first:
         what, values = f"{r.words}: {r.title}".removesuffix(": "), (v.text for v in r.values)
         row = (f"{r.gap:.3g}", f"{r.probability:.2f}", what, ", ".join(values))
         table.append(row[:columns])
-    caption = f"Each rival is fitted together with the parameters, and {judged}"
     return Table(header[:columns], table, caption, frozenset((0, 1)))
 
 

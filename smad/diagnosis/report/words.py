@@ -53,8 +53,11 @@ def lines(verdict: Verdict) -> list[str]:
     facts = finding_lines(v, doubtful=False)
     if v.outcome == REFUSED:
         return [*out, *v.notes, *facts]
-    for cause in v.causes:
-        out += cause_lines(cause)
+    steps = gap_by_cause(v)
+    if steps:
+        out += ["  floors left  with", *(f"  {gap:>11.3g}  {what}" for gap, what in steps)]
+    for k, cause in enumerate(v.causes):
+        out += cause_lines(cause, v.causes[:k])
     if not v.causes:
         out += rival_lines(v.rivals)
     if v.outcome in (PARAMETERS, UNEXPLAINED) or v.question == CHECK_UP:
@@ -93,12 +96,31 @@ def _line(alike: Sequence[Finding]) -> str:
     )
 
 
-def cause_lines(cause: Cause) -> list[str]:
-    """One cause: its table of rivals, its values or its law, and how sure name and place are."""
+def gap_by_cause(v: Verdict) -> list[tuple[float, str]]:
+    """Floors left with other parameters, and with each cause more; empty where one is told."""
+    if v.whole is None or len(v.causes) < 2:
+        return []
+    steps = [(v.whole.parameters, "parameters alone")]
+    for k, cause in enumerate(v.causes):
+        what = f"{cause.name} at the {cause.words}" if cause.name else cause.short
+        steps.append((cause.gap, f"{'+ ' * (k > 0)}{what}"))
+    return steps
+
+
+def beside(before: Sequence[Cause]) -> str:
+    """What a further cause was asked beside, as `, beside lag`; empty for the first one."""
+    return f", beside {' and '.join(cause.short for cause in before)}" if before else ""
+
+
+def cause_lines(cause: Cause, before: Sequence[Cause] = ()) -> list[str]:
+    """One cause: its table of rivals, its values or its law, and how sure name and place are.
+
+    `before` are the causes that were in the simulator when it was asked.
+    """
     # Later steps refit the values that the table has.
     refitted = cause.rival is None or cause.rival.values != cause.values
     return [
-        *rival_lines(cause.rivals),
+        *rival_lines(cause.rivals, beside(before)),
         *_entry("values", [v.text for v in cause.values if refitted]),
         *_entry("law", [t.text for t in cause.read]),
         *_entry("alike", list(dict.fromkeys(t.alike for t in cause.read if t.alike))),
@@ -124,12 +146,15 @@ def place_words(cause: Cause) -> str:
     return ", ".join(f"{cause.place_words.get(n, n)} {p:.2f}" for n, p in likely.items())
 
 
-def rival_lines(rivals: Sequence[RivalGap]) -> list[str]:
-    """The table of rivals: what each leaves of the judged runs, and its probability."""
+def rival_lines(rivals: Sequence[RivalGap], asked: str = "") -> list[str]:
+    """The table of rivals: what each leaves of the judged runs, and its probability.
+
+    `asked` says beside what.
+    """
     if not rivals:
         return []
     return [
-        "  floors left  probability  rival",
+        f"  floors left  probability  rival{asked}",
         *(
             f"  {r.gap:>11.3g}  {r.probability:>11.2f}  "
             + ", ".join((r.words, *(v.text for v in r.values)))

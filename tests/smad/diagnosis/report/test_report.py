@@ -164,7 +164,10 @@ def test_the_headline_says_where_what_how_sure_and_how_far_the_gap_goes() -> Non
     assert "lag or near-0, probability 0.93" in verdict(CAUSES, causes=[torn]).headline
     assert verdict(CAUSES, CHANGED, causes=[LAW, EFFECT]).headline.startswith(
         "something has changed at the reading of the rod: a law, no effect of the library fits, "
-        "probability 0.60, and 1 more;"
+        "probability 0.60, and lag;"
+    )
+    assert ", probability 0.93, and a law at the reading of the rod, and lag; the gap" in (
+        verdict(CAUSES, causes=[EFFECT, LAW, EFFECT]).headline
     )
     assert verdict(PARAMETERS).headline.endswith(
         "from 40.0 to 29.5 floors, 29.5 floors stay unexplained"
@@ -174,6 +177,21 @@ def test_the_headline_says_where_what_how_sure_and_how_far_the_gap_goes() -> Non
         in verdict(UNEXPLAINED).headline
     )
     assert verdict(QUIET).headline.startswith("nothing is missing")
+
+
+def test_of_several_causes_a_table_says_what_each_leaves_and_beside_what_it_was_asked() -> None:
+    nearer = msgspec.structs.replace(LAW, gap=0.5)
+    several = verdict(CAUSES, causes=[EFFECT, nearer])
+    text = "\n".join(lines(several))
+    assert (
+        "  floors left  with\n"
+        "         29.5  parameters alone\n"
+        "            1  lag at the reading of the rod\n"
+        "          0.5  + a law at the reading of the rod\n"
+        "  floors left  probability  rival\n"
+    ) in text
+    assert "\n  floors left  probability  rival, beside lag\n" in text
+    assert "  floors left  with" not in lines(verdict(CAUSES))
 
 
 def test_a_law_says_which_states_the_runs_do_not_tell_apart() -> None:
