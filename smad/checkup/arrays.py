@@ -25,7 +25,7 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
     """The arrays of an `.npz` file by name. Raises ValueError for what is no file of numbers, or
     more than a baseline can be, and what opening and unpacking raise."""
     arrays = {}
-    left = MOST_ARRAYS_BYTES
+    bytes_left = MOST_ARRAYS_BYTES
     with zipfile.ZipFile(path) as packed:
         members = packed.namelist()
         if len(members) > MOST_ARRAYS or len(set(members)) < len(members):
@@ -33,8 +33,8 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
         for member in members:
             with packed.open(member) as file:
                 shape, dtype = _header(member, file)
-            left -= prod(shape) * dtype.itemsize
-            if left < 0:
+            bytes_left -= prod(shape) * dtype.itemsize
+            if bytes_left < 0:
                 raise ValueError(
                     f"its arrays are more than {MOST_ARRAYS_BYTES} bytes, too many for a baseline "
                     f"({member} claims {shape})"

@@ -35,17 +35,17 @@ def commission(
     *,
     bench: str,
     repeats: int,
-    known: Baseline | None,
+    baseline: Baseline | None,
     say: Say,
     progress: Say,
 ) -> GoodRuns:
-    """Play `repeats` more repeats than the `known` baseline has, and compute a baseline of all.
+    """Play `repeats` more repeats than `baseline` has, and compute a baseline of all.
 
     Repeats that were played and not yet counted are not played once more. Raises BaselineError
     where a run is ended early, and what `player` raises.
     """
-    wanted = repeats + (0 if known is None else known.reference.repeats)
-    while (have := len(finished(good_series(folder), programme))) < wanted:
+    repeats_wanted = repeats + (0 if baseline is None else baseline.reference.repeats)
+    while (have := len(finished(good_series(folder), programme))) < repeats_wanted:
         place = folder_for(folder, "good", programme, time.time)
         originals = None if place.name == FIRST else folder / FIRST
         number = int(place.name.removeprefix("good-"))
@@ -70,19 +70,19 @@ def to_extend(
     Raises BaselineError for a baseline that is there unless it is to be extended `again`, and for
     runs of another bench or programme.
     """
-    known = None
+    baseline = None
     if (folder / "baseline.json").exists():
         try:
-            known = load(folder, plant)
+            baseline = load(folder, plant)
         except BaselineError as error:
             say(f"{error.cause}; computed anew from the runs in {folder}")
-    if known is not None and not again:
+    if baseline is not None and not again:
         raise BaselineError(
             f"{folder} is a baseline already",
             action="add repeats to it with --again, or give another folder",
         )
-    if known is not None:
-        require_same(folder, known, bench, programme)
+    if baseline is not None:
+        require_same(folder, baseline, bench, programme)
     for place in good_series(folder):
         state = read_state(place)
         if state is not None and state.programme != programme.digest:
@@ -92,7 +92,7 @@ def to_extend(
                 limit=programme.digest[:12],
                 action=_other_part(state.programme) or "give another folder",
             )
-    return known
+    return baseline
 
 
 def good_series(folder: Path) -> list[Path]:

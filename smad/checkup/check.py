@@ -54,8 +54,8 @@ def played_now(
     """
     require_same(folder, baseline, bench, programme, part=True)
     # A baseline of the quick part has nothing to compare the other runs with.
-    known = names_in(baseline)
-    programme = replace(programme, runs=tuple(r for r in programme.runs if r.name in known))
+    names = names_in(baseline)
+    programme = replace(programme, runs=tuple(r for r in programme.runs if r.name in names))
     place = out or folder_for(folder, "now", programme, time.time)
     play_series(place, programme, play, folder / FIRST, say)
     return place
@@ -84,8 +84,8 @@ def check_folder(
     state = read_state(now)
     if state is not None and state.ended:
         say(f"not all of it was played: {state.ended}")
-    known = names_in(baseline)
-    runs = [f for f in read_folder(now) if f.name in known]
+    names = names_in(baseline)
+    runs = [f for f in read_folder(now) if f.name in names]
     _say_notes(runs, say)
     if not recorded_for_it:
         for place in good_series(folder):
@@ -95,7 +95,7 @@ def check_folder(
     if not runs:
         raise BaselineError(
             f"{now} holds no run of the baseline {folder}",
-            limit=", ".join(sorted(known)),
+            limit=", ".join(sorted(names)),
             action="name the files after the runs of the programme, or use --good",
         )
     return judged(plant, baseline.reference, [(f.run, f.name) for f in runs], progress=progress)
@@ -113,13 +113,13 @@ def check_newest(folder: Path, baseline: Baseline, plant: PlantModel, progress: 
             f"{folder} holds no check-up yet", action="make one with smad gap checkup --baseline"
         )
     newest = max(places, key=lambda place: place.stat().st_mtime)
-    known = names_in(baseline)
+    names = names_in(baseline)
     # An investigation numbers its runs: 01-run-1, 02-run-2, 03-run-1.
     named = [
-        (f.run, f.name if f.name in known else f.name.lstrip("0123456789-"))
+        (f.run, f.name if f.name in names else f.name.lstrip("0123456789-"))
         for f in read_folder(newest)
     ]
-    runs = [(run, name) for run, name in named if name in known]
+    runs = [(run, name) for run, name in named if name in names]
     return judged(plant, baseline.reference, runs, progress=progress)
 
 
@@ -139,8 +139,8 @@ def check_files(plant: PlantModel, good: Path, now: Path, *, say: Say, progress:
     progress("reading")
     then, runs = read_good(good, say), read_folder(now)
     for folder, read in ((good, then), (now, runs)):
-        there = sorted(p for p in folder.rglob("*") if p.is_file())
-        if text := passed_over(folder, there, [run.path for run in read]):
+        files = sorted(p for p in folder.rglob("*") if p.is_file())
+        if text := passed_over(folder, files, [run.path for run in read]):
             say(text)
     _say_notes([*then, *runs], say)
     judgement, matched = checked_files(plant, then, runs, progress)

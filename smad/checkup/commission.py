@@ -28,7 +28,7 @@ def commissioned(
     progress("reference model")
     good = good_runs(placed, groups)
     played = [run.played for run in good.runs]
-    known = responses(placed, good.point, played, progress=progress)
+    of_laws = responses(placed, good.point, played, progress=progress)
     progress("what each effect changes")
     changes = changes_at(placed, good.point, played, placed.effects)
-    return replace(good, responses=known, changes=changes)
+    return replace(good, responses=of_laws, changes=changes)

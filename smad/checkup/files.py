@@ -57,7 +57,7 @@ def read_folder(folder: Path) -> list[RunFile]:
             f"{folder} holds no run file", limit=", ".join(_KINDS), action="put the runs there"
         )
     together = Together()
-    return [_found(p, together) for p in paths]
+    return [_run_file(p, together) for p in paths]
 
 
 def read_good(folder: Path, say: Say) -> list[RunFile]:
@@ -87,10 +87,10 @@ def left_out(log: Path, cut: str) -> str:
 def _files_below(folder: Path) -> Iterator[Path]:
     """Every file, by way of links too; a link to a folder that it lies in is not gone into."""
     for root, folders, names in os.walk(folder, followlinks=True):
-        here = Path(root)
-        above = {here.resolve(), *here.resolve().parents}
-        folders[:] = [name for name in folders if (here / name).resolve() not in above]
-        yield from (here / name for name in names)
+        parent = Path(root)
+        above = {parent.resolve(), *parent.resolve().parents}
+        folders[:] = [name for name in folders if (parent / name).resolve() not in above]
+        yield from (parent / name for name in names)
 
 
 def read_file(path: Path, together: Together | None = None) -> GapRun:
@@ -99,10 +99,10 @@ def read_file(path: Path, together: Together | None = None) -> GapRun:
     Raises RunLogError, LogImportError and GapError, which name the file and what is wrong, and
     where it is one too many of those held `together`.
     """
-    return _found(path, together).run
+    return _run_file(path, together).run
 
 
-def _found(path: Path, together: Together | None) -> RunFile:
+def _run_file(path: Path, together: Together | None) -> RunFile:
     run, log = read_recorded(path, together)
     if not len(run.t_s):
         raise PairingError(
@@ -164,10 +164,10 @@ def require_other_recordings(good: Sequence[RunFile], now: Sequence[RunFile]) ->
 
     A copy under another name, or written by another exporter, is the same recording.
     """
-    known: list[RunFile] = []
+    earlier: list[RunFile] = []
     for role, runs in (("good", good), ("now", now)):
         for run in runs:
-            same = next((k for k in known if same_recording(k.run, run.run)), None)
+            same = next((k for k in earlier if same_recording(k.run, run.run)), None)
             if same is not None:
                 linked = run.path.resolve() == same.path.resolve()
                 raise PairingError(
@@ -177,7 +177,7 @@ def require_other_recordings(good: Sequence[RunFile], now: Sequence[RunFile]) ->
                     if role == "now"
                     else "leave one out: a bench repeats itself less well than a copy does",
                 )
-            known += [run] if role == "good" else []
+            earlier += [run] if role == "good" else []
 
 
 def require_one_bench(runs: Sequence[RunFile]) -> None:

@@ -97,9 +97,9 @@ class Inquiry:
 
     def carry_out(self, progress: Say) -> Report:
         """Play and judge until it is over. What was recorded is kept whatever happens."""
-        report = self._begun()
-        known = {r.name for r in self.reference.runs}
-        quick = [run for run in self.programme.runs if run.quick and run.name in known]
+        report = self._report_so_far()
+        names = {r.name for r in self.reference.runs}
+        quick = [run for run in self.programme.runs if run.quick and run.name in names]
         quick = quick or [self.programme.run(r.name) for r in self.reference.runs[:2]]
         for run in quick[sum(not r.held_out for r in report.records) :]:
             if any(r.ended for r in report.records):
@@ -133,7 +133,7 @@ class Inquiry:
         """Bench time so far."""
         return sum(r.took_s for r in report.records)
 
-    def _begun(self) -> Report:
+    def _report_so_far(self) -> Report:
         path = self.folder / "investigation.json"
         if path.exists():
             report = read_report(path)
@@ -161,8 +161,8 @@ class Inquiry:
         judgement = judged(self.plant, self.reference, runs, progress=progress)
         costs = self._costs_s(report)
         reserved = sum(costs[run.name] for run in quick)
-        left = self.seconds - self.spent_s(report) - reserved
-        return judgement, propose(judgement, costs, left)
+        left_s = self.seconds - self.spent_s(report) - reserved
+        return judgement, propose(judgement, costs, left_s)
 
     def _costs_s(self, report: Report) -> dict[str, float]:
         """What each run takes: its length, and the longest rest so far."""

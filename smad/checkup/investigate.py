@@ -59,13 +59,13 @@ def propose(judgement: Judged, costs_s: Mapping[str, float], left_s: float) -> P
     """
     verdict, pairs = judgement.verdict, judgement.pairs
     if not verdict.causes:
-        said = {
+        finding = {
             QUIET: "nothing has changed beyond the repeat floor",
             PARAMETERS: "other values of the parameters explain it",
         }.get(verdict.outcome, "no rival is told")
         if run := _next_new(pairs, costs_s, left_s):
-            return Proposal(run, f"for the first time now: so far {said}")
-        return Proposal(None, f"settled: {said}")
+            return Proposal(run, f"for the first time now: so far {finding}")
+        return Proposal(None, f"settled: {finding}")
     staying = judgement.answer.alternatives
     described = Describer(judgement.pairs.plant)
     names = tuple(described.rival(r) for r in staying)
@@ -124,16 +124,16 @@ def unpaired_offers(judgement: Judged, programme: Programme) -> list[Offer]:
     Without a good recording the model's own form error stays in, so this is more than they bring.
     """
     good = judgement.pairs.good
-    known, floor = {r.name for r in good.runs}, good.floor
+    paired_names, floor = {r.name for r in good.runs}, good.floor
     sd = (floor.gauge * floor.sd.max(axis=1)) * np.sqrt(2.0)
     out = []
     for run in programme.runs:
-        if run.name not in known:
+        if run.name not in paired_names:
             played = Played.of(run.as_run(_WATER_DEGC, _WATER_DEGC), judgement.pairs.plant.inputs)
-            there = np.ones((played.bins, len(sd)), dtype=bool)
-            none = np.zeros((0, *there.shape))
-            rows = RunRows(np.broadcast_to(sd, there.shape), there, none, np.zeros(0), floor.rho)
-            out.append(_offer(judgement, run.name, played, rows, np.zeros((0, there.size))))
+            valid = np.ones((played.bins, len(sd)), dtype=bool)
+            none = np.zeros((0, *valid.shape))
+            rows = RunRows(np.broadcast_to(sd, valid.shape), valid, none, np.zeros(0), floor.rho)
+            out.append(_offer(judgement, run.name, played, rows, np.zeros((0, valid.size))))
     return sorted(out, key=lambda o: -o.separation)
 
 
@@ -141,9 +141,9 @@ def _offer(judgement: Judged, run: str, played: Played, rows: RunRows, slopes: A
     """A run with the separation of the rivals that stay, in rows beside `slopes`."""
     plant, point, tie = judgement.pairs.plant, judgement.pairs.good.point, Shrink(slopes)
     (base,) = predictions(plant, point, [played])
-    shown = []
+    moves = []
     for rival in judgement.answer.alternatives:
         assert rival.fit is not None
         (moved,) = predictions(plant, rival.fit.point, [played])
-        shown.append(tie(rows.shrink(rows.independent((moved - base)[None])))[0])
-    return Offer(run, separation(shown) / judgement.variance)
+        moves.append(tie(rows.shrink(rows.independent((moved - base)[None])))[0])
+    return Offer(run, separation(moves) / judgement.variance)

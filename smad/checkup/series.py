@@ -102,11 +102,11 @@ def play_series(
     BaselineError for a full disk, and whatever `play` raises; what was finished is kept then.
     """
     state = read_state(folder) or State(programme.digest, time.time())
-    there = [run for run in programme.runs if _whole(folder / f"{run.name}.mcap")]
-    if there:
-        say(f"{folder.name}: goes on after {there[-1].name}, begun {date_of(state.began_unix_s)}")
+    played = [run for run in programme.runs if _whole(folder / f"{run.name}.mcap")]
+    if played:
+        say(f"{folder.name}: goes on after {played[-1].name}, begun {date_of(state.began_unix_s)}")
     for run in programme.runs:
-        if run in there:
+        if run in played:
             continue
         say(f"{folder.name}: {run.name}, {run.duration_s:.0f} s: {run.title}")
         original = None if originals is None else originals / f"{run.name}.mcap"
@@ -126,9 +126,9 @@ def _saying_what_is_kept(folder: Path, programme: Programme, say: Say) -> Iterat
     try:
         yield
     except BaseException:
-        there = sum((folder / f"{run.name}.mcap").exists() for run in programme.runs)
+        count = sum((folder / f"{run.name}.mcap").exists() for run in programme.runs)
         say(
-            f"{folder.name}: {there} of {len(programme.runs)} runs are kept; the same command goes "
+            f"{folder.name}: {count} of {len(programme.runs)} runs are kept; the same command goes "
             "on after them"
         )
         raise

@@ -115,9 +115,9 @@ def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
         whole = x.played.whole
         arrays[f"{k}.t_s"] = whole.t_s
         arrays |= {f"{k}.input.{n}": v for n, v in whole.inputs.items()}
-    for name, known in (("responses", r.responses), ("changes", r.changes)):
-        assert known is not None
-        arrays |= {f"{k}.{name}": array for k, array in enumerate(known.runs)}
+    for name, stored in (("responses", r.responses), ("changes", r.changes)):
+        assert stored is not None
+        arrays |= {f"{k}.{name}": array for k, array in enumerate(stored.runs)}
     cause = f"cannot write the baseline {folder}"
     action = "make room; the runs are kept, and the same command continues"
     output = functools.partial(
@@ -160,11 +160,11 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
         sd, rho, day_sd, gauge = (arrays[f"floor.{n}"] for n in _FLOOR)
         floor = Floor(sd=sd, rho=rho, day_sd=day_sd, degrees=about.degrees, gauge=gauge)
         point = ModelPoint(about.theta, about.effects)
-        known = [arrays[f"{k}.responses"] for k in range(len(runs))]
-        placed = responses(with_places(plant), point, [r.played for r in runs], known=known)
+        singles = [arrays[f"{k}.responses"] for k in range(len(runs))]
+        placed = responses(with_places(plant), point, [r.played for r in runs], singles=singles)
     except _BROKEN as error:
-        said = getattr(error, "strerror", None) or error
-        raise BaselineError(f"{folder / _ARRAYS} cannot be read: {said}", action=_ANEW) from error
+        reason = getattr(error, "strerror", None) or error
+        raise BaselineError(f"{folder / _ARRAYS} cannot be read: {reason}", action=_ANEW) from error
     reference = GoodRuns(
         runs=runs,
         point=point,
@@ -210,7 +210,7 @@ def _require_fitting(about: About, plant: PlantModel, arrays: Mapping[str, np.nd
     require(arrays, "floor.rho", (channels,), "floats", least=0.0, below=1.0)
     require(arrays, "floor.gauge", (channels,), "floats", above=0.0)
     require(arrays, "floor.day_sd", (-1,), "floats", above=0.0)
-    asked = len(values_asked(plant.effects))
+    count = len(values_asked(plant.effects))
     for k, run in enumerate(about.runs):
         grid = (run.bins, channels)
         samples = arrays[f"{k}.t_s"].size
@@ -226,7 +226,7 @@ def _require_fitting(about: About, plant: PlantModel, arrays: Mapping[str, np.nd
         require(arrays, f"{k}.regime", grid, "whole numbers", least=0, below=regimes)
         require(arrays, f"{k}.slopes", (len(plant.parameters), *grid), "floats")
         require(arrays, f"{k}.responses", (-1, *grid), "floats")
-        require(arrays, f"{k}.changes", (asked, *grid), "floats")
+        require(arrays, f"{k}.changes", (count, *grid), "floats")
 
 
 def _run(k: int, x: _RunFile, arrays: Mapping[str, np.ndarray], plant: PlantModel) -> GoodRun:

@@ -89,7 +89,7 @@ def commission(
                 player,
                 bench=bench.name,
                 repeats=repeats,
-                known=known,
+                baseline=known,
                 say=line.note,
                 progress=line.say,
             )

@@ -142,18 +142,18 @@ def signal_gaps(question: Question, stages: Sequence[Rival]) -> list[SignalGap]:
     """What stages leave of the judged runs by signal, in its unit, and over all, in floors."""
 
     counts, floors = question.judged.counts.sum(axis=0), question.judged.floors
-    left = [np.sqrt(r.squares.sum(axis=0) / np.maximum(counts, 1.0)) * floors for r in stages]
+    rms = [np.sqrt(r.squares.sum(axis=0) / np.maximum(counts, 1.0)) * floors for r in stages]
     signals = [
-        _gap(c.name, c.unit, float(floors[i]), [float(x[i]) for x in left], c.words)
+        _gap(c.name, c.unit, float(floors[i]), [float(x[i]) for x in rms], c.words)
         for i, c in enumerate(question.model.plant.channels)
         if counts[i] > 0
     ]
     return [*signals, _gap("all signals", "floors", 1.0, [question.gap(r) for r in stages], "")]
 
 
-def _gap(signal: str, unit: str, floor: float, left: Sequence[float], words: str) -> SignalGap:
+def _gap(signal: str, unit: str, floor: float, rms: Sequence[float], words: str) -> SignalGap:
     """What each stage leaves of a signal: as configured, with other parameters, with causes."""
-    raw, parameters, *causes = left
+    raw, parameters, *causes = rms
     return SignalGap(
         signal=signal,
         words=words,
@@ -175,16 +175,16 @@ def gaps_on(answer: Answer, evidence: Evidence) -> list[SignalGap]:
         return []
     question = replace(search.question, held_out=evidence)
     rivals = [question.of_point(question.point_of(stage)) for stage in answer.stages]
-    known = [r for r in rivals if r is not None]
-    return signal_gaps(question, known) if len(known) == len(rivals) else []
+    replayed = [r for r in rivals if r is not None]
+    return signal_gaps(question, replayed) if len(replayed) == len(rivals) else []
 
 
 def _by_run(question: Question, *stages: Rival) -> list[RunGap]:
     counts = np.maximum(question.judged.counts.sum(axis=1), 1.0)
-    left = [np.sqrt(r.squares.sum(axis=1) / counts).tolist() for r in stages]
+    rms = [np.sqrt(r.squares.sum(axis=1) / counts).tolist() for r in stages]
     return [
         RunGap(run=played.whole.name, raw=raw, parameters=parameters, final=final)
-        for played, raw, parameters, final in zip(question.judged.played, *left, strict=True)
+        for played, raw, parameters, final in zip(question.judged.played, *rms, strict=True)
     ]
 
 
@@ -195,7 +195,7 @@ def _table(question: Question, rivals: Sequence[Rival]) -> list[RivalGap]:
     """
     plant = question.model.plant
     described = Describer(plant)
-    shown = [r for k, r in enumerate(rivals) if k < _ROWS or not r.has_part]
+    listed = [r for k, r in enumerate(rivals) if k < _ROWS or not r.has_part]
     counts = question.judged.counts.sum(axis=0)
     titles = {e.name: e.title for e in question.effects}
     return [
@@ -214,7 +214,7 @@ def _table(question: Question, rivals: Sequence[Rival]) -> list[RivalGap]:
                 if counts[i] > 0
             },
         )
-        for r in sorted(shown, key=lambda r: (-round(r.probability, 2), question.gap(r)))
+        for r in sorted(listed, key=lambda r: (-round(r.probability, 2), question.gap(r)))
     ]
 
 
@@ -222,10 +222,10 @@ def _values(described: Describer, question: Question, rival: Rival) -> list[Effe
     """The values of the effect that a rival adds."""
     if rival.kind != EFFECT or rival.fit is None:
         return []
-    part, mine = rival.fit.model.parts[-1], rival.fit.model.slices[-1]
+    part, block = rival.fit.model.parts[-1], rival.fit.model.slices[-1]
     if not isinstance(part, EffectPart):
         return []
-    return described.values(part, rival.fit.x[mine], _deviations(question, rival.fit)[mine])
+    return described.values(part, rival.fit.x[block], _deviations(question, rival.fit)[block])
 
 
 def _deviations(question: Question, fitted: Fit) -> Array:
@@ -261,8 +261,8 @@ def _cause(
     """The cause of a step, as it is in the final model; `gap` is what was left with it."""
     plant, fitted = question.model.plant, final.fit
     assert fitted is not None
-    part, mine = fitted.model.parts[index], fitted.model.slices[index]
-    x, sd = fitted.x[mine], _deviations(question, fitted)[mine]
+    part, block = fitted.model.parts[index], fitted.model.slices[index]
+    x, sd = fitted.x[block], _deviations(question, fitted)[block]
     effect = part if isinstance(part, EffectPart) else None
     law = part if isinstance(part, LawPart) else None
     of_parts = [r for r in step.rivals if r.has_part]

@@ -11,7 +11,7 @@ from smad.diagnosis.data.admission import RunSet, admit_groups, row_of_admitted_
 from smad.diagnosis.data.guards import FIT, GOOD, HOLD_OUT, goes_further, too_few
 from smad.diagnosis.errors import PlantMismatch
 from smad.diagnosis.numerics.threads import repeatable
-from smad.diagnosis.paired.notes import EACH_BY_OTHERS, compared, notes_of, others
+from smad.diagnosis.paired.notes import EACH_BY_OTHERS, compared, notes_of, unpaired
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import Effect, PlantModel
 from smad.diagnosis.questions import Inquiry, changed_pairs, changed_runs, differs
@@ -107,7 +107,7 @@ def _of_changed(inquiry: Inquiry) -> tuple[Answer, Sequence[GapRun]]:
     search, pairs = repeating
     answer = answer_of(search, question=CHANGED, judged_on=EACH_BY_OTHERS)
     notes = [compared(pairs), *notes_of(pairs)]
-    names = others(pairs, [run.name for run in runs])
+    names = unpaired(pairs, [run.name for run in runs])
     if not names:
         return answer.with_verdict(notes=notes), ()
     listed = ", ".join(names)
@@ -115,13 +115,13 @@ def _of_changed(inquiry: Inquiry) -> tuple[Answer, Sequence[GapRun]]:
         note = f"not judged, since no good run has the same inputs: {listed}; ask of them alone"
         return answer.with_verdict(notes=[*notes, note]), ()
     apart = inquiry.of(names)
-    asked, of_others = (*apart.fit, *apart.held_out), _of_changed_runs(apart)
+    apart_runs, of_others = (*apart.fit, *apart.held_out), _of_changed_runs(apart)
     same, more = answer.verdict.outcome, of_others.verdict.outcome
     if more == QUIET or (same == PARAMETERS and more != CAUSES):
         note = f"runs that repeat no good one show {_NO_CAUSE[same]} either: {listed}"
-        return answer.with_verdict(notes=[*notes, note]), asked
+        return answer.with_verdict(notes=[*notes, note]), apart_runs
     note = f"runs that repeat good ones show {_NO_CAUSE[same]}, the others do: {listed}"
-    return of_others.with_verdict(notes=[note, *notes]), asked
+    return of_others.with_verdict(notes=[note, *notes]), apart_runs
 
 
 def _of_changed_runs(inquiry: Inquiry) -> Answer:
@@ -129,8 +129,8 @@ def _of_changed_runs(inquiry: Inquiry) -> Answer:
     return answer_of(changed_runs(inquiry), question=CHANGED, judged_on=_judged_on(inquiry))
 
 
-def _require_runs(given: Sequence[object]) -> None:
-    for run in given:
+def _require_runs(runs: Sequence[object]) -> None:
+    for run in runs:
         if not isinstance(run, GapRun):
             raise PlantMismatch(
                 "a run is no GapRun",
@@ -141,13 +141,13 @@ def _require_runs(given: Sequence[object]) -> None:
 
 def library(plant: PlantModel, candidates: Sequence[str] | None) -> list[Effect]:
     """The effects that may be named. Raises PlantMismatch for one that the plant does not have."""
-    known = {e.name for e in plant.effects}
-    foreign = sorted(set(candidates or ()) - known)
+    names = {e.name for e in plant.effects}
+    foreign = sorted(set(candidates or ()) - names)
     if foreign:
         raise PlantMismatch(
             "a candidate is no effect of this plant",
             value=foreign[0],
-            action=instead(foreign[0], sorted(known), "name effects of the plant's library"),
+            action=instead(foreign[0], sorted(names), "name effects of the plant's library"),
         )
     return [e for e in plant.effects if candidates is None or e.name in candidates]
 

@@ -35,8 +35,8 @@ def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offe
         return [], []
     evidence, model = search.question.evidence, search.question.model
     plant = model.plant
-    left = min((evidence.variances(f.left) for f in fits), key=lambda v: v.sum())
-    scale = evidence.floors * np.sqrt(np.maximum(left, 1.0))
+    variances = min((evidence.variances(f.left) for f in fits), key=lambda v: v.sum())
+    scale = evidence.floors * np.sqrt(np.maximum(variances, 1.0))
     described = Describer(plant)
     words = [described.rival(r) for r in answer.alternatives]
     out: list[Offer] = []
@@ -47,13 +47,13 @@ def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offe
         run = plant.perform(experiment.name, replace(model.start, laws=()), 0)
         period_s = evidence.played[0].period_s
         played = Played.of(run, plant.inputs, run.begins_s, period_s)
-        shown = [predictions(plant, f.point, [played])[0] / scale for f in fits]
-        out.append(Offer(experiment, separation(shown)))
+        predicted = [predictions(plant, f.point, [played])[0] / scale for f in fits]
+        out.append(Offer(experiment, separation(predicted)))
     return words, sorted(out, key=lambda o: (-o.separation, o.experiment.name))
 
 
-def separation(shown: Sequence[Array]) -> float:
+def separation(predicted: Sequence[Array]) -> float:
     """The least d² between two of what rivals show of a run; 0 where one of them is no number."""
-    if not all(np.isfinite(x).all() for x in shown):
+    if not all(np.isfinite(x).all() for x in predicted):
         return 0.0
-    return min((float(((a - b) ** 2).sum()) for a, b in combinations(shown, 2)), default=0.0)
+    return min((float(((a - b) ** 2).sum()) for a, b in combinations(predicted, 2)), default=0.0)

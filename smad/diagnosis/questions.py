@@ -123,14 +123,14 @@ def changed_runs(inquiry: Inquiry) -> Searched:
     question = inquiry.question(nominal_point(plant), inquiry.good, (), inquiry.floors)
     good = searched(question, most=_MOST_OF_GOOD, exchange=False)
     counts = question.judged.counts.sum(axis=0)
-    left = np.sqrt(good.final.squares.sum(axis=0) / np.maximum(counts, 1.0))
-    floors = inquiry.floors * np.maximum(left, 1.0)
-    known = np.diag(day_variance(plant))
+    rms = np.sqrt(good.final.squares.sum(axis=0) / np.maximum(counts, 1.0))
+    floors = inquiry.floors * np.maximum(rms, 1.0)
+    uncertainty = np.diag(day_variance(plant))
     start = question.model.start
     if good.final.fit is not None:
         start = good.final.fit.point
-        known = known + covariance(question.evidence, good.final.fit)[:n, :n]
-    tied = np.asarray(np.linalg.inv(known))
+        uncertainty = uncertainty + covariance(question.evidence, good.final.fit)[:n, :n]
+    tied = np.asarray(np.linalg.inv(uncertainty))
     new = inquiry.question(start, inquiry.fit, inquiry.held_out, floors, tied)
     # What the good runs leave above the noise is the model's form, and stands in these runs, too. A
     # lead may come from any channel: the one with the largest share decides.

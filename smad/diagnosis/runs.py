@@ -94,9 +94,9 @@ class GapRun:
     def at_start(self, channels: Iterable[str]) -> dict[str, float]:
         """What these channels showed in the first second, by name, where they were measured."""
         n = max(1, round(1.0 / max(self.dt_s, 1e-6)))
-        shown = {c: self.outputs[c][:n] for c in channels if c in self.outputs}
-        known = {c: v[np.isfinite(v)] for c, v in shown.items()}
-        return {c: float(np.median(v)) for c, v in known.items() if len(v)}
+        first_second = {c: self.outputs[c][:n] for c in channels if c in self.outputs}
+        finite = {c: v[np.isfinite(v)] for c, v in first_second.items()}
+        return {c: float(np.median(v)) for c, v in finite.items() if len(v)}
 
     def with_columns(
         self, inputs: Mapping[str, Array] | None = None, outputs: Mapping[str, Array] | None = None

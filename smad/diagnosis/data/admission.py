@@ -56,10 +56,10 @@ def admit(
     contract_run = [] if contract_run is None else contract_run
     admitted, findings = [], []
     for run in runs:
-        kept, found = _admit_one(run, plant, period_s, contract_run)
-        findings += found
-        if not any(f.refuses for f in found):
-            admitted.append(kept)
+        checked, of_run = _admit_one(run, plant, period_s, contract_run)
+        findings += of_run
+        if not any(f.refuses for f in of_run):
+            admitted.append(checked)
     return RunSet(tuple(runs), tuple(admitted), tuple(findings))
 
 
@@ -86,7 +86,7 @@ def _quiet(kind: str, text: str, *, refuses: bool = False) -> None:
 
 
 def admit_groups(
-    given: Mapping[str, Sequence[GapRun]], plant: PlantModel, period_s: float
+    groups: Mapping[str, Sequence[GapRun]], plant: PlantModel, period_s: float
 ) -> dict[str, RunSet]:
     """Each group of runs (fit, hold-out, good), in an order that does not depend on the one given.
 
@@ -94,8 +94,8 @@ def admit_groups(
     that each has: what one group was fitted on could not be judged, or called unusual, on a group
     without it. A group of no runs asks for nothing; a run whose last channel goes is refused.
     """
-    order = [sorted(group, key=lambda r: (r.digest, r.name)) for group in given.values()]
-    named = dict(zip(given, distinctly_named(order), strict=True))
+    order = [sorted(group, key=lambda r: (r.digest, r.name)) for group in groups.values()]
+    named = dict(zip(groups, distinctly_named(order), strict=True))
     once, repeats = without_repeats(named)
     contract_run: list[GapRun] = []
     sets = {role: admit(once[role], plant, period_s, contract_run) for role in named}

@@ -97,10 +97,10 @@ def up_to_first_hole(run: GapRun, row_s: float, say: Say) -> GapRun:
     """
     step_s, t_s = run.dt_s, run.t_s
     longest_s = max(row_s, 2.5 * step_s)
-    known = np.ones(len(t_s), dtype=bool)
+    finite = np.ones(len(t_s), dtype=bool)
     for column in run.inputs.values():
-        known &= np.isfinite(column)
-    index = np.flatnonzero(known)
+        finite &= np.isfinite(column)
+    index = np.flatnonzero(finite)
     if not len(index):
         return run
     begins, ends = t_s[index[:-1]], t_s[index[1:]]

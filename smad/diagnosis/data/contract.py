@@ -61,8 +61,8 @@ def _called(plant: PlantModel, member: str, run: GapRun, *arguments: Any) -> Any
     except SmadError:
         raise
     except Exception as error:  # whatever somebody else's plant raises
-        said = (str(error).splitlines() or [""])[0]
-        raise _broken(plant, member, run, "fails", f"{type(error).__name__}: {said}") from error
+        message = (str(error).splitlines() or [""])[0]
+        raise _broken(plant, member, run, "fails", f"{type(error).__name__}: {message}") from error
 
 
 def _other_than(column: Any, n: int, kinds: str) -> str:
@@ -73,11 +73,11 @@ def _other_than(column: Any, n: int, kinds: str) -> str:
     return f"shape {column.shape} of {column.dtype}" if wrong else ""
 
 
-def _broken(plant: PlantModel, member: str, run: GapRun, what: str, value: str) -> PlantMismatch:
+def _broken(plant: PlantModel, member: str, run: GapRun, fault: str, value: str) -> PlantMismatch:
     return PlantMismatch(
-        f"{member} of plant {plant.name} {what}, for run {run.name}",
+        f"{member} of plant {plant.name} {fault}, for run {run.name}",
         value=value,
-        limit=None if what == "fails" else f"arrays of shape ({len(run.t_s)},), one by each name",
+        limit=None if fault == "fails" else f"arrays of shape ({len(run.t_s)},), one by each name",
         action=_ACTION,
     )
 

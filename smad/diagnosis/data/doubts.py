@@ -48,24 +48,24 @@ class Misreading:
     remedy: str
 
 
-def doubted_columns(plant: PlantModel, run: GapRun, shown: Mapping[str, Array]) -> list[str]:
-    """Sentences on columns of a run that look misread; `shown`: what the model predicts of it."""
+def doubted_columns(plant: PlantModel, run: GapRun, predicted: Mapping[str, Array]) -> list[str]:
+    """Sentences on columns that look misread; `predicted`: what the model predicts of the run."""
     channels = [c for c in plant.channels if c.name in run.outputs]
-    before = {c.name: _off(plant, c, run, shown) for c in channels}
+    before = {c.name: _off(plant, c, run, predicted) for c in channels}
     far = [c for c in channels if before[c.name] >= _FAR]
     alone: dict[str, list[Misreading]] = {}
     mended = dict(before)
     for c in far:
-        offs = [(m, _off(plant, c, run, shown, m.columns[c.name])) for m in _of_reading(c, run)]
+        offs = [(m, _off(plant, c, run, predicted, m.columns[c.name])) for m in _of_reading(c, run)]
         near = [(m, off) for m, off in offs if off <= min(_NEAR, before[c.name] - _FAR)]
         alone[c.name] = [m for m, _ in near]
         mended[c.name] = min((off for _, off in near), default=before[c.name])
     if far and len(far) >= min(2, len(before)):
         tried = [(m, _replayed_off(plant, run, m)) for m in _of_several(plant, run)]
-        best, left = min(tried, key=lambda t: sum(t[1].values()), default=(None, before))
+        best, after = min(tried, key=lambda t: sum(t[1].values()), default=(None, before))
         whole = sum(before.values())
-        if best and sum(left.values()) <= min(_HALF * whole, whole - _FAR, sum(mended.values())):
-            return [_words([best], [n for n in before if left[n] < before[n]])]
+        if best and sum(after.values()) <= min(_HALF * whole, whole - _FAR, sum(mended.values())):
+            return [_words([best], [n for n in before if after[n] < before[n]])]
     return [_words(misreadings, [name]) for name, misreadings in alone.items() if misreadings]
 
 
@@ -73,7 +73,7 @@ def _off(
     plant: PlantModel,
     channel: Channel,
     run: GapRun,
-    shown: Mapping[str, Array],
+    predicted: Mapping[str, Array],
     column: Array | None = None,
 ) -> float:
     """How far a reading is from its prediction in swing and level, in squares of what is usual.
@@ -81,7 +81,7 @@ def _off(
     `column` is in its place, without a misreading; at the resolution of the channel it cannot be
     compared.
     """
-    recorded, m = run.outputs[channel.name][run.good], shown[channel.name][run.good]
+    recorded, m = run.outputs[channel.name][run.good], predicted[channel.name][run.good]
     y, least = recorded if column is None else column[run.good], _SURE * channel.quantum
     if _size(y) <= least < _size(recorded):
         return _WORST
@@ -119,11 +119,11 @@ def _replayed_off(plant: PlantModel, run: GapRun, misreading: Misreading) -> dic
     columns = misreading.columns
     inputs = {n: c for n, c in columns.items() if n in run.inputs}
     outputs = {n: c for n, c in columns.items() if n in run.outputs}
-    mended, shown = run.with_columns(inputs, outputs), dict[str, Array]()
+    mended, predicted = run.with_columns(inputs, outputs), dict[str, Array]()
     with contextlib.suppress(Exception):  # whatever somebody else's plant raises
-        shown = nominal_replay(mended, plant)
+        predicted = nominal_replay(mended, plant)
     return {
-        c.name: _off(plant, c, run, shown, mended.outputs[c.name]) if shown else _WORST
+        c.name: _off(plant, c, run, predicted, mended.outputs[c.name]) if predicted else _WORST
         for c in plant.channels
         if c.name in mended.outputs
     }
@@ -167,12 +167,12 @@ def _by_unit(signals: Sequence[Signal] | Sequence[Channel]) -> dict[str, list[st
 def _in_other_units(columns: Mapping[str, Array], unit: str) -> list[Misreading]:
     """The columns as they would be if they were in each other unit of their quantity."""
     # A ratio in another unit is beyond its range.
-    known = unit in UNITS and UNITS[unit].quantity != "ratio"
-    others = [u for u in units_for(unit) if u != unit] if known else []
+    convertible = unit in UNITS and UNITS[unit].quantity != "ratio"
+    other_units = [u for u in units_for(unit) if u != unit] if convertible else []
     remedy = "say the unit in the name of its column, or by `column_unit` in a map"
     return [
         Misreading({n: convert(c, u, unit) for n, c in columns.items()}, f"in {u}", remedy)
-        for u in others
+        for u in other_units
     ]
 
 

@@ -39,19 +39,19 @@ def without_repeats(
 
     The second says of each group what was left out; each of it is a refused run.
     """
-    kept: dict[str, list[GapRun]] = {role: [] for role in groups}
+    once: dict[str, list[GapRun]] = {role: [] for role in groups}
     findings: dict[str, list[Finding]] = {role: [] for role in groups}
     for role, runs in groups.items():
         for run in runs:
             earlier = next(
-                ((r, k) for r, others in kept.items() for k in others if same_recording(k, run)),
+                ((r, k) for r, of_role in once.items() for k in of_role if same_recording(k, run)),
                 None,
             )
             if earlier is None:
-                kept[role].append(run)
+                once[role].append(run)
             else:
                 findings[role].append(_repeated(run, role, *earlier))
-    return kept, findings
+    return once, findings
 
 
 def _repeated(run: GapRun, role: str, earlier_role: str, earlier: GapRun) -> Finding:
@@ -63,16 +63,16 @@ def _repeated(run: GapRun, role: str, earlier_role: str, earlier: GapRun) -> Fin
     return Finding(run.name, "given twice", text, refuses=True)
 
 
-def same_recording(one: GapRun, other: GapRun) -> bool:
+def same_recording(run: GapRun, other: GapRun) -> bool:
     """Whether two runs hold the same samples, up to rounding and the start of their clocks."""
-    if len(one.t_s) != len(other.t_s) or not len(one.t_s):
+    if len(run.t_s) != len(other.t_s) or not len(run.t_s):
         return False
-    shared = one.outputs.keys() & other.outputs.keys()
-    if one.inputs.keys() != other.inputs.keys() or not shared:
+    shared = run.outputs.keys() & other.outputs.keys()
+    if run.inputs.keys() != other.inputs.keys() or not shared:
         return False
-    columns = [(one.t_s - one.t_s[0], other.t_s - other.t_s[0])]
-    columns += [(one.outputs[name], other.outputs[name]) for name in shared]
-    columns += [(one.inputs[name], other.inputs[name]) for name in one.inputs]
+    columns = [(run.t_s - run.t_s[0], other.t_s - other.t_s[0])]
+    columns += [(run.outputs[name], other.outputs[name]) for name in shared]
+    columns += [(run.inputs[name], other.inputs[name]) for name in run.inputs]
     return all(_alike(a, b) for a, b in columns)
 
 
@@ -103,11 +103,11 @@ def goes_further(groups: Mapping[str, Sequence[GapRun]], plant: PlantModel) -> l
     By what the nominal model makes of their inputs, so that no effect counts as excitation.
     """
     good = _ranges(groups[GOOD], plant)
-    asked = _ranges([*groups[FIT], *groups[HOLD_OUT]], plant)
+    in_question = _ranges([*groups[FIT], *groups[HOLD_OUT]], plant)
     channels = {c.name: c for c in plant.channels}
     further = []
     for name, (low, high) in good.items():
-        a, b = asked.get(name, (low, high))
+        a, b = in_question.get(name, (low, high))
         channel, beyond = channels[name], max(low - a, b - high)
         least = _FURTHER_SHARE * (high - low)
         if beyond > max(least, _MOVING_SHARE * (channel.high - channel.low)):

@@ -98,8 +98,8 @@ def _without_stuck(
         y, course = run.outputs[channel.name], predicted[channel.name]
         start, stop = longest_same(y)
         same = np.delete(np.diff(y, prepend=np.nan) == 0.0, slice(start, stop))
-        others = float(np.mean(same)) if len(same) else 1.0
-        if stop - start < STUCK_SAMPLES or others ** (stop - start - 1) > STUCK_CHANCE:
+        usual_share = float(np.mean(same)) if len(same) else 1.0
+        if stop - start < STUCK_SAMPLES or usual_share ** (stop - start - 1) > STUCK_CHANCE:
             continue
         if np.ptp(course[start:stop]) > least_move(channel):
             say(
@@ -222,8 +222,8 @@ def _unrelated(
         return float(np.mean([_best_lag(y, np.roll(m, shift)) for _, y, m in moving]))
 
     unshifted = follows(0)
-    others = sorted(follows(int(s)) for s in rng.integers(n // 10, n - n // 10, size=19))
-    related = unshifted >= _FOLLOWS or (unshifted >= _HARDLY and unshifted > others[-2])
+    shifted = sorted(follows(int(s)) for s in rng.integers(n // 10, n - n // 10, size=19))
+    related = unshifted >= _FOLLOWS or (unshifted >= _HARDLY and unshifted > shifted[-2])
     alone = {name: _best_lag(y, m) for name, y, m in moving}
     following = [name for name, r in alone.items() if r >= _FOLLOWS]
     if related and not following:

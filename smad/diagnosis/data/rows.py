@@ -55,13 +55,13 @@ def offset_s(run: GapRun, reference: GapRun) -> float:
     The median over the reference's steps, each matched with the nearest of the run once the first
     ones lie on each other.
     """
-    mine, theirs = edges_s(run), edges_s(reference)
-    if not len(mine) or not len(theirs):
+    edges, reference_edges = edges_s(run), edges_s(reference)
+    if not len(edges) or not len(reference_edges):
         return float(run.t_s[0] - reference.t_s[0])
-    first = mine[0] - theirs[0]
-    at = np.searchsorted(mine, theirs + first)
-    left, right = np.clip(at - 1, 0, len(mine) - 1), np.clip(at, 0, len(mine) - 1)
-    off = np.stack([mine[left] - theirs, mine[right] - theirs]) - first
+    first = edges[0] - reference_edges[0]
+    index = np.searchsorted(edges, reference_edges + first)
+    left, right = np.clip(index - 1, 0, len(edges) - 1), np.clip(index, 0, len(edges) - 1)
+    off = np.stack([edges[left] - reference_edges, edges[right] - reference_edges]) - first
     nearest = np.where(np.abs(off[0]) < np.abs(off[1]), off[0], off[1])
     close = nearest[np.abs(nearest) < PERIOD_S]
     # The start of a run tells its clock; a clock that runs fast is a finding, not an offset.

@@ -95,14 +95,14 @@ def question_of_pairs(pairs: Paired, effects: Sequence[Effect], say: Say) -> Que
     they are in the surroundings of then.
     """
     plant, good = pairs.plant, pairs.good
-    known = np.diag(day_variance(plant)) + good.parameter_covariance(plant)
+    covariance = np.diag(day_variance(plant)) + good.parameter_covariance(plant)
     return question_of(
         plant,
         good.point,
         pairs.evidence(),
         effects=effects,
         say=say,
-        tied=np.asarray(np.linalg.inv(known)),
+        tied=np.asarray(np.linalg.inv(covariance)),
         responses=pairs.repeated(good.responses),
         changes=pairs.repeated(good.changes),
     )
@@ -161,8 +161,8 @@ def _again(
 ) -> Played:
     """The good run in other surroundings, with the inputs of `run` where it has others."""
     source = run if other else then.played.whole
-    shown = {c: np.full(len(source.t_s), around.get(c, value)) for c, value in then.around.items()}
-    again = GapRun(run.name, source.t_s, source.inputs, shown)
+    levels = {c: np.full(len(source.t_s), around.get(c, value)) for c, value in then.around.items()}
+    again = GapRun(run.name, source.t_s, source.inputs, levels)
     begin_s = start_s if other else then.played.start_s
     played = Played.of(again, then.played.inputs, begin_s, then.played.period_s)
     return replace(played, bins=then.played.bins)

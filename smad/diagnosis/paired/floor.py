@@ -84,17 +84,17 @@ def repeat_floor(
     if degrees == 0:
         return Floor(sd, rho, day_sd, 0, np.ones(channels))
     for _ in range(_ROUNDS):
-        left, squares = list[Deviation](), np.zeros_like(day_sd)
+        rests, squares = list[Deviation](), np.zeros_like(day_sd)
         for d in repeats:
             # Correlated rows tell as much as (1 − ρ)/(1 + ρ) of them.
             share = np.sqrt((1.0 - rho) / (1.0 + rho))
             weight = np.where(d.valid, share / _of_regime(sd, d.regime), 0.0)
             coefficient, variance = _day(d.values, weight, d.day, day_sd)
             rest = d.values - np.tensordot(coefficient, d.day, axes=1)
-            left.append(replace(d, values=rest))
+            rests.append(replace(d, values=rest))
             squares += coefficient**2 + variance
-        sd = _pooled(left, regimes, least)
-        scaled = (np.where(d.valid, d.values / _of_regime(sd, d.regime), 0.0) for d in left)
+        sd = _pooled(rests, regimes, least)
+        scaled = (np.where(d.valid, d.values / _of_regime(sd, d.regime), 0.0) for d in rests)
         rho = lag_one_correlation(scaled, _MOST_RHO)
         day_sd = np.sqrt((squares + _PSEUDO * usual_day**2) / (len(repeats) + _PSEUDO))
     # A variance of few degrees of freedom is often too small: that of a t distribution.
@@ -124,10 +124,10 @@ def _gauge(repeats: Sequence[Deviation], sd: Array, rho: Array, day_sd: Array) -
     return np.asarray(np.minimum(np.sqrt(total / count), _MOST_GAUGE))
 
 
-def _pooled(left: Sequence[Deviation], regimes: int, least: Array) -> Array:
+def _pooled(rests: Sequence[Deviation], regimes: int, least: Array) -> Array:
     channels = len(least)
     total, count = np.zeros((channels, regimes)), np.zeros((channels, regimes))
-    for d in left:
+    for d in rests:
         for c in range(channels):
             good = d.valid[:, c]
             regime, rest = d.regime[good, c], d.values[good, c]

@@ -211,8 +211,8 @@ def _fitted_point(plant: PlacesPlant, repeated: Sequence[_Repeats]) -> ModelPoin
     temper = temper_of(shipped(), free=True, channels=evidence.channels)
     model = tempered(free_model(plant, nominal_point(plant)), evidence, temper)
     nominal = reference_at(evidence, model, np.zeros(model.parameters))
-    made = nominal and fit_from_several(evidence, nominal)
-    return made.point if made else model.start
+    fitted = nominal and fit_from_several(evidence, nominal)
+    return fitted.point if fitted else model.start
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -274,8 +274,8 @@ def _on_one_grid(plant: PlantModel, group: Sequence[GapRun], period_s: float) ->
     around = [r.at_start(traits_of(plant).environment.values()) for r in group]
     shared = set.intersection(*(set(a) for a in around))
     middle = {n: float(np.mean([a[n] for a in around])) for n in sorted(shared)}
-    shown = {c: np.full(len(first.t_s), v) for c, v in middle.items()}
-    whole = GapRun(first.name, first.t_s, first.inputs, shown)
+    levels = {c: np.full(len(first.t_s), v) for c, v in middle.items()}
+    whole = GapRun(first.name, first.t_s, first.inputs, levels)
     played = Played.of(whole, plant.inputs, start_s, period_s)
     repeats = [binned(r, played.bins, plant, start_s + offset_s(r, first), period_s) for r in group]
     reference = binned(first, played.bins, plant, start_s, period_s)

@@ -49,9 +49,9 @@ def grouped(runs: Sequence[Run], same: Callable[[Run, Run], bool]) -> list[list[
     """The runs, those together that are the `same` as the first of their group."""
     groups: list[list[Run]] = []
     for run in runs:
-        mine = next((g for g in groups if same(run, g[0])), None)
-        if mine is None:
+        group = next((g for g in groups if same(run, g[0])), None)
+        if group is None:
             groups.append([run])
         else:
-            mine.append(run)
+            group.append(run)
     return groups

@@ -152,8 +152,8 @@ class BarePlaces:
         """
         names = sorted({law.place.removeprefix(INPUT) for law in laws})
 
-        def series(shown: Mapping[str, Array]) -> Array:
-            states, more = self._states(run, shown), dict.fromkeys(names, np.zeros(len(run.t_s)))
+        def series(replay: Mapping[str, Array]) -> Array:
+            states, more = self._states(run, replay), dict.fromkeys(names, np.zeros(len(run.t_s)))
             for law in laws:
                 name = law.place.removeprefix(INPUT)
                 more[name] = more[name] + _value(law, states, run)
@@ -168,14 +168,14 @@ class BarePlaces:
         for _ in range(_PASSES):
             parts = np.split(pushed, len(names))
             moved = _pushed(run, dict(zip(names, parts, strict=True)))
-            shown = dict(self.plain.simulate(point, moved, fast=fast))
-            image = series(shown)
+            replay = dict(self.plain.simulate(point, moved, fast=fast))
+            image = series(replay)
             if not np.isfinite(image).all():
                 return best
             residual = image - pushed
             size = float(np.linalg.norm(residual))
             if size < least:
-                best, least = shown, size
+                best, least = replay, size
             if size <= _AGREED * float(np.linalg.norm(image)):
                 break
             images.append(image)
@@ -183,7 +183,7 @@ class BarePlaces:
             pushed = _mixed(images, residuals)
         return best
 
-    def _states(self, run: GapRun, shown: Mapping[str, Array]) -> dict[str, Array]:
+    def _states(self, run: GapRun, replay: Mapping[str, Array]) -> dict[str, Array]:
         """Inputs, channels, their rates by central differences, and time.
 
         Rates are not taken across the seams of a plant that is replayed in windows.
@@ -192,11 +192,11 @@ class BarePlaces:
         seams = self.plain.seams(run) if isinstance(self.plain, InWindows) else [0]
         edges = [*seams, len(run.t_s)]
         for c in self.plain.channels:
-            out[c.name] = shown[c.name]
+            out[c.name] = replay[c.name]
             rate = np.zeros(len(run.t_s))
             for a, b in pairwise(edges):
                 if b - a > 1:
-                    rate[a:b] = np.gradient(shown[c.name][a:b], run.t_s[a:b])
+                    rate[a:b] = np.gradient(replay[c.name][a:b], run.t_s[a:b])
             out[f"{c.name}_rate"] = rate
         return out | {"time": run.t_s - run.t_s[0]}
 
@@ -212,10 +212,10 @@ def _mixed(images: Sequence[Array], residuals: Sequence[Array]) -> Array:
     return np.asarray(images[-1] - weights @ back)
 
 
-def _measured(run: GapRun, shown: Mapping[str, Array]) -> dict[str, Array]:
+def _measured(run: GapRun, replay: Mapping[str, Array]) -> dict[str, Array]:
     """What was measured of each channel; where it was not, what is predicted."""
     return {
-        n: y if np.isfinite(y := run.outputs.get(n, shown[n])).all() else shown[n] for n in shown
+        n: y if np.isfinite(y := run.outputs.get(n, replay[n])).all() else replay[n] for n in replay
     }
 
 

@@ -91,21 +91,21 @@ class Responses:
         for column, value in zip(columns, values, strict=True):
             total[int(column)] = total.get(int(column), 0.0) + float(value)
         for law, own_columns in zip(self.laws, self.columns, strict=True):
-            mine = [c for c in total if c in own_columns]
-            if mine:
-                terms = tuple(law.terms[c - own_columns.start] for c in mine)
+            present = [c for c in total if c in own_columns]
+            if present:
+                terms = tuple(law.terms[c - own_columns.start] for c in present)
                 scale = self.scales[law.place]
                 chosen = Law(law.place, law.side, terms)
-                out.append(chosen.with_coefficients([scale * total[c] for c in mine]))
+                out.append(chosen.with_coefficients([scale * total[c] for c in present]))
         return tuple(out)
 
 
 def _candidate(side: str, laws: Sequence[tuple[Law, range]]) -> Candidate:
     """The terms that laws of one place have in common."""
-    known = [{t.name: n for t, n in zip(law.terms, columns, strict=True)} for law, columns in laws]
+    by_law = [{t.name: n for t, n in zip(law.terms, columns, strict=True)} for law, columns in laws]
     first, _ = laws[0]
-    terms = [t for t in first.terms if all(t.name in other for other in known)]
-    groups = np.array([[columns[t.name] for columns in known] for t in terms], dtype=np.intp)
+    terms = [t for t in first.terms if all(t.name in other for other in by_law)]
+    groups = np.array([[columns[t.name] for columns in by_law] for t in terms], dtype=np.intp)
     return Candidate(first.place, side, groups, tuple(t.order for t in terms))
 
 
@@ -168,20 +168,20 @@ def responses(
     point: ModelPoint,
     runs: Sequence[Played],
     *,
-    known: Sequence[Singles] | None = None,
+    singles: Sequence[Singles] | None = None,
     space: tuple[Law, ...] | None = None,
     progress: Say = silent,
 ) -> Responses:
     """Responses of all places at `point`. Terms that the model cannot replay have response 0.
 
-    `space` are the laws whose terms these are, `known` the arrays of an earlier call for the same
+    `space` are the laws whose terms these are, `singles` the arrays of an earlier call for the same
     runs, from which nothing is replayed. Raises ValueError where they do not fit.
     """
     laws = space or candidate_laws(plant, point, runs)
     count = sum(len(law.terms) for law in laws)
-    if known is not None and any(len(k) != count for k in known):
-        raise ValueError(f"responses of {len(known[0])} terms; the laws have {count}")
-    arrays = list(known or ())
+    if singles is not None and any(len(k) != count for k in singles):
+        raise ValueError(f"responses of {len(singles[0])} terms; the laws have {count}")
+    arrays = list(singles or ())
     for played in runs[len(arrays) :]:
         progress(f"responses of the places: {played.whole.name}")
         arrays.append(_replayed(plant, point, played.coarse, laws))
@@ -215,14 +215,14 @@ def _replayed(
         # A bare plant is pushed by what its inputs are at that very sample (`BarePlaces`).
         at_once = place.reading or isinstance(plant, BarePlaces)
         forcing = place.scale * (X if at_once else _later(X))
-        mine = slice(first, first := first + len(law.terms))
+        span = slice(first, first := first + len(law.terms))
         if place.reading:
             # By what a constant of 1 does there.
             share = np.median(readings({key: np.ones(len(forcing))}) - base, axis=0)
-            out[mine] = played.means(forcing.T)[:, :, None] * share
+            out[span] = played.means(forcing.T)[:, :, None] * share
         else:
             together = traits_of(plant).together
-            out[mine] = np.array(each(partial(changed, key), forcing.T, together))
+            out[span] = np.array(each(partial(changed, key), forcing.T, together))
     return out
 
 

@@ -103,8 +103,8 @@ def largest_gap(course: Course) -> Picture:
     )
     _draw(axes[0], course.t_s, course.curves(c))
     label(axes[0], "", "", course.labels[c])
-    left = axes[-1]
-    left.fill_between(
+    lower = axes[-1]
+    lower.fill_between(
         course.t_s,
         -course.floors[:, c],
         course.floors[:, c],
@@ -115,25 +115,25 @@ def largest_gap(course: Course) -> Picture:
     )
     if not course.paired:
         measured, *simulated = course.curves(c)
-        _draw(left, course.t_s, [(measured[0] - y, "", *pen) for y, _, *pen in simulated])
+        _draw(lower, course.t_s, [(measured[0] - y, "", *pen) for y, _, *pen in simulated])
     unit = course.labels[c].rpartition(", ")[2]
-    label(left, "time of the run, s", "", "" if course.paired else f"measured − simulated, {unit}")
-    what = "The change of the" if course.paired else "The"
+    label(lower, "time of the run, s", "", "" if course.paired else f"measured − simulated, {unit}")
+    lead = "The change of the" if course.paired else "The"
     without = "" if course.after is None else " The cause was fitted without this run."
     return picture(
-        figure, "The largest gap", f"{what} signal with the largest gap, in {course.run}.{without}"
+        figure, "The largest gap", f"{lead} signal with the largest gap, in {course.run}.{without}"
     )
 
 
 def more_signals(course: Course) -> Picture | None:
     """The signals that are furthest off after that with the largest gap."""
-    shown = course.order[1 : 1 + _MORE_SIGNALS]
-    if not shown:
+    channels = course.order[1 : 1 + _MORE_SIGNALS]
+    if not channels:
         return None
-    figure, axes = new_figure(len(shown), height_in=1.5 * len(shown) + 0.4, share_x=True)
-    for ax, c in zip(axes, shown, strict=True):
+    figure, axes = new_figure(len(channels), height_in=1.5 * len(channels) + 0.4, share_x=True)
+    for ax, c in zip(axes, channels, strict=True):
         _draw(ax, course.t_s, course.curves(c))
-        label(ax, "", "", course.labels[c], legend=c == shown[0])
+        label(ax, "", "", course.labels[c], legend=c == channels[0])
     axes[-1].set_xlabel("time of the run, s")
     return picture(figure, "More signals", f"{course.run}: the next signals by their gap.")
 
@@ -154,11 +154,11 @@ def laws(answer: Answer) -> list[Picture]:
     plant: PlacesPlant = question.model.plant
     runs = [p.run for p in question.evidence.played]
     out = []
-    for cause, part, mine in zip(
+    for cause, part, block in zip(
         answer.verdict.causes, fitted.model.parts, fitted.model.slices, strict=True
     ):
         if isinstance(part, LawPart) and cause.terms and cause.terms[0].state:
-            of_sides = part.responses.law_of(part.columns, fitted.x[mine])
+            of_sides = part.responses.law_of(part.columns, fitted.x[block])
             out.append(_law(plant, fitted.point, runs, of_sides, cause))
     return out
 

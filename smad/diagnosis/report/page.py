@@ -50,7 +50,7 @@ def page_of(answer: Answer, arguments: str = "", facts: Sequence[tuple[str, str]
         ("What to do next", _next(v, arguments)),
     ]
     sections += [Section(title, blocks, folded=True) for title, blocks in folded if blocks]
-    known = [
+    all_facts = [
         ("question", _QUESTIONS.get(v.question, _CHANGED)),
         ("plant", f"{v.plant} {v.plant_version}"),
         ("computing time", f"{v.seconds:.0f} s" if v.seconds else ""),
@@ -58,7 +58,7 @@ def page_of(answer: Answer, arguments: str = "", facts: Sequence[tuple[str, str]
     ]
     title, _, gap = (v.headline[:1].upper() + v.headline[1:]).partition("; ")
     lead = gap and f"{gap[0].upper()}{gap[1:]}."
-    return Page(title, sections, lead, [(n, x) for n, x in known if x])
+    return Page(title, sections, lead, [(n, x) for n, x in all_facts if x])
 
 
 def write_report(answer: Answer, path: Path | str) -> Path:
@@ -90,8 +90,8 @@ def rivals(rows: Sequence[RivalGap], caption: str, asked: str = "") -> Table:
     columns = len(header) if any(r.values for r in first) else len(header) - 1
     table = []
     for r in first:
-        what, values = f"{r.words}: {r.title}".removesuffix(": "), (v.text for v in r.values)
-        row = (f"{r.gap:.3g}", f"{r.probability:.2f}", what, ", ".join(values))
+        title, values = f"{r.words}: {r.title}".removesuffix(": "), (v.text for v in r.values)
+        row = (f"{r.gap:.3g}", f"{r.probability:.2f}", title, ", ".join(values))
         table.append(row[:columns])
     return Table(header[:columns], table, caption, frozenset((0, 1)))
 

@@ -202,13 +202,13 @@ def budget_lines(rows: Sequence[SignalGap], question: str) -> list[str]:
     *signals, whole = rows
     of, *stages = budget_stages(question, [])
     stages += ["with cause" + "s"[: len(whole.causes) > 1]][: len(whole.causes)]
-    shown = [s for s in signals if max(s.raw, s.parameters, s.final) > _AT_FLOOR * s.floor]
+    above_floor = [s for s in signals if max(s.raw, s.parameters, s.final) > _AT_FLOOR * s.floor]
     out = [f"  {'RMS of ' + of:<29}" + "".join(f" {x:>11}" for x in (*stages, "floor"))]
-    for s in (*shown, whole):
+    for s in (*above_floor, whole):
         numbers = (*(s.raw, s.parameters, s.final)[: len(stages)], s.floor)
         row = "".join(f" {x:>11.3g}" for x in numbers)
         out.append(f"  {s.signal:<21} {in_words(s.unit):<7}{row}")
-    if rest := len(signals) - len(shown):
+    if rest := len(signals) - len(above_floor):
         out.insert(-1, f"  {rest} other signal{'s'[: rest > 1]} at the floor")
     return out
 

@@ -34,8 +34,8 @@ class Change:
         usual = all(
             self.values[q.name] == q.typical for q in self.effect.parameters if not q.strength
         )
-        one = len(acting) == 1 and self.values[acting[0].name] == acting[0].typical
-        return acting[0] if one and usual else None
+        alone = len(acting) == 1 and self.values[acting[0].name] == acting[0].typical
+        return acting[0] if alone and usual else None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,16 +49,16 @@ class Changes:
     runs: tuple[Singles, ...]
 
     @cached_property
-    def asked(self) -> tuple[tuple[Effect, dict[str, float]], ...]:
+    def effect_values(self) -> tuple[tuple[Effect, dict[str, float]], ...]:
         """The effects with the values that each array begins with."""
         return values_asked(self.effects)
 
     def rows(self, evidence: Evidence, effects: Sequence[Effect]) -> tuple[Change, ...]:
         """Those of some effects as rows of evidence of the same runs."""
         names = {effect.name for effect in effects}
-        kept = [k for k, (effect, _) in enumerate(self.asked) if effect.name in names]
+        kept = [k for k, (effect, _) in enumerate(self.effect_values) if effect.name in names]
         rows = evidence.rows([run[kept].astype(np.float64) for run in self.runs]).astype(np.float32)
-        pairs = zip((self.asked[k] for k in kept), rows, strict=True)
+        pairs = zip((self.effect_values[k] for k in kept), rows, strict=True)
         return tuple(Change(effect=e, values=values, rows=r) for (e, values), r in pairs)
 
 
@@ -73,14 +73,14 @@ def changes_at(
     """What effects change at `point`, by coarse replays; 0 where the model cannot run."""
     coarse = [run.coarse for run in runs]
     base = predictions(plant, point, coarse)
-    asked = values_asked(effects)
-    out = [np.zeros((len(asked), *b.shape), dtype=np.float32) for b in base]
-    for k, (effect, values) in enumerate(asked):
+    effect_values = values_asked(effects)
+    out = [np.zeros((len(effect_values), *b.shape), dtype=np.float32) for b in base]
+    for k, (effect, values) in enumerate(effect_values):
         with_effect = ModelPoint(point.theta, {**point.effects, effect.name: values}, point.laws)
         predicted = predictions(plant, with_effect, coarse)
         if finite(predicted):
-            for run, shown, without in zip(out, predicted, base, strict=True):
-                run[k] = shown - without
+            for run, moved, without in zip(out, predicted, base, strict=True):
+                run[k] = moved - without
     return Changes(effects=tuple(effects), runs=tuple(out))
 
 

@@ -75,9 +75,9 @@ class Describer:
         for column, value, deviation in zip(part.columns, x, sd, strict=True):
             law, term = part.responses.home(int(column))
             span, unit, words, state = self._read(law.place, term, place.unit)
-            known = out.get(term.name)
-            slopes = {} if known is None else dict(known.slopes)
-            spread = {} if known is None else dict(known.sd)
+            so_far = out.get(term.name)
+            slopes = {} if so_far is None else dict(so_far.slopes)
+            spread = {} if so_far is None else dict(so_far.sd)
             slopes[law.side] = place.scale * float(value) / span
             spread[law.side] = place.scale * float(deviation) / span
             out[term.name] = LawTerm(
@@ -143,8 +143,8 @@ def alike(state: str, seen: Sequence[Mapping[str, Array]]) -> list[str]:
         return []
     joined = {n: np.concatenate([of_run[n] for of_run in seen]) for n in seen[0]}
     moving = {n: y - y.mean() for n, y in joined.items()}
-    mine = moving.pop(state)
-    square = float(mine @ mine)
+    course = moving.pop(state)
+    square = float(course @ course)
     return [
-        n for n, y in moving.items() if float(mine @ y) ** 2 > _ALIKE * square * float(y @ y) > 0
+        n for n, y in moving.items() if float(course @ y) ** 2 > _ALIKE * square * float(y @ y) > 0
     ]

@@ -113,10 +113,10 @@ class Evidence:
         """Each run, or of fewer than four every fourth stretch of them; −1 where not valid."""
         fold = np.empty(len(self.run_of_row), dtype=np.intp)
         for k in range(len(self.trials)):
-            mine = self.spans[k]
-            size = mine.stop - mine.start
+            span = self.spans[k]
+            size = span.stop - span.start
             block = (np.arange(size) * _FOLDS * _TURNS) // size
-            fold[mine] = k if len(self.trials) >= _FOLDS else block % _FOLDS
+            fold[span] = k if len(self.trials) >= _FOLDS else block % _FOLDS
         fold[self.valid == 0.0] = -1
         return fold
 
@@ -140,23 +140,23 @@ class Evidence:
         if not any(len(d) for d in self.wandering):
             return r
         out = r.copy()
-        for mine, D in zip(self.spans, self.wandering, strict=True):
+        for span, D in zip(self.spans, self.wandering, strict=True):
             if len(D):
-                W = D * weight[mine]
-                u = np.linalg.solve(W @ D.T + np.eye(len(D)), W @ r[mine])
-                out[mine] -= u @ D
+                W = D * weight[span]
+                u = np.linalg.solve(W @ D.T + np.eye(len(D)), W @ r[span])
+                out[span] -= u @ D
         return out
 
     def weighted(self, weight: Array) -> Callable[[Array], Array]:
         """What takes rows (m, n) times the root of their weights, each run's directions open."""
         root = np.sqrt(weight)
         pairs = zip(self.spans, self.wandering, strict=True)
-        shrinks = [(mine, Shrink(D * root[mine])) for mine, D in pairs if len(D)]
+        shrinks = [(span, Shrink(D * root[span])) for span, D in pairs if len(D)]
 
         def of(values: Array) -> Array:
             out = values * root
-            for mine, shrink in shrinks:
-                out[:, mine] = shrink(out[:, mine])
+            for span, shrink in shrinks:
+                out[:, span] = shrink(out[:, span])
             return out
 
         return of
@@ -176,7 +176,7 @@ class Evidence:
         """Correlation time of each channel's rows, in rows, (channels,): (1 + ρ)/(1 − ρ)."""
         counted = r * self.valid
         pairs = zip(self.trials, self.spans, strict=True)
-        courses = (counted[mine].reshape(trial.target.shape) for trial, mine in pairs)
+        courses = (counted[span].reshape(trial.target.shape) for trial, span in pairs)
         rho = lag_one_correlation(courses, _MOST_CORRELATED)
         return np.asarray((1.0 + rho) / (1.0 - rho))
 
@@ -236,21 +236,21 @@ def wandering(plant: PlacesPlant, point: ModelPoint, played: Played) -> Array:
     steady, small = np.ones(len(run.t_s)), np.full(len(whole.t_s), _UNTOLD)
     line = (run.t_s - run.t_s[0]) / max(run.duration_s, 1e-9)
 
-    def shown(outputs: Mapping[str, Array], *, exact: bool = False) -> Array:
+    def readings(outputs: Mapping[str, Array], *, exact: bool = False) -> Array:
         return played.on_grid(outputs, plant.channels, exact=exact)
 
-    base = shown(plant.forced(point, run, {}, fast=True))
-    exact = shown(plant.forced(point, whole, {}), exact=True)
+    base = readings(plant.forced(point, run, {}, fast=True))
+    exact = readings(plant.forced(point, whole, {}), exact=True)
     out = [np.zeros((0, *base.shape))]
     places = {p.name: p for p in plant.places}
     for name, size in traits_of(plant).drift.items():
         for side in places[name].sides:
             for course in (steady, line):
                 forced = plant.forced(point, run, {(name, side): size * course}, fast=True)
-                out.append((shown(forced) - base)[None])
+                out.append((readings(forced) - base)[None])
             for course in (small, -small):
                 forced = plant.forced(point, whole, {(name, side): size * course})
-                out.append((shown(forced, exact=True) - exact)[None])
+                out.append((readings(forced, exact=True) - exact)[None])
     if isinstance(plant, BarePlaces):
-        out += [(shown(begun) - base)[None] for begun in plant.begun_otherwise(point, run)]
+        out += [(readings(begun) - base)[None] for begun in plant.begun_otherwise(point, run)]
     return np.concatenate(out)

@@ -109,11 +109,11 @@ def replayed(
 
 
 def reference_at(
-    evidence: Evidence, model: Model, x: Array, known: Fit | None = None
+    evidence: Evidence, model: Model, x: Array, fitted: Fit | None = None
 ) -> Reference | None:
     """Predictions and slopes at `x`; None where the model cannot run.
 
-    Slopes are those of a fit where one is `known`, else made there for all coordinates.
+    Slopes are those of a fit where one is given, else made there for all coordinates.
     """
     point = model.point(x)
     exact = replayed(evidence, point, model, exact=True)
@@ -125,8 +125,8 @@ def reference_at(
         x=x,
         exact=tuple(exact),
         averaged=tuple(averaged),
-        slopes=known.slopes if known else slopes_at(evidence, model, x, range(len(x))),
-        linearized_at=known.linearized_at if known else x,
+        slopes=fitted.slopes if fitted else slopes_at(evidence, model, x, range(len(x))),
+        linearized_at=fitted.linearized_at if fitted else x,
     )
 
 
@@ -147,18 +147,18 @@ def slopes_at(evidence: Evidence, model: Model, x: Array, which: Sequence[int]) 
     out = np.zeros((len(which), len(evidence.run_of_row)))
     bases: dict[bool, list[Array]] = {}
 
-    def shown(at: Array, exact: bool) -> list[Array]:
+    def predicted_at(coordinates: Array, exact: bool) -> list[Array]:
         runs = evidence.played if exact else evidence.coarse
-        return predictions(model.plant, model.point(at), runs, exact=exact)
+        return predictions(model.plant, model.point(coordinates), runs, exact=exact)
 
     for row, i in enumerate(which):
         exact = model.quick and i >= model.parameters
         if exact not in bases:
-            bases[exact] = shown(x, exact)
+            bases[exact] = predicted_at(x, exact)
         for sign in (1.0, -1.0) if x[i] + steps[i] <= high[i] else (-1.0, 1.0):
             moved = x.copy()
             moved[i] += sign * steps[i]
-            predicted = shown(moved, exact)
+            predicted = predicted_at(moved, exact)
             if finite(predicted) and finite(bases[exact]):
                 change = [(f - b)[None] for f, b in zip(predicted, bases[exact], strict=True)]
                 out[row] = evidence.rows(change)[0] / (sign * steps[i])
@@ -306,11 +306,11 @@ def fit(
     corrected = False
     for _ in range(rounds):
         descent = replace(even, weight=weights(evidence, stand.left, alike))
-        begun = descent.valued(stand)
-        stand = descent.lessened(begun, slopes)
-        if begun.value - stand.value >= enough:
-            step = stand.x - begun.x
-            unforeseen = begun.left - stand.left - step @ slopes
+        before = descent.valued(stand)
+        stand = descent.lessened(before, slopes)
+        if before.value - stand.value >= enough:
+            step = stand.x - before.x
+            unforeseen = before.left - stand.left - step @ slopes
             slopes += np.outer(step / (step @ step), unforeseen)
             corrected = True
         elif corrected and parts:
@@ -330,12 +330,12 @@ def fit(
     )
 
 
-def reusable_slopes(made: Reference | Fit) -> Array:
+def reusable_slopes(source: Reference | Fit) -> Array:
     """Slopes (p, n) of the parameters, or none (0, n) where a coordinate has moved since by more
     than the step that slopes are measured with, or a part has come or gone."""
-    x, then = made.x, made.linearized_at
-    far = len(then) != len(x) or (np.abs(x - then) > made.model.steps(then)).any()
-    return made.slopes[: 0 if far else made.model.parameters]
+    x, then = source.x, source.linearized_at
+    far = len(then) != len(x) or (np.abs(x - then) > source.model.steps(then)).any()
+    return source.slopes[: 0 if far else source.model.parameters]
 
 
 def polished(evidence: Evidence, fitted: Fit, *, alike: float = 1.0, exact: bool = True) -> Fit:
@@ -345,13 +345,13 @@ def polished(evidence: Evidence, fitted: Fit, *, alike: float = 1.0, exact: bool
     where those were measured.
     """
     for _ in range(_POLISHES):
-        here = rebased(evidence, replace(fitted, slopes=reusable_slopes(fitted)))
-        made = here and fit(
-            evidence, fitted.model, fitted.x, here, rounds=_POLISH_ROUNDS, alike=alike, exact=exact
+        base = rebased(evidence, replace(fitted, slopes=reusable_slopes(fitted)))
+        refitted = base and fit(
+            evidence, fitted.model, fitted.x, base, rounds=_POLISH_ROUNDS, alike=alike, exact=exact
         )
-        if not made:
+        if not refitted:
             return fitted
-        gained, fitted = fitted.objective - made.objective, made
+        gained, fitted = fitted.objective - refitted.objective, refitted
         if abs(gained) < NAT:
             break
     return fitted
@@ -363,20 +363,20 @@ def fit_to_end(evidence: Evidence, reference: Reference, *, near: bool = False) 
     It begins by least squares, in which channels count alike that leave less than the loudest, and
     comes to F by way of the geometric mean; or with F, where it begins `near` its end.
     """
-    begun = replace(reference, slopes=reusable_slopes(reference))
+    start = replace(reference, slopes=reusable_slopes(reference))
     loudest = max(float(evidence.variances(evidence.left(reference.exact)).max()), 1.0)
     alikes = (1.0,) if near else (loudest, loudest**0.5, 1.0)
-    made = fit(evidence, reference.model, reference.x, begun, alike=alikes[0])
+    fitted = fit(evidence, reference.model, reference.x, start, alike=alikes[0])
     for alike in dict.fromkeys(alikes):
-        if made:
-            made = polished(
+        if fitted:
+            fitted = polished(
                 evidence,
-                replace(made, objective=np.inf),
+                replace(fitted, objective=np.inf),
                 alike=alike,
                 # What is far from its end needs no more than a direction.
                 exact=alike < loudest or alike == 1.0,
             )
-    return made
+    return fitted
 
 
 def fit_from_several(evidence: Evidence, reference: Reference) -> Fit | None:
@@ -390,7 +390,7 @@ def fit_from_several(evidence: Evidence, reference: Reference) -> Fit | None:
         return None
     half = reference_at(evidence, reference.model, 0.5 * (reference.x + first.x))
     fits = (first, fit_to_end(evidence, reference, near=True), half and fit_to_end(evidence, half))
-    return min((made for made in fits if made), key=lambda made: made.objective)
+    return min((fitted for fitted in fits if fitted), key=lambda fitted: fitted.objective)
 
 
 def leave_out(evidence: Evidence, fitted: Fit) -> tuple[Array, ...]:
@@ -408,8 +408,8 @@ def leave_out(evidence: Evidence, fitted: Fit) -> tuple[Array, ...]:
     of_all = bounded_step(products, along, low - x, high - x)
     out = []
     for f in range(int(evidence.fold.max(initial=-1)) + 1):
-        gone = evidence.fold == f
-        A, g = products - J[:, gone] @ J[:, gone].T, along - J[:, gone] @ r[gone]
+        held_out = evidence.fold == f
+        A, g = products - J[:, held_out] @ J[:, held_out].T, along - J[:, held_out] @ r[held_out]
         step = bounded_step(A, g, low - x, high - x) - of_all
         out.append(np.clip(x + step, low, high))
     return tuple(out)

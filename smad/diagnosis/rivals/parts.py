@@ -189,8 +189,8 @@ class Model:
         precision = np.zeros((len(mean), len(mean)))
         n = self.parameters
         precision[:n, :n] = self.rows_as_one * self.parameter_precision
-        at = np.arange(n, len(mean))
-        precision[at, at] = np.concatenate([np.zeros(0), *(p for _, p in of_parts)])
+        diagonal = np.arange(n, len(mean))
+        precision[diagonal, diagonal] = np.concatenate([np.zeros(0), *(p for _, p in of_parts)])
         return mean, precision
 
     def steps(self, x: Array) -> Array:

@@ -125,15 +125,15 @@ class Question:
         is known. As it is where the model cannot run."""
         e, count = self.judged, len(fitted.model.parts)
         left_out = self.predicted(fitted)
-        some = [fitted.of_parts([k for k in range(count) if k != i]) for i in range(count)]
-        whole, *without = (replayed(e, f.point, f.model, exact=True) for f in (fitted, *some))
+        fewer = [fitted.of_parts([k for k in range(count) if k != i]) for i in range(count)]
+        whole, *without = (replayed(e, f.point, f.model, exact=True) for f in (fitted, *fewer))
         if left_out is None or whole is None:
             return self
         moved = [np.zeros_like(p) for p in whole]
-        for others in without:
-            if others is None:
+        for without_one in without:
+            if without_one is None:
                 return self
-            changes = (a - b for a, b in zip(whole, others, strict=True))
+            changes = (a - b for a, b in zip(whole, without_one, strict=True))
             moved = [np.hypot(so_far, c) for so_far, c in zip(moved, changes, strict=True)]
         return replace(self, form=form_of(e, left_out, moved))
 
@@ -152,8 +152,8 @@ class Question:
 
         `near`: it is not far from there.
         """
-        made = fit_to_end(self.evidence, reference, near=near)
-        return None if made is None else self.rival(kind, name, made)
+        fitted = fit_to_end(self.evidence, reference, near=near)
+        return None if fitted is None else self.rival(kind, name, fitted)
 
     def steadied(self, rival: Rival | None, kind: str, name: str, free: Fit) -> Rival | None:
         """The rival, or the same fitted with the prior that the score prefers, if that is likelier.
@@ -161,10 +161,10 @@ class Question:
         Few runs let free parameters follow noise, and where every row counts they go further from
         the prior than a tempered score rewards.
         """
-        here = rebased(self.evidence, free)
+        reference = rebased(self.evidence, free)
         model = tempered(free.model, self.evidence, self.temper)
-        made = here and fit(self.evidence, model, free.x, here)
-        steady = made and self.rival(kind, name, made)
+        fitted = reference and fit(self.evidence, model, free.x, reference)
+        steady = fitted and self.rival(kind, name, fitted)
         if not steady or steady.fit is None:
             return rival
         steady = replace(steady, fit=replace(steady.fit, model=free.model))
@@ -254,9 +254,11 @@ class Question:
             by_rows=by_rows,
             near=near,
         )
-        made = [replace(r, probability=float(x)) for r, x in zip(compared, p, strict=True)]
-        made += [replace(r, probability=0.0) for r, out in zip(rivals, refuted, strict=True) if out]
-        return sorted(made, key=lambda r: -r.probability)
+        ranked = [replace(r, probability=float(x)) for r, x in zip(compared, p, strict=True)]
+        ranked += [
+            replace(r, probability=0.0) for r, out in zip(rivals, refuted, strict=True) if out
+        ]
+        return sorted(ranked, key=lambda r: -r.probability)
 
     def _compared(self, rivals: Sequence[Rival], near: Sequence[bool]) -> Array:
         """Scores (rivals, runs), some of the rivals being `near` the floor.
@@ -300,7 +302,7 @@ class Question:
         than that change, the step is shortened; where the model cannot run, it is not taken. None
         where the model cannot run without it either.
         """
-        trial, mine = self.evidence.trials[k], self.evidence.spans[k]
+        trial, span = self.evidence.trials[k], self.evidence.spans[k]
         exact, shift = fitted.shift is None, 0.0 if fitted.shift is None else fitted.shift[k]
         out = None
         for share in (*_STEP_SHARES, 0.0):
@@ -309,9 +311,9 @@ class Question:
             if not np.isfinite(predicted).all():
                 continue
             out = predicted + shift
-            change = share * step @ fitted.slopes[:, mine]
+            change = share * step @ fitted.slopes[:, span]
             off = trial.rows.independent((trial.target - out)[None])[0]
-            off -= fitted.left[mine] - change
+            off -= fitted.left[span] - change
             like = off @ off <= max(change @ change, _ROUGH**2 * len(off))
             if like or share == _STEP_SHARES[-1]:
                 break

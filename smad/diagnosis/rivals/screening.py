@@ -46,9 +46,9 @@ def opened(evidence: Evidence, reference: Reference) -> Callable[[Array], Array]
     """What takes rows (m, n) times the root of their weights at the reference, and opens beside
     them whatever that has slopes of, within its prior."""
     weight = weights(evidence, evidence.left(reference.exact))
-    known = len(reference.slopes)
+    count = len(reference.slopes)
     _, precision = reference.model.prior
-    root = np.linalg.cholesky(np.linalg.inv(precision[:known, :known]))
+    root = np.linalg.cholesky(np.linalg.inv(precision[:count, :count]))
     weighted = evidence.weighted(weight)
     shrink = Shrink(weighted(root.T @ reference.slopes))
     return lambda values: shrink(weighted(values))
@@ -84,11 +84,11 @@ def screened(evidence: Evidence, reference: Reference, changes: Sequence[Change]
         start = np.clip(parts[effect.name].coordinates(scaled), *parts[effect.name].bounds())
         promising.setdefault(effect.name, []).append((gain, start))
     out = []
-    for name, found in promising.items():
-        found.sort(key=lambda pair: -pair[0])
-        best = found[0][0]
+    for name, pairs in promising.items():
+        pairs.sort(key=lambda pair: -pair[0])
+        best = pairs[0][0]
         least = best - (1.0 - _WORTH) * abs(best)
-        starts = [start for gain, start in found if gain >= least][:_STARTS]
+        starts = [start for gain, start in pairs if gain >= least][:_STARTS]
         out.append(Screened(part=parts[name], starts=tuple(starts), gain=best))
     return sorted(out, key=lambda s: -s.gain)
 
@@ -99,7 +99,7 @@ def worth_a_fit(ranked: Sequence[Screened]) -> list[Screened]:
 
 
 def started(
-    evidence: Evidence, reference: Reference, some: Sequence[Screened]
+    evidence: Evidence, reference: Reference, candidates: Sequence[Screened]
 ) -> list[tuple[EffectPart, Array]]:
     """Effects with the coordinates beside the reference's at which a replay leaves least.
 
@@ -118,7 +118,7 @@ def started(
         return float(rows @ np.log(variances(left) + 1.0))
 
     out = []
-    for s in some:
+    for s in candidates:
         starts = (*s.starts, s.part.weaker(s.starts[0], _WEAKER))
         out.append((s.part, min(starts, key=lambda start: least(s.part, start))))
     return out

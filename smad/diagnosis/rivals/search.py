@@ -120,15 +120,15 @@ class _Search(Searched):
             current = question.fitted(NOTHING, NOTHING, nominal, near=True)
         if configured is None or parameters is None or current is None:
             raise cannot_replay(question)
-        known = question.changes
-        if known is None:
+        changes = question.changes
+        if changes is None:
             question.say("what each effect changes")
-            known = changes_at(free.plant, free.start, e.played, question.effects)
+            changes = changes_at(free.plant, free.start, e.played, question.effects)
         return cls(
             question=question,
             nominal=nominal,
             configured=configured,
-            changes=known.rows(e, question.effects),
+            changes=changes.rows(e, question.effects),
             parameters=parameters,
             steps=[],
             final=current,
@@ -205,20 +205,20 @@ class _Search(Searched):
 
         What a part takes counts only where the fit without it has ended.
         """
-        own = rival.fit
-        if own is None or beside.fit is None:
+        fitted = rival.fit
+        if fitted is None or beside.fit is None:
             return rival
         # Free parameters that were far may have to come far, until something has entered.
         near = self.question.tied is not None or bool(self.parts)
-        starts = [(beside.fit.x[: len(own.x)], near)]
-        if own.objective < beside.fit.objective + _WITHIN:
-            starts.append((own.x, True))
-        best, least = rival, own.objective
+        starts = [(beside.fit.x[: len(fitted.x)], near)]
+        if fitted.objective < beside.fit.objective + _WITHIN:
+            starts.append((fitted.x, True))
+        best, least = rival, fitted.objective
         for x, near in starts:
-            here = rebased(self.question.evidence, replace(own, x=x, slopes=own.slopes[:0]))
-            made = here and self.question.fitted(rival.kind, rival.name, here, near=near)
-            if made and made.fit and made.fit.objective < least:
-                best, least = made, made.fit.objective
+            base = rebased(self.question.evidence, replace(fitted, x=x, slopes=fitted.slopes[:0]))
+            refitted = base and self.question.fitted(rival.kind, rival.name, base, near=near)
+            if refitted and refitted.fit and refitted.fit.objective < least:
+                best, least = refitted, refitted.fit.objective
         if rival.fit is self.parameters.fit:
             self.parameters = best
         if rival.fit is self.final.fit:
@@ -230,11 +230,11 @@ class _Search(Searched):
         fitted = self.final.fit
         if fitted is None or not self.parts:
             return self.parameters
-        here = rebased(self.question.evidence, fitted)
+        base = rebased(self.question.evidence, fitted)
         free = fitted.model.with_precision(self.question.model.parameter_precision)
-        if here is None:
+        if base is None:
             return None
-        return self.question.fitted(PARAMETERS, PARAMETERS, replace(here, model=free))
+        return self.question.fitted(PARAMETERS, PARAMETERS, replace(base, model=free))
 
     def _exchanged(self, current: Rival) -> Rival:
         """The model with each part before its last asked again, the others kept."""
@@ -256,8 +256,8 @@ class _Search(Searched):
             for part, start in started(question.evidence, base, better):
                 fits.begin(EFFECT, base, part, np.r_[base.x, start])
             # The part that is asked is the last one of each rival.
-            asked = replace(current, kind=EFFECT, name=name, fit=fitted.of_parts([*others, i]))
-            ranked = question.ranked([asked, *fits.rivals()])
+            incumbent = replace(current, kind=EFFECT, name=name, fit=fitted.of_parts([*others, i]))
+            ranked = question.ranked([incumbent, *fits.rivals()])
             best = ranked[0].fit
             if best and ranked[0].name != name and question.gap(ranked[0]) < question.gap(current):
                 order = [*range(i), count - 1, *range(i, count - 1)]
@@ -280,17 +280,17 @@ class _Search(Searched):
             assert entered is not None
             if entered.fit and [p.name for p in entered.fit.model.parts] == names[:count]:
                 continue
-            here = rebased(e, fitted.of_parts(range(count)))
-            made = here and self.question.fitted(entered.kind, entered.name, here, near=True)
-            self.steps[k] = replace(self.steps[k], entered=made or entered)
+            base = rebased(e, fitted.of_parts(range(count)))
+            refitted = base and self.question.fitted(entered.kind, entered.name, base, near=True)
+            self.steps[k] = replace(self.steps[k], entered=refitted or entered)
 
-    def _without(self, fitted: Fit, others: Sequence[int]) -> Reference | None:
+    def _without(self, fitted: Fit, order: Sequence[int]) -> Reference | None:
         """The model with some of its parts alone, fitted anew."""
-        e, fewer = self.question.evidence, fitted.of_parts(others)
+        e, fewer = self.question.evidence, fitted.of_parts(order)
         # So that no other fit takes slopes for its own that were measured with all parts.
-        here = rebased(e, replace(fewer, linearized_at=fitted.linearized_at))
-        made = here and fit(e, here.model, here.x, here)
-        return rebased(e, made) if made else None
+        base = rebased(e, replace(fewer, linearized_at=fitted.linearized_at))
+        refitted = base and fit(e, base.model, base.x, base)
+        return rebased(e, refitted) if refitted else None
 
     def _screened(self, reference: Reference) -> list[Screened]:
         """The most promising effects that a reference does not have, the best first."""
@@ -303,37 +303,37 @@ class _Search(Searched):
         question, e = self.question, self.question.evidence
         fitted = current.fit
         # Many fits begin with these slopes.
-        here = None if fitted is None else reference_at(e, fitted.model, fitted.x)
-        if here is None:
+        base = None if fitted is None else reference_at(e, fitted.model, fitted.x)
+        if base is None:
             return []
         without = question.gap(current)
         fits = _Fits(question, without=without)
-        references = [here]
+        references = [base]
         if self.moved and not self.parts:
             # Where the parameters have moved to imitate an effect it is hidden.
-            references.append(replace(self.nominal, model=here.model))
+            references.append(replace(self.nominal, model=base.model))
         for reference in references:
             for effect, start in started(e, reference, self._screened(reference)):
                 fits.begin(EFFECT, reference, effect, np.r_[reference.x, start])
         for rival in self.imitated:
             # The parameters took what the effect takes: begin with half of each.
             if rival.fit is not None and isinstance(part := rival.fit.model.parts[-1], EffectPart):
-                k = len(here.x)
+                k = len(base.x)
                 half = part.weaker(rival.fit.x[k:], 0.5)
-                fits.begin(EFFECT, here, part, np.r_[0.5 * (here.x + rival.fit.x[:k]), half])
+                fits.begin(EFFECT, base, part, np.r_[0.5 * (base.x + rival.fit.x[:k]), half])
         rivals = fits.rivals()
         best = max(rivals, key=lambda r: r.scores.sum(), default=None)
         if best is not None and question.near(best):
             return rivals
         question.say("laws of the places")
         if self.responses is None:
-            plant, point = here.model.plant, here.model.point(here.x)
+            plant, point = base.model.plant, base.model.point(base.x)
             self.responses = responses(plant, point, e.played, progress=question.say)
-        present = {part.name for part in here.model.parts}
+        present = {part.name for part in base.model.parts}
         laws = _Fits(question, without=without, least=fits.least)
-        for law, start in selected_laws(e, here, self.responses)[:_LAWS]:
+        for law, start in selected_laws(e, base, self.responses)[:_LAWS]:
             if law.name not in present:
-                laws.begin(LAW, here, law, np.r_[here.x, start])
+                laws.begin(LAW, base, law, np.r_[base.x, start])
         return rivals + laws.rivals()
 
 
@@ -346,22 +346,22 @@ def _named(rival: Rival, ranked: Sequence[Rival]) -> Rival:
     """The rival, or in place of a law the likeliest effect there that leaves no more."""
     if rival.kind != LAW:
         return rival
-    there = (r for r in ranked if r.kind == EFFECT and set(r.places) & set(rival.places))
-    return next((r for r in there if r.scores.sum() >= rival.scores.sum()), rival)
+    effects = (r for r in ranked if r.kind == EFFECT and set(r.places) & set(rival.places))
+    return next((r for r in effects if r.scores.sum() >= rival.scores.sum()), rival)
 
 
 @dataclass(eq=False)
 class _Fits:
     """Fits that compete: a few rounds for all, the best go on to their end.
 
-    `without` is the gap of the simulator without them, `least` the least F of a fit so far; `found`
-    has the kind and the fit of each name.
+    `without` is the gap of the simulator without them, `least` the least F of a fit so far;
+    `by_name` has the kind and the fit of each name.
     """
 
     question: Question
     without: float
     least: float = np.inf
-    found: dict[str, tuple[str, Fit]] = field(default_factory=dict)
+    by_name: dict[str, tuple[str, Fit]] = field(default_factory=dict)
 
     def begin(self, kind: str, reference: Reference, part: Part, start: Array) -> None:
         """A few rounds of a part beside a reference; the better of two of one name stays."""
@@ -370,28 +370,28 @@ class _Fits:
         model = reference.model.with_parts([*before, part])
         if isinstance(part, EffectPart) and averages_hide(e, reference, model, start):
             model = model.with_parts([*before, replace(part, quick=True)])
-        made = fit(e, model, start, reference, enough=NAT)
-        known = self.found.get(part.name)
-        if made and (known is None or made.objective < known[1].objective):
-            self.found[part.name] = kind, made
-            self.least = min(self.least, made.objective)
+        fitted = fit(e, model, start, reference, enough=NAT)
+        earlier = self.by_name.get(part.name)
+        if fitted and (earlier is None or fitted.objective < earlier[1].objective):
+            self.by_name[part.name] = kind, fitted
+            self.least = min(self.least, fitted.objective)
 
     def rivals(self) -> list[Rival]:
         """The fits as rivals."""
         question, near = self.question, []
-        best = sorted(self.found, key=lambda name: (self.found[name][1].objective, name))
+        best = sorted(self.by_name, key=lambda name: (self.by_name[name][1].objective, name))
         for name in best[:_POLISHED]:
-            kind, made = self.found[name]
-            if made.objective < self.least + _WITHIN:
+            kind, fitted = self.by_name[name]
+            if fitted.objective < self.least + _WITHIN:
                 near.append(name)
-                made = polished(question.evidence, made)
-                self.found[name] = kind, made
-                self.least = min(self.least, made.objective)
-        scored = {name: question.rival(kind, name, f) for name, (kind, f) in self.found.items()}
+                fitted = polished(question.evidence, fitted)
+                self.by_name[name] = kind, fitted
+                self.least = min(self.least, fitted.objective)
+        scored = {name: question.rival(kind, name, f) for name, (kind, f) in self.by_name.items()}
         # Where good runs say where the parameters are, all fits have the prior that scores prefer.
         for name in near if question.tied is None else ():
-            kind, made = self.found[name]
-            scored[name] = self._steadied(scored[name], kind, name, made)
+            kind, fitted = self.by_name[name]
+            scored[name] = self._steadied(scored[name], kind, name, fitted)
         return [r for r in scored.values() if r is not None]
 
     def _steadied(self, rival: Rival | None, kind: str, name: str, fitted: Fit) -> Rival | None:
@@ -401,7 +401,7 @@ class _Fits:
         What leaves more than the simulator without a part explains nothing.
         """
         question = self.question
-        made = question.steadied(rival, kind, name, fitted)
-        if rival is None or made is None:
-            return made
-        return made if question.gap(made) < max(self.without, question.gap(rival)) else rival
+        steady = question.steadied(rival, kind, name, fitted)
+        if rival is None or steady is None:
+            return steady
+        return steady if question.gap(steady) < max(self.without, question.gap(rival)) else rival

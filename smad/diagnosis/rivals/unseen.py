@@ -20,16 +20,16 @@ def unseen_strengths(search: Searched) -> list[str]:
     """Each effect with the strength that would have been told, those least seen first."""
     question, fit = search.question, search.final.fit
     e = question.evidence
-    here = search.nominal if fit is None else rebased(e, fit)
-    if here is None:
+    reference = search.nominal if fit is None else rebased(e, fit)
+    if reference is None:
         return []
-    present = {part.name for part in here.model.parts}
-    v = e.variances(e.left(here.exact))
+    present = {part.name for part in reference.model.parts}
+    v = e.variances(e.left(reference.exact))
     runs = len(question.judged.trials)
     needed = question.temper.nothing - question.temper.each_effect(len(question.effects))
     absent = [(c, q) for c in search.changes if c.effect.name not in present and (q := c.typical)]
     rows: list[tuple[float, str]] = []
-    squares = added_squares(e, here, [c for c, _ in absent])
+    squares = added_squares(e, reference, [c for c, _ in absent])
     for (change, q), added in zip(absent, squares, strict=True):
         size = _strength(v, added, 2.0 * needed / (question.independent_rows * runs))
         unit = "" if q.unit == "1" else f" {q.unit}"

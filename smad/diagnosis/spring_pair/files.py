@@ -30,7 +30,7 @@ def diagnose_files(
     """
     progress("reading")
     every = (*runs, *good, *hold_out)
-    fitted, known, judged_on = (
+    fitted, known_good, judged_on = (
         read_gap_runs(paths, every, trusted, mapping) for paths in (runs, good, hold_out)
     )
-    return diagnose(fitted, plant=plant, good=known, hold_out=judged_on, progress=progress)
+    return diagnose(fitted, plant=plant, good=known_good, hold_out=judged_on, progress=progress)

@@ -213,14 +213,14 @@ class SmaPlant:
 
     def set_of(self, theta: Mapping[str, float]) -> ParameterSet:
         """The parameter set with these values. Raises ParameterError when it is not physical."""
-        known = {p.name for p in self.parameters}
-        unknown = sorted(set(theta) - known)
+        names = {p.name for p in self.parameters}
+        unknown = sorted(set(theta) - names)
         if unknown:
             raise PlantMismatch(
                 "a parameter is not one that this plant refits",
                 value=unknown[0],
                 action=instead(
-                    unknown[0], sorted(known), "use a model file made with the same plant"
+                    unknown[0], sorted(names), "use a model file made with the same plant"
                 ),
             )
         mounting = {p.name for p in _MOUNTING}

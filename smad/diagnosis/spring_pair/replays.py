@@ -56,9 +56,9 @@ class Recent(Generic[_Source, _Made]):
 
     def of(self, source: _Source, make: Callable[[], _Made]) -> _Made:
         """What was made of `source`; made now if it is not kept."""
-        known = self._made.get(id(source))
-        if known is not None and known[0] is source:
-            return known[1]
+        entry = self._made.get(id(source))
+        if entry is not None and entry[0] is source:
+            return entry[1]
         made = make()
         # A list at once: another thread may add to the dictionary meanwhile.
         for old in list(self._made)[: len(self._made) - self._most + 1]:

@@ -178,15 +178,15 @@ def run_from_columns(
     """
     t_s = np.asarray(columns["t_s"], dtype=np.float64)
     inputs: dict[str, Array] = {}
-    for wanted in (*(s.name for s in INPUTS), *_OPTIONAL_INPUTS):
-        column = _recorded(columns, wanted)
-        if column is None and wanted.startswith("i_applied"):
-            column = _recorded(columns, wanted.replace("applied", "cmd"))
+    for input_name in (*(s.name for s in INPUTS), *_OPTIONAL_INPUTS):
+        column = _recorded(columns, input_name)
+        if column is None and input_name.startswith("i_applied"):
+            column = _recorded(columns, input_name.replace("applied", "cmd"))
         if column is not None:
-            high = _HIGHEST.get(wanted, 1.0)
-            inputs[wanted] = np.where((column < 0.0) & (column > -BEYOND * high), 0.0, column)
-    shown = {c.name: _recorded(columns, c.name) for c in CHANNELS}
-    outputs = {name: y for name, y in shown.items() if y is not None}
+            high = _HIGHEST.get(input_name, 1.0)
+            inputs[input_name] = np.where((column < 0.0) & (column > -BEYOND * high), 0.0, column)
+    recorded = {c.name: _recorded(columns, c.name) for c in CHANNELS}
+    outputs = {name: y for name, y in recorded.items() if y is not None}
     written = dict(written or {})
     for stem in ("i_applied_x_A", "i_applied_y_A"):
         written.setdefault(stem, written.get(stem.replace("applied", "cmd"), Written()))
@@ -275,14 +275,14 @@ def read_recorded(path: Path, together: Together | None = None) -> tuple[GapRun,
 
 def _usable(run: GapRun) -> tuple[GapRun, list[str], list[str]]:
     """The run up to its first hole without what is no reading; what was left out, and refused."""
-    said: dict[bool, list[str]] = {False: [], True: []}
+    texts: dict[bool, list[str]] = {False: [], True: []}
 
     def say(kind: str, text: str, *, refuses: bool = False) -> None:
-        said[refuses].append(text)
+        texts[refuses].append(text)
 
     read = readable(run, INPUTS, CHANNELS, say, LONGEST_STEP_S)
     used = filled(up_to_first_hole(read, PERIOD_S, say))
-    return used, said[False], said[True]
+    return used, texts[False], texts[True]
 
 
 def _read(
