@@ -72,8 +72,8 @@ def diagnose_unit(
     def read(path: Path) -> GapRun:
         return replace(read_mapped(path, mapped), trusted=bool(names_of(path) & set(trusted)))
 
-    asked, known, held_out = ([read(p) for p in paths] for paths in (runs, good, hold_out))
-    every = [*asked, *known, *held_out]
+    fit, good_runs, held_out = ([read(p) for p in paths] for paths in (runs, good, hold_out))
+    every = [*fit, *good_runs, *held_out]
     mapped, taken = completed(mapped, every)
     plant = FmuPlant(unit, mapped)
     plant.window_s, why = 0.0, ""
@@ -84,8 +84,10 @@ def diagnose_unit(
             if takes.slow:
                 announced(takes.words(count, chosen=False))
             if any(isinstance(v, str) for v in mapped.start.values()):
-                plant.window_s, why = choose_window(plant, asked, mapped.window_s)
-            answer = diagnose(asked, plant=plant, good=known, hold_out=held_out, progress=progress)
+                plant.window_s, why = choose_window(plant, fit, mapped.window_s)
+            answer = diagnose(
+                fit, plant=plant, good=good_runs, hold_out=held_out, progress=progress
+            )
     except (GapError, np.linalg.LinAlgError) as error:
         if not plant.failures.why or isinstance(error, PlantMismatch):
             raise
@@ -134,32 +136,32 @@ def read_mapped(path: Path, mapped: Map, *, measured: bool = True) -> GapRun:
     t_s = _time_s(path, columns[mapped.time], mapped, "s" if mapped.time in stamps else "")
 
     rows: dict[str, InputRow | ChannelRow] = {**mapped.inputs, **mapped.channels}
-    there = {n: columns[c] for n, row in rows.items() if (c := row.column or n) in columns}
-    there = {n: c for n, c in there.items() if np.isfinite(c).any()}
-    written = {n: _written(rows[n], n) for n in there}
-    there = {n: written[n].values(c) for n, c in there.items()}
+    named = {n: columns[c] for n, row in rows.items() if (c := row.column or n) in columns}
+    named = {n: c for n, c in named.items() if np.isfinite(c).any()}
+    written = {n: _written(rows[n], n) for n in named}
+    named = {n: written[n].values(c) for n, c in named.items()}
     inputs = {
-        n: hold_last_value(c) if rows[n].hold else c for n, c in there.items() if n in mapped.inputs
+        n: hold_last_value(c) if rows[n].hold else c for n, c in named.items() if n in mapped.inputs
     }
-    outputs = {n: on_lines(c) if rows[n].hold else c for n, c in there.items() if n not in inputs}
+    outputs = {n: on_lines(c) if rows[n].hold else c for n, c in named.items() if n not in inputs}
     lacking = [name for name in mapped.inputs if name not in inputs]
     if lacking or (measured and not outputs):
-        what = mapped.inputs[lacking[0]].column or lacking[0] if lacking else "any channel"
+        missing = mapped.inputs[lacking[0]].column or lacking[0] if lacking else "any channel"
         raise FmiError(
-            f"{path} has no column of {what}, which the map names",
+            f"{path} has no column of {missing}, which the map names",
             limit=", ".join(columns),
             action="correct the map, or leave the run out",
         )
     return GapRun(path.stem, t_s, inputs, outputs, notes=notes, written=written)
 
 
-def _time_s(path: Path, column: Column, mapped: Map, known: str) -> Column:
+def _time_s(path: Path, column: Column, mapped: Map, stamp_unit: str) -> Column:
     """The time in s, by the unit of the map or of the column's name; it must increase."""
     require_rising(column, f"{path}: time {mapped.time!r}", FmiError)
-    unit = known or mapped.time_unit or unit_in(mapped.time)
+    unit = stamp_unit or mapped.time_unit or unit_in(mapped.time)
     if unit in units_for("s"):
         column = convert(column, unit, "s")
-    if known or mapped.time_unit:
+    if stamp_unit or mapped.time_unit:
         return column
     step = float(np.median(np.diff(column))) if len(column) > 1 else 0.0
     length = float(np.ptp(column)) if len(column) else 0.0
@@ -181,20 +183,20 @@ def _time_s(path: Path, column: Column, mapped: Map, known: str) -> Column:
 
 def _written(row: InputRow | ChannelRow, name: str) -> Written:
     """How the column of a row stands in its file, by the map or by the column's name."""
-    wanted, unit = spelt(row.unit), spelt(row.column_unit)
+    target, unit = spelt(row.unit), spelt(row.column_unit)
     plain = (row.scale, row.offset) == (1.0, 0.0)
-    if not unit and row.column and plain and wanted in UNITS:
+    if not unit and row.column and plain and target in UNITS:
         unit = unit_in(row.column)
-        unit = unit if unit in units_for(wanted) else ""
-    unit = unit or wanted
-    if unit != wanted and (unit not in units_for(wanted) or wanted not in UNITS):
+        unit = unit if unit in units_for(target) else ""
+    unit = unit or target
+    if unit != target and (unit not in units_for(target) or target not in UNITS):
         raise FmiError(
             f"the map gives {name} a column_unit that is none for a value in {row.unit}",
             value=row.column_unit,
-            limit=alternatives(wanted),
+            limit=alternatives(target),
             action="correct it, or give scale and offset",
         )
-    read = Written.of(unit, wanted)
+    read = Written.of(unit, target)
     if isinstance(row, ChannelRow):
         return read
     # An input's value is that of the unit.
@@ -204,8 +206,8 @@ def _written(row: InputRow | ChannelRow, name: str) -> Written:
 def _columns(path: Path, mapped: Map) -> tuple[dict[str, Column], tuple[str, ...], tuple[str, ...]]:
     """The columns that the map names, with the time; what was not read; which are stamps."""
     rows: dict[str, InputRow | ChannelRow] = {**mapped.inputs, **mapped.channels}
-    wanted = [mapped.time, *(row.column or name for name, row in rows.items())]
-    read = read_columns(path, mapped.csv, wanted)
+    names = [mapped.time, *(row.column or name for name, row in rows.items())]
+    read = read_columns(path, mapped.csv, names)
     if broken := next(iter(read.unread.values()), ""):
         raise FmiError(broken)
     has, columns = read.names, read.numbers
@@ -215,5 +217,5 @@ def _columns(path: Path, mapped: Map) -> tuple[dict[str, Column], tuple[str, ...
             limit=", ".join(has),
             action="name it in the map: time = …",
         )
-    others = left_out([n for n in has if n not in wanted], ", which the map does not name")
-    return columns, (*read.notes, *others), read.stamps
+    unused = left_out([n for n in has if n not in names], ", which the map does not name")
+    return columns, (*read.notes, *unused), read.stamps

@@ -65,9 +65,9 @@ def completed(mapped: Map, runs: Sequence[GapRun]) -> tuple[Map, str]:
         lag_s = LAG_OF_CORRELATION * usual_correlation_s(columns)
         mapped = msgspec.structs.replace(mapped, lag_s=lag_s)
         taken["lag_s"] = [f"{lag_s:.2g} s"]
-    said = "; ".join(f"{what} of {', '.join(names)}" for what, names in taken.items())
-    said = said.replace("lag_s of", "lag_s")
-    return _with_signs(mapped), f"taken from the records: {said}" if said else ""
+    words = "; ".join(f"{what} of {', '.join(names)}" for what, names in taken.items())
+    words = words.replace("lag_s of", "lag_s")
+    return _with_signs(mapped), f"taken from the records: {words}" if words else ""
 
 
 def _with_signs(mapped: Map) -> Map:

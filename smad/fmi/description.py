@@ -95,23 +95,23 @@ def _parts(root: Element, variables: Sequence[Variable], state: str) -> list[Ele
 
 def _description_2(variables: Sequence[Variable], token: str) -> Element:
     root = _root("2.0", "guid", token, variableNamingConvention="flat")
-    unit, known, structure = _parts(root, variables, "FMUstate")
+    unit, model_variables, structure = _parts(root, variables, "FMUstate")
     SubElement(SubElement(unit, "SourceFiles"), "File", {"name": SOURCE[2]})
     outputs, initial = SubElement(structure, "Outputs"), SubElement(structure, "InitialUnknowns")
     for reference, v in enumerate(variables):
         if v.causality == "output":
             for unknowns in (outputs, initial):
                 SubElement(unknowns, "Unknown", {"index": str(reference + 1)})
-        variable = SubElement(known, "ScalarVariable", _described(v, reference))
+        variable = SubElement(model_variables, "ScalarVariable", _described(v, reference))
         SubElement(variable, "Real", _attributes(v))
     return root
 
 
 def _description_3(variables: Sequence[Variable], token: str) -> Element:
     root = _root("3.0", "instantiationToken", token)
-    _, known, structure = _parts(root, variables, "FMUState")
+    _, model_variables, structure = _parts(root, variables, "FMUState")
     for reference, v in enumerate(variables):
-        SubElement(known, "Float64", {**_described(v, reference), **_attributes(v)})
+        SubElement(model_variables, "Float64", {**_described(v, reference), **_attributes(v)})
     for kind in ("Output", "InitialUnknown"):
         for reference, v in enumerate(variables):
             if v.causality == "output":
@@ -124,5 +124,5 @@ def _description_3(variables: Sequence[Variable], token: str) -> Element:
         "description": "time that the unit has run",
         "unit": "s",
     }
-    SubElement(known, "Float64", time)
+    SubElement(model_variables, "Float64", time)
     return root

@@ -83,14 +83,14 @@ def write_sources(model: Model, folder: Path, version: int, mounted: Mounted) ->
     """Write the description and the sources of a unit to `folder`."""
     sources = folder / "sources"
     sources.mkdir()
-    known = variables(model.parameters)
-    kernel = kernel_source(model, known, fixture=mounted.fixture, cooling=mounted.cooling)
+    model_variables = variables(model.parameters)
+    kernel = kernel_source(model, model_variables, fixture=mounted.fixture, cooling=mounted.cooling)
     (sources / "kernel.c").write_text(kernel)
     for name in ("plant.c", SOURCE[version]):
         shutil.copyfile(_WRITTEN / name, sources / name)
     token = "{" + hashlib.sha256(kernel.encode()).hexdigest()[:32] + "}"
     (sources / "token.h").write_text(f'#define TOKEN "{token}"\n')
-    (folder / "modelDescription.xml").write_bytes(description(version, known, token))
+    (folder / "modelDescription.xml").write_bytes(description(version, model_variables, token))
     if version == 3:
         (sources / "buildDescription.xml").write_bytes(build_description())
 

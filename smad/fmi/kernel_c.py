@@ -104,13 +104,13 @@ def _bound(value: float | None, sign: str) -> str:
 
 def _constants(model: Model, setup: Setup) -> str:
     """The function that makes the kernel's constants and mounting of the parameters `v`."""
-    lines, made, mount = trace(model.parameters, **setup.options)
+    lines, computed, mount = trace(model.parameters, **setup.options)
     # What effects and the choice of the model have set already stays as it is.
     body = [f"    {line}" for line in lines]
-    changed = {name for name in made if hasattr(setup.p, name) and _symbolic(made[name])}
-    if setup.p.warms > 0.0 and made["warms"] == 0.0:
+    changed = {name for name in computed if hasattr(setup.p, name) and _symbolic(computed[name])}
+    if setup.p.warms > 0.0 and computed["warms"] == 0.0:
         changed.discard("warming_share")  # effect water_warming
-    body += [f"    p->{name} = {written(made[name])};" for name in made if name in changed]
+    body += [f"    p->{name} = {written(computed[name])};" for name in computed if name in changed]
     body += [f"    m->{name} = {written(value)};" for name, value in mount.items()]
     return "\n".join(
         ["static void make_constants(const double *v, Constants *p, Mounting *m) {", *body, "}"]

@@ -48,13 +48,13 @@ def library_source() -> str:
         # An array goes as address and shape: structures by value are not safe in every ctypes.
         head = re.sub(r"Table (\w+)", r"double *\1, long \1_rows, long \1_columns", head)
         tables = set(re.findall(r"long (\w+)_rows", head))
-        given = ", ".join(
+        arguments = ", ".join(
             f"(Table){{{n}, {n}_rows, {n}_columns}}" if n in tables else n
             for n in inspect.signature(plain).parameters
         )
         returns = "" if head.startswith("void ") else "return "
         lines.append(head.replace(f" k_{name}(", f" {PREFIX}{name}(") + " {")
-        lines.append(f"    {returns}k_{name}({given});\n}}")
+        lines.append(f"    {returns}k_{name}({arguments});\n}}")
     return "\n".join(lines) + "\n"
 
 

@@ -226,15 +226,15 @@ def require_fit(mapped: Map, unit: UnitFile) -> None:
 
 
 def _require(unit: UnitFile, key: str, variable: str, roles: tuple[str, ...]) -> None:
-    known = unit.variables
-    if variable not in known:
-        near = difflib.get_close_matches(variable, known, n=3)
+    listed = unit.variables
+    if variable not in listed:
+        near = difflib.get_close_matches(variable, listed, n=3)
         raise FmiError(
             f"{unit.path.name} has no variable {variable}, which the map has at {key}",
-            limit=", ".join(near) or ", ".join([n for n in known if known[n].causality in roles]),
+            limit=", ".join(near) or ", ".join([n for n in listed if listed[n].causality in roles]),
             action="correct the map",
         )
-    about = known[variable]
+    about = listed[variable]
     if about.type != "Real":
         raise FmiError(f"{key}: {variable} is no real number", value=about.type, limit="Real")
     if about.causality not in roles:

@@ -72,8 +72,8 @@ class FmuPlant(ReplayedPlant):
         windows = [w.moved(moved) for w in self.windows(run)]
         key = (about.digest(), tuple(sorted(values.items())), tuple(map(repr, (*fed, *windows))))
         course = self._remembered(key, lambda: self._replayed(values, run, rows, fed, windows))
-        shown = zip(self._map.channels.items(), course, strict=True)
-        return run.t_s, {name: row.scale * column + row.offset for (name, row), column in shown}
+        columns = zip(self._map.channels.items(), course, strict=True)
+        return run.t_s, {name: row.scale * column + row.offset for (name, row), column in columns}
 
     def _replayed(
         self,
@@ -116,13 +116,13 @@ class FmuPlant(ReplayedPlant):
         parts, why = [], ""
         self.failures.replays += 1
         for a, b, start, _ in windows:
-            given = {**start, **values}
-            played, said = self._played(given, run.t_s[a:b], rows[a:b], fed, times)
+            unit_values = {**start, **values}
+            played, logged = self._played(unit_values, run.t_s[a:b], rows[a:b], fed, times)
             part = played[0]
             if not np.isfinite(part).all():
                 k = a + int(np.argmin(np.isfinite(part).all(axis=0)))
-                words = ", ".join(f"{name} = {value:.6g}" for name, value in given.items())
-                last = f" ({said})" if said else ""
+                words = ", ".join(f"{name} = {value:.6g}" for name, value in unit_values.items())
+                last = f" ({logged})" if logged else ""
                 why = why or f"run {run.name} at {run.t_s[k]:.6g} s, with {words}{last}"
             parts.append(played)
         if why:
@@ -159,23 +159,23 @@ class FmuPlant(ReplayedPlant):
             out.append(w._replace(start=fixed | start, off=off))
         return out
 
-    def _in_unit(self, of: str, shown: Mapping[str, float]) -> float:
+    def _in_unit(self, of: str, readings: Mapping[str, float]) -> float:
         """A reading, or a rate of one, as the unit has it."""
         if of in self._map.channels:
-            return (shown[of] - self._map.channels[of].offset) / self._map.channels[of].scale
-        return shown[of] / self._map.channels[of.removesuffix("_rate")].scale
+            return (readings[of] - self._map.channels[of].offset) / self._map.channels[of].scale
+        return readings[of] / self._map.channels[of.removesuffix("_rate")].scale
 
     def _driven(self, point: ModelPoint, run: GapRun) -> tuple[Array, list[Fed]]:
         """What the unit's inputs get, shape (n, inputs), and the terms that follow its outputs."""
-        given = {}
+        columns = {}
         for name, row in self._map.inputs.items():
             column = transduced(run.inputs[name], point.effects, name, run.t_s)
             if (row.held or self._map.held) == "from" and run.whole is None:
                 column = np.r_[column[:1], column[:-1]]
-            given[name] = column
+            columns[name] = column
         rows = np.zeros((len(run.t_s), len(self._rows)))
         for name, row in self._map.inputs.items():
-            rows[:, self._rows.index(row.variable)] += given[name]
+            rows[:, self._rows.index(row.variable)] += columns[name]
         fed = []
         for name, term in self._map.terms.items():
             size = point.effects.get(name, {}).get("size", 0.0)
@@ -186,7 +186,7 @@ class FmuPlant(ReplayedPlant):
                 output = list(self._map.channels).index(term.of)
                 fed.append(Fed(row=place, output=output, size=size, term=term))
             elif term.of:
-                rows[:, place] += size * term.shaped(given[term.of])
+                rows[:, place] += size * term.shaped(columns[term.of])
             else:
                 rows[:, place] += size
         return rows, fed
@@ -209,14 +209,14 @@ def _terms(mapped: Map) -> list[Effect]:
         )
         f = {"power": "", "sign": "tanh", "deadband": "deadband"}[term.shape]
         raised = f"^{term.power:g}" if term.shape == "power" else ""
-        what = f"{f}(({term.of} − {term.zero:g})/{term.width:g}){raised}" if term.of else "1"
+        factor = f"{f}(({term.of} − {term.zero:g})/{term.width:g}){raised}" if term.of else "1"
         effects.append(
             Effect(
                 name=name,
                 title=term.title,
                 parameters=(size,),
                 signals=everything,
-                equation=f"{term.variable} += size · {what}",
+                equation=f"{term.variable} += size · {factor}",
                 places=(term.place or drives.get(term.variable, f"unit's {term.variable}"),),
             )
         )

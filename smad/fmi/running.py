@@ -51,8 +51,8 @@ class Runner:
         """The instance that runs, or none."""
         self._end = weakref.finalize(self, _end, self._started, self._folder)
         unit.unpack(self._folder)
-        self._said: list[str] = []
-        self._callbacks = _listening(self._said)
+        self._logged: list[str] = []
+        self._callbacks = _listening(self._logged)
         references = {name: v.valueReference for name, v in unit.variables.items()}
         self._references = references
         self._n_in, self._n_out = len(inputs), len(outputs)
@@ -68,7 +68,7 @@ class Runner:
         cannot even be started.
         """
         out = np.full((self._n_out, len(t_s)), np.nan)
-        slave = self._begun(values, rows[0])
+        slave = self._at_start(values, rows[0])
         # The library's functions themselves: fmpy's, which may log, take as long as a short step.
         unit, of = slave.component, slave.dll
         set_real, do_step, get_real = of.fmi2SetReal, of.fmi2DoStep, of.fmi2GetReal
@@ -99,14 +99,14 @@ class Runner:
         self, values: Mapping[str, float], t_s: Array, rows: Array, fed: Sequence[Fed], times: int
     ) -> tuple[list[Array], str]:
         """The same replay so many times, and what the unit logged last."""
-        return [self.replay(values, t_s, rows, fed) for _ in range(times)], self.said
+        return [self.replay(values, t_s, rows, fed) for _ in range(times)], self.last_log
 
     @property
-    def said(self) -> str:
+    def last_log(self) -> str:
         """What the unit logged last as an error or a warning."""
-        return self._said[-1] if self._said else ""
+        return self._logged[-1] if self._logged else ""
 
-    def _begun(self, values: Mapping[str, float], first: Array) -> Any:
+    def _at_start(self, values: Mapping[str, float], first: Array) -> Any:
         """The unit at its start. One that cannot be put back there is loaded anew."""
         try:
             if self._started:
@@ -124,9 +124,9 @@ class Runner:
             slave.exitInitializationMode()
         except Exception as error:  # whatever somebody else's library does at its start
             self._started.clear()
-            said = self.said or str(error)
+            reason = self.last_log or str(error)
             raise FmiError(
-                f"{self._unit.path.name} cannot be started: {said}",
+                f"{self._unit.path.name} cannot be started: {reason}",
                 action="run it in the program that exported it",
             ) from error
         return slave
@@ -146,14 +146,14 @@ class Runner:
         self._end()
 
 
-def _listening(said: list[str]) -> Any:
-    """What a unit logs is kept in `said` for an error, not printed over a command's answer."""
+def _listening(logged: list[str]) -> Any:
+    """What a unit logs is kept in `logged` for an error, not printed over a command's answer."""
     fmi2, fmpy = part("fmpy.fmi2"), part("fmpy")
 
     def hear(*words: Any) -> None:
         _, _, status, _, message = words[:5]
         if status not in _OK_OR_WARNING and message:
-            said[:] = [" ".join(message.decode(errors="replace").split())]
+            logged[:] = [" ".join(message.decode(errors="replace").split())]
 
     callbacks = fmi2.fmi2CallbackFunctions()
     callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(hear)

@@ -170,14 +170,14 @@ class _Body:
         self._temporaries = 0
 
     def text(self) -> str:
-        known: dict[str, Type] = {}
+        before: dict[str, Type] = {}
         while True:
             # What a later line assigns may widen what an earlier one declared.
             self._temporaries = 0
             lines = self._block(self._definition.body, "    ")
-            if self._locals == known:
+            if self._locals == before:
                 break
-            known = dict(self._locals)
+            before = dict(self._locals)
         arguments = ", ".join(f"{t.declared}{name}" for name, t in self._arguments.items())
         head = f"static {self._result.declared}k_{self._name}({arguments})"
         self._program.heads[self._name] = head + ";"
@@ -234,10 +234,10 @@ class _Body:
                 iter=ast.Call(func=ast.Name(id="range"), args=bounds),
                 orelse=[],
             ):
-                given = [self._expression(bound)[0] for bound in bounds]
+                ends = [self._expression(bound)[0] for bound in bounds]
             case _:
                 raise self._fail(node)
-        start, stop, step = {1: ("0", *given, "1"), 2: (*given, "1"), 3: tuple(given)}[len(given)]
+        start, stop, step = {1: ("0", *ends, "1"), 2: (*ends, "1"), 3: tuple(ends)}[len(ends)]
         self._declare(name, LONG)
         count, end = self._temporary(), self._temporary()
         test = ">" if step.lstrip("(").startswith("-") else "<"
@@ -288,11 +288,11 @@ class _Body:
         return f"t_{self._temporaries}"
 
     def _declare(self, name: str, kind: Type) -> None:
-        known = self._arguments.get(name) or self._locals.get(name)
-        if known is None or {known, kind} == {LONG, DOUBLE}:
-            self._locals[name] = kind if known is None else DOUBLE
-        elif known != kind:
-            raise Untranslatable(f"{self._name}: {name} is {known.name} and {kind.name}")
+        earlier = self._arguments.get(name) or self._locals.get(name)
+        if earlier is None or {earlier, kind} == {LONG, DOUBLE}:
+            self._locals[name] = kind if earlier is None else DOUBLE
+        elif earlier != kind:
+            raise Untranslatable(f"{self._name}: {name} is {earlier.name} and {kind.name}")
 
     # Expressions: text in C, and type.
 
@@ -332,9 +332,9 @@ class _Body:
         raise self._fail(node)
 
     def _name_of(self, name: str) -> tuple[str, Type]:
-        known = self._arguments.get(name) or self._locals.get(name)
-        if known is not None:
-            return name, known
+        kind = self._arguments.get(name) or self._locals.get(name)
+        if kind is not None:
+            return name, kind
         if name not in self._globals:
             raise Untranslatable(f"{self._name}: {name} is read before anything is assigned to it")
         return _constant(self._globals[name])
@@ -391,8 +391,8 @@ class _Body:
         return f"({a} {_OPERATORS[type(op)]} {b})", kind
 
     def _call(self, node: ast.Call) -> tuple[str, Type]:
-        given = [self._expression(each) for each in node.args]
-        texts = [text for text, _ in given]
+        arguments = [self._expression(each) for each in node.args]
+        texts = [text for text, _ in arguments]
         if node.keywords:
             raise self._fail(node)
         if isinstance(node.func, ast.Attribute):
@@ -402,7 +402,7 @@ class _Body:
             kind = {"isfinite": BOOL, "ceil": LONG}.get(name, DOUBLE)
             return f"{'(long)' if name == 'ceil' else ''}{name}({', '.join(texts)})", kind
         assert isinstance(node.func, ast.Name)
-        whole = all(kind == LONG for _, kind in given)
+        whole = all(kind == LONG for _, kind in arguments)
         match node.func.id:
             case "abs":
                 return f"fabs({texts[0]})", DOUBLE

@@ -76,20 +76,20 @@ def written(value: object) -> str:
     return value.name if isinstance(value, Symbol) else repr(float(value))  # type: ignore[arg-type]
 
 
-def trace(known: ParameterSet, **options: Any) -> tuple[list[str], dict[str, Any], dict[str, Any]]:
+def trace(params: ParameterSet, **options: Any) -> tuple[list[str], dict[str, Any], dict[str, Any]]:
     """Return lines in C, and what the kernel's Constants and Mounting are after them, by name.
 
-    The lines read `v[k]`, parameter k in the order of `known.names`. Options are those of
+    The lines read `v[k]`, parameter k in the order of `params.names`. Options are those of
     `kernel_constants`; the temperature of `mounting` is the caller's to fill in.
     """
     tape = Tape()
-    values = {name: tape.symbol(f"v[{k}]") for k, name in enumerate(known.names)}
-    given: Any = _Parameters(values)
+    values = {name: tape.symbol(f"v[{k}]") for k, name in enumerate(params.names)}
+    symbols: Any = _Parameters(values)
     run = _over_symbols(tape)
-    made = run["kernel_constants"](given, **options)
+    kernel_constants = run["kernel_constants"](symbols, **options)
     mounting_options = {key: options[key] for key in ("fixture", "cooling")}
-    mount = run["mounting"](given, **mounting_options)
-    return tape.lines, made, mount
+    mount = run["mounting"](symbols, **mounting_options)
+    return tape.lines, kernel_constants, mount
 
 
 class _Parameters:

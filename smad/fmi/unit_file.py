@@ -97,7 +97,7 @@ def _require_bounded(path: Path, archive: zipfile.ZipFile) -> None:
     if DESCRIPTION not in archive.namelist():
         raise FmiError(f"{path} is no FMI unit: it has no {DESCRIPTION}", action="name another")
     described = archive.getinfo(DESCRIPTION).file_size
-    for what, value, most in (
+    for counted, value, most in (
         ("files", len(members), MOST_FILES),
         ("bytes, unpacked", sum(m.file_size for m in members), MOST_BYTES),
         (f"bytes in {DESCRIPTION}", described, MOST_DESCRIPTION_BYTES),
@@ -105,8 +105,8 @@ def _require_bounded(path: Path, archive: zipfile.ZipFile) -> None:
         if value > most:
             raise FmiError(
                 f"{path} is larger than a unit may be",
-                value=f"{value} {what}",
-                limit=f"{most} {what}",
+                value=f"{value} {counted}",
+                limit=f"{most} {counted}",
                 action="export it without its sources and documents",
             )
 
@@ -124,12 +124,12 @@ def _version(path: Path, archive: zipfile.ZipFile) -> str:
 
 
 def _require_binary(path: Path, identifier: str, names: set[str], fmpy: Any) -> None:
-    wanted = f"binaries/{fmpy.platform}/{identifier}{fmpy.sharedLibraryExtension}"
-    if wanted not in names:
-        there = sorted({n.split("/")[1] for n in names if n.startswith("binaries/") and "/" in n})
+    binary = f"binaries/{fmpy.platform}/{identifier}{fmpy.sharedLibraryExtension}"
+    if binary not in names:
+        systems = sorted({n.split("/")[1] for n in names if n.startswith("binaries/") and "/" in n})
         raise FmiError(
             f"{path} has no binary for this machine",
-            value=", ".join(name for name in there if name) or "none",
+            value=", ".join(name for name in systems if name) or "none",
             limit=fmpy.platform,
             action="export it on or for such a machine",
         )

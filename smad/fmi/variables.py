@@ -70,7 +70,7 @@ INPUTS = (
 def outputs() -> list[Variable]:
     """Every output: what the sensors give without noise, and the states behind it (`true_…`)."""
     return [
-        Variable(name=name, causality="output", unit=_known(unit_of(name)), description=name)
+        Variable(name=name, causality="output", unit=_base_unit(unit_of(name)), description=name)
         for name in OUTPUTS
         if name not in _COUNTERS
     ]
@@ -98,7 +98,7 @@ def variables(parameters: ParameterSet) -> list[Variable]:
         Variable(
             name=field.name,
             causality="parameter",
-            unit=_known(field.unit),
+            unit=_base_unit(field.unit),
             description=f"{field.symbol}: {field.meaning}",
             start=parameters[field.name],
             low=field.low,
@@ -110,6 +110,6 @@ def variables(parameters: ParameterSet) -> list[Variable]:
     return [*inputs, *outputs(), *fixed]
 
 
-def _known(unit: str) -> str:
+def _base_unit(unit: str) -> str:
     """A unit of a parameter file or a name, as BASE_UNITS has it."""
     return {"1": "", "K difference": "K", "m³/s": "m3/s"}.get(unit, unit)

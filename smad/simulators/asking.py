@@ -44,7 +44,7 @@ def diagnose(
     form = csv_format(csv or {})
     bound = bind(simulator, runs, good, hold_out, trusted=trusted, time=time, form=form)
     plain = bound.plant.plain
-    fit, known, held_out = bound.groups
+    fit, good_runs, held_out = bound.groups
     every = [run for group in bound.groups for run in group]
     takes = expected(bound.plant, every, bound.seconds)
     count = takes.processes(processes)
@@ -58,7 +58,7 @@ def diagnose(
         answer = ask(
             fit,
             plant=bound.plant,
-            good=known,
+            good=good_runs,
             hold_out=held_out,
             candidates=candidates,
             progress=progress,

@@ -76,23 +76,23 @@ def bind(
         raise SimulatorError("there are no runs", action="give at least one")
     for table in every:
         require_time(table)
-    found = roles(declared, every[0])
-    inputs, outputs = found.inputs, found.outputs
+    by_role = roles(declared, every[0])
+    inputs, outputs = by_role.inputs, by_role.outputs
     # From here on every column has the unit that the function asked for.
-    wanted = [*inputs, *outputs, *declared.observed]
-    tables = [[t.with_columns(wanted) for t in group] for group in tables]
+    names = [*inputs, *outputs, *declared.observed]
+    tables = [[t.with_columns(names) for t in group] for group in tables]
     every = [t for group in tables for t in group]
     exact = {*declared.exact, *_constant(inputs, every, declared)}
     read = [n for n in inputs if n not in declared.forces]
-    wanted = [*read, *(n for n in declared.observed if n not in read)]
+    names = [*read, *(n for n in declared.observed if n not in read)]
     runs = [
         tuple(
-            run_of(t, wanted, outputs, tuple(declared.forces), trusted=bool(t.words & set(trusted)))
+            run_of(t, names, outputs, tuple(declared.forces), trusted=bool(t.words & set(trusted)))
             for t in group
         )
         for group in tables
     ]
-    said = _said(declared, every, read, found, exact)
+    defaults = _defaults_in_words(declared, every, read, by_role, exact)
     correlation_s = _correlation_s(outputs, every)
     plant = SimulatedPlant(
         declared,
@@ -102,8 +102,8 @@ def bind(
         shortest_s=declared.shortest_s or min(Traits().shortest_s, _SHORTEST * correlation_s),
     )
     places = SimulatorPlaces(plant)
-    said += _blurred(places, [r for group in runs for r in group], outputs)
-    return Bound(plant=places, groups=tuple(runs), said=tuple(said), seconds=found.seconds)
+    defaults += _blurred(places, [r for group in runs for r in group], outputs)
+    return Bound(plant=places, groups=tuple(runs), said=tuple(defaults), seconds=by_role.seconds)
 
 
 def _constant(inputs: Sequence[str], tables: Sequence[Table], declared: Simulator) -> list[str]:
@@ -173,14 +173,14 @@ def _blurred(plant: SimulatorPlaces, runs: Sequence[GapRun], outputs: Sequence[s
     ]
 
 
-def _said(
+def _defaults_in_words(
     declared: Simulator,
     tables: Sequence[Table],
     inputs: Sequence[str],
-    found: Roles,
+    by_role: Roles,
     exact: set[str],
 ) -> list[str]:
-    used = {*inputs, *found.outputs, *declared.observed}
+    used = {*inputs, *by_role.outputs, *declared.observed}
     unread = sorted({n for t in tables for n in t.columns} - used)
     flat = sorted(exact & set(inputs) - set(declared.exact))
     rows: Mapping[str, Sequence[str]] = {
@@ -189,9 +189,9 @@ def _said(
         "inputs that no run changes, no places": flat,
         "columns that a law may go with": declared.observed,
         "columns that the simulator does not read": unread,
-        "outputs without a column": found.unmeasured,
-        "measured": found.outputs,
-        f"values that change nothing in {tables[0].name}": found.idle,
+        "outputs without a column": by_role.unmeasured,
+        "measured": by_role.outputs,
+        f"values that change nothing in {tables[0].name}": by_role.idle,
     }
-    words = "; ".join(f"{what}: {', '.join(names)}" for what, names in rows.items() if names)
+    words = "; ".join(f"{label}: {', '.join(names)}" for label, names in rows.items() if names)
     return [f"{words}. Ranges, quanta and noise are those of the records"]

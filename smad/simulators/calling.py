@@ -48,10 +48,10 @@ def called(
     Raises what the function raises, and ValueError for outputs that are no (n,) of numbers.
     """
     t = _shielded(t_s - t_s[0])
-    given = _Shielded(inputs)
+    shielded = _Shielded(inputs)
     try:
         with np.errstate(all="ignore"):
-            outputs = declared.function(t, given, MappingProxyType(dict(values)), start)
+            outputs = declared.function(t, shielded, MappingProxyType(dict(values)), start)
     except SystemExit as ended:
         raise ValueError(f"it ends the program: SystemExit({ended.code!r})") from ended
     if not isinstance(outputs, Mapping):

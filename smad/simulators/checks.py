@@ -94,9 +94,9 @@ def roles(declared: Simulator, table: Table) -> Roles:
     }
     starting = FirstReadings(replace(table, columns=columns))
     columns |= {n: np.zeros(len(table.t_s)) for n in declared.forces}
-    asked = WatchedColumns(replace(table, columns=columns))
+    watched = WatchedColumns(replace(table, columns=columns))
     values = declared.values({}, {})
-    first = _first(declared, table, asked, values, starting)
+    first = _first(declared, table, watched, values, starting)
     sources = {n: table.source_of(n) for n in first}
     outputs = [n for n, s in sources.items() if s == n or (s and s not in sources)]
     unread = [why for n in first if (why := table.why_unread(n))]
@@ -109,8 +109,8 @@ def roles(declared: Simulator, table: Table) -> Roles:
             limit=", ".join(table.columns),
             action="return outputs by the names of their columns",
         )
-    _require_no_slip(declared, table, asked, sources)
-    peeked = [n for n in asked.read if n in outputs]
+    _require_no_slip(declared, table, watched, sources)
+    peeked = [n for n in watched.read if n in outputs]
     if peeked:
         raise SimulatorError(
             f"{declared.name} reads {peeked[0]}, which it returns",
@@ -123,15 +123,15 @@ def roles(declared: Simulator, table: Table) -> Roles:
                 value=table.name,
                 action="begin with values at which it runs",
             )
-    _require_used(declared, {*asked.read, *first, *values})
+    _require_used(declared, {*watched.read, *first, *values})
     first = {n: first[n] for n in outputs}
-    seconds = _require_same(declared, table, asked, starting, first)
+    seconds = _require_same(declared, table, watched, starting, first)
     return Roles(
-        inputs=[n for n in asked.read if n not in outputs],
+        inputs=[n for n in watched.read if n not in outputs],
         outputs=outputs,
         unmeasured=[n for n, s in sources.items() if not s],
         idle=_idle(
-            declared, lambda v: called(declared, table.t_s, asked, v, starting), first, seconds
+            declared, lambda v: called(declared, table.t_s, watched, v, starting), first, seconds
         ),
         seconds=seconds,
     )
@@ -140,20 +140,20 @@ def roles(declared: Simulator, table: Table) -> Roles:
 def _require_used(declared: Simulator, used: set[str]) -> None:
     """Raise SimulatorError for what is declared of a signal that the function has not."""
     used |= {*declared.observed, *declared.forces}
-    for what in ("exact", "ranges", "noise", "units"):
-        for name in (n for n in getattr(declared, what) if n not in used):
+    for option in ("exact", "ranges", "noise", "units"):
+        for name in (n for n in getattr(declared, option) if n not in used):
             raise SimulatorError(
-                f"{what} names {name}, which {declared.name} neither reads nor returns",
+                f"{option} names {name}, which {declared.name} neither reads nor returns",
                 limit=", ".join(sorted(used)),
                 action="correct the name, or leave it out",
             )
 
 
 def _require_no_slip(
-    declared: Simulator, table: Table, asked: WatchedColumns, sources: Mapping[str, str]
+    declared: Simulator, table: Table, watched: WatchedColumns, sources: Mapping[str, str]
 ) -> None:
     """Raise SimulatorError for an output that is likely a column under another name."""
-    used = {*sources.values(), *map(table.source_of, asked.read), *declared.observed}
+    used = {*sources.values(), *map(table.source_of, watched.read), *declared.observed}
     free = [n for n in table.columns if n not in used]
     quantities = {quantity_in(n)[0]: n for n in free}
     for name in (n for n, source in sources.items() if not source):
@@ -169,12 +169,12 @@ def _require_no_slip(
 def _first(
     declared: Simulator,
     table: Table,
-    asked: WatchedColumns,
+    watched: WatchedColumns,
     values: Mapping[str, float],
     starting: Mapping[str, float],
 ) -> dict[str, Array]:
     try:
-        return called(declared, table.t_s, asked, values, starting)
+        return called(declared, table.t_s, watched, values, starting)
     except KeyError as error:
         name = str(error.args[0])
         empty = f"{table.name}: column {name!r} holds no number" if table.source_of(name) else ""
@@ -204,7 +204,7 @@ def _first(
 def _require_same(
     declared: Simulator,
     table: Table,
-    asked: WatchedColumns,
+    watched: WatchedColumns,
     starting: Mapping[str, float],
     first: Mapping[str, Array],
 ) -> float:
@@ -212,10 +212,10 @@ def _require_same(
     values = declared.values({}, {})
     moved = values | {p.name: p.nominal + 0.1 * p.prior_sd for p in declared.parameters[:1]}
     with contextlib.suppress(Exception):  # it may fail elsewhere: such a model is dropped
-        called(declared, table.t_s, asked, moved, starting)
+        called(declared, table.t_s, watched, moved, starting)
     # The calls before may have compiled it.
     began = time.perf_counter()
-    again = called(declared, table.t_s, asked, values, starting)
+    again = called(declared, table.t_s, watched, values, starting)
     seconds = time.perf_counter() - began
     for name in first:
         if not np.array_equal(first[name], again[name], equal_nan=True):
@@ -246,7 +246,7 @@ def _idle(
     idle = []
     for name, value in moved.items():
         with contextlib.suppress(Exception):  # where it fails, it does not do nothing
-            shown = call(declared.values({}, {}) | {name: value})
-            if all(np.array_equal(y, shown[n], equal_nan=True) for n, y in first.items()):
+            outputs = call(declared.values({}, {}) | {name: value})
+            if all(np.array_equal(y, outputs[n], equal_nan=True) for n, y in first.items()):
                 idle.append(name)
     return idle

@@ -64,9 +64,9 @@ class Table:
         if name in self.columns:
             return name
         quantity, unit = quantity_in(name)
-        known = units_for(unit) if unit else []
-        there = {n: quantity_in(n) for n in self.columns}
-        alike = [n for n, (q, u) in there.items() if q == quantity and u in known]
+        units = units_for(unit) if unit else []
+        quantities = {n: quantity_in(n) for n in self.columns}
+        alike = [n for n, (q, u) in quantities.items() if q == quantity and u in units]
         return alike[0] if len(alike) == 1 else ""
 
     def why_unread(self, name: str) -> str:
@@ -96,10 +96,10 @@ class Table:
         )
 
 
-def csv_format(said: Mapping[str, str]) -> CsvFormat:
+def csv_format(keys: Mapping[str, str]) -> CsvFormat:
     """How a CSV file is written, by the keys of [csv] in a mapping file. Raises SimulatorError."""
     try:
-        return msgspec.convert(dict(said), CsvFormat)
+        return msgspec.convert(dict(keys), CsvFormat)
     except msgspec.ValidationError as error:
         raise SimulatorError(
             f"csv does not say how a table is written: {error}",
@@ -115,8 +115,8 @@ def tables_of(runs: Any, time: str = "", form: CsvFormat | None = None) -> list[
     name ends with, else in s. `form` says how a CSV file is written.
     Raises SimulatorError for what is none of these, or has no time.
     """
-    one = isinstance(runs, (str, Path, GapRun, Table)) or hasattr(runs, "keys")
-    if one or not isinstance(runs, Iterable):
+    single = isinstance(runs, (str, Path, GapRun, Table)) or hasattr(runs, "keys")
+    if single or not isinstance(runs, Iterable):
         runs = [runs]
     return [
         table for n, run in enumerate(runs, 1) for table in _tables(run, f"run {n}", time, form)
@@ -134,10 +134,10 @@ def _tables(run: Any, name: str, time: str, form: CsvFormat | None) -> Iterable[
             raise SimulatorError(f"no file is {str(run)!r}", action="correct the path or pattern")
         return [_of_file(Path(p), time, form) for p in paths]
     if hasattr(run, "keys"):
-        given = {str(k): np.asarray(run[k]) for k in run} | _index_of(run)
-        stamps = {n: _since_first(c) for n, c in given.items() if c.dtype.kind in "mM"}
-        time = time or ("" if _times(given) else next(iter(stamps), ""))
-        return [_timed(name, given | stamps, name, time, {}, stamps=tuple(stamps))]
+        columns = {str(k): np.asarray(run[k]) for k in run} | _index_of(run)
+        stamps = {n: _since_first(c) for n, c in columns.items() if c.dtype.kind in "mM"}
+        time = time or ("" if _times(columns) else next(iter(stamps), ""))
+        return [_timed(name, columns | stamps, name, time, {}, stamps=tuple(stamps))]
     raise SimulatorError(
         "a run is neither a file nor a table of columns",
         value=type(run).__name__,
@@ -170,7 +170,7 @@ def _of_file(path: Path, time: str, form: CsvFormat | None) -> Table:
 
 def _timed(
     name: str,
-    given: Mapping[str, Any],
+    columns: Mapping[str, Any],
     where: str,
     called: str,
     unread: Mapping[str, str],
@@ -181,18 +181,18 @@ def _timed(
 
     Raises SimulatorError without a time.
     """
-    time = next(iter(_times(given, called)), None)
+    time = next(iter(_times(columns, called)), None)
     if time is None:
         broken = next((unread[t] for t in _times(unread, called)), "")
         raise SimulatorError(
             broken or f"{where} has no column of the time",
-            value=None if broken else ", ".join(given),
+            value=None if broken else ", ".join(columns),
             limit=None if broken else ", ".join((called,) if called else (*TIMES, "time_ms …")),
             action="" if broken else "name it so, or say which it is: time = …",
         )
     numbers: dict[str, Array] = {}
     texts: dict[str, str] = dict(unread)
-    for n, c in given.items():
+    for n, c in columns.items():
         try:
             numbers[n] = np.atleast_1d(np.squeeze(np.asarray(c, dtype=np.float64)))
         except (TypeError, ValueError) as error:
@@ -206,7 +206,7 @@ def _timed(
         del numbers[n]
         texts[n] = f"{where}: column {n!r} has the shape {shape}, its time {column.shape}"
     notes += left_out(list(odd), ", since they are not as long as their time")
-    t_s = column if time in stamps else _in_s(column, time, where, said=bool(called))
+    t_s = column if time in stamps else _in_s(column, time, where, stated=bool(called))
     return Table(name, t_s, numbers, notes=notes, unread=texts)
 
 
@@ -222,8 +222,8 @@ def _times(names: Iterable[str], called: str = "") -> list[str]:
     return [*(n for n in TIMES if n in names), *with_unit]
 
 
-def _in_s(times: Array, name: str, where: str, *, said: bool) -> Array:
-    """Times in s; `said`: in s where the name has no other unit.
+def _in_s(times: Array, name: str, where: str, *, stated: bool) -> Array:
+    """Times in s; `stated`: in s where the name has no other unit.
 
     Raises SimulatorError where a unit is missing that s cannot be.
     """
@@ -231,7 +231,7 @@ def _in_s(times: Array, name: str, where: str, *, said: bool) -> Array:
     if unit in units_for("s"):
         return convert(times, unit, "s")
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    if not said and name != "t_s" and step > LONG_STEP_S:
+    if not stated and name != "t_s" and step > LONG_STEP_S:
         raise SimulatorError(
             f"{where}: column {name!r} has no unit, and its samples would be seconds apart",
             value=f"{step:.6g} s",
@@ -268,13 +268,13 @@ def run_of(
     if table.run is not None:
         run = table.run.with_columns(inputs=flat)
         return replace(run, trusted=run.trusted or trusted)
-    given = {n: table.columns[n] for n in inputs}
-    shown = {n: table.columns[n] for n in outputs if n in table.columns}
+    driven = {n: table.columns[n] for n in inputs}
+    measured = {n: table.columns[n] for n in outputs if n in table.columns}
     return GapRun(
         table.name,
         table.t_s,
-        {**given, **flat},
-        shown,
+        {**driven, **flat},
+        measured,
         notes=table.notes,
         trusted=trusted,
         written=table.written,
@@ -306,10 +306,10 @@ def span_of(columns: Sequence[Array], written: Iterable[Written] = ()) -> tuple[
     if not joined.size:
         return 0.0, 1.0
     codes = np.concatenate([CODES, *(w.values(np.array(CODES)) for w in written)])
-    others = joined[~np.isin(np.round(joined, _DIGITS), np.round(codes, _DIGITS))]
-    if others.size:
-        room = np.ptp(others)
-        joined = joined[(joined >= others.min() - room) & (joined <= others.max() + room)]
+    readings = joined[~np.isin(np.round(joined, _DIGITS), np.round(codes, _DIGITS))]
+    if readings.size:
+        room = np.ptp(readings)
+        joined = joined[(joined >= readings.min() - room) & (joined <= readings.max() + room)]
     low, high = float(joined.min()), float(joined.max())
     return (low, high) if high > low else (low - 0.5, high + 0.5)
 

@@ -92,10 +92,10 @@ class Simulator:
         """Parameters and effects by name as the function takes them, absent effects 0."""
         out = {p.name: float(theta.get(p.name, p.nominal)) for p in self.parameters}
         for e in self.effects:
-            given = effects.get(e.name, {})
+            of_effect = effects.get(e.name, {})
             for q in e.parameters:
                 key = value_name(e, q)
-                out[key] = float(given.get(q.name, 0.0 if q.strength else q.typical))
+                out[key] = float(of_effect.get(q.name, 0.0 if q.strength else q.typical))
         return out
 
 
@@ -132,11 +132,11 @@ def simulator(
 
     Raises SimulatorError for numbers that cannot be these.
     """
-    known = tuple(_parameter(n, row, units or {}) for n, row in parameters.items())
+    adjustable = tuple(_parameter(n, row, units or {}) for n, row in parameters.items())
     title = getattr(function, "__name__", "") or type(function).__name__
     name = name or title.strip("<>")
     causes = tuple(_effect(n, row, name) for n, row in (effects or {}).items())
-    names = [p.name for p in known] + [value_name(e, q) for e in causes for q in e.parameters]
+    names = [p.name for p in adjustable] + [value_name(e, q) for e in causes for q in e.parameters]
     if shortest_s is not None and not 0.0 < shortest_s < math.inf:
         raise SimulatorError("shortest_s is no length", value=shortest_s, action="give s")
     twice = sorted({n for n in names if names.count(n) > 1})
@@ -147,7 +147,7 @@ def simulator(
     return Simulator(
         function=function,
         name=name,
-        parameters=known,
+        parameters=adjustable,
         effects=causes,
         exact=tuple(exact),
         observed=tuple(observed),
@@ -176,27 +176,27 @@ def _parameter(name: str, row: Sequence[float], units: Mapping[str, str]) -> Par
 
 
 def _effect(name: str, row: Strength, function: str) -> Effect:
-    given = row if isinstance(row, Missing) else _missing(name, row)
-    if not given.low <= 0.0 <= given.high or given.low == given.high or given.typical == 0.0:
+    cause = row if isinstance(row, Missing) else _missing(name, row)
+    if not cause.low <= 0.0 <= cause.high or cause.low == cause.high or cause.typical == 0.0:
         raise SimulatorError(
             f"effect {name} must allow 0, where it is absent, and be typically something else",
-            value=f"{given.low:g} to {given.high:g}, typically {given.typical:g}",
+            value=f"{cause.low:g} to {cause.high:g}, typically {cause.typical:g}",
             action="give (typical, low, high)",
         )
-    unit = given.unit or unit_of_value(name)
+    unit = cause.unit or unit_of_value(name)
     strength = EffectParameter(
-        name="size", unit=unit, typical=given.typical, low=given.low, high=given.high
+        name="size", unit=unit, typical=cause.typical, low=cause.low, high=cause.high
     )
     shapes = tuple(
         EffectParameter(name=n, unit=unit_of(n), typical=t, low=a, high=b, strength=False)
-        for n, (t, a, b) in given.shapes.items()
+        for n, (t, a, b) in cause.shapes.items()
     )
     return Effect(
         name=name,
-        title=given.title,
+        title=cause.title,
         parameters=(strength, *shapes),
         signals=(),
-        places=given.places or (f"equation of {function} with {name}",),
+        places=cause.places or (f"equation of {function} with {name}",),
     )
 
 
@@ -226,16 +226,16 @@ def _missing(name: str, row: float | Sequence[float]) -> Missing:
     return Missing(typical=typical, low=low, high=high)
 
 
-def _forces(given: Mapping[str, tuple[float, float]] | None) -> dict[str, tuple[float, float]]:
+def _forces(ranges: Mapping[str, tuple[float, float]] | None) -> dict[str, tuple[float, float]]:
     form = "{name: (low, high)}"
-    if given is not None and not isinstance(given, Mapping):
+    if ranges is not None and not isinstance(ranges, Mapping):
         raise SimulatorError(
             "forces are not declared by name",
-            value=repr(given),
+            value=repr(ranges),
             limit=form,
             action="give the least and the largest of each",
         )
-    ends = {n: _numbers("force", n, row, (2,), "(low, high)") for n, row in (given or {}).items()}
+    ends = {n: _numbers("force", n, row, (2,), "(low, high)") for n, row in (ranges or {}).items()}
     return {n: (low, high) for n, (low, high) in ends.items()}
 
 

@@ -39,11 +39,11 @@ class Expected:
         """Whether it is announced."""
         return self.high_s > _SLOW_S
 
-    def processes(self, asked: int | None) -> int:
+    def processes(self, requested: int | None) -> int:
         """As many as were asked for; None: one for each idle core for what is slow and can be
         forked. On a busy one the way there and back takes longer than a replay."""
-        if asked is not None:
-            return asked
+        if requested is not None:
+            return requested
         forks = sys.platform == "linux" and not any(name in sys.modules for name in _NO_FORK)
         return max(_cores() - _busy(), 1) if self.slow and forks else 1
 

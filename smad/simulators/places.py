@@ -45,10 +45,12 @@ class SimulatorPlaces(BarePlaces):
             return state, self.plain.declared.unit(state)
         return super().state_words(place, state)
 
-    def _states(self, run: GapRun, shown: Mapping[str, Array]) -> dict[str, Array]:
+    def _states(self, run: GapRun, replay: Mapping[str, Array]) -> dict[str, Array]:
         """Those of a bare plant, and the observed columns."""
         observed = self.plain.declared.observed
-        return super()._states(run, shown) | {n: np.asarray(run.inputs[n], float) for n in observed}
+        return super()._states(run, replay) | {
+            n: np.asarray(run.inputs[n], float) for n in observed
+        }
 
     def save_model(
         self, point: ModelPoint, path: Path, note: str, uncertainty: Uncertainty | None = None

@@ -91,15 +91,15 @@ def plan_pair(
 
     `within_s` is that of the whole process. Raises GapError for a file that lacks an input.
     """
-    given = read_gap_runs(inputs, inputs)
-    for run in given:
+    recorded = read_gap_runs(inputs, inputs)
+    for run in recorded:
         if lacking := [s.name for s in plant.inputs if s.name not in run.inputs]:
             raise GapError(
                 f"{run.name} lacks inputs: {', '.join(lacking)}",
                 action="name the columns of the table so",
             )
-    shown = [plant.perform(name, nominal_point(plant), 0) for name in experiments]
-    return Plan(rate(plant, [*given, *shown], within_s=left_of(within_s)), [])
+    performed = [plant.perform(name, nominal_point(plant), 0) for name in experiments]
+    return Plan(rate(plant, [*recorded, *performed], within_s=left_of(within_s)), [])
 
 
 def _complete(declared: Simulator, table: Table) -> Table:
@@ -123,8 +123,8 @@ def _other(plant: SimulatedPlant, runs: tuple[GapRun, ...]) -> list[GapRun]:
         for k, q in enumerate(plant.parameters)
     }
     point = ModelPoint({**nominal.theta, **moved})
-    shown = [plant.simulate(point, r) for r in runs]
+    outputs = [plant.simulate(point, r) for r in runs]
     return [
         r.with_columns(outputs=y) if all(np.isfinite(c).all() for c in y.values()) else r
-        for r, y in zip(runs, shown, strict=True)
+        for r, y in zip(runs, outputs, strict=True)
     ]

@@ -59,13 +59,13 @@ class SimulatedPlant(ReplayedPlant):
         )
         self._largest = {s.name: max(abs(s.low), abs(s.high)) for s in inputs}
 
-    def _given(self, point: ModelPoint, run: GapRun, whole: GapRun) -> dict[str, Array]:
+    def _driven(self, point: ModelPoint, run: GapRun, whole: GapRun) -> dict[str, Array]:
         """What the function is given: inputs as recorded, with what was added, as drives make it.
 
         A thinned run may have been pushed: what its inputs have beyond the means holds over the
         samples that each stands for.
         """
-        given: dict[str, Array] = {}
+        driven: dict[str, Array] = {}
         signals = {s.name for s in self.inputs}
         size = run.pieces.astype(np.intp)
         for name, column in whole.inputs.items():
@@ -76,33 +76,33 @@ class SimulatedPlant(ReplayedPlant):
                     if np.any(np.abs(more) > 1e-12 * self._largest[name]):
                         values = values + np.repeat(more, size)
                 values = transduced(values, point.effects, name, whole.t_s, self._largest[name])
-            given[name] = values
-        return given
+            driven[name] = values
+        return driven
 
     def _course(self, point: ModelPoint, run: GapRun, moved: str) -> tuple[Array, dict[str, Array]]:
         whole = run if run.whole is None else run.whole
-        given = self._given(point, run, whole)
+        driven = self._driven(point, run, whole)
         values = self.declared.values(point.theta, point.effects)
         key = (
             (id(whole.t_s), id(whole.outputs), self.window_s, moved),
             tuple(values.values()),
-            *(hash(given[n].tobytes()) for n in sorted(given)),
+            *(hash(driven[n].tobytes()) for n in sorted(driven)),
         )
-        course = self._remembered(key, lambda: self._replayed(values, whole, given, moved))
+        course = self._remembered(key, lambda: self._replayed(values, whole, driven, moved))
         return whole.t_s, course
 
     def _replayed(
-        self, values: Mapping[str, float], whole: GapRun, given: Mapping[str, Array], moved: str
+        self, values: Mapping[str, float], whole: GapRun, driven: Mapping[str, Array], moved: str
     ) -> dict[str, Array]:
         self.failures.replays += 1
         try:
             windows = [w.moved(moved) for w in self.windows(whole)]
             parts = [
-                (whole.t_s[a:b], {n: v[a:b] for n, v in given.items()}, dict(start))
+                (whole.t_s[a:b], {n: v[a:b] for n, v in driven.items()}, dict(start))
                 for a, b, start, _ in windows
             ]
-            shown = self._play(dict(values), parts)
-            out = {n: np.concatenate([part[n] for part in shown]) for n in self._signals}
+            played = self._play(dict(values), parts)
+            out = {n: np.concatenate([part[n] for part in played]) for n in self._signals}
             away = [c.name for c in self.channels if not _bounded(c, out[c.name])]
             why = f"{away[0]} runs away" if away else ""
         except LostProcessError:
@@ -130,8 +130,8 @@ class SimulatedPlant(ReplayedPlant):
         parts: Sequence[tuple[Array, Mapping[str, Array], Mapping[str, float]]],
     ) -> list[dict[str, Array]]:
         """What the function shows of the channels of each part of a run: times, inputs, start."""
-        shown = [called(self.declared, t_s, inputs, values, start) for t_s, inputs, start in parts]
-        return [{n: y[n] for n in self._signals} for y in shown]
+        played = [called(self.declared, t_s, inputs, values, start) for t_s, inputs, start in parts]
+        return [{n: y[n] for n in self._signals} for y in played]
 
     def windows(self, run: GapRun) -> list[Window]:
         """Those of the whole run."""
@@ -140,8 +140,8 @@ class SimulatedPlant(ReplayedPlant):
     def seams(self, run: GapRun) -> list[int]:
         """The samples of a run, thinned or not, at which a window begins."""
         whole = run if run.whole is None else run.whole
-        begun = [whole.t_s[a] for a, *_ in self.windows(whole)]
-        return sorted({int(np.searchsorted(run.t_s, t)) for t in begun} | {0})
+        starts = [whole.t_s[a] for a, *_ in self.windows(whole)]
+        return sorted({int(np.searchsorted(run.t_s, t)) for t in starts} | {0})
 
     def _means(self, run: GapRun, y: Array) -> Array:
         return _means(run, y)

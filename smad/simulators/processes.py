@@ -42,8 +42,8 @@ class Processes:
                 # Forking beside threads is what Python 3.12 warns of; ours hold no lock that a
                 # function could want.
                 warnings.simplefilter("ignore", DeprecationWarning)
-                asked = self._pool.submit(_call, *arguments)
-            returned, why = asked.result()
+                future = self._pool.submit(_call, *arguments)
+            returned, why = future.result()
         except BrokenProcessPool as error:
             raise LostProcessError(
                 "a process of the simulator was killed, or ended by itself",

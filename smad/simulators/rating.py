@@ -93,8 +93,8 @@ def rate(plant: PlantModel, runs: Sequence[GapRun], *, within_s: float = 5.0) ->
 
     Readings that the runs have are not used. What is not reached `within_s` is *unknown*.
     """
-    known = with_places(plant)
-    sheet = _Sheet.of(known, [filled(r) for r in runs])
+    placed = with_places(plant)
+    sheet = _Sheet.of(placed, [filled(r) for r in runs])
     # The first replay of all may have compiled a kernel.
     ends = time.process_time() + within_s
     slopes, missed_by = _slopes(sheet, ends)
@@ -108,7 +108,7 @@ def rate(plant: PlantModel, runs: Sequence[GapRun], *, within_s: float = 5.0) ->
         _rated(c, size, _alike(k, causes, left))
         for k, (c, (size, _)) in enumerate(zip(causes, noticed, strict=True))
     ]
-    return [*_parameters(known, slopes, gram, missed_by), *rated, *missed]
+    return [*_parameters(placed, slopes, gram, missed_by), *rated, *missed]
 
 
 def _noticed(c: _Cause, sheet: _Sheet, slopes: Array, gram: Array) -> tuple[float, Array]:
@@ -125,8 +125,8 @@ def _noticed(c: _Cause, sheet: _Sheet, slopes: Array, gram: Array) -> tuple[floa
     q = sheet.plant.parameters
     ends = [[(end - p.nominal) / p.prior_sd for p in q for end in (p.low, p.high)]]
     box = np.clip(np.reshape(ends, (-1, 2)).T, -_FAR, _FAR)
-    there = min(times, most) * x
-    if np.all((box[0] <= there) & (there <= box[1])):
+    coordinates = min(times, most) * x
+    if np.all((box[0] <= coordinates) & (coordinates <= box[1])):
         return c.step * times, left
     root = np.linalg.cholesky(gram)
 
@@ -162,8 +162,8 @@ def _alike(k: int, causes: Sequence[_Cause], left: Sequence[Array]) -> tuple[str
     alike = []
     for other, rows in zip(causes, left, strict=True):
         # An effect that may be anywhere is nowhere else.
-        known = bool(cause.places and other.places)
-        if known and other.kind == cause.kind and not cause.places & other.places:
+        both_placed = bool(cause.places and other.places)
+        if both_placed and other.kind == cause.kind and not cause.places & other.places:
             both = square * float(rows @ rows)
             if both > 0.0 and float(left[k] @ rows) ** 2 > _ALIKE * both:
                 alike.append(other.name)
@@ -207,26 +207,26 @@ class _Sheet:
     @classmethod
     def of(cls, plant: PlacesPlant, runs: Sequence[GapRun]) -> _Sheet:
         point = nominal_point(plant)
-        shown = [plant.simulate(point, r) for r in runs]
-        as_read = [replace(r, outputs=y) for r, y in zip(runs, shown, strict=True)]
+        outputs = [plant.simulate(point, r) for r in runs]
+        as_read = [replace(r, outputs=y) for r, y in zip(runs, outputs, strict=True)]
         period_s = row_length_s(as_read, plant)
         measured = tuple(r if r.outputs else a for r, a in zip(runs, as_read, strict=True))
         per_row = max(period_s / max(np.median([r.dt_s for r in runs]), 1e-9), 1.0)
         floors = []
         for c in plant.channels:
             noise = max(c.noise / np.sqrt(per_row), c.quantum / np.sqrt(12.0))
-            span = np.median([np.ptp(np.quantile(y[c.name], (0.01, 0.99))) for y in shown])
+            span = np.median([np.ptp(np.quantile(y[c.name], (0.01, 0.99))) for y in outputs])
             floors.append(np.hypot(noise, _RESOLUTION * span) or 1.0)
         quick = tuple(thinned(r, period_s / _PIECES, plant.inputs) for r in measured)
-        made = cls(
+        bare = cls(
             plant, quick, tuple(Grid.of(r, period_s) for r in quick), np.array(floors), np.zeros(0)
         )
-        return replace(made, base=made._rows([plant.simulate(point, r, fast=True) for r in quick]))
+        return replace(bare, base=bare._rows([plant.simulate(point, r, fast=True) for r in quick]))
 
-    def _rows(self, shown: Sequence[Mapping[str, Array]]) -> Array:
+    def _rows(self, outputs: Sequence[Mapping[str, Array]]) -> Array:
         parts = [
             grid.mean(y[c.name]) / floor
-            for grid, y in zip(self.grids, shown, strict=True)
+            for grid, y in zip(self.grids, outputs, strict=True)
             for c, floor in zip(self.plant.channels, self.floors, strict=True)
         ]
         return np.concatenate(parts)
@@ -243,16 +243,16 @@ class _Sheet:
         """What a constant of that size changes at a place."""
         point = nominal_point(self.plant)
         try:
-            shown = [
+            outputs = [
                 self.plant.forced(point, r, {(place, side): np.full(len(r.t_s), size)}, fast=True)
                 for r in self.runs
             ]
         except PlantError:
             return None
-        return self._less(shown)
+        return self._less(outputs)
 
-    def _less(self, shown: Sequence[Mapping[str, Array]]) -> Array | None:
-        moved = self._rows(shown) - self.base
+    def _less(self, outputs: Sequence[Mapping[str, Array]]) -> Array | None:
+        moved = self._rows(outputs) - self.base
         return moved if np.isfinite(moved).all() else None
 
 
@@ -275,7 +275,7 @@ def _slopes(sheet: _Sheet, ends: float) -> tuple[Array, list[str]]:
 
 def _effects(sheet: _Sheet, ends: float) -> Iterator[_Cause | Rating]:
     """Each strength of each effect at its typical value, the shapes typical."""
-    known = frozenset(p.name for p in sheet.plant.places)
+    places = frozenset(p.name for p in sheet.plant.places)
     for effect in sheet.plant.effects:
         for q in (p for p in effect.parameters if p.strength):
             name = effect.name if q.name in ("size", "g", "b") else f"{effect.name}.{q.name}"
@@ -296,7 +296,7 @@ def _effects(sheet: _Sheet, ends: float) -> Iterator[_Cause | Rating]:
                 abs(q.typical),
                 max(abs(q.low), abs(q.high)),
                 rows,
-                known & frozenset(effect.places),
+                places & frozenset(effect.places),
             )
 
 

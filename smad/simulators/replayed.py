@@ -104,13 +104,13 @@ class ReplayedPlant(ABC):
 
     def simulate(self, point: ModelPoint, run: GapRun, *, fast: bool = False) -> dict[str, Array]:
         """See `PlantModel`; `fast` changes nothing."""
-        return self._shown(point, run)
+        return self._sensed(point, run)
 
     def begun_otherwise(self, point: ModelPoint, run: GapRun) -> Iterator[dict[str, Array]]:
         """See `InWindows`."""
         base = self.simulate(point, run)
         for name in self.windows(run)[0].off:
-            yield from by_window(base, self._shown(point, run, name), self.seams(run))
+            yield from by_window(base, self._sensed(point, run, name), self.seams(run))
 
     @abstractmethod
     def windows(self, run: GapRun) -> list[Window]:
@@ -149,11 +149,11 @@ class ReplayedPlant(ABC):
     def _means(self, run: GapRun, y: Array) -> Array:
         """Of what is shown at those times, the values of a thinned run."""
 
-    def _shown(self, point: ModelPoint, run: GapRun, moved: str = "") -> dict[str, Array]:
+    def _sensed(self, point: ModelPoint, run: GapRun, moved: str = "") -> dict[str, Array]:
         """What is shown with one reading or rate moved, from which all windows begin."""
         t_s, course = self._course(point, run, moved)
-        shown = {n: transduced(y, point.effects, n, t_s) for n, y in course.items()}
-        return shown if run.whole is None else {n: self._means(run, y) for n, y in shown.items()}
+        replay = {n: transduced(y, point.effects, n, t_s) for n, y in course.items()}
+        return replay if run.whole is None else {n: self._means(run, y) for n, y in replay.items()}
 
     def _remembered(self, key: object, replay: Callable[[], _Course]) -> _Course:
         """What is known by this key, else a replay."""

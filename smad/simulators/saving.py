@@ -18,10 +18,10 @@ def save_values(
     uncertainty: Uncertainty | None = None,
 ) -> None:
     """Write a point of a simulator whose values are all that can be written of it."""
-    known = {p.name: float(point.theta.get(p.name, p.nominal)) for p in declared.parameters}
+    values = {p.name: float(point.theta.get(p.name, p.nominal)) for p in declared.parameters}
     head = [
         f"# the simulator {declared.name} with what it lacks",
-        f"parameters = {{{', '.join(f'{json.dumps(n)} = {v!r}' for n, v in known.items())}}}",
+        f"parameters = {{{', '.join(f'{json.dumps(n)} = {v!r}' for n, v in values.items())}}}",
     ]
     path.write_text(model_text(head, note, point.effects, point, uncertainty), "utf-8")
 

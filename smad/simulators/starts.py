@@ -64,14 +64,14 @@ def _fit(t: Array, y: Array, powers: tuple[int, ...]) -> _Polynomial:
     columns = (t[:, None] / scale) ** np.array(powers)
     inverse = np.linalg.pinv(columns)
     coefficients = inverse @ y
-    left = y - columns @ coefficients
+    residual = y - columns @ coefficients
     moving = 1 in powers
     return _Polynomial(
         value=float(coefficients[0]),
         rate=float(coefficients[1] / scale) if moving else 0.0,
         value_error=float(np.linalg.norm(inverse[0])),
         rate_error=float(np.linalg.norm(inverse[1])) / scale if moving else 0.0,
-        squares=float(left @ left),
+        squares=float(residual @ residual),
         samples=len(t),
         free=len(t) - len(powers),
     )
@@ -104,8 +104,8 @@ def by_window(
     """`base` with `moved` in one window after the other, where that is another and finite."""
     stop = len(next(iter(base.values())))
     for a, b in pairwise([*seams, stop]):
-        there = np.stack([moved[n][a:b] - y[a:b] for n, y in base.items()])
-        if there.any() and np.isfinite(there).all():
+        change = np.stack([moved[n][a:b] - y[a:b] for n, y in base.items()])
+        if change.any() and np.isfinite(change).all():
             yield {n: np.r_[y[:a], moved[n][a:b], y[b:]] for n, y in base.items()}
 
 

@@ -37,11 +37,11 @@ def effects_of(
     everything = tuple(c.name for c in channels)
     effects: list[Effect] = []
     for c in channels:
-        own = _Felt(f"reading {c.name}", (c.name,), f"{READING}{c.name}")
-        effects += _effects(c, own, lag_s, delay=delay)
+        felt = _Felt(f"reading {c.name}", (c.name,), f"{READING}{c.name}")
+        effects += _effects(c, felt, lag_s, delay=delay)
     for s in drives:
-        own = _Felt(f"drive {s.name}", everything, acts_at(s.name))
-        effects += _effects(s, own, lag_s, delay=delay, saturation=saturation)
+        felt = _Felt(f"drive {s.name}", everything, acts_at(s.name))
+        effects += _effects(s, felt, lag_s, delay=delay, saturation=saturation)
     return effects
 
 

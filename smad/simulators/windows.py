@@ -59,24 +59,24 @@ def choose_window(
     if not runs:
         return window_s or 0.0, ""
     if window_s is not None:
-        return _given(plant, runs, window_s)
-    some, start = runs[:_MOST_RUNS], nominal_point(plant)
-    before = lost_by(plant, start, some, 0.0)
+        return _validated(plant, runs, window_s)
+    used, start = runs[:_MOST_RUNS], nominal_point(plant)
+    before = lost_by(plant, start, used, 0.0)
     lengths = _lengths(plant, runs)
     if before <= _FOLLOWS or not lengths:
         return 0.0, ""
-    if all(forgets_its_start(plant, run) for run in some):
+    if all(forgets_its_start(plant, run) for run in used):
         return 0.0, ""
-    point = fitted(plant, start, some, lengths[len(lengths) // 2])
-    if lost_by(plant, point, some, 0.0) <= _FITTED:
+    point = fitted(plant, start, used, lengths[len(lengths) // 2])
+    if lost_by(plant, point, used, 0.0) <= _FITTED:
         return 0.0, ""
     good = [
         w
         for w in lengths
-        if lost_by(plant, start, some, w) <= _FOLLOWS and lost_by(plant, point, some, w) <= _FITTED
+        if lost_by(plant, start, used, w) <= _FOLLOWS and lost_by(plant, point, used, w) <= _FITTED
     ]
     chosen = max(good, default=lengths[-1])
-    after = lost_by(plant, start, some, chosen)
+    after = lost_by(plant, start, used, chosen)
     if before < _GROWS * after:
         return 0.0, ""
     return chosen, (
@@ -92,7 +92,7 @@ def _usable(plant: ReplayedPlant, run: GapRun) -> GapRun:
     return replace(used, outputs={n: y for n, y in used.outputs.items() if np.isfinite(y).all()})
 
 
-def _given(plant: ReplayedPlant, runs: Sequence[GapRun], window_s: float) -> tuple[float, str]:
+def _validated(plant: ReplayedPlant, runs: Sequence[GapRun], window_s: float) -> tuple[float, str]:
     if not window_s >= 0.0:
         raise SimulatorError("window_s is no length", value=window_s, action="give s, or 0")
     if window_s == 0.0:
@@ -105,8 +105,8 @@ def _given(plant: ReplayedPlant, runs: Sequence[GapRun], window_s: float) -> tup
             limit=f"at least {least:.3g} s",
             action="give longer ones, or leave window_s out",
         )
-    base, begun = _begun_elsewhere(plant, runs[0])
-    if all(np.array_equal(base[n], begun[n], equal_nan=True) for n in base):
+    base, elsewhere = _begun_elsewhere(plant, runs[0])
+    if all(np.array_equal(base[n], elsewhere[n], equal_nan=True) for n in base):
         raise SimulatorError(
             f"{plant.name} does not begin from its readings, so no window can",
             action="use start['NAME'] and start['NAME_rate'] as the initial state",
@@ -119,11 +119,11 @@ def forgets_its_start(plant: ReplayedPlant, run: GapRun) -> bool:
 
     Then errors do not grow, and a window would add that of its start.
     """
-    base, begun = _begun_elsewhere(plant, run)
+    base, elsewhere = _begun_elsewhere(plant, run)
     quarter = max(len(run.t_s) // 4, 1)
     for name, y in run.outputs.items():
         late = y[-quarter:]
-        off = np.where(np.isnan(base[name]), 0.0, np.abs(begun[name] - base[name]))
+        off = np.where(np.isnan(base[name]), 0.0, np.abs(elsewhere[name] - base[name]))
         if not np.max(off[-quarter:]) <= _FORGOTTEN * np.std(late):
             return False
     return True
@@ -138,10 +138,10 @@ def _begun_elsewhere(
         for n, y in run.outputs.items()
     }
     point = nominal_point(plant)
-    (base,), (begun,) = (
+    (base,), (elsewhere,) = (
         _replayed(plant, point, [r], 0.0) for r in (run, run.with_columns(outputs=moved))
     )
-    return base, begun
+    return base, elsewhere
 
 
 def lost_by(
@@ -150,10 +150,10 @@ def lost_by(
     """Prediction error over the signal's standard deviation, both over all runs: of the worst
     channel, the larger of the whole and of the last quarter of each window (or run)."""
     square: dict[str, Array] = {}
-    for run, shown in zip(runs, _replayed(plant, point, runs, window_s), strict=True):
+    for run, model in zip(runs, _replayed(plant, point, runs, window_s), strict=True):
         late = _late(plant, run, window_s)
         for name, y in run.outputs.items():
-            e = np.where(run.good, y - shown[name], 0.0)
+            e = np.where(run.good, y - model[name], 0.0)
             variance = len(y) * float(np.nanvar(y))
             parts = np.array([e @ e, variance, e[late] @ e[late], variance * float(np.mean(late))])
             square[name] = square.get(name, np.zeros(4)) + parts
@@ -194,14 +194,14 @@ def fitted(
 ) -> ModelPoint:
     """The parameters that predict best in windows, by least squares with priors."""
 
-    def left(moved: Array) -> Array:
+    def residuals(moved: Array) -> Array:
         x = moved - 1.0
         point = ModelPoint(moved_parameters(plant, start, x))
         rows = [_PRIOR * x]
-        for run, shown in zip(runs, _replayed(plant, point, runs, window_s), strict=True):
+        for run, model in zip(runs, _replayed(plant, point, runs, window_s), strict=True):
             every = max(len(run.t_s) // _SAMPLES, 1)
             for name, y in run.outputs.items():
-                e = np.where(run.good, y - shown[name], 0.0)[::every] / (float(np.nanstd(y)) or 1.0)
+                e = np.where(run.good, y - model[name], 0.0)[::every] / (float(np.nanstd(y)) or 1.0)
                 rows.append(np.where(np.isfinite(e), e, _LOST) / np.sqrt(len(e)))
         return np.concatenate(rows)
 
@@ -209,5 +209,5 @@ def fitted(
     begin = np.ones(len(plant.parameters))
     if not len(begin):
         return start
-    there = least_squares(left, begin, diff_step=_STEP, ftol=1e-3, max_nfev=_ROUNDS).x
-    return ModelPoint(moved_parameters(plant, start, there - 1.0))
+    solution = least_squares(residuals, begin, diff_step=_STEP, ftol=1e-3, max_nfev=_ROUNDS).x
+    return ModelPoint(moved_parameters(plant, start, solution - 1.0))

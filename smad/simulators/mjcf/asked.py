@@ -53,11 +53,11 @@ def diagnose_mjcf(
     Raises SimulatorError for a model or a map that cannot be used, MissingPartError without mujoco.
     """
     declared, groups = declare_mjcf(model, map_path, runs, good, hold_out)
-    fit, known, held_out = groups
+    fit, good_runs, held_out = groups
     return diagnose(
         fit,
         declared,
-        good=known,
+        good=good_runs,
         hold_out=held_out,
         trusted=trusted,
         window_s=window_s,
@@ -193,9 +193,9 @@ def _parameter(replay: MujocoModel, name: str, row: ParameterRow) -> Parameter:
 def _mapped(table: Table, mapped: MjcfMap, *, measured: bool) -> Table:
     """The columns that the map names, by its own names and in their units."""
     rows: dict[str, InputRow | ChannelRow] = {**mapped.inputs, **mapped.channels}
-    there = {n: c for n, row in rows.items() if (c := row.column or n) in table.columns}
-    written = {name: _written(rows[name], name) for name in there}
-    columns = {name: written[name].values(table.columns[c]) for name, c in there.items()}
+    sources = {n: c for n, row in rows.items() if (c := row.column or n) in table.columns}
+    written = {name: _written(rows[name], name) for name in sources}
+    columns = {name: written[name].values(table.columns[c]) for name, c in sources.items()}
     lacking = [n for n in mapped.inputs if n not in columns]
     if measured and not columns.keys() & mapped.channels.keys():
         lacking += mapped.channels
@@ -208,8 +208,8 @@ def _mapped(table: Table, mapped: MjcfMap, *, measured: bool) -> Table:
         )
     columns |= {n: table.columns[n] for n in mapped.observed if n in table.columns}
     named = {row.column or name for name, row in rows.items()} | set(mapped.observed)
-    others = left_out([n for n in table.columns if n not in named], ", which the map does not name")
-    return replace(table, columns=columns, notes=(*table.notes, *others), written=written)
+    unused = left_out([n for n in table.columns if n not in named], ", which the map does not name")
+    return replace(table, columns=columns, notes=(*table.notes, *unused), written=written)
 
 
 def _written(row: InputRow | ChannelRow, name: str) -> Written:
@@ -217,17 +217,17 @@ def _written(row: InputRow | ChannelRow, name: str) -> Written:
 
     Raises SimulatorError for units of two quantities, unless the row says how these are converted.
     """
-    said, named = spelt(row.column_unit), unit_in(row.column)
-    wanted = unit_in(name) or (row.unit if said else "")
+    stated, named = spelt(row.column_unit), unit_in(row.column)
+    target = unit_in(name) or (row.unit if stated else "")
     plain = not row.unit and (row.scale, row.offset) == (1.0, 0.0)
-    unit = said or (named if plain else "")
-    if not wanted or not unit or wanted == unit:
+    unit = stated or (named if plain else "")
+    if not target or not unit or target == unit:
         return Written()
-    if unit not in units_for(wanted):
+    if unit not in units_for(target):
         raise SimulatorError(
             f"the map gives {name} a column in another unit",
             value=row.column_unit or row.column,
-            limit=alternatives(wanted),
+            limit=alternatives(target),
             action="name it by its unit, or give scale and offset",
         )
-    return Written.of(unit, wanted)
+    return Written.of(unit, target)

@@ -72,17 +72,17 @@ def joint_effects(
 ) -> list[ModelEffect]:
     """Dry and viscous friction, armature, and a spring with its rest, of one joint."""
     number = number_of(m, "joint", joint, "")
-    unit, some = ("N m" if turns else "N"), _SOME * scale.torque
+    unit, typical = ("N m" if turns else "N"), _SOME * scale.torque
     angle = "rad" if turns else "m"
 
     def added(key: str, strength: EffectParameter, title: str) -> ModelEffect:
-        what = FIELDS[key]
+        model_field = FIELDS[key]
 
         def write(model: Any, values: Mapping[str, float]) -> None:
-            what.write(model, number, what.read(model, number) + values["size"])
+            model_field.write(model, number, model_field.read(model, number) + values["size"])
 
         name = f"{joint}_{_NAMES[key]}"
-        made = Effect(
+        effect = Effect(
             name=name,
             title=f"{title} of joint {joint}",
             parameters=(strength,),
@@ -90,14 +90,14 @@ def joint_effects(
             equation=f"{key} += size",
             places=(place,),
         )
-        return ModelEffect(effect=made, write=write)
+        return ModelEffect(effect=effect, write=write)
 
     effects = [
-        added("frictionloss", _size(unit, some), "dry friction"),
-        added("damping", _size(f"{unit} s/{angle}", some / scale.rate), "viscous friction"),
+        added("frictionloss", _size(unit, typical), "dry friction"),
+        added("damping", _size(f"{unit} s/{angle}", typical / scale.rate), "viscous friction"),
         added("armature", _size("kg m²" if turns else "kg", 0.1 * scale.inertia), "armature"),
     ]
-    return [*effects, _spring(joint, number, some, place, (unit, angle))]
+    return [*effects, _spring(joint, number, typical, place, (unit, angle))]
 
 
 _NAMES = {
@@ -108,7 +108,7 @@ _NAMES = {
 
 
 def _spring(
-    joint: str, number: int, some: float, place: str, units: tuple[str, str]
+    joint: str, number: int, typical: float, place: str, units: tuple[str, str]
 ) -> ModelEffect:
     """More stiffness about a rest position of its own, beside what the model has."""
     unit, angle = units
@@ -123,11 +123,11 @@ def _spring(
         if was + more != 0.0:
             rest.write(model, number, (was * rest_angle + more * values[shape]) / (was + more))
 
-    made = Effect(
+    effect = Effect(
         name=f"{joint}_spring",
         title=f"spring at joint {joint}",
         parameters=(
-            _size(f"{unit}/{angle}", some),
+            _size(f"{unit}/{angle}", typical),
             EffectParameter(
                 name=shape, unit=angle, typical=0.0, low=-0.5, high=0.5, strength=False
             ),
@@ -136,7 +136,7 @@ def _spring(
         equation="torque −= size · (position − rest)",
         places=(place,),
     )
-    return ModelEffect(effect=made, write=write)
+    return ModelEffect(effect=effect, write=write)
 
 
 def payload(m: Any, body: str, places: Sequence[str]) -> ModelEffect:
@@ -149,7 +149,7 @@ def payload(m: Any, body: str, places: Sequence[str]) -> ModelEffect:
     def write(model: Any, values: Mapping[str, float]) -> None:
         add_point_mass(model, number, values["size"], centre)
 
-    made = Effect(
+    effect = Effect(
         name=f"{body}_payload",
         title=f"payload at {body}",
         parameters=(_size("kg", 0.1 * body_kg),),
@@ -157,7 +157,7 @@ def payload(m: Any, body: str, places: Sequence[str]) -> ModelEffect:
         equation="a point mass",
         places=tuple(places),
     )
-    return ModelEffect(effect=made, write=write)
+    return ModelEffect(effect=effect, write=write)
 
 
 def moving_bodies(m: Any) -> list[str]:
@@ -182,8 +182,8 @@ def joints_above(m: Any, body: int) -> list[int]:
 
 def play(name: str, unit: str, low: float, high: float) -> Effect:
     """Play between a joint and what reads its position."""
-    some, most = (share * (1.0 if unit == "rad" else high - low) for share in _PLAY)
-    size = EffectParameter(name="size", unit=unit, typical=some, low=0.0, high=most)
+    typical, most = (share * (1.0 if unit == "rad" else high - low) for share in _PLAY)
+    size = EffectParameter(name="size", unit=unit, typical=typical, low=0.0, high=most)
     return Effect(
         name=f"{name}_backlash",
         title=f"backlash between the joint and {name}",

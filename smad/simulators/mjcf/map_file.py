@@ -86,8 +86,8 @@ def read_map(path: Path) -> MjcfMap:
     for table in ("channels", "parameters"):
         if not getattr(mapped, table):
             raise SimulatorError(f"map file {path} has no {table}", action=f"add [{table}.NAME]")
-    for name, given in mapped.inputs.items():
-        if bool(given.actuator) == bool(given.joint):
+    for name, drive in mapped.inputs.items():
+        if bool(drive.actuator) == bool(drive.joint):
             raise SimulatorError(
                 f"map file {path}, inputs.{name} is neither of an actuator nor of a joint",
                 action="give one of actuator, joint",

@@ -113,10 +113,10 @@ class MujocoModel:
             column, scale = number_of(m, "actuator", row.actuator, key), 1.0
         else:
             joint = number_of(m, "joint", row.joint, key)
-            wanted = "N m" if is_hinge(m, joint, key) else "N"
+            unit = "N m" if is_hinge(m, joint, key) else "N"
             column, scale = (
                 m.nu + int(m.jnt_dofadr[joint]),
-                self._in_si(name, row, wanted, key),
+                self._in_si(name, row, unit, key),
             )
         late = (row.held or self.mapped.held) == "from"
         return Driven(name, column, scale * row.scale, row.offset, late)
@@ -160,22 +160,22 @@ class MujocoModel:
         """The unit of a column: as the map, its name there or in the run has it, or as assumed."""
         return row.unit or unit_of(name) or unit_in(row.column) or self.assumed_units.get(name, "")
 
-    def _in_si(self, name: str, row: InputRow | ChannelRow, wanted: str, key: str) -> float:
+    def _in_si(self, name: str, row: InputRow | ChannelRow, target: str, key: str) -> float:
         """What one unit of a column is in the model's, which is assumed where none is given."""
         if not self.unit(name, row):
-            self.assumed_units[name] = wanted
-        return in_si(self.unit(name, row), wanted, key)
+            self.assumed_units[name] = target
+        return in_si(self.unit(name, row), target, key)
 
     def nominal(self, name: str) -> float:
         """What the model has for a parameter of the map."""
-        what, number = self._parameters[name]
-        return what.read(self.model, number)
+        field, number = self._parameters[name]
+        return field.read(self.model, number)
 
     def unit_of_field(self, name: str) -> str:
         """The unit of a parameter of the map."""
-        what, number = self._parameters[name]
-        turns = what.kind == "joint" and self.model.jnt_type[number] == self.hinge
-        return what.units[0 if turns or what.kind != "joint" else 1]
+        field, number = self._parameters[name]
+        turns = field.kind == "joint" and self.model.jnt_type[number] == self.hinge
+        return field.units[0 if turns or field.kind != "joint" else 1]
 
     def at(self, values: Mapping[str, float]) -> Any:
         """The model with these values in it; it stays so until the next call."""
@@ -186,9 +186,9 @@ class MujocoModel:
 
     def write(self, m: Any, values: Mapping[str, float]) -> None:
         """Write values to a model that is as it was compiled."""
-        for name, (what, number) in self._parameters.items():
-            if values[name] != what.read(m, number):
-                what.write(m, number, values[name])
+        for name, (field, number) in self._parameters.items():
+            if values[name] != field.read(m, number):
+                field.write(m, number, values[name])
         for e in self.effects:
             effect = e.effect
             if values[effect.name] != 0.0:
@@ -208,13 +208,13 @@ class MujocoModel:
             m = self.at(values)
             m.opt.timestep = float(grid[1]) / pieces if len(grid) > 1 else self._step_s
             self._begin(start)
-            shown = self._rolled(self._control(t, grid, inputs), pieces)
+            outputs = self._rolled(self._control(t, grid, inputs), pieces)
         if not (len(grid) == len(t) and np.allclose(grid, t, atol=1e-6 * max(grid[-1], 1e-9))):
-            shown = {n: np.interp(t, grid, y) for n, y in shown.items()}
+            outputs = {n: np.interp(t, grid, y) for n, y in outputs.items()}
         for channel, effect in self.plays:
             if values[effect.name] > 0.0:
-                shown[channel] = _followed(shown[channel], values[effect.name])
-        return shown
+                outputs[channel] = _followed(outputs[channel], values[effect.name])
+        return outputs
 
     def _grid(self, t: Array) -> tuple[Array, int]:
         """Equal times over a run, and how many steps of the model there are in one of them."""
@@ -303,8 +303,8 @@ def _quiet(mujoco: Any) -> Any:
 @njit(cache=True, nogil=True)
 def _followed(position: Array, play: float) -> Array:
     out = np.empty(len(position))
-    shown = position[0]
+    reading = position[0]
     for k in range(len(position)):
-        shown = min(max(shown, position[k] - play), position[k] + play)
-        out[k] = shown
+        reading = min(max(reading, position[k] - play), position[k] + play)
+        out[k] = reading
     return out

@@ -25,8 +25,8 @@ def number_of(model: Any, kind: str, name: str, key: str) -> int:
     mujoco = part("mujoco")
     number = mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), name)
     if number < 0:
-        known = names_of(model, kind)
-        near = difflib.get_close_matches(name, known, n=3) or known
+        names = names_of(model, kind)
+        near = difflib.get_close_matches(name, names, n=3) or names
         raise SimulatorError(
             f"the model has no {kind} {name!r}, which the map has at {key}",
             limit=", ".join(near) or f"it has no named {kind}",
@@ -35,20 +35,20 @@ def number_of(model: Any, kind: str, name: str, key: str) -> int:
     return int(number)
 
 
-def in_si(unit: str, wanted: str, key: str) -> float:
-    """What one `unit` is in the SI unit `wanted`.
+def in_si(unit: str, target: str, key: str) -> float:
+    """What one `unit` is in the SI unit `target`.
 
     Raises SimulatorError for a unit that is not known, or is of another kind.
     """
-    known = units_for(wanted)
-    if spelt(unit) not in known:
+    units = units_for(target)
+    if spelt(unit) not in units:
         raise SimulatorError(
-            f"{key}: the unit contradicts the model's, which is {wanted}",
+            f"{key}: the unit contradicts the model's, which is {target}",
             value=unit,
-            limit=", ".join(known),
+            limit=", ".join(units),
             action="correct the unit, or name another part of the model",
         )
-    return float(convert(np.ones(1), spelt(unit), wanted)[0])
+    return float(convert(np.ones(1), spelt(unit), target)[0])
 
 
 def names_of(model: Any, kind: str) -> list[str]:

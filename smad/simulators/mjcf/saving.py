@@ -45,17 +45,17 @@ def written(replay: MujocoModel, point: ModelPoint) -> tuple[str, dict[str, Mapp
         f"{x.name}_gain": x.column for x in replay.driven if x.column < fresh.nu and x.offset == 0.0
     }
     for e in replay.effects:
-        given = point.effects.get(e.effect.name, {})
-        values[e.effect.name] = given.get("size", 0.0)
+        sizes = point.effects.get(e.effect.name, {})
+        values[e.effect.name] = sizes.get("size", 0.0)
         values |= {
-            q.name: given.get(q.name, q.typical) for q in e.effect.parameters if not q.strength
+            q.name: sizes.get(q.name, q.typical) for q in e.effect.parameters if not q.strength
         }
     replay.write(fresh, values)
-    for name, given in point.effects.items():
+    for name, sizes in point.effects.items():
         if name in gears:
-            fresh.actuator_gear[gears[name]] *= 1.0 + given.get("g", 0.0)
-        elif name not in of_model and any(given.values()):
-            rest[name] = dict(given)
+            fresh.actuator_gear[gears[name]] *= 1.0 + sizes.get("g", 0.0)
+        elif name not in of_model and any(sizes.values()):
+            rest[name] = dict(sizes)
     spec.copy_back(fresh)
     return spec.to_xml(), rest
 
