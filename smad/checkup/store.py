@@ -163,8 +163,8 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
         singles = [arrays[f"{k}.responses"] for k in range(len(runs))]
         placed = responses(with_places(plant), point, [r.played for r in runs], singles=singles)
     except _BROKEN as error:
-        reason = getattr(error, "strerror", None) or error
-        raise BaselineError(f"{folder / _ARRAYS} cannot be read: {reason}", action=_ANEW) from error
+        why = getattr(error, "strerror", None) or error
+        raise BaselineError(f"{folder / _ARRAYS} cannot be read: {why}", action=_ANEW) from error
     reference = GoodRuns(
         runs=runs,
         point=point,

@@ -124,9 +124,9 @@ class Runner:
             slave.exitInitializationMode()
         except Exception as error:  # whatever somebody else's library does at its start
             self._started.clear()
-            reason = self.last_log or str(error)
+            why = self.last_log or str(error)
             raise FmiError(
-                f"{self._unit.path.name} cannot be started: {reason}",
+                f"{self._unit.path.name} cannot be started: {why}",
                 action="run it in the program that exported it",
             ) from error
         return slave
