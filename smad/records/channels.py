@@ -73,17 +73,17 @@ def read_channels(
 
 def channels_of(table: ForeignTable, rules: Mapping[str, ColumnRule] | None = None) -> Channels:
     """Channels of a table. Raises LogImportError for one that cannot be used."""
-    given = {**_time_of_stamps(table, rules or {}), **(rules or {})}
-    for name in (n for n in given if n in table.stamps and not table.stamps[n]):
-        if given[name].column_unit not in ("", "s"):
+    column_rules = {**_time_of_stamps(table, rules or {}), **(rules or {})}
+    for name in (n for n in column_rules if n in table.stamps and not table.stamps[n]):
+        if column_rules[name].column_unit not in ("", "s"):
             raise LogImportError(
                 f"{table.path}: column {name!r} holds stamps, which are read in s",
-                value=given[name].column_unit,
+                value=column_rules[name].column_unit,
                 action="leave column_unit out of the mapping file",
             )
-        given[name] = msgspec.structs.replace(given[name], column_unit="s")
-    unused = [n for n in table.stamps if n not in given]
-    assignment = assign([n for n in table.names if n not in unused], given)
+        column_rules[name] = msgspec.structs.replace(column_rules[name], column_unit="s")
+    unused = [n for n in table.stamps if n not in column_rules]
+    assignment = assign([n for n in table.names if n not in unused], column_rules)
     assignment.ignored.extend(unused)
     columns = _converted(table, assignment, rules or {})
     _check_time(table, assignment, columns)
@@ -93,29 +93,29 @@ def channels_of(table: ForeignTable, rules: Mapping[str, ColumnRule] | None = No
         )
         for rule in assignment.rules.values()
     }
-    stamps = [n for n in given if n in table.stamps]
+    stamps = [n for n in column_rules if n in table.stamps]
     times = [f"the time is column {n!r}, in s since its first stamp" for n in stamps]
     return Channels(columns, written, assignment, (*table.notes, *times))
 
 
-def _time_of_stamps(table: ForeignTable, given: Mapping[str, ColumnRule]) -> dict[str, ColumnRule]:
+def _time_of_stamps(table: ForeignTable, rules: Mapping[str, ColumnRule]) -> dict[str, ColumnRule]:
     """The rule by which the first column of stamps is the time, where no other column is."""
-    stamps = [n for n, advice in table.stamps.items() if not advice and n not in given]
+    stamps = [n for n, advice in table.stamps.items() if not advice and n not in rules]
     timed = any(is_time(n) for n in table.names if n not in table.stamps)
-    if not stamps or timed or any(rule.channel == "t_s" for rule in given.values()):
+    if not stamps or timed or any(rule.channel == "t_s" for rule in rules.values()):
         return {}
     return {stamps[0]: ColumnRule("t_s", "s")}
 
 
 def hold_last_value(column: NDArray[np.float64]) -> NDArray[np.float64]:
     """The column, shape (n,), with each number in force until the next; NaN before the first."""
-    known = np.isfinite(column)
-    last = np.maximum.accumulate(np.where(known, np.arange(len(column)), -1))
+    finite = np.isfinite(column)
+    last = np.maximum.accumulate(np.where(finite, np.arange(len(column)), -1))
     return np.where(last < 0, np.nan, column[last])
 
 
 def _converted(
-    table: ForeignTable, assignment: Assignment, given: Mapping[str, ColumnRule]
+    table: ForeignTable, assignment: Assignment, rules: Mapping[str, ColumnRule]
 ) -> dict[str, NDArray[np.float64]]:
     columns = {}
     if "t_s" not in {rule.channel for rule in assignment.rules.values()}:
@@ -135,7 +135,7 @@ def _converted(
         if rule.hold:
             converted = hold_last_value(converted)
         most = np.nanmax(converted, initial=0.0)
-        if rule.column_unit == "pct" and name not in given and 0.0 < most <= 0.01:
+        if rule.column_unit == "pct" and name not in rules and 0.0 < most <= 0.01:
             raise LogImportError(
                 f"{table.path}: column {name!r} is named %, and never above 1 %",
                 value=f"at most {100.0 * most:.3g}",

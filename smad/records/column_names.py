@@ -83,14 +83,14 @@ class Assignment:
     ignored: list[str]
 
 
-def assign(names: Iterable[str], given: Mapping[str, ColumnRule]) -> Assignment:
-    """Find the channel of each column; `given` rules come first.
+def assign(names: Iterable[str], given_rules: Mapping[str, ColumnRule]) -> Assignment:
+    """Find the channel of each column; `given_rules` come first.
 
     Raises LogImportError for a unit that is missing or does not fit, a rule without its column, and
     two columns for one channel.
     """
     names = list(names)
-    absent = [name for name in given if name not in names]
+    absent = [name for name in given_rules if name not in names]
     if absent:
         raise LogImportError(
             f"the mapping names column {absent[0]!r}, which the file does not have",
@@ -99,9 +99,9 @@ def assign(names: Iterable[str], given: Mapping[str, ColumnRule]) -> Assignment:
         )
     rules: dict[str, ColumnRule] = {}
     ignored = []
-    exact = {name for name in names if name in CHANNELS and name not in given}
+    exact = {name for name in names if name in CHANNELS and name not in given_rules}
     for name in names:
-        rule = _checked(name, given[name]) if name in given else _from_name(name, exact)
+        rule = _checked(name, given_rules[name]) if name in given_rules else _from_name(name, exact)
         if rule is None:
             ignored.append(name)
             continue
@@ -126,15 +126,15 @@ def _from_name(name: str, exact: Collection[str]) -> ColumnRule | None:
     channel = ALIASES.get(stem)
     if channel is None or channel in exact:
         return None
-    wanted = CHANNELS[channel].unit
-    if not unit and wanted == "1":
+    channel_unit = CHANNELS[channel].unit
+    if not unit and channel_unit == "1":
         unit = "1"
-    if unit not in units_for(wanted):
+    if unit not in units_for(channel_unit):
         raise LogImportError(
             f"column {name!r} looks like {channel}, but "
             + (f"{unit!r} is no unit for it" if unit else "its unit is missing"),
-            limit=alternatives(wanted),
-            action=f"rename it (for example {stem}_{wanted}) or use a mapping file",
+            limit=alternatives(channel_unit),
+            action=f"rename it (for example {stem}_{channel_unit}) or use a mapping file",
         )
     return ColumnRule(channel, unit)
 
@@ -162,8 +162,8 @@ def quantity_in(name: str) -> tuple[str, str]:
         stem, unit = parted(name)
     else:
         stem, unit = parted_name(name)
-    known = unit in UNITS and unit != "1" and not name.endswith(_NO_UNIT)
-    return (_plain(stem), unit) if known else (_plain(name), "")
+    has_unit = unit in UNITS and unit != "1" and not name.endswith(_NO_UNIT)
+    return (_plain(stem), unit) if has_unit else (_plain(name), "")
 
 
 def unit_in(name: str) -> str:

@@ -119,18 +119,18 @@ def _fitting(row: list[str], cells: Sequence[str]) -> list[str]:
 def _lines_before_numbers(path: Path, file: TextIO) -> tuple[str, list[_Line], list[_Line]]:
     """The delimiter that the file tells, its comments, and its lines up to the first numbers."""
     delimiter, comments, lines = "", list[_Line](), list[_Line]()
-    number, left = 0, MOST_HEAD_CHARACTERS
-    while number < _MOST_LINES and (text := file.readline(left + 1)):
+    number, characters_left = 0, MOST_HEAD_CHARACTERS
+    while number < _MOST_LINES and (text := file.readline(characters_left + 1)):
         number += 1
-        left -= len(text)
-        if left < 0 and not lines:
+        characters_left -= len(text)
+        if characters_left < 0 and not lines:
             raise LogImportError(
                 f"{path}: its line of names does not end",
                 value=f"more than {MOST_HEAD_CHARACTERS} characters",
                 limit=f"{MOST_HEAD_CHARACTERS} characters",
                 action="leave out columns and comments that are not needed",
             )
-        if left < 0:
+        if characters_left < 0:
             break
         line = _Line(number, text)
         if number == 1 and (separator := _SEPARATOR.match(text)):
@@ -170,8 +170,8 @@ def _likely(path: Path, names: _Line, numbers: _Line) -> str:
     alike = [
         d for d in DELIMITERS if 1 < len(_cells(path, names, d)) == len(_cells(path, numbers, d))
     ]
-    known = alike or [d for d in DELIMITERS if d != " "]
-    return max(known, key=lambda d: (d != " ", names.text.count(d)))
+    candidates = alike or [d for d in DELIMITERS if d != " "]
+    return max(candidates, key=lambda d: (d != " ", names.text.count(d)))
 
 
 def _cells(path: Path, line: _Line, delimiter: str) -> list[str]:

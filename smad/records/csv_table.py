@@ -221,9 +221,9 @@ class CsvTable:
         """Refuse a cell that has a sign and is not written by the pattern."""
         from pyarrow import compute
 
-        there = compute.match_substring(texts, sign).fill_null(False)
+        signed = compute.match_substring(texts, sign).fill_null(False)
         fits = compute.match_substring_regex(texts, pattern).fill_null(False)
-        bad = np.flatnonzero(compute.and_not(there, fits).to_numpy(zero_copy_only=False))
+        bad = np.flatnonzero(compute.and_not(signed, fits).to_numpy(zero_copy_only=False))
         if len(bad):
             self._refuse(name, before + int(bad[0]), texts[int(bad[0])].as_py())
 
@@ -266,8 +266,8 @@ def open_csv(path: Path, form: CsvFormat) -> CsvTable:
             with _opened(path, encoding) as file:
                 head = read_head(path, file, form.delimiter)
         except DAMAGED as error:
-            said = getattr(error, "strerror", None) or error
-            raise LogImportError(f"cannot read {path}: {said}", action="check the file") from error
+            why = getattr(error, "strerror", None) or error
+            raise LogImportError(f"cannot read {path}: {why}", action="check the file") from error
         except UnicodeError as error:
             wrong = str(error)
             continue

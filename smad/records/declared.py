@@ -75,10 +75,10 @@ def likely_unit(values: Array, declared: Declared) -> str:
     unit = spelt(declared.unit) or "1"
     spreads: dict[str, float] = {}
     for other in units_for(unit):
-        there = convert(np.array([numbers.min(), numbers.max()]), other, unit)
-        small = np.max(np.abs(there)) <= BEYOND * declared.span
-        if other != declared.file_unit and not small and not declared.beyond(there).any():
-            spreads[_in_unit(other, declared)] = float(np.max(np.abs(there)))
+        converted = convert(np.array([numbers.min(), numbers.max()]), other, unit)
+        small = np.max(np.abs(converted)) <= BEYOND * declared.span
+        if other != declared.file_unit and not small and not declared.beyond(converted).any():
+            spreads[_in_unit(other, declared)] = float(np.max(np.abs(converted)))
     bits = next((b for b in _BITS if numbers.max() < 2**b), 0)
     if bits and low >= 0.0 == declared.low and np.all(numbers == np.rint(numbers)):
         scale = declared.high / (2**bits - 1)

@@ -26,9 +26,9 @@ def runs_at(text: str, say: Say) -> tuple[list[Path], str]:
 
 
 def _in_folder(folder: Path, say: Say) -> list[Path]:
-    there = sorted(p for p in folder.iterdir() if p.is_file())
-    logs = [p for p in there if p.name.lower().endswith(SUFFIX)]
-    runs = logs or [p for p in there if is_table(p)]
-    if runs and (words := passed_over(folder, there, runs)):
+    files = sorted(p for p in folder.iterdir() if p.is_file())
+    logs = [p for p in files if p.name.lower().endswith(SUFFIX)]
+    runs = logs or [p for p in files if is_table(p)]
+    if runs and (words := passed_over(folder, files, runs)):
         say(words)
     return runs

@@ -28,13 +28,13 @@ def read_points(path: Path, columns: Sequence[Sequence[str]]) -> dict[str, list[
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = csv.DictReader(file, skipinitialspace=True)
-            there = rows.fieldnames or ()
-            names = [next((n for n in group if n in there), "") for group in ((TIME,), *columns)]
+            header = rows.fieldnames or ()
+            names = [next((n for n in group if n in header), "") for group in ((TIME,), *columns)]
             if not all(names):
                 lacking = " or ".join([(TIME,), *columns][names.index("")])
                 raise CommandError(
                     f"{path}: a column is missing: {lacking}",
-                    value=", ".join(there) or "an empty file",
+                    value=", ".join(header) or "an empty file",
                     limit=", ".join([TIME, *(" or ".join(group) for group in columns)]),
                     action="name the columns so, in the first line",
                 )

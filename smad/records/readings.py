@@ -118,12 +118,12 @@ def checked_columns(
         if rows > 1:
             text = f"{d.name} repeats each value in {rows} rows: it is slower than the rest"
             remarks.append(Remark("repeated", d.name, text, rows=rows))
-        known = int(np.sum(np.isfinite(column.values)))
+        readings = int(np.sum(np.isfinite(column.values)))
         least = 1.0 - (_MOST_UNKNOWN if d.applied else _MOST_MISSING)
-        if not known:
+        if not readings:
             remarks.append(Remark("empty", d.name, f"{d.name} holds no number"))
-        elif known < least * n:
-            text = f"{d.name} holds a reading in {known} of {n} samples only"
+        elif readings < least * n:
+            text = f"{d.name} holds a reading in {readings} of {n} samples only"
             advice = _OPEN if column.share > _MOST_MISSING and not d.applied else _HOLD
             remarks.append(Remark("sparse", d.name, text, advice))
     return out, remarks
@@ -147,12 +147,12 @@ def checked(values: Array, declared: Declared, t_s: Array, steady: Mask | None =
 
     `steady` (n,): where no input steps nearby; only there a jump that comes back is no reading.
     """
-    known = np.isfinite(values)
-    if not known.any():
+    finite = np.isfinite(values)
+    if not finite.any():
         return Checked(values, (), "", 0.0)
     notes, bad = [], np.zeros(len(values), dtype=bool)
     steady = np.zeros(len(values), dtype=bool) if steady is None else steady
-    codes = _codes(values, known, declared)
+    codes = _codes(values, finite, declared)
     for code in np.unique(values[codes]):
         coded = codes & (values == code)
         notes.append(
@@ -160,10 +160,10 @@ def checked(values: Array, declared: Declared, t_s: Array, steady: Mask | None =
             "a code, no reading"
         )
     bad |= codes
-    rest = known & ~bad & declared.beyond(values)
+    rest = finite & ~bad & declared.beyond(values)
     if rest.any():
         if _too_many(rest):
-            refusal = refusal_words(values[known & ~bad], declared)
+            refusal = refusal_words(values[finite & ~bad], declared)
             return Checked(np.where(bad, np.nan, values), tuple(notes), refusal, 0.0)
         worst = values[rest][np.argmax(np.abs(values[rest]))]
         notes.append(
@@ -172,7 +172,7 @@ def checked(values: Array, declared: Declared, t_s: Array, steady: Mask | None =
         )
         bad |= rest
     if not declared.applied:
-        jumps = _jumps(values, known & ~bad, declared) & steady
+        jumps = _jumps(values, finite & ~bad, declared) & steady
         if jumps.any():
             notes.append(
                 f"{declared.name} jumps and comes back at once in {_samples(jumps, t_s)}, "
@@ -180,13 +180,13 @@ def checked(values: Array, declared: Declared, t_s: Array, steady: Mask | None =
             )
             bad |= jumps
     if not declared.applied:
-        for stays, how in _stuck(values, known & ~bad, steady, declared):
+        for stays, how in _stuck(values, finite & ~bad, steady, declared):
             notes.append(
                 f"{declared.name} stays at {declared.number(values[stays[0]])} for {len(stays)} "
                 f"samples (from {t_s[stays[0]]:.6g} to {t_s[stays[-1]]:.6g} s){how}"
             )
             bad[stays] = True
-    share = float(np.sum(bad) / np.sum(known))
+    share = float(np.sum(bad) / np.sum(finite))
     return Checked(np.where(bad, np.nan, values), tuple(notes), "", share)
 
 
@@ -199,23 +199,23 @@ def _too_many(beyond: Mask) -> bool:
     return bool(np.mean(beyond) > _FEW or _longest(beyond) > _SHORT)
 
 
-def _codes(values: Array, known: Mask, declared: Declared) -> Mask:
+def _codes(values: Array, finite: Mask, declared: Declared) -> Mask:
     """Samples that are codes: beyond the range, or within it but far from their neighbours."""
-    beyond = known & declared.beyond(values)
+    beyond = finite & declared.beyond(values)
     numbers = declared.written.numbers(values)
     # A sensor writes its code in its unit, a logger in that of the file.
     forms = ((numbers, declared.file_unit), (values, spelt(declared.unit)))
-    codes = known & np.logical_or.reduce([np.isin(np.round(x, _DIGITS), CODES) for x, _ in forms])
+    codes = finite & np.logical_or.reduce([np.isin(np.round(x, _DIGITS), CODES) for x, _ in forms])
     coded = (codes | (np.abs(numbers) >= _HUGE)) & beyond
     if declared.applied:
         return np.asarray(coded)
-    others = beyond & ~coded
-    if np.sum(others) > 1 and np.ptp(values[others]) == 0.0 and np.mean(beyond) < 0.5:
-        coded |= others
+    uncoded = beyond & ~coded
+    if np.sum(uncoded) > 1 and np.ptp(values[uncoded]) == 0.0 and np.mean(beyond) < 0.5:
+        coded |= uncoded
     warm = [np.round(x, _DIGITS) == _POWER_ON for x, unit in forms if unit != "degC"]
     inside = codes & ~beyond & ~np.logical_or.reduce([np.zeros(len(values), dtype=bool), *warm])
-    if inside.any() and not inside[known & ~coded].all():
-        good = known & ~coded & ~inside
+    if inside.any() and not inside[finite & ~coded].all():
+        good = finite & ~coded & ~inside
         span = min(declared.span, float(np.ptp(values[good])))
         coded |= inside & _far(values, good, _least_jump(values[good], span))
     return np.asarray(coded)
@@ -329,15 +329,15 @@ def on_lines(column: Array, rows: int = 1) -> Array:
 
     Where each of them stands in so many `rows`, between the first of each.
     """
-    known = np.isfinite(column)
+    anchors = np.isfinite(column)
     if rows > 1:
-        index = np.flatnonzero(known)
+        index = np.flatnonzero(anchors)
         since = np.zeros(len(index), dtype=np.intp)
         for start, stop in _same(column[index]):
             since[start:stop] = np.arange(stop - start)
-        known[index] = since % rows == 0
+        anchors[index] = since % rows == 0
     index = np.arange(len(column))
-    return np.interp(index, index[known], column[known], left=np.nan, right=np.nan)
+    return np.interp(index, index[anchors], column[anchors], left=np.nan, right=np.nan)
 
 
 def _same(y: Array) -> list[tuple[int, int]]:

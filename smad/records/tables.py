@@ -227,15 +227,15 @@ def read_columns(
         return Columns(names, numbers, {}, tuple(run.notes))
     require_bounded(path)
     table = open_table(path, form)
-    left = [n for n in table.names if wanted is None or n in wanted]
+    remaining = [n for n in table.names if wanted is None or n in wanted]
     numbers, unread = dict[str, NDArray[np.float64]](), dict[str, str]()
-    while left:
+    while remaining:
         try:
-            numbers |= dict(table.columns(left))
+            numbers |= dict(table.columns(remaining))
             break
         except LogImportError:
             # One of them is no numbers: each by itself.
-            name, left = left[0], left[1:]
+            name, remaining = remaining[0], remaining[1:]
             try:
                 numbers |= dict(table.columns([name]))
             except LogImportError as error:
