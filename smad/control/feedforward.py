@@ -84,11 +84,11 @@ class SpringHeat:
         jump_K = share * (rate * water / film - (wire_degC - self.water_degC))
         t = need_K / rate
         for _ in range(3):
-            left = math.exp(-t / settle_s)
-            slope = rate + jump_K * left / settle_s
+            decay = math.exp(-t / settle_s)
+            slope = rate + jump_K * decay / settle_s
             if slope <= 0.0:
                 break
-            t = max(0.0, t - (rate * t + jump_K * (1.0 - left) - need_K) / slope)
+            t = max(0.0, t - (rate * t + jump_K * (1.0 - decay) - need_K) / slope)
         return min(t, LONGEST_LEAD_S)
 
     def time_to_cool(self, wire_degC: float, target_degC: float, inlet_degC: float) -> float:

@@ -108,40 +108,40 @@ class HostLimits:
         """
         config = self._config
         acting = 0
-        wanted = [i_x_A, i_y_A]
+        limited_A = [i_x_A, i_y_A]
         self._on_time_s += dt_s
         if self._on_time_s > config.on_time_max_s:
             acting |= HostLimit.ON_TIME
-            wanted[0] = wanted[1] = 0.0
+            limited_A[0] = limited_A[1] = 0.0
             if self.trip is None:
                 self.trip = Trip(HostLimit.ON_TIME, self._on_time_s, config.on_time_max_s)
         # A bench without a force sensor reads nan, which no comparison stops.
         if sample.force_N > config.force_max_N:
             acting |= HostLimit.FORCE
-            wanted[0] = wanted[1] = 0.0
+            limited_A[0] = limited_A[1] = 0.0
         reach_m = config.displacement_max_mm * 1e-3
         if abs(sample.displacement_m) > reach_m and not staged:
             pulling = 0 if sample.displacement_m > 0.0 else 1
-            if wanted[pulling] > 0.0:
+            if limited_A[pulling] > 0.0:
                 acting |= HostLimit.DISPLACEMENT
-                wanted[pulling] = 0.0
+                limited_A[pulling] = 0.0
         for k in (0, 1):
-            acting |= self._spring(k, sample.rtd_degC[k], wanted, dt_s)
+            acting |= self._spring(k, sample.rtd_degC[k], limited_A, dt_s)
         if self.trip is not None:
             acting |= self.trip.limit.value
-        self._previous_A = wanted
+        self._previous_A = limited_A
         self._acting = acting
-        return wanted[0], wanted[1]
+        return limited_A[0], limited_A[1]
 
-    def _spring(self, k: int, rtd_degC: float, wanted: list[float], dt_s: float) -> int:
+    def _spring(self, k: int, rtd_degC: float, limited_A: list[float], dt_s: float) -> int:
         config = self._config
         watch = self._watch[k]
         watch.step(rtd_degC, dt_s, config.temperature_rate_max_K_per_s)
-        i_A = wanted[k]
+        i_A = limited_A[k]
         if i_A <= 0.0:
             return 0
         if watch.trip is not None or math.isnan(rtd_degC):
-            wanted[k] = 0.0
+            limited_A[k] = 0.0
             if self.trip is None:
                 self.trip = watch.trip
             return _SENSOR[k].value
@@ -156,5 +156,5 @@ class HostLimits:
         if i_A > rise_A:
             i_A = rise_A
             acting |= HostLimit.CURRENT_RATE.value
-        wanted[k] = i_A
+        limited_A[k] = i_A
         return acting

@@ -171,8 +171,8 @@ class DisplacementMode:
             self._turned = self._turned or direction != before
             # Not before the error is small: an error that is kept stays for as long as a
             # temperature takes through its hysteresis.
-            there = abs(followed_m) <= 0.5 * self._hold.band_m
-            if blind or not (there and (self._hold.arrived or self._turned)):
+            near = abs(followed_m) <= 0.5 * self._hold.band_m
+            if blind or not (near and (self._hold.arrived or self._turned)):
                 return self._arrive(followed_m, direction, before, dt_s)
             self._pair = PairTemperatureControl(
                 config.hold,

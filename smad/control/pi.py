@@ -30,10 +30,10 @@ class PI:
         """The output after `dt_s` seconds at `error`, within the bounds."""
         proportional = feedforward + self.kp * error
         integral = self.integral + self.ki * error * dt_s
-        wanted = proportional + integral
-        if wanted > self.high:
+        unlimited = proportional + integral
+        if unlimited > self.high:
             integral = self._saturated(1.0, integral, dt_s)
-        elif wanted < self.low:
+        elif unlimited < self.low:
             integral = self._saturated(-1.0, integral, dt_s)
         self.integral = min(self.high, max(self.low, integral))
         return min(self.high, max(self.low, proportional + self.integral))

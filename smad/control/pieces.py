@@ -40,8 +40,8 @@ def first_pieces(
 ) -> tuple[dict[str, tuple[Trajectory, ...]], dict[str, tuple[Trajectory, ...]]]:
     """Return what begins together, in one message, and what each axis is to follow afterwards."""
     begin, later = {}, {}
-    for axis, given in group.items():
-        whole = given if isinstance(given, Sequence) else (given,)
+    for axis, motion in group.items():
+        whole = motion if isinstance(motion, Sequence) else (motion,)
         pieces = [p for command in whole for p in in_pieces(command, POINTS_A_PIECE // len(group))]
         # The pieces of one trajectory are too many for one message; those of others are short.
         cut = len(pieces) if len(pieces) == len(whole) else 1

@@ -66,18 +66,18 @@ def pulled(
     model accounts for what was seen.
     """
     t, y = np.asarray(t_s, float), np.asarray(values, float)
-    i, asked = np.asarray(current_A, float), np.asarray(asked_A, float)
+    i, commanded = np.asarray(current_A, float), np.asarray(asked_A, float)
     # A sample that was passed over has no answer of its own.
-    asked = np.where(np.isfinite(asked), asked, i)
+    commanded = np.where(np.isfinite(commanded), commanded, i)
     good = np.isfinite(y) & np.isfinite(i)
-    t, y, i, asked = t[good], y[good], i[good], asked[good]
+    t, y, i, commanded = t[good], y[good], i[good], commanded[good]
     if t.size < 50:
         raise TuningError(
             f"{what}: the pulses ended early",
             value=f"{t.size} samples",
             action="look at the run log for a limit that acted",
         )
-    held_back = float(np.mean(asked - i > SATURATED_A))
+    held_back = float(np.mean(commanded - i > SATURATED_A))
     if held_back > 0.1:
         raise TuningError(
             f"{what}: the current is saturated",
@@ -87,7 +87,7 @@ def pulled(
         )
     period_s = float(np.median(np.diff(t)))
     # What was asked for, not what was applied: the way to the board is part of the delay.
-    square = asked * asked
+    square = commanded * commanded
     at_A = 0.5 * (float(np.quantile(i, 0.1)) + float(np.quantile(i, 0.9)))
     best: tuple[float, float, float, float, float] | None = None
     clock = (t - t[0]) / (t[-1] - t[0])
@@ -101,12 +101,12 @@ def pulled(
             late = np.interp(t - delay_s, t, square - square.mean())
             answer = _beside(base, _lagged(late, lag_s, period_s)[later])
             gain = float(answer @ slow) / max(float(answer @ answer), 1e-30)
-            left = float(np.mean((slow - gain * answer) ** 2))
-            if best is None or left < best[0]:
-                best = (left, float(delay_s), lag_s, gain, float(np.mean(slow**2)))
+            residual = float(np.mean((slow - gain * answer) ** 2))
+            if best is None or residual < best[0]:
+                best = (residual, float(delay_s), lag_s, gain, float(np.mean(slow**2)))
     assert best is not None
-    left, delay_s, lag_s, gain, whole = best
-    fit = 1.0 - left / max(whole, 1e-30)
+    residual, delay_s, lag_s, gain, whole = best
+    fit = 1.0 - residual / max(whole, 1e-30)
     if gain <= 0.0 or fit < LEAST_FIT:
         raise TuningError(
             f"{what}: what is measured does not follow the current",

@@ -99,5 +99,5 @@ def _two_digits(value: float) -> float:
 
 def band_mm(count_mm: float, noise_mm: float, period_s: float, smooth_s: float) -> float:
     """The band of a quiet hold: two counts and six standard deviations of the smoothed noise."""
-    left = noise_mm * math.sqrt(period_s / (period_s + 2.0 * smooth_s))
-    return math.ceil(1e3 * (2.0 * count_mm + 6.0 * left)) * 1e-3
+    smoothed_mm = noise_mm * math.sqrt(period_s / (period_s + 2.0 * smooth_s))
+    return math.ceil(1e3 * (2.0 * count_mm + 6.0 * smoothed_mm)) * 1e-3
