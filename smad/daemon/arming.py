@@ -129,9 +129,9 @@ class AxisArming:
     since: int = 0
     """Generation of its last stop."""
 
-    def take(self, what: Input) -> bool:
+    def take(self, event: Input) -> bool:
         """Change the phase; return whether the input changed or repeats it."""
-        after = TRANSITIONS[self.phase].get(what)
+        after = TRANSITIONS[self.phase].get(event)
         if after is None:
             return False
         self.phase = after
@@ -277,15 +277,15 @@ class Arming:
         """A board got no setpoint, and showed nothing of heating, for as long as it takes."""
         self.axes[name].take(Input.WATCHDOG_EXPIRED)
 
-    def shows(self, name: str, what: Input) -> bool:
+    def shows(self, name: str, event: Input) -> bool:
         """Take a sample (one of SHOWS_…); return whether it contradicts what is known.
 
         Then the axis has to be stopped: it is armed and should not be, or the other way round.
         """
         axis = self.axes[name]
         before = axis.phase
-        axis.take(what)
-        if what is Input.SHOWS_ARMED:
+        axis.take(event)
+        if event is Input.SHOWS_ARMED:
             return before in (
                 Phase.OFF,
                 Phase.ASKED,
@@ -307,13 +307,13 @@ class Arming:
         self.axes[name].reachable = False
         self.axes[name].take(Input.LOST)
 
-    def _advance(self, what: Input, send: Send, only_from: Phase) -> None:
+    def _advance(self, event: Input, send: Send, only_from: Phase) -> None:
         attempt = self.attempt
         if attempt is None or attempt.failed or not self._all_in(attempt, only_from):
             return
         attempt.confirming = send is Send.ARM_CONFIRM
         for name in attempt.names:
-            self.axes[name].take(what)
+            self.axes[name].take(event)
             self._sends.append((name, send))
 
     def _all_in(self, attempt: Attempt, phase: Phase) -> bool:

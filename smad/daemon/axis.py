@@ -194,10 +194,10 @@ class Axis:
             self.stop.reported()
 
     def _why_silent(self, event: LinkLost) -> str:
-        others, self._other_axes = self._other_axes, self.session.stats.other_axes
-        if self._other_axes > others:
+        before, self._other_axes = self._other_axes, self.session.stats.other_axes
+        if self._other_axes > before:
             why = f"the board sends samples of another axis than link.axis {self.config.link.axis}"
-            self.services.say("warning", why, {"samples": self._other_axes - others})
+            self.services.say("warning", why, {"samples": self._other_axes - before})
             return why
         return f"the board sent nothing for {event.silent_us / 1000:.0f} ms"
 

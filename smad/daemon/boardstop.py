@@ -201,14 +201,14 @@ class BoardStop:
         if stopped or not earlier:
             # From FAULT and ESTOP, no request that is still on its way leads back to ARMED.
             self._stopped = stopped
-            self._shown(state)
+            self._on_shown_mode(state)
         self._withhold_in_time()
         self._look()
 
-    def _shown(self, state: State) -> None:
+    def _on_shown_mode(self, state: State) -> None:
         hot, stopped = state.mode in HOT, state.mode in STOPPED
-        what = Input.SHOWS_ARMED if hot else Input.SHOWS_FAULT if stopped else Input.SHOWS_OFF
-        if not self._arming.shows(self.label, what) or stopped:
+        event = Input.SHOWS_ARMED if hot else Input.SHOWS_FAULT if stopped else Input.SHOWS_OFF
+        if not self._arming.shows(self.label, event) or stopped:
             return
         if hot:
             text = "the board was found armed by somebody else; telling it to disarm"

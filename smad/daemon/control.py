@@ -144,10 +144,10 @@ class ControlTask:
         began_ns = self._stopwatch_ns()
         events = self.session.receive(data, self._clock_us())
         samples: list[StateReceived] = []
-        others: list[HostEvent] = []
+        other_events: list[HostEvent] = []
         for event in events:
             if type(event) is not StateReceived:
-                others.append(event)
+                other_events.append(event)
             else:
                 samples.append(event)
         try:
@@ -160,10 +160,10 @@ class ControlTask:
                     self._pass_over(received)
         finally:
             # Also when the step dies: somebody may be waiting for the reply that came with it.
-            self._pass_on(others)
+            self._pass_on(other_events)
 
-    def _pass_on(self, others: list[HostEvent]) -> None:
-        for other in others:
+    def _pass_on(self, events: list[HostEvent]) -> None:
+        for other in events:
             if isinstance(other, BoardRestarted):
                 self._arrived = None
                 self._time.restart()

@@ -37,11 +37,11 @@ class Histogram:
 
     def percentile_ns(self, fraction: float) -> float:
         """Return the middle of the bucket below which `fraction` of the samples lie; 0 if empty."""
-        wanted = fraction * self.count
+        rank = fraction * self.count
         seen = 0
         for index, count in enumerate(self._buckets):
             seen += count
-            if count and seen >= wanted:
+            if count and seen >= rank:
                 return min(_middle_ns(index), float(self._max_ns))
         return 0.0
 

@@ -175,9 +175,9 @@ def _survival() -> Measure:
     granted = now <= oom.LAST
     # Quietly: a daemon that is started by hand is never granted it, and needs no line about it.
     asked = granted or (before is not None and before < 0)
-    said = f"oom_score_adj {now}"
+    score = f"oom_score_adj {now}"
     return Measure(
-        name, asked, granted, said if granted else f"{said}; OOMScoreAdjust= in systemd grants it"
+        name, asked, granted, score if granted else f"{score}; OOMScoreAdjust= in systemd grants it"
     )
 
 

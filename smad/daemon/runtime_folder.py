@@ -40,24 +40,24 @@ class RuntimeFolder:
 
     def look(self) -> str:
         """Make again what is gone; return what there is to tell, which is mostly nothing."""
-        gone = [path for path, identity in self._known.items() if _identity(path) != identity]
-        if not gone:
+        missing = [path for path, identity in self._known.items() if _identity(path) != identity]
+        if not missing:
             return ""
         with self._reserve():
-            before, self._trouble = self._trouble, self._restored(gone)
+            before, self._trouble = self._trouble, self._restored(missing)
         if self._trouble:
             return "" if self._trouble == before else self._trouble
         self._known = self._identities()
-        names = ", ".join(path.name for path in gone)
+        names = ", ".join(path.name for path in missing)
         return f"somebody removed {names} from {self._endpoints.folder}: made again"
 
-    def _restored(self, gone: list[Path]) -> str:
+    def _restored(self, missing: list[Path]) -> str:
         try:
             umask = prepare_folder(self._endpoints.folder)
-            if self._lock.path in gone:
+            if self._lock.path in missing:
                 self._lock.take_again()
             for path, listener in self._listeners.items():
-                if path in gone:
+                if path in missing:
                     listener.listen_again(umask)
             write_connection(self._endpoints.connection_file, self._connection, umask)
         except BlockingIOError:

@@ -150,8 +150,8 @@ class Stops:
         """Send what the machine wants sent; who arms sends its own messages."""
         by_name = {board.label: board for board in self.boards}
         with ExitStack() as last_first:
-            for name, what in reversed(self.arming.take_sends()):
-                if what is Send.DISARM:
+            for name, send in reversed(self.arming.take_sends()):
+                if send is Send.DISARM:
                     last_first.callback(by_name[name].ask_to_stop)
 
     def board_failed(self, label: str, why: str, by: str) -> None:

@@ -139,7 +139,7 @@ class ArmCommand:
     async def _all_of(
         self,
         request: ArmingRequest,
-        what: Send,
+        kind: Send,
         message: Callable[[Axis], Message],
         answered: Callable[[Axis, Message], None],
     ) -> None:
@@ -147,7 +147,7 @@ class ArmCommand:
 
         The others may be on their way still, and are taken back by a stop.
         """
-        to_send = {name for name, send in self._arming.take_sends() if send is what}
+        to_send = {name for name, send in self._arming.take_sends() if send is kind}
         futures: dict[asyncio.Future[Message], Axis] = {}
         for axis in request.axes:
             if axis.name in to_send:

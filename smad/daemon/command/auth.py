@@ -67,7 +67,7 @@ def server_keys(path: Path, *, follow: bool = False) -> tuple[bytes, bytes]:
     except OSError as error:
         raise ConfigError(
             f"the server's key file cannot be used: {error.strerror}",
-            value=_shown(path),
+            value=_path_in_words(path),
             limit="a file, or a name in a folder where one can be made",
             action="correct daemon.tcp.secret_key_file, or take away what has the name",
         ) from error
@@ -114,5 +114,5 @@ def _is_pair(words: list[bytes]) -> bool:
     return zmq.curve_public(words[3]) == words[1]
 
 
-def _shown(path: Path) -> str:
+def _path_in_words(path: Path) -> str:
     return f"{path} → {os.readlink(path)}" if path.is_symlink() else str(path)

@@ -27,14 +27,14 @@ def reread_keys(
     except ConfigError as error:
         return f"SIGHUP: the list of keys stays as it was: {error}"
     same = _without_keys(running) == _without_keys(new_config)
-    others = "" if same else "; what else has changed waits for a restart"
+    waiting = "" if same else "; what else has changed waits for a restart"
     if authenticator is None:
-        return f"SIGHUP: commands over TCP are off, so there is no list of keys{others}"
+        return f"SIGHUP: commands over TCP are off, so there is no list of keys{waiting}"
     if not new_config.daemon.tcp.enabled:
-        return f"SIGHUP: the list of keys stays as it was: TCP is off in the file{others}"
+        return f"SIGHUP: the list of keys stays as it was: TCP is off in the file{waiting}"
     new, gone = authenticator.allow(new_config.daemon.tcp.allowed_keys)
     count = len(new_config.daemon.tcp.allowed_keys)
-    return f"SIGHUP: read the list of keys anew, {count} in all, {new} new, {gone} gone{others}"
+    return f"SIGHUP: read the list of keys anew, {count} in all, {new} new, {gone} gone{waiting}"
 
 
 def has_terminal() -> bool:

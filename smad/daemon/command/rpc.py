@@ -221,9 +221,9 @@ def _misshapen(members: dict[str, msgspec.Raw], method: str) -> str:
         return '`jsonrpc` is not "2.0"'
     if bytes(members.get("params", b"{"))[:1] not in (b"{", b"["):
         return "`params` is no object"
-    for beside, kinds, what in _BESIDE:
+    for beside, kinds, fault in _BESIDE:
         if not isinstance(_plain_value(members.get(beside, msgspec.Raw(b"null"))), kinds):
-            return f"`{beside}` is {what}"
+            return f"`{beside}` is {fault}"
     strange = members.keys() - _MEMBERS_KNOWN
     if strange:
         return f"it has an unknown member `{min(strange)}`"

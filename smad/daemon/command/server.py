@@ -242,8 +242,8 @@ class CommandServer:
         now_ns = time.perf_counter_ns()
         if self._others and now_ns - self._looked_ns > _LOOK_NS:
             self._looked_ns = now_ns
-            known = self._others + sum(len(listener) for listener in self.listeners)
-            remote.look(open_descriptors() - known)
+            connections = self._others + sum(len(listener) for listener in self.listeners)
+            remote.look(open_descriptors() - connections)
 
     def _turn(self) -> None:
         self._look_at_port()

@@ -125,14 +125,14 @@ class Service:
 
     def end_what_lapsed(self, now_us: int) -> None:
         """Stop the bench if who had exclusive control, or who armed, has fallen silent."""
-        gone = self._lease.lapsed(now_us)
-        if gone is not None and gone.client == self._recording_by:
+        lapsed = self._lease.lapsed(now_us)
+        if lapsed is not None and lapsed.client == self._recording_by:
             # A run log belongs to who began it, and ends with its lease.
             self._recorder.end_by_itself()
-        if gone is not None and self._bench.armed:
-            silent_s = gone.duration_us * 1e-6
-            cause = f"{gone.name} had exclusive control and sent nothing for {silent_s:g} s"
-            data = {"holder": gone.name, "silent_s": silent_s}
+        if lapsed is not None and self._bench.armed:
+            silent_s = lapsed.duration_us * 1e-6
+            cause = f"{lapsed.name} had exclusive control and sent nothing for {silent_s:g} s"
+            data = {"holder": lapsed.name, "silent_s": silent_s}
             by = f"a lapsed lease: {cause}"
             self._stops.stop_by_daemon(cause, f"{cause}; disarming", data, by=by)
         if self._dead_man.expired(now_us):

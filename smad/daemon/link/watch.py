@@ -198,20 +198,20 @@ class BoardWatch:
         await self._set_rate(ident)
 
     async def _set_rate(self, ident: Ident) -> None:
-        wanted = self._config.rate_hz
-        if ident.state_rate_hz == wanted:
+        rate_hz = self._config.rate_hz
+        if ident.state_rate_hz == rate_hz:
             return
         try:
-            await self.parameters.set("state_rate_hz", wanted, self._requests.ask)
+            await self.parameters.set("state_rate_hz", rate_hz, self._requests.ask)
         except Refusal as error:
-            text = f"the board's rate stays at {ident.state_rate_hz} Hz, not {wanted}: {error}"
+            text = f"the board's rate stays at {ident.state_rate_hz} Hz, not {rate_hz}: {error}"
             self._say("warning", text, {})
             return
-        self._say("link", f"set the board's rate from {ident.state_rate_hz} to {wanted} Hz", {})
+        self._say("link", f"set the board's rate from {ident.state_rate_hz} to {rate_hz} Hz", {})
 
 
 def disagreement(event: Incompatible) -> str:
     """Return what differs between board and host, in one line."""
-    shown = "; ".join(event.fields[:3]) or "its description has not been read yet"
+    differences = "; ".join(event.fields[:3]) or "its description has not been read yet"
     more = len(event.fields) - 3
-    return shown + (f"; and {more} more" if more > 0 else "")
+    return differences + (f"; and {more} more" if more > 0 else "")
