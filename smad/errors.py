@@ -72,9 +72,9 @@ def first_line(error: BaseException) -> str:
 
 def damaged(kind: type[SmadError], path: Path, error: Exception) -> SmadError:
     """Return what to raise for a file that cannot be read, by the error of its reader."""
-    said = getattr(error, "strerror", None) or first_line(error)
+    why = getattr(error, "strerror", None) or first_line(error)
     return kind(
-        f"cannot read {path}: it is missing, cut short or damaged ({said})",
+        f"cannot read {path}: it is missing, cut short or damaged ({why})",
         action="restore the file",
     )
 

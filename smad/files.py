@@ -56,8 +56,8 @@ def named_output(
     make_folder: bool = False,
 ) -> Iterator[Path]:
     """As `replacing`, for a file that a person named. Raises `kind` where the system refuses."""
-    there = make_folder or path.parent.is_dir()
-    action = action or ("make room, or name another" if there else "make its folder")
+    has_folder = make_folder or path.parent.is_dir()
+    action = action or ("make room, or name another" if has_folder else "make its folder")
     with refused_by_system(kind, cause or f"cannot write {path}", value=value, action=action):
         if make_folder:
             path.parent.mkdir(parents=True, exist_ok=True)

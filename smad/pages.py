@@ -30,14 +30,14 @@ def names() -> list[str]:
 
 def text(name: str) -> str:
     """Return a page as Markdown. Raises SmadError, naming near ones, when there is none."""
-    known = names()
-    wanted = name.removeprefix("docs/").removesuffix(".md")
-    if wanted not in known:
-        near = difflib.get_close_matches(wanted, known, n=3)
+    pages = names()
+    page = name.removeprefix("docs/").removesuffix(".md")
+    if page not in pages:
+        near = difflib.get_close_matches(page, pages, n=3)
         raise SmadError(
             "there is no such page",
             value=name,
             limit=", ".join(near) or None,
             action="list them with smad docs",
         )
-    return (folder() / f"{wanted}.md").read_text("utf-8")
+    return (folder() / f"{page}.md").read_text("utf-8")

@@ -119,8 +119,8 @@ def units_for(unit: str) -> list[str]:
 
 def alternatives(unit: str) -> str:
     """The units that can be converted to `unit`, with other ways to write them."""
-    others = {u: [s for s, of in SPELLINGS.items() if of == u] for u in units_for(unit)}
-    return ", ".join(f"{u} ({others[u][0]})" if others[u] else u for u in others)
+    spellings = {u: [s for s, of in SPELLINGS.items() if of == u] for u in units_for(unit)}
+    return ", ".join(f"{u} ({spellings[u][0]})" if spellings[u] else u for u in spellings)
 
 
 def in_words(unit: str) -> str:
@@ -133,14 +133,14 @@ def range_in_words(low: float, high: float, unit: str = "", *, above: bool = Fal
 
     Empty for a range without ends.
     """
-    shown = f" {in_words(unit)}".rstrip()
+    suffix = f" {in_words(unit)}".rstrip()
     if math.isinf(low):
-        return "" if math.isinf(high) else f"at most {high:.10g}{shown}"
+        return "" if math.isinf(high) else f"at most {high:.10g}{suffix}"
     if math.isinf(high):
-        return f"{'above' if above else 'at least'} {low:.10g}{shown}"
+        return f"{'above' if above else 'at least'} {low:.10g}{suffix}"
     if above:
-        return f"above {low:.10g}, up to {high:.10g}{shown}"
-    return f"{low:.10g} to {high:.10g}{shown}"
+        return f"above {low:.10g}, up to {high:.10g}{suffix}"
+    return f"{low:.10g} to {high:.10g}{suffix}"
 
 
 _READ = {"degC": "°C", "deg": "°", "Ohm": "Ω", "um": "µm", "pct": "%"}

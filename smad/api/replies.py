@@ -56,12 +56,12 @@ class Fault(Struct, frozen=True, kw_only=True):
 
     def in_words(self) -> str:
         """Return it in one line: name, place, value, limit."""
-        seen = "" if self.measured is None else f": {self._shown(self.measured)}"
-        limit = "" if self.limit is None else f", limit {self._shown(self.limit)}"
+        seen = "" if self.measured is None else f": {self._in_unit(self.measured)}"
+        limit = "" if self.limit is None else f", limit {self._in_unit(self.limit)}"
         where = f" at {self.channel}" if self.channel else ""
         return f"{self.name}{where}{seen}{limit}"
 
-    def _shown(self, value: float) -> str:
+    def _in_unit(self, value: float) -> str:
         unit, scale = READ_AS.get(self.unit, (self.unit, 1.0))
         return f"{value * scale:g} {unit}".rstrip()
 

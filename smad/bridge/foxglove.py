@@ -153,8 +153,8 @@ class Viewer:
 
     def _changed_channels(self) -> list[str]:
         """Offer the channels that are new, and take back those that are gone."""
-        known, self._advertised = self._advertised, self._offered()
-        gone = [channel.id for channel in known if channel not in self._advertised]
+        before, self._advertised = self._advertised, self._offered()
+        closed = [channel.id for channel in before if channel not in self._advertised]
         new = [
             {
                 "id": channel.id,
@@ -165,21 +165,21 @@ class Viewer:
                 "schemaEncoding": "jsonschema",
             }
             for channel in self._advertised
-            if channel not in known
+            if channel not in before
         ]
-        self._channels = {k: number for k, number in self._channels.items() if number not in gone}
+        self._channels = {k: number for k, number in self._channels.items() if number not in closed}
         return [
-            *([_text({"op": "unadvertise", "channelIds": gone})] if gone else []),
+            *([_text({"op": "unadvertise", "channelIds": closed})] if closed else []),
             *([_text({"op": "advertise", "channels": new})] if new else []),
         ]
 
     def receive(self, text: str) -> list[str | bytes]:
         """Take in a message of the viewer; return what it is answered."""
         try:
-            asked = _decode(text)
+            request = _decode(text)
         except msgspec.MsgspecError as error:
             return [status(WARNING, f"not understood, or not offered here: {error}")]
-        match asked:
+        match request:
             case _Subscribe(subscriptions):
                 return [message for entry in subscriptions for message in self._subscribe(entry)]
             case _Unsubscribe(subscription_ids):
@@ -193,24 +193,24 @@ class Viewer:
                 return [status(WARNING, refused), self._values(names, number)]
             case _Follow(names):
                 # A name that is invented is not kept: what a viewer makes up fills no memory.
-                known = self._parameters()
-                self._followed |= dict.fromkeys(n for n in names or known if n in known)
+                current = self._parameters()
+                self._followed |= dict.fromkeys(n for n in names or current if n in current)
                 return [*self._changed_parameters()]
             case _Unfollow(names):
                 for name in names or list(self._followed):
                     self._followed.pop(name, None)
         return []
 
-    def _subscribe(self, asked: _Subscription) -> list[str | bytes]:
+    def _subscribe(self, subscription: _Subscription) -> list[str | bytes]:
         channel = next(
-            (offered for offered in self._offered() if offered.id == asked.channel_id), None
+            (offered for offered in self._offered() if offered.id == subscription.channel_id), None
         )
         if channel is None:
-            return [status(ERROR, f"there is no channel {asked.channel_id}")]
-        if len(self._channels) >= MOST_SUBSCRIPTIONS and asked.id not in self._channels:
+            return [status(ERROR, f"there is no channel {subscription.channel_id}")]
+        if len(self._channels) >= MOST_SUBSCRIPTIONS and subscription.id not in self._channels:
             return [status(ERROR, f"{MOST_SUBSCRIPTIONS} subscriptions are open already")]
-        self._channels[asked.id] = channel.id
-        return [_data(asked.id, time_ns, body) for time_ns, body in self._history(channel)]
+        self._channels[subscription.id] = channel.id
+        return [_data(subscription.id, time_ns, body) for time_ns, body in self._history(channel)]
 
     def wants(self, channel: Channel) -> bool:
         """Whether it subscribed to the channel."""

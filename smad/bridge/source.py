@@ -85,9 +85,9 @@ class Source:
         for axis, part in status.parts().items():
             gains = msgspec.structs.asdict(part.gains).items()
             self.parameters |= {named(axis, f"gains.{k}"): v for k, v in gains if v is not None}
-        known, self.events = set(self.events), status.events
+        earlier, self.events = set(self.events), status.events
         for entry in status.events:
-            if entry not in known:
+            if entry not in earlier:
                 self._sink.publish(LOG, *log(entry.time_s, entry.kind, entry.text))
         sampled = (part.sample for part in status.parts().values() if part.sample is not None)
         now_s = max((row.host_time_s for row in sampled if row.host_time_s is not None), default=0)

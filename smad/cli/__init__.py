@@ -83,12 +83,12 @@ class LazyGroup(click.Group):
 
     def _in_groups(self, ctx: click.Context, word: str) -> list[str]:
         """The commands of groups that are called so: `smad mark` is `smad record note`."""
-        wanted = SYNONYMS.get(word, word)
+        command = SYNONYMS.get(word, word)
         groups = ((name, self.get_command(ctx, name)) for name in COMMANDS)
         return [
-            f"smad {name} {wanted}"
+            f"smad {name} {command}"
             for name, group in groups
-            if isinstance(group, click.Group) and wanted in group.list_commands(ctx)
+            if isinstance(group, click.Group) and command in group.list_commands(ctx)
         ]
 
 
@@ -152,10 +152,10 @@ def run_group(group: click.Group, arguments: Sequence[str], program: str) -> int
         return error.exit_code
     except click.UsageError as error:
         path = error.ctx.command_path if error.ctx is not None else program
-        what = (_hint(error) or error.format_message()).rstrip(".").replace("?.", "?")
-        what = _NO_NUMBER.sub(lambda match: f"is not a {_NUMBERS[match[1]]}", what)
-        end = "" if what.endswith("?") else "."
-        return _complain(f"{what}{end} See {path} --help.", error.exit_code)
+        complaint = (_hint(error) or error.format_message()).rstrip(".").replace("?.", "?")
+        complaint = _NO_NUMBER.sub(lambda match: f"is not a {_NUMBERS[match[1]]}", complaint)
+        end = "" if complaint.endswith("?") else "."
+        return _complain(f"{complaint}{end} See {path} --help.", error.exit_code)
     except click.ClickException as error:
         return _complain(error.format_message(), error.exit_code)
     except (click.Abort, KeyboardInterrupt):
@@ -182,9 +182,9 @@ def _hint(error: click.UsageError) -> str:
     if context is None:
         return ""
     if (match := _NO_COMMAND.match(message)) and isinstance(context.command, click.Group):
-        wanted = SYNONYMS.get(match[1], "")
-        if wanted in context.command.list_commands(context):
-            return f"{match[0]}. Did you mean {wanted!r}?"
+        suggestion = SYNONYMS.get(match[1], "")
+        if suggestion in context.command.list_commands(context):
+            return f"{match[0]}. Did you mean {suggestion!r}?"
     if (match := _EXTRA.match(message)) and match[1][:1].isalpha() and is_unit(match[1]):
         return f"{message.rstrip('.')}: write a unit without a space, as in 5{match[1]}"
     return ""

@@ -26,7 +26,7 @@ def foxglove(port: int = port_option(8765), bench: str = bench_option) -> None:
 async def _serve(bench: str, port: int) -> None:
     from smad.bridge.server import serving
 
-    async with serving(bench, port) as made:
-        click.echo(f"connect to {made.address} (Foxglove WebSocket)")
+    async with serving(bench, port) as served:
+        click.echo(f"connect to {served.address} (Foxglove WebSocket)")
         click.echo("Anyone on this machine can watch. Ctrl-C ends the bridge, not the bench.")
         await asyncio.Event().wait()

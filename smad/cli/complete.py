@@ -19,11 +19,11 @@ def _offer(names: Callable[[], Iterable[tuple[str, str]]]) -> Offer:
     ) -> list[CompletionItem]:
         # A part that is not installed has no names to offer, and the tab key no place for errors.
         with contextlib.suppress(ImportError, OSError):
-            wanted = typed.lower()
+            prefix = typed.lower()
             return [
                 CompletionItem(name, help=about or None)
                 for name, about in names()
-                if name.lower().startswith(wanted)
+                if name.lower().startswith(prefix)
             ]
         return []
 

@@ -74,14 +74,14 @@ def design(
     with plain_errors():
         base, geometry = load_geometry(source, base=params)
         geometry = replace(geometry, **{n: v for n, v in asdict(sizes).items() if v is not None})
-        made = design_cycle(base, geometry, **asdict(drive))
-    for said in made.outside:
-        click.echo(f"outside what was checked: {said}", err=True)
+        designed = design_cycle(base, geometry, **asdict(drive))
+    for remark in designed.outside:
+        click.echo(f"outside what was checked: {remark}", err=True)
     if page is not None:
-        write_page(design_page(made, geometry, base.title, **asdict(drive)), page)
+        write_page(design_page(designed, geometry, base.title, **asdict(drive)), page)
     if as_json:
-        print_json(made)
+        print_json(designed)
         return
-    print_table(Table(("quantity", "value"), made.rows()))
+    print_table(Table(("quantity", "value"), designed.rows()))
     if page is not None:
         click.echo(str(page))

@@ -15,9 +15,9 @@ def _named(ctx: click.Context, param: click.Parameter, value: str | None) -> Fau
     """Return the fault that is given by name or number."""
     if value is None:
         return None
-    wanted = value.upper().replace("-", "_")
+    spelling = value.upper().replace("-", "_")
     for fault in Fault:
-        if fault and wanted in (fault.name, str(int(fault))):
+        if fault and spelling in (fault.name, str(int(fault))):
             return fault
     names = [fault.name.lower() for fault in Fault if fault]
     suggestion = instead(value, names, "smad faults list shows them")

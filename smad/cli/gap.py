@@ -138,10 +138,10 @@ def effects(
     from smad.diagnosis.spring_pair import SmaPlant
 
     library = SmaPlant(variant=variant).effects
-    known = [e.name for e in library]
+    library_names = [e.name for e in library]
     for name in names:
-        if name not in known:
-            suggestion = instead(name, known, "smad gap effects lists them")
+        if name not in library_names:
+            suggestion = instead(name, library_names, "smad gap effects lists them")
             raise click.BadParameter(f"there is no effect {name!r}; {suggestion}")
     library = [e for e in library if not names or e.name in names]
     if as_json:

@@ -78,7 +78,7 @@ def commission(
 
     plant, programme = SmaPlant(), chosen(bench.programme_folder, quick=quick)
     with progress() as line:
-        known = baselines.to_extend(
+        baseline = baselines.to_extend(
             folder, plant, programme, bench=bench.name, again=again, say=line.note
         )
         with bench.player(line) as player:
@@ -89,7 +89,7 @@ def commission(
                 player,
                 bench=bench.name,
                 repeats=repeats,
-                baseline=known,
+                baseline=baseline,
                 say=line.note,
                 progress=line.say,
             )
@@ -104,14 +104,14 @@ def commission(
         )
 
 
-def _require_pairs(given: Mapping[str, Any]) -> None:
-    if (given["folder"] is None) == (given["good"] is None):
+def _require_pairs(options: Mapping[str, Any]) -> None:
+    if (options["folder"] is None) == (options["good"] is None):
         raise click.UsageError(
             "give --baseline FOLDER (of smad gap commission), or --good and --now"
         )
-    if given["good"] is not None and given["now"] is None:
+    if options["good"] is not None and options["now"] is None:
         raise click.UsageError("--good needs --now: the runs to judge")
-    require_sim(given["effects"], sim=given["sim"])
+    require_sim(options["effects"], sim=options["sim"])
 
 
 @click.command(cls=Command, require=_require_pairs)

@@ -94,12 +94,12 @@ def without_left_out(
 
 def require_among(names: Sequence[str], groups: Sequence[Sequence[Path]], option: str) -> None:
     """Raises BadParameter where a name is of none of the runs given."""
-    known = {word for group in groups for path in group for word in names_of(path)}
+    words = {word for group in groups for path in group for word in names_of(path)}
     for name in names:
-        if name not in known:
-            there = ", ".join(sorted({path.name for group in groups for path in group}))
+        if name not in words:
+            file_names = ", ".join(sorted({path.name for group in groups for path in group}))
             raise click.BadParameter(
-                f"{name!r} is none of the runs given. They are: {there}", param_hint=option
+                f"{name!r} is none of the runs given. They are: {file_names}", param_hint=option
             )
 
 

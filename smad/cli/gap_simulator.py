@@ -51,22 +51,22 @@ class Simulator:
         if self.window_s is not None and self.mjcf is None:
             raise click.UsageError("--window needs --mjcf; leave it out")
 
-    def diagnose(self, runs: Sequence[Path], **asked: Any) -> Answer:
-        """The answer for it; `asked` is all else that `diagnose_mjcf` and `diagnose_unit` take."""
+    def diagnose(self, runs: Sequence[Path], **options: Any) -> Answer:
+        """The answer; `options` are all else that `diagnose_mjcf` and `diagnose_unit` take."""
         assert self.map_path is not None
         with progress() as line:
-            asked |= {"progress": line.say, "announced": line.note}
+            options |= {"progress": line.say, "announced": line.note}
             if self.mjcf is not None:
                 from smad.simulators.mjcf.asked import diagnose_mjcf
 
                 return diagnose_mjcf(
-                    self.mjcf, self.map_path, runs, window_s=self.window_s, **asked
+                    self.mjcf, self.map_path, runs, window_s=self.window_s, **options
                 )
             from smad.fmi.asked import diagnose_unit
 
             assert self.fmu is not None
             warn_that_code_runs(self.fmu)
-            return diagnose_unit(self.fmu, self.map_path, runs, **asked)
+            return diagnose_unit(self.fmu, self.map_path, runs, **options)
 
     def plan(self, inputs: Sequence[Path], within_s: float) -> Plan:
         """What runs with these inputs would show of it."""

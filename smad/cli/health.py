@@ -45,10 +45,10 @@ def health(
     from smad.report.page import write_page
 
     require_packages("report" if report else "sim")
-    given = _limits(limits)
+    most = _limits(limits)
     with progress() as line:
         rows = collect(folder, verdicts, say=line.note, progress=line.say)
-    bench_health = health_of(rows, given)
+    bench_health = health_of(rows, most)
     if report is not None:
         write_page(page(bench_health, str(folder)), report)
     if as_json:
@@ -63,9 +63,9 @@ def health(
         click.echo(report)
 
 
-def _limits(given: tuple[str, ...]) -> Mapping[str, float]:
+def _limits(texts: tuple[str, ...]) -> Mapping[str, float]:
     limits = {}
-    for text in given:
+    for text in texts:
         name, equals, value = text.rpartition("=")
         try:
             limits[name] = float(value)

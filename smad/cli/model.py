@@ -47,11 +47,11 @@ def export(
     """
     from smad.fmi.export import Mounted, export_unit
 
-    given = simulated_model(effects, params=params, model_file=source)
+    configured = simulated_model(effects, params=params, model_file=source)
     mounted = Mounted(fixture=fixture)
     with plain_errors():
         written = export_unit(
-            given, unit, version=int(version), mounted=mounted, overwrite=overwrite
+            configured, unit, version=int(version), mounted=mounted, overwrite=overwrite
         )
     binary = f"binary for {written.platform}" if written.platform else "no C compiler, so no binary"
     click.echo(f"{written.path}: FMI {version}.0, C source, {binary}")

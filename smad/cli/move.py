@@ -70,9 +70,9 @@ def command_of(piece: type[Piece]) -> click.Command | None:
         for name, parameter in zip(names, parameters, strict=True)
     }
 
-    def send(*, unit_mm: float = 1.0, queue: bool, wait: bool, bench: str, **given: Any) -> None:
+    def send(*, unit_mm: float = 1.0, queue: bool, wait: bool, bench: str, **params: Any) -> None:
         # click knows its arguments in lower case only.
-        named = {name: given[name] if name in given else given[name.lower()] for name in names}
+        named = {name: params[name] if name in params else params[name.lower()] for name in names}
         units = typed_units(click.get_current_context())
         for name in lengths if unit_mm != 1.0 else ():
             if typed_unit := units.get(name) or units.get(name.lower()):
@@ -81,7 +81,7 @@ def command_of(piece: type[Piece]) -> click.Command | None:
                 )
         scaled = {name: named[name] * unit_mm for name in lengths}
         try:
-            made = checked(piece(**{**named, **scaled}), typed)
+            trajectory = checked(piece(**{**named, **scaled}), typed)
         except click.BadParameter as refused:
             of_length = [name for name in lengths if repr(typed[name]) == refused.param_hint]
             if of_length and (limit := _limit_of_bench(bench, of_length[0])):
@@ -89,7 +89,7 @@ def command_of(piece: type[Piece]) -> click.Command | None:
                     f"{refused.message}; this bench allows {limit}", param_hint=refused.param_hint
                 ) from None
             raise
-        _send(cast("Trajectory", made), queue=queue, wait=wait, bench=bench)
+        _send(cast("Trajectory", trajectory), queue=queue, wait=wait, bench=bench)
 
     arguments = [
         f"{parameter.human_readable_name}: {meta.get('description', '')}"

@@ -49,11 +49,11 @@ class _Together:
     lead: str
 
     def parameters(self, name: str) -> list[click.Parameter]:
-        made = list(_parameters_of(self.kind))
-        for parameter in made:
+        parameters = list(_parameters_of(self.kind))
+        for parameter in parameters:
             if self.lead and isinstance(parameter, click.Option) and parameter.help:
                 parameter.help = self.lead + parameter.help[0].lower() + parameter.help[1:]
-        return made
+        return parameters
 
 
 def option(names: str, help: str | None = None, type: Any = str, **settings: Any) -> Any:
@@ -93,7 +93,7 @@ def _declared(function: Callable[..., Any]) -> Iterator[tuple[str, _Typed | _Tog
 
 
 def _parameters_of(function: Callable[..., Any]) -> list[click.Parameter]:
-    return [made for name, typed in _declared(function) for made in typed.parameters(name)]
+    return [param for name, typed in _declared(function) for param in typed.parameters(name)]
 
 
 class Command(click.Command):
@@ -116,23 +116,23 @@ class Command(click.Command):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse, and raise the usage error of options that do not belong together."""
-        left = super().parse_args(ctx, args)
+        remaining = super().parse_args(ctx, args)
         if self._require is not None and not ctx.resilient_parsing:
             self._require(ctx.params)
-        return left
+        return remaining
 
     def invoke(self, ctx: click.Context) -> Any:
         """Call the function, once each file that it is to write can be."""
         _require_outputs(ctx)
         assert self.callback is not None
-        given = dict(ctx.params)
+        values = dict(ctx.params)
         for name, declared in _declared(self.callback):
             if isinstance(declared, _Together):
                 fields = [field for field, _ in _declared(declared.kind)]
-                record = declared.kind(**{field: given.pop(field) for field in fields})
+                record = declared.kind(**{field: values.pop(field) for field in fields})
                 opens = hasattr(record, "open")
-                given[name] = ctx.with_resource(record.open()) if opens else record
-        return ctx.invoke(self.callback, **given)
+                values[name] = ctx.with_resource(record.open()) if opens else record
+        return ctx.invoke(self.callback, **values)
 
 
 class Group(click.Group):

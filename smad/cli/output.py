@@ -25,9 +25,9 @@ def client(bench: str, *, lasting: bool = False) -> Client:
 
     context = click.get_current_context(silent=True)
     axis = "" if context is None else context.meta.get(AXIS, "")
-    made = Client(bench, axis=axis, lease_s=None) if lasting else Client(bench, axis=axis)
-    made_clients.append(made)
-    return made
+    opened = Client(bench, axis=axis, lease_s=None) if lasting else Client(bench, axis=axis)
+    made_clients.append(opened)
+    return opened
 
 
 @contextlib.contextmanager

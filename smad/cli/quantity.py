@@ -40,16 +40,16 @@ class Quantity(click.FloatRange):
         if isinstance(value, int | float):
             return float(value)
         text = str(value).strip()
-        match, shown = _TYPED.fullmatch(text), in_words(self.unit)
+        match, unit_words = _TYPED.fullmatch(text), in_words(self.unit)
         unit = spelt(match["unit"]) if match else ""
         try:
             number = float(match["number"] if match and (self.unit or not unit) else text)
         except ValueError:
-            of = f" of {shown}" if shown else ""
+            of = f" of {unit_words}" if unit_words else ""
             self.fail(f"{value!r} is not a {self.kind}{of}.", param, ctx)
         if unit and unit not in units_for(self.unit):
             allowed = alternatives(self.unit)
-            self.fail(f"{value!r}: give it in {shown}, alone or with {allowed}.", param, ctx)
+            self.fail(f"{value!r}: give it in {unit_words}, alone or with {allowed}.", param, ctx)
         if not math.isfinite(number):
             self.fail(f"{value!r} is not a finite number.", param, ctx)
         if unit and ctx is not None and param is not None:

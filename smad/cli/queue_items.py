@@ -34,7 +34,7 @@ Whoever arms a queue has agreed to what is in it, so `smad tune` does not ask.
 """
 
 
-def items_of(kind: str, given: Sequence[str], folder: Path, repeat: int) -> list[Item]:
+def items_of(kind: str, arguments: Sequence[str], folder: Path, repeat: int) -> list[Item]:
     """Return `repeat` items of a kind, checked. Raises QueueError, or what the command raises."""
     from smad.experiments.registry import whole_names
     from smad.queue.states import Item
@@ -46,7 +46,7 @@ def items_of(kind: str, given: Sequence[str], folder: Path, repeat: int) -> list
             action=instead(kind, KINDS, ", ".join(KINDS)),
         )
     lead, _ = KINDS[kind]
-    words = [*lead, *(whole_names(given) if kind == "run" else given)]
+    words = [*lead, *(whole_names(arguments) if kind == "run" else arguments)]
     title = shlex.join([kind, *words[len(lead) :]])
     bench = not _checked(kind, words, folder)
     titles = (
@@ -99,6 +99,6 @@ def _checked(kind: str, words: Sequence[str], folder: Path) -> bool:
             action=f"give smad {' '.join(lead)} --help itself",
         )
     context = command.make_context(" ".join(["smad", *lead]), list(words[len(lead) :]))
-    given = context.params
-    require_startable(kind, given, folder)
-    return bool(given.get("sim"))
+    params = context.params
+    require_startable(kind, params, folder)
+    return bool(params.get("sim"))

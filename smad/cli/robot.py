@@ -67,8 +67,8 @@ def step(
 
     with client(bench) as connected:
         now = standing_deg(connected, robot_of(connected)).get(segment, (0.0, 0.0))
-        wanted = made((pitch_deg, yaw_deg), duration_s=duration_s, from_deg=now)
-        _move(connected, segment, wanted, wait=wait)
+        course = made((pitch_deg, yaw_deg), duration_s=duration_s, from_deg=now)
+        _move(connected, segment, course, wait=wait)
 
 
 @robot.command(context_settings=NEGATIVE)
@@ -126,10 +126,10 @@ def six_axes(
     from smad.runlog.reader import read_axes
 
     with simulated_axes(6) if sim else client(bench) as connected, progress() as line:
-        made = robot_of(connected)
-        log, skew = draw(connected, made, Circles(radius_deg, period_s), line.say)
-    written = write_page(page_of(log, made, skew), report or log.with_suffix(".html"))
-    print_table(table(list(trackings(read_axes(log), made))))
+        robot_used = robot_of(connected)
+        log, skew = draw(connected, robot_used, Circles(radius_deg, period_s), line.say)
+    written = write_page(page_of(log, robot_used, skew), report or log.with_suffix(".html"))
+    print_table(table(list(trackings(read_axes(log), robot_used))))
     click.echo(
         f"{counted(skew.count, 'simultaneous start')}: {skew.p50_us / 1000:.2f} ms apart (median), "
         f"at most {skew.max_us / 1000:.2f} ms"
@@ -137,8 +137,8 @@ def six_axes(
     click.echo(written)
 
 
-def _move(connected: Client, segment: str, wanted: Angles, *, wait: bool) -> None:
+def _move(connected: Client, segment: str, course: Angles, *, wait: bool) -> None:
     from smad.robot.moving import move_segment
 
-    move_segment(connected, segment, wanted)
+    move_segment(connected, segment, course)
     wait_for_motion(connected, wait=wait, what=segment)

@@ -141,10 +141,10 @@ def run(
     if listing:
         _print_list(as_json=as_json)
         return
-    given = simulated_model(params=parameters, model_file=model)
-    nominal = given.parameters
+    bench_model = simulated_model(params=parameters, model_file=model)
+    nominal = bench_model.parameters
     if feedforward:
-        click.echo(feedforward_section(nominal, given.variant), nl=False)
+        click.echo(feedforward_section(nominal, bench_model.variant), nl=False)
         return
     experiments = chosen_experiments(names, settings)
     page = report or free_path(Path("experiments.html"))
@@ -153,9 +153,9 @@ def run(
         facts = ("logs", str(len(logs)))
         result = run_on(experiments, LogDriver(logs), nominal)
     elif sim:
-        facts = ("bench", f"simulated, {given.variant}, seed {seed}")
+        facts = ("bench", f"simulated, {bench_model.variant}, seed {seed}")
         simulated = CampaignBench(
-            given, configured(given, config_file), seed, frozenset(lacking), save_logs
+            bench_model, configured(bench_model, config_file), seed, frozenset(lacking), save_logs
         )
         with progress() as line:
             result = run_here(experiments, simulated, jobs, line.say)

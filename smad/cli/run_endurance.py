@@ -42,14 +42,14 @@ class _Ends:
     )
 
 
-def _require_pairs(given: Mapping[str, Any]) -> None:
-    if given["displacement"] and given["temperature"]:
+def _require_pairs(options: Mapping[str, Any]) -> None:
+    if options["displacement"] and options["temperature"]:
         raise click.UsageError("give --displacement or --temperature")
-    if given["every"] and given["baseline"] is None:
+    if options["every"] and options["baseline"] is None:
         raise click.UsageError("--every N checkup needs --baseline FOLDER (of smad gap commission)")
-    if given["place_probability"] is not None and not given["every"]:
+    if options["place_probability"] is not None and not options["every"]:
         raise click.UsageError("--end-place needs --every N checkup")
-    require_sim(given["effects"], sim=given["sim"])
+    require_sim(options["effects"], sim=options["sim"])
 
 
 @click.command(cls=Command, require=_require_pairs)
@@ -120,7 +120,7 @@ def endurance(
     if baseline is not None:
         require_baseline(baseline)
     low, high = temperature or displacement or (-5.0, 5.0)
-    asked = run.Endurance(
+    settings = run.Endurance(
         profile=Profile(
             quantity="temperature" if temperature else "displacement",
             low=low,
@@ -146,7 +146,7 @@ def endurance(
             driver = leased_driver(connected, "smad run endurance", lease, line.say)
             config = parse_config(connected.config())
             logs = Path(connected.status().recorder.folder)
-        plan, room = run.prepared(asked, config, folder, logs, go_on=go_on, tell=click.echo)
+        plan, room = run.prepared(settings, config, folder, logs, go_on=go_on, tell=click.echo)
         check = None
         if baseline is not None and every:
             simulated = (seed, effects) if sim else None

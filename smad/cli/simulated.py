@@ -68,8 +68,8 @@ class Boards:
 
     def require_none(self) -> None:
         """Raise ConfigError where something is asked of a board that is not simulated."""
-        asked = self.speed, self.seed, self.axes, self.paced_by_host or None, self.faults or None
-        if any(given is not None for given in asked) or self.firmware != "python":
+        options = self.speed, self.seed, self.axes, self.paced_by_host or None, self.faults or None
+        if any(value is not None for value in options) or self.firmware != "python":
             raise ConfigError(
                 "--speed, --seed, --axes, --paced-by-host, --fault and --firmware need --sim",
                 action="add --sim, or leave them out",
@@ -95,9 +95,9 @@ def simulated_model(
     from sim_device.plant.models import built_in, read_model
 
     with plain_errors():
-        given = built_in(params) if model_file is None else read_model(model_file)
+        base = built_in(params) if model_file is None else read_model(model_file)
     try:
-        model = given.with_effects(dict(from_text(text) for text in effects))
+        model = base.with_effects(dict(from_text(text) for text in effects))
     except PlantError as error:
         raise click.UsageError(f"--effect: {error}") from None
     for line in effect_lines(model.effects, effects):

@@ -55,8 +55,8 @@ def refusal_of(command: msgspec.Struct) -> tuple[str, str] | None:
     except msgspec.ValidationError as error:
         name, bound = field_and_words(str(error))
         unit, value = f" {units.in_words(units.unit_of(name))}".rstrip(), values.get(name)
-        shown = f"{value:g}" if isinstance(value, int | float) else repr(value)
-        return name, f"{shown}{unit}: {bound}{unit}"
+        number = f"{value:g}" if isinstance(value, int | float) else repr(value)
+        return name, f"{number}{unit}: {bound}{unit}"
     return None
 
 

@@ -129,8 +129,8 @@ def _refuse(message: str, text: str, source: str) -> NoReturn:
 
 def _refuse_unknown(name: str, path: str, source: str) -> NoReturn:
     section = find_section(re.sub(r"\[.*", "", path))
-    known = [key.name for key in section.keys] if section else list(Config.__struct_fields__)
+    keys = [key.name for key in section.keys] if section else list(Config.__struct_fields__)
     raise ConfigError(
         f"{source}: unknown key {f'{path}.{name}'.lstrip('.')}",
-        action=instead(name, known, _HELP),
+        action=instead(name, keys, _HELP),
     ) from None

@@ -110,25 +110,23 @@ def outside(
     }
     if cooling == "water":
         values["tube less wire"] = gap_mm
-    said = [
+    out = [
         f"{name} {values[name]:.3g}{unit and f' {unit}'}: checked from {low:g} to {high:g}"
         for name, (unit, low, high) in _CHECKED.items()
         if name in values and not low <= values[name] <= high
     ]
     if cooling != "air" and peak_degC >= BOILS_DEGC:
-        said.append(f"hottest wire {peak_degC:.0f} °C: water boils there, which is not modelled")
+        out.append(f"hottest wire {peak_degC:.0f} °C: water boils there, which is not modelled")
     if geometry.pitch_mm is not None and geometry.pitch_mm > PITCH_MOST * geometry.wire_mm:
-        said.append(f"pitch {geometry.pitch_mm:g} mm: measured to {PITCH_MOST:g} wires")
+        out.append(f"pitch {geometry.pitch_mm:g} mm: measured to {PITCH_MOST:g} wires")
     if stress_MPa > SAFE_MPA:
-        said.append(f"shear stress {stress_MPa:.0f} MPa: above {SAFE_MPA:.0f} MPa it fatigues soon")
+        out.append(f"shear stress {stress_MPa:.0f} MPa: above {SAFE_MPA:.0f} MPa it fatigues soon")
     length_m = math.pi * parameters["coil_diameter"] * parameters["coils"]
     needed_V = current_A * parameters["resistivity"] * length_m / section_m2(parameters)
     supply_V = parameters["supply_voltage"]
     if needed_V > supply_V:
-        said.append(f"current {current_A:g} A: needs {needed_V:.3g} V, the supply has {supply_V:g}")
+        out.append(f"current {current_A:g} A: needs {needed_V:.3g} V, the supply has {supply_V:g}")
     soon_s = anneals_s(parameters, current_A)
     if soon_s < 1.0:
-        said.append(
-            f"current {current_A:g} A: left on, it may anneal the wire after {soon_s:.2g} s"
-        )
-    return tuple(said)
+        out.append(f"current {current_A:g} A: left on, it may anneal the wire after {soon_s:.2g} s")
+    return tuple(out)

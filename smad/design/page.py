@@ -38,7 +38,7 @@ def design_page(
                 "For this geometry",
                 [
                     Table(_HEADER, sizes),
-                    *(Text(f"Outside what was checked: {said}.") for said in design.outside),
+                    *(Text(f"Outside what was checked: {remark}.") for remark in design.outside),
                     Text(_ALLOY, kind="note"),
                 ],
             ),

@@ -141,9 +141,9 @@ def on_bench(
             raise
         finally:
             recorded = bench.stop_recording()
-    t_s, seen, wanted = np.array(answering.trace).reshape(-1, 3).T
+    t_s, seen, reference_mm = np.array(answering.trace).reshape(-1, 3).T
     return BenchRun(
-        path=str(recorded.path), t_s=t_s, displacement_mm=seen, reference_mm=wanted, late=late
+        path=str(recorded.path), t_s=t_s, displacement_mm=seen, reference_mm=reference_mm, late=late
     )
 
 

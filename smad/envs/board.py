@@ -65,7 +65,7 @@ class Boards:
         warm = self._t_cC > lim.fold_start_cC
         ceiling[warm] = np.minimum(ceiling[warm], folded[warm])
         slewed = self._applied_mA + lim.current_slew_mA_per_ms * dt_us // 1000
-        wanted = np.rint(wanted_A * 1e3).astype(np.int64)
-        applied = np.minimum(np.minimum(wanted, ceiling), slewed)
+        wanted_mA = np.rint(wanted_A * 1e3).astype(np.int64)
+        applied = np.minimum(np.minimum(wanted_mA, ceiling), slewed)
         self._applied_mA = np.where(which[:, None], applied, self._applied_mA)
         return np.asarray(self._applied_mA * 1e-3, dtype=np.float64)

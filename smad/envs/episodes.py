@@ -98,20 +98,20 @@ class Episodes:
         options: `reference_mm`, positions for every step or a function as of `references`. Raises
         EnvError for others.
         """
-        given = dict(options or {})
-        wanted = given.pop("reference_mm", self.task.reference)
-        if given:
-            raise EnvError("unknown option", value=sorted(given)[0], limit="reference_mm")
+        rest = dict(options or {})
+        reference = rest.pop("reference_mm", self.task.reference)
+        if rest:
+            raise EnvError("unknown option", value=sorted(rest)[0], limit="reference_mm")
         setup = self._source.setup(rng)
-        self._references[i] = self._positions(wanted, rng)
+        self._references[i] = self._positions(reference, rng)
         self.plants.put(i, setup, seed=int(rng.integers(2**32)))
         self.boards.begin(i)
         self.step_number[i] = 0
 
-    def _positions(self, wanted: Any, rng: np.random.Generator) -> Array:
-        if isinstance(wanted, str) or callable(wanted):
-            return references.drawn(wanted, rng, self._times)
-        row = np.atleast_1d(np.asarray(wanted, dtype=np.float64))
+    def _positions(self, reference: Any, rng: np.random.Generator) -> Array:
+        if isinstance(reference, str) or callable(reference):
+            return references.drawn(reference, rng, self._times)
+        row = np.atleast_1d(np.asarray(reference, dtype=np.float64))
         if row.ndim != 1 or not self.task.steps <= row.size or not np.isfinite(row).all():
             raise EnvError(
                 "reference_mm has not one finite position for each step",
@@ -133,14 +133,14 @@ class Episodes:
         return np.clip(self._seen.astype(np.float32), signals.LOW, signals.HIGH)
 
     def _take(self, read: Array, which: npt.NDArray[np.intp]) -> None:
-        shown = np.empty((len(which), len(signals.MEASURED)))
+        measured = np.empty((len(which), len(signals.MEASURED)))
         rows = read[which]
-        shown[:, 0] = rows[:, 8] * 1e3
-        shown[:, 1] = rows[:, 9]
-        shown[:, 2:6] = rows[:, 4:8] - ZERO_C
-        shown[:, 6:8] = rows[:, 0:2]
-        shown[:, 8:10] = rows[:, 2:4]
-        self._seen[which, : shown.shape[1]] = np.rint(shown / signals.STEPS) * signals.STEPS
+        measured[:, 0] = rows[:, 8] * 1e3
+        measured[:, 1] = rows[:, 9]
+        measured[:, 2:6] = rows[:, 4:8] - ZERO_C
+        measured[:, 6:8] = rows[:, 0:2]
+        measured[:, 8:10] = rows[:, 2:4]
+        self._seen[which, : measured.shape[1]] = np.rint(measured / signals.STEPS) * signals.STEPS
         moment = self.step_number[which]
         self._seen[which, -2] = self._references[which, moment]
         self._seen[which, -1] = self._references[which, moment + self._ahead]
@@ -151,12 +151,12 @@ class Episodes:
 
         Raises ActionRefused.
         """
-        wanted = signals.driven(self.task.action, actions, self.size)
+        commands = signals.driven(self.task.action, actions, self.size)
         going = np.ones(self.size, dtype=np.bool_) if over is None else ~over
         every = self._every if over is None else np.flatnonzero(going)
         drive = self.plants.drive
-        drive[every, :2] = self.boards.regulate(wanted[:, :2], self._dt_us, going)[every]
-        drive[every, 2:4] = wanted[every, 2:]
+        drive[every, :2] = self.boards.regulate(commands[:, :2], self._dt_us, going)[every]
+        drive[every, 2:4] = commands[every, 2:]
         if over is not None and over.any():
             self._advance_only(going)
         else:
@@ -184,8 +184,8 @@ class Episodes:
         rewards = -np.abs(self._seen[:, 0] - self._seen[:, -2])
         stopped = faults != 0
         # Whoever is stopped misses all that is left, by the whole reach to either side.
-        left = self.task.steps - self.step_number
-        rewards = np.where(stopped, -2.0 * references.REACH_mm * (left + 1), rewards)
+        steps_left = self.task.steps - self.step_number
+        rewards = np.where(stopped, -2.0 * references.REACH_mm * (steps_left + 1), rewards)
         rewards = np.where(going, rewards, 0.0)
         ended = (self.step_number >= self.task.steps) | ~solved
         return Stepped(

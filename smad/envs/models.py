@@ -17,17 +17,17 @@ Randomise = None | str | Ranges | Callable[[Model, np.random.Generator], Model]
 POSTERIOR = "posterior"
 
 
-def model_of(given: str | Path | Model) -> Model:
+def model_of(source: str | Path | Model) -> Model:
     """A built-in parameter set by name, a model file, or a model as it is.
 
     Raises EnvError for a file that is not a model of the spring pair.
     """
-    if isinstance(given, Model):
-        return given
-    if str(given) in built_in_sets():
-        return built_in(str(given))
+    if isinstance(source, Model):
+        return source
+    if str(source) in built_in_sets():
+        return built_in(str(source))
     try:
-        return read_model(given)
+        return read_model(source)
     except PlantError as error:
         raise EnvError(
             "this is no model of the spring pair",

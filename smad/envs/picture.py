@@ -26,8 +26,8 @@ def picture(seen: npt.NDArray[np.float32]) -> Picture:
     _spring(image, _WALL, column - 10, float(seen[_AT["rtd_x_degC"]]))
     _spring(image, column + 10, WIDTH - _WALL, float(seen[_AT["rtd_y_degC"]]))
     image[56:104, max(column - 10, 0) : column + 10] = _INK
-    wanted = _column(float(seen[_AT["reference_mm"]]))
-    image[112:140, max(wanted - 2, 0) : wanted + 2] = _WANTED
+    mark = _column(float(seen[_AT["reference_mm"]]))
+    image[112:140, max(mark - 2, 0) : mark + 2] = _WANTED
     return image
 
 

@@ -77,33 +77,33 @@ def driven(kind: str, actions: Any, plants: int) -> Array:
     Raises ActionRefused for what lies outside the space: another shape, NaN, beyond a limit.
     """
     rows = _ACTIONS[kind]
-    given = np.asarray(actions, dtype=np.float64)
-    if given.shape != (plants, len(rows)):
+    values = np.asarray(actions, dtype=np.float64)
+    if values.shape != (plants, len(rows)):
         raise ActionRefused(
             "an action has the wrong shape",
-            value=given.shape[1:] if given.ndim > 1 else given.shape,
+            value=values.shape[1:] if values.ndim > 1 else values.shape,
             limit=f"({len(rows)},): {', '.join(row[0] for row in rows)}",
         )
     low, high = action_range(kind)
     # Neither comparison holds for NaN.
-    wrong = np.argwhere(~((given >= low - ROUNDING) & (given <= high + ROUNDING)))
+    wrong = np.argwhere(~((values >= low - ROUNDING) & (values <= high + ROUNDING)))
     if wrong.size:
         i, column = (int(v) for v in wrong[0])
         name = rows[column][0]
         raise ActionRefused(
             f"action {name} lies outside its space",
-            value=float(given[i, column]),
+            value=float(values[i, column]),
             limit=f"{low[column]:g} to {high[column]:g}",
             action="clip it before the step",
         )
-    given = np.clip(given, low, high)
+    values = np.clip(values, low, high)
     out = np.empty((plants, 4))
     if kind == "demand":
-        out[:, 0] = MOST_A * np.maximum(given[:, 0], 0.0)
-        out[:, 1] = MOST_A * np.maximum(-given[:, 0], 0.0)
-        out[:, 2:] = given[:, 1:]
+        out[:, 0] = MOST_A * np.maximum(values[:, 0], 0.0)
+        out[:, 1] = MOST_A * np.maximum(-values[:, 0], 0.0)
+        out[:, 2:] = values[:, 1:]
     else:
-        out[:] = given
+        out[:] = values
     out[:, :2] = np.rint(out[:, :2] * 1e3) * 1e-3
     out[:, 2:] = np.rint(out[:, 2:] * DUTY_STEPS) / DUTY_STEPS
     return out

@@ -41,14 +41,14 @@ class SpringPairVectorEnv(VectorEnv[Any, Any, Any]):
             raise EnvError("num_envs out of range", value=num_envs, limit="1 or more")
         workers = threads or os.cpu_count() or 1
         self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
-        made = Task(**task)
-        self._episodes = Episodes(num_envs, made, executor=self._pool, workers=workers)
+        settings = Task(**task)
+        self._episodes = Episodes(num_envs, settings, executor=self._pool, workers=workers)
         self.num_envs = num_envs
-        self.steps = made.steps
+        self.steps = settings.steps
         """Steps of an episode."""
         self.render_mode = render_mode
         self.single_observation_space = observation_space()
-        self.single_action_space = action_space(made.action)
+        self.single_action_space = action_space(settings.action)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._generators: list[np.random.Generator] = []
@@ -92,10 +92,10 @@ class SpringPairVectorEnv(VectorEnv[Any, Any, Any]):
             raise EnvError("no episode has begun", action="call reset first")
         over = self._over.copy() if self._over.any() else None
         if over is not None:
-            begun = np.flatnonzero(over)
-            for i in begun:
+            restarted = np.flatnonzero(over)
+            for i in restarted:
                 self._episodes.begin(int(i), self._generators[i])
-            self._episodes.observe(begun)
+            self._episodes.observe(restarted)
         stepped = self._episodes.step(actions, over)
         self._over = stepped.terminated | stepped.truncated
         return (

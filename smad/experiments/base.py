@@ -120,13 +120,13 @@ def options_from(kind: type[Options], settings: Mapping[str, Any], experiment: s
     try:
         options: Options = msgspec.convert(settings, type=kind, strict=False)
     except msgspec.ValidationError as refused:
-        known = [field.name for field in msgspec.structs.fields(kind)]
-        foreign = next((name for name in settings if name not in known), None)
+        names = [field.name for field in msgspec.structs.fields(kind)]
+        foreign = next((name for name in settings if name not in names), None)
         see = f"see smad docs experiments/{experiment}"
         if foreign is not None:
             raise ExperimentError(
                 f"{experiment} has no setting {foreign}",
-                action=f"{instead(foreign, known)} ({see})",
+                action=f"{instead(foreign, names)} ({see})",
             ) from None
         field, words = field_and_words(str(refused))
         raise ExperimentError(

@@ -87,9 +87,9 @@ def draw(bench: Client, robot: Robot, circles: Circles, progress: Say) -> tuple[
     phases[TOGETHER] = everybody
     bench.reset_timing()
     with bench.armed(), bench.record("six-axes") as status:
-        for phase, wanted in phases.items():
+        for phase, of_segments in phases.items():
             bench.note(f"{_MARK}{phase}")
-            bench.move(robot.moves(wanted))
+            bench.move(robot.moves(of_segments))
             bench.wait_until_done(lambda _, phase=phase: progress(f"{_MARK}{phase}"))  # type: ignore[misc]
         bench.note(_END)
         skew = bench.status().skew
@@ -128,14 +128,14 @@ def trackings(runs: Mapping[str, Run], robot: Robot) -> Iterator[Tracking]:
             joints = robot.segments[segment]
             wanted, actual = wanted_deg[segment], actual_deg[segment]
             followed = np.isfinite(wanted_mm[joints.pitch] + wanted_mm[joints.yaw])
-            known = inside & followed & np.isfinite(actual[0] + actual[1])
-            if known.any():
+            valid = inside & followed & np.isfinite(actual[0] + actual[1])
+            if valid.any():
                 yield Tracking(
                     segment,
                     phase,
-                    columns["t_s"][known] - columns["t_s"][known][0],
-                    (wanted[0][known], wanted[1][known]),
-                    (actual[0][known], actual[1][known]),
+                    columns["t_s"][valid] - columns["t_s"][valid][0],
+                    (wanted[0][valid], wanted[1][valid]),
+                    (actual[0][valid], actual[1][valid]),
                 )
 
 

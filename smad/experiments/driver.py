@@ -70,12 +70,12 @@ def require(
     `mountings` are all that the experiment's runs use.
     """
     mounted = driver.mounting()
-    others = [] if mounted is None else sorted(set(mountings) - {mounted})
-    if others:
+    other_mountings = [] if mounted is None else sorted(set(mountings) - {mounted})
+    if other_mountings:
         raise BenchLacksError(
             f"experiment {experiment} needs another mounting of the springs",
             value=str(mounted),
-            limit="; ".join(map(str, others)),
+            limit="; ".join(map(str, other_mountings)),
             action="nothing was moved; mount them that way and give --fixture and --air, or "
             "leave those runs out with --set",
         )

@@ -68,7 +68,7 @@ class Dsc(Experiment[DscOptions]):
         guess_K = self.options.first_guess_degC + ZERO_C
         heating, cooling = both_peaks(data, guess_K)
         estimates = estimates_of(data, guess_K, seed=self.options.seed)
-        made = not self.options.file
+        synthetic = not self.options.file
         return Findings(
             (
                 Comparison(
@@ -79,7 +79,7 @@ class Dsc(Experiment[DscOptions]):
                         for t in (heating.low_K, heating.high_K, cooling.high_K, cooling.low_K)
                     )
                     + " °C",
-                    "from a synthetic file of the model" if made else self.options.file,
+                    "from a synthetic file of the model" if synthetic else self.options.file,
                 ),
                 Comparison(
                     "Fig. 2: latent heats; C_s, Eq. (28)",

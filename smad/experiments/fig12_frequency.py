@@ -119,8 +119,8 @@ class Fig12Frequency(SineExperiment[FrequencyOptions]):
             Comparison(
                 "Fig. 12: largest frequency with R² > 0.9 at 2, 4, …, 12 mm, water",
                 "0.143 Hz at 2 mm, falling with the amplitude",
-                _shown(water),
-                "reference prototype of this model: " + _shown(list(PROTOTYPE_HZ.values())),
+                _as_text(water),
+                "reference prototype of this model: " + _as_text(list(PROTOTYPE_HZ.values())),
                 "stroke",
             )
         ]
@@ -129,7 +129,7 @@ class Fig12Frequency(SineExperiment[FrequencyOptions]):
                 Comparison(
                     "Fig. 12: the same in air",
                     "not given",
-                    _shown([largest.frequency_Hz for largest in largest_of["air"]]),
+                    _as_text([largest.frequency_Hz for largest in largest_of["air"]]),
                     f"over {self.options.air_cycles} cycles, since air fails late",
                 )
             )
@@ -211,7 +211,7 @@ def largest_frequency(
     )
 
 
-def _shown(frequencies: list[float]) -> str:
+def _as_text(frequencies: list[float]) -> str:
     return " ".join(f"{frequency:.3f}" for frequency in frequencies) + " Hz"
 
 
@@ -225,7 +225,7 @@ def _beyond(control: str, air: list[Largest], water: list[float]) -> Comparison:
     return Comparison(
         f"Beyond: the same, {CONTROLS[control].name}",
         "future work" if control != "feedforward" else "–",
-        _shown([largest.frequency_Hz for largest in air]),
+        _as_text([largest.frequency_Hz for largest in air]),
         f"{' '.join(f'{gain:.2f}' for gain in gains)} times plain PI; "
         f"at most {hottest:.1f} °C, {most_A:.2f} A",
     )

@@ -173,9 +173,9 @@ def deviation(run: Recording, theory: CycleTheory, model: ParameterSet) -> float
     ):
         delta, force = theory.deflection_m[path] * 1e3, theory.force_N[path]
         order = np.argsort(delta)
-        here = mounted_mm + part["displacement_mm"]
-        inside = (here > delta.min() + 0.3) & (here < delta.max() - 0.3)
-        expected = np.interp(here[inside], delta[order], force[order])
+        measured_mm = mounted_mm + part["displacement_mm"]
+        inside = (measured_mm > delta.min() + 0.3) & (measured_mm < delta.max() - 0.3)
+        expected = np.interp(measured_mm[inside], delta[order], force[order])
         worst = max(worst, float(np.nanmax(np.abs(part["force_N"][inside] - expected))))
     return worst
 
@@ -208,8 +208,8 @@ def _plane(run: Recording, theory: CycleTheory, model: ParameterSet) -> Plane:
     deflection_mm, force_N = theory.deflection_m * 1e3, theory.force_N
     curves = []
     for phase, bend, dash in (("martensite", martensite, (2, 3)), ("austenite", austenite, (6, 4))):
-        shown = (bend * 1e3 > 10.0) & (bend * 1e3 < 40.0)
-        x, y = bend[shown] * 1e3, force[shown]
+        within = (bend * 1e3 > 10.0) & (bend * 1e3 < 40.0)
+        x, y = bend[within] * 1e3, force[within]
         curves.append(Curve(label=f"{phase} curve", pen="reference", dash=dash, x=x, y=y))
     curves += [
         Curve(

@@ -259,11 +259,11 @@ class LiveDriver:
         try:
             self._client.tune(before)
         except NotReady:
-            known = self._client.as_of(None)
+            generation = self._client.as_of(None)
             try:
                 self._client.tune(before)
             finally:
-                self._client.as_of(known)
+                self._client.as_of(generation)
 
     def rest(self, plan: Plan) -> None:
         """Bring the springs to where a plan begins: cold, the stage back, no detwinned martensite.

@@ -65,15 +65,15 @@ def require_logs(folder: Path, room_bytes: float) -> None:
 
     A folder that is not there yet is made by the daemon; what counts then is where it will be.
     """
-    there = next(place for place in (folder, *folder.parents) if _seen(place))
-    if not there.is_dir() or not os.access(there, os.R_OK | os.X_OK):
+    existing = next(place for place in (folder, *folder.parents) if _seen(place))
+    if not existing.is_dir() or not os.access(existing, os.R_OK | os.X_OK):
         raise CommandError(
             "the run logs of the daemon cannot be read from here",
-            value=str(there),
+            value=str(existing),
             limit="a folder that you may read",
             action=f"run this as the user of the daemon, or set [recorder] folder; {_NOTHING}",
         )
-    free = shutil.disk_usage(there).free
+    free = shutil.disk_usage(existing).free
     if free < room_bytes:
         raise ComputerError(
             f"too little room for run logs in {folder}",

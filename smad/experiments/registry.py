@@ -58,17 +58,17 @@ def chosen_experiments(names: Sequence[str], settings: Sequence[str] = ()) -> li
     for name in names:
         if name != ALL and name not in EXPERIMENTS:
             make_experiment(name)
-    given: dict[str, dict[str, Any]] = {name: {} for name in chosen}
+    options: dict[str, dict[str, Any]] = {name: {} for name in chosen}
     for setting in settings:
-        left, equals, value = setting.partition("=")
-        name, dot, key = left.rpartition(".")
+        target, equals, value = setting.partition("=")
+        name, dot, key = target.rpartition(".")
         if not dot and len(chosen) == 1:
             name = chosen[0]
-        if not equals or name not in given:
+        if not equals or name not in options:
             raise ExperimentError(
                 "this is no setting of an experiment that runs",
                 value=setting,
                 action="write EXPERIMENT.KEY=VALUE",
             )
-        given[name][key] = value
-    return [make_experiment(name, given[name]) for name in chosen]
+        options[name][key] = value
+    return [make_experiment(name, options[name]) for name in chosen]

@@ -103,23 +103,23 @@ class RecordedInputs:
             ("rtd_y_degC", limits.temperature_max_degC, "limits.temperature_max_degC"),
             ("force_N", limits.force_max_N, "limits.force_max_N"),
         ):
-            shown = [abs(v) for v in getattr(self.command, reading) if v is not None]
-            if shown and max(shown) > highest:
+            magnitudes = [abs(v) for v in getattr(self.command, reading) if v is not None]
+            if magnitudes and max(magnitudes) > highest:
                 raise RepeatError(
                     f"{self.name} exceeds a limit of this bench: {reading}",
-                    value=f"{max(shown):.4g}",
+                    value=f"{max(magnitudes):.4g}",
                     limit=f"{highest:g} ({where})",
                     action="the host would reduce its currents; repeat a run within the limits",
                 )
 
     def require_bench(self, uid: str, bench: str) -> None:
         """Raise RepeatError when the run is of another board or another bench."""
-        for mine, wanted in ((self.uid, uid), (self.bench, bench)):
-            if mine != wanted:
+        for logged, connected in ((self.uid, uid), (self.bench, bench)):
+            if logged != connected:
                 raise RepeatError(
                     f"{self.name} was recorded on another bench",
-                    value=mine or "a log that names none",
-                    limit=wanted,
+                    value=logged or "a log that names none",
+                    limit=connected,
                     action="to play its inputs here all the same, add --other-bench",
                 )
 

@@ -94,8 +94,8 @@ def write_campaign(
     facts: Sequence[tuple[str, str]],
 ) -> dict[str, str]:
     """Write the page, and what was recovered as a parameter file; returns the files by name."""
-    shown = campaign_page(result, model, given=given, facts=facts)
-    files = {"page": str(write_page(shown, page))}
+    campaign = campaign_page(result, model, given=given, facts=facts)
+    files = {"page": str(write_page(campaign, page))}
     if parameters is not None:
         with named_output(parameters) as partial:
             partial.write_text(parameters_text(result.recovered))

@@ -25,13 +25,13 @@ def collect(folder: Path, verdicts: Sequence[Path], *, say: Say, progress: Say) 
     """
     if not folder.is_dir():
         raise HealthError(f"there is no folder {folder}", action="name that of the run logs")
-    known = {row.source for row in read(folder / FILE)}
+    sources = {row.source for row in read(folder / FILE)}
     # Check-ups of the queue write theirs beside the output of their items.
     written = (*verdicts, *sorted(folder.glob("queue/item-*.json")))
-    rows = [row_of_verdict(path) for path in written if str(path) not in known]
-    rows += rows_of_cycles(folder, known)
+    rows = [row_of_verdict(path) for path in written if str(path) not in sources]
+    rows += rows_of_cycles(folder, sources)
     counted = (folder / CYCLES_FILE).exists()
-    for path, row in new_rows(folder, known):
+    for path, row in new_rows(folder, sources):
         progress(f"reading {path.name}")
         if isinstance(row, RunLogError):
             say(f"left out: {row}")

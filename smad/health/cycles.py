@@ -20,7 +20,7 @@ _LEFT_OUT = ("number", "t_s", "duration_s")
 Cycle = Mapping[str, float]
 
 
-def rows_of_cycles(folder: Path, known: Collection[str]) -> Iterator[Row]:
+def rows_of_cycles(folder: Path, sources: Collection[str]) -> Iterator[Row]:
     """Yield the row of each block of `cycles.csv` in a folder that is not known yet.
 
     It has the medians of the cycles after the first five; a shorter block adds its cycles to the
@@ -44,7 +44,7 @@ def rows_of_cycles(folder: Path, known: Collection[str]) -> Iterator[Row]:
         settled = block[SETTLING:]
         if len(settled) < WINDOW:
             continue
-        if source not in known:
+        if source not in sources:
             yield Row(
                 # In their order, all of them before the file was written last.
                 unix_s=written_unix_s - (len(cycles) - done) * 1e-3,

@@ -109,10 +109,10 @@ def _cooling(columns: Mapping[str, Array], spring: str) -> Iterator[tuple[str, V
     yield f"cooling_{spring}_per_s", Value(float(np.median(rate)))
 
 
-def new_rows(folder: Path, known: set[str]) -> Iterator[tuple[Path, Row | RunLogError | None]]:
+def new_rows(folder: Path, sources: set[str]) -> Iterator[tuple[Path, Row | RunLogError | None]]:
     """Yield each run log of a folder that has no row yet, with its row or why there is none."""
     for path in sorted(folder.glob("*.mcap")):
-        if path.name in known or ".recovered" in path.name:
+        if path.name in sources or ".recovered" in path.name:
             continue
         try:
             yield path, row_of(path)

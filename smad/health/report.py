@@ -101,9 +101,9 @@ def headline(health: Health) -> str:
 def table(health: Health) -> Table:
     """Return the trends as a table, those that changed first."""
     changed = health.changed
-    others = [trend for trend in health.trends.values() if trend not in changed]
+    unchanged = [trend for trend in health.trends.values() if trend not in changed]
     rows = []
-    for trend in (*changed, *others):
+    for trend in (*changed, *unchanged):
         predicted = health.forecast(trend.name)
         noticed = "" if trend.noticed is None else f"{trend.x[trend.noticed]:.0f}"
         limit = health.limit(trend.name)

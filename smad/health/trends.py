@@ -98,11 +98,11 @@ def trend_of(name: str, x: Array, y: Array, unix_s: Array | None = None) -> Tren
     sittings = _sittings(unix_s)
     charts = [_within(y, sittings, number) for number in range(len(sittings))]
     chart = _between(y, sittings) if len(sittings) >= LEAST_SITTINGS else None
-    known = [c for c in (chart, *charts) if c is not None]
-    if not known:
+    usable = [c for c in (chart, *charts) if c is not None]
+    if not usable:
         return None
-    mean, scatter, _ = known[0]
-    changes = sorted(change for c in known for change in c.changes)
+    mean, scatter, _ = usable[0]
+    changes = sorted(change for c in usable for change in c.changes)
     first = min((c for c in changes if c.back is None), key=lambda c: c.noticed, default=None)
     return Trend(
         name=name,

@@ -152,7 +152,7 @@ def hold(relay: Relay, bench: str, say: Say) -> NoReturn:
     with Client(bench) as client:
         address = client.connection.telemetry
     try:
-        reason = _held(relay, address, say)
+        reason = _reason_to_cut(relay, address, say)
     finally:
         relay.cut()
     raise CommandError(
@@ -161,7 +161,7 @@ def hold(relay: Relay, bench: str, say: Say) -> NoReturn:
     )
 
 
-def _held(relay: Relay, address: str, say: Say) -> str:
+def _reason_to_cut(relay: Relay, address: str, say: Say) -> str:
     """Renew it for as long as it may be on; return why it may not."""
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     socket = subscribe(context, address, b"", 1000)

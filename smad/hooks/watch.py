@@ -52,17 +52,17 @@ class Watcher:
         if not (self._folder / FILE).exists():
             self._last_message = 0
         with contextlib.suppress(OSError, msgspec.MsgspecError):
-            known = msgspec.json.decode(self._file().read_bytes(), type=WatcherState)
-            self._last_message = known.message
-            return known
+            state = msgspec.json.decode(self._file().read_bytes(), type=WatcherState)
+            self._last_message = state.message
+            return state
         return None
 
-    def keep(self, known: WatcherState) -> None:
+    def keep(self, state: WatcherState) -> None:
         """Write down what has been told. A disk that refuses only costs the catching up."""
         with contextlib.suppress(OSError):
             # The daemon makes it with its first run log.
             self._file().parent.mkdir(parents=True, exist_ok=True)
-            write_whole(self._file(), msgspec.json.encode(known))
+            write_whole(self._file(), msgspec.json.encode(state))
 
     def _file(self) -> Path:
         assert self._folder is not None

@@ -112,11 +112,11 @@ def effect_lines(effects: Mapping[str, Mapping[str, float]], named: Iterable[str
     for text in named:
         name = text.partition(":")[0].strip()
         entry, values = effect(name), effects[name]
-        shown = ", ".join(
+        pairs = ", ".join(
             f"{p.name} = {values[p.name]:g} {'' if p.unit == '1' else p.unit}".rstrip()
             for p in entry.parameters
         )
-        yield f"effect {name}: {shown}"
+        yield f"effect {name}: {pairs}"
 
 
 @contextmanager

@@ -20,26 +20,26 @@ USUAL_RATE_HZ = 100
 """What the disk must have room for; the command itself looks again."""
 
 
-def require_startable(kind: str, given: Mapping[str, Any], here: Path) -> None:
-    """Raise SmadError unless a command of this kind, with these parameters, can begin in `here`."""
+def require_startable(kind: str, params: Mapping[str, Any], start_folder: Path) -> None:
+    """Raise SmadError unless a command of this kind, with these parameters, can begin there."""
     for name in NOT_QUEUED:
-        if given.get(name):
+        if params.get(name):
             raise QueueError(f"a command with --{name} moves nothing, so it is not queued")
-    if kind == "run" and "names" in given:
-        chosen_experiments(given["names"], given["settings"])
+    if kind == "run" and "names" in params:
+        chosen_experiments(params["names"], params["settings"])
     for name in INPUTS:
-        path = given.get(name)
-        if isinstance(path, Path) and not (here / path).exists():
+        path = params.get(name)
+        if isinstance(path, Path) and not (start_folder / path).exists():
             raise QueueError(f"{name} {path} is not there", action="nothing was begun; restore it")
-    baseline = given.get("folder" if kind == "checkup" else "baseline")
+    baseline = params.get("folder" if kind == "checkup" else "baseline")
     if baseline is not None:
-        require_baseline(here / baseline)
+        require_baseline(start_folder / baseline)
     if kind == "move":
-        read_moves(here / given["path"]).require_within(_config(given["bench"]))
-    if given.get("sim"):
-        require_logs(here, 0.0)
+        read_moves(start_folder / params["path"]).require_within(_config(params["bench"]))
+    if params.get("sim"):
+        require_logs(start_folder, 0.0)
     else:
-        where = folder.recording_folder(given["bench"]) or here
+        where = folder.recording_folder(params["bench"]) or start_folder
         require_logs(where, BYTES_A_ROW * USUAL_RATE_HZ * ROOM_S)
 
 

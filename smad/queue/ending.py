@@ -52,11 +52,11 @@ def unseen_stop(clients: Sequence[Client], bench: str) -> str:
 
     Empty where it was not, as far as the command's `clients` know of stops.
     """
-    known = {client.as_of(None) for client in clients} - {None}
+    generations = {client.as_of(None) for client in clients} - {None}
     try:
-        if known:
+        if generations:
             with Client(bench) as client:
-                if client.motion().generation not in known:
+                if client.motion().generation not in generations:
                     return "the bench was stopped while this ran"
     except SmadError as error:
         return str(error)

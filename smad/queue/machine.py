@@ -239,8 +239,8 @@ def removed(snapshot: Snapshot, number: int, now_unix_s: float) -> Change:
         raise QueueError(
             f"item {number} is running", action="smad queue pause --now ends it; nothing changed"
         )
-    gone = moved(item, State.REMOVED, "removed", ended_unix_s=now_unix_s)
-    return Change(after=_with_items(snapshot, gone), items=(gone,))
+    item_removed = moved(item, State.REMOVED, "removed", ended_unix_s=now_unix_s)
+    return Change(after=_with_items(snapshot, item_removed), items=(item_removed,))
 
 
 def placed(snapshot: Snapshot, number: int, place: int) -> Change:

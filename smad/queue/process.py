@@ -64,7 +64,7 @@ class ItemProcess:
         return next((line for line in reversed(self._lines) if line), "")
 
     def _read(self, output: Path) -> None:
-        left = LONGEST_OUTPUT
+        bytes_left = LONGEST_OUTPUT
         assert self._process.stdout is not None
         with contextlib.ExitStack() as stack:
             file = None
@@ -74,10 +74,10 @@ class ItemProcess:
                 file = stack.enter_context(output.open("wb", buffering=0))
             for line in iter(lambda: self._process.stdout.readline(_LONGEST_LINE), b""):  # type: ignore[union-attr]
                 self._lines.append(line.decode(errors="replace").strip().removeprefix("smad: "))
-                if file is not None and left > 0:
+                if file is not None and bytes_left > 0:
                     with contextlib.suppress(OSError):
                         file.write(line)
-                    left -= len(line)
+                    bytes_left -= len(line)
 
 
 def begin_item(item: Item, *, folder: Path, bench: str, descriptor: int) -> ItemProcess:

@@ -168,10 +168,10 @@ class Runner:
 
     def _ended(self, status: int) -> None:
         assert self._process is not None
-        said = self._process.last_line() if status else ""
+        last_line = self._process.last_line() if status else ""
         item = self._store.snapshot().item(self._item)
         change = self._store.change(
-            lambda s: machine.ended(s, item.id, status, self._parts.wall_s(), said=said)
+            lambda s: machine.ended(s, item.id, status, self._parts.wall_s(), said=last_line)
         )
         # Written: from here on the process is forgotten.
         self._process, self._asked_to_end_s = None, None

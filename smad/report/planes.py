@@ -118,8 +118,8 @@ def cycles_of(columns: Mapping[str, Any]) -> NDArray[np.int64]:
     """
     for name, turn in _CYCLED:
         signal = _column(columns, name)
-        known = signal[np.isfinite(signal)]
-        if known.size and float(np.ptp(known)) > turn:
+        finite = signal[np.isfinite(signal)]
+        if finite.size and float(np.ptp(finite)) > turn:
             cycles = Cycles(turn)
             return np.array([cycles.add(value) for value in signal.tolist()], np.int64) + 1
     return np.ones(len(columns["t_s"]), np.int64)
@@ -178,8 +178,8 @@ class _Values:
 
 def _moves(columns: Mapping[str, Any], name: str) -> bool:
     signal = _column(columns, name)
-    known = signal[np.isfinite(signal)]
-    return known.size > 1 and float(np.ptp(known)) >= QUANTITIES[name].moves
+    finite = signal[np.isfinite(signal)]
+    return finite.size > 1 and float(np.ptp(finite)) >= QUANTITIES[name].moves
 
 
 def _column(columns: Mapping[str, Any], name: str) -> Array:

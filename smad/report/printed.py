@@ -45,12 +45,12 @@ def write_figure(panels: Panels, path: Path, *, width_mm: float = 85.0) -> Path:
         )
     require_writable(path)
     mpl, figures = part("matplotlib"), part("matplotlib.figure")
-    shown = [panel for panel in panels.panels if not panel.on_demand]
-    size = (width_mm / _MM_PER_INCH, PANEL_MM * max(len(shown), 1) / _MM_PER_INCH)
+    visible = [panel for panel in panels.panels if not panel.on_demand]
+    size = (width_mm / _MM_PER_INCH, PANEL_MM * max(len(visible), 1) / _MM_PER_INCH)
     with mpl.rc_context(_STYLE):
         figure = figures.Figure(figsize=size, layout="constrained")
         for axes, panel in zip(
-            figure.subplots(len(shown), 1, sharex=True, squeeze=False).flat, shown, strict=True
+            figure.subplots(len(visible), 1, sharex=True, squeeze=False).flat, visible, strict=True
         ):
             _draw(axes, panel)
         figure.axes[-1].set_xlabel(panels.x_label)

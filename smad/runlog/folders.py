@@ -26,8 +26,8 @@ def whole_folder(target: Path, marker: str, what: str, *, overwrite: bool) -> It
     with refused_by_system(RunLogError, f"cannot write {target}", action="check folder and space"):
         target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=target.parent, prefix=".smad-") as name:
-            made = Path(name) / target.name
-            yield made
+            folder = Path(name) / target.name
+            yield folder
             if target.exists():
                 shutil.rmtree(target)
-            os.replace(made, target)
+            os.replace(folder, target)

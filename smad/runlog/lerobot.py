@@ -63,8 +63,8 @@ def export_lerobot(
             limit=f"1 to {_MOST_FPS}",
             action="name another rate with --fps",
         )
-    with whole_folder(target, "meta/info.json", "dataset", overwrite=overwrite) as made:
-        _write(runs, made, rate)
+    with whole_folder(target, "meta/info.json", "dataset", overwrite=overwrite) as folder:
+        _write(runs, folder, rate)
     return target
 
 
@@ -93,22 +93,22 @@ def frames(run: Run, channels: Mapping[str, Sequence[str]], fps: int) -> Frames:
     since_s = t_s[:end] - t_s[0]
     at_s = np.arange(int(np.floor(since_s[-1] * fps + 1e-6)) + 1) / fps
     last = np.searchsorted(since_s, at_s + 1e-6 / fps, side="right") - 1
-    made: Frames = {"timestamp": at_s.astype(np.float32)}
+    episode: Frames = {"timestamp": at_s.astype(np.float32)}
     for key, names in channels.items():
         columns = [_numbers(run, name)[:end][last] for name in names]
         values = np.stack(columns, axis=1)
-        made[key] = np.apply_along_axis(without_gaps, 0, values).astype(np.float32)
-        made[_KNOWN[key]] = np.isfinite(values)
-    return made
+        episode[key] = np.apply_along_axis(without_gaps, 0, values).astype(np.float32)
+        episode[_KNOWN[key]] = np.isfinite(values)
+    return episode
 
 
 def without_gaps(column: NDArray[np.float64]) -> NDArray[np.float64]:
     """The column with its last number where it has none; at the start its first; else 0."""
-    known = np.flatnonzero(np.isfinite(column))
-    if not len(known):
+    finite = np.flatnonzero(np.isfinite(column))
+    if not len(finite):
         return np.zeros_like(column)
-    last = np.searchsorted(known, np.arange(len(column)), side="right") - 1
-    return column[known[np.maximum(last, 0)]]
+    last = np.searchsorted(finite, np.arange(len(column)), side="right") - 1
+    return column[finite[np.maximum(last, 0)]]
 
 
 def _numbers(run: Run, name: str) -> NDArray[np.float64]:
@@ -125,17 +125,17 @@ def _write(runs: Sequence[Run], folder: Path, fps: int) -> None:
     tasks = list(dict.fromkeys(_task(run) for run in runs))
     tables, episodes, parts, begin = [], [], [], 0
     for number, run in enumerate(runs):
-        made = frames(run, channels, fps)
-        count = len(made["timestamp"])
+        episode = frames(run, channels, fps)
+        count = len(episode["timestamp"])
         task = tasks.index(_task(run))
-        made |= {
+        episode |= {
             "frame_index": np.arange(count),
             "episode_index": np.full(count, number),
             "index": np.arange(begin, begin + count),
             "task_index": np.full(count, task),
         }
-        tables.append(_table(made, channels))
-        parts.append(made)
+        tables.append(_table(episode, channels))
+        parts.append(episode)
         episodes.append(
             {
                 "episode_index": number,
@@ -147,7 +147,7 @@ def _write(runs: Sequence[Run], folder: Path, fps: int) -> None:
                 "dataset_to_index": begin + count,
                 "meta/episodes/chunk_index": 0,
                 "meta/episodes/file_index": 0,
-                **_flat(statistics(made)),
+                **_flat(statistics(episode)),
             }
         )
         begin += count
@@ -159,7 +159,7 @@ def _write(runs: Sequence[Run], folder: Path, fps: int) -> None:
     (folder / EPISODES).parent.mkdir(parents=True)
     parquet.write_table(pa.Table.from_pylist(episodes), folder / EPISODES)
     parquet.write_table(_task_table(tasks), folder / "meta" / "tasks.parquet")
-    together = {key: np.concatenate([made[key] for made in parts]) for key in parts[0]}
+    together = {key: np.concatenate([episode[key] for episode in parts]) for key in parts[0]}
     _json(folder / "meta" / "stats.json", statistics(together))
     _json(folder / "meta" / "info.json", _info(channels, fps, len(runs), begin, len(tasks)))
 
@@ -168,14 +168,14 @@ def _task(run: Run) -> str:
     return run.header.name or "run"
 
 
-def _table(made: Frames, channels: Mapping[str, Sequence[str]]) -> Any:
+def _table(episode: Frames, channels: Mapping[str, Sequence[str]]) -> Any:
     pa = part("pyarrow")
     arrays = {
-        name: pa.FixedSizeListArray.from_arrays(pa.array(made[name].ravel()), len(names))
+        name: pa.FixedSizeListArray.from_arrays(pa.array(episode[name].ravel()), len(names))
         for key, names in channels.items()
         for name in (key, _KNOWN[key])
     }
-    arrays |= {key: pa.array(made[key]) for key in ("timestamp", *_INDEX)}
+    arrays |= {key: pa.array(episode[key]) for key in ("timestamp", *_INDEX)}
     return pa.table(arrays)
 
 
@@ -203,10 +203,10 @@ def _task_table(tasks: Sequence[str]) -> Any:
     return table.replace_schema_metadata({"pandas": json.dumps(pandas)})
 
 
-def statistics(made: Frames) -> dict[str, dict[str, list[float]]]:
+def statistics(episode: Frames) -> dict[str, dict[str, list[float]]]:
     """Least, most, mean, deviation, count and quantiles of each feature."""
     summary = {}
-    for key, values in made.items():
+    for key, values in episode.items():
         rows = values.reshape(len(values), -1).astype(np.float64)
         summary[key] = {
             "min": rows.min(axis=0).tolist(),

@@ -218,10 +218,10 @@ class McapFile:
         )
 
     def _write(self, data: bytes) -> None:
-        left = memoryview(data)
+        remaining = memoryview(data)
         try:
-            while left:
-                left = left[self._file.write(left) :]
+            while remaining:
+                remaining = remaining[self._file.write(remaining) :]
         except OSError:
             # A cut record would hide everything that is written after it, should the disk recover.
             self._file.truncate(self.size_bytes)

@@ -30,17 +30,17 @@ def extract(path: str | Path, axis: str, target: str | Path | None = None) -> Pa
     ids = {row_topic(axis): CHANNEL_IDS[Row]}
     ids |= {topic: CHANNEL_IDS[kind] for kind, topic in TOPICS.items() if kind is not Row}
     mcap, file = create_log(target, _header_of(run.header, axis))
-    known: dict[int, int] = {}
+    numbers: dict[int, int] = {}
     count = 0
     try:
         with file, path.open("rb") as source:
             for item in scan(source, path.stat().st_size, Damage()):
                 if isinstance(item, records.Channel) and item.topic in ids:
-                    known[item.id] = ids[item.topic]
+                    numbers[item.id] = ids[item.topic]
                 elif isinstance(item, records.Metadata) and item.name == END_METADATA_NAME:
                     mcap.write_metadata(item.name, item.metadata)
-                elif isinstance(item, Message) and item.channel_id in known:
-                    number = known[item.channel_id]
+                elif isinstance(item, Message) and item.channel_id in numbers:
+                    number = numbers[item.channel_id]
                     mcap.add(pack(number, count, item.time_ns, item.body))
                     count += 1
             mcap.finish()

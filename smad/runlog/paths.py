@@ -75,11 +75,11 @@ def distinct_name(path: Path, among: Sequence[Path]) -> str:
     return ""
 
 
-def passed_over(folder: Path, there: Sequence[Path], read: Sequence[Path]) -> str:
+def passed_over(folder: Path, files: Sequence[Path], read: Sequence[Path]) -> str:
     """Which files of a folder are not read, in words; empty where none but smad's own are."""
     passed = [
         str(p.relative_to(folder))
-        for p in there
+        for p in files
         if p not in read and not p.name.startswith(".") and not p.name.endswith(_BESIDE)
     ]
     if not passed:

@@ -82,8 +82,8 @@ class Run:
     @property
     def cut_by(self) -> str:
         """What cut the run, "stopped by …"; empty for one that came to its end."""
-        said = (event.text for event in self.events)
-        return next((text.removeprefix(CUT) for text in said if text.startswith(CUT)), "")
+        texts = (event.text for event in self.events)
+        return next((text.removeprefix(CUT) for text in texts if text.startswith(CUT)), "")
 
     @property
     def missing(self) -> list[str]:

@@ -52,8 +52,8 @@ def export_bag(run: Run, target: Path, *, overwrite: bool = False) -> Path:
     """
     if not len(run):
         raise RunLogError(f"{run.path} holds no rows", action="there is nothing to export")
-    with whole_folder(target, METADATA, "bag", overwrite=overwrite) as made:
-        _write(run, made)
+    with whole_folder(target, METADATA, "bag", overwrite=overwrite) as folder:
+        _write(run, folder)
     return target
 
 
@@ -128,8 +128,8 @@ def _joint(columns: Any, types: Any, stamps: Times) -> _Topic:
     at_mm, force = columns["displacement_mm"], columns.get("force_N")
 
     def joint(row: int, when: int) -> Any:
-        known = force is not None and np.isfinite(force[row])
-        effort = np.array([force[row]] if known else [])
+        measured = force is not None and np.isfinite(force[row])
+        effort = np.array([force[row]] if measured else [])
         at_m = np.array([at_mm[row] * 1e-3])
         return types[kind](_header(types, when), [JOINT], at_m, np.array([]), effort)
 

@@ -164,13 +164,13 @@ class RunWriter:
         if self._file.closed:
             return
         try:
-            there = os.path.samestat(os.stat(self.paths[-1]), os.fstat(self._file.fileno()))
+            in_place = os.path.samestat(os.stat(self.paths[-1]), os.fstat(self._file.fileno()))
         except FileNotFoundError:
-            there = False
+            in_place = False
         except OSError:
             # What is said of the folder is not said of the file: writing will tell.
             return
-        if not there:
+        if not in_place:
             self._give_up(RunLogError("it was deleted, moved or replaced"))
 
     def _drop_notices(self, time_ns: int) -> list[Packed]:
@@ -178,14 +178,14 @@ class RunWriter:
         refused, unfit = self._refused - self._refused_told, self._unfit - self._unfit_told
         self._refused_told += refused
         self._unfit_told += unfit
-        told = (
+        losses = (
             (refused, f"{counted(refused, 'row')} dropped: the disk was too slow for the queue"),
             (unfit, f"{counted(unfit, 'record')} dropped, not writable: {self._unfit_why}"),
         )
         at_s, packer = time_ns / _NS, RecordPacker(0.0)
         return [
             packer.pack(Event(host_time_s=at_s, kind="record", text=text, data={"dropped": count}))
-            for count, text in told
+            for count, text in losses
             if count
         ]
 

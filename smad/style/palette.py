@@ -88,9 +88,9 @@ def following(svg: str) -> str:
     Black and white stand for text and ground. By itself the SVG is as it was.
     """
     names = {colour.light: name for name, colour in reversed(tuple(PALETTE.items()))}
-    for given, name in (("#000000", "text"), ("#ffffff", "back"), *names.items()):
+    for value, name in (("#000000", "text"), ("#ffffff", "back"), *names.items()):
         for what in ("fill", "stroke"):
-            svg = svg.replace(f"{what}: {given}", f"{what}: var(--{name}, {given})")
+            svg = svg.replace(f"{what}: {value}", f"{what}: var(--{name}, {value})")
     return svg
 
 

@@ -91,20 +91,20 @@ class AccessControl:
         origin = headers.get("origin", "")
         if (origin or websocket) and not self._is_ours(origin):
             return Denied(HTTPStatus.FORBIDDEN, "This request comes from another page.")
-        known = _same(_cookie_of(headers.get("cookie", ""), self.cookie_name), self.cookie)
+        has_cookie = _same(_cookie_of(headers.get("cookie", ""), self.cookie_name), self.cookie)
         # No link is made of the token for the connection: a page has cookie and key.
-        given = None if websocket else _token_of(target)
+        token = None if websocket else _token_of(target)
         if websocket:
             key = _key_of(headers.get("sec-websocket-protocol", ""))
             right = _right(key, self.keys["command"], self.keys["watch"])
-            if known and right is not None:
+            if has_cookie and right is not None:
                 return Admitted(right)
-        elif given is not None:
-            right = _right(given, self.command, self.watch)
+        elif token is not None:
+            right = _right(token, self.command, self.watch)
             if right is not None:
                 cookie = f"{self.cookie_name}={self.cookie}; HttpOnly; SameSite=Strict; Path=/"
                 return Admitted(None, cookie, self.keys[right])
-        elif known:
+        elif has_cookie:
             return Admitted()
         return Denied(
             HTTPStatus.UNAUTHORIZED,
@@ -116,15 +116,15 @@ class AccessControl:
         return scheme == "http" and host.lower() in self._hosts
 
 
-def _right(given: str, command: str, watch: str) -> Right | None:
+def _right(token: str, command: str, watch: str) -> Right | None:
     # Both are compared, whatever the first says: the time taken tells nothing.
-    commands, watches = _same(given, command), _same(given, watch)
+    commands, watches = _same(token, command), _same(token, watch)
     return "command" if commands else "watch" if watches else None
 
 
-def _same(given: str, secret: str) -> bool:
+def _same(candidate: str, secret: str) -> bool:
     # An empty secret is one that nobody has.
-    offered = given.encode("utf-8", "surrogateescape")
+    offered = candidate.encode("utf-8", "surrogateescape")
     return bool(secret) & hmac.compare_digest(offered, secret.encode())
 
 

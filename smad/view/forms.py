@@ -127,7 +127,7 @@ def _field(field: types.Field) -> Field:
     kind, meta = bare(field.type)
     initial = None if field.default is msgspec.NODEFAULT else field.default
     stem, unit = parted_name(field.name)
-    made = Field(
+    entry = Field(
         name=field.name,
         label=stem.replace("_", " "),
         unit=in_words(unit),
@@ -141,7 +141,7 @@ def _field(field: types.Field) -> Field:
             | types.IntType(gt=above, ge=least, le=most)
         ):
             return msgspec.structs.replace(
-                made,
+                entry,
                 kind="whole" if isinstance(kind, types.IntType) else "number",
                 initial=TYPICAL.get(field.name) if initial is None else initial,
                 least=least if above is None else above,
@@ -149,7 +149,7 @@ def _field(field: types.Field) -> Field:
                 above=above is not None,
             )
         case types.BoolType():
-            return msgspec.structs.replace(made, kind="switch", initial=bool(initial))
+            return msgspec.structs.replace(entry, kind="switch", initial=bool(initial))
         case types.LiteralType(values=values):
-            return msgspec.structs.replace(made, kind="choice", choices=tuple(map(str, values)))
+            return msgspec.structs.replace(entry, kind="choice", choices=tuple(map(str, values)))
     raise TypeError(f"{field.name}: no input is known for {kind}")

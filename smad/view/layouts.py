@@ -57,17 +57,17 @@ def foxglove(axes: Sequence[str]) -> bytes:
         # What the bridge sends in their place.
         "RosOut!log": {"topicToRender": LOG_TOPIC, "minLogLevel": 1, "searchTerms": []},
     }
-    shown = tabs[0][1]
+    content = tabs[0][1]
     if len(axes) > 1:
         made = [{"title": axis, "layout": _column(names)} for axis, names in tabs]
         panels["Tab!axes"] = {"activeTabIdx": 0, "tabs": made}
-        shown = ["Tab!axes"]
+        content = ["Tab!axes"]
     layout = {
         "configById": panels | events,
         "globalVariables": {},
         "userNodes": {},
         "playbackConfig": {"speed": 1},
-        "layout": _column([*shown, *events]),
+        "layout": _column([*content, *events]),
     }
     return msgspec.json.format(msgspec.json.encode(layout), indent=1) + b"\n"
 

@@ -360,7 +360,7 @@ def status_message(source: Source, axis: Axis, *, ours: bool) -> dict[str, Any]:
         "away": source.why_away,
         "silent_s": round(axis.silent_s, 1),
         "status": now,
-        "tiles": [shown.tile for shown in source.axes.values()] if source.several else [],
+        "tiles": [of_axis.tile for of_axis in source.axes.values()] if source.several else [],
         "armed": source.armed,
         "first_s": axis.first_s,
         "limits": strips.limits(axis.config),

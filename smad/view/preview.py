@@ -90,7 +90,7 @@ def _words(length_s: float, mm: list[float], limits: LimitsConfig) -> str:
     if not mm:
         return f"{text}; no displacement is followed"
     furthest = max(map(abs, mm))
-    left = limits.displacement_max_mm - furthest
+    margin = limits.displacement_max_mm - furthest
     low, high = f"{min(mm):.2f}", f"{max(mm):.2f}"
     where = f"at {low}" if low == high else f"from {low} to {high}"
-    return f"{text}; {where} mm, {left:.2f} mm to the limit of {limits.displacement_max_mm:g} mm"
+    return f"{text}; {where} mm, {margin:.2f} mm to the limit of {limits.displacement_max_mm:g} mm"

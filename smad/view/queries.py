@@ -62,10 +62,10 @@ class Queries:
         if read is not None and to_s > ended_s:
             parts.append(await of_memory(axis.feed, max(from_s, ended_s), to_s, view))
         named = [("memory", from_s < began_s), ("run log", read is not None and read.frame.t)]
-        known = () if read is None else read.marks
+        logged = () if read is None else read.marks
         marks = {
             (round(mark.x), mark.text): mark
-            for mark in (*self._source.marks, *known)
+            for mark in (*self._source.marks, *logged)
             if from_s <= mark.x <= to_s
         }
         return Past(

@@ -55,10 +55,10 @@ def judged_by_command(words: Sequence[str], bench: str, number: int) -> Judgemen
     with tempfile.TemporaryDirectory(prefix="smad-") as scratch:
         verdict = Path(scratch) / "verdict.json"
         program = (sys.executable, "-m", "smad.cli.queue_child", str(os.getpid()), bench)
-        asked = ("gap", "checkup", "--quick", f"--json={verdict}", *words)
+        arguments = ("gap", "checkup", "--quick", f"--json={verdict}", *words)
         environment = {**os.environ, "SMAD_BENCH": bench}
         done = subprocess.run(
-            [*program, *asked], capture_output=True, text=True, check=False, env=environment
+            [*program, *arguments], capture_output=True, text=True, check=False, env=environment
         )
         if done.returncode:
             lines = done.stderr.strip().splitlines() or ["it said nothing"]

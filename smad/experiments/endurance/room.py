@@ -62,15 +62,15 @@ class Reserve:
 
     def __init__(self, folder: Path, room: Room) -> None:
         # The daemon makes the folder with its first log: what counts is the disk where it will be.
-        there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+        existing = next(place for place in (folder, *folder.absolute().parents) if place.exists())
         with refused_by_system(
             CommandError,
             "nothing can be written where the run logs go",
             value=str(folder),
             action="run it as a user who may write there; nothing was moved",
         ):
-            free = shutil.disk_usage(there).free
-            self._file = tempfile.TemporaryFile(dir=there)  # noqa: SIM115 (closed by `close`)
+            free = shutil.disk_usage(existing).free
+            self._file = tempfile.TemporaryFile(dir=existing)  # noqa: SIM115 (closed by `close`)
         if free < room.total:
             self._file.close()
             raise CommandError(

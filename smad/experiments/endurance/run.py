@@ -254,12 +254,12 @@ def _append(path: Path, cycles: list[Cycle]) -> None:
         writer = csv.writer(file)
         if new:
             writer.writerow(NAMES)
-        writer.writerows([_shown(value) for value in structs.astuple(cycle)] for cycle in cycles)
+        writer.writerows([_as_text(value) for value in structs.astuple(cycle)] for cycle in cycles)
         file.flush()
         os.fsync(file.fileno())
 
 
-def _shown(value: float) -> str:
+def _as_text(value: float) -> str:
     if not isinstance(value, float):
         return str(value)
     # Board time of weeks has more digits in front of the point.

@@ -86,8 +86,8 @@ def results(ask: requests.Results) -> list[tuple[str, str]]:
     add_range("force", ("force_N",), "{0:.2f} to {1:.2f} N")
     add_range("temperature", ("rtd_x_degC", "rtd_y_degC"), "{0:.1f} to {1:.1f} °C")
     add_range("current", ("i_meas_x_A", "i_meas_y_A"), "up to {1:.2f} A")
-    said = [event.text for event in run.events if event.kind in ("fault", "note", "warning")]
-    table += [("said", text) for text in said[-5:]]
+    texts = [event.text for event in run.events if event.kind in ("fault", "note", "warning")]
+    table += [("said", text) for text in texts[-5:]]
     table += [("note", note) for note in run.notes]
     return table
 
@@ -96,7 +96,7 @@ def experiments(ask: requests.Experiments) -> list[forms.Form]:
     """Make a form of the settings of each experiment."""
     from smad.experiments.registry import make_experiment
 
-    made = []
+    out = []
     for name in ON_A_BENCH:
         experiment = make_experiment(name)
         form = forms.form_of(type(experiment.options), skip=True)
@@ -104,8 +104,8 @@ def experiments(ask: requests.Experiments) -> list[forms.Form]:
             msgspec.structs.replace(field, initial=AT_HAND.get(field.name, field.initial))
             for field in form.fields
         )
-        made.append(forms.Form(tag=name, title=experiment.title, about="", fields=fields))
-    return made
+        out.append(forms.Form(tag=name, title=experiment.title, about="", fields=fields))
+    return out
 
 
 class _Planned(Exception):

@@ -70,9 +70,9 @@ class Envelopes(NamedTuple):
         )
 
 
-def joined(some: Sequence[Envelopes]) -> Envelopes:
+def joined(parts: Sequence[Envelopes]) -> Envelopes:
     """Return stretches one after the other."""
-    return Envelopes(*map(np.concatenate, zip(*some, strict=True)))
+    return Envelopes(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def of_rows(t: Array, y: Array) -> Envelopes:

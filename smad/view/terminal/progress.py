@@ -81,5 +81,5 @@ def bar(label: str) -> Iterator[Share]:
     if not sys.stderr.isatty():
         yield lambda share: None
         return
-    with click.progressbar(length=_BAR_STEPS, label=label, file=sys.stderr) as shown:
-        yield lambda share: shown.update(max(0, round(share * _BAR_STEPS) - shown.pos))
+    with click.progressbar(length=_BAR_STEPS, label=label, file=sys.stderr) as widget:
+        yield lambda share: widget.update(max(0, round(share * _BAR_STEPS) - widget.pos))

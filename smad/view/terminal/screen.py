@@ -58,8 +58,8 @@ CURVES: tuple[tuple[Strip, Curve], ...] = tuple(
 
 def sparkline(values: Sequence[float | None]) -> str:
     """Return a bar a value, from the least to the most of them; a space where there is none."""
-    known = [value for value in values if value is not None]
-    low, high = (min(known), max(known)) if known else (0.0, 0.0)
+    present = [value for value in values if value is not None]
+    low, high = (min(present), max(present)) if present else (0.0, 0.0)
     step = (high - low) / (len(BARS) - 1)
     return "".join(
         GAP if value is None else BARS[round((value - low) / step) if step else 0]
@@ -68,19 +68,19 @@ def sparkline(values: Sequence[float | None]) -> str:
 
 
 def screen(
-    now: Status | None, history: History, *, columns: int, rows: int, away: str = "", said: str = ""
+    now: Status | None, history: History, *, columns: int, rows: int, away: str = "", note: str = ""
 ) -> list[Line]:
     """Return at most `rows` lines of at most `columns` characters.
 
     State and fault stand first and the keys last, whatever there is between. `away` says why there
-    is no status, or that `now` is old; `said` what came of the last key.
+    is no status, or that `now` is old; `note` what came of the last key.
     """
     if columns < LEAST_COLUMNS or rows < LEAST_ROWS:
         needed = f"This needs {LEAST_COLUMNS} columns and {LEAST_ROWS} rows."
         return [Line(text[:columns]) for text in (needed, KEYS)][:rows]
     pinned = [Line(f"NOT LIVE: {away}", "bad")] if away else []
     pinned += () if now is None else _pinned(now, columns)
-    foot = [Line(said), Line(KEYS, "title")]
+    foot = [Line(note), Line(KEYS, "title")]
     middle = [] if now is None else [*_measured(now, history, columns), *_facts(now)]
     room = rows - len(pinned) - len(foot)
     if now is not None:
@@ -122,13 +122,13 @@ def _readings(now: Status, history: History, columns: int) -> Iterator[Line]:
     yield Line(head, "bad" if old else "title")
     for strip, curve in CURVES:
         values = history.last(curve.column, width)
-        known = [value for value in values if value is not None]
-        if not known:
+        present = [value for value in values if value is not None]
+        if not present:
             continue
         name = f"{strip.title.partition(' of ')[0]}, {curve.label}"
         newest = values[-1]
         value = "–" if newest is None else f"{newest:z.{strip.digits}f} {strip.unit}"
-        ends = f"{min(known):z.{strip.digits}f} … {max(known):z.{strip.digits}f}"
+        ends = f"{min(present):z.{strip.digits}f} … {max(present):z.{strip.digits}f}"
         yield Line(
             f"{name:<{_NAME}} {value:>{_VALUE}} {sparkline(values):>{width}} {ends:>{_RANGE}}"
         )

@@ -169,9 +169,9 @@ def count_lines(link: LinkCounts) -> Iterator[str]:
 
 def other_benches(bench: str) -> Iterator[str]:
     """Name the other benches that run, if any."""
-    others = [name for name in running_benches(candidate_folders()) if name != bench]
-    if others:
-        yield labelled("also", f"{', '.join(others)} (smad status --bench NAME)")
+    names = [name for name in running_benches(candidate_folders()) if name != bench]
+    if names:
+        yield labelled("also", f"{', '.join(names)} (smad status --bench NAME)")
 
 
 def labelled(label: str, text: str) -> str:

@@ -51,18 +51,18 @@ def fitted(
     remark, stays.
     """
     least = [_longest_word([name, *(row[k] for row in rows)]) for k, name in enumerate(header)]
-    shown = [k for k, name in enumerate(header) if name or any(row[k] for row in rows)]
-    while len(shown) > 1 and sum(least[k] + _GAP for k in shown) - _GAP > width:
-        droppable = [k for k in shown[1:] if header[k]] or shown[1:]
-        shown.remove(droppable[-1])
-    left_out = [name for k, name in enumerate(header) if name and k not in shown]
-    widths = {k: max(map(len, (header[k], *(row[k] for row in rows)))) for k in shown}
-    while sum(widths.values()) + _GAP * (len(shown) - 1) > width:
-        widest = max(shown, key=lambda k: (widths[k] > least[k], widths[k]))
+    columns = [k for k, name in enumerate(header) if name or any(row[k] for row in rows)]
+    while len(columns) > 1 and sum(least[k] + _GAP for k in columns) - _GAP > width:
+        droppable = [k for k in columns[1:] if header[k]] or columns[1:]
+        columns.remove(droppable[-1])
+    left_out = [name for k, name in enumerate(header) if name and k not in columns]
+    widths = {k: max(map(len, (header[k], *(row[k] for row in rows)))) for k in columns}
+    while sum(widths.values()) + _GAP * (len(columns) - 1) > width:
+        widest = max(columns, key=lambda k: (widths[k] > least[k], widths[k]))
         widths[widest] -= 1
     lines = [line for row in (header, *rows) for line in _folded(row, widths, numeric)]
     head = len(_folded(header, widths, numeric))
-    lines.insert(head, "─" * (sum(widths.values()) + _GAP * (len(shown) - 1)))
+    lines.insert(head, "─" * (sum(widths.values()) + _GAP * (len(columns) - 1)))
     if left_out:
         lines += ["", *textwrap.wrap(f"not shown at this width: {', '.join(left_out)}", width)]
         lines += textwrap.wrap(
