@@ -103,16 +103,16 @@ class Scheduler:
     def run(self) -> None:
         """Do all that is due at the bench's time."""
         while self._waiting and self._waiting[0][0] <= self._bench.now_us:
-            at_us, _, what, action, injection = self._waiting.pop(0)
-            if what == "begin":
+            at_us, _, phase, action, injection = self._waiting.pop(0)
+            if phase == "begin":
                 self.begun.append((self._bench.now_us, self._bench.heater_J, injection))
                 end = injection.kind.end
                 if end is not None and math.isfinite(injection.lasts_s):
                     self._put(at_us + round(injection.lasts_s * 1e6), "end", end, injection)
             action(self._bench, injection.parameters)
 
-    def _put(self, at_us: int, what: str, action: Action, injection: Injection) -> None:
-        self._waiting.append((at_us, len(self._waiting), what, action, injection))
+    def _put(self, at_us: int, phase: str, action: Action, injection: Injection) -> None:
+        self._waiting.append((at_us, len(self._waiting), phase, action, injection))
         self._waiting.sort(key=lambda entry: entry[:2])
 
 

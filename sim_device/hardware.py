@@ -84,7 +84,7 @@ class Hardware:
     force_counts: int = 0
     broken: bool = False
     """Set whenever a fault touches a part; while False the short ways are taken."""
-    _wanted: tuple[int, ...] = ()
+    _inputs: tuple[int, ...] = ()
     _drive: Drive = field(default_factory=Drive)
     _load_ohm: tuple[float, float] = (0.76, 0.76)
 
@@ -100,10 +100,10 @@ class Hardware:
     def drive(self, s: Memory, drain: tuple[bool, bool], stage_m: float) -> Drive:
         """Return what the springs and pumps get for what the firmware wants."""
         a, d = s.applied_mA, s.duty
-        wanted = (s.gate, a[0], a[1], d[0], d[1], drain[0], drain[1], int(stage_m * 1e6))
-        if wanted == self._wanted and not self.broken:
+        inputs = (s.gate, a[0], a[1], d[0], d[1], drain[0], drain[1], int(stage_m * 1e6))
+        if inputs == self._inputs and not self.broken:
             return self._drive
-        self._wanted = wanted
+        self._inputs = inputs
         if self.broken:
             supply_V = 12.0 if self.supply_V is None else self.supply_V
             i_A = tuple(self._current_A(s, k, supply_V) for k in (0, 1))
@@ -133,11 +133,11 @@ class Hardware:
 
     def spin(self, duty: Sequence[int], dt_s: float) -> None:
         """Advance the speeds of the pumps."""
-        for pump, wanted in zip(self.pumps, duty, strict=True):
-            if pump.mode == "ok" and wanted == 0 and pump.rpm < 1.0:
+        for pump, pump_duty in zip(self.pumps, duty, strict=True):
+            if pump.mode == "ok" and pump_duty == 0 and pump.rpm < 1.0:
                 pump.rpm = 0.0
                 continue
-            target = PUMP_FULL_rpm * wanted / 255.0
+            target = PUMP_FULL_rpm * pump_duty / 255.0
             if pump.mode == "dry":
                 target *= 1.8
             elif pump.mode == "stalled":
@@ -185,11 +185,11 @@ class Hardware:
                 self._load_ohm = _with(self._load_ohm, k, r.v_V[k] / r.i_A[k])
             if driver.mode == "cut" and s.gate and s.applied_mA[k] > 0:
                 m.v_mV[k] = m.vbus_mV - round(DRIVER_DROP_V * 1e3)
-        shown = list(r.rtd_degC)
+        rtd_degC = list(r.rtd_degC)
         if self.rtds_swapped:
-            shown[0], shown[1] = shown[1], shown[0]
+            rtd_degC[0], rtd_degC[1] = rtd_degC[1], rtd_degC[0]
         for j, rtd in enumerate(self.rtds):
-            m.rtd_cC[j] = _convert(rtd, shown[j], dt_s)
+            m.rtd_cC[j] = _convert(rtd, rtd_degC[j], dt_s)
         m.leak = int(self.leak)
         self.encoder_counts += self.encoder_slip_counts
         m.encoder_invalid = int(self.encoder_lost)

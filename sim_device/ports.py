@@ -119,7 +119,7 @@ class PtyPort:
             _point(symlink, self.name)
 
     def fileno(self) -> int | None:
-        return self._master if self._client_there() else None
+        return self._master if self._client_connected() else None
 
     def read(self) -> bytes:
         try:
@@ -131,7 +131,7 @@ class PtyPort:
         return data
 
     def write(self, data: bytes) -> None:
-        if not self._client_there():
+        if not self._client_connected():
             return
         with contextlib.suppress(OSError):
             self._outlet.write(data)
@@ -141,14 +141,14 @@ class PtyPort:
             _unpoint(self._symlink, self.name)
         os.close(self._master)
 
-    def _client_there(self) -> bool:
+    def _client_connected(self) -> bool:
         events = self._poll.poll(0)
-        there = not (events and events[0][1] & select.POLLHUP)
-        if self._attended and not there:
+        connected = not (events and events[0][1] & select.POLLHUP)
+        if self._attended and not connected:
             self._outlet.forget()
             self._flush()
-        self._attended = there
-        return there
+        self._attended = connected
+        return connected
 
     def _flush(self) -> None:
         """Throw away what the client that left did not read."""

@@ -125,9 +125,9 @@ def missing(port: str) -> str:
     """Return what to install before `port` can be built, as a command; empty if nothing is."""
     emulator = PORTS[port].emulator
     for step in PORTS[port].steps:
-        there = step.header is None or step.header.exists()
+        has_header = step.header is None or step.header.exists()
         tools = [step.compiler, *([emulator] if emulator else [])]
-        if None in map(shutil.which, tools) or not there:
+        if None in map(shutil.which, tools) or not has_header:
             return f"apt-get install --no-install-recommends {PORTS[port].packages}"
     return ""
 
@@ -201,8 +201,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 print(f"{port}: left out, {missing(port)}")
                 continue
             build(port)
-            made = ", ".join(str(OUTPUT / step.output) for step in PORTS[port].steps)
-            print(f"{port}: {made}")
+            outputs = ", ".join(str(OUTPUT / step.output) for step in PORTS[port].steps)
+            print(f"{port}: {outputs}")
     except BuildError as error:
         print(f"firmware: {error}", file=sys.stderr)
         return 1

@@ -24,13 +24,13 @@ _FIXTURES = {"antagonistic": ANTAGONISTIC, "stretch": STRETCH, "blocked": BLOCKE
 
 def check_options(variant: str, fixture: str, cooling: str) -> None:
     """Raise ModelError for a variant, fixture or cooling that the plant does not have."""
-    for name, value, known in (
+    for name, value, choices in (
         ("variant", variant, VARIANTS),
         ("fixture", fixture, FIXTURES),
         ("cooling", cooling, COOLINGS),
     ):
-        if value not in known:
-            raise ModelError(f"{name} {value!r} is unknown; use one of {', '.join(known)}")
+        if value not in choices:
+            raise ModelError(f"{name} {value!r} is unknown; use one of {', '.join(choices)}")
 
 
 def kernel_constants(

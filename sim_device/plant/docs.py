@@ -50,7 +50,7 @@ def effects_list() -> str:
 
 
 def _needs(needs: Sequence[tuple[str, tuple[str, ...]]]) -> str:
-    options = ", ".join(f"{option} {' or '.join(known)}" for option, known in needs)
+    options = ", ".join(f"{option} {' or '.join(choices)}" for option, choices in needs)
     return f"; needs {options}" if options else ""
 
 
@@ -61,10 +61,10 @@ def places_table() -> str:
         "|---|---|---|---|---|---|",
     ]
     for entry in PLACES:
-        shown = ", ".join(f"`{channel}`" for channel in entry.channels_of(BOTH))
+        channels = ", ".join(f"`{channel}`" for channel in entry.channels_of(BOTH))
         lines.append(
             f"| `{entry.name}` | {entry.label}{_needs(entry.needs)} | {entry.unit} |"
-            f" {entry.scale:g} | {', '.join(entry.sides)} | {shown} |"
+            f" {entry.scale:g} | {', '.join(entry.sides)} | {channels} |"
         )
     return "\n".join(lines)
 

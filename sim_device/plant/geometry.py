@@ -109,19 +109,19 @@ def load_geometry(
     Raises ParameterError for anything missing, unknown or out of range.
     """
     if path is None:
-        own = load_parameters(base or "A")
-        wire_mm, coil_mm = 1e3 * own["wire_diameter"], 1e3 * own["coil_diameter"]
-        return own, Geometry(wire_mm=wire_mm, coil_mm=coil_mm, turns=own["coils"])
+        parameters = load_parameters(base or "A")
+        wire_mm, coil_mm = 1e3 * parameters["wire_diameter"], 1e3 * parameters["coil_diameter"]
+        return parameters, Geometry(wire_mm=wire_mm, coil_mm=coil_mm, turns=parameters["coils"])
     path = Path(path)
     try:
         raw = parsed(path, "TOML", tomllib.loads)
     except TextFileError as error:
         raise ParameterError("file", f"{path} {error}") from None
     named = str(raw.pop("base", "A"))
-    known = {field.name: field for field in fields(Geometry)}
+    names = {field.name: field for field in fields(Geometry)}
     for key, value in raw.items():
-        if key not in known:
-            raise ParameterError(key, f"unknown in {path.name}; known are base, {', '.join(known)}")
+        if key not in names:
+            raise ParameterError(key, f"unknown in {path.name}; known are base, {', '.join(names)}")
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ParameterError(key, f"is {value!r}, not a number; write {key} = 1.5")
     missing = [name for name in ("wire_mm", "coil_mm", "turns") if name not in raw]

@@ -94,8 +94,8 @@ def joined(laws: Iterable[Law]) -> tuple[Law, ...]:
     for law in laws:
         by_name = terms.setdefault((law.place, law.side), {})
         for term in law.terms:
-            known = by_name.get(term.name)
-            more = 0.0 if known is None else known.coefficient
+            earlier = by_name.get(term.name)
+            more = 0.0 if earlier is None else earlier.coefficient
             by_name[term.name] = replace(term, coefficient=term.coefficient + more)
     return tuple(Law(*key, tuple(by_name.values())) for key, by_name in terms.items())
 
@@ -212,18 +212,18 @@ def basis(seen: Mapping[str, Array], terms: Sequence[Term], t_s: Array) -> Array
 
     Raises InputError for a state that is not there.
     """
-    known: dict[tuple[str, float], Array] = {}
+    cached: dict[tuple[str, float], Array] = {}
 
     def of(factor: Factor) -> Array:
         which = (factor.state, factor.lag_s)
-        if which not in known:
+        if which not in cached:
             if factor.state not in seen:
                 raise InputError(
                     f"the trajectory has no state {factor.state!r}; it has {', '.join(seen)}"
                 )
             values = seen[factor.state]
-            known[which] = lagged(values, t_s, factor.lag_s) if factor.lag_s > 0.0 else values
-        return evaluate_factor(factor, known[which])
+            cached[which] = lagged(values, t_s, factor.lag_s) if factor.lag_s > 0.0 else values
+        return evaluate_factor(factor, cached[which])
 
     out = np.ones((len(t_s), len(terms)))
     for column, term in enumerate(terms):
@@ -314,6 +314,6 @@ def law_table(laws: Sequence[Law]) -> Array:
 
 def unit_of_state(place_name: str, state: str) -> str:
     """Unit of a state of a place; readings have the channel's."""
-    known = next(entry for entry in STATES if entry.name == state)
+    of_state = next(entry for entry in STATES if entry.name == state)
     unit = place(place_name).unit
-    return {"reading": unit, "reading_rate": f"{unit}/s"}.get(state, known.unit)
+    return {"reading": unit, "reading_rate": f"{unit}/s"}.get(state, of_state.unit)

@@ -90,8 +90,8 @@ def write_model(path: str | Path, model: Model) -> None:
     if base not in built_in_sets():
         base = "A"
         of_base = load_parameters(base)
-        here = model.parameters
-        overrides = {name: here[name] for name in here.names if here[name] != of_base[name]}
+        values = model.parameters
+        overrides = {name: values[name] for name in values.names if values[name] != of_base[name]}
     save_model(
         path,
         base=base,
@@ -165,10 +165,10 @@ def read_model(path: str | Path) -> Model:
     if "covariance" not in raw:
         return model
     try:
-        known = read_covariance(_table(path, raw, "covariance"), quantities(model))
+        covariance = read_covariance(_table(path, raw, "covariance"), quantities(model))
     except ModelError as error:
         raise ModelError(f"{path.name}: {error}") from None
-    return replace(model, covariance=known)
+    return replace(model, covariance=covariance)
 
 
 def save_model(

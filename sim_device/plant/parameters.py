@@ -45,7 +45,7 @@ class Entry:
 
     def shown(self, value: float | None = None) -> str:
         """The value (or another one, SI) in the file's unit, with the unit."""
-        return _shown(self.value if value is None else value, self.file_unit)
+        return _in_unit(self.value if value is None else value, self.file_unit)
 
 
 @dataclass(frozen=True)
@@ -158,10 +158,10 @@ def _read(path: Path, seen: tuple[Path, ...]) -> tuple[str, dict[str, Any]]:
     try:
         raw = parsed(path, "TOML", tomllib.loads)
     except TextFileError as error:
-        known = ", ".join(BUILT_IN)
-        raise ParameterError("file", f"{path} {error}; give a file or one of {known}") from None
-    here = path.resolve()
-    if here in seen:
+        names = ", ".join(BUILT_IN)
+        raise ParameterError("file", f"{path} {error}; give a file or one of {names}") from None
+    resolved = path.resolve()
+    if resolved in seen:
         raise ParameterError("extends", f"{path.name} extends itself; break the circle")
     title = raw.pop("title", path.stem)
     base = raw.pop("extends", None)
@@ -172,7 +172,7 @@ def _read(path: Path, seen: tuple[Path, ...]) -> tuple[str, dict[str, Any]]:
         )
     if base is not None:
         parent = beside(path, str(base)) or DATA / str(base)
-        _, inherited = _read(parent, (*seen, here))
+        _, inherited = _read(parent, (*seen, resolved))
         raw = {**inherited, **raw}
     return str(title), raw
 
@@ -187,7 +187,7 @@ def _entry(field: Field, raw: object) -> Entry:
         raise ParameterError(name, f"has an unknown key '{key}'; an entry has {_LISTED}")
     unit = UNITS.get(str(raw["unit"]))
     if unit is None or unit.si != field.unit:
-        fitting = sorted(key for key, known in UNITS.items() if known.si == field.unit)
+        fitting = sorted(key for key, u in UNITS.items() if u.si == field.unit)
         raise ParameterError(
             name,
             f"unit {raw['unit']!r} is not a unit of {field.symbol}; use {' or '.join(fitting)}",
@@ -233,7 +233,7 @@ def _finite(name: str, value: object) -> float:
     return number
 
 
-def _shown(value: float, unit: str) -> str:
+def _in_unit(value: float, unit: str) -> str:
     """A value (SI) in `unit`, with the unit."""
     number = UNITS[unit].from_si(value)
     return f"{number:.6g}" if unit == "1" else f"{number:.6g} {unit}"
@@ -246,8 +246,8 @@ def _within(name: str, value: float, limits: tuple[float, float], *, unit: str, 
     if not low - slack <= value <= high + slack:
         raise ParameterError(
             name,
-            f"{_shown(value, unit)} is outside the {limit}, "
-            f"{_shown(low, unit)} to {_shown(high, unit)}",
+            f"{_in_unit(value, unit)} is outside the {limit}, "
+            f"{_in_unit(low, unit)} to {_in_unit(high, unit)}",
         )
 
 

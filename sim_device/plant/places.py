@@ -181,8 +181,8 @@ def place(name: str) -> Place:
     try:
         return _BY_NAME[name]
     except (KeyError, TypeError):
-        known = ", ".join(_BY_NAME)
-        raise InputError(f"place {name!r} is unknown; known are {known}") from None
+        names = ", ".join(_BY_NAME)
+        raise InputError(f"place {name!r} is unknown; known are {names}") from None
 
 
 def keys_of(name: str, side: str) -> tuple[Key, ...]:

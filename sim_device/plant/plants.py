@@ -98,10 +98,10 @@ class Plants:
                 tasks.append(pairs)
             else:
                 take(pairs, answers)
-        for pairs, made in self._made(tasks, executor):
+        for pairs, fresh in self._computed(tasks, executor):
             if stored is not None:
-                stored.keep(self._digest(pairs), made)
-            take(pairs, made)
+                stored.keep(self._digest(pairs), fresh)
+            take(pairs, fresh)
         return results
 
     def _pairs(self) -> Iterator[list[_Pair]]:
@@ -110,7 +110,7 @@ class Plants:
         for first in range(0, len(every), self.chunk):
             yield every[first : first + self.chunk]
 
-    def _made(
+    def _computed(
         self, tasks: Sequence[list[_Pair]], executor: Executor | None
     ) -> Iterator[tuple[list[_Pair], list[Result]]]:
         if executor is None:

@@ -236,9 +236,9 @@ def table() -> str:
     for number in NUMBERS:
         ours, ratio = "–", "–"
         if number.ours is not None and number.ratio is not None:
-            given = number.ours()
-            ours = "never" if math.isinf(given) else f"{given:.3g} {number.unit}"
-            ratio = "–" if math.isinf(given) else f"{number.ratio:.2f}"
+            value = number.ours()
+            ours = "never" if math.isinf(value) else f"{value:.3g} {number.unit}"
+            ratio = "–" if math.isinf(value) else f"{number.ratio:.2f}"
         mark = " (fitted)" if number.fitted else ""
         published = f"{number.value:.3g} {number.unit}".strip()
         stated = "–".join(f"{bound:.3g}" for bound in number.stated or ())

@@ -112,17 +112,17 @@ class Setup:
 
     def state(self, temperature_K: float | None = None) -> Any:
         """A fresh state at rest, an array of one record, sensors included."""
-        known = self.latest_rest.get(temperature_K)
-        if known is None:
-            known = k.zeros(k.State)
+        state = self.latest_rest.get(temperature_K)
+        if state is None:
+            state = k.zeros(k.State)
             mount = mounting(
                 self.parameters,
                 fixture=self.fixture,
                 cooling=self.cooling,
                 temperature_K=temperature_K,
             )
-            k.rest(known, self.model, k.filled(k.Mounting, mount), self.ring())
+            k.rest(state, self.model, k.filled(k.Mounting, mount), self.ring())
             # Replays of one run after another begin at the same temperature.
             self.latest_rest.clear()
-            self.latest_rest[temperature_K] = known
-        return k.copied(known)
+            self.latest_rest[temperature_K] = state
+        return k.copied(state)

@@ -13,13 +13,13 @@ def parse_effects(texts: str | Iterable[str]) -> Resolved:
 
     Raises EffectError for text of another form, and as `resolve` does.
     """
-    wanted: dict[str, dict[str, float]] = {}
+    values: dict[str, dict[str, float]] = {}
     for text in [texts] if isinstance(texts, str) else texts:
         name, _, rest = text.strip().partition(":")
-        if name in wanted:
+        if name in values:
             raise EffectError(f"effect {name!r} is given twice; give all its parameters at once")
-        wanted[name] = dict(_pair(text, part) for part in rest.split(",") if part.strip())
-    return resolve(wanted)
+        values[name] = dict(_pair(text, part) for part in rest.split(",") if part.strip())
+    return resolve(values)
 
 
 def _pair(text: str, part: str) -> tuple[str, float]:

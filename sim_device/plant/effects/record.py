@@ -102,7 +102,7 @@ class Effect:
 
     def parameter(self, name: str) -> EffectParameter | None:
         """The parameter of that name, if the effect has it."""
-        return next((known for known in self.parameters if known.name == name), None)
+        return next((q for q in self.parameters if q.name == name), None)
 
 
 def half(scale: float) -> Prior:

@@ -119,7 +119,7 @@ def check_needs(effects: Resolved, options: Mapping[str, str]) -> None:
     """
     for name, values in effects.items():
         entry = effect(name)
-        if all(values[known.name] == known.zero for known in entry.parameters if known.is_strength):
+        if all(values[q.name] == q.zero for q in entry.parameters if q.is_strength):
             continue
         for option, allowed in entry.needs:
             if options[option] not in allowed:
