@@ -15,9 +15,9 @@ _NEAR = 0.15
 def nearest(name: str, known: Iterable[str], at_most: int = 2) -> list[str]:
     """Return the known names that are spelt like `name`, the likest first; case does not count."""
     by_lower = {spelling.lower().replace("-", "_"): spelling for spelling in known}
-    asked = name.lower().replace("-", "_")
-    matches = difflib.get_close_matches(asked, by_lower, n=at_most, cutoff=_LIKE)
-    likeness = [difflib.SequenceMatcher(None, spelling, asked).ratio() for spelling in matches]
+    typed = name.lower().replace("-", "_")
+    matches = difflib.get_close_matches(typed, by_lower, n=at_most, cutoff=_LIKE)
+    likeness = [difflib.SequenceMatcher(None, spelling, typed).ratio() for spelling in matches]
     return [
         by_lower[spelling]
         for spelling, like in zip(matches, likeness, strict=True)

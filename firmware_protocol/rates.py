@@ -67,16 +67,16 @@ def load(rate_hz: int, baud: int, axes: int = 1) -> Load:
 
 def check(rate_hz: int, baud: int, axes: int = 1) -> Load:
     """Return the load; raises RateError, naming a pair that works, if it does not fit."""
-    wanted = load(rate_hz, baud, axes)
-    if wanted.fits:
-        return wanted
+    needed = load(rate_hz, baud, axes)
+    if needed.fits:
+        return needed
     fast_enough = [b for b in USUAL_BAUDS if load(rate_hz, b, axes).fits]
     slow_enough = [r for r in USUAL_RATES_HZ if load(r, baud, axes).fits]
     ways = [f"{rate_hz} Hz at {fast_enough[0]} Bd"] if fast_enough else []
     ways += [f"{slow_enough[-1]} Hz at {baud} Bd"] if slow_enough else []
     who = "1 axis" if axes == 1 else f"{axes} axes"
     raise RateError(
-        f"{rate_hz} Hz for {who} needs {wanted.share:.0%} of {baud} Bd, the limit is "
+        f"{rate_hz} Hz for {who} needs {needed.share:.0%} of {baud} Bd, the limit is "
         f"{MOST_SHARE:.0%}; use {' or '.join(ways) if ways else 'a USB port or fewer axes'}"
     )
 

@@ -112,21 +112,21 @@ def differences(host: dict[str, Any], other: dict[str, Any]) -> tuple[str, ...]:
     description is not made as `describe` makes it.
     """
     try:
-        mine, theirs = _grouped(host), _grouped(other)
+        of_host, of_board = _grouped(host), _grouped(other)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise SchemaError(f"the board's description is damaged: {error!r}") from None
     lines: list[str] = []
-    for group in sorted(mine.keys() | theirs.keys()):
-        if group in mine and group in theirs:
-            lines += _differences(group, mine[group], theirs[group])
+    for group in sorted(of_host.keys() | of_board.keys()):
+        if group in of_host and group in of_board:
+            lines += _differences(group, of_host[group], of_board[group])
         else:
-            lines.append(f"{group}: only the {'host' if group in mine else 'board'} has it")
+            lines.append(f"{group}: only the {'host' if group in of_host else 'board'} has it")
     return tuple(lines)
 
 
-def _differences(group: str, mine: dict[str, str], theirs: dict[str, str]) -> Iterator[str]:
-    for key in sorted(mine.keys() | theirs.keys()):
-        host_value, other = mine.get(key, "none"), theirs.get(key, "none")
+def _differences(group: str, of_host: dict[str, str], of_board: dict[str, str]) -> Iterator[str]:
+    for key in sorted(of_host.keys() | of_board.keys()):
+        host_value, other = of_host.get(key, "none"), of_board.get(key, "none")
         if host_value != other:
             yield f"{group}{'.' if key else ''}{key}: host has {host_value}, board has {other}"
 

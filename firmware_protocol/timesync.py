@@ -209,13 +209,13 @@ class TimeExchanges:
 
     def answer(self, reply: TimeReply, now_us: int) -> ClockFit | None:
         """Take in an answer; None if it answers no request of ours, or is a second copy."""
-        asked = self._asked_us
-        if asked is None or reply.t1_us != asked % WRAP:
+        asked_us = self._asked_us
+        if asked_us is None or reply.t1_us != asked_us % WRAP:
             return None
         self._asked_us = None
         t2, t3 = self.unwrap(reply.t2_us, now_us), self.unwrap(reply.t3_us, now_us)
         before = self.sync.fit
-        fit = self.sync.add(asked, t2, t3, now_us)
+        fit = self.sync.add(asked_us, t2, t3, now_us)
         if before is not None and fit.exchanges < before.exchanges:
             self.begin(now_us)
         elif before is not None and before.plausible and self.sync.doubtful:

@@ -125,8 +125,8 @@ def _field(cls: type[msgspec.Struct], name: str, hint: Any) -> Field:
     if wire.kind == RECORD_KIND:
         return Field(name, wire, record=base)
     if wire.kind not in NUMBER_CODES and wire.kind not in BLOCK_KINDS:
-        known = ", ".join((*NUMBER_CODES, *BLOCK_KINDS, RECORD_KIND))
-        raise SchemaError(f"{cls.__name__}.{name} is of kind {wire.kind!r}; known are {known}")
+        kinds = ", ".join((*NUMBER_CODES, *BLOCK_KINDS, RECORD_KIND))
+        raise SchemaError(f"{cls.__name__}.{name} is of kind {wire.kind!r}; known are {kinds}")
     is_enum = isinstance(base, type) and issubclass(base, enum.IntEnum)
     return Field(name, wire, enum=base if is_enum else None)
 

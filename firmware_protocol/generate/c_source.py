@@ -238,7 +238,7 @@ def render(codec: Codec, blob: bytes) -> str:
         _PUT,
         _FRAMES.replace("CRC_TABLE", _crc_table()),
         _GATE,
-        *(_known(kind) for kind in checked_enums(codec)),
+        *(_known_function(kind) for kind in checked_enums(codec)),
         *(_pack(cls) + "\n" + _unpack(cls) for cls in codec.messages if fields_of(cls)),
         _parameters(),
         _schema(blob),
@@ -257,7 +257,7 @@ def _crc_table() -> str:
     return "\n".join(f"        {row}" for row in rows)
 
 
-def _known(kind: type[enum.IntEnum]) -> str:
+def _known_function(kind: type[enum.IntEnum]) -> str:
     name = upper(kind.__name__)
     cases = "\n".join(f"    case SMAD_{name}_{member.name}:" for member in kind)
     return (

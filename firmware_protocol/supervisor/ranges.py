@@ -158,23 +158,23 @@ def span_of(kind: str) -> Range:
     return Range(-(1 << (bits - 1)), (1 << (bits - 1)) - 1)
 
 
-def stored_as(wanted: Range) -> str:
+def stored_as(span: Range) -> str:
     """Return the narrowest type that holds a range. Raises TranslationError beyond 64 bits."""
-    return _first(wanted, _STORED)
+    return _first(span, _STORED)
 
 
-def counted_as(*wanted: Range) -> str:
+def counted_as(*spans: Range) -> str:
     """Return the narrowest signed type to calculate in that holds all of the ranges."""
-    everything = wanted[0]
-    for other in wanted[1:]:
+    everything = spans[0]
+    for other in spans[1:]:
         everything = everything.joined(other)
     return _first(everything, ("int16_t", "int32_t", "int64_t"))
 
 
-def _first(wanted: Range, kinds: tuple[str, ...]) -> str:
+def _first(span: Range, kinds: tuple[str, ...]) -> str:
     for kind in kinds:
-        if span_of(kind).holds(wanted):
+        if span_of(kind).holds(span):
             return kind
     raise TranslationError(
-        f"no type holds {wanted.low} to {wanted.high}; narrow the ranges, see ranges.py"
+        f"no type holds {span.low} to {span.high}; narrow the ranges, see ranges.py"
     )

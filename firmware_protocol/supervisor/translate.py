@@ -182,8 +182,8 @@ class Translator:
 
     def _note(self, name: str, span: Range) -> None:
         self._spans[name] = span
-        known = self._widest.get(name)
-        self._widest[name] = span if known is None else known.joined(span)
+        widest = self._widest.get(name)
+        self._widest[name] = span if widest is None else widest.joined(span)
 
     def _if(self, node: ast.If, depth: int) -> list[str]:
         pad = INDENT * depth
@@ -204,8 +204,8 @@ class Translator:
 
     def _join(self, other: dict[str, Range]) -> None:
         for name, span in other.items():
-            mine = self._spans.get(name)
-            self._spans[name] = span if mine is None else mine.joined(span)
+            before = self._spans.get(name)
+            self._spans[name] = span if before is None else before.joined(span)
 
     def _for(self, name: str, source: ast.expr, body: list[ast.stmt], depth: int) -> list[str]:
         pad, inner = INDENT * depth, INDENT * (depth + 1)
