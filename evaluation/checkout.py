@@ -20,10 +20,10 @@ def commit() -> str:
     root = str(Path(__file__).resolve().parents[1])
     words = ("git", "-C", root, "describe", "--always", "--abbrev=12", "--exclude=*", "--dirty=+")
     try:
-        said = subprocess.run(words, capture_output=True, text=True, check=True)
+        result = subprocess.run(words, capture_output=True, text=True, check=True)
     except (OSError, subprocess.CalledProcessError):
         return ""
-    return said.stdout.strip()
+    return result.stdout.strip()
 
 
 @functools.cache

@@ -190,8 +190,8 @@ def _arguments() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True)
     for add in (_recovery, _banks, _runs, _constants, _quiz):
         add(commands)
-    for name, told in _elsewhere().items():
-        commands.add_parser(name, help=told)
+    for name, about in _elsewhere().items():
+        commands.add_parser(name, help=about)
     results = commands.add_parser("results", help="write the page of results from what is kept")
     results.add_argument("--check", action="store_true", help="only say whether it is stale")
     results.set_defaults(run=_results)
@@ -336,15 +336,15 @@ def _quiz(commands: _Commands) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run one command; exits with 2 and one sentence on an error, with 130 when interrupted."""
-    given = sys.argv[1:] if arguments is None else list(arguments)
+    words = sys.argv[1:] if arguments is None else list(arguments)
     try:
-        match given[:1]:
+        match words[:1]:
             case ["design"]:
                 from evaluation.programme.design import main as design
 
-                design(given[1:])
+                design(words[1:])
             case _:
-                options = _arguments().parse_args(given)
+                options = _arguments().parse_args(words)
                 options.run(options)
     except (WithheldError, SmadError) as error:
         print(f"error: {error}", file=sys.stderr)

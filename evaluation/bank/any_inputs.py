@@ -98,31 +98,31 @@ def planned(
             run = record_program(bench, (), program, seed, family=family, number=i - 1000)
             good.append(run)
         count, held_out = int(rng.integers(3, 5)), 1
-    left = list(rng.permutation(len(good)))
-    asked: list[Planned] = []
+    unrepeated = list(rng.permutation(len(good)))
+    plans: list[Planned] = []
     for i, (family, program, seed) in enumerate(_mixed(rng, count)):
         role = "hold_out" if i >= count - held_out else "fit"
-        if left and rng.uniform() < REPEATED:
-            n = int(left.pop())
+        if unrepeated and rng.uniform() < REPEATED:
+            n = int(unrepeated.pop())
             again = f"good-{n + 1}"
-            asked.append(Planned(role, good[n].family, commands_of(good[n]), seed, again))
+            plans.append(Planned(role, good[n].family, commands_of(good[n]), seed, again))
         else:
-            asked.append(Planned(role, family, program, seed))
-    return good, asked
+            plans.append(Planned(role, family, program, seed))
+    return good, plans
 
 
-def _recorded(bench: Bench, active: tuple[Active, ...], asked: list[Planned]) -> list[Run]:
+def _recorded(bench: Bench, active: tuple[Active, ...], plans: list[Planned]) -> list[Run]:
     return [
         record_program(bench, active, p.program, p.seed, family=p.family, number=i)
-        for i, p in enumerate(asked)
+        for i, p in enumerate(plans)
     ]
 
 
-def _again(bench: Bench, runs: list[Run], asked: list[Planned], day: int = 0) -> list[Run]:
+def _again(bench: Bench, runs: list[Run], plans: list[Planned], day: int = 0) -> list[Run]:
     """The same commands once more on a bench without effect; `day` 0: the same day and noise."""
     return [
         record_program(bench, (), commands_of(run), p.seed + day)
-        for run, p in zip(runs, asked, strict=True)
+        for run, p in zip(runs, plans, strict=True)
     ]
 
 
@@ -135,36 +135,36 @@ def make_case(folder: Path, case: Case) -> tuple[Entry, Entry]:
     question = DIFFERS if case.kind == DIFFERS else "changed"
     rng = np.random.default_rng((case.seed, 2))
     bench = another_bench(rng)
-    good, asked = planned(rng, question, bench)
+    good, plans = planned(rng, question, bench)
     tested = changed_parameters(rng, bench) if case.kind == "parameters" else bench
     target = float(np.exp(rng.uniform(*np.log(STRENGTHS[question]))))
-    now = _recorded(tested, (), asked)
-    floor = rms_difference(now, _again(tested, now, asked, OTHER_DAY))
-    gap = rms_difference(now, _again(bench, now, asked)) / floor
+    now = _recorded(tested, (), plans)
+    floor = rms_difference(now, _again(tested, now, plans, OTHER_DAY))
+    gap = rms_difference(now, _again(bench, now, plans)) / floor
     active: tuple[Active, ...] = ()
     for choice in case.choices if case.choices[0] else ():
-        tried = _recorded(bench, choice, asked)
-        active = raised(choice, rms_difference(tried, _again(bench, tried, asked)) / floor, target)
-        now = _recorded(bench, active, asked)
-        gap = rms_difference(now, _again(bench, now, asked)) / floor
+        tried = _recorded(bench, choice, plans)
+        active = raised(choice, rms_difference(tried, _again(bench, tried, plans)) / floor, target)
+        now = _recorded(bench, active, plans)
+        gap = rms_difference(now, _again(bench, now, plans)) / floor
         if REACHED < gap.max() / target < 1.0 / REACHED:
             break
-    runs = _written(folder, case, good, now, asked)
+    runs = _written(folder, case, good, now, plans)
     entry = answer(case.kind, active, target, gap) | {
         "question": question,
-        "repeats": {f"run-{i + 1}": p.repeats for i, p in enumerate(asked) if p.repeats},
+        "repeats": {f"run-{i + 1}": p.repeats for i, p in enumerate(plans) if p.repeats},
         "own": own_differences() if question == DIFFERS else [],
     }
     return {"id": case.name, "question": question, "runs": runs}, entry
 
 
 def _written(
-    folder: Path, case: Case, good: list[Run], now: list[Run], asked: list[Planned]
+    folder: Path, case: Case, good: list[Run], now: list[Run], plans: list[Planned]
 ) -> list[Entry]:
     place = Path("cases") / case.name
     (folder / place).mkdir(parents=True, exist_ok=True)
     named = [(f"good-{i + 1}", "good", run) for i, run in enumerate(good)]
-    named += [(f"run-{i + 1}", asked[i].role, run) for i, run in enumerate(now)]
+    named += [(f"run-{i + 1}", plans[i].role, run) for i, run in enumerate(now)]
     for name, _, run in named:
         files.write_run(folder / place / f"{name}.parquet", run.log)
     return [

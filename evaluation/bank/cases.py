@@ -71,9 +71,9 @@ def _substitutes(
 
 
 def _together(rng: np.random.Generator, size: int) -> tuple[Active, ...]:
-    known = names("known")
+    pool = names("known")
     while True:
-        chosen = [str(n) for n in rng.choice(known, size=size, replace=False)]
+        chosen = [str(n) for n in rng.choice(pool, size=size, replace=False)]
         subsystems = {BY_NAME[n].subsystem for n in chosen}
         clash = any(pair <= set(chosen) for pair in APART)
         if len(subsystems) >= 2 and not clash:
@@ -95,8 +95,8 @@ def draw(seed: int, counts: Mapping[str, int], *, sealed: bool) -> list[Case]:
     pools = {"single": names("known"), "unknown": names("sealed" if sealed else "dev")}
     drawn: list[tuple[str, tuple[tuple[Active, ...], ...]]] = []
     for kind, pool in pools.items():
-        some = _spread(rng, pool, counts.get(kind, 0))
-        drawn += [(kind, _substitutes(rng, pool, name)) for name in some]
+        firsts = _spread(rng, pool, counts.get(kind, 0))
+        drawn += [(kind, _substitutes(rng, pool, name)) for name in firsts]
     for kind, size in (("pair", 2), ("triple", 3)):
         for _ in range(counts.get(kind, 0)):
             drawn.append((kind, tuple(_together(rng, size) for _ in range(CHOICES))))
@@ -110,4 +110,4 @@ def draw(seed: int, counts: Mapping[str, int], *, sealed: bool) -> list[Case]:
         of_differs.append((DIFFERS, choices))
     drawn += [of_differs[i] for i in rng.permutation(len(of_differs))]
     seeds = rng.integers(2**31, size=len(drawn))
-    return [Case(n + 1, *one, int(seeds[n])) for n, one in enumerate(drawn)]
+    return [Case(n + 1, *entry, int(seeds[n])) for n, entry in enumerate(drawn)]

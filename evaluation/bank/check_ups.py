@@ -86,10 +86,10 @@ def _read_run(folder: Path, name: str, duration_s: float) -> Played:
     if tuple(table) != COLUMNS:
         raise BankError(f"{name}.csv: columns are {', '.join(COLUMNS)}, not {', '.join(table)}")
     grid = np.arange(round(duration_s / TICK_s)) * TICK_s
-    at = np.searchsorted(table["t_s"], grid + 1e-9, side="right") - 1
+    index = np.searchsorted(table["t_s"], grid + 1e-9, side="right") - 1
     program = np.zeros((len(grid), 7))
     for column, name_ in enumerate(COLUMNS[1:], start=2):
-        program[:, column] = table[name_][at]
+        program[:, column] = table[name_][index]
     return Played(name, program)
 
 
@@ -210,8 +210,8 @@ def make(order: CheckUps) -> str:
     floors = made(order, until, _good, benches)
     if floors is None:
         return ""
-    own = {c.name: floors[f"bench-{c.number % order.benches + 1}"] for c in cases}
-    done = made(order, until, _make, {c.name: (order, c, own[c.name]) for c in cases})
+    floor_of = {c.name: floors[f"bench-{c.number % order.benches + 1}"] for c in cases}
+    done = made(order, until, _make, {c.name: (order, c, floor_of[c.name]) for c in cases})
     if done is None:
         return ""
     return sealed_up(order, done, {"format": FORMAT, "repeats": order.repeats})

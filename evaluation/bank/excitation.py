@@ -43,12 +43,12 @@ def _following(reference_mm: Array, rest_end_s: float = 6.0) -> Array:
 
 def _held(rng: np.random.Generator, seconds: float, levels: list[float], dwell: float) -> Array:
     out = np.zeros(round(seconds / TICK_s))
-    at = round(4.0 / TICK_s)
+    row = round(4.0 / TICK_s)
     i = 0
-    while at < len(out):
-        until = at + round(dwell * rng.uniform(0.8, 1.2) / TICK_s)
-        out[at:until] = levels[i % len(levels)]
-        at, i = until, i + 1
+    while row < len(out):
+        until = row + round(dwell * rng.uniform(0.8, 1.2) / TICK_s)
+        out[row:until] = levels[i % len(levels)]
+        row, i = until, i + 1
     return out
 
 
@@ -100,16 +100,16 @@ def open_loop(rng: np.random.Generator, seconds: float) -> Array:
     program = _blank(seconds)
     end = len(program) - round(6.0 / TICK_s)
     for current, pump in ((CURRENT_X, PUMP_X), (CURRENT_Y, PUMP_Y)):
-        at = round((4.0 + rng.uniform(0.0, 12.0) * (current == CURRENT_Y)) / TICK_s)
-        while at < end:
+        row = round((4.0 + rng.uniform(0.0, 12.0) * (current == CURRENT_Y)) / TICK_s)
+        while row < end:
             amperes = rng.uniform(1.0, 4.0)
             heat = round(min(12.0, 60.0 / amperes**2) * rng.uniform(0.5, 1.0) / TICK_s)
             pause = round(rng.uniform(0.5, 4.0) / TICK_s)
             cool = round(rng.uniform(2.0, 7.0) / TICK_s)
-            program[at : at + heat, current] = amperes
-            start = at + heat + pause
+            program[row : row + heat, current] = amperes
+            start = row + heat + pause
             program[start : start + cool, pump] = rng.choice((0.5, 0.75, 1.0))
-            at = start + cool + round(rng.uniform(0.5, 5.0) / TICK_s)
+            row = start + cool + round(rng.uniform(0.5, 5.0) / TICK_s)
     program[end:] = 0.0
     return program
 
@@ -126,11 +126,11 @@ def slow_heat(rng: np.random.Generator, seconds: float) -> Array:
         amperes = rng.uniform(1.5, 2.1)
         warm = min(0.55 * half, 62.0 / amperes**2)
         program[round(begin / TICK_s) : round((begin + warm) / TICK_s), current] = amperes
-        at = begin + warm + rng.uniform(2.0, 6.0)
-        while at < begin + half - 1.0:
+        at_s = begin + warm + rng.uniform(2.0, 6.0)
+        while at_s < begin + half - 1.0:
             width = rng.uniform(0.4, 1.5)
-            program[round(at / TICK_s) : round((at + width) / TICK_s), pump] = 1.0
-            at += width + rng.uniform(1.0, 3.0)
+            program[round(at_s / TICK_s) : round((at_s + width) / TICK_s), pump] = 1.0
+            at_s += width + rng.uniform(1.0, 3.0)
     return program
 
 

@@ -94,9 +94,9 @@ def read_run(path: Path) -> Log:
     try:
         return _columns(path)
     except (OSError, EOFError, ValueError, zlib.error) as error:
-        said = str(error).splitlines()[0] if str(error) else type(error).__name__
+        why = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise BankError(
-            f"run file {path} cannot be read ({said}): restore it, or record it again"
+            f"run file {path} cannot be read ({why}): restore it, or record it again"
         ) from error
 
 

@@ -68,7 +68,7 @@ def begun(order: Ordered) -> Ordered:
     """
     if (order.folder / "manifest.json").exists():
         raise BankError(f"{order.folder} is already made: give another folder, or remove it")
-    asked = {k: str(v) for k, v in asdict(order).items() if k not in ("jobs", "minutes")}
+    options = {k: str(v) for k, v in asdict(order).items() if k not in ("jobs", "minutes")}
     path = order.parts / "order.json"
     if not path.exists():
         if order.folder.exists() or order.key_folder.exists():
@@ -77,20 +77,20 @@ def begun(order: Ordered) -> Ordered:
             )
         order.parts.mkdir(parents=True)
         seed = secrets.randbits(48) if order.seed is None else order.seed
-        files.write_json(path, {"seed": seed, "asked": asked})
-    known = files.read_json(path)
-    if known["asked"] != asked:
+        files.write_json(path, {"seed": seed, "asked": options})
+    stored = files.read_json(path)
+    if stored["asked"] != options:
         raise BankError(
-            f"{order.folder} was begun with other options ({known['asked']}): repeat those, or "
+            f"{order.folder} was begun with other options ({stored['asked']}): repeat those, or "
             f"remove it and {order.key_folder}"
         )
-    return replace(order, seed=int(known["seed"]))
+    return replace(order, seed=int(stored["seed"]))
 
 
 def made(
-    order: Order, until: float, one: Callable[..., Any], work: Mapping[str, tuple[Any, ...]]
+    order: Order, until: float, make: Callable[..., Any], work: Mapping[str, tuple[Any, ...]]
 ) -> dict[str, Any] | None:
-    """What `one` gives for all `work`, by name; parts that exist are not made again.
+    """What `make` gives for all `work`, by name; parts that exist are not made again.
 
     None when `until` (monotonic seconds) came before the end.
     """
@@ -100,13 +100,13 @@ def made(
         while missing or running:
             while missing and len(running) < order.jobs and time.monotonic() < until:
                 name = missing.pop(0)
-                running[pool.submit(one, *work[name])] = name
+                running[pool.submit(make, *work[name])] = name
             if not running:
                 return None
             for future in wait(running, return_when=FIRST_COMPLETED).done:
                 files.write_json(order.parts / f"{running.pop(future)}.json", future.result())
-                left = len(missing) + len(running)
-                print(f"\r{len(work) - left}/{len(work)} ", end="", file=sys.stderr, flush=True)
+                pending = len(missing) + len(running)
+                print(f"\r{len(work) - pending}/{len(work)} ", end="", file=sys.stderr, flush=True)
     return {n: files.read_json(order.parts / f"{n}.json") for n in work}
 
 
@@ -128,9 +128,9 @@ def sealed_up(order: Order, cases: Mapping[str, tuple[Entry, Entry]], manifest: 
     return sha256
 
 
-def rms_difference(one: list[Run], other: list[Run]) -> Array:
+def rms_difference(runs: list[Run], other: list[Run]) -> Array:
     """RMS of what two recordings of the same runs differ by, for each of `SIGNALS`."""
-    off = [(a.grid - b.grid)[:, _COLUMNS] for a, b in zip(one, other, strict=True)]
+    off = [(a.grid - b.grid)[:, _COLUMNS] for a, b in zip(runs, other, strict=True)]
     return np.asarray(np.sqrt(np.mean(np.concatenate(off) ** 2, axis=0)))
 
 

@@ -130,12 +130,12 @@ def record_program(
     )
     out = np.zeros((n, len(COLUMNS)))
     operate(bench.vector(), effects, program, inputs, noise, STEPS, TICK_s, *state.arrays(), out)
-    known = inputs.copy()
-    known[:, INLET] = out[:, READINGS.index("rtd_inlet_degC")]
-    known[:, AMBIENT] = out[:, READINGS.index("rtd_ambient_degC")]
+    measured = inputs.copy()
+    measured[:, INLET] = out[:, READINGS.index("rtd_inlet_degC")]
+    measured[:, AMBIENT] = out[:, READINGS.index("rtd_ambient_degC")]
     readings = out[:, : len(READINGS)]
     log = _log(np.random.default_rng((seed, 73)), program, inputs, readings, number)
-    return Run(family, log, readings, known, out[:, len(READINGS) :])
+    return Run(family, log, readings, measured, out[:, len(READINGS) :])
 
 
 def _log(
@@ -167,10 +167,10 @@ def _dropouts(rng: np.random.Generator, log: dict[str, Array]) -> dict[str, Arra
     n = len(log["t_s"])
     fragile = [c for c in READINGS if c.startswith(("rtd", "disp", "force", "v_"))]
     for _ in range(int(rng.integers(1, 4))):
-        at, width = int(rng.integers(n - 20)), int(rng.integers(2, 15))
+        start, width = int(rng.integers(n - 20)), int(rng.integers(2, 15))
         channel = fragile[int(rng.integers(len(fragile)))]
-        log[channel][at : at + width] = np.nan
-        log["valid"][at : at + width] = 0.0
+        log[channel][start : start + width] = np.nan
+        log["valid"][start : start + width] = 0.0
     keep = rng.uniform(size=n) > 1e-3
     gap = int(rng.integers(500, n - 40))
     keep[gap : gap + int(rng.integers(3, 16))] = False

@@ -20,11 +20,11 @@ def usual(name: str) -> tuple[float, float]:
     def runs(active: tuple[Active, ...]) -> list[Run]:
         return [record(bench, active, f, seed, seconds=50.0) for f, seed in SEEDS.items()]
 
-    def again(some: list[Run], day: int = 0) -> list[Run]:
+    def again(recorded: list[Run], day: int = 0) -> list[Run]:
         seeds = SEEDS.values()
         return [
             record_program(bench, (), commands_of(r), seed + day)
-            for r, seed in zip(some, seeds, strict=True)
+            for r, seed in zip(recorded, seeds, strict=True)
         ]
 
     quiet = runs(())
@@ -34,7 +34,7 @@ def usual(name: str) -> tuple[float, float]:
     for _ in range(ROUNDS):
         now = runs(active)
         gap = rms_difference(now, again(now)) / floor
-        found = (active[0].magnitude, float(gap.max()))
-        best = min(best, found, key=lambda b: abs(np.log(max(b[1], 1e-3) / FLOORS)))
+        candidate = (active[0].magnitude, float(gap.max()))
+        best = min(best, candidate, key=lambda b: abs(np.log(max(b[1], 1e-3) / FLOORS)))
         active = raised(active, gap, FLOORS)
     return best

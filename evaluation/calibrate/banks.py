@@ -82,8 +82,8 @@ def _of_bank(path: Path, file: VerdictFile, keys: Sequence[Path]) -> list[CaseRi
     truths = msgspec.json.decode(key.read_bytes(), type=Key).cases
     plant = SmaPlant()
     out = []
-    for name, kept in file.verdicts.items():
-        truth, verdict = truths[name], msgspec.convert(kept, Verdict)
+    for name, raw in file.verdicts.items():
+        truth, verdict = truths[name], msgspec.convert(raw, Verdict)
         if truth.question == DIFFERS or not verdict.first_step:
             continue
         out.append(

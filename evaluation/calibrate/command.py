@@ -45,14 +45,14 @@ def calibrate(
     left_out: list[tuple[Said, Constants]] = []
     for part in folds_of(cases):
         folds = {x.fold for x in part}
-        others = fitted([x for x in cases if x.fold not in folds])
-        left_out += [(x.said(others), others) for x in part]
-    for title, said in (
+        constants = fitted([x for x in cases if x.fold not in folds])
+        left_out += [(x.said(constants), constants) for x in part]
+    for title, scored in (
         ("as shipped", [(x.said(before), before) for x in cases]),
         ("each bench by constants from the others", left_out),
         ("by all of them, on themselves", [(x.said(after), after) for x in cases]),
     ):
-        print(f"{title}\n{text_table(_scores(said))}")
+        print(f"{title}\n{text_table(_scores(scored))}")
     for title, c in (("as shipped", before), ("after", after)):
         print(
             f"loss {title}: whether {whether(cases, c):.4f}, "
@@ -109,8 +109,8 @@ def _of(
     cases: Held, of: Callable[[Said], tuple[float, bool]], *truths: str
 ) -> list[tuple[float, bool]]:
     """What was said of noticed effects, and whether it was right."""
-    wanted = truths or (LISTED, UNLISTED)
-    return [of(s) for s, _ in cases if s.noticed and s.case_rivals.truth in wanted]
+    kinds = truths or (LISTED, UNLISTED)
+    return [of(s) for s, _ in cases if s.noticed and s.case_rivals.truth in kinds]
 
 
 def _scores(cases: Held) -> Table:
@@ -136,16 +136,16 @@ def _scores(cases: Held) -> Table:
             lambda x: x[0].noticed,
         ),
         *(
-            share(f"place right first, {words}", some, lambda x: x[0].place[1])
-            for words, some in (("listed", listed), ("unlisted", other))
+            share(f"place right first, {words}", part, lambda x: x[0].place[1])
+            for words, part in (("listed", listed), ("unlisted", other))
         ),
         *(
             share(
                 f"told places hold the truth, {words}",
-                some,
+                part,
                 lambda x: x[0].told_places_hold(x[1].credible_level),
             )
-            for words, some in (("listed", listed), ("unlisted", other))
+            for words, part in (("listed", listed), ("unlisted", other))
         ),
         share("right name first, listed", listed, lambda x: x[0].name[1]),
         share("right name told, listed", listed, lambda x: x[0].name[1] and x[0].name[0] >= 0.5),
@@ -168,7 +168,7 @@ def _scores(cases: Held) -> Table:
             lines.append((f"mean log probability of the right rival, {truth}",
                           f"{np.mean(logs):.3f}", str(len(logs))))  # fmt: skip
     for words, of in (("places", _place), ("names", _name)):
-        if told := _of(cases, of):
-            lines.append((f"error of the probabilities of {words}", f"{calibration(told):.3f}",
-                          str(len(told))))  # fmt: skip
+        if pairs := _of(cases, of):
+            lines.append((f"error of the probabilities of {words}", f"{calibration(pairs):.3f}",
+                          str(len(pairs))))  # fmt: skip
     return Table(("score", "value [95 %]", "cases"), lines, numeric=frozenset({1, 2}))

@@ -67,8 +67,8 @@ def fitted(cases: Sequence[CaseRivals]) -> Constants:
     c, visible = _EVEN, showing(cases)
     for _ in range(_TURNS):
         c = _least(c, _WHETHER, lambda c: whether(visible, c))
-        some = noticed(cases, c)
-        c = _least(c, _WHICH, lambda c, some=some: which(some, c))  # type: ignore[misc]
+        seen = noticed(cases, c)
+        c = _least(c, _WHICH, lambda c, seen=seen: which(seen, c))  # type: ignore[misc]
     return msgspec.structs.replace(c, credible_level=_credible_level(cases, c))
 
 
@@ -111,9 +111,9 @@ def _loss(cases: Sequence[CaseRivals], loss: Callable[[CaseRivals], float]) -> f
     total = weight = 0.0
     for truth, allowed in ALLOWED.items():
         means = [
-            np.mean([loss(x) for x in some])
+            np.mean([loss(x) for x in group])
             for exact in (True, False)
-            if (some := [x for x in cases if (x.truth, x.exact) == (truth, exact)])
+            if (group := [x for x in cases if (x.truth, x.exact) == (truth, exact)])
         ]
         if means:
             total += float(np.mean(means)) / allowed
@@ -133,15 +133,15 @@ def _least(start: Constants, names: Sequence[str], loss: Callable[[Constants], f
         moved = w - even
         return loss(constants(w)) + _PENALTY * float(moved @ moved)
 
-    even, begun = (np.array([_coordinate(n, getattr(c, n)) for n in names]) for c in (_EVEN, start))
-    simplex = np.concatenate([begun[None], begun + np.eye(len(begun))])
-    found = optimize.minimize(
+    even, first = (np.array([_coordinate(n, getattr(c, n)) for n in names]) for c in (_EVEN, start))
+    simplex = np.concatenate([first[None], first + np.eye(len(first))])
+    best = optimize.minimize(
         of,
-        begun,
+        first,
         method="Nelder-Mead",
         options={"initial_simplex": simplex, "xatol": 0.02, "fatol": 1e-4, "maxfev": 100},
     )
-    return constants(found.x)
+    return constants(best.x)
 
 
 def _coordinate(name: str, value: float) -> float:
@@ -155,17 +155,17 @@ def _value(name: str, coordinate: float) -> float:
 
 def _credible_level(cases: Sequence[CaseRivals], c: Constants) -> float:
     """The least level at which the told places hold the truth in `HELD` of what is noticed."""
-    said = [s for x in cases if x.truth in (LISTED, UNLISTED) for s in (x.said(c),) if s.noticed]
-    kinds = [some for e in (True, False) if (some := [s for s in said if s.case_rivals.exact == e])]
+    seen = [s for x in cases if x.truth in (LISTED, UNLISTED) for s in (x.said(c),) if s.noticed]
+    kinds = [part for e in (True, False) if (part := [s for s in seen if s.case_rivals.exact == e])]
     for level in LEVELS:
-        if kinds and min(_holding(some, level) for some in kinds) >= HELD:
+        if kinds and min(_holding(part, level) for part in kinds) >= HELD:
             return level
     return LEVELS[-1]
 
 
-def _holding(said: Sequence[Said], level: float) -> float:
+def _holding(scored: Sequence[Said], level: float) -> float:
     """How often the places that are told hold the truth."""
-    return float(np.mean([s.told_places_hold(level) for s in said]))
+    return float(np.mean([s.told_places_hold(level) for s in scored]))
 
 
 def _rounded(value: float) -> float:

@@ -180,4 +180,4 @@ def folds_of(cases: Sequence[CaseRivals]) -> list[list[CaseRivals]]:
     names = sorted({x.fold for x in cases})
     part = {name: k % _PARTS for k, name in enumerate(names)}
     parts = [[x for x in cases if part[x.fold] == k] for k in range(_PARTS)]
-    return [some for some in parts if some]
+    return [fold for fold in parts if fold]

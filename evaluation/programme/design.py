@@ -55,8 +55,8 @@ def main(arguments: Sequence[str]) -> None:
     print(f"{programme.title}: {programme.duration_s / 60:.1f} min of runs")
     for run in programme.runs:
         print(f"  {run.name}{' (quick)' if run.quick else '':8}  {run.title}")
-    for label, found in (("whole programme", whole), ("quick part", part)):
-        _print_separations(label, found)
+    for label, pairs in (("whole programme", whole), ("quick part", part)):
+        _print_separations(label, pairs)
 
 
 def _progress(text: str) -> None:
@@ -65,9 +65,9 @@ def _progress(text: str) -> None:
         print(f"{text}\x1b[K", end="\r", file=sys.stderr, flush=True)
 
 
-def _print_separations(label: str, found: Separations) -> None:
-    print(f"{label}: {len(found.share)} pairs of a law and a rival place, merit {merit(found):.3f}")
+def _print_separations(label: str, pairs: Separations) -> None:
+    print(f"{label}: {len(pairs.share)} pairs of a law and a rival place, merit {merit(pairs):.3f}")
     print("  what a free law at the rival leaves of a law: the share, and its d²")
-    for a, b, d2, share in found.worst(_MOST):
+    for a, b, d2, share in pairs.worst(_MOST):
         if share < _CLOSE:
             print(f"  {share:5.3f}  {d2:8.2f}  {a:28} beside {b}")

@@ -129,18 +129,18 @@ def candidate(name: str, seed: int, duration_s: float) -> ProgrammeRun:
     """A run of random pieces within `duration_s`, begun at rest and ended cold and at rest."""
     rng = np.random.default_rng([seed, 28])
     steps: Piece = [(REST_S, 0.0, 0.0, 0.0, 0.0)]
-    left = duration_s - REST_S - sum(t for t, *_ in TAIL)
+    left_s = duration_s - REST_S - sum(t for t, *_ in TAIL)
     titles: list[str] = []
     for kind in rng.permutation(list(FAMILY)):
         y_side = bool(rng.random() < 0.5)
         piece = _mirrored(FAMILY[str(kind)](rng), y_side)
         length = sum(t for t, *_ in piece)
-        if length + 1.0 <= left:
+        if length + 1.0 <= left_s:
             steps += [*piece, (1.0, 0.0, 0.0, 0.0, 0.0)]
-            left -= length + 1.0
+            left_s -= length + 1.0
             titles.append(f"{kind} {'Y' if y_side else 'X'}")
-    if left > 0.0:
-        steps.append((left, 0.0, 0.0, 0.0, 0.0))
+    if left_s > 0.0:
+        steps.append((left_s, 0.0, 0.0, 0.0, 0.0))
     return run_of(name, ", ".join(titles), [*steps, *TAIL])
 
 

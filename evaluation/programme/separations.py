@@ -67,16 +67,16 @@ class Rivals:
     pairs: tuple[tuple[int, int], ...]
 
     @staticmethod
-    def of(found: Responses) -> Rivals:
+    def of(of_laws: Responses) -> Rivals:
         """All pairs of a single law and another place, or another side of its own."""
-        candidates = tuple(found.candidates())
+        candidates = tuple(of_laws.candidates())
         return Rivals(
             candidates,
-            tuple(f"{law.place} {law.side}" for law in found.laws),
-            found.columns,
+            tuple(f"{law.place} {law.side}" for law in of_laws.laws),
+            of_laws.columns,
             tuple(
                 (k, i)
-                for k, law in enumerate(found.laws)
+                for k, law in enumerate(of_laws.laws)
                 for i, c in enumerate(candidates)
                 if (c.place, c.side) != (law.place, law.side)
             ),
@@ -102,9 +102,9 @@ class Separations:
         for n in np.argsort(self.share)[:count]:
             k, i = self.rivals.pairs[n]
             rival = self.rivals.candidates[i]
-            told = f"{rival.place} {rival.side}"
+            rival_name = f"{rival.place} {rival.side}"
             d2 = float(np.expm1(self.log_d2[n]))
-            out.append((self.rivals.names[k], told, d2, float(self.share[n])))
+            out.append((self.rivals.names[k], rival_name, d2, float(self.share[n])))
         return out
 
 
@@ -131,13 +131,13 @@ def safe(plant: PlantModel, run: ProgrammeRun, limits: Limits) -> ProgrammeRun |
 def _within(plant: PlantModel, point: ModelPoint, run: ProgrammeRun, limits: Limits) -> bool:
     names = [c.name for c in plant.channels]
     played = Played.of(run.as_run(WATER_DEGC, WATER_DEGC), plant.inputs)
-    found = predictions(plant, point, [played])[0]
-    if not np.isfinite(found).all():
+    readings = predictions(plant, point, [played])[0]
+    if not np.isfinite(readings).all():
         # A corner of the parameters that cannot be mounted says nothing of the run.
         return bool(point.theta)
-    hottest = max(found[:, names.index(n)].max() for n in ("rtd_x_degC", "rtd_y_degC"))
-    travel = np.abs(found[:, names.index("displacement_mm")]).max()
-    pull = found[:, names.index("force_N")].max()
+    hottest = max(readings[:, names.index(n)].max() for n in ("rtd_x_degC", "rtd_y_degC"))
+    travel = np.abs(readings[:, names.index("displacement_mm")]).max()
+    pull = readings[:, names.index("force_N")].max()
     return bool(
         hottest <= limits.temperature_degC
         and travel <= limits.displacement_mm
@@ -151,11 +151,11 @@ def gram_of(
     """Responses to the terms of `space`, and the Gram matrix of them and the slopes."""
     played = [Played.of(run.as_run(WATER_DEGC, WATER_DEGC), plant.inputs)]
     point = nominal_point(plant)
-    found = responses(plant, point, played, space=space)
+    of_laws = responses(plant, point, played, space=space)
     moved = slopes(plant, point, played)[0]
-    whole = np.concatenate([_STRENGTH * found.runs[0].astype(np.float64), moved]) / sd
+    whole = np.concatenate([_STRENGTH * of_laws.runs[0].astype(np.float64), moved]) / sd
     flat = whole.reshape(len(whole), -1)
-    return found, flat @ flat.T
+    return of_laws, flat @ flat.T
 
 
 def separations(rivals: Rivals, gram: Array) -> Separations:
@@ -164,25 +164,25 @@ def separations(rivals: Rivals, gram: Array) -> Separations:
     A = gram[n:, n:] + np.eye(len(gram) - n)
     G = gram[:n, :n] - gram[:n, n:] @ np.linalg.solve(A, gram[n:, :n])
     alone = np.maximum(np.diag(G), 1e-9)
-    left = np.empty((n, len(rivals.candidates)))
+    rest = np.empty((n, len(rivals.candidates)))
     for i, c in enumerate(rivals.candidates):
         across = G[:, c.groups].sum(axis=2)
-        own = across[c.groups].sum(axis=1)
-        own += np.diag(1e-6 * np.diag(own) + 1e-9)
-        left[:, i] = alone - np.einsum("nm,nm->n", across, np.linalg.solve(own, across.T).T)
-    left = np.maximum(left, 0.0)
-    logs, shares = np.log1p(left), left / alone[:, None]
-    rows = [(slice(own.start, own.stop), i) for k, i in rivals.pairs for own in [rivals.own[k]]]
+        products = across[c.groups].sum(axis=1)
+        products += np.diag(1e-6 * np.diag(products) + 1e-9)
+        rest[:, i] = alone - np.einsum("nm,nm->n", across, np.linalg.solve(products, across.T).T)
+    rest = np.maximum(rest, 0.0)
+    logs, shares = np.log1p(rest), rest / alone[:, None]
+    rows = [(slice(r.start, r.stop), i) for k, i in rivals.pairs for r in [rivals.own[k]]]
     return Separations(
         rivals,
-        np.array([logs[own, i].mean() for own, i in rows]),
-        np.array([shares[own, i].mean() for own, i in rows]),
+        np.array([logs[terms, i].mean() for terms, i in rows]),
+        np.array([shares[terms, i].mean() for terms, i in rows]),
     )
 
 
-def merit(found: Separations) -> float:
+def merit(separated: Separations) -> float:
     """What the choice maximises: mean of log(1 + d²) up to enough, the closest counting most."""
-    values = np.sort(np.minimum(found.log_d2, np.log1p(_ENOUGH)))
+    values = np.sort(np.minimum(separated.log_d2, np.log1p(_ENOUGH)))
     weight = 1.0 / (1.0 + np.arange(len(values)) / _TIES)
     return float((weight * values).sum() / weight.sum())
 
@@ -222,11 +222,11 @@ def separations_of(
 ) -> tuple[Separations, Separations]:
     """The separations of a programme, and those of its quick part."""
     space = designed_space(plant, programme.runs)
-    found = [gram_of(plant, run, space, sd) for run in programme.runs]
-    rivals = Rivals.of(found[0][0])
-    quick = [g for (_, g), run in zip(found, programme.runs, strict=True) if run.quick]
+    grams = [gram_of(plant, run, space, sd) for run in programme.runs]
+    rivals = Rivals.of(grams[0][0])
+    quick = [g for (_, g), run in zip(grams, programme.runs, strict=True) if run.quick]
     return (
-        separations(rivals, np.sum([g for _, g in found], axis=0)),
+        separations(rivals, np.sum([g for _, g in grams], axis=0)),
         separations(rivals, np.sum(quick, axis=0)),
     )
 
@@ -243,24 +243,24 @@ def design(
     progress: Callable[[str], None] = lambda text: None,
 ) -> tuple[Programme, Separations, Separations]:
     """The programme with its separations, and those of its quick part."""
-    found = []
+    safe_runs = []
     for k in range(candidates):
         progress(f"candidate {k + 1} of {candidates}: limits")
         run = safe(plant, candidate(f"c{k}", seed + k, duration_s), Limits())
         if run is not None:
-            found.append(run)
-    if len(found) < runs:
+            safe_runs.append(run)
+    if len(safe_runs) < runs:
         raise WithheldError(
-            f"{len(found)} of {candidates} candidates are safe, {runs} are wanted: give more"
+            f"{len(safe_runs)} of {candidates} candidates are safe, {runs} are wanted: give more"
             " --candidates"
         )
-    space = designed_space(plant, found[:_TYPICAL])
+    space = designed_space(plant, safe_runs[:_TYPICAL])
     pool = []
-    for k, run in enumerate(found):
-        progress(f"candidate {k + 1} of {len(found)}: responses")
-        own, gram = gram_of(plant, run, space, sd)
+    for k, run in enumerate(safe_runs):
+        progress(f"candidate {k + 1} of {len(safe_runs)}: responses")
+        of_laws, gram = gram_of(plant, run, space, sd)
         pool.append(Safe(run, gram))
-    rivals = Rivals.of(own)
+    rivals = Rivals.of(of_laws)
     progress("choosing")
     best = chosen(pool, rivals, runs)
     own_runs = [pool[i] for i in best]

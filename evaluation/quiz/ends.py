@@ -62,8 +62,8 @@ def mark(case: End) -> str:
         return "said to be unknown" if case["listed"] else "rightly"
     if case["outcome"] != CAUSES or not case["listed"]:
         return "wrongly"
-    truth, said = set(case["effects"]), set(case["names"])
-    return "rightly" if said == truth else "with a wrong name" if truth & said else "wrongly"
+    truth, named = set(case["effects"]), set(case["names"])
+    return "rightly" if named == truth else "with a wrong name" if truth & named else "wrongly"
 
 
 def placed(case: End) -> str:
@@ -113,13 +113,13 @@ def table(cases: Sequence[End]) -> Table:
     listed = [c for c in cases if c["listed"]]
     other = [c for c in cases if not c["listed"]]
     groups = (("in the library", listed), ("not in it", other), ("all", cases))
-    for title, own in (group for group in groups if group[1]):
-        took = [c["minutes"] for c in own]
+    for title, members in (group for group in groups if group[1]):
+        took = [c["minutes"] for c in members]
         minutes = f"{median(took):.1f} ({max(took):.1f})"
         for what, how in (("name", mark), ("place", placed)):
-            ends = [how(c) for c in own]
-            shares = (_share(ends.count(end), len(own)) for end in _ENDS)
-            rows.append((f"{title}: {what}", str(len(own)), *shares, minutes))
+            ends = [how(c) for c in members]
+            shares = (_share(ends.count(end), len(members)) for end in _ENDS)
+            rows.append((f"{title}: {what}", str(len(members)), *shares, minutes))
     head = (
         "the trouble", "simulated benches", *_ENDS.values(), "minutes of bench time, median (most)"
     )  # fmt: skip

@@ -115,11 +115,11 @@ def reveal(note: Path = NOTE) -> dict[str, Any]:
     """The answer to the riddle of a note; QuizError when it is not the one that was sealed."""
     if not note.exists():
         raise QuizError(f"{note} does not exist: start a bench with `mystery SEED` first")
-    said = files.read_json(note)
-    drawn = riddle(int(said["seed"]))
-    if drawn.sealed != said["sealed_sha256"]:
+    seal = files.read_json(note)
+    drawn = riddle(int(seal["seed"]))
+    if drawn.sealed != seal["sealed_sha256"]:
         raise QuizError(
-            f"the answer's hash is {drawn.sealed[:16]}…, sealed was {said['sealed_sha256'][:16]}…: "
+            f"the answer's hash is {drawn.sealed[:16]}…, sealed was {seal['sealed_sha256'][:16]}…: "
             "the code or the note has changed since the bench was started"
         )
     return drawn.answer()

@@ -67,14 +67,14 @@ def investigated(wire: Wire, order: Order, folder: Path) -> dict[str, Any]:
     baseline = folder / "baseline"
     days = order.days
     for day in range(days):
-        wanted = order.repeats * (day + 1) // days
+        repeats = order.repeats * (day + 1) // days
         have = _repeats(baseline)
-        if have >= wanted:
+        if have >= repeats:
             continue
         with wire.bench(good=True, day=day):
             wire.smad(
                 *("gap", "commission", "--bench", BENCH, "--baseline", str(baseline)),
-                *("--repeats", str(wanted - have)),
+                *("--repeats", str(repeats - have)),
                 *(["--again"] if have else []),
                 *(["--quick"] if order.quick else []),
             )
@@ -163,9 +163,9 @@ class LiveWire:
             *("--link", str(link), "--note", str(self._note)),
             *(["--good"] if good else []),
         ]
-        with self._said.open("ab") as said:
+        with self._output.open("ab") as log:
             child = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=said, stderr=said, start_new_session=True
+                command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True
             )
         try:
             deadline_s = time.monotonic() + START_DEADLINE_S
@@ -187,12 +187,12 @@ class LiveWire:
         )
 
     def _carried_out(self, arguments: tuple[str, ...]) -> int:
-        with self._said.open("ab") as said:
+        with self._output.open("ab") as log:
             child = subprocess.Popen(
                 [sys.executable, "-m", "smad", *arguments],
                 stdin=subprocess.DEVNULL,
-                stdout=said,
-                stderr=said,
+                stdout=log,
+                stderr=log,
                 start_new_session=True,
                 env={**os.environ, FOLDER_VARIABLE: str(self.sockets)},
             )
@@ -214,11 +214,11 @@ class LiveWire:
         return self.folder / "mystery.json"
 
     @property
-    def _said(self) -> Path:
+    def _output(self) -> Path:
         return self.folder / "said.txt"
 
     def _last_line(self) -> str:
-        lines = self._said.read_text(errors="replace").strip().splitlines()
+        lines = self._output.read_text(errors="replace").strip().splitlines()
         return lines[-1] if lines else "it said nothing"
 
 

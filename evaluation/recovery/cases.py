@@ -77,11 +77,11 @@ def bench_parameters(plant: SmaPlant, case: Case, seed: int) -> tuple[Theta, The
 def _moved(plant: SmaPlant, theta: Theta, seed: Sequence[int]) -> Theta:
     """Each parameter of the simulator half a prior deviation up or down, within its range."""
     rng = np.random.default_rng(seed)
-    own = set(plant.parameter_set.names)
+    names = set(plant.parameter_set.names)
     return theta | {
         q.name: float(np.clip(theta[q.name] + sign * MOVED_SD * q.prior_sd, q.low, q.high))
         for q in plant.parameters
-        if q.name in own
+        if q.name in names
         for sign in (rng.choice((-1.0, 1.0)),)
     }
 
@@ -94,8 +94,8 @@ def _all(plant: SmaPlant, question: str, seed: int) -> Iterator[Case]:
     def add(words: str, moved: bool, **more: object) -> None:
         number = len(drawn) % _BENCHES if question == CHECK_UP else len(drawn)
         name = f"{question}-{words}{'-moved' if moved else ''}"
-        own = int(np.random.default_rng([seed, 0, *name.encode()]).integers(2**31))
-        values = {"name": name, "question": question, "seed": own}
+        own_seed = int(np.random.default_rng([seed, 0, *name.encode()]).integers(2**31))
+        values = {"name": name, "question": question, "seed": own_seed}
         drawn.append(
             (name, msgspec.convert({**values, "bench": 1 + number if moved else 0, **more}, Case))
         )
@@ -139,9 +139,9 @@ def _pairs(effects: Sequence[Effect], seed: int) -> list[tuple[Effect, Effect]]:
     pairs: list[tuple[Effect, Effect]] = []
     while len(pairs) < PAIRS:
         a, b = sorted(rng.choice(len(effects), size=2, replace=False))
-        one, other = effects[int(a)], effects[int(b)]
-        if (one, other) not in pairs and not set(one.places) & set(other.places):
-            pairs.append((one, other))
+        first, other = effects[int(a)], effects[int(b)]
+        if (first, other) not in pairs and not set(first.places) & set(other.places):
+            pairs.append((first, other))
     return pairs
 
 
@@ -150,6 +150,6 @@ def _mixed(cases: Sequence[Case], question: str, seed: int) -> list[Case]:
     rng = np.random.default_rng([seed, 4, *question.encode()])
     turn: dict[str, float] = {}
     for kind in (SINGLE, PAIR, NONE, PARAMETERS):
-        own = [c.name for c in cases if c.kind == kind]
-        turn |= {n: (k + 0.5) / len(own) for k, n in enumerate(rng.permutation(own))}
+        names = [c.name for c in cases if c.kind == kind]
+        turn |= {n: (k + 0.5) / len(names) for k, n in enumerate(rng.permutation(names))}
     return sorted(cases, key=lambda c: (turn[c.name], c.name))

@@ -33,17 +33,17 @@ class Answer(msgspec.Struct, frozen=True, kw_only=True):
 def answer(case: Case, seed: int) -> Answer:
     """Play a case and diagnose it. An error in it becomes part of the answer."""
     try:
-        verdict, cpu_s = _asked(case, seed)
+        verdict, cpu_s = _diagnosed(case, seed)
     except Exception as error:
         last = traceback.extract_tb(error.__traceback__)[-1]
         words = f"{type(error).__name__}: {error} ({last.filename.rsplit('/')[-1]}:{last.lineno})"
         return Answer(case=case, error=words)
     # Model files and what runs would not have shown are long, and nothing here reads them.
-    kept = msgspec.structs.replace(verdict, models=[], unseen=[])
-    return Answer(case=case, verdict=kept, cpu_s=round(cpu_s, 2))
+    short = msgspec.structs.replace(verdict, models=[], unseen=[])
+    return Answer(case=case, verdict=short, cpu_s=round(cpu_s, 2))
 
 
-def _asked(case: Case, seed: int) -> tuple[Verdict, float]:
+def _diagnosed(case: Case, seed: int) -> tuple[Verdict, float]:
     plant = _plant()
     good, now = bench_parameters(plant, case, seed)
     bench = Bench(plant, now, case.effects)

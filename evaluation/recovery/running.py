@@ -75,12 +75,12 @@ def run(
     file = begun(path, seed)
     with _workers(jobs) as pool:
         answered(file, path, cases, pool)
-    found = tables([file.answers[c.name] for c in cases])
-    for heading, table in found.items():
+    by_heading = tables([file.answers[c.name] for c in cases])
+    for heading, table in by_heading.items():
         print(f"{heading}\n{text_table(table)}")
     if kept is not None:
-        keep(kept, found, title=title, command="python -m evaluation recover", note=note)
-    return found
+        keep(kept, by_heading, title=title, command="python -m evaluation recover", note=note)
+    return by_heading
 
 
 def begun(path: Path, seed: int) -> RecoveryFile:
@@ -99,16 +99,16 @@ def answered(
     """Answer what is lacking; the file is written after each case. A case that failed is tried
     again.
     """
-    kept = [a.case for a in file.answers.values() if not a.error]
+    done = [a.case for a in file.answers.values() if not a.error]
     # Check-ups of one bench follow each other, since a worker keeps its baseline.
-    lacking = sorted((c for c in cases if c not in kept), key=lambda c: (c.question, c.bench))
+    lacking = sorted((c for c in cases if c not in done), key=lambda c: (c.question, c.bench))
     tasks = [pool.submit(work, case, file.seed) for case in lacking]
     for n, task in enumerate(as_completed(tasks), start=1):
-        made = task.result()
-        file.answers[made.case.name] = made
+        result = task.result()
+        file.answers[result.case.name] = result
         file.write(path)
-        said = made.error or (made.verdict.headline if made.verdict else "")
-        print(f"{made.case.name}  {said}  {made.cpu_s:.0f} s  [{n}/{len(lacking)}]", flush=True)
+        text = result.error or (result.verdict.headline if result.verdict else "")
+        print(f"{result.case.name}  {text}  {result.cpu_s:.0f} s  [{n}/{len(lacking)}]", flush=True)
 
 
 @contextlib.contextmanager

@@ -95,21 +95,21 @@ def tables(answers: Sequence[Answer]) -> dict[str, Table]:
     """The tables by heading, for each question that was asked."""
     out: dict[str, Table] = {}
     for question in QUESTIONS:
-        own = [a for a in answers if a.case.question == question]
-        out[f"Recovery, {question}"] = _scores(own, question)
-        out[f"Recovery, {question}: single effects apart"] = _apart(own)
-        out[f"Recovery, {question}: wrong, missed or cannot be told"] = _wrong(own)
+        part = [a for a in answers if a.case.question == question]
+        out[f"Recovery, {question}"] = _scores(part, question)
+        out[f"Recovery, {question}: single effects apart"] = _apart(part)
+        out[f"Recovery, {question}: wrong, missed or cannot be told"] = _wrong(part)
     return {heading: table for heading, table in out.items() if table.rows}
 
 
 def _scores(answers: Sequence[Answer], question: str) -> Table:
     lines = []
     for name, kind, test, goal in _ROWS:
-        own = [a for a in answers if a.case.kind == kind]
-        if not own:
+        part = [a for a in answers if a.case.kind == kind]
+        if not part:
             continue
-        clear = [a for a in own if identifiable(a)] if kind in (SINGLE, PAIR) else own
-        rows = share(name, own, test), share(name, clear, test)
+        clear = [a for a in part if identifiable(a)] if kind in (SINGLE, PAIR) else part
+        rows = share(name, part, test), share(name, clear, test)
         met = (
             " / ".join(
                 "–" if r.value is None else "yes" if goal.met(r.value) else "no" for r in rows
@@ -144,11 +144,11 @@ def _apart(answers: Sequence[Answer]) -> Table:
     ]
     lines = []
     for name, belongs in groups:
-        own = [a for a in answers if a.case.kind == SINGLE and belongs(a)]
-        if own:
-            clear = [a for a in own if identifiable(a)]
+        part = [a for a in answers if a.case.kind == SINGLE and belongs(a)]
+        if part:
+            clear = [a for a in part if identifiable(a)]
             cells = (number(share("", clear, test)) for test in (first_right, all_told, near))
-            lines.append((name, str(len(own)), str(len(own) - len(clear)), *cells))
+            lines.append((name, str(len(part)), str(len(part) - len(clear)), *cells))
     head = ("of single effects", "cases", "cannot be told", "right name first", "told",
             "at most 1.3 floors left")  # fmt: skip
     return Table(head, lines, numeric=frozenset(range(1, len(head))))
@@ -172,14 +172,14 @@ def _wrong(answers: Sequence[Answer]) -> Table:
         gaps = " → ".join(
             f"{x:.1f}" for x in ((whole.raw, whole.parameters, whole.final) if whole else ())
         )
-        told = ", ".join(
+        causes = ", ".join(
             c.name or f"law: {c.place}" for c in (a.verdict.causes if a.verdict else [])
         )
         lines.append(
             (
                 a.case.name,
                 outcome(a),
-                told or a.error,
+                causes or a.error,
                 first_name(a),
                 gaps,
                 "" if identifiable(a) or not a.case.effects else "no",

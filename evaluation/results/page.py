@@ -71,9 +71,9 @@ def _section(result: Result) -> str:
         *(f"{note}\n" for note in result.notes),
     ]
     heading, first = next(iter(result.tables.items()))
-    shown = markdown_table(first)
-    if len(shown.split()) <= _MOST_WORDS:
-        parts += [*([f"**{heading}**\n"] if heading else []), shown]
+    text = markdown_table(first)
+    if len(text.split()) <= _MOST_WORDS:
+        parts += [*([f"**{heading}**\n"] if heading else []), text]
     return "\n".join(parts)
 
 

@@ -48,10 +48,10 @@ def keep(path: Path, tables: dict[str, Table], *, title: str, command: str, note
 
 def kept(folder: Path = FOLDER) -> list[Result]:
     """Every kept result, the newest first. Raises WithheldError for a file that is none."""
-    found = []
+    results = []
     for path in folder.glob("*.json"):
         try:
-            found.append(msgspec.json.decode(path.read_bytes(), type=Result))
+            results.append(msgspec.json.decode(path.read_bytes(), type=Result))
         except msgspec.DecodeError as error:
             raise WithheldError(f"{path} is no result ({error}): measure again") from None
-    return sorted(found, key=lambda result: (result.date, result.title), reverse=True)
+    return sorted(results, key=lambda result: (result.date, result.title), reverse=True)

@@ -83,7 +83,7 @@ class Check:
         """
         files = [(r.file, r.role, self._digest(case, r.file)) for x in ROLES for r in case.of(x)]
         left_out = self.left_out.get(case.id)
-        said = (
+        inputs = (
             case.question,
             files,
             source_digest(evaluation.run),
@@ -91,7 +91,7 @@ class Check:
             self.how,
             left_out,
         )
-        return hashlib.sha256(msgspec.json.encode(said, order="deterministic")).hexdigest()
+        return hashlib.sha256(msgspec.json.encode(inputs, order="deterministic")).hexdigest()
 
     def _digest(self, case: Case, file: str) -> str:
         if file not in self._digests:
@@ -112,10 +112,10 @@ class Check:
 
         def read(run: BankRun) -> GapRun:
             try:
-                found = read_file(self.folder / run.file, together)
+                gap_run = read_file(self.folder / run.file, together)
             except SmadError as error:
                 raise BankError(f"{self.folder / run.file} cannot be used: {error}") from error
-            return replace(found, name=run.file) if names.count(run.name) > 1 else found
+            return replace(gap_run, name=run.file) if names.count(run.name) > 1 else gap_run
 
         return {role: [read(run) for run in case.of(role)] for role in roles}
 
@@ -125,8 +125,8 @@ class Check:
             groups: dict[str, list[GapRun]] = {}
             for run in self.runs(case, "good")["good"]:
                 groups.setdefault(run.name, []).append(run)
-            kept = [group[: self.repeats] for group in groups.values()]
-            self._references[case.bench] = commissioned(self.plant, kept)
+            used = [group[: self.repeats] for group in groups.values()]
+            self._references[case.bench] = commissioned(self.plant, used)
         return self._references[case.bench]
 
 
@@ -190,18 +190,18 @@ def _told(
 
     Where the right entry is to be left out, what is told without it stands beside.
     """
-    kept: dict[str, Any] = msgspec.to_builtins(msgspec.structs.replace(verdict, models=[]))
+    record: dict[str, Any] = msgspec.to_builtins(msgspec.structs.replace(verdict, models=[]))
     if case.id in check.left_out and verdict.outcome != QUIET:
         cause, entries = check.left_out[case.id]
         less = ask(entries)
         first = msgspec.convert(
             msgspec.to_builtins(less.causes[0]) if less.causes else {"place": ""}, ScoredCause
         )
-        kept["left_out"] = {
+        record["left_out"] = {
             cause: {
                 "outcome": less.outcome,
                 "places": sorted(first.told_places),
                 "name": first.told_name,
             }
         }
-    return kept
+    return record

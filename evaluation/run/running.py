@@ -103,9 +103,9 @@ def run(
     without = [c.id for c in cases if c.id not in file.verdicts]
     print(f"{len(cases) - len(without)} of {len(cases)} cases judged: {out}")
     if without:
-        told = "; ".join(f"{case}: {file.notes[case]}" for case in without[:_TOLD])
+        reasons = "; ".join(f"{case}: {file.notes[case]}" for case in without[:_TOLD])
         more = f"; and {len(without) - _TOLD} more" if len(without) > _TOLD else ""
-        raise BankError(f"without verdict: {told}{more}; the same command tries them again")
+        raise BankError(f"without verdict: {reasons}{more}; the same command tries them again")
 
 
 def _require_known(names: Sequence[str], known: Sequence[str]) -> None:
@@ -210,11 +210,11 @@ class _Progress:
 
     def __call__(self, judged: Judged) -> None:
         self._left -= 1
-        said = f"failed: {judged.error}" if judged.verdict is None else judged.verdict["headline"]
+        answer = f"failed: {judged.error}" if judged.verdict is None else judged.verdict["headline"]
         spent_min = (time.monotonic() - self._began_s) / 60.0
         left_min = self._left * spent_min / (self._todo - self._left)
         done = f"[{self._total - self._left}/{self._total}, {left_min:.0f} min left]"
-        print(f"{judged.case}  {said}  {judged.cpu_s:.0f} s  {done}", flush=True)
+        print(f"{judged.case}  {answer}  {judged.cpu_s:.0f} s  {done}", flush=True)
 
 
 def apart(work: Work, check: Check, group: Sequence[Task]) -> Iterator[Judged]:
@@ -222,22 +222,22 @@ def apart(work: Work, check: Check, group: Sequence[Task]) -> Iterator[Judged]:
 
     It is a fresh interpreter, since a fork would copy threads' locks; interrupts are its parent's.
     """
-    left, spawn = list(group), get_context("spawn")
-    while left:
-        here, there = spawn.Pipe(duplex=False)
-        worker = spawn.Process(target=_judge_all, args=(work, check, left, there), daemon=True)
+    lacking, spawn = list(group), get_context("spawn")
+    while lacking:
+        receiver, sender = spawn.Pipe(duplex=False)
+        worker = spawn.Process(target=_judge_all, args=(work, check, lacking, sender), daemon=True)
         worker.start()
-        there.close()
+        sender.close()
         with contextlib.suppress(EOFError):
-            while left:
-                judged = here.recv()
-                del left[0]
+            while lacking:
+                judged = receiver.recv()
+                del lacking[0]
                 yield judged
         worker.join()
         if worker.exitcode == -signal.SIGTERM:
             return  # The check is interrupted.
-        if left:
-            yield Judged(left.pop(0)[0].id, error=_MEMORY)
+        if lacking:
+            yield Judged(lacking.pop(0)[0].id, error=_MEMORY)
 
 
 def _judge_all(work: Work, check: Check, group: Sequence[Task], to: Connection) -> None:

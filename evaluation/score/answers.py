@@ -167,8 +167,8 @@ class AnswerFile(msgspec.Struct, frozen=True):
         """The answer to a case with its processor time; a refusal where there is none."""
         if case not in self.verdicts:
             return Answer("refused")
-        said = self.verdicts[case]
-        return msgspec.structs.replace(said, seconds=self.tool.cpu_s.get(case, said.seconds))
+        raw = self.verdicts[case]
+        return msgspec.structs.replace(raw, seconds=self.tool.cpu_s.get(case, raw.seconds))
 
 
 @dataclass(frozen=True)

@@ -48,8 +48,8 @@ def _in_told(p: Pair) -> bool:
 
 def _gone(pairs: Sequence[Pair]) -> list[float]:
     """Of cases whose gap is above the floor, what goes with what is told."""
-    found = (p.said.whole.gone for p in pairs if p.said.whole is not None)
-    return [x for x in found if x is not None]
+    shares = (p.said.whole.gone for p in pairs if p.said.whole is not None)
+    return [x for x in shares if x is not None]
 
 
 def _worse(p: Pair) -> bool:
@@ -84,9 +84,9 @@ def _added_named(p: Pair) -> bool:
 
 def _own_found(p: Pair) -> float:
     """Share of the plant's own differences, four at most, that the first four places hold."""
-    told = {c.place for c in p.said.causes[:_FIRST_OWN]}
-    found = sum(bool(told & set(own.places)) for own in p.truth.own)
-    return min(found / min(len(p.truth.own), _FIRST_OWN), 1.0)
+    places = {c.place for c in p.said.causes[:_FIRST_OWN]}
+    hits = sum(bool(places & set(own.places)) for own in p.truth.own)
+    return min(hits / min(len(p.truth.own), _FIRST_OWN), 1.0)
 
 
 def _something_differs(p: Pair, cause: Cause) -> bool:
@@ -108,32 +108,32 @@ def said_of_names(pairs: Sequence[Pair]) -> list[Said]:
     return [(p.first.name_probability, p.likeliest_right) for p in pairs if p.first.names]
 
 
-def _bins(said: Sequence[Said]) -> list[list[Said]]:
+def _bins(claims: Sequence[Said]) -> list[list[Said]]:
     """What was said, by fifths of probability; those that have something."""
     bins: list[list[Said]] = [[] for _ in range(_BINS)]
-    for one in said:
-        bins[min(int(one[0] * _BINS), _BINS - 1)].append(one)
+    for claim in claims:
+        bins[min(int(claim[0] * _BINS), _BINS - 1)].append(claim)
     return [b for b in bins if b]
 
 
-def calibration(said: Sequence[Said]) -> float:
+def calibration(claims: Sequence[Said]) -> float:
     """Expected calibration error (Guo et al. 2017)."""
     apart = [
         len(b) * abs(statistics.fmean(x for x, _ in b) - statistics.fmean(right for _, right in b))
-        for b in _bins(said)
+        for b in _bins(claims)
     ]
-    return sum(apart) / len(said)
+    return sum(apart) / len(claims)
 
 
-def reliability(said: Sequence[Said]) -> list[tuple[str, ...]]:
+def reliability(claims: Sequence[Said]) -> list[tuple[str, ...]]:
     """The reliability diagram as rows: what was said, how often it was right."""
     return [
         (
             f"{statistics.fmean(x for x, _ in b):.2f}",
-            number(share("", b, lambda one: one[1])),
+            number(share("", b, lambda claim: claim[1])),
             str(len(b)),
         )
-        for b in _bins(said)
+        for b in _bins(claims)
     ]
 
 
@@ -173,8 +173,8 @@ def rows(pairs: Sequence[Pair]) -> list[Row]:
             )
             for s in STRENGTHS
         ),
-        *(share(f"place right first, {k}", some, lambda p: p.placed) for k, some in kinds),
-        *(share(f"told places hold the truth, {k}", some, _in_told) for k, some in kinds),
+        *(share(f"place right first, {k}", part, lambda p: p.placed) for k, part in kinds),
+        *(share(f"told places hold the truth, {k}", part, _in_told) for k, part in kinds),
         _over(
             "told places, mean number",
             [len(p.first.told_places) for p in noticed],
@@ -188,7 +188,7 @@ def rows(pairs: Sequence[Pair]) -> list[Row]:
             lambda p: p.named,
         ),
         share("unlisted told by name", unlisted, lambda p: bool(p.first.told_name)),
-        *(_over(f"gap gone, {k}", _gone(some)) for k, some in kinds),
+        *(_over(f"gap gone, {k}", _gone(part)) for k, part in kinds),
         share("held-out gap above that of parameters alone", pairs, _worse),
         share("pairs: both places among the first three", several, _both_places),
         share("pairs: both names told", several, _both_names),
@@ -205,9 +205,11 @@ def rows(pairs: Sequence[Pair]) -> list[Row]:
             lambda p: any(s.name for s in p.said.left_out.values()),
         ),
     ]
-    for what, said in (("places", of_places), ("names", of_names)):
-        if said:
-            row = Row(f"error of the probabilities of {what}", calibration(said), count=len(said))
+    for what, claims in (("places", of_places), ("names", of_names)):
+        if claims:
+            row = Row(
+                f"error of the probabilities of {what}", calibration(claims), count=len(claims)
+            )
             out.append(row)
     return out + _time(pairs)
 
@@ -248,8 +250,8 @@ def number(row: Row) -> str:
     """Value and interval, or a dash without cases."""
     if row.value is None:
         return "–"
-    told = f"{row.value:.2f}"
-    return told if row.low is None else f"{told} [{row.low:.2f}, {row.high:.2f}]"
+    text = f"{row.value:.2f}"
+    return text if row.low is None else f"{text} [{row.low:.2f}, {row.high:.2f}]"
 
 
 def scored(pairs: Sequence[Pair]) -> dict[str, list[Row]]:
@@ -258,29 +260,29 @@ def scored(pairs: Sequence[Pair]) -> dict[str, list[Row]]:
     for p in pairs:
         by_question.setdefault(p.truth.question, []).append(p)
     return {
-        question: rows_of_differs(some) if question == DIFFERS else rows(some)
-        for question, some in by_question.items()
+        question: rows_of_differs(part) if question == DIFFERS else rows(part)
+        for question, part in by_question.items()
     }
 
 
 def tables(pairs: Sequence[Pair]) -> dict[str, Table]:
     """Everything that is published, by heading."""
     out = {f"Scores, {question}": _scores(question, r) for question, r in scored(pairs).items()}
-    known = [p for p in pairs if p.truth.question != DIFFERS]
+    changed = [p for p in pairs if p.truth.question != DIFFERS]
     out |= {
-        "Over strength": _over_strength(known),
-        "Probability of the first place": _reliable(said_of_places(_told_of(known))),
-        "Probability of the likeliest name": _reliable(said_of_names(_told_of(known))),
-        "By likelihood alone: right name first, of noticed listed": _rules(known),
+        "Over strength": _over_strength(changed),
+        "Probability of the first place": _reliable(said_of_places(_told_of(changed))),
+        "Probability of the likeliest name": _reliable(said_of_names(_told_of(changed))),
+        "By likelihood alone: right name first, of noticed listed": _rules(changed),
         "Wrong or missed": _wrong(pairs),
     }
     return {heading: table for heading, table in out.items() if table.rows}
 
 
-def _scores(question: str, found: Sequence[Row]) -> Table:
+def _scores(question: str, score_rows: Sequence[Row]) -> Table:
     goals = GOALS[question]
     lines = []
-    for row in found:
+    for row in score_rows:
         goal = goals.get(row.name)
         met = "" if goal is None or row.value is None else "yes" if goal.met(row.value) else "no"
         lines.append((row.name, number(row), str(row.count), str(goal or ""), met))
@@ -292,28 +294,28 @@ def _told_of(pairs: Sequence[Pair]) -> list[Pair]:
     return [p for p in of_kind(pairs, "single", "unknown") if p.noticed]
 
 
-def _reliable(said: Sequence[Said]) -> Table:
+def _reliable(claims: Sequence[Said]) -> Table:
     head = ("said", "right [95 %]", "cases")
-    return Table(head, reliability(said), numeric=frozenset({0, 1, 2}))
+    return Table(head, reliability(claims), numeric=frozenset({0, 1, 2}))
 
 
 def _over_strength(pairs: Sequence[Pair]) -> Table:
     """What is told right of single effects near 1, 3 and 10 floors."""
     effects = of_kind(pairs, "single", "unknown")
-    found = [p for p in effects if p.noticed]
-    listed = of_kind(found, "single")
+    noticed = [p for p in effects if p.noticed]
+    listed = of_kind(noticed, "single")
     curves: list[tuple[str, list[Pair], Test]] = [
         ("noticed", effects, lambda p: p.noticed),
-        ("place right first", found, lambda p: p.placed),
-        ("told places hold the truth", found, _in_told),
+        ("place right first", noticed, lambda p: p.placed),
+        ("told places hold the truth", noticed, _in_told),
         ("right name first, listed", listed, lambda p: p.likeliest_right),
         ("right name told, listed", listed, lambda p: p.named),
     ]
     lines = [
-        (name, *(number(share("", [p for p in some if p.strength == s], holds)) for s in STRENGTHS))
-        for name, some, holds in curves
+        (name, *(number(share("", [p for p in part if p.strength == s], holds)) for s in STRENGTHS))
+        for name, part, holds in curves
     ]
-    gone = [_over("", _gone([p for p in found if p.strength == s])) for s in STRENGTHS]
+    gone = [_over("", _gone([p for p in noticed if p.strength == s])) for s in STRENGTHS]
     lines.append(("gap gone", *map(number, gone)))
     head = ("of single effects", *(f"near {s:.0f}×" for s in STRENGTHS))
     return Table(head, lines if effects else [], numeric=frozenset(range(1, len(head))))
@@ -338,7 +340,7 @@ def _wrong(pairs: Sequence[Pair]) -> Table:
             return p.truth.question != DIFFERS and p.noticed
         return not (_added_among(p, 3) if p.truth.question == DIFFERS else p.noticed and p.placed)
 
-    some = sorted((p for p in pairs if wrong(p)), key=lambda p: -p.truth.gap_worst)
+    failed = sorted((p for p in pairs if wrong(p)), key=lambda p: -p.truth.gap_worst)
     lines = [
         (
             p.case,
@@ -348,7 +350,7 @@ def _wrong(pairs: Sequence[Pair]) -> Table:
             p.said.outcome,
             ", ".join(f"{c.place} {c.told_name}".strip() for c in p.said.causes[:3]),
         )
-        for p in some
+        for p in failed
     ]
     head = ("case", "kind", "truth", "floors", "outcome", "places told")
     return Table(head, lines, numeric=frozenset({3}))

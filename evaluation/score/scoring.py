@@ -31,14 +31,14 @@ def run(
     ledger = Ledger.of()
     if truth.bank == SEALED:
         ledger.require_sealed(digest(key))
-    found = tables(pairs)
+    by_heading = tables(pairs)
     if truth.bank == SEALED:
         now = datetime.datetime.now(datetime.UTC)
         ledger.enter(
             digest(key), digest(verdicts), scored(pairs), cases=len(pairs), commit=commit(), now=now
         )
-    for heading, table in found.items():
+    for heading, table in by_heading.items():
         print(f"{heading}\n{text_table(table)}")
     if out is not None:
-        keep(out, found, title=title, command="python -m evaluation score", note=note)
-    return found
+        keep(out, by_heading, title=title, command="python -m evaluation score", note=note)
+    return by_heading

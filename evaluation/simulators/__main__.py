@@ -35,8 +35,8 @@ def rating(*, count: int, seed: int, plant: str) -> None:
 
     if plant not in PLANTS:
         raise click.BadParameter(f"{plant!r} is none of {', '.join(PLANTS)}", param_hint="--plant")
-    found = list(cases(PLANTS[plant], count, seed, lambda text: click.echo(text, err=True)))
-    click.echo("\n".join(shares(found)))
+    tried = list(cases(PLANTS[plant], count, seed, lambda text: click.echo(text, err=True)))
+    click.echo("\n".join(shares(tried)))
 
 
 if __name__ == "__main__":

@@ -33,9 +33,9 @@ def heater(t: Array, inputs: Mapping[str, Array], values: Mapping[str, float], s
     drive = inputs["power_W"] - values["leak_W_K2"] * np.maximum(inputs["power_W"] - 20.0, 0.0)
     # No inputs here reach so far.
     drive = drive - values["overload_W_W2"] * np.maximum(inputs["power_W"] - 60.0, 0.0)
-    given = drive - values["fan_W"] * inputs["fan"]
+    net_W = drive - values["fan_W"] * inputs["fan"]
     keep = 1.0 - _HEATER_S * values["loss_W_K"] / values["capacity_J_K"]
-    above = lfilter([0.0, _HEATER_S / values["capacity_J_K"]], [1.0, -keep], given)
+    above = lfilter([0.0, _HEATER_S / values["capacity_J_K"]], [1.0, -keep], net_W)
     return {"temperature_degC": values["room_degC"] + above}
 
 
@@ -94,10 +94,10 @@ def _mixed(
         # No flow of the inputs here is below its stall, no level above the rim.
         come = (0.0 if flow[k] < stall else come) - spill * max(high - 25.0, 0.0)
         come += water
-        gone = ((outlet + worn) * valve[k] + leak) * np.sqrt(max(high, 0.0))
-        given = dose[k] * (purity + impure)
-        volume = max(volume + _TANK_MIN * (come - gone), 0.1)
-        mass = max(mass + _TANK_MIN * (given - strong * gone - decay * mass), 0.0)
+        outflow = ((outlet + worn) * valve[k] + leak) * np.sqrt(max(high, 0.0))
+        dosed = dose[k] * (purity + impure)
+        volume = max(volume + _TANK_MIN * (come - outflow), 0.1)
+        mass = max(mass + _TANK_MIN * (dosed - strong * outflow - decay * mass), 0.0)
     return level, salt
 
 

@@ -32,24 +32,22 @@ class Case:
 
 def cases(plant: RatedPlant, count: int, seed: int, say: Callable[[str], None]) -> Iterator[Case]:
     """`count` cases in all, identifiable ones first by turns, each on inputs of its own."""
-    made = 0
+    number = 0
     for k in range(count):
         played = [plant.inputs(1000 * (seed + k) + r) for r in range(_RUNS)]
         ratings = plan(played, plant.declared()).ratings
-        wanted = IDENTIFIABLE if k % 4 else NOT
-        entries = [r for r in ratings if r.kind == "effect" and r.rating == wanted]
+        rating = IDENTIFIABLE if k % 4 else NOT
+        entries = [r for r in ratings if r.kind == "effect" and r.rating == rating]
         if not entries:
             continue
-        chosen = entries[(k // 4 if wanted == NOT else k) % len(entries)]
-        case = _asked(plant, chosen, played, seed=seed + k)
-        made += 1
-        say(f"{made}: {case}")
+        chosen = entries[(k // 4 if rating == NOT else k) % len(entries)]
+        case = _case(plant, chosen, played, seed=seed + k)
+        number += 1
+        say(f"{number}: {case}")
         yield case
 
 
-def _asked(
-    plant: RatedPlant, rating: Rating, played: Sequence[dict[str, Array]], seed: int
-) -> Case:
+def _case(plant: RatedPlant, rating: Rating, played: Sequence[dict[str, Array]], seed: int) -> Case:
     of = plant.declared()
     tables = [{**p, **{n: np.zeros(SAMPLES) for n in plant.readings}} for p in played]
     bound = bind(of, tables)
@@ -72,10 +70,10 @@ def _asked(
 
 
 def _measured(
-    plant: RatedPlant, shown: Mapping[str, Array], run: GapRun, rng: np.random.Generator
+    plant: RatedPlant, outputs: Mapping[str, Array], run: GapRun, rng: np.random.Generator
 ) -> GapRun:
     read = {}
-    for name, y in shown.items():
+    for name, y in outputs.items():
         noise, decimals = plant.readings[name]
         read[name] = np.round(y + noise * rng.standard_normal(len(y)), decimals)
     return replace(run, outputs=read)
@@ -89,12 +87,12 @@ def _effect(effects: Sequence[Effect], name: str) -> tuple[Effect, str]:
     raise ValueError(f"no effect {name}")
 
 
-def shares(found: Sequence[Case]) -> list[str]:
+def shares(tried: Sequence[Case]) -> list[str]:
     """What was found of each rating, in words."""
     out = []
     for rating in (IDENTIFIABLE, NOT):
-        own = [c for c in found if c.rating == rating]
-        hit = sum(c.found for c in own)
-        if own:
-            out.append(f"{rating}: place first in {hit} of {len(own)}, {hit / len(own):.2f}")
+        part = [c for c in tried if c.rating == rating]
+        hit = sum(c.found for c in part)
+        if part:
+            out.append(f"{rating}: place first in {hit} of {len(part)}, {hit / len(part):.2f}")
     return out

@@ -48,23 +48,23 @@ def made_run(seed: int, friction: float = FRICTION_N_M, seconds: float = 12.0) -
     torque = np.interp(t_s, knots, rng.uniform(-1.5, 1.5, len(knots)))
     angle = rate = 0.0
     mass, damping, dt = 1.1, 0.04, _DT_S / _FINE
-    inertia, shown = mass * 0.5**2, []
+    inertia, angles = mass * 0.5**2, []
     for push in torque.tolist():
-        shown.append(angle)
+        angles.append(angle)
         for _ in range(_FINE):
             force = push - damping * rate - 9.81 * 0.5 * mass * float(np.sin(angle))
             rate += dt * force / inertia
             stopped = dt * friction / inertia
             rate -= min(max(rate, -stopped), stopped)
             angle += dt * rate
-    read = np.array(shown) + 1e-3 * rng.standard_normal(len(t_s))
+    read = np.array(angles) + 1e-3 * rng.standard_normal(len(t_s))
     return {"t_s": t_s, "torque_N_m": torque, "angle_rad": np.round(read, 4)}
 
 
 def side_by_side(folder: Path, which: tuple[str, ...] = (), runs: int = 4) -> list[Row]:
     """Ask each of the plants; `folder` takes the unit and the files of the runs."""
     tables = [made_run(seed) for seed in range(runs)]
-    asked: Mapping[str, Callable[[], Answer]] = {
+    questions: Mapping[str, Callable[[], Answer]] = {
         "function": lambda: diagnose_simulator(tables, as_function.PLANT),
         "MuJoCo": lambda: _mujoco(tables),
         "FMU": lambda: _unit(folder, tables),
@@ -75,7 +75,7 @@ def side_by_side(folder: Path, which: tuple[str, ...] = (), runs: int = 4) -> li
         "own class": ["as_class.py"],
     }  # fmt: skip
     out = []
-    for name, ask in asked.items():
+    for name, ask in questions.items():
         if which and name not in which:
             continue
         began = time.process_time()
@@ -153,8 +153,8 @@ def _pieces(tables: list[dict[str, Array]]) -> list[GapRun]:
 
 def lines_of(path: Path) -> int:
     """Lines of a file that are neither empty nor a comment."""
-    kept = (line.strip() for line in path.read_text("utf-8").splitlines())
-    return sum(1 for line in kept if line and not line.startswith("#"))
+    lines = (line.strip() for line in path.read_text("utf-8").splitlines())
+    return sum(1 for line in lines if line and not line.startswith("#"))
 
 
 def table_of(rows: list[Row]) -> list[str]:

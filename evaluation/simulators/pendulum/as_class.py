@@ -31,14 +31,14 @@ class Pendulum:
         theta = {p.name: p.nominal for p in self.parameters} | dict(point.theta)
         friction = point.effects.get("friction", {}).get("size", 0.0)
         first = slice(0, 12)
-        begun = np.polynomial.Polynomial.fit(
+        start = np.polynomial.Polynomial.fit(
             whole.t_s[first] - whole.t_s[0], whole.outputs["angle_rad"][first], 2
         ).convert()
-        angle, rate, shown = begun(0.0), begun.deriv()(0.0), []
+        angle, rate, angles = start(0.0), start.deriv()(0.0), []
         inertia = theta["mass_kg"] * 0.5**2
         torques = np.repeat(run.inputs["torque_N_m"], run.pieces.astype(int))
         for torque in torques.tolist():
-            shown.append(angle)
+            angles.append(angle)
             push = torque - theta["damping"] * rate
             push -= 9.81 * 0.5 * theta["mass_kg"] * math.sin(angle)
             rate += 0.01 * push / inertia
@@ -46,7 +46,7 @@ class Pendulum:
             rate -= min(max(rate, -stopped), stopped)
             angle += 0.01 * rate
         ends = np.cumsum(run.pieces).astype(int)
-        total = np.cumsum(np.r_[0.0, shown])
+        total = np.cumsum(np.r_[0.0, angles])
         return {"angle_rad": np.diff(total[np.r_[0, ends]]) / run.pieces}
 
     def regimes(self, run, side):
