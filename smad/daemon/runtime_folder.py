@@ -36,18 +36,18 @@ class RuntimeFolder:
         self._listeners = {Path(listener.path): listener for listener in listeners if listener.path}
         self._reserve = reserve
         self._trouble = ""
-        self._known = self._identities()
+        self._in_place = self._identities()
 
     def look(self) -> str:
         """Make again what is gone; return what there is to tell, which is mostly nothing."""
-        missing = [path for path, identity in self._known.items() if _identity(path) != identity]
+        missing = [path for path, identity in self._in_place.items() if _identity(path) != identity]
         if not missing:
             return ""
         with self._reserve():
             before, self._trouble = self._trouble, self._restored(missing)
         if self._trouble:
             return "" if self._trouble == before else self._trouble
-        self._known = self._identities()
+        self._in_place = self._identities()
         names = ", ".join(path.name for path in missing)
         return f"somebody removed {names} from {self._endpoints.folder}: made again"
 

@@ -93,7 +93,7 @@ class ReplayedPlant(ABC):
 
     def __post_init__(self) -> None:
         self._windows = Windows(tuple(c.name for c in self.channels))
-        self._known: OrderedDict[object, Any] = OrderedDict()
+        self._courses: OrderedDict[object, Any] = OrderedDict()
         self._lock = Lock()
 
     @property
@@ -158,16 +158,16 @@ class ReplayedPlant(ABC):
     def _remembered(self, key: object, replay: Callable[[], _Course]) -> _Course:
         """What is known by this key, else a replay."""
         with self._lock:
-            course: _Course | None = self._known.get(key)
+            course: _Course | None = self._courses.get(key)
             if course is None and self.one_at_a_time and self.processes is None:
                 course = replay()
         if course is None:
             course = replay()
         with self._lock:
-            self._known[key] = course
-            self._known.move_to_end(key)
-            while len(self._known) > self.kept:
-                self._known.popitem(last=False)
+            self._courses[key] = course
+            self._courses.move_to_end(key)
+            while len(self._courses) > self.kept:
+                self._courses.popitem(last=False)
         return course
 
     def _play(self, *arguments: Any) -> Any:

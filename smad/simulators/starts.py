@@ -174,7 +174,7 @@ class Windows:
 
     def __init__(self, outputs: tuple[str, ...]) -> None:
         self._outputs = outputs
-        self._known: dict[object, tuple[GapRun, list[Window]]] = {}
+        self._cut_runs: dict[object, tuple[GapRun, list[Window]]] = {}
 
     def of(self, run: GapRun, window_s: float) -> list[Window]:
         """Windows of `window_s` of a run, thinned or not; 0: one, from its start to its end.
@@ -183,10 +183,10 @@ class Windows:
         """
         whole = run if run.whole is None else run.whole
         key = (id(run.t_s), id(whole.outputs), window_s)
-        if key not in self._known:
+        if key not in self._cut_runs:
             # The run is kept as well, so that nothing else gets its number.
-            self._known[key] = (run, self._cut(run.t_s, whole, window_s))
-        return self._known[key][1]
+            self._cut_runs[key] = (run, self._cut(run.t_s, whole, window_s))
+        return self._cut_runs[key][1]
 
     def _cut(self, t_s: Array, whole: GapRun, window_s: float) -> list[Window]:
         starts = Starts(whole, self._outputs)

@@ -127,7 +127,7 @@ class Decoder:
 
     def __init__(self, *access: Access) -> None:
         self._decoder: msgspec.json.Decoder[_Request] = msgspec.json.Decoder(request_union(*access))
-        self._known = {m.name for m in METHODS if not access or m.access in access}
+        self._allowed = {m.name for m in METHODS if not access or m.access in access}
         self._names = _Names()
 
     def decode(self, data: bytes) -> Call | bytes | None:
@@ -179,7 +179,7 @@ class Decoder:
             return error_reply(call_id, _no_request(wrong))
         if "id" not in members:
             return None
-        if name not in self._known:
+        if name not in self._allowed:
             return error_reply(call_id, _unknown(name))
         return error_reply(call_id, _bad_params(name, data, message))
 

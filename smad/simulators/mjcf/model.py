@@ -82,7 +82,7 @@ class MujocoModel:
         self.joints = self._joints()
         self.assumed_units: dict[str, str] = {}
         self.driven = [self._input(n, r) for n, r in mapped.inputs.items()]
-        self._shown = [self._channel(n, r) for n, r in mapped.channels.items()]
+        self._outputs = [self._channel(n, r) for n, r in mapped.channels.items()]
         self._parameters = {n: self._field(n, r) for n, r in mapped.parameters.items()}
         self.effects: Sequence[ModelEffect] = ()
         self.plays: Sequence[tuple[str, Effect]] = ()
@@ -257,7 +257,7 @@ class MujocoModel:
                 skip_checks=False,
             )
         if d.warning.number.any():
-            return {x.name: np.full(len(control), np.nan) for x in self._shown}
+            return {x.name: np.full(len(control), np.nan) for x in self._outputs}
         # A state is that after its step, sensors are those before it.
         before = np.vstack([first, states[0][:-1]])[::pieces]
         of = {
@@ -265,19 +265,19 @@ class MujocoModel:
             "velocity": before[:, 1 + m.nq : 1 + m.nq + m.nv],
             "sensor": sensors[0][::pieces],
         }
-        return {x.name: x.scale * of[x.source][:, x.number] + x.offset for x in self._shown}
+        return {x.name: x.scale * of[x.source][:, x.number] + x.offset for x in self._outputs}
 
     def _begin(self, start: Mapping[str, float]) -> None:
         """Joints that are measured begin where they were shown to be, the others as compiled."""
         m, d = self.model, self._data
         self._mujoco.mj_setConst(m, d)
         self._mujoco.mj_resetData(m, d)
-        for x in self._shown:
+        for x in self._outputs:
             if x.source == "position":
                 d.qpos[x.number] = (start[x.name] - x.offset) / x.scale
                 joint = int(np.flatnonzero(m.jnt_qposadr == x.number)[0])
                 d.qvel[m.jnt_dofadr[joint]] = start[f"{x.name}_rate"] / x.scale
-        for x in self._shown:
+        for x in self._outputs:
             if x.source == "velocity":
                 d.qvel[x.number] = (start[x.name] - x.offset) / x.scale
 
