@@ -62,12 +62,12 @@ def step(
     bench: str = bench_option,
 ) -> None:
     """Turn SEGMENT to PITCH_DEG and YAW_DEG."""
-    from smad.robot import step as made
+    from smad.robot import step as course_of_step
     from smad.robot.moving import robot_of, standing_deg
 
     with client(bench) as connected:
         now = standing_deg(connected, robot_of(connected)).get(segment, (0.0, 0.0))
-        course = made((pitch_deg, yaw_deg), duration_s=duration_s, from_deg=now)
+        course = course_of_step((pitch_deg, yaw_deg), duration_s=duration_s, from_deg=now)
         _move(connected, segment, course, wait=wait)
 
 
@@ -82,10 +82,11 @@ def circle(
     bench: str = bench_option,
 ) -> None:
     """Draw a circle with the tip of SEGMENT, from straight and back."""
-    from smad.robot import circle as made
+    from smad.robot import circle as course_of_circle
 
     with client(bench) as connected:
-        _move(connected, segment, made(radius_deg, period_s=period_s, cycles=cycles), wait=wait)
+        course = course_of_circle(radius_deg, period_s=period_s, cycles=cycles)
+        _move(connected, segment, course, wait=wait)
 
 
 @robot.command()

@@ -55,7 +55,7 @@ def sim(
         end_with(boards.parent)
     config = boards.configured(path, rate)
     try:
-        made = built(
+        boards_built = built(
             config,
             seed=config.plant.seed,
             faults=boards.faults,
@@ -64,7 +64,7 @@ def sim(
             firmware=boards.firmware,
             store_path=store_path,
         )
-        with made as benches:
+        with boards_built as benches:
             for line in effect_lines(next(iter(benches.values())).plant.effects, effects):
                 click.echo(line, err=True)
             stats, counts = serve(

@@ -338,8 +338,8 @@ def headline_of(
 def _goes(before: float, after: float) -> str:
     """A gap that shrinks, with the digits that show it, and what is left of it above the noise."""
     digits = 1 if f"{before:.1f}" != f"{after:.1f}" else 2
-    left = f", {after:.{digits}f} floors stay unexplained" if after > _UNEXPLAINED_FLOORS else ""
-    return f"the gap goes from {before:.{digits}f} to {after:.{digits}f} floors{left}"
+    rest = f", {after:.{digits}f} floors stay unexplained" if after > _UNEXPLAINED_FLOORS else ""
+    return f"the gap goes from {before:.{digits}f} to {after:.{digits}f} floors{rest}"
 
 
 def read_verdict(path: Path) -> Verdict:

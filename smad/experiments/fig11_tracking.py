@@ -54,10 +54,10 @@ class Fig11Tracking(SineExperiment[TrackingOptions]):
         runs = {trial.rpartition("/")[2]: outcomes[trial] for trial in self.trials()}
         scores = {name: score_of(run, period_s) for name, run in runs.items()}
         water = scores["water"]
-        what = f"{self.options.amplitude_mm:g} mm, {period_s:g} s"
+        course = f"{self.options.amplitude_mm:g} mm, {period_s:g} s"
         comparisons = [
             Comparison(
-                f"Fig. 11: {what} with water, R²",
+                f"Fig. 11: {course} with water, R²",
                 "0.9927",
                 f"{water.r2:.4f} after the first cycle, {water.r2_all:.4f} with it",
                 "the paper does not say whether the start from rest counts",
@@ -72,7 +72,7 @@ class Fig11Tracking(SineExperiment[TrackingOptions]):
             r2 = tracking_r2(air["reference_mm"][followed], air["displacement_mm"][followed])
             comparisons.append(
                 Comparison(
-                    f"Fig. 11: {what} in air",
+                    f"Fig. 11: {course} in air",
                     "5 good periods (R² 0.9585), then lost",
                     f"{good} good periods (R² {r2:.4f}), then "
                     + ", ".join(f"{period_r2:z.2f}" for period_r2 in by_period[good : good + 3]),
@@ -81,7 +81,7 @@ class Fig11Tracking(SineExperiment[TrackingOptions]):
             )
         comparisons += [
             Comparison(
-                f"Beyond: {what}, {CONTROLS[name].name}, R²",
+                f"Beyond: {course}, {CONTROLS[name].name}, R²",
                 "–",
                 f"{scores[name].r2:.4f} after the first cycle",
                 f"peak {scores[name].peak_degC:.1f} °C, {scores[name].peak_A:.2f} A",

@@ -183,12 +183,12 @@ def _reference(y: Array) -> tuple[float, float]:
     return mean, max(float(np.std(y, ddof=1)), LEAST_SCATTER * abs(mean), 1e-12)
 
 
-def _deviates(y: Array, known: int) -> Array:
-    """Return u of each value by those before it, ten at most; 0 for the first `known` ones."""
+def _deviates(y: Array, first: int) -> Array:
+    """Return u of each value by those before it, ten at most; 0 for the `first` ones."""
     from scipy.special import ndtri, stdtr
 
     u = np.zeros(len(y))
-    for place in range(known, len(y)):
+    for place in range(first, len(y)):
         n = min(place, REFERENCE)
         mean, scatter = _reference(y[:n])
         t = (y[place] - mean) / (scatter * math.sqrt(1.0 + 1.0 / n))

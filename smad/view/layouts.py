@@ -59,8 +59,8 @@ def foxglove(axes: Sequence[str]) -> bytes:
     }
     content = tabs[0][1]
     if len(axes) > 1:
-        made = [{"title": axis, "layout": _column(names)} for axis, names in tabs]
-        panels["Tab!axes"] = {"activeTabIdx": 0, "tabs": made}
+        contents = [{"title": axis, "layout": _column(names)} for axis, names in tabs]
+        panels["Tab!axes"] = {"activeTabIdx": 0, "tabs": contents}
         content = ["Tab!axes"]
     layout = {
         "configById": panels | events,
