@@ -68,19 +68,19 @@ def sparkline(values: Sequence[float | None]) -> str:
 
 
 def screen(
-    now: Status | None, history: History, *, columns: int, rows: int, away: str = "", note: str = ""
+    now: Status | None, history: History, *, columns: int, rows: int, away: str = "", said: str = ""
 ) -> list[Line]:
     """Return at most `rows` lines of at most `columns` characters.
 
     State and fault stand first and the keys last, whatever there is between. `away` says why there
-    is no status, or that `now` is old; `note` what came of the last key.
+    is no status, or that `now` is old; `said` what came of the last key.
     """
     if columns < LEAST_COLUMNS or rows < LEAST_ROWS:
         needed = f"This needs {LEAST_COLUMNS} columns and {LEAST_ROWS} rows."
         return [Line(text[:columns]) for text in (needed, KEYS)][:rows]
     pinned = [Line(f"NOT LIVE: {away}", "bad")] if away else []
     pinned += () if now is None else _pinned(now, columns)
-    foot = [Line(note), Line(KEYS, "title")]
+    foot = [Line(said), Line(KEYS, "title")]
     middle = [] if now is None else [*_measured(now, history, columns), *_facts(now)]
     room = rows - len(pinned) - len(foot)
     if now is not None:

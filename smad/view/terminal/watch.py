@@ -35,7 +35,7 @@ def watch(bench: Client, terminal: Terminal, clock_s: Callable[[], float]) -> No
             history.add(None if now is None or away else now.sample)
             due_s = clock_s() + REFRESH_S
         columns, rows = terminal.size()
-        terminal.draw(screen(now, history, columns=columns, rows=rows, away=away, note=note))
+        terminal.draw(screen(now, history, columns=columns, rows=rows, away=away, said=note))
         key = terminal.key(max(0.0, due_s - clock_s()))
         if key in QUIT_KEYS:
             return
