@@ -175,7 +175,7 @@ def require_other_recordings(good: Sequence[RunFile], now: Sequence[RunFile]) ->
                     + (": one is a link to the other" if linked else ""),
                     action="give runs of now that are not among the good ones"
                     if role == "now"
-                    else "leave one out: a bench repeats itself less well than a copy does",
+                    else "leave one out: a copy repeats better than any bench does",
                 )
             earlier += [run] if role == "good" else []
 
@@ -189,6 +189,6 @@ def require_one_bench(runs: Sequence[RunFile]) -> None:
             "runs of two benches are mixed",
             value=f"{path} of board {board}, {second} of board {other}",
             limit="one bench",
-            action="take those of the other bench out; if only the board was replaced, give CSV "
-            "(smad log export), which names none",
+            action="take out the runs of the other bench; if only the board was replaced, give CSV "
+            "(smad log export), which names no board",
         )

@@ -62,7 +62,7 @@ def propose(judgement: Judged, costs_s: Mapping[str, float], left_s: float) -> P
         finding = {
             QUIET: "nothing has changed beyond the repeat floor",
             PARAMETERS: "other values of the parameters explain it",
-        }.get(verdict.outcome, "no rival is told")
+        }.get(verdict.outcome, "no cause was found")
         if run := _next_new(pairs, costs_s, left_s):
             return Proposal(run, f"for the first time now: so far {finding}")
         return Proposal(None, f"settled: {finding}")
@@ -83,13 +83,13 @@ def propose(judgement: Judged, costs_s: Mapping[str, float], left_s: float) -> P
         why = f"it separates {either} best for its time, by d² = {best.separation:.0f}"
     elif most.separation < SEPARATED:
         why = (
-            f"no run on offer tells {either}: {most.run}, the best, separates them by "
-            f"d² = {most.separation:.1f}; {SEPARATED:g} would be wanted"
+            f"no remaining run separates {either}: {most.run}, the best, does so by "
+            f"d² = {most.separation:.1f}; {SEPARATED:g} is needed"
         )
     else:
         why = (
-            f"the time is spent: {most.run} would tell {either} by d² = {most.separation:.0f}, and "
-            f"takes {costs_s[most.run] / 60:.1f} min of {max(left_s, 0.0) / 60:.1f} left"
+            f"the time is spent: {most.run} would separate {either} by d² = {most.separation:.0f}, "
+            f"and takes {costs_s[most.run] / 60:.1f} min of {max(left_s, 0.0) / 60:.1f} left"
         )
     return Proposal(None if best is None else best.run, why, names, offers)
 

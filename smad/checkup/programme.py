@@ -149,7 +149,7 @@ class Programme:
         raise ProgrammeError(
             f"programme {self.name} has no such run",
             value=name,
-            action=instead(name, [r.name for r in self.runs], "its runs.json has their names"),
+            action=instead(name, [r.name for r in self.runs], "its programme.toml has their names"),
         )
 
 

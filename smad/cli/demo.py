@@ -18,7 +18,7 @@ def demo(
     seed: int = option("--seed", "Seed of all noise.", Whole(0, 2**32 - 1), default=0),
     boards: tuple[str, ...] = option(
         "--firmware",
-        "The board, see smad sim --help; give it again for another one beside it.",
+        "The board, see smad sim --help; repeat the option for another board beside it.",
         click.Choice([*BOARDS]),
         default=["python"],
         multiple=True,

@@ -67,7 +67,7 @@ def _duty(ctx: click.Context, param: click.Parameter, value: str) -> float:
 
 @click.command(cls=Command)
 def clear(fault: Fault | None = fault_argument, bench: str = axis_option) -> None:
-    """Acknowledge the latched fault, or only FAULT (name or number).
+    """Acknowledge the latched fault; with FAULT (name or number) only that one.
 
     Works once its cause is gone and the springs are cold.
     """

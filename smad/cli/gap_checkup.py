@@ -63,7 +63,7 @@ def commission(
         "--repeats", "How often the whole programme is played.", Whole(1, 8), default=2
     ),
     again: bool = flag("--again", "Add repeats to a baseline, for a better floor."),
-    quick: bool = flag("--quick", "Only the part that separates most."),
+    quick: bool = flag("--quick", "Play only the runs that tell most effects apart."),
     bench: _Bench = together(_Bench),
 ) -> None:
     """Record the programme on a good bench, as a baseline.
@@ -122,7 +122,7 @@ def checkup(
     now: Path | None = option(
         "--now", "New run files with the same inputs as the good ones.", FOLDER
     ),
-    quick: bool = flag("--quick", "With --baseline: the part that separates most."),
+    quick: bool = flag("--quick", "With --baseline: only the runs that tell most effects apart."),
     out: Path | None = option(
         "--out",
         "With --baseline: folder of the new runs  [default: BASELINE/now-1, now-2 …]",

@@ -152,7 +152,7 @@ def pause(
     now: bool = flag("--now", "End the running item: it disarms and keeps its log."),
     opened: Queue = _queue,
 ) -> None:
-    """Begin no further item, and end the arming."""
+    """Begin no further item, and disarm what the queue has armed."""
     running = opened.pause(now=now).after.running
     ends = "is being ended" if now else "goes on to its end"
     click.echo("paused" + (f"; item {running.id} {ends}" if running else ""))

@@ -26,7 +26,7 @@ def install(
 ) -> None:
     """Write the files where the system looks for them; needs root.
 
-    The units of daemon, queue and hooks start the smad that this command belongs to.
+    The units of daemon, queue and hooks start the smad of this command.
     """
     from smad.processes import service as service_files
 

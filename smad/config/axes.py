@@ -95,7 +95,7 @@ def coupling_of(axes: Sequence[AxisConfig]) -> list[list[float]]:
     for k, axis in enumerate(axes):
         if axis.coupling and len(axis.coupling) != len(axes):
             raise ConfigError(
-                f"the coupling of {axis.name} has not a number for each axis",
+                f"the coupling of {axis.name} needs one number for each axis",
                 value=len(axis.coupling),
                 limit=len(axes),
                 action="correct it in [[axes]]",

@@ -228,10 +228,10 @@ class Config(Section, frozen=True, kw_only=True):
         axes = self.axes or tuple(AxisConfig(name=name) for name in USUAL_NAMES)
         if count > len(axes):
             raise ConfigError(
-                "there are not so many axes in the configuration",
+                "the configuration has too few axes",
                 value=count,
                 limit=len(axes),
-                action="add [[axes]] to it",
+                action="add an [[axes]] table for each missing axis",
             )
         first_axes = [
             structs.replace(axis, coupling=axis.coupling[:count]) for axis in axes[:count]

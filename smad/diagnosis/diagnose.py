@@ -112,15 +112,15 @@ def _of_changed(inquiry: Inquiry) -> tuple[Answer, Sequence[GapRun]]:
         return answer.with_verdict(notes=notes), ()
     listed = ", ".join(names)
     if answer.verdict.outcome not in _NO_CAUSE:
-        note = f"not judged, since no good run has the same inputs: {listed}; ask of them alone"
+        note = f"not judged, since no good run has their inputs: {listed}; diagnose them separately"
         return answer.with_verdict(notes=[*notes, note]), ()
     apart = inquiry.of(names)
     apart_runs, of_others = (*apart.fit, *apart.held_out), _of_changed_runs(apart)
     same, more = answer.verdict.outcome, of_others.verdict.outcome
     if more == QUIET or (same == PARAMETERS and more != CAUSES):
-        note = f"runs that repeat no good one show {_NO_CAUSE[same]} either: {listed}"
+        note = f"runs with new inputs show {_NO_CAUSE[same]} either: {listed}"
         return answer.with_verdict(notes=[*notes, note]), apart_runs
-    note = f"runs that repeat good ones show {_NO_CAUSE[same]}, the others do: {listed}"
+    note = f"runs that repeat good ones show {_NO_CAUSE[same]}; runs with new inputs do: {listed}"
     return of_others.with_verdict(notes=[note, *notes]), apart_runs
 
 

@@ -82,8 +82,8 @@ def bootstrap(
             continue
     if not resampled:
         raise ExperimentError(
-            "the value was found, and no interval: no choice of these samples can be fitted",
-            value=f"{samples} samples, {2 * repeats} choices",
+            "the value was found, but not its interval: no resample of the samples can be fitted",
+            value=f"{samples} samples, {2 * repeats} resamples",
             action="record a longer run, in which more transforms",
         )
     low, high = np.percentile(np.array(resampled), [2.5, 97.5], axis=0)

@@ -47,7 +47,7 @@ class LogDriver:
         run = self._runs.get(log_name(plan))
         if run is None:
             raise ExperimentError(
-                f"no log is of the run {log_name(plan)}",
+                f"none of the logs is of run {log_name(plan)}",
                 limit=", ".join(sorted(self._runs)) or "no logs were given",
                 action="add it with --from, or run the experiment",
             )

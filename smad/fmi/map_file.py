@@ -189,7 +189,7 @@ def _check(path: Path, mapped: Map) -> None:
             )
     if mapped.window_s and not any(isinstance(v, str) for v in mapped.start.values()):
         raise FmiError(
-            f"map file {path} has windows that begin nowhere",
+            f"map file {path} sets window_s, but no [start]",
             value=f"window_s = {mapped.window_s:g}",
             action="give [start] the channels that the unit begins from",
         )
@@ -236,13 +236,13 @@ def _require(unit: UnitFile, key: str, variable: str, roles: tuple[str, ...]) ->
         )
     about = listed[variable]
     if about.type != "Real":
-        raise FmiError(f"{key}: {variable} is no real number", value=about.type, limit="Real")
+        raise FmiError(f"{key}: {variable} is not of type Real", value=about.type, limit="Real")
     if about.causality not in roles:
         raise FmiError(
-            f"{key}: {variable} has another role in {unit.path.name}",
+            f"{key}: {variable} has another causality in {unit.path.name}",
             value=about.causality,
             limit=" or ".join(roles),
-            action="name another variable, or make the unit offer it so",
+            action="name another variable, or change its causality in the unit",
         )
 
 

@@ -66,7 +66,7 @@ def bind(
     """
     if not isinstance(declared, Simulator):
         raise SimulatorError(
-            "what should simulate is not declared",
+            "this is no declared simulator",
             value=type(declared).__name__,
             action="give the runs first, then simulator(f, parameters=…)",
         )

@@ -159,10 +159,10 @@ def _require_no_slip(
     for name in (n for n, source in sources.items() if not source):
         for like in get_close_matches(quantity_in(name)[0], quantities, 1, _ALIKE):
             raise SimulatorError(
-                f"{declared.name} returns {name}, which no column is, and does not read column "
-                f"{quantities[like]}",
+                f"{declared.name} returns {name}, but no column has that name, and does not read "
+                f"column {quantities[like]}",
                 limit=", ".join(table.columns),
-                action="are they one? give both one name and unit; else leave out one of them",
+                action="give both one name and unit if they are one quantity; else leave out one",
             )
 
 

@@ -69,7 +69,7 @@ def server_keys(path: Path, *, follow: bool = False) -> tuple[bytes, bytes]:
             f"the server's key file cannot be used: {error.strerror}",
             value=_path_in_words(path),
             limit="a file, or a name in a folder where one can be made",
-            action="correct daemon.tcp.secret_key_file, or take away what has the name",
+            action="correct daemon.tcp.secret_key_file, or remove what has that name",
         ) from error
     words = data.split()
     if not _is_pair(words):

@@ -112,12 +112,12 @@ def _only(group: RunSet, channels: set[str]) -> RunSet:
     for run in group.admitted:
         outputs = {k: v for k, v in run.outputs.items() if k in channels}
         for name in (n for n in run.outputs if n not in channels):
-            text = f"{name} not in the runs of another group, so not compared"
+            text = f"{name} is missing in another group of runs, so it is not compared"
             findings.append(Finding(run.name, "channel not shared", text, refuses=False))
         if outputs:
             admitted.append(replace(run, outputs=outputs))
         else:
-            text = "nothing it measured is in the runs to fit, the held out and the good ones alike"
+            text = "none of its channels was recorded in all groups: runs to fit, held out and good"
             findings.append(Finding(run.name, "no channel", text, refuses=True))
     return RunSet(group.given, tuple(admitted), tuple(findings))
 

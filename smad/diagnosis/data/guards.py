@@ -86,12 +86,12 @@ def too_few(groups: Mapping[str, Sequence[GapRun]], *, asked_good: bool) -> list
     texts = []
     if len(groups[FIT]) == 1 and not groups[HOLD_OUT]:
         texts.append(
-            "a single run to fit and none held out: every figure is of the run that was fitted to; "
+            "a single run to fit and none held out: every figure is of the fitted run itself; "
             "give a second run, or one to --hold-out"
         )
     if asked_good and len(groups[GOOD]) == 1:
         texts.append(
-            "a single known-good run: what good runs differ in is not known, and any difference "
+            "a single known-good run: the spread between good runs is unknown, and any difference "
             "counts as a change; give two or more of different kinds"
         )
     return [Finding("all runs", "few runs", text, refuses=False) for text in texts]
@@ -118,8 +118,8 @@ def goes_further(groups: Mapping[str, Sequence[GapRun]], plant: PlantModel) -> l
     if not further:
         return []
     text = (
-        f"by their inputs they should drive {'; '.join(further)}: what the model gets wrong out "
-        "there counts as a change; give known-good runs that go as far"
+        f"by their inputs they should drive {'; '.join(further)}: errors of the model out there "
+        "count as changes; give known-good runs that go as far"
     )
     return [Finding("the runs in question", FURTHER, text, refuses=False)]
 

@@ -69,15 +69,15 @@ def _say_undriven(run: GapRun, predicted: Mapping[str, Array], plant: PlantModel
         say("no excitation", "no input ever changes: nothing can be learnt", refuses=True)
     elif not moves(predicted) and not run.trusted:
         text = (
-            f"no input ever changes, and {', '.join(moving)} move where the model stands still: "
-            "were the inputs recorded, and does the model begin where the run does (start of a "
-            f"map)? give --trust {run.name} if so"
+            f"no input ever changes, nor does the model, but {', '.join(moving)} do: "
+            "check that the inputs were recorded, and that the model begins in the run's state "
+            f"(start of a map); if both hold, give --trust {run.name}"
         )
         say("no excitation", text, refuses=True)
     else:
         text = (
-            f"no input ever changes: what {', '.join(moving)} say rests on the state that the "
-            "model begins in; give runs with steps beside it"
+            "no input ever changes, so the state that the model begins in decides "
+            f"{', '.join(moving)}; add runs with steps"
         )
         say("no excitation", text)
 
@@ -173,9 +173,9 @@ def compare(
     elif apart:
         say(
             "inputs do not drive the outputs",
-            f"the nominal model follows {', '.join(apart)} no better than it follows them with its "
-            "inputs shifted in time: it is far off, or inputs and outputs are not of one run; look "
-            f"at the file, and leave it out (--leave-out {run.name}) if they are not",
+            f"the nominal model predicts {', '.join(apart)} no better than with its inputs shifted "
+            "in time: either it is far off, or inputs and outputs are of different runs; check the "
+            f"file, and leave it out (--leave-out {run.name}) if they are",
         )
 
 

@@ -138,13 +138,13 @@ def test_rivals_that_predict_the_same_are_not_played_for(lagging: Judged) -> Non
     found = propose(undecided(lagging, SMALL, SMALL), COSTS, 600.0)
     assert found.run is None
     assert found.staying
-    assert "no run on offer tells" in found.why
+    assert "no remaining run separates" in found.why
 
 
 def test_a_run_that_takes_longer_than_is_left_is_told_and_not_played(lagging: Judged) -> None:
     found = propose(undecided(lagging, LAG_LIKE, FORCE_LIKE), COSTS, 30.0)
     assert found.run is None
-    assert "the time is spent: short would tell" in found.why
+    assert "the time is spent: short would separate" in found.why
 
 
 def test_a_run_is_played_once_whatever_stays(reference: GoodRuns) -> None:

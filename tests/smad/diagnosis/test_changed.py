@@ -131,7 +131,9 @@ def test_an_effect_that_shows_in_runs_alone_that_repeat_no_good_one_is_found() -
     found = ask([repeated], good=bank(OTHER, day=1), hold_out=others)
     assert [c.name for c in found.causes] == ["driver_gain"]
     assert {r.run for r in found.by_run} == {r.name for r in others}
-    assert found.notes[0].startswith("runs that repeat good ones show nothing new, the others do: ")
+    assert found.notes[0].startswith(
+        "runs that repeat good ones show nothing new; runs with new inputs do: "
+    )
 
 
 def test_where_runs_that_repeat_good_ones_show_other_parameters_the_others_are_judged() -> None:
@@ -140,7 +142,9 @@ def test_where_runs_that_repeat_good_ones_show_other_parameters_the_others_are_j
     others = bank(moved, GAIN, seed=40)
     found = ask([repeated], good=bank(OTHER, day=1), hold_out=others)
     assert [c.name for c in found.causes] == ["driver_gain"]
-    assert found.notes[0].startswith("runs that repeat good ones show no cause, the others do: ")
+    assert found.notes[0].startswith(
+        "runs that repeat good ones show no cause; runs with new inputs do: "
+    )
 
 
 def test_an_answer_that_nothing_is_new_is_of_all_runs() -> None:
@@ -148,7 +152,7 @@ def test_an_answer_that_nothing_is_new_is_of_all_runs() -> None:
     (other, *_) = bank(OTHER, seed=40)
     found = ask([repeated], good=bank(OTHER, day=1), hold_out=[other])
     assert found.outcome == QUIET
-    assert found.notes[-1] == f"runs that repeat no good one show nothing new either: {other.name}"
+    assert found.notes[-1] == f"runs with new inputs show nothing new either: {other.name}"
 
 
 def test_good_runs_of_the_same_inputs_count_as_repeats(waxen: list[GapRun]) -> None:

@@ -126,7 +126,7 @@ def test_an_experiment_finds_the_same_in_its_log(tmp_path: Path) -> None:
 
 def test_a_log_of_another_run_is_not_taken_for_this_one(tmp_path: Path) -> None:
     driver(folder=tmp_path).run(PLAN)
-    with pytest.raises(ExperimentError, match=r"no log is of the run.*fig9-cycle"):
+    with pytest.raises(ExperimentError, match=r"none of the logs is of run.*fig9-cycle"):
         make_experiment("fig9-cycle").run(LogDriver([tmp_path / "short.mcap"]), NOMINAL)
 
 

@@ -26,5 +26,5 @@ def test_what_no_resample_can_be_fitted_to_is_refused() -> None:
             raise ValueError("too few")
         return [1.0]
 
-    with pytest.raises(ExperimentError, match="no choice of these samples can be fitted"):
+    with pytest.raises(ExperimentError, match="no resample of the samples can be fitted"):
         bootstrap(fit, len(VALUES), seed=1)

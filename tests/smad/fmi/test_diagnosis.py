@@ -212,7 +212,7 @@ def test_a_unit_begins_from_the_readings_of_a_channel_in_each_window(
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("lag_s = 2.0", "lag_s = 2.0\nwindow_s = 2.0", "has windows that begin nowhere"),
+        ("lag_s = 2.0", "lag_s = 2.0\nwindow_s = 2.0", "sets window_s, but no [start]"),
         ("lag_s = 2.0", 'lag_s = 2.0\nstart = {temperature = "speed"}', "start.temperature is no"),
         ("power = 4.0", 'power = 4.0\nshape = "sign"', "has a power and another shape"),
         ('variable = "loss"', 'variable = "los"', "has no variable los, which the map has at"),
@@ -221,7 +221,7 @@ def test_a_unit_begins_from_the_readings_of_a_channel_in_each_window(
         ("high = 1.1", "high = nan", "parameters"),
         ("high = 1.1", "high = 0.5", "parameters.loss_W_K has no range"),
         ('of = "temperature_degC"', 'of = "speed"', "terms.radiation.of is neither an input nor"),
-        ('variable = "temperature"', 'variable = "power"', "has another role in heater.fmu"),
+        ('variable = "temperature"', 'variable = "power"', "has another causality in heater.fmu"),
         ("lag_s = 2.0", "lag_s = 2.0\nlags = 1", "unknown field `lags`"),
         ("low = 0.5", "low = 0.9", "does not begin within its range; got 0.8"),
     ],

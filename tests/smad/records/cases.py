@@ -99,7 +99,7 @@ CASES = (
          ("2 rows to", "the time is column 'time_s', in s since its first stamp")),
     Case(24, "a log that was cut", "log recover {folder}/cut.mcap", 0, ("cut.recovered.mcap",)),
     Case(25, "a step that is on from the first row", asked("const"), 0,
-         ("no input ever changes: what temperature_degC say rests on the state",)),
+         ("so the state that the model begins in decides temperature_degC; add runs",)),
     *(
         Case(26, f"{what} where a number should be", f"log import {{folder}}/{name}.csv", 1,
              (f"line {line}: column {column!r} is not a number; got",))

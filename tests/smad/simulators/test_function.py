@@ -214,7 +214,9 @@ def test_an_output_that_is_likely_a_column_under_another_name_is_asked_about(col
     declared, run = simulator(two, parameters=PARAMETERS), RUNS[0]
     (said,) = bind(declared, [run]).said
     assert "outputs without a column: cooler_degC, charge_A_s" in said
-    words = f"two returns cooler_degC, which no column is, and does not read column {column}"
+    words = (
+        f"two returns cooler_degC, but no column has that name, and does not read column {column}"
+    )
     if column == "cooler_degF":  # it is converted
         (said,) = bind(declared, [{**run, column: 1.8 * run["temperature_degC"] + 32.0}]).said
         assert "outputs without a column: charge_A_s" in said

@@ -90,5 +90,5 @@ def test_an_effect_does_not_count_as_excitation() -> None:
 def test_a_verdict_says_that_runs_go_further_than_the_known_good_ones() -> None:
     found = ask(runs_of(1, 2), good=[gently(3), gently(4)])
     (text,) = said(found, FURTHER)
-    assert "what the model gets wrong out there counts as a change" in text
+    assert "errors of the model out there count as changes" in text
     assert said(ask(runs_of(1, 2), good=runs_of(3, 4)), FURTHER) == []
