@@ -82,11 +82,10 @@ def circle(
     bench: str = bench_option,
 ) -> None:
     """Draw a circle with the tip of SEGMENT, from straight and back."""
-    from smad.robot import circle as course_of_circle
+    from smad.robot import circle as course
 
     with client(bench) as connected:
-        course = course_of_circle(radius_deg, period_s=period_s, cycles=cycles)
-        _move(connected, segment, course, wait=wait)
+        _move(connected, segment, course(radius_deg, period_s=period_s, cycles=cycles), wait=wait)
 
 
 @robot.command()

@@ -122,7 +122,7 @@ def test_beside_runs_that_repeat_good_ones_and_show_it_others_are_not_judged(
     assert [r.run for r in found.by_run] == [repeated.name]
     compared, *_, alone = found.notes
     assert compared == f"runs of the same inputs were compared: {repeated.name} with random 1 (2)"
-    assert f"no good run has the same inputs: {other.name}" in alone
+    assert f"no good run has their inputs: {other.name}; diagnose them separately" in alone
 
 
 def test_an_effect_that_shows_in_runs_alone_that_repeat_no_good_one_is_found() -> None:

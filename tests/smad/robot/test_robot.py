@@ -96,7 +96,7 @@ def test_a_segment_without_its_axes_is_refused(
 
 
 def test_a_coupling_that_does_not_fit_or_has_no_inverse_is_refused() -> None:
-    for row, said in (((1.0,), "not a number for each axis"), ((0.0, 1.0), "has no inverse")):
+    for row, said in (((1.0,), "needs one number for each axis"), ((0.0, 1.0), "has no inverse")):
         axes = (AxisConfig(name="pitch-1", coupling=row), AxisConfig(name="yaw-1"))
         with pytest.raises(ConfigError, match=said):
             Robot.of(Config(axes=axes))
