@@ -754,7 +754,9 @@ def test_what_is_no_simulator_or_no_column_is_named() -> None:
         diagnose(rows, declared_heater())
     with pytest.raises(SimulatorError, match=r"run 1: column 'power_W' holds no number"):
         diagnose({**RUNS[0], "power_W": np.full(600, np.nan)}, declared_heater())
-    with pytest.raises(SimulatorError, match=r"this is no declared simulator; got function; give the runs first"):
+    with pytest.raises(
+        SimulatorError, match=r"this is no declared simulator; got function; give the runs first"
+    ):
         diagnose(RUNS, heater)  # type: ignore[arg-type]
     with pytest.raises(SimulatorError, match=r"nor a table of columns; got NoneType"):
         diagnose(None, declared_heater())
