@@ -50,7 +50,7 @@ RIGHT: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
     "a reading in five rows each": (EVERY, TAKEN, ("each value in 5 rows", "slower than the rest")),
     "a time in ms": (EVERY, ANY, ("sense",)),
     "1.1 s long": (DIAGNOSED, ("refused",), ("s long; at least 8 s are needed",)),
-    "no input changes": (DIAGNOSED, ("refused",), ("the inputs were recorded, and that", "--trust")),
+    "no input changes": (DIAGNOSED, ("refused",), ("inputs were recorded, and that", "--trust")),
     "another run's reading": (("FMU map", "Python plant"), ("used",), ("shifted in time",)),
 }  # fmt: skip
 
