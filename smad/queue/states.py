@@ -41,8 +41,8 @@ FOLLOWING: Mapping[State, frozenset[State]] = {
 class Item(Struct, frozen=True, kw_only=True):
     """One command in the queue. `words` follow `smad` on a command line, given in `folder`.
 
-    `position` orders the queued ones; `reason` says why it stands where it does. What is not
-    `on_bench` is simulated, and needs no daemon.
+    It gets `id` and `position` when it is added; `position` orders the queued ones. `reason` says
+    why it stands where it does. What is not `on_bench` is simulated, and needs no daemon.
     """
 
     id: int = 0

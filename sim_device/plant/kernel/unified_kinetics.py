@@ -103,6 +103,7 @@ def rate_around(value: float, target: float, inside: int, leg: Leg, curve: Row) 
     if inside < TURNS and leg.turned_at[inside] < PROGRESS_HIGH:
         there = interpolate_outer_curve(leg.turned_at[inside], curve)[0]
         left_there = min(leg.left_there[inside], value)
+    # Where the outer curve has ended both turns are at its end: then nothing is bounded.
     return (value - left_there) / max(target - there, 1e-12)
 
 

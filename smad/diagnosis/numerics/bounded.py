@@ -9,6 +9,7 @@ from smad.diagnosis.plant import Array
 RIDGE = 1e-9
 """Share of its diagonal that keeps a matrix invertible; far below what data tell."""
 _TINY = 1e-12
+"""The same for a coordinate that changes nothing, whose diagonal is 0."""
 
 
 def bounded_step(A: Array, g: Array, low: Array, high: Array, damping: float = 0.0) -> Array:

@@ -9,7 +9,6 @@ from smad.diagnosis.answer import Answer
 from smad.diagnosis.report import figures
 from smad.diagnosis.report.words import (
     advice,
-    beside,
     budget_stages,
     finding_lines,
     first_rivals,
@@ -17,6 +16,7 @@ from smad.diagnosis.report.words import (
     judged_lines,
     name_words,
     place_words,
+    rival_heading,
 )
 from smad.diagnosis.verdict import CHECK_UP, DIFFERS, Cause, RivalGap, Verdict, labelled, with_unit
 from smad.report.page import Beside, Block, Code, Page, Section, Table, Text, write_page
@@ -76,17 +76,18 @@ def _answer(v: Verdict) -> list[Block]:
         together = "Everything in a row and above it is fitted together with the parameters."
         out.append(Table(("floors left", "with"), rows, together, frozenset((0,))))
     for k, cause in enumerate(v.causes):
-        out += [rivals(cause.rivals, "" if k else caption, beside(v.causes[:k])), _cause(cause)]
+        heading = rival_heading(v.causes[:k])
+        out += [rivals(cause.rivals, "" if k else caption, heading), _cause(cause)]
     if not v.causes and v.rivals:
         out.append(rivals(v.rivals, caption))
     return out + [Text(line, "note") for line in v.notes]
 
 
-def rivals(rows: Sequence[RivalGap], caption: str, asked: str = "") -> Table:
+def rivals(rows: Sequence[RivalGap], caption: str, heading: str = "rival") -> Table:
     """The table of rivals: what each leaves of the judged runs, its probability, and its values
-    where one has any. `asked` says beside what."""
+    where one has any."""
     first = first_rivals(rows)
-    header = ["floors left", "probability", f"rival{asked}", "values"]
+    header = ["floors left", "probability", heading, "values"]
     columns = len(header) if any(r.values for r in first) else len(header) - 1
     table = []
     for r in first:

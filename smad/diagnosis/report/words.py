@@ -53,8 +53,7 @@ def lines(verdict: Verdict) -> list[str]:
     facts = finding_lines(v, doubtful=False)
     if v.outcome == REFUSED:
         return [*out, *v.notes, *facts]
-    steps = gap_by_cause(v)
-    if steps:
+    if steps := gap_by_cause(v):
         out += ["  floors left  with", *(f"  {gap:>11.3g}  {what}" for gap, what in steps)]
     for k, cause in enumerate(v.causes):
         out += cause_lines(cause, v.causes[:k])
@@ -97,7 +96,7 @@ def _line(alike: Sequence[Finding]) -> str:
 
 
 def gap_by_cause(v: Verdict) -> list[tuple[float, str]]:
-    """Floors left with other parameters, and with each cause more; empty where one is told."""
+    """Floors left with other parameters, and with each cause more; empty for a single cause."""
     if v.whole is None or len(v.causes) < 2:
         return []
     steps = [(v.whole.parameters, "parameters alone")]
@@ -107,12 +106,13 @@ def gap_by_cause(v: Verdict) -> list[tuple[float, str]]:
     return steps
 
 
-def beside(before: Sequence[Cause]) -> str:
-    """What a further cause was asked beside, as `, beside lag`; empty for the first one."""
-    return f", beside {' and '.join(cause.short for cause in before)}" if before else ""
+def rival_heading(before: Sequence[Cause]) -> str:
+    """The heading of a column of rivals that were fitted beside the causes `before`, if any."""
+    beside = " and ".join(cause.short for cause in before)
+    return f"rival, beside {beside}" if beside else "rival"
 
 
-def cause_lines(cause: Cause, before: Sequence[Cause] = ()) -> list[str]:
+def cause_lines(cause: Cause, before: Sequence[Cause]) -> list[str]:
     """One cause: its table of rivals, its values or its law, and how sure name and place are.
 
     `before` are the causes that were in the simulator when it was asked.
@@ -120,7 +120,7 @@ def cause_lines(cause: Cause, before: Sequence[Cause] = ()) -> list[str]:
     # Later steps refit the values that the table has.
     refitted = cause.rival is None or cause.rival.values != cause.values
     return [
-        *rival_lines(cause.rivals, beside(before)),
+        *rival_lines(cause.rivals, rival_heading(before)),
         *_entry("values", [v.text for v in cause.values if refitted]),
         *_entry("law", [t.text for t in cause.read]),
         *_entry("alike", list(dict.fromkeys(t.alike for t in cause.read if t.alike))),
@@ -146,15 +146,12 @@ def place_words(cause: Cause) -> str:
     return ", ".join(f"{cause.place_words.get(n, n)} {p:.2f}" for n, p in likely.items())
 
 
-def rival_lines(rivals: Sequence[RivalGap], asked: str = "") -> list[str]:
-    """The table of rivals: what each leaves of the judged runs, and its probability.
-
-    `asked` says beside what.
-    """
+def rival_lines(rivals: Sequence[RivalGap], heading: str = "rival") -> list[str]:
+    """The table of rivals: what each leaves of the judged runs, and its probability."""
     if not rivals:
         return []
     return [
-        f"  floors left  probability  rival{asked}",
+        f"  floors left  probability  {heading}",
         *(
             f"  {r.gap:>11.3g}  {r.probability:>11.2f}  "
             + ", ".join((r.words, *(v.text for v in r.values)))

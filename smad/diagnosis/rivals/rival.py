@@ -155,8 +155,9 @@ class Question:
         fitted = fit_to_end(self.evidence, reference, near=near)
         return None if fitted is None else self.rival(kind, name, fitted)
 
-    def steadied(self, rival: Rival | None, kind: str, name: str, free: Fit) -> Rival | None:
-        """The rival, or the same fitted with the prior that the score prefers, if that is likelier.
+    def steadied(self, kind: str, name: str, free: Fit) -> Rival | None:
+        """A fit with free parameters carried on with the prior that the score prefers, as a rival;
+        None where it cannot run.
 
         Few runs let free parameters follow noise, and where every row counts they go further from
         the prior than a tempered score rewards.
@@ -166,9 +167,8 @@ class Question:
         fitted = reference and fit(self.evidence, model, free.x, reference)
         steady = fitted and self.rival(kind, name, fitted)
         if not steady or steady.fit is None:
-            return rival
-        steady = replace(steady, fit=replace(steady.fit, model=free.model))
-        return steady if rival is None else max(steady, rival, key=self.log_weight)
+            return None
+        return replace(steady, fit=replace(steady.fit, model=free.model))
 
     def of_point(self, point: ModelPoint) -> Rival | None:
         """A simulator that is not fitted, by what it leaves; None where it cannot run."""

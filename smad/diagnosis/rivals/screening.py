@@ -87,6 +87,7 @@ def screened(evidence: Evidence, reference: Reference, changes: Sequence[Change]
     for name, pairs in promising.items():
         pairs.sort(key=lambda pair: -pair[0])
         best = pairs[0][0]
+        # What is there or not may promise less than nothing.
         least = best - (1.0 - _WORTH) * abs(best)
         starts = [start for gain, start in pairs if gain >= least][:_STARTS]
         out.append(Screened(part=parts[name], starts=tuple(starts), gain=best))

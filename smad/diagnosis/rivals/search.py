@@ -183,9 +183,9 @@ class _Search(Searched):
     def _entering(self, ranked: Sequence[Rival]) -> Rival | None:
         """What enters: the likeliest that brings the judged runs nearer, if more is missing.
 
-        What enters beside another part lessens the gap, too, and what does so is likelier than not.
-        A simulator that surely lacks something may lack several things, between which likelihood
-        is shared: there what enters is likelier than that no rival describes one.
+        What enters beside another part, or a simulator that surely lacks something, lessens the
+        gap, too, and what does so is likelier than not. Such a simulator may lack several things,
+        between which likelihood is shared: there it is enough to be likelier than nothing more.
         """
         same, more = _same(ranked), [r for r in ranked if r.has_part]
         score, sure = self.final.scores.sum(), self.question.incomplete(same)
@@ -395,13 +395,15 @@ class _Fits:
         return [r for r in scored.values() if r is not None]
 
     def _steadied(self, rival: Rival | None, kind: str, name: str, fitted: Fit) -> Rival | None:
-        """The rival, or fitted with the prior that its score prefers if that is likelier, and a
+        """The rival, or the same with the prior that the score prefers if that is likelier, and a
         cause as well.
 
         What leaves more than the simulator without a part explains nothing.
         """
         question = self.question
-        steady = question.steadied(rival, kind, name, fitted)
+        steady = question.steadied(kind, name, fitted)
         if rival is None or steady is None:
-            return steady
-        return steady if question.gap(steady) < max(self.without, question.gap(rival)) else rival
+            return rival or steady
+        likelier = question.log_weight(steady) >= question.log_weight(rival)
+        explains = question.gap(steady) < max(self.without, question.gap(rival))
+        return steady if likelier and explains else rival
