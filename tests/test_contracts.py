@@ -51,8 +51,8 @@ LONGEST_FUNCTION = 60
 MOST_ARGUMENTS = 7
 """`self` and six others."""
 
-# The rooms of the diagnosis, each with those that it must not know.
-ROOMS_ABOVE = {
+# The folders of the diagnosis, each with those that it must not know.
+FOLDERS_ABOVE = {
     "numerics": ("data", "places", "rivals", "report", "spring_pair"),
     "data": ("places", "rivals", "report", "spring_pair"),
     "places": ("rivals", "report", "spring_pair"),
@@ -130,14 +130,14 @@ def cycle_in(graph: dict[str, set[str]]) -> list[str]:
     return []
 
 
-def children_of(room: str, graph: dict[str, set[str]]) -> dict[str, set[str]]:
-    """The modules and rooms right under a room, and which of each other they import."""
-    depth = room.count(".") + 2
+def children_of(folder: str, graph: dict[str, set[str]]) -> dict[str, set[str]]:
+    """The modules and folders right under a folder, and which of each other they import."""
+    depth = folder.count(".") + 2
 
     def child(module: str) -> str:
         return ".".join(module.split(".")[:depth])
 
-    inside = {module for module in graph if module.startswith(room + ".")}
+    inside = {module for module in graph if module.startswith(folder + ".")}
     found: dict[str, set[str]] = {}
     for module in inside:
         others = {child(name) for name in graph[module] & inside}
@@ -151,18 +151,18 @@ def test_no_module_imports_itself_by_way_of_others() -> None:
 
 def test_no_room_imports_itself_by_way_of_others() -> None:
     graph = graph_of_imports()
-    rooms = {module.rpartition(".")[0] for module in graph}
-    assert {"smad", "smad.daemon", "smad.diagnosis.data"} <= rooms
-    cycles = {room: cycle_in(children_of(room, graph)) for room in rooms}
-    assert {room: cycle for room, cycle in cycles.items() if cycle} == {}
+    folders = {module.rpartition(".")[0] for module in graph}
+    assert {"smad", "smad.daemon", "smad.diagnosis.data"} <= folders
+    cycles = {folder: cycle_in(children_of(folder, graph)) for folder in folders}
+    assert {folder: cycle for folder, cycle in cycles.items() if cycle} == {}
 
 
-@pytest.mark.parametrize("room", ROOMS_ABOVE)
-def test_a_room_of_the_diagnosis_imports_only_rooms_below_it(room: str) -> None:
+@pytest.mark.parametrize("folder", FOLDERS_ABOVE)
+def test_a_folder_of_the_diagnosis_imports_only_folders_below_it(folder: str) -> None:
     graph = graph_of_imports()
-    modules = [name for name in graph if name.startswith(f"smad.diagnosis.{room}.")]
+    modules = [name for name in graph if name.startswith(f"smad.diagnosis.{folder}.")]
     assert modules
-    above = tuple(f"smad.diagnosis.{name}" for name in ROOMS_ABOVE[room])
+    above = tuple(f"smad.diagnosis.{name}" for name in FOLDERS_ABOVE[folder])
     assert [
         f"{module} imports {name}"
         for module in modules
@@ -192,18 +192,18 @@ def test_no_room_imports_the_command_line() -> None:
 
 
 def test_a_check_up_knows_neither_screen_nor_arguments() -> None:
-    rooms = ("smad.checkup.", "smad.experiments.", "smad.diagnosis.")
+    folders = ("smad.checkup.", "smad.experiments.", "smad.diagnosis.")
     assert [
         f"{path.relative_to(ROOT)} imports click"
-        for room in rooms
-        for path in modules_under(room.strip(".").replace(".", "/"))
+        for folder in folders
+        for path in modules_under(folder.strip(".").replace(".", "/"))
         if "click" in imports_of(path)
     ] == []
 
 
 def test_the_first_design_of_the_diagnosis_is_gone() -> None:
     needle = re.compile(r"smad[./]g" + r"ap\b(?! )")
-    sources = [p for room in ("smad", "tests", "examples") for p in modules_under(room)]
+    sources = [p for folder in ("smad", "tests", "examples") for p in modules_under(folder)]
     assert not (ROOT / "smad" / "gap").exists()
     assert [str(p.relative_to(ROOT)) for p in sources if needle.search(p.read_text())] == []
 
@@ -211,15 +211,15 @@ def test_the_first_design_of_the_diagnosis_is_gone() -> None:
 def test_a_circle_is_found_between_modules_and_between_rooms() -> None:
     modules = {"a.x.one": {"a.x.two"}, "a.x.two": {"a.x.one"}}
     assert set(cycle_in(modules)) == {"a.x.one", "a.x.two"}
-    rooms = {"a.x.one": {"a.y.one"}, "a.y.two": {"a.x.two"}, "a.y.one": set(), "a.x.two": set()}
-    assert cycle_in(rooms) == []
-    assert set(cycle_in(children_of("a", rooms))) == {"a.x", "a.y"}
+    folders = {"a.x.one": {"a.y.one"}, "a.y.two": {"a.x.two"}, "a.y.one": set(), "a.x.two": set()}
+    assert cycle_in(folders) == []
+    assert set(cycle_in(children_of("a", folders))) == {"a.x", "a.y"}
 
 
 @pytest.mark.parametrize("folder", FORBIDDEN)
 def test_a_pure_room_imports_nothing_it_must_not_know(folder: str) -> None:
     modules = modules_under(folder)
-    assert modules, f"{folder} holds no modules: the contract names a room that is gone"
+    assert modules, f"{folder} holds no modules: the contract names a folder that is gone"
     broken = [
         f"{path.relative_to(ROOT)} imports {name}"
         for path in modules
@@ -347,7 +347,7 @@ def test_every_data_file_of_the_packages_is_in_the_wheel(tmp_path: Path) -> None
 
 def cited_pages() -> set[str]:
     """Pages that messages refer to, as `smad docs PAGE`."""
-    sources = [p for room in ("smad", "firmware_protocol") for p in (ROOT / room).rglob("*.py")]
+    sources = [p for folder in ("smad", "firmware_protocol") for p in (ROOT / folder).rglob("*.py")]
     found = {n for p in sources for n in re.findall(r"smad docs ([a-z][a-z0-9/-]+)", p.read_text())}
     return {name for name in found if not name.endswith("/")}
 

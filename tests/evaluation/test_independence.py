@@ -7,8 +7,8 @@ import pytest
 
 HERE = Path(__file__).resolve().parents[2]
 OURS = frozenset(("smad", "sim_device", "firmware_protocol", "firmware"))
-# Room -> the rooms that it may import beside itself, and the packages of ours.
-ROOMS: dict[str, tuple[set[str], set[str]]] = {
+# Folder -> the folders that it may import beside itself, and the packages of ours.
+FOLDERS: dict[str, tuple[set[str], set[str]]] = {
     "plant": (set(), set()),
     "pendulum": (set(), {"smad"}),
     "simulators": (set(), {"smad"}),
@@ -43,20 +43,20 @@ def _name(path: Path) -> str:
 
 
 def test_every_room_has_a_rule() -> None:
-    rooms = {p.parent.name for p in SOURCES if p.parent.name != "evaluation"}
-    assert rooms == set(ROOMS)
+    folders = {p.parent.name for p in SOURCES if p.parent.name != "evaluation"}
+    assert folders == set(FOLDERS)
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=_name)
 def test_a_room_imports_only_what_it_may(path: Path) -> None:
-    room = path.parent.name
-    if room not in ROOMS:
+    folder = path.parent.name
+    if folder not in FOLDERS:
         return
-    rooms, packages = ROOMS[room]
+    folders, packages = FOLDERS[folder]
     if _name(path) in PRODUCT:
-        rooms, packages = {"quiz", "score", "names", "errors"}, {"smad"}
+        folders, packages = {"quiz", "score", "names", "errors"}, {"smad"}
     names = {tuple(name.split(".")) for name in _imported(path)}
-    assert {n[1] for n in names if n[0] == "evaluation"} <= {room, *rooms}
+    assert {n[1] for n in names if n[0] == "evaluation"} <= {folder, *folders}
     assert {n[0] for n in names} & OURS <= packages
     assert not {n[0] for n in names} & {"tests", "bench", "tools"}
 
@@ -78,7 +78,7 @@ def test_what_makes_a_bank_does_not_reach_what_asks_the_product() -> None:
 
 
 def test_the_product_imports_nothing_of_the_evaluation() -> None:
-    product = [p for room in OURS for p in (HERE / room).rglob("*.py")]
+    product = [p for folder in OURS for p in (HERE / folder).rglob("*.py")]
     assert len(product) > 50
     assert [_name(p) for p in product if any("evaluation." in n for n in _imported(p))] == []
 

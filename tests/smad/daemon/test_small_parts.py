@@ -39,8 +39,8 @@ def names_in(source: str) -> set[str]:
 def test_every_event_of_a_session_is_taken_by_the_daemon() -> None:
     """But TimeSynced: the session itself computes with it."""
     assert names_in("from a import A, B\ndef f(x: B) -> B:\n    return x is A") == {"x", "A"}
-    rooms = Path(daemon.__file__).parent.rglob("*.py")
-    used = {name for file in rooms for name in names_in(file.read_text())}
+    modules = Path(daemon.__file__).parent.rglob("*.py")
+    used = {name for file in modules for name in names_in(file.read_text())}
     events = {e for e in HostEvent.__subclasses__() if e.__module__ == HostEvent.__module__}
     dropped = {event.__name__ for event in events - {TimeSynced}} - used
     assert not dropped, "give them a case in smad/daemon/link/watch.py"
