@@ -10,8 +10,8 @@ UV_VERSION := 0.13.9
 # As locked, with the interpreter of .venv; what else was installed there stays.
 SYNC := UV_PROJECT_ENVIRONMENT=$(VENV) $(UV) sync --quiet --frozen --inexact --python $(PY)
 export OPENBLAS_NUM_THREADS := 1
-# Two for each core, since many tests wait for what a bench does at its own pace; from 4 to 8.
-WORKERS := $(PY) -c "import os; print(min(8, max(4, 2 * os.cpu_count())))"
+# Three for each core, since many tests wait for what a bench does at its own pace; from 4 to 8.
+WORKERS := $(PY) -c "import os; print(min(8, max(4, 3 * os.cpu_count())))"
 # The tests start hundreds of programs: each would compile the sources anew.
 unexport PYTHONDONTWRITEBYTECODE
 
