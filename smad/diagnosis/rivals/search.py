@@ -244,17 +244,21 @@ class _Search(Searched):
             fitted = current.fit
             if fitted is None or question.near(current):
                 break
-            name = fitted.model.parts[i].name
+            part, name = fitted.model.parts[i], fitted.model.parts[i].name
             others = [k for k in range(count) if k != i]
-            base = self._without(fitted, others)
-            if base is None:
+            without = self._without(fitted, others)
+            base = None if without is None else rebased(question.evidence, without)
+            if without is None or base is None:
                 continue
             candidates = self._screened(base)
             gain = max((s.gain for s in candidates if s.part.name == name), default=0.0)
+            if isinstance(part, EffectPart) and not part.has_strength:
+                # What is there or not promises nothing in a linear picture, but has been fitted.
+                gain = without.objective - fitted.objective
             fits = _Fits(question, without=np.inf)
             better = [s for s in candidates if s.gain > gain]
-            for part, start in started(question.evidence, base, better):
-                fits.begin(EFFECT, base, part, np.r_[base.x, start])
+            for other, start in started(question.evidence, base, better):
+                fits.begin(EFFECT, base, other, np.r_[base.x, start])
             # The part that is asked is the last one of each rival.
             incumbent = replace(current, kind=EFFECT, name=name, fit=fitted.of_parts([*others, i]))
             ranked = question.ranked([incumbent, *fits.rivals()])
@@ -284,13 +288,12 @@ class _Search(Searched):
             refitted = base and self.question.fitted(entered.kind, entered.name, base, near=True)
             self.steps[k] = replace(self.steps[k], entered=refitted or entered)
 
-    def _without(self, fitted: Fit, order: Sequence[int]) -> Reference | None:
+    def _without(self, fitted: Fit, order: Sequence[int]) -> Fit | None:
         """The model with some of its parts alone, fitted anew."""
         e, fewer = self.question.evidence, fitted.of_parts(order)
         # So that no other fit takes slopes for its own that were measured with all parts.
         base = rebased(e, replace(fewer, linearized_at=fitted.linearized_at))
-        refitted = base and fit(e, base.model, base.x, base)
-        return rebased(e, refitted) if refitted else None
+        return fit(e, base.model, base.x, base) if base else None
 
     def _screened(self, reference: Reference) -> list[Screened]:
         """The most promising effects that a reference does not have, the best first."""
