@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import statistics
 from collections.abc import Callable, Sequence
 from typing import TypeVar
@@ -18,6 +19,7 @@ _SEEN = 3.0
 _OTHER_DAYS = ("room", "preload", "drift")
 _FIRST_OWN = 4
 _ROUNDING = 1e-6
+_CHANCE_DRAWS, _SEED = 500, 20261128
 
 Test = Callable[[Pair], bool]
 _Case = TypeVar("_Case")
@@ -125,6 +127,13 @@ def calibration(claims: Sequence[Said]) -> float:
     return sum(apart) / len(claims)
 
 
+def calibration_by_chance(claims: Sequence[Said]) -> float:
+    """The error that right probabilities show of so few cases, the mean over many draws."""
+    rng = random.Random(_SEED)
+    draws = (calibration([(p, rng.random() < p) for p, _ in claims]) for _ in range(_CHANCE_DRAWS))
+    return statistics.fmean(draws)
+
+
 def reliability(claims: Sequence[Said]) -> list[tuple[str, ...]]:
     """The reliability diagram as rows: what was said, how often it was right."""
     return [
@@ -207,10 +216,13 @@ def rows(pairs: Sequence[Pair]) -> list[Row]:
     ]
     for what, claims in (("places", of_places), ("names", of_names)):
         if claims:
-            row = Row(
-                f"error of the probabilities of {what}", calibration(claims), count=len(claims)
-            )
-            out.append(row)
+            out += [
+                Row(name, error(claims), count=len(claims))
+                for name, error in (
+                    (f"error of the probabilities of {what}", calibration),
+                    (f"error that right probabilities of {what} show", calibration_by_chance),
+                )
+            ]
     return out + _time(pairs)
 
 

@@ -16,7 +16,7 @@ from evaluation.score.answers import digest, read_pairs
 from evaluation.score.goals import Row
 from evaluation.score.intervals import wilson
 from evaluation.score.openings import Ledger
-from evaluation.score.scores import scored, tables
+from evaluation.score.scores import calibration_by_chance, scored, tables
 from evaluation.score.scoring import run
 
 OPENED = "7190a021eeda81c23647ee7713a967cf1d690b3a2d3908e28a25a6caccf8d6d1"
@@ -189,6 +189,13 @@ def test_probabilities_of_places_are_compared_with_how_often_they_are_right(tmp_
         for i, code in enumerate(("reading_rtd", "film"))
     }
     assert rows(tmp_path, cases)["error of the probabilities of places"].value == pytest.approx(0.4)
+
+
+def test_what_right_probabilities_show_by_chance_grows_with_fewer_cases() -> None:
+    few, many = ([(p, True) for p in (0.3, 0.5, 0.7, 0.9)] * n for n in (2, 200))
+    assert 0.1 < calibration_by_chance(few) < 0.4
+    assert 0.0 < calibration_by_chance(many) < 0.03
+    assert calibration_by_chance([(1.0, True)] * 9) == 0.0
 
 
 def test_questions_have_goals_of_their_own_and_tables_beside(tmp_path: Path) -> None:
