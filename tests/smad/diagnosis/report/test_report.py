@@ -155,6 +155,13 @@ def test_of_many_likely_names_a_headline_has_the_first_and_a_small_drop_is_shown
     assert headline.endswith("from 0.78 to 0.77 floors")
 
 
+def test_a_headline_says_that_parameters_imitate_a_cause_only_by_unlikely_values() -> None:
+    imitated = msgspec.structs.replace(WHOLE, raw=4.43, parameters=0.5, causes=[0.6])
+    assert verdict(CAUSES, CHANGED, whole=imitated).headline.endswith(
+        "the gap goes from 4.4 to 0.6 floors; unlikely values of the parameters leave 0.5"
+    )
+
+
 def test_the_headline_says_where_what_how_sure_and_how_far_the_gap_goes() -> None:
     assert verdict(CAUSES).headline == (
         "the simulator lacks something at the reading of the rod: lag, tau_s = 0.600 ± 0.004 s, "
