@@ -332,7 +332,7 @@ def headline_of(
     likely = f", probability {first.rival.probability:.2f}" if first.rival else ""
     beside = "".join(f", and {cause.short}" for cause in causes[1:])
     goes = _goes(before, after)
-    if before <= after:
+    if round(before, 2) <= round(after, 2):
         # Close to the floor parameters may imitate a cause, by values that are far from the prior.
         goes = f"{_goes(raw, after)}; unlikely values of the parameters leave {before:.1f}"
     return f"{verb} the {first.words}: {first.title}{likely}{beside}; {goes}"
