@@ -69,7 +69,7 @@ def _duty(ctx: click.Context, param: click.Parameter, value: str) -> float:
 def clear(fault: Fault | None = fault_argument, bench: str = axis_option) -> None:
     """Acknowledge the latched fault; with FAULT (name or number) only that one.
 
-    Works once its cause is gone and the springs are cold.
+    This works once the cause of the fault is gone and the springs are cold.
     """
     with client(bench) as bench_client:
         bench_client.clear(fault)
@@ -82,7 +82,7 @@ def heat(
     spring: str = argument(_SPRING, metavar="SPRING"),
     temperature_degc: float = argument(Quantity("degC"), metavar="DEGC"),
     rate: float | None = option(
-        "--rate K/S", "Ramp to it instead of going at once.", Quantity("K/s")
+        "--rate K/S", "Ramp to the temperature at this rate instead of a step.", Quantity("K/s")
     ),
     duration_s: float | None = option("--for S", "Hold for this time.", Quantity("s")),
     water: bool = flag("--water/--no-water", "Cool with the pump while too warm.", default=True),

@@ -63,12 +63,12 @@ def diagnose(
 
     It names an effect or a law, and the share of the gap that this explains.
 
-    With --good it says what has changed since those runs, else what differs between model
-    and bench. Without --hold-out each run is judged by models fitted to the others.
+    With --good it says what has changed since those runs; without, what differs between model and
+    bench. Without --hold-out each run is used to judge models fitted to the others.
 
-    A RUN is a run log, a table, a folder of them, or a quoted pattern; --map alone is a mapping
-    file of smad log import. Give RUNs before --hold-out and --good, which take all that follows.
-    The status is 3 if the runs cannot support the question.
+    A RUN is a run log, a table, a folder of them, or a quoted pattern. Without --fmu and --mjcf,
+    --map is a mapping file of smad log import. Give RUNs before --hold-out and --good, which take
+    all that follows. The exit status is 3 if the runs cannot answer the question.
     """
     require_among(trust, (runs, hold_out, good), "--trust")
     runs, hold_out, good = without_left_out((runs, hold_out, good), leave_out)

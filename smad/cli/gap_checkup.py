@@ -63,14 +63,14 @@ def commission(
         "--repeats", "How often the whole programme is played.", Whole(1, 8), default=2
     ),
     again: bool = flag("--again", "Add repeats to a baseline, for a better floor."),
-    quick: bool = flag("--quick", "Play only the runs that tell most effects apart."),
+    quick: bool = flag("--quick", "Play only the runs that separate most effects."),
     bench: _Bench = together(_Bench),
 ) -> None:
     """Record the programme on a good bench, as a baseline.
 
-    Arms the bench and heats it. Runs are kept in FOLDER/good-1, good-2 …; an interrupted command
-    continues after the last finished run. A baseline that cannot be read, or is of another version
-    of smad, is computed anew from its runs.
+    It arms the bench and heats it. Runs are kept in FOLDER/good-1, good-2 …; repeat an interrupted
+    command, and it continues after the last finished run. A baseline that cannot be read, or is
+    from another version of smad, is recomputed from its runs.
     """
     from smad.checkup import baseline as baselines
     from smad.checkup.programme import chosen
@@ -117,12 +117,16 @@ def _require_pairs(options: Mapping[str, Any]) -> None:
 @click.command(cls=Command, require=_require_pairs)
 def checkup(
     *,
-    folder: Path | None = option("--baseline", "Play its programme again, and judge.", FOLDER),
-    good: Path | None = option("--good", "Run files of the good bench, best with repeats.", FOLDER),
+    folder: Path | None = option(
+        "--baseline", "Play the programme of this baseline again, and judge.", FOLDER
+    ),
+    good: Path | None = option(
+        "--good", "Run files of the good bench, preferably with repeats.", FOLDER
+    ),
     now: Path | None = option(
         "--now", "New run files with the same inputs as the good ones.", FOLDER
     ),
-    quick: bool = flag("--quick", "With --baseline: only the runs that tell most effects apart."),
+    quick: bool = flag("--quick", "With --baseline: only the runs that separate most effects."),
     out: Path | None = option(
         "--out",
         "With --baseline: folder of the new runs  [default: BASELINE/now-1, now-2 …]",
@@ -138,10 +142,10 @@ def checkup(
 ) -> None:
     """Repeat the inputs of good runs; say what has changed.
 
-    With --baseline it plays the programme (with --now: reads its runs) and compares with the
+    With --baseline it plays the programme, or reads its runs from --now, and compares with the
     baseline. With --good and --now it compares run files: run logs, CSV or Parquet with units in
-    their columns' names. Runs are paired by their inputs, and by name if several fit. Good runs
-    that a stop cut short are listed and left out.
+    their columns' names. It pairs runs by their inputs, and by name if several match.
+    It lists and leaves out good runs that a stop cut short.
     """
     from smad.checkup import check
     from smad.checkup.judge import save_model_of
@@ -186,7 +190,9 @@ def checkup(
 @click.command(cls=Command)
 def investigate(
     *,
-    folder: Path = option("--baseline", "The baseline of a commission.", FOLDER, required=True),
+    folder: Path = option(
+        "--baseline", "The baseline from smad gap commission.", FOLDER, required=True
+    ),
     minutes: float = option(
         "--minutes",
         "Bench time for all runs with their rests.",
@@ -198,10 +204,11 @@ def investigate(
 ) -> None:
     """Check up, then measure more until one cause is left.
 
-    It plays the run that separates the rivals best, each run once. It stops when one cause is left,
-    the time is spent, or no other run would separate the rest. Then it repeats the check-up as
-    proof, and writes the model with the cause. It says at each step what it plays and why. If it is
-    interrupted, the same command continues. The bench is disarmed after each run.
+    It plays the quick runs, then the run that best separates the remaining rivals, each run once.
+    It stops when one cause is left, the time is spent, or no other run would separate the rest.
+    Then it plays the quick runs once more, as proof, and writes the model with the cause. It says
+    at each step what it plays and why. After an interruption, repeat the command to continue. The
+    bench is disarmed after each run.
     """
     from smad.checkup.baseline import FIRST, require_same
     from smad.checkup.inquiry import Inquiry, open_folder

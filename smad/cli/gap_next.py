@@ -54,8 +54,8 @@ def next_experiment(
 ) -> None:
     """Recommend the experiment to record next, or run one.
 
-    It recommends the one that best separates the causes that RUNs leave possible. Without RUNs it
-    lists the catalogue. --run carries out an experiment of the catalogue and writes a run log.
+    It recommends the experiment that best separates the causes that RUNs leave possible. Without
+    RUNs it lists the catalogue. --run carries out an experiment of the catalogue and writes a log.
     """
     if chosen is not None and runs:
         raise click.UsageError("--run carries an experiment out; give RUNs without it")

@@ -67,14 +67,14 @@ some_runs_argument = argument(
     nargs=-1, callback=files, metavar="[RUN…]", shell_complete=complete.runs
 )
 leave_out_option = option(
-    "--leave-out RUN", "Leave out this run, by its name in the answer.", multiple=True
+    "--leave-out RUN", "Leave out the run of this name, as the answer calls it.", multiple=True
 )
 trust_option = option(
     "--trust RUN", "Use this run although its channels contradict the nominal model.", multiple=True
 )
 hold_out_option = files_option(
     "--hold-out RUN…",
-    "Runs to judge on, not fitted to unless they repeat good ones: files or folders.",
+    "Runs for judging: files or folders. Fitted only if they repeat good runs.",
 )
 good_option = files_option(
     "--good RUN…", "Runs known to be good: files, patterns or folders, up to the next option."

@@ -36,7 +36,7 @@ def health(
 
     It first adds the new runs of FOLDER to the record. Each run log gives a row with stroke, rest,
     force, resistances, cooling and gains; each check-up gives its parameters with intervals, floors
-    and places. Runs of the same name are compared. A change is reported when the cumulative sum of
+    and places. It compares runs of the same name. It reports a change when the cumulative sum of
     deviations leaves the range of the first ten rows.
     """
     from smad.experiments.ready import require_packages

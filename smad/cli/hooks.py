@@ -30,7 +30,7 @@ def run(
 ) -> None:
     """Watch bench and queue until ctrl-C, and run the hooks.
 
-    It first reports what happened since it last ran.
+    It first reports the events since its last run.
     """
     from smad.client.signals import ended_by_signals
     from smad.hooks.watch import watch

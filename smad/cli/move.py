@@ -39,7 +39,7 @@ _DEGREES = click.Option(
     ["--deg", "unit_mm"],
     callback=lambda context, parameter, given: millimetres(1.0) if given else 1.0,
     is_flag=True,
-    help="Lengths are angles of the MINIR-II segment: degrees for mm (25 degrees are 4 mm).",
+    help="Give lengths in degrees of the MINIR-II segment, not in mm (25 degrees are 4 mm).",
 )
 _LENGTHS = ("_mm_per_s", "_mm")
 

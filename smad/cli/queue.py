@@ -212,8 +212,8 @@ def run(
 ) -> None:
     """Run the items of the queue until ctrl-C. A queue has one runner.
 
-    After a kill or a restart the item that ran is interrupted, its run log is recovered, and the
-    queue is paused until a person resumes it.
+    After a kill or a restart, the item that ran is marked interrupted and its run log is recovered.
+    The queue then stays paused until a person resumes it.
     """
     from smad.cli.queue_items import obstacle_of
     from smad.client.signals import ended_by_signals

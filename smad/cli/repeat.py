@@ -35,10 +35,10 @@ def repeat(
 ) -> None:
     """Play the currents and pump duties of RUN again, sample by sample, into a new run log.
 
-    Any run log can be repeated, also of closed-loop motion: what its board applied is played open
-    loop. The springs are cooled first; if the bench is then not where RUN began, each spring is
-    heated once to 45 °C and cooled again. All limits act, and the motion ends when a reading is
-    further from RUN than `control.repeat` allows.
+    Any run log can be repeated, also one of a closed-loop motion: the command plays what the board
+    applied, in open loop. It cools the springs first. If the bench is then not where RUN began, it
+    heats each spring once to 45 °C and cools it again. All limits act, and the motion ends when a
+    reading is further from RUN than `control.repeat` allows.
     """
     from smad.experiments.repeated import repeat_on, repeat_simulated
     from smad.experiments.repeating import read_recorded_inputs

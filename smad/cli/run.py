@@ -65,7 +65,7 @@ def run(
     sim: bool = flag("--sim", "In virtual time, on a simulated bench."),
     parameters: str = option(
         "--parameters",
-        "Parameter file (or A, B, conserving): of the simulated bench, and to compare with.",
+        "Parameter file (or A, B, conserving) of the simulated bench, also for comparison.",
         default="A",
     ),
     model: Path | None = option(

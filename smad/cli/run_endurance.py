@@ -101,10 +101,11 @@ def endurance(
 ) -> None:
     """Cycle between two displacements or temperatures until a limit ends it.
 
-    Each block, at most three quarters of the longest time armed or of one file, begins from rest
-    and has a run log of its own. FOLDER/cycles.csv has the statistics of every cycle. The disk
-    space is printed and reserved first. A stop, a fault, or a check-up that fails ends the run.
-    Look at the bench before you give --go-on, which also counts what a killed run recorded.
+    The cycles run in blocks. A block lasts at most three quarters of the longest armed time or of
+    one file, begins from rest and has its own run log. FOLDER/cycles.csv has the statistics of
+    every cycle. The disk space is printed and reserved first. A stop, a fault, or a failed check-up
+    ends the run. Inspect the bench before you give --go-on, which includes what a killed run
+    recorded.
     """
     from smad.config import Config, parse_config
     from smad.experiments.endurance import run

@@ -20,13 +20,13 @@ def service() -> None:
 @service.command()
 def install(
     root: Path = option(
-        "--root", "Root of the system, for an image that is being made.", FOLDER, default=Path("/")
+        "--root", "Root of the system, to build an image.", FOLDER, default=Path("/")
     ),
     overwrite: bool = flag("--overwrite", "Replace files that were edited."),
 ) -> None:
     """Write the files where the system looks for them; needs root.
 
-    The units of daemon, queue and hooks start the smad of this command.
+    The units of daemon, queue and hooks start the smad that runs this command.
     """
     from smad.processes import service as service_files
 

@@ -43,7 +43,7 @@ class Boards:
     """The boards that `smad sim` runs, and `smad start --sim` begins."""
 
     axes: int | None = option("--axes", "Number of boards.", Whole(1, 6))
-    speed: float | None = option("--speed", "Board time over wall time.", float)
+    speed: float | None = option("--speed", "Board time divided by wall time.", float)
     seed: int | None = option("--seed", "Seed of all noise.", Whole(0, 2**32 - 1))
     paced_by_host: bool = flag("--paced-by-host", "The board waits for each setpoint.")
     faults: tuple[str, ...] = option(

@@ -47,9 +47,9 @@ def tune(
 ) -> None:
     """Find the gains of a control loop by a short experiment.
 
-    On the running bench it asks, arms, waits until the springs are cold, moves by about ±4 mm, and
-    disarms; takes two to four minutes. Nothing changes without --apply or --save, or if the trial
-    is worse than with the present gains.
+    It asks first. Then it arms the running bench, waits until the springs are cold, moves the pair
+    by about ±4 mm, and disarms. This takes two to four minutes. Gains change only with --apply or
+    --save, and only if the trial is no worse than with the present gains.
     """
     from smad.experiments.leased import leased_driver
     from smad.experiments.tuning import tune_bench
