@@ -24,7 +24,7 @@ _BEGIN, _END = "<!-- reliability -->", "<!-- end of reliability -->"
 _BARS = 20
 _RELIABILITY = """## The probabilities
 
-How often what was told with a probability was right: the likeliest place, and the likeliest effect.
+How often the likeliest place and the likeliest effect were right, by their stated probability.
 {of}
 """
 _HEAD = """# Results of the evaluation

@@ -15,7 +15,7 @@ _TEXT: dict[ErrorCode, str] = {
     ErrorCode.CURRENT_FLOWING: (
         "{channel} carries {value} mA, must be below {limit} mA; the driver may have failed short"
     ),
-    ErrorCode.FAULT_PRESENT: "the fault {fault} stands; clear it first",
+    ErrorCode.FAULT_PRESENT: "the fault {fault} is latched; clear it first",
     ErrorCode.SUPPLY_LOW: (
         "the supply is at {value} mV, must be above {limit} mV; check the power supply"
     ),

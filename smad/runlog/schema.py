@@ -104,12 +104,12 @@ class Row(Struct, kw_only=True, gc=False, omit_defaults=True):
         float | None, _of("degC", "STATE.rtd_cC", "temperature sensor of the room")
     ] = None
     displacement_mm: Annotated[
-        float | None, _of("mm", "STATE.encoder", "displacement, positive when X pulls")
+        float | None, _of("mm", "STATE.encoder_counts", "displacement, positive when X pulls")
     ] = None
     angle_deg: Annotated[
         float | None, _of("deg", "displacement_mm", "angle of a MINIR-II segment (±4 mm ↔ ±25°)")
     ] = None
-    force_N: Annotated[float | None, _of("N", "STATE.force_raw", "tendon force")] = None
+    force_N: Annotated[float | None, _of("N", "STATE.force_counts", "tendon force")] = None
     supply_V: Annotated[float | None, _of("V", "STATE.vbus_mV", "bus voltage")] = None
     stage_mm: Annotated[
         float | None, _of("mm", "experiment", "position of the stage of the stretch fixture")
@@ -130,7 +130,7 @@ class Row(Struct, kw_only=True, gc=False, omit_defaults=True):
         int | None, _of("", "STATE.valid", "bits of the sensors whose reading is valid")
     ] = None
     setpoint_age_ms: Annotated[
-        float | None, _of("ms", "STATE.sp_age_ms", "age of the newest setpoint when applied")
+        float | None, _of("ms", "STATE.sp_age_us", "age of the newest setpoint when applied")
     ] = None
 
 
