@@ -81,7 +81,8 @@ class BoardStop:
         self._armed = False
         """Armed, or about to be, since the last stop."""
         self._confirmed_us: int | None = None
-        """Board time of what the board confirmed last; an earlier sample does not show it yet."""
+        """Board time of what the board confirmed last, until a sample is later: an earlier one does
+        not show it yet."""
         self._stopped = False
         self._armings = 0
         """ARM_CONFIRMs so far: a DISARM that was asked for before one says nothing of it."""
@@ -198,6 +199,9 @@ class BoardStop:
             # It has lived for a setpoint's life and a hold; only what is left counts.
             self._heating_until_us = max(self._heating_until_us, self._clock_us())
         earlier = self._confirmed_us is not None and (state.t_us - self._confirmed_us) & _EARLIER
+        if not earlier:
+            # Later ones are later, too; half an hour on, the difference would wrap and hide them.
+            self._confirmed_us = None
         if stopped or not earlier:
             # From FAULT and ESTOP, no request that is still on its way leads back to ARMED.
             self._stopped = stopped

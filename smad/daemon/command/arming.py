@@ -172,11 +172,13 @@ class ArmCommand:
             self._arming.fail()
             self._stops.send()
             return request.axes
+        if attempt.failed:
+            # The stop that failed it has chosen whom it stops; another axis may stay armed.
+            return request.axes
         names = {other for name in request.names for other in self._arming.stopped_by(name)}
         stopped = [axis for axis in self._bench.axes.values() if axis.name in names]
-        if not attempt.failed:
-            cause = error.cause if isinstance(error, Refusal) else repr(error)
-            self._stops.begin(f"arming failed: {cause}", boards=[axis.stop for axis in stopped])
+        cause = error.cause if isinstance(error, Refusal) else repr(error)
+        self._stops.begin(f"arming failed: {cause}", boards=[axis.stop for axis in stopped])
         return stopped
 
 

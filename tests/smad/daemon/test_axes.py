@@ -7,11 +7,14 @@ from typing import Any
 import pytest
 
 from campaign.virtual import Line, Refused, result_of
-from firmware_protocol.enums import BoardState
+from firmware_protocol.enums import BoardState, Channel, Fault
 from firmware_protocol.events import DisarmRequested
+from firmware_protocol.supervisor import machine
+from firmware_protocol.supervisor.states import Trigger
 from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
 from smad.config import AxisConfig, DaemonConfig, LimitsConfig
+from smad.daemon.arming import Phase
 from tests.smad.daemon.axes import NAMES, axes_in, lines
 from tests.smad.daemon.rig import Rig, rig_in
 from tests.smad.daemon.test_stops import without_watchdog
@@ -153,6 +156,27 @@ async def test_what_fails_on_an_axis_of_its_own_leaves_the_others_and_their_leas
             await rig.ask("arm", told={**told, "axis": "yaw-1"})
         await silent_for(rig, 3.5)
         assert hot(rig) == [], "whoever armed fell silent, and none is heated without it"
+
+
+async def test_an_arming_that_an_axis_of_its_own_ends_waits_for_no_axis_that_stays_armed(
+    tmp_path: Path,
+) -> None:
+    async with axes_in(tmp_path, lines(("a", "b", "c")), own=["a"]) as rig:
+        await rig.connected()
+        await rig.ask("arm", told={"axis": ["c"]})
+        arming = rig.begin("arm", told={"axis": ["b"]})
+        while rig.daemon.axes["b"].stop.phase is not Phase.CONFIRMED:
+            await rig.sample()
+        board = rig.lines["a"].bench.board
+        memory = board.supervisor.memory
+        machine.latch(memory, int(Fault.LEAK), int(Channel.BOARD), int(Trigger.FAULT_RAISED))
+        board._report_fault()
+        failed_us = rig.now_us()
+        with pytest.raises(Refused) as refused:
+            result_of(await rig.run_until(arming))
+        assert rig.now_us() - failed_us < 1_000_000
+        assert "cut the power" not in str(refused.value)
+        assert hot(rig) == ["c"]
 
 
 async def test_a_limit_of_the_host_on_one_axis_stops_all(tmp_path: Path) -> None:

@@ -7,12 +7,14 @@ from collections.abc import Coroutine
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 import zmq.asyncio
 
 from campaign.virtual import Refused, result_of
 from firmware_protocol.enums import BoardState
 from firmware_protocol.events import DisarmRequested
+from firmware_protocol.messages import State
 from sim_device.bench import SimulatedBench
 from sim_device.faults import injection
 from smad import api
@@ -152,6 +154,31 @@ async def _time(rig: Rig, until_s: float) -> None:
 async def _safe(rig: Rig) -> None:
     while rig.axis.watch.mode is not BoardState.SAFE:
         await asyncio.sleep(0)
+
+
+@pytest.mark.parametrize("minutes", [1, 40, 70])
+async def test_a_board_found_armed_long_after_its_last_stop_is_told_to_disarm(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, minutes: int
+) -> None:
+    async with rig_in(tmp_path) as rig:
+        await rig.arm()
+        await rig.ask("disarm")
+        stop, samples = rig.axis.stop, list[State]()
+        take = stop.on_sample
+
+        def keep(state: State) -> None:
+            samples.append(state)
+            take(state)
+
+        with monkeypatch.context() as kept:
+            kept.setattr(stop, "on_sample", keep)
+            while not samples or samples[-1].mode is not BoardState.SAFE:
+                await rig.sample()
+        # The board's clock wraps every 71.6 min, and what is half of that away looks earlier.
+        t_us = (samples[-1].t_us + minutes * 60_000_000) % 2**32
+        stop.on_sample(msgspec.structs.replace(samples[-1], t_us=t_us, mode=BoardState.ARMED))
+        await rig.run(1)
+        assert any("found armed by somebody else" in line for line in rig.heard)
 
 
 async def test_a_disarm_overtakes_what_others_ask_of_the_board(tmp_path: Path) -> None:
