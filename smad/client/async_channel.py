@@ -55,8 +55,9 @@ class AsyncChannel:
         """Return the reply to a request. Raises NoAnswer after `limit_s`, Refused, NoDaemon."""
         socket = self._stops if stop else self._commands
         require_open(socket)
+        # Before it waits for its turn: a stop that comes meanwhile is not known to who asks.
+        call_id, data = self.conversation.request(params, axes)
         async with self._turn[stop]:
-            call_id, data = self.conversation.request(params, axes)
             try:
                 async with asyncio.timeout(limit_s):
                     await socket.send(data)

@@ -97,6 +97,10 @@ class Client(Commands):
         self.lease_s = lease_s
         self._leased = False
         """Whether the lease is the one that arming takes by itself."""
+        self._may_be_armed = False
+        """This client asked to arm, and does not know that the bench has been disarmed since."""
+        self._kept_s: float | None = None
+        """How long the lease of `in_control` lasts, inside its block."""
         self._renewal = Renewal(connection, keys)
         # A client that nobody has any more is none that could be missed.
         weakref.finalize(self, self._renewal.end)
@@ -124,12 +128,17 @@ class Client(Commands):
         also refuses to arm again, unless the only stop was a disarm of this client. A person starts
         again with a new client, `clear`, or `as_of(None)`.
         """
+        known, may_be_armed = self._conversation.known, self._may_be_armed
         # Before anything is armed: who is killed while it arms is missed, too.
         if self._leased or (self.lease_s is not None and not self._conversation.lease):
             self._take_lease()
+            # A stop that came meanwhile, also our own, is not known to who asked for this.
+            self._conversation.known = known
+        self._may_be_armed = True
         try:
             motion = self._call(api.Arm(), api.Motion, axes=axes)
         except Refused as refused:
+            self._may_be_armed = may_be_armed
             if self._leased and refused.reason is not api.Reason.ARMED:
                 self._return_lease()
             raise
@@ -170,18 +179,28 @@ class Client(Commands):
         The request uses the stop channel, which the daemon serves first. Raises BoardRefused if the
         board does not confirm within a second; the daemon continues to ask it.
         """
-        if self._leased:
-            # From here on nothing keeps a bench armed whose disarm is not answered.
-            self._renewal.end()
-        motion = self._call(api.Disarm(), api.Motion, stop=True)
+        # From here on nothing keeps a bench armed whose disarm is not answered.
+        self._renewal.end()
+        try:
+            motion = self._call(api.Disarm(), api.Motion, stop=True)
+        except BaseException:
+            if self._leased:
+                # Nor does any later call.
+                self._conversation.lease, self._leased = "", False
+            raise
+        self._may_be_armed = False
         self._conversation.stopped(motion.generation)
         if self._leased:
             self._return_lease()
+        elif self._kept_s is not None:
+            self._renewal.begin(self._conversation.lease, self._kept_s)
         return motion
 
     def estop(self) -> api.Motion:
         """Switch everything off until the power is cycled; return when the board says ESTOP."""
-        return self._call(api.EStop(), api.Motion, stop=True)
+        motion = self._call(api.EStop(), api.Motion, stop=True)
+        self._may_be_armed = False
+        return motion
 
     def move(
         self,
@@ -283,18 +302,29 @@ class Client(Commands):
                 return
 
     @contextlib.contextmanager
-    def in_control(self, name: str, lease_s: float = 10.0) -> Iterator[None]:
+    def in_control(
+        self, name: str, lease_s: float = 10.0, *, renewed: bool = True
+    ) -> Iterator[None]:
         """Keep exclusive control for the duration of the block; raises NotInControl.
 
-        The lease is renewed in the background. If the program is killed inside the block, the
-        daemon disarms after `lease_s`.
+        The lease is renewed in the background; without `renewed`, only by this client's calls. If
+        the program is killed inside the block, the daemon disarms after `lease_s`. So it does after
+        a block that armed the bench and does not know that it is disarmed.
         """
         self.take_control(name, lease_s)
-        self._renewal.begin(self._conversation.lease, lease_s)
+        if renewed:
+            self._kept_s = lease_s
+            self._renewal.begin(self._conversation.lease, lease_s)
         try:
             yield
         finally:
-            self.release_control()
+            self._kept_s = None
+            if self._may_be_armed:
+                # Only the end of the lease is sure to disarm it: no call may renew it any more.
+                self._renewal.end()
+                self._conversation.lease = ""
+            else:
+                self.release_control()
 
     @contextlib.contextmanager
     def record(self, name: str = "") -> Iterator[api.RecorderStatus]:
@@ -315,6 +345,9 @@ class Client(Commands):
             self.stop_recording()
 
     def _ended(self, motion: api.Motion) -> None:
+        if motion.armed:
+            return
+        self._may_be_armed = False
         # Nothing of ours is armed: somebody else may clear the fault and begin anew.
-        if self._leased and not motion.armed:
+        if self._leased:
             self._return_lease()

@@ -128,9 +128,8 @@ def on_bench(
         answering = Answering(
             policy, action=action, reference=reference, duration_s=duration_s, seed=seed
         )
-        # Not `in_control`: that renews the lease in the background, however long a policy thinks.
-        bench.take_control(name, lease_s)
-        stack.callback(bench.release_control)
+        # Not renewed in the background: a policy may think for ever.
+        stack.enter_context(bench.in_control(name, lease_s, renewed=False))
         stack.enter_context(bench.armed())
         bench.start_recording(name)
         try:

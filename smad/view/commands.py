@@ -118,6 +118,8 @@ class Arm(PageRequest, tag="arm", frozen=True, kw_only=True):
         """See `carry_out`."""
         if self.keep_control:
             await control.take()
+            # A stop of this page that came meanwhile is not known to who asked for this.
+            client.as_of(self.generation)
         try:
             await client.arm(*self.axes)
         except Refused:

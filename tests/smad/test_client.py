@@ -1,6 +1,7 @@
 """Both clients, against a stand-in for the daemon."""
 
 import asyncio
+import contextlib
 import inspect
 import os
 import pickle
@@ -572,6 +573,71 @@ def test_a_lease_is_renewed_while_its_program_computes(daemon: FakeDaemon, tmp_p
     with _leasing(daemon, tmp_path) as client, client.armed():
         daemon.answers["motion"] = motion
         assert renewed.wait(60.0)
+
+
+def _after_control(daemon: FakeDaemon) -> list[str]:
+    """Methods of requests, but for renewals; those that still had the lease are marked."""
+    return [
+        request["method"] + "*" * ("lease" in request)
+        for request in daemon.asked
+        if request["method"] != "motion"
+    ]
+
+
+def test_a_block_in_control_that_leaves_the_bench_armed_lets_its_lease_lapse(
+    daemon: FakeDaemon, tmp_path: Path
+) -> None:
+    def program(client: Client) -> None:
+        with client.in_control("Ada", lease_s=0.5):
+            client.arm()
+            raise ZeroDivisionError
+
+    with _leasing(daemon, tmp_path) as client:
+        with pytest.raises(ZeroDivisionError):
+            program(client)
+        assert client._renewal._over is None
+        client.idle()
+    assert _after_control(daemon) == ["control.take", "arm*", "idle"]
+
+
+@pytest.mark.parametrize("in_control", [True, False])
+def test_what_a_program_does_after_a_disarm_without_an_answer_renews_no_lease(
+    daemon: FakeDaemon, tmp_path: Path, in_control: bool
+) -> None:
+    def program(client: Client) -> None:
+        control = client.in_control("Ada", lease_s=0.5) if in_control else contextlib.nullcontext()
+        with control, client.armed():
+            daemon.answers["disarm"] = Silent()
+            client.timeout_s = 0.05
+
+    with _leasing(daemon, tmp_path) as client:
+        with pytest.raises(NoAnswer):
+            program(client)
+        assert client._renewal._over is None
+        client.timeout_s = 30.0
+        client.idle()
+    # `armed` asks once more. In control, the block's end forgets the lease; without, the first
+    # disarm that is not answered.
+    again = "disarm*" if in_control else "disarm"
+    assert _after_control(daemon) == ["control.take", "arm*", "disarm*", again, "idle"]
+
+
+def test_control_is_renewed_again_after_a_disarm_inside_its_block(
+    daemon: FakeDaemon, tmp_path: Path
+) -> None:
+    with _leasing(daemon, tmp_path) as client, client.in_control("Ada", lease_s=0.5):
+        client.arm()
+        client.disarm()
+        renewed = threading.Event()
+
+        def motion(request: dict[str, object]) -> api.Motion:
+            if request.get("lease") == "secret":
+                renewed.set()
+            return MOTION
+
+        daemon.answers["motion"] = motion
+        assert renewed.wait(60.0)
+    assert _after_control(daemon)[-1] == "control.release*"
 
 
 def test_an_arming_that_is_refused_gives_the_lease_back(daemon: FakeDaemon, tmp_path: Path) -> None:

@@ -37,9 +37,14 @@ class BenchClient(FakeClient):
         self.taken += 1
         return Control(holder=name)
 
-    def release_control(self) -> Control:
-        self.released = True
-        return Control()
+    @contextlib.contextmanager
+    def in_control(self, name: str, lease_s: float, *, renewed: bool) -> Iterator[None]:
+        assert not renewed, "a policy may think for ever"
+        self.take_control(name, lease_s)
+        try:
+            yield
+        finally:
+            self.released = True
 
     @contextlib.contextmanager
     def armed(self) -> Iterator[None]:

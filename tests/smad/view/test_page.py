@@ -247,6 +247,21 @@ async def test_a_page_that_keeps_control_renews_it_while_it_is_there(rig: Rig) -
     assert len(rig.client.asked) == 5
 
 
+async def test_a_stop_while_the_page_takes_control_is_not_known_to_its_arming(rig: Rig) -> None:
+    take = rig.client.take_control
+
+    async def stopped_meanwhile(name: str, lease_s: float) -> None:
+        await take(name, lease_s)
+        # What the reply to our own stop lets the client know of.
+        rig.client.as_of(5)
+
+    rig.client.take_control = stopped_meanwhile  # type: ignore[method-assign]
+    rig.browser.say({"do": "arm", "id": 1, "generation": 4})
+    await rig.settle()
+    assert rig.client.asked == ["take_control", "arm"]
+    assert rig.client.generations[-1] == 4
+
+
 async def test_control_is_given_back_once_somebody_else_has_stopped_the_bench(rig: Rig) -> None:
     rig.browser.say({"do": "arm", "id": 1})
     await rig.settle()
