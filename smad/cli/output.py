@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import click
@@ -40,13 +40,29 @@ def ready_client(bench: str, *, extra: str = "") -> Iterator[Client]:
     from smad.experiments.ready import require_ready
 
     with ended_by_signals(), client(bench) as connected:
-        connected.as_of(connected.motion().generation)
+        known = _known_stops()
+        connected.as_of(connected.motion().generation if known is None else known)
         require_ready(connected, extra=extra)
         yield connected
 
 
 made_clients: list[Client] = []
-"""Clients of this command: who ran it asks them which stops they know of."""
+"""Clients of this command."""
+
+
+def latest_known(clients: Iterable[Client]) -> int | None:
+    """The generation of the last stop that clients know of; None where none has looked."""
+    known = [client.known for client in clients if client.known is not None]
+    return max(known, default=None)
+
+
+def _known_stops() -> int | None:
+    """The last stop that this command knows of, from its clients before, or that who began it knew
+    of (`smad.processes.stops`)."""
+    context = click.get_current_context(silent=True)
+    begun_with = None if context is None else context.find_root().obj
+    known = latest_known(made_clients)
+    return begun_with if known is None else known
 
 
 def wait_for_motion(bench_client: Client, *, wait: bool, what: str) -> None:

@@ -2,9 +2,11 @@
 
 Its exit status says what ended it (`smad.queue.machine`): an error alone would not tell a stop,
 which pauses the queue, from a refusal, which does not. It ends with its parent, the runner: asked
-to by the kernel, and killed if it does not.
+to by the kernel, and killed if it does not. It arms only if no stop came that its parent did not
+know of, and tells it which ones it knows of in the end (`smad.processes.stops`).
 """
 
+import os
 import sys
 import traceback
 from collections.abc import Sequence
@@ -12,9 +14,10 @@ from collections.abc import Sequence
 import click
 
 from smad.cli import INTERNAL, INTERRUPTED, root
-from smad.cli.output import made_clients
+from smad.cli.output import latest_known, made_clients
 from smad.errors import SmadError
 from smad.processes.parent import end_group_with
+from smad.processes.stops import hand_back, taken_over
 from smad.queue.ending import is_used_up, status_of, unseen_stop
 from smad.queue.machine import SHORT, STOPPED
 
@@ -23,8 +26,16 @@ def main(arguments: Sequence[str]) -> int:
     """Run the command; return its exit status."""
     parent, bench, *words = arguments
     end_group_with(int(parent))
+    stops, report = taken_over(os.environ)
     try:
-        root.main(args=words, prog_name="smad", standalone_mode=False)
+        return _run(bench, words, stops)
+    finally:
+        hand_back(report, latest_known(made_clients))
+
+
+def _run(bench: str, words: list[str], stops: int | None) -> int:
+    try:
+        root.main(args=words, prog_name="smad", standalone_mode=False, obj=stops)
     except SmadError as error:
         click.echo(f"smad: {error}", err=True)
         return status_of(error)

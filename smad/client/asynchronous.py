@@ -164,6 +164,11 @@ class AsyncClient(AsyncCommands):
         self._conversation.lease = ""
         self._leased = False
 
+    @property
+    def known(self) -> int | None:
+        """The generation of the last stop that this client knows of; None: it has not armed."""
+        return self._conversation.known
+
     def as_of(self, generation: int | None) -> int | None:
         """Let the daemon refuse later requests, and arming, if a stop came after `generation`.
 

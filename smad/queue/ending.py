@@ -52,7 +52,7 @@ def unseen_stop(clients: Sequence[Client], bench: str) -> str:
 
     Empty where it was not, as far as the command's `clients` know of stops.
     """
-    generations = {client.as_of(None) for client in clients} - {None}
+    generations = {client.known for client in clients} - {None}
     try:
         if generations:
             with Client(bench) as client:

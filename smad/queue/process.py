@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from smad.processes.stops import HandedOver
 from smad.queue.states import Item
 
 LONGEST_OUTPUT = 1_000_000
@@ -28,18 +29,24 @@ class ItemProcess:
         output: Path,
         environment: Mapping[str, str],
         descriptor: int,
+        stops: int | None = None,
     ) -> None:
-        self._process = subprocess.Popen(
-            command,
-            cwd=folder,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            env={**os.environ, **environment},
-            # ctrl-C at the runner's terminal is for the runner, which ends its item in order.
-            start_new_session=True,
-            pass_fds=(descriptor,) if descriptor >= 0 else (),
-        )
+        self._stops = HandedOver(stops)
+        inherited = (self._stops.descriptor, *((descriptor,) if descriptor >= 0 else ()))
+        try:
+            self._process = subprocess.Popen(
+                command,
+                cwd=folder,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, **environment, **self._stops.environment},
+                # ctrl-C at the runner's terminal is for the runner, which ends its item in order.
+                start_new_session=True,
+                pass_fds=inherited,
+            )
+        finally:
+            self._stops.begun()
         self.pid = self._process.pid
         self._lines: deque[str] = deque(maxlen=20)
         self._reader = threading.Thread(target=self._read, args=(output,), daemon=True)
@@ -57,6 +64,10 @@ class ItemProcess:
         """End it and what it began at once: its lease lapses, and the daemon disarms."""
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(self.pid, signal.SIGKILL)
+
+    def known_stops(self) -> int | None:
+        """The last stop that it knew of, once it has ended; see `HandedOver.returned`."""
+        return self._stops.returned()
 
     def last_line(self) -> str:
         """Return what it printed last."""
@@ -80,8 +91,13 @@ class ItemProcess:
                     bytes_left -= len(line)
 
 
-def begin_item(item: Item, *, folder: Path, bench: str, descriptor: int) -> ItemProcess:
-    """Begin the command of an item; `descriptor` is the runner's lock."""
+def begin_item(
+    item: Item, stops: int | None, *, folder: Path, bench: str, descriptor: int
+) -> ItemProcess:
+    """Begin the command of an item, which knows of the `stops` up to that generation.
+
+    `descriptor` is the runner's lock.
+    """
     output = folder / "queue" / f"item-{item.id:06d}.txt"
     words = list(item.words)
     if item.kind == "checkup" and not any(word.startswith("--json") for word in words):
@@ -94,4 +110,5 @@ def begin_item(item: Item, *, folder: Path, bench: str, descriptor: int) -> Item
         output=output,
         environment={"SMAD_BENCH": bench, "PYTHONUNBUFFERED": "1"},
         descriptor=descriptor,
+        stops=stops,
     )

@@ -32,10 +32,14 @@ _BEFORE_S = 5.0
 
 @dataclass(frozen=True, kw_only=True)
 class RunnerParts:
-    """What the runner acts with. `check` returns why an item cannot begin now; None: it can."""
+    """What the runner acts with.
+
+    `start` begins an item, which knows of the stops up to a generation. `check` returns why an item
+    cannot begin now; None: it can.
+    """
 
     watch: BenchWatch
-    start: Callable[[Item], ItemProcess]
+    start: Callable[[Item, int | None], ItemProcess]
     check: Callable[[Item], Obstacle | None]
     say: Say = silent
     wall_s: Callable[[], float] = time.time
@@ -169,13 +173,14 @@ class Runner:
     def _ended(self, status: int) -> None:
         assert self._process is not None
         last_line = self._process.last_line() if status else ""
+        known = self._process.known_stops()
         item = self._store.snapshot().item(self._item)
         change = self._store.change(
             lambda s: machine.ended(s, item.id, status, self._parts.wall_s(), said=last_line)
         )
         # Written: from here on the process is forgotten.
         self._process, self._asked_to_end_s = None, None
-        self._generation = self._parts.watch.look(now=True).generation
+        self._generation = known
         if change.after.item(item.id).state is State.INTERRUPTED:
             self._save_logs(item)
         self._act(change)
@@ -197,7 +202,7 @@ class Runner:
         self._item = item.id
         self._parts.say(f"item {item.id} begins: {item.title}")
         try:
-            self._process = self._parts.start(item)
+            self._process = self._parts.start(item, self._generation)
         except OSError as error:
             why = f"its process cannot be started: {error.strerror}"
             self._act(

@@ -14,6 +14,7 @@ from smad.counted import counted
 from smad.errors import SmadError
 from smad.experiments.endurance.run import BlockDriver, Judgement
 from smad.experiments.leased import LeasedDriver
+from smad.processes.stops import HandedOver
 
 
 class _Rival(Struct, frozen=True):
@@ -47,19 +48,30 @@ def judgement_of(data: bytes) -> Judgement:
     return Judgement(verdict.headline, min(1.0, max(sure, default=0.0)))
 
 
-def judged_by_command(words: Sequence[str], bench: str, number: int) -> Judgement:
+def judged_by_command(
+    words: Sequence[str], bench: str, number: int, stops: int | None = None
+) -> tuple[Judgement, int | None]:
     """Play `smad gap checkup --quick` with these words as a queue does, after `number` cycles.
 
-    Raises SmadError when it fails.
+    It knows of the `stops` up to that generation; returned beside the judgement is the last one
+    that it knows of in the end. Raises SmadError when it fails.
     """
+    handed = HandedOver(stops)
     with tempfile.TemporaryDirectory(prefix="smad-") as scratch:
         verdict = Path(scratch) / "verdict.json"
         program = (sys.executable, "-m", "smad.cli.queue_child", str(os.getpid()), bench)
         arguments = ("gap", "checkup", "--quick", f"--json={verdict}", *words)
-        environment = {**os.environ, "SMAD_BENCH": bench}
-        done = subprocess.run(
-            [*program, *arguments], capture_output=True, text=True, check=False, env=environment
-        )
+        try:
+            done = subprocess.run(
+                [*program, *arguments],
+                capture_output=True,
+                text=True,
+                check=False,
+                env={**os.environ, "SMAD_BENCH": bench, **handed.environment},
+                pass_fds=(handed.descriptor,),
+            )
+        finally:
+            handed.begun()
         if done.returncode:
             lines = done.stderr.strip().splitlines() or ["it said nothing"]
             after = counted(number, "cycle")
@@ -67,7 +79,7 @@ def judged_by_command(words: Sequence[str], bench: str, number: int) -> Judgemen
                 f"the check-up after {after} failed: {lines[-1].removeprefix('smad: ')}",
                 action="look at the bench; --go-on continues",
             )
-        return judgement_of(verdict.read_bytes())
+        return judgement_of(verdict.read_bytes()), handed.returned()
 
 
 def checker(
@@ -88,10 +100,12 @@ def checker(
         if simulated is not None:
             seed, effects = simulated
             words += ["--sim", f"--seed={seed + number}", *(f"--effect={text}" for text in effects)]
-        judgement = judged_by_command(words, bench, number)
-        if isinstance(driver, LeasedDriver):
-            # The check-up's own disarms were orderly: it says so by its status.
-            driver.client.as_of(driver.client.motion().generation)
+        client = driver.client if isinstance(driver, LeasedDriver) else None
+        known = None if client is None else client.known
+        judgement, known = judged_by_command(words, bench, number, known)
+        if client is not None:
+            # The check-up's own disarms are known; a stop by somebody else is not.
+            client.as_of(known)
         return judgement
 
     return check

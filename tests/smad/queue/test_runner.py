@@ -27,9 +27,13 @@ class MadeProcess:
 
     pid = 1
 
-    def __init__(self) -> None:
+    def __init__(self, stops: int | None) -> None:
         self.status: int | None = None
         self.asked = self.killed = 0
+        self.stops = stops
+
+    def known_stops(self) -> int | None:
+        return self.stops
 
     def poll(self) -> int | None:
         return self.status
@@ -84,9 +88,9 @@ class Night:
     def stop_recording(self) -> None:
         self.closed_logs += 1
 
-    def _start(self, item: Item) -> MadeProcess:
+    def _start(self, item: Item, stops: int | None) -> MadeProcess:
         self.written_at_start.append(self.store.snapshot().item(item.id).state)
-        self.processes.append(MadeProcess())
+        self.processes.append(MadeProcess(stops))
         return self.processes[-1]
 
     def add(self, count: int = 1) -> None:
@@ -169,9 +173,29 @@ def test_the_stops_that_an_item_makes_itself_pause_nothing(night: Night) -> None
     night.arm()
     night.tick()
     night.stop()
+    night.processes[0].stops = night.view.generation
     night.processes[0].status = 0
     night.tick(2)
     assert night.states() == [State.DONE, State.RUNNING]
+    assert night.processes[1].stops == night.view.generation
+
+
+def test_a_stop_that_an_item_does_not_know_of_when_it_ends_pauses_the_queue(night: Night) -> None:
+    night.add(2)
+    night.arm()
+    night.tick()
+    night.stop()
+    night.processes[0].status = 0
+    night.tick(2)
+    assert night.states() == [State.DONE, State.QUEUED]
+    assert "somebody stopped the bench" in night.queue.reason
+
+
+def test_an_item_is_begun_with_the_stops_that_its_runner_knows_of(night: Night) -> None:
+    night.add()
+    night.arm()
+    night.tick()
+    assert night.processes[0].stops == night.view.generation
 
 
 def test_a_stop_after_the_arming_and_before_the_first_item_pauses(night: Night) -> None:
@@ -348,7 +372,7 @@ def test_a_log_that_nobody_noted_is_recovered_where_a_killed_daemon_recorded(
 def test_a_process_that_cannot_be_begun_pauses_the_queue(
     night: Night, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refuse(item: Item) -> MadeProcess:
+    def refuse(item: Item, stops: int | None) -> MadeProcess:
         raise OSError(12, "Cannot allocate memory")
 
     object.__setattr__(night.runner._parts, "start", refuse)

@@ -1,0 +1,55 @@
+"""Stops of the bench that a program and a command that it begins both know of.
+
+The program hands over the generation of the last stop that it knows of, in the environment. The
+command hands back, over a descriptor, the one that it knows of in the end: its own stops are among
+those. Any other is somebody else's, also one that came while the command began or ended.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import MutableMapping
+
+_KNOWN, _REPORT = "SMAD_KNOWN_STOPS", "SMAD_REPORT_STOPS"
+
+
+class HandedOver:
+    """What a program hands over to one command, and gets back from it."""
+
+    def __init__(self, known: int | None) -> None:
+        self._known = known
+        read, self.descriptor = os.pipe()
+        """`descriptor` is for the command to inherit."""
+        self._returned = os.fdopen(read)
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """What the command has to find in its environment."""
+        known = "" if self._known is None else str(self._known)
+        return {_KNOWN: known, _REPORT: str(self.descriptor)}
+
+    def begun(self) -> None:
+        """The command has inherited the descriptor, or cannot be begun."""
+        os.close(self.descriptor)
+
+    def returned(self) -> int | None:
+        """Return the last stop that a command knew of that has ended; where it says nothing, that
+        which it was begun with."""
+        with self._returned as file:
+            text = file.read()
+        return int(text) if text.isdigit() else self._known
+
+
+def taken_over(environment: MutableMapping[str, str]) -> tuple[int | None, int | None]:
+    """Return the last stop that whoever began this command knew of, and the descriptor for the last
+    one that it knows of itself; both are taken out of its environment, None where they are not
+    there."""
+    known, descriptor = environment.pop(_KNOWN, ""), environment.pop(_REPORT, "")
+    return int(known) if known else None, int(descriptor) if descriptor else None
+
+
+def hand_back(descriptor: int | None, known: int | None) -> None:
+    """Tell whoever began this command which stop it knows of last."""
+    if descriptor is not None:
+        with open(descriptor, "w") as file:
+            file.write("" if known is None else str(known))
