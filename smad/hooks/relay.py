@@ -48,30 +48,36 @@ class Relay(Protocol):
 
 
 class Heartbeat:
-    """Says why the supply must be cut, if it must. Pure: times are arguments."""
+    """Says why the supply must be cut, if it must. Pure: times are arguments.
+
+    Each board has a heartbeat of its own: one that falls silent counts, whatever the others send.
+    """
 
     def __init__(self) -> None:
-        self._last_s: float | None = None
+        self._last_s: dict[bytes, float] = {}
+        """The last sample of each topic."""
         self._stopped_in: BoardState | None = None
 
     @property
     def began(self) -> bool:
         """Whether any sample has come."""
-        return self._last_s is not None
+        return bool(self._last_s)
 
-    def beat(self, now_s: float, mode: int | None) -> None:
+    def beat(self, now_s: float, mode: int | None, topic: bytes = b"") -> None:
         """A sample came, with the state of the board."""
-        self._last_s = now_s
+        self._last_s[topic] = now_s
         if mode in _CUT_IN:
             # For good: another axis may be in order.
             self._stopped_in = BoardState(mode)
 
     def reason(self, now_s: float) -> str:
         """Return why the supply must be cut; empty while it may be on."""
-        if self._last_s is None:
+        if not self._last_s:
             return "no sample has come from the daemon"
-        if now_s - self._last_s >= SILENT_S:
-            return f"no sample came from the daemon for {now_s - self._last_s:.1f} s"
+        topic, last_s = min(self._last_s.items(), key=lambda item: item[1])
+        if now_s - last_s >= SILENT_S:
+            of_axis = f" of {topic.decode()}" * (len(self._last_s) > 1)
+            return f"no sample{of_axis} came from the daemon for {now_s - last_s:.1f} s"
         if self._stopped_in is not None:
             return f"the board is in {self._stopped_in.name}"
         return ""
@@ -151,6 +157,12 @@ def hold(relay: Relay, bench: str, say: Say) -> NoReturn:
     """
     with Client(bench) as client:
         address = client.connection.telemetry
+    if not address:
+        raise CommandError(
+            "the daemon publishes no samples",
+            value="telemetry.enabled = false",
+            action="set it to true, and start the daemon again; the supply is off",
+        )
     try:
         reason = _reason_to_cut(relay, address, say)
     finally:
@@ -172,8 +184,8 @@ def _reason_to_cut(relay: Relay, address: str, say: Say) -> str:
             if socket.poll(_POLL_MS):
                 with contextlib.suppress(zmq.Again):
                     while True:
-                        _, data = socket.recv_multipart(zmq.NOBLOCK)
-                        heartbeat.beat(time.monotonic(), telemetry_of(data).mode)
+                        topic, data = socket.recv_multipart(zmq.NOBLOCK)
+                        heartbeat.beat(time.monotonic(), telemetry_of(data).mode, topic)
             now_s = time.monotonic()
             if not heartbeat.began and now_s - began_s < 5.0 * SILENT_S:
                 continue

@@ -79,7 +79,8 @@ class BenchWatch:
         try:
             if self._client is None:
                 self._client = Client(self._bench, timeout_s=TIMEOUT_S)
-                self._subscribe(self._client.connection.telemetry)
+                if address := self._client.connection.telemetry:
+                    self._subscribe(address)
             return _snapshot_of(self._client.status())
         except SmadError:
             # A daemon that comes up again has other sockets.

@@ -22,6 +22,7 @@ from smad.client import Client
 from smad.client.folder import recording_folder
 from smad.errors import SmadError
 from smad.queue import arming, machine
+from smad.queue.admission import require_metered
 from smad.queue.errors import ArmingError, QueueError
 from smad.queue.lease import RunnerLease
 from smad.queue.machine import Change
@@ -128,6 +129,7 @@ class Queue:
 
     def propose(self, end_unix_s: float, budget: Budget) -> Proposal:
         """First step of arming: what would run until then, under a code. Raises ArmingError."""
+        require_metered(budget, self.bench)
         proposal = arming.propose(
             self.snapshot(),
             code="".join(secrets.choice(_ALPHABET) for _ in range(4)),

@@ -32,6 +32,15 @@ def test_the_supply_may_be_on_while_samples_come_and_falls_when_they_end() -> No
     assert "for 1.0 s" in heartbeat.reason(0.99 + SILENT_S)
 
 
+def test_the_supply_falls_when_one_of_several_axes_falls_silent() -> None:
+    heartbeat = Heartbeat()
+    heartbeat.beat(0.0, BoardState.ARMED, b"axis/pitch")
+    for n in range(200):
+        heartbeat.beat(0.01 * n, BoardState.ARMED, b"axis/yaw")
+    assert heartbeat.reason(0.99) == ""
+    assert "of axis/pitch" in heartbeat.reason(2.0)
+
+
 @pytest.mark.parametrize("state", [BoardState.FAULT, BoardState.ESTOP])
 def test_the_supply_falls_with_a_fault_and_an_emergency_stop(state: BoardState) -> None:
     heartbeat = Heartbeat()

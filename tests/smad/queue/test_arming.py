@@ -1,11 +1,13 @@
 """Arming in two steps, and end times on days on which clocks change."""
 
 from datetime import datetime
+from typing import Any
 from zoneinfo import ZoneInfo
 
 import pytest
 
-from smad.queue import arming
+from smad.config import Config, TelemetryConfig
+from smad.queue import admission, arming
 from smad.queue.errors import ArmingError
 from smad.queue.states import Budget, Item, Snapshot, State
 from smad.queue.store import Proposal
@@ -35,6 +37,20 @@ def confirmed(
     return arming.confirm(
         queue, proposal(), code, now_unix_s=now_unix_s, generation=generation
     ).after
+
+
+@pytest.mark.parametrize("budget", [Budget(energy_J=1e3), Budget(cycles=10.0)])
+@pytest.mark.parametrize("telemetry", [{"enabled": False}, {"every_nth_sample": 101}])
+def test_a_budget_that_nothing_would_end_is_refused(
+    monkeypatch: pytest.MonkeyPatch, budget: Budget, telemetry: dict[str, Any]
+) -> None:
+    config = Config(telemetry=TelemetryConfig(**telemetry))
+    monkeypatch.setattr(admission, "configuration", lambda _: config)
+    with pytest.raises(ArmingError, match="cannot be metered"):
+        admission.require_metered(budget, "bench")
+    admission.require_metered(Budget(hours=1.0), "bench")
+    monkeypatch.setattr(admission, "configuration", lambda _: Config())
+    admission.require_metered(budget, "bench")
 
 
 def test_the_second_step_arms_exactly_what_the_first_showed() -> None:
