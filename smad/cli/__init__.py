@@ -16,6 +16,7 @@ from firmware_protocol.nearest import instead
 from smad.errors import SmadError, reported, unusable_path
 from smad.extras import missing
 from smad.processes.oom import prefer_as_oom_victim
+from smad.processes.stops import taken_over
 from smad.units import is_unit
 from smad.version import VERSION
 
@@ -136,13 +137,21 @@ def execute(arguments: Sequence[str]) -> int:
     """Run one command and return its exit status. An error becomes one line on standard error."""
     if arguments and arguments[0] in READS_FILES:
         prefer_as_oom_victim()
-    return run_group(root, arguments, "smad")
+    stops, _ = taken_over(os.environ)
+    return run_group(root, arguments, "smad", stops)
 
 
-def run_group(group: click.Group, arguments: Sequence[str], program: str) -> int:
-    """Run one command of a group; return its exit status. Errors become one line."""
+def run_group(
+    group: click.Group, arguments: Sequence[str], program: str, stops: int | None = None
+) -> int:
+    """Run one command of a group; return its exit status. Errors become one line.
+
+    `stops` are those that whoever began it knew of (`smad.processes.stops`).
+    """
     try:
-        result = group.main(args=list(arguments), prog_name=program, standalone_mode=False)
+        result = group.main(
+            args=list(arguments), prog_name=program, standalone_mode=False, obj=stops
+        )
         if sys.stdout is not None:
             sys.stdout.flush()
     except SmadError as error:

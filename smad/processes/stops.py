@@ -13,6 +13,11 @@ from collections.abc import MutableMapping
 _KNOWN, _REPORT = "SMAD_KNOWN_STOPS", "SMAD_REPORT_STOPS"
 
 
+def knowing(known: int | None) -> dict[str, str]:
+    """The environment of a command that knows of the stops up to a generation, and of no other."""
+    return {_KNOWN: "" if known is None else str(known)}
+
+
 class HandedOver:
     """What a program hands over to one command, and gets back from it."""
 
@@ -25,8 +30,7 @@ class HandedOver:
     @property
     def environment(self) -> dict[str, str]:
         """What the command has to find in its environment."""
-        known = "" if self._known is None else str(self._known)
-        return {_KNOWN: known, _REPORT: str(self.descriptor)}
+        return {**knowing(self._known), _REPORT: str(self.descriptor)}
 
     def begun(self) -> None:
         """The command has inherited the descriptor, or cannot be begun."""

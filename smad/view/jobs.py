@@ -20,6 +20,7 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from smad.errors import REFUSED_STATUS, SmadError
+from smad.processes.stops import knowing
 from smad.runlog.paths import SUFFIX, free_path, make_folder
 
 MOST_LINES = 200
@@ -159,8 +160,13 @@ class Jobs:
         self.running = False
         """Whether one is under way."""
 
-    async def begin(self, job: Job, folder: Path, bench: str, axis: str = "") -> str:
-        """Begin a job; return what to say. Raises JobError, or RunLogError without a folder."""
+    async def begin(
+        self, job: Job, folder: Path, bench: str, axis: str = "", *, stops: int | None = None
+    ) -> str:
+        """Begin a job, which knows of the `stops` up to that generation; return what to say.
+
+        Raises JobError, or RunLogError without a folder.
+        """
         command = job_command(job, folder, bench, axis)
         if self.running:
             assert self._command is not None
@@ -175,13 +181,13 @@ class Jobs:
         self._failed = self._address = ""
         self._began_s = time.monotonic()
         self._process, self._ended_early, self.running = None, False, True
-        self._following = asyncio.create_task(self._follow(command))
+        self._following = asyncio.create_task(self._follow(command, stops))
         self.version += 1
         return f"begun: {command.title}"
 
-    async def _follow(self, command: JobCommand) -> None:
+    async def _follow(self, command: JobCommand, stops: int | None) -> None:
         try:
-            status = await self._carried_out(command)
+            status = await self._carried_out(command, stops)
             if self._ended_early:
                 self._failed = "it was interrupted"
             elif status == REFUSED_STATUS and command.report.exists():
@@ -199,7 +205,7 @@ class Jobs:
             self.running = False
             self.version += 1
 
-    async def _carried_out(self, command: JobCommand) -> int:
+    async def _carried_out(self, command: JobCommand, stops: int | None) -> int:
         nice = not isinstance(self._job, ON_THE_BENCH)
         self._process = process = await asyncio.create_subprocess_exec(
             *(("nice", "-n", str(NICER)) if nice else ()),
@@ -211,7 +217,7 @@ class Jobs:
             stdout=PIPE,
             stderr=STDOUT,
             limit=LARGEST_LINE,
-            env={**os.environ, **_ONE_THREAD},
+            env={**os.environ, **_ONE_THREAD, **knowing(stops)},
             # ctrl-C at the terminal is for the server, which ends its job in order.
             start_new_session=True,
         )

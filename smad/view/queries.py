@@ -141,7 +141,10 @@ class Queries:
                 "disarmed when the job crashes",
                 action="disarm it, then begin the job again",
             )
-        return await self.jobs.begin(ask.job, self._folder(), self._source.bench, axis.name), None
+        shown = None if now is None else now.generation
+        known = shown if ask.generation is None else ask.generation
+        begun = self.jobs.begin(ask.job, self._folder(), self._source.bench, axis.name, stops=known)
+        return await begun, None
 
     async def _end_job(self, ask: commands.EndJob) -> tuple[str, Any]:
         return "the job is ending" if self.jobs.interrupt() else "no job is under way", None

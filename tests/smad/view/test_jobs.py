@@ -23,7 +23,7 @@ from smad.view.jobs import Diagnose, JobCommand, JobRequest, Jobs, PageOfRun, Ru
 def test_the_report_of_a_refused_diagnosis_is_served_all_the_same(
     status: int, failed: str, served: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def carried_out(jobs: Jobs, command: JobCommand) -> int:
+    async def carried_out(jobs: Jobs, command: JobCommand, stops: int | None) -> int:
         command.report.write_text("why")
         return status
 
