@@ -119,12 +119,11 @@ class GapRun:
         )
 
 
-def bridged(column: Array, valid: NDArray[np.bool_]) -> Array:
-    """The column without gaps, some number in it given; unmarks the samples that had one."""
+def bridged(column: Array) -> Array:
+    """The column with its gaps filled on lines; as it is without a gap, or without a number."""
     good = np.isfinite(column)
-    if good.all():
+    if good.all() or not good.any():
         return column
-    valid &= good
     index = np.arange(len(column))
     return np.interp(index, index[good], column[good])
 
