@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smad.arrays import Index
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.data.noise import row_noise
@@ -120,7 +120,7 @@ def _regime_numbers(plant: PlantModel, run: GapRun, played: Played) -> tuple[Arr
     bins, count = played.bins, 1
     bin_of_row = np.clip(bin_numbers(run, played.start_s, played.period_s), 0, bins - 1)
     size = np.maximum(np.bincount(bin_of_row, minlength=bins), 1)
-    of_side: dict[str, NDArray[np.intp]] = {}
+    of_side: dict[str, Index] = {}
     for side in {c.side for c in plant.channels}:
         masks = list(plant.regimes(run, side).values())
         count = max(count, len(masks) + 1)

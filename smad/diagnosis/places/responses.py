@@ -199,9 +199,10 @@ def _replayed(
     for law in laws:
         place, key = places[law.place], (law.place, law.side)
         X = law_values(plant, law, states, run.t_s)
-        # A bare plant is pushed by what its inputs are at that very sample (`BarePlaces`).
+        # Values at a sample are in force over the sample that follows, but a bare plant is pushed
+        # by what its inputs are at that very sample (`BarePlaces`).
         at_once = place.reading or isinstance(plant, BarePlaces)
-        forcing = place.scale * (X if at_once else _later(X))
+        forcing = place.scale * (X if at_once else np.concatenate([X[:1], X[:-1]]))
         span = slice(first, first := first + len(law.terms))
         if place.reading:
             # By what a constant of 1 does there.
@@ -211,8 +212,3 @@ def _replayed(
             together = traits_of(plant).together
             out[span] = np.array(each(partial(changed, key), forcing.T, together))
     return out
-
-
-def _later(values: Array) -> Array:
-    """Values of a law at samples as the forcing of the sample that follows."""
-    return np.concatenate([values[:1], values[:-1]])
