@@ -93,7 +93,8 @@ class ProgrammeRun:
             "rtd_ambient_degC": np.full(len(starts), ambient_degC),
         }
         inputs = dict(zip(INPUTS, self.inputs[row].T, strict=True))
-        return GapRun(self.name, starts + _TICK_S, inputs, around)
+        t_s = np.asarray(starts + _TICK_S, dtype=np.float64)
+        return GapRun(self.name, t_s, inputs, around)
 
     def plan(self) -> Plan:
         """The run as a bench carries it out from rest; the host's limits apply as in every mode."""
