@@ -17,7 +17,6 @@ from numpy.lib import format as npy
 
 from smad.runlog.bounds import MOST_ARRAYS, MOST_ARRAYS_BYTES
 
-_SUFFIX = ".npy"
 _KINDS = {"floats": "f", "whole numbers": "iu", "yes or no": "b"}
 
 
@@ -41,7 +40,7 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
                 )
         for member in members:
             with packed.open(member) as file:
-                arrays[member.removesuffix(_SUFFIX)] = npy.read_array(file, allow_pickle=False)
+                arrays[member.removesuffix(".npy")] = npy.read_array(file, allow_pickle=False)
     return arrays
 
 

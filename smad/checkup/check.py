@@ -101,8 +101,11 @@ def check_folder(
     return judged(plant, baseline.reference, [(f.run, f.name) for f in runs], progress=progress)
 
 
-def check_newest(folder: Path, baseline: Baseline, plant: PlantModel, progress: Say) -> Judged:
-    """The verdict over the newest check-up or investigation in the folder of a baseline.
+def proposed(
+    folder: Path, baseline: Baseline, plant: PlantModel, progress: Say
+) -> tuple[Judged, Proposal]:
+    """The verdict over the newest check-up or investigation in the folder of a baseline, and what
+    to play after it if each run takes as long.
 
     Raises BaselineError when it has none.
     """
@@ -120,15 +123,8 @@ def check_newest(folder: Path, baseline: Baseline, plant: PlantModel, progress: 
         for f in read_folder(newest)
     ]
     runs = [(run, name) for run, name in named if name in names]
-    return judged(plant, baseline.reference, runs, progress=progress)
-
-
-def proposed(
-    folder: Path, baseline: Baseline, plant: PlantModel, progress: Say
-) -> tuple[Judged, Proposal]:
-    """The verdict of `check_newest`, and what to play after it if each run takes as long."""
-    judgement = check_newest(folder, baseline, plant, progress)
-    return judgement, propose(judgement, dict.fromkeys(names_in(baseline), 1.0), left_s=1.0)
+    judgement = judged(plant, baseline.reference, runs, progress=progress)
+    return judgement, propose(judgement, dict.fromkeys(names, 1.0), left_s=1.0)
 
 
 def check_files(plant: PlantModel, good: Path, now: Path, *, say: Say, progress: Say) -> Judged:

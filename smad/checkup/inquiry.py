@@ -24,11 +24,11 @@ from smad.diagnosis.paired.difference import paired
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.verdict import SignalGap, Verdict
+from smad.errors import refused_by_system
 from smad.progress import Say
 
 REST_S = 60.0
 """What the rest before a run takes at least, until one has been measured."""
-_HELD_OUT = "for proof"
 
 
 class Record(msgspec.Struct, frozen=True):
@@ -176,7 +176,7 @@ class Inquiry:
         if not judgement.has_model:
             return report
         for run in quick[sum(r.held_out for r in report.records) :]:
-            report = self._played(report, run, _HELD_OUT, held_out=True)
+            report = self._played(report, run, "for proof", held_out=True)
             if report.records[-1].ended:
                 break
         runs = [(read_file(self.folder / r.file), r.run) for r in report.records if r.held_out]
@@ -187,13 +187,9 @@ class Inquiry:
         if not judgement.has_model:
             return report
         path = self.folder / "model.toml"
-        try:
+        action = "make room; the runs are kept, and the same command continues"
+        with refused_by_system(BaselineError, f"cannot write {path}", action=action):
             save_model_of(self.plant, judgement, path)
-        except OSError as error:
-            raise BaselineError(
-                f"cannot write {path}: {error.strerror}",
-                action="make room; the runs are kept, and the same command continues",
-            ) from error
         return msgspec.structs.replace(report, model=str(path))
 
     def _write(self, report: Report) -> None:

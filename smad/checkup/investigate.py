@@ -19,7 +19,7 @@ from smad.diagnosis.numerics.white import RunRows, Shrink
 from smad.diagnosis.paired.difference import Paired, rows_of
 from smad.diagnosis.paired.good import GoodRun
 from smad.diagnosis.plant import Array
-from smad.diagnosis.rivals.describe import Describer
+from smad.diagnosis.rivals.describe import rival_words
 from smad.diagnosis.rivals.rival import day_variance
 from smad.diagnosis.verdict import PARAMETERS, QUIET
 
@@ -63,12 +63,12 @@ def propose(judgement: Judged, costs_s: Mapping[str, float], left_s: float) -> P
             QUIET: "nothing has changed beyond the repeat floor",
             PARAMETERS: "other values of the parameters explain it",
         }.get(verdict.outcome, "no cause was found")
-        if run := _next_new(pairs, costs_s, left_s):
+        new = (r.name for r in _not_played(pairs) if costs_s[r.name] <= left_s)
+        if run := next(new, None):
             return Proposal(run, f"for the first time now: so far {finding}")
         return Proposal(None, f"settled: {finding}")
     staying = judgement.answer.alternatives
-    described = Describer(judgement.pairs.plant)
-    names = tuple(described.rival(r) for r in staying)
+    names = tuple(rival_words(pairs.plant, r) for r in staying)
     if len(staying) < 2:
         return Proposal(None, f"settled: {verdict.causes[0].words}; no other rival is near")
     either = " or ".join(names)
@@ -92,12 +92,6 @@ def propose(judgement: Judged, costs_s: Mapping[str, float], left_s: float) -> P
             f"and takes {costs_s[most.run] / 60:.1f} min of {max(left_s, 0.0) / 60:.1f} left"
         )
     return Proposal(None if best is None else best.run, why, names, offers)
-
-
-def _next_new(paired: Paired, costs_s: Mapping[str, float], left_s: float) -> str | None:
-    """The first run of the baseline that was not played yet, and for which there is time."""
-    names = [run.name for run in _not_played(paired)]
-    return next((name for name in names if costs_s[name] <= left_s), None)
 
 
 def _not_played(paired: Paired) -> list[GoodRun]:
@@ -131,8 +125,7 @@ def unpaired_offers(judgement: Judged, programme: Programme) -> list[Offer]:
         if run.name not in paired_names:
             played = Played.of(run.as_run(_WATER_DEGC, _WATER_DEGC), judgement.pairs.plant.inputs)
             valid = np.ones((played.bins, len(sd)), dtype=bool)
-            none = np.zeros((0, *valid.shape))
-            rows = RunRows(np.broadcast_to(sd, valid.shape), valid, none, np.zeros(0), floor.rho)
+            rows = RunRows.of(sd, valid, rho=floor.rho)
             out.append(_offer(judgement, run.name, played, rows, np.zeros((0, valid.size))))
     return sorted(out, key=lambda o: -o.separation)
 

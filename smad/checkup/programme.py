@@ -25,7 +25,7 @@ COLUMNS = ("t_s", "i_x_A", "i_y_A", "duty_x", "duty_y")
 INPUTS = ("i_applied_x_A", "i_applied_y_A", "duty_x", "duty_y")
 _HIGHEST = (4.0, 4.0, 1.0, 1.0)
 LONGEST_S = 600.0
-TICK_S = 0.01
+_TICK_S = 0.01
 _LATE_S = 5.0
 _SAFE_NAME = re.compile(r"[a-z0-9][a-z0-9-]*")
 
@@ -83,21 +83,18 @@ class ProgrammeRun:
                     action="correct the file, or design the programme again",
                 )
 
-    def sampled(self, tick_s: float = TICK_S) -> tuple[Array, Array]:
-        """Ends of the ticks, and the inputs in force over each; shapes (n,) and (n, 4)."""
-        n = round(self.duration_s / tick_s)
-        starts = np.arange(n) * tick_s
-        row = np.searchsorted(self.t_s, starts + 1e-9, side="right") - 1
-        return np.asarray(starts + tick_s, dtype=np.float64), self.inputs[row]
-
     def as_run(self, inlet_degC: float, ambient_degC: float) -> GapRun:
-        """The run as a replay takes it: inputs, and what water and room show at the start."""
-        t_s, inputs = self.sampled()
+        """The run as a replay takes it: the inputs in force over each tick, which ends at `t_s`,
+        and what water and room show at the start."""
+        starts = np.arange(round(self.duration_s / _TICK_S)) * _TICK_S
+        row = np.searchsorted(self.t_s, starts + 1e-9, side="right") - 1
         around = {
-            "rtd_inlet_degC": np.full(len(t_s), inlet_degC),
-            "rtd_ambient_degC": np.full(len(t_s), ambient_degC),
+            "rtd_inlet_degC": np.full(len(starts), inlet_degC),
+            "rtd_ambient_degC": np.full(len(starts), ambient_degC),
         }
-        return GapRun(self.name, t_s, dict(zip(INPUTS, inputs.T, strict=True)), around)
+        inputs = dict(zip(INPUTS, self.inputs[row].T, strict=True))
+        t_s = np.asarray(starts + _TICK_S, dtype=np.float64)
+        return GapRun(self.name, t_s, inputs, around)
 
     def plan(self) -> Plan:
         """The run as a bench carries it out from rest; the host's limits apply as in every mode."""

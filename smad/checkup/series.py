@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -110,28 +110,21 @@ def play_series(
             continue
         say(f"{folder.name}: {run.name}, {run.duration_s:.0f} s: {run.title}")
         original = None if originals is None else originals / f"{run.name}.mcap"
-        with _saying_what_is_kept(folder, programme, say):
+        try:
             recorded = play(run, original)
+        except BaseException:
+            count = sum((folder / f"{r.name}.mcap").exists() for r in programme.runs)
+            say(
+                f"{folder.name}: {count} of {len(programme.runs)} runs are kept; the same command "
+                "goes on after them"
+            )
+            raise
         keep(recorded.path, folder / f"{run.name}.mcap")
         if recorded.ended:
             _write(folder, msgspec.structs.replace(state, done=True, ended=recorded.ended))
             return recorded.ended
     _write(folder, msgspec.structs.replace(state, done=True))
     return ""
-
-
-@contextlib.contextmanager
-def _saying_what_is_kept(folder: Path, programme: Programme, say: Say) -> Iterator[None]:
-    """Says what an interruption costs, whatever it is."""
-    try:
-        yield
-    except BaseException:
-        count = sum((folder / f"{run.name}.mcap").exists() for run in programme.runs)
-        say(
-            f"{folder.name}: {count} of {len(programme.runs)} runs are kept; the same command goes "
-            "on after them"
-        )
-        raise
 
 
 def finished(folders: Sequence[Path], programme: Programme) -> list[Path]:

@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -14,7 +14,13 @@ import numpy as np
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.places.place import BOTH
 from smad.diagnosis.plant import Array, ModelPoint, SavesModel, Uncertainty
-from smad.diagnosis.rivals.describe import Describer
+from smad.diagnosis.rivals.describe import (
+    effect_values,
+    largest_value,
+    law_terms,
+    rival_words,
+    where_words,
+)
 from smad.diagnosis.rivals.evidence import Evidence
 from smad.diagnosis.rivals.fit import Fit, covariance
 from smad.diagnosis.rivals.parts import EffectPart, LawPart
@@ -69,12 +75,11 @@ class Answer:
 
 def answer_of(search: Searched, *, question: str, judged_on: str) -> Answer:
     """The answer that a search gives."""
-    asked, fitted, level = search.question, search.final.fit, shipped().credible_level
+    asked, fitted = search.question, search.final.fit
     entered = _entered(search)
-    before_last = [rival for _, rival in entered[:-1]]
-    with_causes = [*before_last, search.final] if entered else []
+    with_causes = [*(rival for _, rival in entered[:-1]), search.final] if entered else []
     causes = [
-        _cause(asked, k, step, search.final, gap=asked.gap(with_causes[k]), level=level)
+        _cause(asked, k, step, search.final, gap=asked.gap(with_causes[k]))
         for k, (step, _) in enumerate(entered)
     ]
     stages = (search.configured, search.parameters, *with_causes)
@@ -104,15 +109,16 @@ def answer_of(search: Searched, *, question: str, judged_on: str) -> Answer:
         stages=stages,
         model=asked.point_of(search.final),
         uncertainty=uncertainty,
-        alternatives=_alternatives(entered[0][0], level) if entered else (),
+        alternatives=_alternatives(entered[0][0]) if entered else (),
     )
 
 
-def _alternatives(step: Step, level: float) -> tuple[Rival, ...]:
+def _alternatives(step: Step) -> tuple[Rival, ...]:
     """The rivals of a step between which the runs do not decide; one where they do."""
     rivals = {r.name: r for r in step.rivals if r.has_part}
     total = max(sum(r.probability for r in rivals.values()), 1e-300)
-    names = credible_set({n: r.probability / total for n, r in rivals.items()}, level)
+    probabilities = {n: r.probability / total for n, r in rivals.items()}
+    names = credible_set(probabilities, shipped().credible_level)
     return tuple(rivals[n] for n in names)
 
 
@@ -134,13 +140,11 @@ def _entered(search: Searched) -> list[tuple[Step, Rival]]:
     """The steps by which parts entered, with what did; none where all were withdrawn."""
     if search.final.fit is None or not search.final.fit.model.parts:
         return []
-    steps = [(s, s.entered) for s in search.steps if s.entered is not None]
-    return [(step, rival) for step, rival in steps if rival.has_part]
+    return [(s, r) for s in search.steps if (r := s.entered) is not None and r.has_part]
 
 
 def signal_gaps(question: Question, stages: Sequence[Rival]) -> list[SignalGap]:
     """What stages leave of the judged runs by signal, in its unit, and over all, in floors."""
-
     counts, floors = question.judged.counts.sum(axis=0), question.judged.floors
     rms = [np.sqrt(r.squares.sum(axis=0) / np.maximum(counts, 1.0)) * floors for r in stages]
     signals = [
@@ -194,7 +198,6 @@ def _table(question: Question, rivals: Sequence[Rival]) -> list[RivalGap]:
     Those that are equally likely, as far as it is shown, by what they leave.
     """
     plant = question.model.plant
-    described = Describer(plant)
     listed = [r for k, r in enumerate(rivals) if k < _ROWS or not r.has_part]
     counts = question.judged.counts.sum(axis=0)
     titles = {e.name: e.title for e in question.effects}
@@ -202,9 +205,9 @@ def _table(question: Question, rivals: Sequence[Rival]) -> list[RivalGap]:
         RivalGap(
             kind=r.kind,
             name=r.name.removeprefix("law:"),
-            words=described.rival(r),
+            words=rival_words(plant, r),
             title=titles.get(r.name, "") if r.has_part else "",
-            values=_values(described, question, r),
+            values=_values(question, r),
             places=list(r.places),
             gap=question.gap(r),
             probability=r.probability,
@@ -218,14 +221,14 @@ def _table(question: Question, rivals: Sequence[Rival]) -> list[RivalGap]:
     ]
 
 
-def _values(described: Describer, question: Question, rival: Rival) -> list[EffectValue]:
+def _values(question: Question, rival: Rival) -> list[EffectValue]:
     """The values of the effect that a rival adds."""
     if rival.kind != EFFECT or rival.fit is None:
         return []
     part, block = rival.fit.model.parts[-1], rival.fit.model.slices[-1]
     if not isinstance(part, EffectPart):
         return []
-    return described.values(part, rival.fit.x[block], _deviations(question, rival.fit)[block])
+    return effect_values(part, rival.fit.x[block], _deviations(question, rival.fit)[block])
 
 
 def _deviations(question: Question, fitted: Fit) -> Array:
@@ -255,11 +258,9 @@ def _scores(question: Question, rivals: Sequence[Rival]) -> list[RivalScore]:
     ]
 
 
-def _cause(
-    question: Question, index: int, step: Step, final: Rival, *, gap: float, level: float
-) -> Cause:
+def _cause(question: Question, index: int, step: Step, final: Rival, *, gap: float) -> Cause:
     """The cause of a step, as it is in the final model; `gap` is what was left with it."""
-    plant, fitted = question.model.plant, final.fit
+    plant, fitted, level = question.model.plant, final.fit, shipped().credible_level
     assert fitted is not None
     part, block = fitted.model.parts[index], fitted.model.slices[index]
     x, sd = fitted.x[block], _deviations(question, fitted)[block]
@@ -272,43 +273,34 @@ def _cause(
     named = {r.name: r.probability for r in of_parts if r.kind == EFFECT}
     in_library = max(sum(named.values()), 1e-300)
     names = {n: p / in_library for n, p in sorted(named.items(), key=lambda item: -item[1])}
-    described = Describer(plant)
     stayed = step.entered is not None and part.name == step.entered.name
     place = _place_of(part.places, laws if stayed else ())
     side = law.candidate.side if law else BOTH
-    trajectories = described.trajectories(question, fitted) if law else []
+    runs = [played.run for played in question.evidence.played] if law else []
+    trajectories = [plant.trajectory(fitted.point, run, fast=True) for run in runs]
     return Cause(
         kind=EFFECT if effect else LAW,
         name=effect.name if effect else "",
         place=place,
         side=side,
-        words=described.place(place, side),
+        words=where_words(plant, place, side),
         probability=places.get(place, 0.0),
         places=places,
-        place_words={n: described.place(n, BOTH) for n in places},
+        place_words={n: where_words(plant, n, BOTH) for n in places},
         names={n: p for n, p in names.items() if p >= _LEAST_NAMED},
         outside=1.0 - in_library / total,
         credible_names=credible_set(names, level),
         credible_places=credible_set(places, level),
-        values=described.values(effect, x, sd) if effect else [],
-        terms=described.terms(law, x, sd, trajectories) if law else [],
-        largest=described.largest(law, x, question, trajectories) if law else 0.0,
+        values=effect_values(effect, x, sd) if effect else [],
+        terms=law_terms(plant, law, x, sd, trajectories) if law else [],
+        largest=largest_value(plant, law, x, runs, trajectories) if law else 0.0,
         unit=next((p.unit for p in plant.places if p.name == place), ""),
         gap=gap,
         rivals=_table(question, step.rivals),
     )
 
 
-class Placed(Protocol):
-    """A rival by what it is and where it acts."""
-
-    @property
-    def kind(self) -> str: ...
-    @property
-    def places(self) -> Sequence[str]: ...
-
-
-def place_probabilities(parts: Sequence[tuple[Placed, float]]) -> dict[str, float]:
+def place_probabilities(parts: Sequence[tuple[Rival | RivalScore, float]]) -> dict[str, float]:
     """Probability of each place, the likeliest first, from those of effects and laws.
 
     They sum to 1: it is that of the place if anything is missing. An effect counts for the place

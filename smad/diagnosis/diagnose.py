@@ -11,7 +11,7 @@ from smad.diagnosis.data.admission import RunSet, admit_groups, row_of_admitted_
 from smad.diagnosis.data.guards import FIT, GOOD, HOLD_OUT, goes_further, too_few
 from smad.diagnosis.errors import PlantMismatch
 from smad.diagnosis.numerics.threads import repeatable
-from smad.diagnosis.paired.notes import EACH_BY_OTHERS, compared, notes_of, unpaired
+from smad.diagnosis.paired.notes import EACH_BY_OTHERS, compared, notes_of
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import Effect, PlantModel
 from smad.diagnosis.questions import Inquiry, changed_pairs, changed_runs, differs
@@ -61,7 +61,7 @@ def diagnose(
     groups = admit_groups({FIT: runs, HOLD_OUT: hold_out, GOOD: good}, plant, period_s)
     roles = {role: a.admitted for role, a in groups.items()}
     findings = sorted((f for a in groups.values() for f in a.findings), key=lambda f: f.run)
-    findings += too_few(roles, asked_good=bool(good))
+    findings += too_few(roles)
     question = CHANGED if good else DIFFERS
     if lacking := _lacking(groups):
         headline = f"no run {lacking} can be used"
@@ -76,9 +76,12 @@ def diagnose(
             period_s=period_s,
             say=progress,
         )
-        answer, in_question = _of_changed(inquiry) if good else (_of_differs(inquiry), ())
-        if in_question:
-            findings += goes_further({FIT: in_question, HOLD_OUT: (), GOOD: inquiry.good}, plant)
+        if good:
+            answer, in_question = _of_changed(inquiry)
+            findings += goes_further(in_question, inquiry.good, plant) if in_question else []
+        else:
+            search = differs(inquiry)
+            answer = answer_of(search, question=DIFFERS, judged_on=_judged_on(inquiry))
     return answer.with_verdict(
         findings=findings,
         runs=_records(groups),
@@ -87,11 +90,6 @@ def diagnose(
         smad_version=VERSION,
         seconds=round(time.perf_counter() - began, 2),
     )
-
-
-def _of_differs(inquiry: Inquiry) -> Answer:
-    """What the simulator lacks."""
-    return answer_of(differs(inquiry), question=DIFFERS, judged_on=_judged_on(inquiry))
 
 
 def _of_changed(inquiry: Inquiry) -> tuple[Answer, Sequence[GapRun]]:
@@ -107,7 +105,8 @@ def _of_changed(inquiry: Inquiry) -> tuple[Answer, Sequence[GapRun]]:
     search, pairs = repeating
     answer = answer_of(search, question=CHANGED, judged_on=EACH_BY_OTHERS)
     notes = [compared(pairs), *notes_of(pairs)]
-    names = unpaired(pairs, [run.name for run in runs])
+    paired = {pair.now for pair in pairs.pairs}
+    names = [run.name for run in runs if run.name not in paired]
     if not names:
         return answer.with_verdict(notes=notes), ()
     listed = ", ".join(names)

@@ -11,7 +11,7 @@ import numpy as np
 from smad.diagnosis.answer import Answer
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.plant import Array, Experiment, Experimenter
-from smad.diagnosis.rivals.describe import Describer
+from smad.diagnosis.rivals.describe import rival_words
 from smad.progress import Say, silent
 
 
@@ -37,8 +37,7 @@ def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offe
     plant = model.plant
     variances = min((evidence.variances(f.left) for f in fits), key=lambda v: v.sum())
     scale = evidence.floors * np.sqrt(np.maximum(variances, 1.0))
-    described = Describer(plant)
-    words = [described.rival(r) for r in answer.alternatives]
+    words = [rival_words(plant, r) for r in answer.alternatives]
     out: list[Offer] = []
     if not isinstance(plant, Experimenter):
         return words, out

@@ -8,12 +8,10 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smad.arrays import Array, Mask
 from smad.diagnosis.errors import GapError
 from smad.records.units import Written
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -33,7 +31,7 @@ class GapRun:
     t_s: Array
     inputs: Mapping[str, Array]
     outputs: Mapping[str, Array]
-    valid: NDArray[np.bool_] | None = None
+    valid: Mask | None = None
     cut_short: bool = False
     notes: tuple[str, ...] = ()
     whole: GapRun | None = None
@@ -68,7 +66,7 @@ class GapRun:
         return float(self.t_s[0] - self.dt_s)
 
     @cached_property
-    def pieces(self) -> NDArray[np.float64]:
+    def pieces(self) -> Array:
         """How many samples of `whole` each sample is the mean of; ones in a run not thinned."""
         if self.whole is None:
             return np.ones(len(self.t_s))
@@ -87,7 +85,7 @@ class GapRun:
         return h.hexdigest()
 
     @property
-    def good(self) -> NDArray[np.bool_]:
+    def good(self) -> Mask:
         """`valid`, or all True."""
         return np.ones(len(self.t_s), dtype=bool) if self.valid is None else self.valid
 
@@ -119,12 +117,11 @@ class GapRun:
         )
 
 
-def bridged(column: Array, valid: NDArray[np.bool_]) -> Array:
-    """The column without gaps, some number in it given; unmarks the samples that had one."""
+def bridged(column: Array) -> Array:
+    """The column with its gaps filled on lines; as it is without a gap, or without a number."""
     good = np.isfinite(column)
-    if good.all():
+    if good.all() or not good.any():
         return column
-    valid &= good
     index = np.arange(len(column))
     return np.interp(index, index[good], column[good])
 

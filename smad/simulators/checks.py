@@ -87,11 +87,7 @@ def roles(declared: Simulator, table: Table) -> Roles:
     returns another length, is not the same twice.
     """
     # What lacks is bridged, as in an admitted run.
-    columns = {
-        n: bridged(c, np.ones(len(c), dtype=bool))
-        for n, c in table.columns.items()
-        if np.isfinite(c).any()
-    }
+    columns = {n: bridged(c) for n, c in table.columns.items() if np.isfinite(c).any()}
     starting = FirstReadings(replace(table, columns=columns))
     columns |= {n: np.zeros(len(table.t_s)) for n in declared.forces}
     watched = WatchedColumns(replace(table, columns=columns))

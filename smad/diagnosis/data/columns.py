@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from smad.counted import counted
-from smad.diagnosis.plant import Array, Channel, Mask, Signal
+from smad.diagnosis.plant import Channel, Signal
 from smad.diagnosis.runs import GapRun, bridged
 from smad.records.declared import Declared
 from smad.records.readings import checked_columns, doubted_step, on_lines
@@ -76,17 +76,17 @@ def readable(
 def filled(run: GapRun) -> GapRun:
     """The run without NaN in its columns; samples that had one in any of them do not count."""
     whole = np.ones(len(run.t_s), dtype=bool)
-    inputs, outputs = (
-        {n: _bridged(c, whole) for n, c in kind.items()} for kind in (run.inputs, run.outputs)
-    )
+    for column in (*run.inputs.values(), *run.outputs.values()):
+        finite = np.isfinite(column)
+        if finite.any():
+            whole &= finite
     if whole.all():
         return run
+    inputs, outputs = (
+        {n: bridged(np.asarray(c, dtype=np.float64)) for n, c in kind.items()}
+        for kind in (run.inputs, run.outputs)
+    )
     return replace(run, inputs=inputs, outputs=outputs, valid=run.good & whole)
-
-
-def _bridged(column: Array, whole: Mask) -> Array:
-    values = np.asarray(column, dtype=np.float64)
-    return bridged(values, whole) if np.isfinite(values).any() else values
 
 
 def up_to_first_hole(run: GapRun, row_s: float, say: Say) -> GapRun:

@@ -12,8 +12,6 @@ from smad.diagnosis.plant import Array, PlantModel, nominal_replay
 from smad.diagnosis.runs import GapRun
 from smad.errors import SmadError
 
-_ACTION = "mend the plant; smad docs bring-your-own-plant says what it has to do"
-
 
 def require_contract(plant: PlantModel, run: GapRun) -> None:
     """Ask `simulate` and `regimes` of a run. Raises PlantMismatch, naming the member at fault.
@@ -78,7 +76,7 @@ def _broken(plant: PlantModel, member: str, run: GapRun, fault: str, value: str)
         f"{member} of plant {plant.name} {fault}, for run {run.name}",
         value=value,
         limit=None if fault == "fails" else f"arrays of shape ({len(run.t_s)},), one by each name",
-        action=_ACTION,
+        action="mend the plant; smad docs bring-your-own-plant says what it has to do",
     )
 
 

@@ -136,10 +136,9 @@ def correlation_time_s(runs: Sequence[GapRun], plant: PlantModel) -> float | Non
 
 def _time_s(run: GapRun, channel: str) -> float:
     """Correlation time of one channel of one run; 0 where it does not move, or only as noise."""
-    valid = run.good.copy()
     if len(run.t_s) < 8 or not np.isfinite(run.outputs[channel]).any():
         return 0.0
-    y: Array = bridged(np.asarray(run.outputs[channel], dtype=np.float64), valid)
+    y: Array = bridged(np.asarray(run.outputs[channel], dtype=np.float64))
     level = y - float(np.mean(y))
     # Padded by as much as it is long, so that what is late does not meet what is early.
     power = np.abs(np.fft.rfft(level, 2 * len(y))) ** 2

@@ -81,7 +81,7 @@ def _alike(a: Array, b: Array) -> bool:
     return np.allclose(a, b, rtol=0.0, atol=_ROUNDING * size, equal_nan=True)
 
 
-def too_few(groups: Mapping[str, Sequence[GapRun]], *, asked_good: bool) -> list[Finding]:
+def too_few(groups: Mapping[str, Sequence[GapRun]]) -> list[Finding]:
     """What fewer runs than a diagnosis needs cost it, by group; the groups are admitted runs."""
     texts = []
     if len(groups[FIT]) == 1 and not groups[HOLD_OUT]:
@@ -89,7 +89,7 @@ def too_few(groups: Mapping[str, Sequence[GapRun]], *, asked_good: bool) -> list
             "a single run to fit and none held out: every figure is of the fitted run itself; "
             "give a second run, or one to --hold-out"
         )
-    if asked_good and len(groups[GOOD]) == 1:
+    if len(groups[GOOD]) == 1:
         texts.append(
             "a single known-good run: the spread between good runs is unknown, and any difference "
             "counts as a change; give two or more of different kinds"
@@ -97,16 +97,17 @@ def too_few(groups: Mapping[str, Sequence[GapRun]], *, asked_good: bool) -> list
     return [Finding("all runs", "few runs", text, refuses=False) for text in texts]
 
 
-def goes_further(groups: Mapping[str, Sequence[GapRun]], plant: PlantModel) -> list[Finding]:
-    """A sentence on runs in question that drive the bench beyond where the known-good ones do.
+def goes_further(
+    runs: Sequence[GapRun], good: Sequence[GapRun], plant: PlantModel
+) -> list[Finding]:
+    """A sentence on `runs` in question that drive the bench beyond where known-good ones do.
 
     By what the nominal model makes of their inputs, so that no effect counts as excitation.
     """
-    good = _ranges(groups[GOOD], plant)
-    in_question = _ranges([*groups[FIT], *groups[HOLD_OUT]], plant)
+    in_question = _ranges(runs, plant)
     channels = {c.name: c for c in plant.channels}
     further = []
-    for name, (low, high) in good.items():
+    for name, (low, high) in _ranges(good, plant).items():
         a, b = in_question.get(name, (low, high))
         channel, beyond = channels[name], max(low - a, b - high)
         least = _FURTHER_SHARE * (high - low)

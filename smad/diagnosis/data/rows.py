@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.errors import PairingError
-from smad.diagnosis.plant import Array, Mask, PlantModel
+from smad.diagnosis.plant import Array, Index, Mask, PlantModel
 from smad.diagnosis.runs import GapRun
 
 _EDGE = 0.05
@@ -69,7 +68,7 @@ def offset_s(run: GapRun, reference: GapRun) -> float:
     return float(first + (np.median(head) if len(head) else 0.0))
 
 
-def bin_numbers(run: GapRun, start_s: float, period_s: float = PERIOD_S) -> NDArray[np.intp]:
+def bin_numbers(run: GapRun, start_s: float, period_s: float) -> Index:
     """Bin of each sample, told by the middle of the interval that it ends."""
     middle = run.t_s - 0.5 * run.dt_s - start_s
     return np.asarray(np.floor(middle / period_s + 1e-9), dtype=np.intp)

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smad.arrays import Index
 from smad.diagnosis.constants import shipped
 from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.data.noise import row_noise
@@ -117,22 +117,18 @@ def usual_day(plant: PlantModel) -> Array:
 
 def _regime_numbers(plant: PlantModel, run: GapRun, played: Played) -> tuple[Array, int]:
     """Regime of each bin for each channel, the first that holds, (bins, channels); their count."""
-    bins = played.bins
-    cache: dict[str, NDArray[np.intp]] = {}
-    count = 1
+    bins, count = played.bins, 1
+    bin_of_row = np.clip(bin_numbers(run, played.start_s, played.period_s), 0, bins - 1)
+    size = np.maximum(np.bincount(bin_of_row, minlength=bins), 1)
+    of_side: dict[str, Index] = {}
     for side in {c.side for c in plant.channels}:
-        number = np.zeros(bins, dtype=np.intp)
         masks = list(plant.regimes(run, side).values())
         count = max(count, len(masks) + 1)
-        bin_of_row = np.clip(bin_numbers(run, played.start_s, played.period_s), 0, bins - 1)
-        size = np.maximum(np.bincount(bin_of_row, minlength=bins), 1)
-        for k in range(len(masks), 0, -1):
-            inside = (
-                np.bincount(bin_of_row, masks[k - 1].astype(float), minlength=bins) >= 0.5 * size
-            )
-            number[inside] = k
-        cache[side] = number
-    return np.column_stack([cache[c.side] for c in plant.channels]), count
+        of_side[side] = np.zeros(bins, dtype=np.intp)
+        for k, mask in reversed([*enumerate(masks, 1)]):
+            samples = np.bincount(bin_of_row, mask.astype(float), minlength=bins)
+            of_side[side][samples >= 0.5 * size] = k
+    return np.column_stack([of_side[c.side] for c in plant.channels]), count
 
 
 def good_runs(
@@ -257,7 +253,7 @@ def _interpolated(values: Array, known: Mask) -> Array:
     out = np.zeros_like(values)
     for c in np.flatnonzero(known.any(axis=0)):
         for repeat, course in zip(out, np.where(known[:, c], values[:, :, c], np.nan), strict=True):
-            repeat[:, c] = bridged(course, known[:, c].copy())
+            repeat[:, c] = bridged(course)
     return out
 
 

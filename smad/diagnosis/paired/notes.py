@@ -2,18 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from smad.diagnosis.paired.difference import Paired
 from smad.diagnosis.paired.good import GoodRun
 
 EACH_BY_OTHERS = "each run by rivals fitted to the others"
-
-
-def unpaired(paired: Paired, names: Sequence[str]) -> list[str]:
-    """The runs in question, of these `names`, whose inputs no good run has."""
-    of_pairs = {p.now for p in paired.pairs}
-    return [name for name in names if name not in of_pairs]
 
 
 def compared(paired: Paired) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any, Protocol, runtime_checkable
 
@@ -61,28 +61,26 @@ class BarePlaces:
     @cached_property
     def places(self) -> Sequence[Place]:
         """One for each channel, and one for each input."""
-        rates = [f"{c.name}_rate" for c in self.plain.channels]
-        states = [s.name for s in self.plain.inputs] + [c.name for c in self.plain.channels]
-        states += [*rates, "time"]
-        shared: dict[str, Any] = {"sides": (BOTH,), "states": tuple(states)}
+        channels = [c.name for c in self.plain.channels]
+        states = [s.name for s in self.plain.inputs] + channels
+        states += [*(f"{name}_rate" for name in channels), "time"]
+        place = partial(Place, sides=(BOTH,), states=tuple(states))
         readings = [
-            Place(
+            place(
                 name=f"{READING}{c.name}",
                 label=f"reading of {c.name}",
                 unit=c.unit,
                 scale=max(c.quantum, c.noise, 1e-3 * (c.high - c.low)),
                 reading=True,
-                **shared,
             )
             for c in self.plain.channels
         ]
         inputs = [
-            Place(
+            place(
                 name=f"{INPUT}{s.name}",
                 label=f"input {s.name}",
                 unit=s.unit,
                 scale=0.03 * (s.high - s.low),
-                **shared,
             )
             for s in self.plain.inputs
         ]
@@ -161,8 +159,9 @@ class BarePlaces:
 
         # What was measured is nearest to a right law; with nothing added is known already.
         pushed = series(_measured(run, out))
-        images, residuals = [series(out)], [series(out)]
-        best, least = out, float(np.linalg.norm(images[0]))
+        first = series(out)
+        images, residuals = [first], [first]
+        best, least = out, float(np.linalg.norm(first))
         if not np.isfinite(least):
             return best
         for _ in range(_PASSES):

@@ -8,13 +8,13 @@ channel, and one replay tells how; every other place costs a replay a term.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import accumulate
 
 import numpy as np
 
-from sim_device.plant import Law, Term, basis, terms_over
+from sim_device.plant import Law, Term, basis, joined, terms_over
 from sim_device.plant.errors import PlantError
 from smad.diagnosis.data.played import Played, finite
 from smad.diagnosis.numerics.threads import each
@@ -68,16 +68,14 @@ class Responses:
         ]
         return single + [_candidate(BOTH, x) for x in by_place.values() if len(x) > 1]
 
-    def home(self, column: int) -> tuple[Law, Term]:
-        """The law and the term that a response is of."""
-        for law, columns in zip(self.laws, self.columns, strict=True):
-            if column in columns:
-                return law, law.terms[column - columns.start]
-        raise ValueError(f"no response {column}; there are {self.columns[-1].stop}")
+    @cached_property
+    def homes(self) -> tuple[tuple[Law, Term], ...]:
+        """The law and the term that each response is of."""
+        return tuple((law, term) for law in self.laws for term in law.terms)
 
     def coefficients(self, columns: Index) -> tuple[tuple[str, ...], Array]:
         """Names of responses in a model file, and what 1 is in the place's unit."""
-        homes = [self.home(int(c)) for c in columns]
+        homes = [self.homes[c] for c in columns]
         names = tuple(law.name_of(term) for law, term in homes)
         return names, np.array([self.scales[law.place] for law, _ in homes])
 
@@ -86,18 +84,12 @@ class Responses:
 
         A term that is given twice counts with the sum.
         """
-        out = []
-        total: dict[int, float] = {}
+        chosen = []
         for column, value in zip(columns, values, strict=True):
-            total[int(column)] = total.get(int(column), 0.0) + float(value)
-        for law, own_columns in zip(self.laws, self.columns, strict=True):
-            present = [c for c in total if c in own_columns]
-            if present:
-                terms = tuple(law.terms[c - own_columns.start] for c in present)
-                scale = self.scales[law.place]
-                chosen = Law(law.place, law.side, terms)
-                out.append(chosen.with_coefficients([scale * total[c] for c in present]))
-        return tuple(out)
+            law, term = self.homes[column]
+            coefficient = self.scales[law.place] * float(value)
+            chosen.append(replace(law, terms=(replace(term, coefficient=coefficient),)))
+        return joined(chosen)
 
 
 def _candidate(side: str, laws: Sequence[tuple[Law, range]]) -> Candidate:
@@ -119,20 +111,15 @@ def candidate_laws(
     """
     states = [plant.trajectory(point, p.run, fast=True) for p in runs]
     bare = isinstance(plant, BarePlaces)
-    speeds = {c.name for c in plant.channels if c.unit.endswith("/s") or c.unit == "rpm"}
-    states_of_bare = plant.places[0].states if bare else ()
-    signed = [n for n in states_of_bare if n.endswith("_rate") or n in speeds]
+    signed: Sequence[str] = ("velocity",)
+    if bare:
+        speeds = {c.name for c in plant.channels if c.unit.endswith("/s") or c.unit == "rpm"}
+        signed = [n for n in plant.places[0].states if n.endswith("_rate") or n in speeds]
     laws: list[Law] = []
     for place in plant.places:
         for side in place.sides:
             support = _support(plant, place, side, states)
-            terms = terms_over(
-                place.states,
-                support,
-                bends=bare,
-                products=False,
-                signed=signed if bare else ("velocity",),
-            )
+            terms = terms_over(place.states, support, bends=bare, products=False, signed=signed)
             laws.append(Law(place.name, side, terms))
     return tuple(laws)
 
@@ -212,9 +199,10 @@ def _replayed(
     for law in laws:
         place, key = places[law.place], (law.place, law.side)
         X = law_values(plant, law, states, run.t_s)
-        # A bare plant is pushed by what its inputs are at that very sample (`BarePlaces`).
+        # Values at a sample are in force over the sample that follows, but a bare plant is pushed
+        # by what its inputs are at that very sample (`BarePlaces`).
         at_once = place.reading or isinstance(plant, BarePlaces)
-        forcing = place.scale * (X if at_once else _later(X))
+        forcing = place.scale * (X if at_once else np.concatenate([X[:1], X[:-1]]))
         span = slice(first, first := first + len(law.terms))
         if place.reading:
             # By what a constant of 1 does there.
@@ -224,8 +212,3 @@ def _replayed(
             together = traits_of(plant).together
             out[span] = np.array(each(partial(changed, key), forcing.T, together))
     return out
-
-
-def _later(values: Array) -> Array:
-    """Values of a law at samples as the forcing of the sample that follows."""
-    return np.concatenate([values[:1], values[:-1]])

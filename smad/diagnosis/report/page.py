@@ -150,10 +150,9 @@ def unseen(v: Verdict) -> Table:
 
 def _runs(v: Verdict) -> list[Block]:
     gaps = {r.run: r for r in v.by_run}
-    names = [r.name for r in v.runs] or list(gaps)
     records = {r.name: r for r in v.runs}
     rows = []
-    for name in names:
+    for name in records or gaps:
         gap, record = gaps.get(name), records.get(name)
         numbers = [f"{x:.1f}" for x in (gap.raw, gap.parameters, gap.final)] if gap else [""] * 3
         about = (

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -48,17 +47,12 @@ class Changes:
     effects: tuple[Effect, ...]
     runs: tuple[Singles, ...]
 
-    @cached_property
-    def effect_values(self) -> tuple[tuple[Effect, dict[str, float]], ...]:
-        """The effects with the values that each array begins with."""
-        return values_asked(self.effects)
-
     def rows(self, evidence: Evidence, effects: Sequence[Effect]) -> tuple[Change, ...]:
         """Those of some effects as rows of evidence of the same runs."""
-        names = {effect.name for effect in effects}
-        kept = [k for k, (effect, _) in enumerate(self.effect_values) if effect.name in names]
+        names, asked = {effect.name for effect in effects}, values_asked(self.effects)
+        kept = [k for k, (effect, _) in enumerate(asked) if effect.name in names]
         rows = evidence.rows([run[kept].astype(np.float64) for run in self.runs]).astype(np.float32)
-        pairs = zip((self.effect_values[k] for k in kept), rows, strict=True)
+        pairs = zip((asked[k] for k in kept), rows, strict=True)
         return tuple(Change(effect=e, values=values, rows=r) for (e, values), r in pairs)
 
 

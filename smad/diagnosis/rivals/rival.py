@@ -357,11 +357,10 @@ def question_of(
 def temper_of(c: Constants, *, free: bool, channels: int = CHANNELS) -> Temper:
     """What weighs rivals. Where parameters are `free` in every rival, other values of them without
     a part are the simulator in which nothing is missing. Fewer `channels` say as much together."""
-    parameters = c.nothing if free else c.parameters
     return Temper(
         evidence=c.evidence * CHANNELS / channels,
         nothing=c.nothing,
-        parameters=parameters,
+        parameters=c.nothing if free else c.parameters,
         effect=c.effect,
     )
 
@@ -385,9 +384,8 @@ def day_variance(plant: PlantModel) -> Array:
 
 def cannot_replay(question: Question) -> GapError:
     """The model gives no numbers for the runs."""
-    names = [p.whole.name for p in question.evidence.played]
     return GapError(
         "the model cannot replay these runs",
-        value=", ".join(names),
+        value=", ".join(p.whole.name for p in question.evidence.played),
         action="leave them out, or correct the model where it stops",
     )

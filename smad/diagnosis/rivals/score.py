@@ -67,10 +67,6 @@ class Temper:
         """Log prior of one of so many effects."""
         return self.effect - float(np.log(max(effects, _EFFECTS)))
 
-    def each_law(self, laws: int) -> float:
-        """Log prior of the law of one of so many places."""
-        return -float(np.log(max(laws, _LAWS)))
-
 
 def log_scores(squares: Array, counts: Array) -> Array:
     """−log(v + 1) of each run, summed over channels that it has, (runs,).
@@ -125,7 +121,7 @@ def probabilities(
         NOTHING: temper.nothing,
         PARAMETERS: temper.parameters,
         EFFECT: temper.each_effect(effects),
-        LAW: temper.each_law(laws),
+        LAW: -float(np.log(max(laws, _LAWS))),
     }
     prior = log_prior + np.array([of_kind[kind] for kind in kinds])
     total = _draws(scores.shape[1]) @ scores.T

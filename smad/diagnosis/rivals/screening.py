@@ -123,11 +123,3 @@ def started(
         starts = (*s.starts, s.part.weaker(s.starts[0], _WEAKER))
         out.append((s.part, min(starts, key=lambda start: least(s.part, start))))
     return out
-
-
-def added_squares(
-    evidence: Evidence, reference: Reference, changes: Sequence[Change]
-) -> list[Array]:
-    """What changes add to the mean square of each channel, (channels,), beside open parameters."""
-    variances = variances_beside(evidence, reference)
-    return [variances(c.rows.astype(np.float64)) for c in changes]

@@ -10,7 +10,7 @@ import numpy as np
 
 from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.fit import rebased
-from smad.diagnosis.rivals.screening import added_squares
+from smad.diagnosis.rivals.screening import variances_beside
 from smad.diagnosis.rivals.search import Searched
 
 _RANGE = (1e-6, 1e6)
@@ -29,8 +29,9 @@ def unseen_strengths(search: Searched) -> list[str]:
     needed = question.temper.nothing - question.temper.each_effect(len(question.effects))
     absent = [(c, q) for c in search.changes if c.effect.name not in present and (q := c.typical)]
     rows: list[tuple[float, str]] = []
-    squares = added_squares(e, reference, [c for c, _ in absent])
-    for (change, q), added in zip(absent, squares, strict=True):
+    added_by = variances_beside(e, reference)
+    for change, q in absent:
+        added = added_by(change.rows.astype(np.float64))
         size = _strength(v, added, 2.0 * needed / (question.independent_rows * runs))
         unit = "" if q.unit == "1" else f" {q.unit}"
         strength = size * abs(q.typical)

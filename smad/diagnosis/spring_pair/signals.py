@@ -101,10 +101,6 @@ def means_over_pieces(run: GapRun, y: Array) -> Array:
     return out
 
 
-def _rate(y: Array, dt_s: float) -> Array:
-    return np.asarray(np.gradient(smooth(y, dt_s, _RATE_TAU_S), dt_s))
-
-
 def _recent(active: Mask, dt_s: float, memory_s: float) -> Mask:
     """True from an active sample until `memory_s` after it."""
     n = max(1, round(memory_s / dt_s))
@@ -120,7 +116,8 @@ def _near(edge: Mask, dt_s: float, width_s: float) -> Mask:
 def _speed(run: GapRun) -> Array:
     if "displacement_mm" not in run.outputs:
         return np.zeros(len(run.t_s))
-    return _rate(run.outputs["displacement_mm"], run.dt_s)
+    course = smooth(run.outputs["displacement_mm"], run.dt_s, _RATE_TAU_S)
+    return np.asarray(np.gradient(course, run.dt_s))
 
 
 def _warmth(run: GapRun, side: str) -> Array:

@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from smad.arrays import Array
 from smad.diagnosis.data.admission import admit, row_of_admitted_s
 from smad.diagnosis.data.grid import MOST_ROWS, PERIOD_S, Grid, correlation_time_s, row_length_s
-from smad.diagnosis.runs import Array, GapRun
+from smad.diagnosis.runs import GapRun
 from tests.smad.diagnosis.heater_plant import HeaterPlant, recorded
 
 

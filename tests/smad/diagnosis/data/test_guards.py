@@ -73,18 +73,18 @@ def gently(seed: int) -> GapRun:
 
 
 def test_runs_that_drive_the_bench_further_than_the_known_good_ones_are_told_so() -> None:
-    roles = {"fit": runs_of(1, 2), "hold-out": [], "good": [gently(3), gently(4)]}
-    (finding,) = goes_further(roles, HeaterPlant())
+    runs = runs_of(1, 2)
+    (finding,) = goes_further(runs, [gently(3), gently(4)], HeaterPlant())
     assert "power_l_W" in finding.text
     assert "give known-good runs that go as far" in finding.text
-    assert goes_further({**roles, "good": runs_of(1, 2)}, HeaterPlant()) == []
-    assert goes_further({**roles, "good": []}, HeaterPlant()) == []
+    assert goes_further(runs, runs_of(1, 2), HeaterPlant()) == []
+    assert goes_further(runs, [], HeaterPlant()) == []
 
 
 def test_an_effect_does_not_count_as_excitation() -> None:
     strong = [recorded("random", 1, OTHER, {"driver_gain": {"g": 0.2}}, duration_s=20.0)]
     good = [recorded("random", 1, OTHER, duration_s=20.0)]
-    assert goes_further({"fit": strong, "hold-out": [], "good": good}, HeaterPlant()) == []
+    assert goes_further(strong, good, HeaterPlant()) == []
 
 
 def test_a_verdict_says_that_runs_go_further_than_the_known_good_ones() -> None:
