@@ -119,7 +119,7 @@ def proposed(
     names = names_in(baseline)
     # An investigation numbers its runs: 01-run-1, 02-run-2, 03-run-1.
     named = [
-        (f.run, f.name if f.name in names else f.name.lstrip("0123456789-"))
+        (f.run, f.name if f.name in names else f.name.partition("-")[2])
         for f in read_folder(newest)
     ]
     runs = [(run, name) for run, name in named if name in names]

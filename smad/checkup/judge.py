@@ -16,7 +16,7 @@ from smad.diagnosis.answer import Answer, answer_of
 from smad.diagnosis.numerics.threads import repeatable
 from smad.diagnosis.paired.difference import Paired, paired, question_of_pairs
 from smad.diagnosis.paired.good import GoodRuns
-from smad.diagnosis.paired.notes import EACH_BY_OTHERS, notes_of
+from smad.diagnosis.paired.notes import notes_of
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import PlantModel, SavesModel
 from smad.diagnosis.rivals.search import searched
@@ -80,7 +80,7 @@ def judged(
     pairs = paired(placed, reference, runs)
     effects = [e for e in plant.effects if e.name not in exclude]
     search = searched(question_of_pairs(pairs, effects, progress))
-    answer = answer_of(search, question=CHECK_UP, judged_on=EACH_BY_OTHERS)
+    answer = answer_of(search, question=CHECK_UP)
     answer = answer.with_verdict(
         notes=notes_of(pairs),
         plant=plant.name,

@@ -73,7 +73,7 @@ class Answer:
         return replace(self, verdict=msgspec.structs.replace(self.verdict, **fields))
 
 
-def answer_of(search: Searched, *, question: str, judged_on: str) -> Answer:
+def answer_of(search: Searched, *, question: str) -> Answer:
     """The answer that a search gives."""
     asked, fitted = search.question, search.final.fit
     entered = _entered(search)
@@ -99,7 +99,7 @@ def answer_of(search: Searched, *, question: str, judged_on: str) -> Answer:
         budget=gaps,
         whole=whole,
         by_run=_by_run(asked, search.configured, search.parameters, search.final),
-        judged_on=judged_on,
+        judged_on=asked.judged_on,
         unseen=unseen_strengths(search),
         models=_models(asked, stages, headline),
     )

@@ -11,7 +11,7 @@ from smad.diagnosis.data.admission import RunSet, admit_groups, row_of_admitted_
 from smad.diagnosis.data.guards import FIT, GOOD, HOLD_OUT, goes_further, too_few
 from smad.diagnosis.errors import PlantMismatch
 from smad.diagnosis.numerics.threads import repeatable
-from smad.diagnosis.paired.notes import EACH_BY_OTHERS, compared, notes_of
+from smad.diagnosis.paired.notes import compared, notes_of
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import Effect, PlantModel
 from smad.diagnosis.questions import Inquiry, changed_pairs, changed_runs, differs
@@ -81,7 +81,7 @@ def diagnose(
             findings += goes_further(in_question, inquiry.good, plant) if in_question else []
         else:
             search = differs(inquiry)
-            answer = answer_of(search, question=DIFFERS, judged_on=_judged_on(inquiry))
+            answer = answer_of(search, question=DIFFERS)
     return answer.with_verdict(
         findings=findings,
         runs=_records(groups),
@@ -103,7 +103,7 @@ def _of_changed(inquiry: Inquiry) -> tuple[Answer, Sequence[GapRun]]:
     if repeating is None:
         return _of_changed_runs(inquiry), runs
     search, pairs = repeating
-    answer = answer_of(search, question=CHANGED, judged_on=EACH_BY_OTHERS)
+    answer = answer_of(search, question=CHANGED)
     notes = [compared(pairs), *notes_of(pairs)]
     paired = {pair.now for pair in pairs.pairs}
     names = [run.name for run in runs if run.name not in paired]
@@ -125,7 +125,7 @@ def _of_changed(inquiry: Inquiry) -> tuple[Answer, Sequence[GapRun]]:
 
 def _of_changed_runs(inquiry: Inquiry) -> Answer:
     """What is new in runs with inputs of their own."""
-    return answer_of(changed_runs(inquiry), question=CHANGED, judged_on=_judged_on(inquiry))
+    return answer_of(changed_runs(inquiry), question=CHANGED)
 
 
 def _require_runs(runs: Sequence[object]) -> None:
@@ -149,14 +149,6 @@ def library(plant: PlantModel, candidates: Sequence[str] | None) -> list[Effect]
             action=instead(foreign[0], sorted(names), "name effects of the plant's library"),
         )
     return [e for e in plant.effects if candidates is None or e.name in candidates]
-
-
-def _judged_on(inquiry: Inquiry) -> str:
-    if count := len(inquiry.held_out):
-        return f"{count} run{'s'[: count > 1]} held out"
-    if len(inquiry.fit) == 1:
-        return "stretches of the one run, each by a model fitted to the others"
-    return f"{len(inquiry.fit)} runs, each by a model fitted to the others"
 
 
 def _lacking(groups: Mapping[str, RunSet]) -> str:

@@ -12,6 +12,7 @@ from smad.diagnosis.answer import Answer
 from smad.diagnosis.data.played import Played, predictions
 from smad.diagnosis.plant import Array, Experiment, Experimenter
 from smad.diagnosis.rivals.describe import rival_words
+from smad.diagnosis.rivals.evidence import settled
 from smad.progress import Say, silent
 
 
@@ -35,7 +36,8 @@ def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offe
         return [], []
     evidence, model = search.question.evidence, search.question.model
     plant = model.plant
-    variances = min((evidence.variances(f.left) for f in fits), key=lambda v: v.sum())
+    left = (settled(evidence, f.left).rows for f in fits)
+    variances = min(map(evidence.variances, left), key=lambda v: v.sum())
     scale = evidence.floors * np.sqrt(np.maximum(variances, 1.0))
     words = [rival_words(plant, r) for r in answer.alternatives]
     out: list[Offer] = []

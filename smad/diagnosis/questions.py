@@ -129,7 +129,10 @@ def changed_runs(inquiry: Inquiry) -> Searched:
     start = question.model.start
     if good.final.fit is not None:
         start = good.final.fit.point
-        uncertainty = uncertainty + covariance(question.evidence, good.final.fit)[:n, :n]
+    # What good runs say of the parameters they say also where none of them has to move.
+    known = good.final.fit or good.parameters.fit
+    if known is not None:
+        uncertainty = uncertainty + covariance(question.evidence, known)[:n, :n]
     tied = np.asarray(np.linalg.inv(uncertainty))
     new = inquiry.question(start, inquiry.fit, inquiry.held_out, floors, tied)
     # What the good runs leave above the noise is the model's form, and stands in these runs, too. A

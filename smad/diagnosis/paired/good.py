@@ -204,7 +204,7 @@ def _fitted_point(plant: PlacesPlant, repeated: Sequence[_Repeats]) -> ModelPoin
         mean, count = mean_of(r.values, r.valid)
         trials.append(Trial(played=r.played, target=mean, rows=RunRows.of(least, count > 0)))
     evidence = Evidence(trials=tuple(trials))
-    temper = temper_of(shipped(), free=True, channels=evidence.channels)
+    temper = temper_of(shipped(), free=True, channels=evidence.recorded)
     model = tempered(free_model(plant, nominal_point(plant)), evidence, temper)
     nominal = reference_at(evidence, model, np.zeros(model.parameters))
     fitted = nominal and fit_from_several(evidence, nominal)

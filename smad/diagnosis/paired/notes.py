@@ -5,8 +5,6 @@ from __future__ import annotations
 from smad.diagnosis.paired.difference import Paired
 from smad.diagnosis.paired.good import GoodRun
 
-EACH_BY_OTHERS = "each run by rivals fitted to the others"
-
 
 def compared(paired: Paired) -> str:
     """Which runs were compared with which good ones."""

@@ -25,6 +25,8 @@ from smad.diagnosis.runs import GapRun
 CORRELATED = 16.0
 """Rows that an error of the model's form is correlated over: as many count as one."""
 _MOST_CORRELATED = 0.98
+_SETTLING = 4
+"""Rounds: a drift of twice the usual size and 34 floors is at 1.0 after two."""
 _FOLDS = 4
 _TURNS = 2
 _FORM_SHARES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0)
@@ -75,6 +77,11 @@ class Evidence:
         return int(self.trials[0].target.shape[1])
 
     @cached_property
+    def recorded(self) -> int:
+        """How many of them have a row that counts, at least one."""
+        return max(int((self.counts.sum(axis=0) > 0).sum()), 1)
+
+    @cached_property
     def run_of_row(self) -> Index:
         """Number of the trial of each row, (n,)."""
         sizes = [t.target.size for t in self.trials]
@@ -108,6 +115,11 @@ class Evidence:
         square = sum((t.rows.sd**2 * t.rows.valid).sum(axis=0) for t in self.trials)
         return np.asarray(np.sqrt(square / np.maximum(self.counts.sum(axis=0), 1.0)))
 
+    @property
+    def by_runs(self) -> bool:
+        """Whether each run is left out as a whole: of fewer than four, stretches are."""
+        return len(self.trials) >= _FOLDS
+
     @cached_property
     def fold(self) -> Index:
         """Each run, or of fewer than four every fourth stretch of them; −1 where not valid."""
@@ -116,7 +128,7 @@ class Evidence:
             span = self.spans[k]
             size = span.stop - span.start
             block = (np.arange(size) * _FOLDS * _TURNS) // size
-            fold[span] = k if len(self.trials) >= _FOLDS else block % _FOLDS
+            fold[span] = k if self.by_runs else block % _FOLDS
         fold[self.valid == 0.0] = -1
         return fold
 
@@ -135,9 +147,14 @@ class Evidence:
         """Directions of each run by itself at one standard deviation, (k, rows of the run)."""
         return tuple(t.rows.days for t in self.trials)
 
+    @property
+    def wanders(self) -> bool:
+        """Whether any run has directions of its own."""
+        return any(len(d) for d in self.wandering)
+
     def freed(self, r: Array, weight: Array) -> Array:
         """Rows `r` (n,) less what the directions of each run take, at weights (n,) of squares."""
-        if not any(len(d) for d in self.wandering):
+        if not self.wanders:
             return r
         out = r.copy()
         for span, D in zip(self.spans, self.wandering, strict=True):
@@ -183,6 +200,38 @@ class Evidence:
     def part(self, chosen: Sequence[int]) -> Evidence:
         """Some of the trials."""
         return Evidence(trials=tuple(self.trials[k] for k in chosen))
+
+
+def weights(
+    evidence: Evidence, left: Array, alike: float = 1.0, tau: Array | float = CORRELATED
+) -> Array:
+    """What each row's square counts, (n,): 1/((v_c + alike) τ), 0 where it is not valid.
+
+    `tau` are correlation times in rows, of all channels or (channels,).
+    """
+    of_channel = 1.0 / ((evidence.variances(left) + alike) * tau)
+    return np.asarray(of_channel[evidence.channel_of_row] * evidence.valid)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Settled:
+    """Rows (n,) less what wanders in each run, and what their squares count, (n,)."""
+
+    rows: Array
+    weight: Array
+
+
+def settled(evidence: Evidence, left: Array, alike: float = 1.0) -> Settled:
+    """Rows less what wanders, at the weights that follow from what is left without it.
+
+    Rows that hold a drift weigh little, and then little of it is taken: so it goes on for a few
+    rounds.
+    """
+    rows, weight = left, weights(evidence, left, alike)
+    for _ in range(_SETTLING if evidence.wanders else 0):
+        rows = evidence.freed(left, weight)
+        weight = weights(evidence, rows, alike)
+    return Settled(rows=rows, weight=weight)
 
 
 def form_of(

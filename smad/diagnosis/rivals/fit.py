@@ -21,7 +21,7 @@ import numpy as np
 from smad.diagnosis.data.played import finite, predictions
 from smad.diagnosis.numerics.bounded import RIDGE, bounded_step
 from smad.diagnosis.plant import Array, ModelPoint
-from smad.diagnosis.rivals.evidence import CORRELATED, Evidence
+from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, settled, weights
 from smad.diagnosis.rivals.parts import Model
 
 _DAMPING = (0.0, 0.003, 0.03, 0.3, 3.0, 30.0)
@@ -184,17 +184,6 @@ def averages_hide(evidence: Evidence, reference: Reference, model: Model, x: Arr
     return bool(np.sum((averaged - exact) ** 2) > _HIDDEN**2 * np.sum(exact**2))
 
 
-def weights(
-    evidence: Evidence, left: Array, alike: float = 1.0, tau: Array | float = CORRELATED
-) -> Array:
-    """What each row's square counts, (n,): 1/((v_c + alike) τ), 0 where it is not valid.
-
-    `tau` are correlation times in rows, of all channels or (channels,).
-    """
-    of_channel = 1.0 / ((evidence.variances(left) + alike) * tau)
-    return np.asarray(of_channel[evidence.channel_of_row] * evidence.valid)
-
-
 def objective(
     evidence: Evidence, model: Model, x: Array, left: Array, *, alike: float = 1.0
 ) -> float:
@@ -305,7 +294,7 @@ def fit(
     slopes = np.concatenate([reference.slopes, slopes_at(evidence, model, stand.x, unknown)])
     corrected = False
     for _ in range(rounds):
-        descent = replace(even, weight=weights(evidence, stand.left, alike))
+        descent = replace(even, weight=settled(evidence, stand.left, alike).weight)
         before = descent.valued(stand)
         stand = descent.lessened(before, slopes)
         if before.value - stand.value >= enough:
@@ -318,7 +307,7 @@ def fit(
             corrected = False
         else:
             break
-    ended = replace(even, weight=weights(evidence, stand.left, alike)).valued(stand)
+    ended = replace(even, weight=settled(evidence, stand.left, alike).weight).valued(stand)
     return Fit(
         model=model,
         x=stand.x,
@@ -402,7 +391,7 @@ def leave_out(evidence: Evidence, fitted: Fit) -> tuple[Array, ...]:
     model, x = fitted.model, fitted.x
     low, high = model.bounds
     mean, precision = model.prior
-    weight = weights(evidence, fitted.left)
+    weight = settled(evidence, fitted.left).weight
     J, r = _weighted(evidence, fitted.slopes, fitted.left, weight)
     products, along = J @ J.T + precision, J @ r - precision @ (x - mean)
     of_all = bounded_step(products, along, low - x, high - x)
@@ -420,8 +409,9 @@ def covariance(evidence: Evidence, fitted: Fit) -> Array:
 
     Rows count as in the fit, or as less where what it leaves is correlated for longer.
     """
-    tau = np.maximum(CORRELATED, evidence.correlation_rows(fitted.left))
-    J = evidence.weighted(weights(evidence, fitted.left, tau=tau))(fitted.slopes)
+    left = settled(evidence, fitted.left).rows
+    tau = np.maximum(CORRELATED, evidence.correlation_rows(left))
+    J = evidence.weighted(weights(evidence, left, tau=tau))(fitted.slopes)
     _, precision = replace(fitted.model, rows_as_one=1.0).prior
     return np.asarray(np.linalg.inv(J @ J.T + precision + RIDGE * np.eye(len(precision))))
 

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from smad.counted import counted
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.data.played import predictions
 from smad.diagnosis.errors import GapError
@@ -19,7 +20,7 @@ from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Array, Effect, ModelPoint, PlantModel, traits_of
 from smad.diagnosis.rivals.changes import Changes
-from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, form_of
+from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, form_of, settled
 from smad.diagnosis.rivals.fit import (
     Fit,
     Reference,
@@ -28,7 +29,6 @@ from smad.diagnosis.rivals.fit import (
     leave_out,
     rebased,
     replayed,
-    weights,
 )
 from smad.diagnosis.rivals.parts import Model
 from smad.diagnosis.rivals.score import (
@@ -113,6 +113,16 @@ class Question:
     def judged(self) -> Evidence:
         """The runs that rivals are judged on."""
         return self.evidence if self.held_out is None else self.held_out
+
+    @property
+    def judged_on(self) -> str:
+        """The same in words."""
+        count = len(self.judged.trials)
+        if self.held_out is not None:
+            return f"{counted(count, 'run')} held out"
+        runs = "the one run" if count == 1 else f"{count} runs"
+        stretches = "" if self.evidence.by_runs else "stretches of "
+        return f"{stretches}{runs}, each by a model fitted to the others"
 
     @cached_property
     def scored(self) -> Evidence:
@@ -202,12 +212,12 @@ class Question:
         """Rows of a judged run and channel that count as independent of each other, on average."""
         counts = self.judged.counts
         rows = float((counts / CORRELATED)[counts > 0].mean())
-        return effective_rows(rows, self.form_share, self.temper.evidence, self.good)
+        return effective_rows(rows, self.form_share, shipped().evidence, self.good)
 
     @property
     def quiet_gap(self) -> float:
         """Floors over all signals that nothing new leaves at most."""
-        return quiet_gap(self.form_share, self.temper.evidence, self.good)
+        return quiet_gap(self.form_share, shipped().evidence, self.good)
 
     def refuted(self, rivals: Sequence[Rival]) -> list[bool]:
         """Which rivals leave more than nothing new leaves, as long as another one does not.
@@ -323,7 +333,7 @@ class Question:
 def _squares(evidence: Evidence, predicted: Sequence[Array]) -> Array:
     """Squares that a prediction leaves, what wanders in each run taken off, (runs, channels)."""
     left = evidence.left(predicted)
-    return evidence.squares(evidence.freed(left, weights(evidence, left)))
+    return evidence.squares(settled(evidence, left).rows)
 
 
 def question_of(
@@ -339,7 +349,7 @@ def question_of(
     changes: Changes | None = None,
 ) -> Question:
     """What is asked of a plant at `start`; with `tied` its parameters stay near there."""
-    temper = temper_of(shipped(), free=tied is None, channels=evidence.channels)
+    temper = temper_of(shipped(), free=tied is None, channels=evidence.recorded)
     model = free_model(plant, start)
     return Question(
         evidence=evidence,

@@ -26,6 +26,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import combinations_with_replacement
 
 import numpy as np
 
@@ -35,7 +36,7 @@ _QUIET_SQUARE = 1.35**2
 """Mean square in floors that noise alone leaves at most: floors are known to a third."""
 _FORM_RARELY = 0.01
 """How often an error of form has a larger square than counts as quiet."""
-_RESAMPLED = 400
+_RESAMPLED, _ENUMERATED = 400, 8
 _SEED = 20261125
 
 _EFFECTS, _LAWS = 40, 20
@@ -124,17 +125,18 @@ def probabilities(
         LAW: -float(np.log(max(laws, _LAWS))),
     }
     prior = log_prior + np.array([of_kind[kind] for kind in kinds])
-    total = _draws(scores.shape[1]) @ scores.T
+    times, chance = _draws(scores.shape[1])
+    total = times @ scores.T
     of_run, of_rows = 0.5 * temper.evidence, 0.5 * rows
     of_which = of_run / scores.shape[1]
     part = np.isin(kinds, (EFFECT, LAW))
     of_same = of_rows if by_rows else of_run
     counts = (of_which, of_rows)
     if part.all():
-        return np.asarray(_which(prior, total, counts).mean(axis=0))
+        return np.asarray(chance @ _which(prior, total, counts))
     log_weight = prior + of_same * total
     if not part.any():
-        return np.asarray(_shares(log_weight).mean(axis=0))
+        return np.asarray(chance @ _shares(log_weight))
     best = total[:, ~part].max(axis=1, keepdims=True)
     lead = total[:, part] - best
     which = _which(prior[part] + _log_sigmoid(of_same * lead), lead, counts)
@@ -148,15 +150,24 @@ def probabilities(
     out = np.empty_like(total)
     out[:, part] = np.exp(_log_sigmoid(log_odds)) * which
     out[:, ~part] = np.exp(_log_sigmoid(-log_odds)) * _shares(log_weight[:, ~part])
-    return np.asarray(out.mean(axis=0))
+    return np.asarray(chance @ out)
 
 
 @cache
-def _draws(runs: int) -> Array:
-    """How often each run is drawn, (resampled, runs)."""
-    rng = np.random.default_rng(_SEED)
-    times = rng.multinomial(runs, np.full(runs, 1.0 / runs), size=_RESAMPLED)
-    return np.asarray(times, dtype=np.float64)
+def _draws(runs: int) -> tuple[Array, Array]:
+    """How often each run is drawn, (resampled, runs), and with what chance, (resampled,).
+
+    Of few runs they are all that there are, so that the order of runs does not matter.
+    """
+    even = np.full(runs, 1.0 / runs)
+    if runs > _ENUMERATED:
+        times = np.random.default_rng(_SEED).multinomial(runs, even, size=_RESAMPLED)
+        return times.astype(np.float64), np.full(_RESAMPLED, 1.0 / _RESAMPLED)
+    from scipy.stats import multinomial
+
+    drawn = combinations_with_replacement(range(runs), runs)
+    times = np.array([np.bincount(runs_drawn, minlength=runs) for runs_drawn in drawn])
+    return times.astype(np.float64), np.asarray(multinomial.pmf(times, runs, even))
 
 
 def _which(log_prior: Array, scores: Array, counts: Sequence[float]) -> Array:
