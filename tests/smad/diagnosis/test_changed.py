@@ -10,6 +10,7 @@ from smad.diagnosis import Verdict
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import CAUSES, CHANGED, PARAMETERS, QUIET
 from tests.smad.diagnosis.cases import GAIN, OTHER, ask, bank
+from tests.smad.diagnosis.heater_plant import recorded
 
 
 def good(effects: dict[str, dict[str, float]] | None = None) -> list[GapRun]:
@@ -33,6 +34,18 @@ def test_what_has_come_since_the_good_runs_is_named_with_its_value(new_gain: Ver
 
 def test_a_bench_as_it_was_has_nothing_new_whatever_its_inputs() -> None:
     found = ask(bank(OTHER)[:2], good=good())
+    assert (found.outcome, found.causes) == (QUIET, [])
+
+
+def test_a_parameter_that_good_runs_say_nothing_of_may_have_any_likely_value() -> None:
+    # The fan has blown as now all along; the good runs do not use it, and nothing else is off.
+    fan = {"fan_gain": 1.65}
+    silent = [
+        recorded(family, seed, fan, duration_s=50.0, day=day)
+        for family, seed, day in (("still", 1, 1), ("one side", 2, 2))
+    ]
+    now = [recorded("random", seed, fan, duration_s=50.0, day=5) for seed in (11, 12)]
+    found = ask(now, good=silent)
     assert (found.outcome, found.causes) == (QUIET, [])
 
 

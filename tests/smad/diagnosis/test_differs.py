@@ -152,6 +152,29 @@ def test_runs_held_out_are_judged_on_and_not_fitted() -> None:
     assert rod.final > 15 * rod.floor
 
 
+@pytest.mark.parametrize("mode", ["no number", "lost"])
+def test_runs_of_which_few_rows_are_whole_are_refused_with_the_reason(mode: str) -> None:
+    # Every sixteenth sample, at one in 0.1 s, leaves few rows without a hole.
+    def lossy(run: GapRun) -> GapRun:
+        bad = np.arange(len(run.t_s)) % 16 == 15
+        if mode == "no number":
+            outputs = {name: np.where(bad, np.nan, y) for name, y in run.outputs.items()}
+            return run.with_columns(outputs=outputs)
+        inputs, outputs = (
+            {name: y[~bad] for name, y in columns.items()} for columns in (run.inputs, run.outputs)
+        )
+        return replace(run, t_s=run.t_s[~bad], inputs=inputs, outputs=outputs, valid=None)
+
+    found = ask([lossy(run) for run in bank(OTHER, GAIN)])
+    assert found.outcome == REFUSED
+    assert "are whole; at least 40 are needed" in " ".join(f.text for f in found.findings)
+
+
+def test_two_runs_are_said_to_be_judged_by_stretches() -> None:
+    found = ask(bank(OTHER, GAIN)[:2])
+    assert found.judged_on == "stretches of 2 runs, each by a model fitted to the others"
+
+
 def test_a_single_run_is_said_to_be_one_and_judged_by_its_own_stretches() -> None:
     found = ask(bank(OTHER, GAIN)[:1])
     assert found.judged_on == "stretches of the one run, each by a model fitted to the others"

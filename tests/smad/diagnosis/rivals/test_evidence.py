@@ -1,4 +1,4 @@
-"""How well the form of what has entered is known, from what it leaves."""
+"""Rows of runs: what wanders is taken off, and how well the form of what has entered is known."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from smad.diagnosis.numerics.white import RunRows
-from smad.diagnosis.rivals.evidence import Evidence, Trial, form_of
+from smad.diagnosis.rivals.evidence import Evidence, Trial, form_of, settled
 
 FLOOR, BINS, CHANNELS = 0.5, 600, 3
 
@@ -37,3 +37,23 @@ def test_rows_that_are_less_known_count_less() -> None:
     unknown = np.array([[0.0], [0.0], [4.0], [4.0]])
     left = Evidence(trials=(trial.less_known(unknown),)).left([np.zeros((4, 1))])
     assert left == pytest.approx([10 / 3, 10 / 3, 2.0, 2.0])
+
+
+@pytest.mark.parametrize("sizes", [0.0, 1.0, 2.0, 3.0])
+def test_a_drift_of_several_times_the_usual_size_is_taken_off(sizes: float) -> None:
+    day = 34.0 * np.linspace(0.0, 1.0, BINS)[None, :, None]
+    noise = np.random.default_rng(3).normal(size=(BINS, 1))
+    rows = RunRows.of(np.ones(1), np.ones((BINS, 1), dtype=bool), day)
+    trial = Trial(played=cast(Any, SimpleNamespace()), target=noise + sizes * day[0], rows=rows)
+    evidence = Evidence(trials=(trial,))
+    found = settled(evidence, evidence.left([np.zeros((BINS, 1))]))
+    assert np.sqrt(np.mean(found.rows**2)) == pytest.approx(np.sqrt(np.mean(noise**2)), rel=0.02)
+    assert found.weight == pytest.approx(1.0 / (32.0 * np.ones(BINS)), rel=0.1)
+
+
+def test_a_channel_that_no_run_has_is_not_counted() -> None:
+    valid = np.ones((BINS, CHANNELS), dtype=bool)
+    valid[:, 1] = False
+    rows = RunRows.of(np.ones(CHANNELS), valid)
+    trial = Trial(played=cast(Any, SimpleNamespace()), target=np.zeros((BINS, CHANNELS)), rows=rows)
+    assert Evidence(trials=(trial,)).recorded == CHANNELS - 1

@@ -56,6 +56,29 @@ def test_probabilities_sum_to_one(leads: tuple[float, ...]) -> None:
     assert sum(of(leads)) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("runs", [1, 2, 4, 8])
+def test_probabilities_do_not_depend_on_the_order_of_the_runs(runs: int) -> None:
+    rng = np.random.default_rng(runs)
+    scores = rng.normal(0.0, 2.0, (len(KINDS), runs))
+    orders = [scores, scores[:, ::-1], scores[:, rng.permutation(runs)]]
+    first, *others = (
+        probabilities(
+            order,
+            KINDS,
+            TEMPER,
+            effects=41,
+            laws=20,
+            rows=ROWS,
+            near=NEAR,
+            by_rows=False,
+            log_prior=np.zeros(len(KINDS)),
+        )
+        for order in orders
+    )
+    for other in others:
+        assert other == pytest.approx(first, abs=1e-9)
+
+
 def test_a_small_lead_in_every_run_is_noticed_where_every_row_counts_and_not_where_few_do() -> None:
     small = (0.0, 0.0, 1.0, 0.0, 0.0)
     assert missing(small) > 0.9
