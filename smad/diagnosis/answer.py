@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from smad.diagnosis.constants import shipped
+from smad.diagnosis.places.bare import given
 from smad.diagnosis.places.place import BOTH
 from smad.diagnosis.plant import Array, ModelPoint, SavesModel, Uncertainty
 from smad.diagnosis.rivals.describe import (
@@ -366,7 +367,7 @@ def _moved(
 
 def _models(question: Question, stages: Sequence[Rival], note: str) -> list[str]:
     """Models with other parameters and with each cause, as text; none where none are written."""
-    plant = question.model.plant
+    plant = given(question.model.plant)
     if not isinstance(plant, SavesModel):
         return []
     out = []

@@ -10,6 +10,7 @@ import numpy as np
 
 from smad.diagnosis.answer import Answer
 from smad.diagnosis.data.played import Played, predictions
+from smad.diagnosis.places.bare import given
 from smad.diagnosis.plant import Array, Experiment, Experimenter
 from smad.diagnosis.rivals.describe import rival_words
 from smad.diagnosis.rivals.evidence import settled
@@ -41,11 +42,12 @@ def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offe
     scale = evidence.floors * np.sqrt(np.maximum(variances, 1.0))
     words = [rival_words(plant, r) for r in answer.alternatives]
     out: list[Offer] = []
-    if not isinstance(plant, Experimenter):
+    experimenter = given(plant)
+    if not isinstance(experimenter, Experimenter):
         return words, out
-    for experiment in plant.catalogue():
+    for experiment in experimenter.catalogue():
         progress(experiment.title)
-        run = plant.perform(experiment.name, replace(model.start, laws=()), 0)
+        run = experimenter.perform(experiment.name, replace(model.start, laws=()), 0)
         period_s = evidence.played[0].period_s
         played = Played.of(run, plant.inputs, run.begins_s, period_s)
         predicted = [predictions(plant, f.point, [played])[0] / scale for f in fits]

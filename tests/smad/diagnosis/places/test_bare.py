@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import replace
 
 import numpy as np
@@ -9,10 +10,10 @@ import pytest
 
 from sim_device.plant.laws import Factor, Law, Term
 from smad.diagnosis.data.played import Played, predictions
-from smad.diagnosis.places.bare import BarePlaces, with_places
+from smad.diagnosis.places.bare import BarePlaces, given, with_places
 from smad.diagnosis.places.place import Forceable
 from smad.diagnosis.places.responses import candidate_laws, responses
-from smad.diagnosis.plant import ModelPoint, nominal_point
+from smad.diagnosis.plant import ModelPoint, PlantModel, nominal_point
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
 from smad.simulators.bind import bind
@@ -161,3 +162,16 @@ def test_a_response_is_what_a_small_law_changes_in_the_simulator(place: str, ter
     change, response = (moved - base) / small, found.runs[0][column]
     assert np.abs(change).max() > 0.0
     assert np.abs(change - response).max() < 0.05 * np.abs(change).max()
+
+
+@pytest.mark.parametrize("of", ["heater", "pendulum in windows"])
+def test_what_a_plant_offers_beside_is_seen_as_python_from_3_12_on_looks_for_it(of: str) -> None:
+    plant: PlantModel = HEATER
+    offers = ("catalogue", "perform")
+    if of != "heater":
+        plant = bind(declared_pendulum(), [pendulum_run(0, seconds=8.0)]).plant
+        offers = ("seams", "begun_otherwise")
+    bare = with_places(plant)
+    assert isinstance(bare, BarePlaces)
+    for name in offers:
+        assert inspect.getattr_static(given(bare), name, None) is not None
