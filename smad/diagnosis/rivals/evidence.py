@@ -225,7 +225,8 @@ def settled(evidence: Evidence, left: Array, alike: float = 1.0) -> Settled:
     """Rows less what wanders, at the weights that follow from what is left without it.
 
     Rows that hold a drift weigh little, and then little of it is taken: so it goes on for a few
-    rounds.
+    rounds. That is for judging. A fit takes the weights of what it leaves, the drift included: in a
+    model of the wrong form drifts would else take much of what it lacks.
     """
     rows, weight = left, weights(evidence, left, alike)
     for _ in range(_SETTLING if evidence.wanders else 0):

@@ -21,7 +21,7 @@ import numpy as np
 from smad.diagnosis.data.played import finite, predictions
 from smad.diagnosis.numerics.bounded import RIDGE, bounded_step
 from smad.diagnosis.plant import Array, ModelPoint
-from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, settled, weights
+from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, weights
 from smad.diagnosis.rivals.parts import Model
 
 _DAMPING = (0.0, 0.003, 0.03, 0.3, 3.0, 30.0)
@@ -294,7 +294,7 @@ def fit(
     slopes = np.concatenate([reference.slopes, slopes_at(evidence, model, stand.x, unknown)])
     corrected = False
     for _ in range(rounds):
-        descent = replace(even, weight=settled(evidence, stand.left, alike).weight)
+        descent = replace(even, weight=weights(evidence, stand.left, alike))
         before = descent.valued(stand)
         stand = descent.lessened(before, slopes)
         if before.value - stand.value >= enough:
@@ -307,7 +307,7 @@ def fit(
             corrected = False
         else:
             break
-    ended = replace(even, weight=settled(evidence, stand.left, alike).weight).valued(stand)
+    ended = replace(even, weight=weights(evidence, stand.left, alike)).valued(stand)
     return Fit(
         model=model,
         x=stand.x,
@@ -391,7 +391,7 @@ def leave_out(evidence: Evidence, fitted: Fit) -> tuple[Array, ...]:
     model, x = fitted.model, fitted.x
     low, high = model.bounds
     mean, precision = model.prior
-    weight = settled(evidence, fitted.left).weight
+    weight = weights(evidence, fitted.left)
     J, r = _weighted(evidence, fitted.slopes, fitted.left, weight)
     products, along = J @ J.T + precision, J @ r - precision @ (x - mean)
     of_all = bounded_step(products, along, low - x, high - x)
@@ -409,9 +409,8 @@ def covariance(evidence: Evidence, fitted: Fit) -> Array:
 
     Rows count as in the fit, or as less where what it leaves is correlated for longer.
     """
-    left = settled(evidence, fitted.left).rows
-    tau = np.maximum(CORRELATED, evidence.correlation_rows(left))
-    J = evidence.weighted(weights(evidence, left, tau=tau))(fitted.slopes)
+    tau = np.maximum(CORRELATED, evidence.correlation_rows(fitted.left))
+    J = evidence.weighted(weights(evidence, fitted.left, tau=tau))(fitted.slopes)
     _, precision = replace(fitted.model, rows_as_one=1.0).prior
     return np.asarray(np.linalg.inv(J @ J.T + precision + RIDGE * np.eye(len(precision))))
 

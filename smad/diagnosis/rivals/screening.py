@@ -17,7 +17,7 @@ import numpy as np
 from smad.diagnosis.numerics.white import Shrink
 from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.changes import Change
-from smad.diagnosis.rivals.evidence import Evidence, settled
+from smad.diagnosis.rivals.evidence import Evidence, weights
 from smad.diagnosis.rivals.fit import Reference, replayed
 from smad.diagnosis.rivals.parts import EffectPart
 
@@ -45,7 +45,7 @@ class Screened:
 def opened(evidence: Evidence, reference: Reference) -> Callable[[Array], Array]:
     """What takes rows (m, n) times the root of their weights at the reference, and opens beside
     them whatever that has slopes of, within its prior."""
-    weight = settled(evidence, evidence.left(reference.exact)).weight
+    weight = weights(evidence, evidence.left(reference.exact))
     count = len(reference.slopes)
     _, precision = reference.model.prior
     root = np.linalg.cholesky(np.linalg.inv(precision[:count, :count]))
@@ -59,7 +59,7 @@ def variances_beside(evidence: Evidence, reference: Reference) -> Callable[[Arra
 
     Whatever the reference has slopes of is open beside them.
     """
-    weight = settled(evidence, evidence.left(reference.exact)).weight
+    weight = weights(evidence, evidence.left(reference.exact))
     beside, root = opened(evidence, reference), np.sqrt(np.where(weight > 0.0, weight, 1.0))
     return lambda rows: evidence.variances(beside(rows[None])[0] / root)
 
