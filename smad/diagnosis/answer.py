@@ -367,13 +367,14 @@ def _moved(
 
 def _models(question: Question, stages: Sequence[Rival], note: str) -> list[str]:
     """Models with other parameters and with each cause, as text; none where none are written."""
-    plant = given(question.model.plant)
-    if not isinstance(plant, SavesModel):
+    plant = question.model.plant
+    writer = plant if isinstance(plant, SavesModel) else given(plant)
+    if not isinstance(writer, SavesModel):
         return []
     out = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.toml"
         for fitted in (stage.fit for stage in stages[1:] if stage.fit is not None):
-            plant.save_model(fitted.point, path, note, uncertainty_of(question, fitted))
+            writer.save_model(fitted.point, path, note, uncertainty_of(question, fitted))
             out.append(path.read_text("utf-8"))
     return out

@@ -4,15 +4,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from smad.client import Client, folder
-from smad.config import Config, parse_config
-from smad.errors import DaemonError
+from smad.client import folder
 from smad.experiments.moves import read_moves
 from smad.experiments.ready import BYTES_A_ROW, ROOM_S, require_baseline, require_logs
 from smad.experiments.registry import chosen_experiments
-from smad.queue.errors import ArmingError, QueueError
-from smad.queue.meter import LONGEST_GAP_S
-from smad.queue.states import Budget
+from smad.queue.budget import configuration
+from smad.queue.errors import QueueError
 
 INPUTS = ("run", "path", "config_file", "model", "programme_folder")
 """Parameters whose files must be there before."""
@@ -43,31 +40,3 @@ def require_startable(kind: str, params: Mapping[str, Any], start_folder: Path) 
     else:
         where = folder.recording_folder(params["bench"]) or start_folder
         require_logs(where, BYTES_A_ROW * USUAL_RATE_HZ * ROOM_S)
-
-
-def require_metered(budget: Budget, bench: str) -> None:
-    """Raise ArmingError for a budget that nothing would end, since the daemon's samples are too few
-    to meter what is used."""
-    if budget.energy_J is None and budget.cycles is None:
-        return
-    config = configuration(bench)
-    rate_hz = min(axis.link.rate_hz for axis in config.by_axis().values())
-    apart_s = config.telemetry.every_nth_sample / rate_hz
-    if config.telemetry.enabled and apart_s <= LONGEST_GAP_S:
-        return
-    raise ArmingError(
-        "energy and cycles cannot be metered",
-        value=f"a sample every {apart_s:g} s" if config.telemetry.enabled else "no samples",
-        limit=f"a sample every {LONGEST_GAP_S:g} s",
-        action="set telemetry.enabled and a smaller telemetry.every_nth_sample, or give a budget "
-        "of hours; nothing was armed",
-    )
-
-
-def configuration(bench: str) -> Config:
-    """The configuration of the daemon; without one the usual one, as it is looked at again."""
-    try:
-        with Client(bench, timeout_s=1.0) as client:
-            return parse_config(client.config())
-    except DaemonError:
-        return Config()

@@ -22,7 +22,7 @@ from smad.client import Client
 from smad.client.folder import recording_folder
 from smad.errors import SmadError
 from smad.queue import arming, machine
-from smad.queue.admission import require_metered
+from smad.queue.budget import require_metered
 from smad.queue.errors import ArmingError, QueueError
 from smad.queue.lease import RunnerLease
 from smad.queue.machine import Change

@@ -32,7 +32,7 @@ def with_places(plant: PlantModel) -> PlacesPlant:
 
 
 def given(plant: PlantModel) -> PlantModel:
-    """The plant that was given, of one with bare places: what it offers beside is asked of it.
+    """The plant that was given, of one with bare places: what it offers beside is asked of it, too.
 
     From Python 3.12 on `isinstance` sees no method that `__getattr__` finds.
     """

@@ -7,7 +7,8 @@ from zoneinfo import ZoneInfo
 import pytest
 
 from smad.config import Config, TelemetryConfig
-from smad.queue import admission, arming
+from smad.queue import arming
+from smad.queue import budget as metering
 from smad.queue.errors import ArmingError
 from smad.queue.states import Budget, Item, Snapshot, State
 from smad.queue.store import Proposal
@@ -45,12 +46,12 @@ def test_a_budget_that_nothing_would_end_is_refused(
     monkeypatch: pytest.MonkeyPatch, budget: Budget, telemetry: dict[str, Any]
 ) -> None:
     config = Config(telemetry=TelemetryConfig(**telemetry))
-    monkeypatch.setattr(admission, "configuration", lambda _: config)
+    monkeypatch.setattr(metering, "configuration", lambda _: config)
     with pytest.raises(ArmingError, match="cannot be metered"):
-        admission.require_metered(budget, "bench")
-    admission.require_metered(Budget(hours=1.0), "bench")
-    monkeypatch.setattr(admission, "configuration", lambda _: Config())
-    admission.require_metered(budget, "bench")
+        metering.require_metered(budget, "bench")
+    metering.require_metered(Budget(hours=1.0), "bench")
+    monkeypatch.setattr(metering, "configuration", lambda _: Config())
+    metering.require_metered(budget, "bench")
 
 
 def test_the_second_step_arms_exactly_what_the_first_showed() -> None:
