@@ -16,7 +16,7 @@ from firmware_protocol.nearest import instead
 from smad.errors import SmadError, reported, unusable_path
 from smad.extras import missing
 from smad.processes.oom import prefer_as_oom_victim
-from smad.processes.stops import taken_over
+from smad.processes.stops import Begun, taken_over
 from smad.units import is_unit
 from smad.version import VERSION
 
@@ -138,19 +138,19 @@ def execute(arguments: Sequence[str]) -> int:
     if arguments and arguments[0] in READS_FILES:
         prefer_as_oom_victim()
     stops, _ = taken_over(os.environ)
-    return run_group(root, arguments, "smad", stops)
+    return run_group(root, arguments, "smad", Begun(stops))
 
 
 def run_group(
-    group: click.Group, arguments: Sequence[str], program: str, stops: int | None = None
+    group: click.Group, arguments: Sequence[str], program: str, begun: Begun | None = None
 ) -> int:
     """Run one command of a group; return its exit status. Errors become one line.
 
-    `stops` are those that whoever began it knew of (`smad.processes.stops`).
+    `begun` is what it knows of stops.
     """
     try:
         result = group.main(
-            args=list(arguments), prog_name=program, standalone_mode=False, obj=stops
+            args=list(arguments), prog_name=program, standalone_mode=False, obj=begun
         )
         if sys.stdout is not None:
             sys.stdout.flush()

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import click
 
 from smad.cli.options import AXIS
 from smad.errors import SmadError
+from smad.processes.stops import Begun
 from smad.view.terminal.progress import progress
 
 if TYPE_CHECKING:
@@ -26,8 +27,16 @@ def client(bench: str, *, lasting: bool = False) -> Client:
     context = click.get_current_context(silent=True)
     axis = "" if context is None else context.meta.get(AXIS, "")
     opened = Client(bench, axis=axis, lease_s=None) if lasting else Client(bench, axis=axis)
-    made_clients.append(opened)
+    if (begun := _begun()) is not None:
+        begun.clients.append(opened)
     return opened
+
+
+def _begun() -> Begun | None:
+    """What this command knows of stops; None outside one."""
+    context = click.get_current_context(silent=True)
+    begun = None if context is None else context.find_root().obj
+    return begun if isinstance(begun, Begun) else None
 
 
 @contextlib.contextmanager
@@ -40,29 +49,11 @@ def ready_client(bench: str, *, extra: str = "") -> Iterator[Client]:
     from smad.experiments.ready import require_ready
 
     with ended_by_signals(), client(bench) as connected:
-        known = _known_stops()
+        begun = _begun()
+        known = None if begun is None else begun.known
         connected.as_of(connected.motion().generation if known is None else known)
         require_ready(connected, extra=extra)
         yield connected
-
-
-made_clients: list[Client] = []
-"""Clients of this command."""
-
-
-def latest_known(clients: Iterable[Client]) -> int | None:
-    """The generation of the last stop that clients know of; None where none has looked."""
-    known = [client.known for client in clients if client.known is not None]
-    return max(known, default=None)
-
-
-def _known_stops() -> int | None:
-    """The last stop that this command knows of, from its clients before, or that who began it knew
-    of (`smad.processes.stops`)."""
-    context = click.get_current_context(silent=True)
-    begun_with = None if context is None else context.find_root().obj
-    known = latest_known(made_clients)
-    return begun_with if known is None else known
 
 
 def wait_for_motion(bench_client: Client, *, wait: bool, what: str) -> None:

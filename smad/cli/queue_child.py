@@ -14,10 +14,9 @@ from collections.abc import Sequence
 import click
 
 from smad.cli import INTERNAL, INTERRUPTED, root
-from smad.cli.output import latest_known, made_clients
 from smad.errors import SmadError
 from smad.processes.parent import end_group_with
-from smad.processes.stops import hand_back, taken_over
+from smad.processes.stops import Begun, hand_back, taken_over
 from smad.queue.ending import is_used_up, status_of, unseen_stop
 from smad.queue.machine import SHORT, STOPPED
 
@@ -27,15 +26,16 @@ def main(arguments: Sequence[str]) -> int:
     parent, bench, *words = arguments
     end_group_with(int(parent))
     stops, report = taken_over(os.environ)
+    begun = Begun(stops)
     try:
-        return _run(bench, words, stops)
+        return _run(bench, words, begun)
     finally:
-        hand_back(report, latest_known(made_clients))
+        hand_back(report, begun.known)
 
 
-def _run(bench: str, words: list[str], stops: int | None) -> int:
+def _run(bench: str, words: list[str], begun: Begun) -> int:
     try:
-        root.main(args=words, prog_name="smad", standalone_mode=False, obj=stops)
+        root.main(args=words, prog_name="smad", standalone_mode=False, obj=begun)
     except SmadError as error:
         click.echo(f"smad: {error}", err=True)
         return status_of(error)
@@ -47,7 +47,7 @@ def _run(bench: str, words: list[str], stops: int | None) -> int:
     except Exception as error:
         traceback.print_exc()
         return SHORT if is_used_up(error) else INTERNAL
-    if stop := unseen_stop(made_clients, bench):
+    if stop := unseen_stop(begun.clients, bench):
         click.echo(f"smad: {stop}", err=True)
     return STOPPED if stop else 0
 

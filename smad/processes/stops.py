@@ -9,8 +9,27 @@ from __future__ import annotations
 
 import os
 from collections.abc import MutableMapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from smad.client import Client
 
 _KNOWN, _REPORT = "SMAD_KNOWN_STOPS", "SMAD_REPORT_STOPS"
+
+
+@dataclass
+class Begun:
+    """One command: the last stop that whoever began it knew of, and its clients."""
+
+    stops: int | None = None
+    clients: list[Client] = field(default_factory=list)
+
+    @property
+    def known(self) -> int | None:
+        """The last stop that it knows of, from its clients or from whoever began it."""
+        known = (client.known for client in self.clients)
+        return max((k for k in known if k is not None), default=self.stops)
 
 
 def knowing(known: int | None) -> dict[str, str]:

@@ -9,7 +9,7 @@ import click
 import pytest
 
 from smad.cli import output
-from smad.processes.stops import HandedOver, taken_over
+from smad.processes.stops import Begun, HandedOver, taken_over
 from tests.smad.fakedaemon import FakeDaemon
 
 COMMAND = """
@@ -58,9 +58,9 @@ def test_a_command_of_a_queue_knows_of_no_stop_but_those_of_the_queue_and_its_ow
     daemon = FakeDaemon(tmp_path)
     monkeypatch.setenv("SMAD_RUNTIME_DIR", os.fspath(tmp_path))
     monkeypatch.setattr("smad.experiments.ready.require_ready", lambda *_, **__: None)
-    monkeypatch.setattr(output, "made_clients", [])
+    begun = Begun(5)
     try:
-        with click.Context(click.Command("run"), obj=5):
+        with click.Context(click.Command("run"), obj=begun):
             with output.ready_client("bench") as first:
                 assert first.known == 5
                 first.as_of(7)
@@ -68,4 +68,4 @@ def test_a_command_of_a_queue_knows_of_no_stop_but_those_of_the_queue_and_its_ow
                 assert second.known == 7
     finally:
         daemon.close()
-    assert output.latest_known(output.made_clients) == 7
+    assert begun.known == 7
