@@ -173,14 +173,13 @@ class Runner:
     def _ended(self, status: int) -> None:
         assert self._process is not None
         last_line = self._process.last_line() if status else ""
-        known = self._process.known_stops()
         item = self._store.snapshot().item(self._item)
         change = self._store.change(
             lambda s: machine.ended(s, item.id, status, self._parts.wall_s(), said=last_line)
         )
         # Written: from here on the process is forgotten.
+        self._generation = self._process.known_stops()
         self._process, self._asked_to_end_s = None, None
-        self._generation = known
         if change.after.item(item.id).state is State.INTERRUPTED:
             self._save_logs(item)
         self._act(change)
