@@ -26,6 +26,7 @@ INPUTS = ("i_applied_x_A", "i_applied_y_A", "duty_x", "duty_y")
 _HIGHEST = (4.0, 4.0, 1.0, 1.0)
 LONGEST_S = 600.0
 _TICK_S = 0.01
+"""A control step of a bench at 100 Hz."""
 _LATE_S = 5.0
 _SAFE_NAME = re.compile(r"[a-z0-9][a-z0-9-]*")
 

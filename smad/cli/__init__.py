@@ -16,7 +16,7 @@ from firmware_protocol.nearest import instead
 from smad.errors import SmadError, reported, unusable_path
 from smad.extras import missing
 from smad.processes.oom import prefer_as_oom_victim
-from smad.processes.stops import Begun, taken_over
+from smad.processes.stops import KnownStops, taken_over
 from smad.units import is_unit
 from smad.version import VERSION
 
@@ -137,20 +137,20 @@ def execute(arguments: Sequence[str]) -> int:
     """Run one command and return its exit status. An error becomes one line on standard error."""
     if arguments and arguments[0] in READS_FILES:
         prefer_as_oom_victim()
-    stops, _ = taken_over(os.environ)
-    return run_group(root, arguments, "smad", Begun(stops))
+    inherited, _ = taken_over(os.environ)
+    return run_group(root, arguments, "smad", KnownStops(inherited))
 
 
 def run_group(
-    group: click.Group, arguments: Sequence[str], program: str, begun: Begun | None = None
+    group: click.Group,
+    arguments: Sequence[str],
+    program: str,
+    known_stops: KnownStops | None = None,
 ) -> int:
-    """Run one command of a group; return its exit status. Errors become one line.
-
-    `begun` is what it knows of stops.
-    """
+    """Run one command of a group; return its exit status. Errors become one line."""
     try:
         result = group.main(
-            args=list(arguments), prog_name=program, standalone_mode=False, obj=begun
+            args=list(arguments), prog_name=program, standalone_mode=False, obj=known_stops
         )
         if sys.stdout is not None:
             sys.stdout.flush()

@@ -10,7 +10,7 @@ import click
 
 from smad.cli.options import AXIS
 from smad.errors import SmadError
-from smad.processes.stops import Begun
+from smad.processes.stops import KnownStops
 from smad.view.terminal.progress import progress
 
 if TYPE_CHECKING:
@@ -27,16 +27,16 @@ def client(bench: str, *, lasting: bool = False) -> Client:
     context = click.get_current_context(silent=True)
     axis = "" if context is None else context.meta.get(AXIS, "")
     opened = Client(bench, axis=axis, lease_s=None) if lasting else Client(bench, axis=axis)
-    if (begun := _begun()) is not None:
-        begun.clients.append(opened)
+    if (known_stops := _known_stops()) is not None:
+        known_stops.clients.append(opened)
     return opened
 
 
-def _begun() -> Begun | None:
+def _known_stops() -> KnownStops | None:
     """What this command knows of stops; None outside one."""
     context = click.get_current_context(silent=True)
-    begun = None if context is None else context.find_root().obj
-    return begun if isinstance(begun, Begun) else None
+    known_stops = None if context is None else context.find_root().obj
+    return known_stops if isinstance(known_stops, KnownStops) else None
 
 
 @contextlib.contextmanager
@@ -49,8 +49,8 @@ def ready_client(bench: str, *, extra: str = "") -> Iterator[Client]:
     from smad.experiments.ready import require_ready
 
     with ended_by_signals(), client(bench) as connected:
-        begun = _begun()
-        known = None if begun is None else begun.known
+        known_stops = _known_stops()
+        known = None if known_stops is None else known_stops.latest
         connected.as_of(connected.motion().generation if known is None else known)
         require_ready(connected, extra=extra)
         yield connected

@@ -16,7 +16,7 @@ import click
 from smad.cli import INTERNAL, INTERRUPTED, root
 from smad.errors import SmadError
 from smad.processes.parent import end_group_with
-from smad.processes.stops import Begun, hand_back, taken_over
+from smad.processes.stops import KnownStops, hand_back, taken_over
 from smad.queue.ending import is_used_up, status_of, unseen_stop
 from smad.queue.machine import SHORT, STOPPED
 
@@ -25,17 +25,17 @@ def main(arguments: Sequence[str]) -> int:
     """Run the command; return its exit status."""
     parent, bench, *words = arguments
     end_group_with(int(parent))
-    stops, report = taken_over(os.environ)
-    begun = Begun(stops)
+    inherited, report = taken_over(os.environ)
+    known_stops = KnownStops(inherited)
     try:
-        return _run(bench, words, begun)
+        return _run(bench, words, known_stops)
     finally:
-        hand_back(report, begun.known)
+        hand_back(report, known_stops.latest)
 
 
-def _run(bench: str, words: list[str], begun: Begun) -> int:
+def _run(bench: str, words: list[str], known_stops: KnownStops) -> int:
     try:
-        root.main(args=words, prog_name="smad", standalone_mode=False, obj=begun)
+        root.main(args=words, prog_name="smad", standalone_mode=False, obj=known_stops)
     except SmadError as error:
         click.echo(f"smad: {error}", err=True)
         return status_of(error)
@@ -47,7 +47,7 @@ def _run(bench: str, words: list[str], begun: Begun) -> int:
     except Exception as error:
         traceback.print_exc()
         return SHORT if is_used_up(error) else INTERNAL
-    if stop := unseen_stop(begun.clients, bench):
+    if stop := unseen_stop(known_stops.clients, bench):
         click.echo(f"smad: {stop}", err=True)
     return STOPPED if stop else 0
 

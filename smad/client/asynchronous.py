@@ -100,7 +100,7 @@ class AsyncClient(AsyncCommands):
         """Whether the lease is the one that arming takes by itself."""
         self._may_be_armed = False
         """This client asked to arm, and does not know that the bench has been disarmed since."""
-        self._kept_s: float | None = None
+        self._control_lease_s: float | None = None
         """How long the lease of `in_control` lasts, inside its block."""
         self._renewal = Renewal(connection, keys)
         # A client that nobody has any more is none that could be missed.
@@ -166,7 +166,7 @@ class AsyncClient(AsyncCommands):
 
     @property
     def known(self) -> int | None:
-        """The generation of the last stop that this client knows of; None: it has not armed."""
+        """The generation of the last stop that this client knows of; None: it knows of none."""
         return self._conversation.known
 
     def as_of(self, generation: int | None) -> int | None:
@@ -198,8 +198,8 @@ class AsyncClient(AsyncCommands):
         self._conversation.stopped(motion.generation)
         if self._leased:
             await self._return_lease()
-        elif self._kept_s is not None:
-            self._renewal.begin(self._conversation.lease, self._kept_s)
+        elif self._control_lease_s is not None:
+            self._renewal.begin(self._conversation.lease, self._control_lease_s)
         return motion
 
     async def estop(self) -> api.Motion:
@@ -319,12 +319,12 @@ class AsyncClient(AsyncCommands):
         """
         await self.take_control(name, lease_s)
         if renewed:
-            self._kept_s = lease_s
+            self._control_lease_s = lease_s
             self._renewal.begin(self._conversation.lease, lease_s)
         try:
             yield
         finally:
-            self._kept_s = None
+            self._control_lease_s = None
             if self._may_be_armed:
                 # Only the end of the lease is sure to disarm it: no call may renew it any more.
                 self._renewal.end()

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from smad.diagnosis.constants import shipped
-from smad.diagnosis.places.bare import given
+from smad.diagnosis.places.bare import unwrapped
 from smad.diagnosis.places.place import BOTH
 from smad.diagnosis.plant import Array, ModelPoint, SavesModel, Uncertainty
 from smad.diagnosis.rivals.describe import (
@@ -368,7 +368,7 @@ def _moved(
 def _models(question: Question, stages: Sequence[Rival], note: str) -> list[str]:
     """Models with other parameters and with each cause, as text; none where none are written."""
     plant = question.model.plant
-    writer = plant if isinstance(plant, SavesModel) else given(plant)
+    writer = plant if isinstance(plant, SavesModel) else unwrapped(plant)
     if not isinstance(writer, SavesModel):
         return []
     out = []

@@ -10,10 +10,10 @@ import numpy as np
 
 from smad.diagnosis.answer import Answer
 from smad.diagnosis.data.played import Played, predictions
-from smad.diagnosis.places.bare import given
+from smad.diagnosis.places.bare import unwrapped
 from smad.diagnosis.plant import Array, Experiment, Experimenter
 from smad.diagnosis.rivals.describe import rival_words
-from smad.diagnosis.rivals.evidence import settled
+from smad.diagnosis.rivals.evidence import without_drifts
 from smad.progress import Say, silent
 
 
@@ -37,12 +37,12 @@ def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offe
         return [], []
     evidence, model = search.question.evidence, search.question.model
     plant = model.plant
-    left = (settled(evidence, f.left).rows for f in fits)
+    left = (without_drifts(evidence, f.left) for f in fits)
     variances = min(map(evidence.variances, left), key=lambda v: v.sum())
     scale = evidence.floors * np.sqrt(np.maximum(variances, 1.0))
     words = [rival_words(plant, r) for r in answer.alternatives]
     out: list[Offer] = []
-    experimenter = plant if isinstance(plant, Experimenter) else given(plant)
+    experimenter = plant if isinstance(plant, Experimenter) else unwrapped(plant)
     if not isinstance(experimenter, Experimenter):
         return words, out
     for experiment in experimenter.catalogue():

@@ -20,7 +20,7 @@ from smad.diagnosis.data.noise import estimate_floors
 from smad.diagnosis.paired.difference import Paired, paired, question_of_pairs
 from smad.diagnosis.paired.good import good_runs
 from smad.diagnosis.paired.match import grouped, same_programme
-from smad.diagnosis.places.bare import InWindows, given
+from smad.diagnosis.places.bare import InWindows, unwrapped
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import Array, Effect, ModelPoint, nominal_point
 from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
@@ -98,7 +98,7 @@ def changed_pairs(inquiry: Inquiry) -> tuple[Searched, Paired] | None:
     Raises GapError as `differs`.
     """
     # What is replayed from its readings begins elsewhere on another day: nothing cancels.
-    comparable = () if isinstance(given(inquiry.plant), InWindows) else inquiry.good
+    comparable = () if isinstance(unwrapped(inquiry.plant), InWindows) else inquiry.good
     same = partial(same_programme, inquiry.plant, period_s=inquiry.period_s)
     groups = grouped(comparable, same)
     repeats = []

@@ -19,17 +19,17 @@ _KNOWN, _REPORT = "SMAD_KNOWN_STOPS", "SMAD_REPORT_STOPS"
 
 
 @dataclass
-class Begun:
-    """One command: the last stop that whoever began it knew of, and its clients."""
+class KnownStops:
+    """What one command knows of stops: the generation that its parent knew of, and its clients."""
 
-    stops: int | None = None
+    inherited: int | None = None
     clients: list[Client] = field(default_factory=list)
 
     @property
-    def known(self) -> int | None:
-        """The last stop that it knows of, from its clients or from whoever began it."""
+    def latest(self) -> int | None:
+        """The generation of the last stop that it knows of."""
         known = (client.known for client in self.clients)
-        return max((k for k in known if k is not None), default=self.stops)
+        return max((k for k in known if k is not None), default=self.inherited)
 
 
 def knowing(known: int | None) -> dict[str, str]:
@@ -38,7 +38,7 @@ def knowing(known: int | None) -> dict[str, str]:
 
 
 class HandedOver:
-    """What a program hands over to one command, and gets back from it."""
+    """The stops that a program hands over to one command that it begins, and gets back from it."""
 
     def __init__(self, known: int | None) -> None:
         self._known = known
@@ -51,24 +51,30 @@ class HandedOver:
         """What the command has to find in its environment."""
         return {**knowing(self._known), _REPORT: str(self.descriptor)}
 
-    def begun(self) -> None:
-        """The command has inherited the descriptor, or cannot be begun."""
+    def close_descriptor(self) -> None:
+        """Once the command has inherited it, or cannot be begun: what it writes then has an end."""
         os.close(self.descriptor)
 
     def returned(self) -> int | None:
         """Return the last stop that a command knew of that has ended; where it says nothing, that
         which it was begun with."""
-        with self._returned as file:
-            text = file.read()
-        return int(text) if text.isdigit() else self._known
+        if not self._returned.closed:
+            with self._returned as file:
+                text = file.read()
+            self._known = int(text) if text.isdigit() else self._known
+        return self._known
 
 
 def taken_over(environment: MutableMapping[str, str]) -> tuple[int | None, int | None]:
     """Return the last stop that whoever began this command knew of, and the descriptor for the last
     one that it knows of itself; both are taken out of its environment, None where they are not
     there."""
-    known, descriptor = environment.pop(_KNOWN, ""), environment.pop(_REPORT, "")
-    return int(known) if known else None, int(descriptor) if descriptor else None
+    known, report = environment.pop(_KNOWN, ""), environment.pop(_REPORT, "")
+    descriptor = int(report) if report else None
+    if descriptor is not None:
+        # Whoever began this command reads until the last process that has it ends.
+        os.set_inheritable(descriptor, False)
+    return int(known) if known else None, descriptor
 
 
 def hand_back(descriptor: int | None, known: int | None) -> None:

@@ -46,7 +46,7 @@ class ItemProcess:
                 pass_fds=inherited,
             )
         finally:
-            self._stops.begun()
+            self._stops.close_descriptor()
         self.pid = self._process.pid
         self._lines: deque[str] = deque(maxlen=20)
         self._reader = threading.Thread(target=self._read, args=(output,), daemon=True)

@@ -9,7 +9,7 @@ import click
 import pytest
 
 from smad.cli import output
-from smad.processes.stops import Begun, HandedOver, taken_over
+from smad.processes.stops import HandedOver, KnownStops, taken_over
 from tests.smad.fakedaemon import FakeDaemon
 
 COMMAND = """
@@ -28,8 +28,10 @@ def returned(known: int | None, last: str) -> int | None:
         pass_fds=(handed.descriptor,),
         check=False,
     )
-    handed.begun()
-    return handed.returned()
+    handed.close_descriptor()
+    first = handed.returned()
+    assert handed.returned() == first, "asked once more, it says the same"
+    return first
 
 
 def test_a_command_gets_what_is_known_and_gives_back_what_it_knows() -> None:
@@ -49,7 +51,7 @@ def test_a_command_of_nobody_knows_nothing_and_hands_nothing_on() -> None:
     environment = handed.environment
     assert taken_over(environment) == (3, handed.descriptor)
     assert environment == {}
-    handed.begun()
+    handed.close_descriptor()
 
 
 def test_a_command_of_a_queue_knows_of_no_stop_but_those_of_the_queue_and_its_own(
@@ -58,9 +60,9 @@ def test_a_command_of_a_queue_knows_of_no_stop_but_those_of_the_queue_and_its_ow
     daemon = FakeDaemon(tmp_path)
     monkeypatch.setenv("SMAD_RUNTIME_DIR", os.fspath(tmp_path))
     monkeypatch.setattr("smad.experiments.ready.require_ready", lambda *_, **__: None)
-    begun = Begun(5)
+    known_stops = KnownStops(5)
     try:
-        with click.Context(click.Command("run"), obj=begun):
+        with click.Context(click.Command("run"), obj=known_stops):
             with output.ready_client("bench") as first:
                 assert first.known == 5
                 first.as_of(7)
@@ -68,4 +70,4 @@ def test_a_command_of_a_queue_knows_of_no_stop_but_those_of_the_queue_and_its_ow
                 assert second.known == 7
     finally:
         daemon.close()
-    assert begun.known == 7
+    assert known_stops.latest == 7

@@ -19,7 +19,7 @@ from smad.diagnosis.data.doubts import doubted_columns
 from smad.diagnosis.data.grid import LEAST_PERIODS, MOST_ROWS, row_length_s
 from smad.diagnosis.data.guards import without_repeats
 from smad.diagnosis.data.opinions import compare, used
-from smad.diagnosis.data.rows import whole_bin
+from smad.diagnosis.data.rows import binned
 from smad.diagnosis.plant import PlantModel, traits_of
 from smad.diagnosis.runs import GapRun, distinctly_named
 from smad.diagnosis.verdict import Finding
@@ -184,11 +184,8 @@ def _require_length(
     steps = np.diff(run.t_s)
     lost = float(np.sum(steps[steps > 1.5 * run.dt_s] - run.dt_s)) / run.duration_s
     share = lost + 1.0 - float(np.mean(run.good))
-    rows, per_row = int(run.duration_s / period_s), whole_bin(run.dt_s, period_s)
-    row = np.floor((run.t_s - run.t_s[0]) / period_s + 1e-6).astype(np.intp)
-    readings = (run.outputs[c.name] for c in plant.channels if c.name in run.outputs)
-    counted = (np.bincount(row[run.good & np.isfinite(y)], minlength=1) for y in readings)
-    whole = max((int(np.sum(count >= per_row)) for count in counted), default=0)
+    rows = int(run.duration_s / period_s)
+    whole = int(binned(run, rows, plant, run.begins_s, period_s).valid.any(axis=1).sum())
     if whole < LEAST_PERIODS:
         text = (
             f"{share:.0%} of the samples are lost or no readings: {whole} of {rows} rows of "

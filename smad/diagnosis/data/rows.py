@@ -74,7 +74,7 @@ def bin_numbers(run: GapRun, start_s: float, period_s: float) -> Index:
     return np.asarray(np.floor(middle / period_s + 1e-9), dtype=np.intp)
 
 
-def whole_bin(dt_s: float, period_s: float) -> float:
+def _whole_bin(dt_s: float, period_s: float) -> float:
     """How many samples a bin has that lacks none.
 
     A bin with a lost sample does not count: with an edge in it, its mean would be off by more than
@@ -92,7 +92,7 @@ def binned(
     bin_of_row = bin_numbers(run, start_s, period_s)
     inside = (bin_of_row >= 0) & (bin_of_row < bins)
     bin_of_row = bin_of_row[inside]
-    whole = whole_bin(run.dt_s, period_s)
+    whole = _whole_bin(run.dt_s, period_s)
 
     def mean(column: Array, good: Mask) -> tuple[Array, Mask]:
         keep = good[inside] & np.isfinite(column[inside])

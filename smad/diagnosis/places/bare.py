@@ -31,10 +31,11 @@ def with_places(plant: PlantModel) -> PlacesPlant:
     return plant if isinstance(plant, Forceable) else BarePlaces(plant)
 
 
-def given(plant: PlantModel) -> PlantModel:
-    """The plant that was given, of one with bare places: what it offers beside is asked of it, too.
+def unwrapped(plant: PlantModel) -> PlantModel:
+    """The plant inside `BarePlaces`, or the plant itself.
 
-    From Python 3.12 on `isinstance` sees no method that `__getattr__` finds.
+    What it offers beside is asked of it: from Python 3.12 on `isinstance` sees no method that
+    `__getattr__` finds.
     """
     return plant.plain if isinstance(plant, BarePlaces) else plant
 

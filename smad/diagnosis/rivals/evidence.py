@@ -25,8 +25,8 @@ from smad.diagnosis.runs import GapRun
 CORRELATED = 16.0
 """Rows that an error of the model's form is correlated over: as many count as one."""
 _MOST_CORRELATED = 0.98
-_SETTLING = 4
-"""Rounds: a drift of twice the usual size and 34 floors is at 1.0 after two."""
+_DRIFT_ROUNDS = 4
+"""A drift of twice the usual size that shows as 34 floors is at 1.0 after two."""
 _FOLDS = 4
 _TURNS = 2
 _FORM_SHARES = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0)
@@ -213,26 +213,17 @@ def weights(
     return np.asarray(of_channel[evidence.channel_of_row] * evidence.valid)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Settled:
-    """Rows (n,) less what wanders in each run, and what their squares count, (n,)."""
+def without_drifts(evidence: Evidence, left: Array) -> Array:
+    """Rows (n,) less what wanders in each run, at weights that follow from what is left without it.
 
-    rows: Array
-    weight: Array
-
-
-def settled(evidence: Evidence, left: Array, alike: float = 1.0) -> Settled:
-    """Rows less what wanders, at the weights that follow from what is left without it.
-
-    Rows that hold a drift weigh little, and then little of it is taken: so it goes on for a few
-    rounds. That is for judging. A fit takes the weights of what it leaves, the drift included: in a
-    model of the wrong form drifts would else take much of what it lacks.
+    Rows that hold a drift weigh little, and then little of it is taken: so a few rounds are needed.
+    This is for judging. A fit takes the weights of what it leaves, the drift included: in a model
+    of the wrong form drifts would else take much of what it lacks.
     """
-    rows, weight = left, weights(evidence, left, alike)
-    for _ in range(_SETTLING if evidence.wanders else 0):
-        rows = evidence.freed(left, weight)
-        weight = weights(evidence, rows, alike)
-    return Settled(rows=rows, weight=weight)
+    rows = left
+    for _ in range(_DRIFT_ROUNDS if evidence.wanders else 0):
+        rows = evidence.freed(left, weights(evidence, rows))
+    return rows
 
 
 def form_of(

@@ -105,6 +105,7 @@ class LawPart:
     columns: Index
     responses: Responses
     quick: ClassVar[bool] = False
+    has_strength: ClassVar[bool] = True
 
     @property
     def name(self) -> str:

@@ -20,7 +20,7 @@ from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.places.responses import Responses
 from smad.diagnosis.plant import Array, Effect, ModelPoint, PlantModel, traits_of
 from smad.diagnosis.rivals.changes import Changes
-from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, form_of, settled
+from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, form_of, without_drifts
 from smad.diagnosis.rivals.fit import (
     Fit,
     Reference,
@@ -333,7 +333,7 @@ class Question:
 def _squares(evidence: Evidence, predicted: Sequence[Array]) -> Array:
     """Squares that a prediction leaves, what wanders in each run taken off, (runs, channels)."""
     left = evidence.left(predicted)
-    return evidence.squares(settled(evidence, left).rows)
+    return evidence.squares(without_drifts(evidence, left))
 
 
 def question_of(

@@ -36,7 +36,9 @@ _QUIET_SQUARE = 1.35**2
 """Mean square in floors that noise alone leaves at most: floors are known to a third."""
 _FORM_RARELY = 0.01
 """How often an error of form has a larger square than counts as quiet."""
-_RESAMPLED, _ENUMERATED = 400, 8
+_RESAMPLED = 400
+_ENUMERATED = 8
+"""Runs of which all resamples are taken: 6435 of eight, 24310 of nine."""
 _SEED = 20261125
 
 _EFFECTS, _LAWS = 40, 20

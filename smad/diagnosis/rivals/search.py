@@ -252,13 +252,13 @@ class _Search(Searched):
                 continue
             candidates = self._screened(base)
             gain = max((s.gain for s in candidates if s.part.name == name), default=0.0)
-            if isinstance(part, EffectPart) and not part.has_strength:
+            if not part.has_strength:
                 # What is there or not promises nothing in a linear picture, but has been fitted.
                 gain = without.objective - fitted.objective
             fits = _Fits(question, without=np.inf)
             better = [s for s in candidates if s.gain > gain]
-            for other, start in started(question.evidence, base, better):
-                fits.begin(EFFECT, base, other, np.r_[base.x, start])
+            for effect, start in started(question.evidence, base, better):
+                fits.begin(EFFECT, base, effect, np.r_[base.x, start])
             # The part that is asked is the last one of each rival.
             incumbent = replace(current, kind=EFFECT, name=name, fit=fitted.of_parts([*others, i]))
             ranked = question.ranked([incumbent, *fits.rivals()])

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from smad.diagnosis.plant import Array
-from smad.diagnosis.rivals.evidence import settled
+from smad.diagnosis.rivals.evidence import without_drifts
 from smad.diagnosis.rivals.fit import rebased
 from smad.diagnosis.rivals.screening import variances_beside
 from smad.diagnosis.rivals.search import Searched
@@ -25,7 +25,7 @@ def unseen_strengths(search: Searched) -> list[str]:
     if reference is None:
         return []
     present = {part.name for part in reference.model.parts}
-    v = e.variances(settled(e, e.left(reference.exact)).rows)
+    v = e.variances(without_drifts(e, e.left(reference.exact)))
     runs = len(question.judged.trials)
     needed = question.temper.nothing - question.temper.each_effect(len(question.effects))
     absent = [(c, q) for c in search.changes if c.effect.name not in present and (q := c.typical)]

@@ -71,7 +71,7 @@ def judged_by_command(
                 pass_fds=(handed.descriptor,),
             )
         finally:
-            handed.begun()
+            handed.close_descriptor()
         if done.returncode:
             lines = done.stderr.strip().splitlines() or ["it said nothing"]
             after = counted(number, "cycle")

@@ -189,7 +189,7 @@ def _on(stage: Stage, real: Any, channel: type[_Channel]) -> type:
             self.timeout_s = 5.0
             self.lease_s = lease_s
             self._leased = self._may_be_armed = False
-            self._kept_s = None
+            self._control_lease_s = None
             self._channel = channel(stage)
             self._conversation = self._channel.conversation
             self._renewal = _Renewal(stage)

@@ -10,7 +10,7 @@ import pytest
 
 from sim_device.plant.laws import Factor, Law, Term
 from smad.diagnosis.data.played import Played, predictions
-from smad.diagnosis.places.bare import BarePlaces, given, with_places
+from smad.diagnosis.places.bare import BarePlaces, unwrapped, with_places
 from smad.diagnosis.places.place import Forceable
 from smad.diagnosis.places.responses import candidate_laws, responses
 from smad.diagnosis.plant import ModelPoint, PlantModel, nominal_point
@@ -174,4 +174,4 @@ def test_what_a_plant_offers_beside_is_seen_as_python_from_3_12_on_looks_for_it(
     bare = with_places(plant)
     assert isinstance(bare, BarePlaces)
     for name in offers:
-        assert inspect.getattr_static(given(bare), name, None) is not None
+        assert inspect.getattr_static(unwrapped(bare), name, None) is not None

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from smad.diagnosis.numerics.white import RunRows
-from smad.diagnosis.rivals.evidence import Evidence, Trial, form_of, settled
+from smad.diagnosis.rivals.evidence import Evidence, Trial, form_of, weights, without_drifts
 
 FLOOR, BINS, CHANNELS = 0.5, 600, 3
 
@@ -46,9 +46,9 @@ def test_a_drift_of_several_times_the_usual_size_is_taken_off(sizes: float) -> N
     rows = RunRows.of(np.ones(1), np.ones((BINS, 1), dtype=bool), day)
     trial = Trial(played=cast(Any, SimpleNamespace()), target=noise + sizes * day[0], rows=rows)
     evidence = Evidence(trials=(trial,))
-    found = settled(evidence, evidence.left([np.zeros((BINS, 1))]))
-    assert np.sqrt(np.mean(found.rows**2)) == pytest.approx(np.sqrt(np.mean(noise**2)), rel=0.02)
-    assert found.weight == pytest.approx(1.0 / (32.0 * np.ones(BINS)), rel=0.1)
+    left = without_drifts(evidence, evidence.left([np.zeros((BINS, 1))]))
+    assert np.sqrt(np.mean(left**2)) == pytest.approx(np.sqrt(np.mean(noise**2)), rel=0.02)
+    assert weights(evidence, left) == pytest.approx(1.0 / (32.0 * np.ones(BINS)), rel=0.1)
 
 
 def test_a_channel_that_no_run_has_is_not_counted() -> None:

@@ -30,7 +30,12 @@ def of(
 ) -> list[float]:
     """Probabilities of rivals whose scores over all runs lead the first one by so much."""
     scores = np.array([[lead / RUNS] * RUNS for lead in leads])
-    p = probabilities(
+    return [float(x) for x in weighed(scores, near=near, by_rows=by_rows)]
+
+
+def weighed(scores: np.ndarray, *, near: tuple[bool, ...] = NEAR, by_rows: bool) -> np.ndarray:
+    """Probabilities of rivals with these scores in each run, (rivals, runs)."""
+    return probabilities(
         scores,
         KINDS,
         TEMPER,
@@ -41,7 +46,6 @@ def of(
         by_rows=by_rows,
         log_prior=np.zeros(len(KINDS)),
     )
-    return [float(x) for x in p]
 
 
 def missing(
@@ -61,20 +65,7 @@ def test_probabilities_do_not_depend_on_the_order_of_the_runs(runs: int) -> None
     rng = np.random.default_rng(runs)
     scores = rng.normal(0.0, 2.0, (len(KINDS), runs))
     orders = [scores, scores[:, ::-1], scores[:, rng.permutation(runs)]]
-    first, *others = (
-        probabilities(
-            order,
-            KINDS,
-            TEMPER,
-            effects=41,
-            laws=20,
-            rows=ROWS,
-            near=NEAR,
-            by_rows=False,
-            log_prior=np.zeros(len(KINDS)),
-        )
-        for order in orders
-    )
+    first, *others = (weighed(order, by_rows=False) for order in orders)
     for other in others:
         assert other == pytest.approx(first, abs=1e-9)
 
