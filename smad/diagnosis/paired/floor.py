@@ -20,7 +20,8 @@ _ROUNDS = 6
 _MOST_RHO = 0.95
 _LEAST_SHARE = 0.25
 _PSEUDO = 4.0
-_T = 1.0
+_T, _T_DEGREES = 1.0, 2
+"""Prior degrees of freedom of a variance, and the fewest of repeats: with one it has no bound."""
 _GAUGE_ROWS = 50.0
 _MOST_GAUGE = 2.0
 """So far may repeats raise the floor; what differs more shows as a gap."""
@@ -98,7 +99,8 @@ def repeat_floor(
         rho = lag_one_correlation(scaled, _MOST_RHO)
         day_sd = np.sqrt((squares + _PSEUDO * usual_day**2) / (len(repeats) + _PSEUDO))
     # A variance of few degrees of freedom is often too small: that of a t distribution.
-    few = np.sqrt((degrees + _T) / max(degrees + _T - 2.0, 1.0))
+    known = max(degrees, _T_DEGREES) + _T
+    few = np.sqrt(known / (known - 2.0))
     gauge = few * _gauge(repeats, sd, rho, day_sd)
     return Floor(sd, rho, day_sd, degrees, gauge)
 
