@@ -27,6 +27,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations_with_replacement
+from math import factorial
 
 import numpy as np
 
@@ -161,15 +162,14 @@ def _draws(runs: int) -> tuple[Array, Array]:
 
     Of few runs they are all that there are, so that the order of runs does not matter.
     """
-    even = np.full(runs, 1.0 / runs)
     if runs > _ENUMERATED:
+        even = np.full(runs, 1.0 / runs)
         times = np.random.default_rng(_SEED).multinomial(runs, even, size=_RESAMPLED)
         return times.astype(np.float64), np.full(_RESAMPLED, 1.0 / _RESAMPLED)
-    from scipy.stats import multinomial
-
     drawn = combinations_with_replacement(range(runs), runs)
     times = np.array([np.bincount(runs_drawn, minlength=runs) for runs_drawn in drawn])
-    return times.astype(np.float64), np.asarray(multinomial.pmf(times, runs, even))
+    ways = np.array([factorial(k) for k in range(runs + 1)])
+    return times.astype(np.float64), ways[runs] / ways[times].prod(axis=1) / runs**runs
 
 
 def _which(log_prior: Array, scores: Array, counts: Sequence[float]) -> Array:
