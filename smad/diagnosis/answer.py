@@ -178,7 +178,7 @@ def gaps_on(answer: Answer, evidence: Evidence) -> list[SignalGap]:
     search = answer.search
     if search is None:
         return []
-    question = replace(search.question, held_out=evidence)
+    question = replace(search.question, held_out=evidence, form=())
     rivals = [question.of_point(question.point_of(stage)) for stage in answer.stages]
     replayed = [r for r in rivals if r is not None]
     return signal_gaps(question, replayed) if len(replayed) == len(rivals) else []
