@@ -17,7 +17,10 @@ from smad.checkup.investigate import propose, unpaired_offers
 from smad.checkup.judge import Judged, judged
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.series import Recorded
+from smad.diagnosis.answer import gaps_on
+from smad.diagnosis.paired.difference import paired
 from smad.diagnosis.paired.good import GoodRuns
+from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import EffectValues
 from smad.diagnosis.rivals.fit import Fit
 from smad.diagnosis.rivals.rival import Rival, free_model
@@ -224,6 +227,15 @@ def test_an_investigation_names_the_cause_proves_it_and_writes_the_model(
         pytest.approx(0.06, rel=0.1)
     )
     assert msgspec.json.decode((folder / "investigation.json").read_bytes(), type=Report) == report
+
+
+def test_a_model_that_was_found_on_more_runs_than_prove_it_is_proved(reference: GoodRuns) -> None:
+    runs = [(played(70 + k, GAIN, what=run), run.name) for k, run in enumerate(PROGRAMME.runs)]
+    answer = judged(PLANT, reference, runs).answer
+    pairs = paired(with_places(PLANT), reference, [(played(72, GAIN, what=SHORT), "short")])
+    gap = next(s for s in gaps_on(answer, pairs.evidence()) if s.signal == "i_meas_x_A")
+    assert gap.raw > 5.0 * gap.floor
+    assert gap.final < 2.0 * gap.floor
 
 
 def test_an_investigation_that_lost_its_bench_goes_on_with_what_it_has(
