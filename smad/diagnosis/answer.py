@@ -23,11 +23,12 @@ from smad.diagnosis.rivals.describe import (
     where_words,
 )
 from smad.diagnosis.rivals.evidence import Evidence
-from smad.diagnosis.rivals.fit import Fit, covariance
+from smad.diagnosis.rivals.fit import Fit
 from smad.diagnosis.rivals.parts import EffectPart, LawPart
 from smad.diagnosis.rivals.rival import Question, Rival
 from smad.diagnosis.rivals.score import EFFECT, LAW, NOTHING, credible_set
 from smad.diagnosis.rivals.search import Searched, Step
+from smad.diagnosis.rivals.uncertainty import Precision
 from smad.diagnosis.rivals.unseen import unseen_strengths
 from smad.diagnosis.verdict import (
     CAUSES,
@@ -77,23 +78,26 @@ class Answer:
 def answer_of(search: Searched, *, question: str) -> Answer:
     """The answer that a search gives."""
     asked, fitted = search.question, search.final.fit
+    place = fitted or search.parameters.fit
+    assert place is not None
+    precision = Precision.at(asked.evidence, place)
     entered = _entered(search)
     with_causes = [*(rival for _, rival in entered[:-1]), search.final] if entered else []
     causes = [
-        _cause(asked, k, step, search.final, gap=asked.gap(with_causes[k]))
+        _cause(asked, precision, k, step, search.final, gap=asked.gap(with_causes[k]))
         for k, (step, _) in enumerate(entered)
     ]
     stages = (search.configured, search.parameters, *with_causes)
     *gaps, whole = signal_gaps(asked, stages)
     outcome = _outcome(search, causes)
     headline = headline_of(question, outcome, causes, whole)
-    uncertainty = None if fitted is None else uncertainty_of(asked, fitted)
+    uncertainty = None if fitted is None else uncertainty_of(precision, fitted)
     verdict = Verdict(
         question=question,
         outcome=outcome,
         headline=headline,
         causes=causes,
-        rivals=_table(asked, search.steps[-1].rivals) if search.steps else [],
+        rivals=_table(asked, precision, search.steps[-1].rivals) if search.steps else [],
         first_step=_scores(asked, search.steps[0].rivals) if search.steps else [],
         independent_rows=asked.independent_rows,
         parameters=_moved(asked, fitted, uncertainty),
@@ -102,7 +106,7 @@ def answer_of(search: Searched, *, question: str) -> Answer:
         by_run=_by_run(asked, search.configured, search.parameters, search.final),
         judged_on=asked.judged_on,
         unseen=unseen_strengths(search),
-        models=_models(asked, stages, headline),
+        models=_models(asked, precision, stages, headline),
     )
     return Answer(
         verdict=verdict,
@@ -193,7 +197,7 @@ def _by_run(question: Question, *stages: Rival) -> list[RunGap]:
     ]
 
 
-def _table(question: Question, rivals: Sequence[Rival]) -> list[RivalGap]:
+def _table(question: Question, precision: Precision, rivals: Sequence[Rival]) -> list[RivalGap]:
     """The likeliest rivals, and those without a part whatever their probability.
 
     Those that are equally likely, as far as it is shown, by what they leave.
@@ -208,7 +212,7 @@ def _table(question: Question, rivals: Sequence[Rival]) -> list[RivalGap]:
             name=r.name.removeprefix("law:"),
             words=rival_words(plant, r),
             title=titles.get(r.name, "") if r.has_part else "",
-            values=_values(question, r),
+            values=_values(precision, r),
             places=list(r.places),
             gap=question.gap(r),
             probability=r.probability,
@@ -222,19 +226,16 @@ def _table(question: Question, rivals: Sequence[Rival]) -> list[RivalGap]:
     ]
 
 
-def _values(question: Question, rival: Rival) -> list[EffectValue]:
+def _values(precision: Precision, rival: Rival) -> list[EffectValue]:
     """The values of the effect that a rival adds."""
     if rival.kind != EFFECT or rival.fit is None:
         return []
     part, block = rival.fit.model.parts[-1], rival.fit.model.slices[-1]
     if not isinstance(part, EffectPart):
         return []
-    return effect_values(part, rival.fit.x[block], _deviations(question, rival.fit)[block])
-
-
-def _deviations(question: Question, fitted: Fit) -> Array:
-    """Standard deviations of a fit's coordinates, (k,)."""
-    return _standard_deviations(covariance(question.evidence, fitted))
+    return effect_values(
+        part, rival.fit.x[block], _standard_deviations(precision.covariance(rival.fit))[block]
+    )
 
 
 def _standard_deviations(matrix: Array) -> Array:
@@ -259,12 +260,14 @@ def _scores(question: Question, rivals: Sequence[Rival]) -> list[RivalScore]:
     ]
 
 
-def _cause(question: Question, index: int, step: Step, final: Rival, *, gap: float) -> Cause:
+def _cause(
+    question: Question, precision: Precision, index: int, step: Step, final: Rival, *, gap: float
+) -> Cause:
     """The cause of a step, as it is in the final model; `gap` is what was left with it."""
     plant, fitted, level = question.model.plant, final.fit, shipped().credible_level
     assert fitted is not None
     part, block = fitted.model.parts[index], fitted.model.slices[index]
-    x, sd = fitted.x[block], _deviations(question, fitted)[block]
+    x, sd = fitted.x[block], _standard_deviations(precision.covariance(fitted))[block]
     effect = part if isinstance(part, EffectPart) else None
     law = part if isinstance(part, LawPart) else None
     of_parts = [r for r in step.rivals if r.has_part]
@@ -297,7 +300,7 @@ def _cause(question: Question, index: int, step: Step, final: Rival, *, gap: flo
         largest=largest_value(plant, law, x, runs, trajectories) if law else 0.0,
         unit=next((p.unit for p in plant.places if p.name == place), ""),
         gap=gap,
-        rivals=_table(question, step.rivals),
+        rivals=_table(question, precision, step.rivals),
     )
 
 
@@ -322,9 +325,9 @@ def _place_of(listed: Sequence[str], laws: Sequence[str]) -> str:
     return next((p for p in laws if p in listed), listed[0] if listed else "")
 
 
-def uncertainty_of(question: Question, fitted: Fit) -> Uncertainty:
+def uncertainty_of(precision: Precision, fitted: Fit) -> Uncertainty:
     """Covariance of parameters and coefficients in the plant's units."""
-    parameters = question.model.plant.parameters
+    parameters = fitted.model.plant.parameters
     names, scale = [q.name for q in parameters], [q.prior_sd for q in parameters]
     for part in fitted.model.parts:
         if isinstance(part, EffectPart):
@@ -335,7 +338,7 @@ def uncertainty_of(question: Question, fitted: Fit) -> Uncertainty:
             names += of_terms
             scale += scales.tolist()
     unit = np.array(scale)
-    return Uncertainty(tuple(names), unit[:, None] * covariance(question.evidence, fitted) * unit)
+    return Uncertainty(tuple(names), unit[:, None] * precision.covariance(fitted) * unit)
 
 
 def _moved(
@@ -365,7 +368,9 @@ def _moved(
     return sorted(moved, key=lambda q: -abs(q.after - q.before) / max(q.sd, 1e-30))
 
 
-def _models(question: Question, stages: Sequence[Rival], note: str) -> list[str]:
+def _models(
+    question: Question, precision: Precision, stages: Sequence[Rival], note: str
+) -> list[str]:
     """Models with other parameters and with each cause, as text; none where none are written."""
     plant = question.model.plant
     writer = plant if isinstance(plant, SavesModel) else unwrapped(plant)
@@ -375,6 +380,6 @@ def _models(question: Question, stages: Sequence[Rival], note: str) -> list[str]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.toml"
         for fitted in (stage.fit for stage in stages[1:] if stage.fit is not None):
-            writer.save_model(fitted.point, path, note, uncertainty_of(question, fitted))
+            writer.save_model(fitted.point, path, note, uncertainty_of(precision, fitted))
             out.append(path.read_text("utf-8"))
     return out

@@ -24,9 +24,9 @@ from smad.diagnosis.places.bare import InWindows, unwrapped
 from smad.diagnosis.places.place import PlacesPlant
 from smad.diagnosis.plant import Array, Effect, ModelPoint, nominal_point
 from smad.diagnosis.rivals.evidence import Evidence, recorded_evidence
-from smad.diagnosis.rivals.fit import covariance
 from smad.diagnosis.rivals.rival import Question, day_variance, question_of
 from smad.diagnosis.rivals.search import Searched, searched
+from smad.diagnosis.rivals.uncertainty import Precision
 from smad.diagnosis.runs import GapRun
 from smad.progress import Say
 
@@ -132,7 +132,8 @@ def changed_runs(inquiry: Inquiry) -> Searched:
     # What good runs say of the parameters they say also where none of them has to move.
     known = good.final.fit or good.parameters.fit
     if known is not None:
-        uncertainty = uncertainty + covariance(question.evidence, known)[:n, :n]
+        precision = Precision.at(question.evidence, known)
+        uncertainty = uncertainty + precision.covariance(known)[:n, :n]
     tied = np.asarray(np.linalg.inv(uncertainty))
     new = inquiry.question(start, inquiry.fit, inquiry.held_out, floors, tied)
     # What the good runs leave above the noise is the model's form, and stands in these runs, too. A

@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from smad.diagnosis.data.played import finite, predictions
-from smad.diagnosis.numerics.bounded import RIDGE, bounded_step
+from smad.diagnosis.numerics.bounded import bounded_step
 from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, weights
 from smad.diagnosis.rivals.parts import Model
@@ -402,17 +402,6 @@ def leave_out(evidence: Evidence, fitted: Fit) -> tuple[Array, ...]:
         step = bounded_step(A, g, low - x, high - x) - of_all
         out.append(np.clip(x + step, low, high))
     return tuple(out)
-
-
-def covariance(evidence: Evidence, fitted: Fit) -> Array:
-    """Covariance (k, k) of a fit's coordinates: the inverse of half the second derivatives of F.
-
-    Rows count as in the fit, or as less where what it leaves is correlated for longer.
-    """
-    tau = np.maximum(CORRELATED, evidence.correlation_rows(fitted.left))
-    J = evidence.weighted(weights(evidence, fitted.left, tau=tau))(fitted.slopes)
-    _, precision = replace(fitted.model, rows_as_one=1.0).prior
-    return np.asarray(np.linalg.inv(J @ J.T + precision + RIDGE * np.eye(len(precision))))
 
 
 def _weighted(evidence: Evidence, slopes: Array, left: Array, weight: Array) -> tuple[Array, Array]:

@@ -1,0 +1,81 @@
+"""How well the coordinates of a fit are known.
+
+A fit is content with slopes that are 2 % off. Where several parameters do nearly the same, such an
+error would pass for rows that tell them apart: here slopes are central differences of exact
+replays. Nor is a value known better than it scatters from one part of the data to another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from smad.diagnosis.numerics.bounded import RIDGE
+from smad.diagnosis.plant import Array
+from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, weights
+from smad.diagnosis.rivals.fit import Fit, leave_out, replayed
+
+_STEPS = (0.3, -0.3, 0.6, -0.6)
+"""Of those of a fit: slopes are made of the first two that the model can go."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Precision:
+    """Slopes of the parameters (p, n), for fits that are not far from where they were made."""
+
+    evidence: Evidence
+    of_parameters: Array
+
+    @classmethod
+    def at(cls, evidence: Evidence, fitted: Fit) -> Precision:
+        """Made at the coordinates of a fit."""
+        slopes = _central_slopes(evidence, fitted, range(fitted.model.parameters))
+        return cls(evidence=evidence, of_parameters=slopes)
+
+    def covariance(self, fitted: Fit) -> Array:
+        """Covariance (k, k) of a fit's coordinates: half the second derivatives of F, inverted.
+
+        Rows count as in the fit, or as less where what it leaves is correlated for longer. No
+        standard deviation is less than the jackknife's of the folds.
+        """
+        e, model = self.evidence, fitted.model
+        own = _central_slopes(e, fitted, range(model.parameters, len(fitted.x)))
+        slopes = np.concatenate([self.of_parameters, own])
+        tau = np.maximum(CORRELATED, e.correlation_rows(fitted.left))
+        J = e.weighted(weights(e, fitted.left, tau=tau))(slopes)
+        _, precision = replace(model, rows_as_one=1.0).prior
+        matrix = np.linalg.inv(J @ J.T + precision + RIDGE * np.eye(len(precision)))
+        without_one = np.array(leave_out(e, replace(fitted, slopes=slopes)))
+        scatter = np.sqrt((len(without_one) - 1) * without_one.var(axis=0))
+        wider = np.maximum(scatter / np.sqrt(np.diag(matrix)), 1.0)
+        return np.asarray(wider[:, None] * matrix * wider)
+
+
+def _central_slopes(evidence: Evidence, fitted: Fit, which: Sequence[int]) -> Array:
+    """Rows of what the coordinates `which` change, for a unit of each, (len(which), n).
+
+    Those of two steps, continued to none. A coordinate that cannot go two has none.
+    """
+    model, x = fitted.model, fitted.x
+    (low, high), steps = model.bounds, model.steps(x)
+    out = np.zeros((len(which), len(evidence.run_of_row)))
+    base = replayed(evidence, fitted.point, model, exact=True) if which else None
+    if base is None:
+        return out
+    for row, i in enumerate(which):
+        found: list[tuple[float, Array]] = []
+        for step in steps[i] * np.array(_STEPS):
+            moved = x.copy()
+            moved[i] += step
+            if len(found) == 2 or not low[i] <= moved[i] <= high[i]:
+                continue
+            predicted = replayed(evidence, model.point(moved), model, exact=True)
+            if predicted is not None:
+                change = [(f - b)[None] for f, b in zip(predicted, base, strict=True)]
+                found.append((step, evidence.rows(change)[0] / step))
+        if len(found) == 2:
+            (a, slope_a), (b, slope_b) = found
+            out[row] = (b * slope_a - a * slope_b) / (b - a)
+    return out
