@@ -1,8 +1,9 @@
 """How well the coordinates of a fit are known.
 
 A fit is content with slopes that are 2 % off. Where several parameters do nearly the same, such an
-error would pass for rows that tell them apart: here slopes are central differences of exact
-replays. Nor is a value known better than it scatters from one part of the data to another.
+error would pass for rows that tell them apart. So slopes are made anew, as central differences of
+exact replays, and the less certain of the two answers counts, since errors only ever add to what
+rows seem to say. Nor is a value known better than it scatters from one part of the data to another.
 """
 
 from __future__ import annotations
@@ -35,22 +36,28 @@ class Precision:
         return cls(evidence=evidence, of_parameters=slopes)
 
     def covariance(self, fitted: Fit) -> Array:
-        """Covariance (k, k) of a fit's coordinates: half the second derivatives of F, inverted.
+        """Covariance (k, k) of a fit's coordinates.
 
         Rows count as in the fit, or as less where what it leaves is correlated for longer. No
-        standard deviation is less than the jackknife's of the folds.
+        standard deviation is less than by the slopes of the fit, or the jackknife's of the folds.
         """
-        e, model = self.evidence, fitted.model
-        own = _central_slopes(e, fitted, range(model.parameters, len(fitted.x)))
+        e, p = self.evidence, fitted.model.parameters
+        own = _central_slopes(e, fitted, range(p, len(fitted.x)))
         slopes = np.concatenate([self.of_parameters, own])
-        tau = np.maximum(CORRELATED, e.correlation_rows(fitted.left))
-        J = e.weighted(weights(e, fitted.left, tau=tau))(slopes)
-        _, precision = replace(model, rows_as_one=1.0).prior
-        matrix = np.linalg.inv(J @ J.T + precision + RIDGE * np.eye(len(precision)))
+        matrix = _inverse(e, fitted, slopes)
         without_one = np.array(leave_out(e, replace(fitted, slopes=slopes)))
-        scatter = np.sqrt((len(without_one) - 1) * without_one.var(axis=0))
-        wider = np.maximum(scatter / np.sqrt(np.diag(matrix)), 1.0)
+        scatter = (len(without_one) - 1) * without_one.var(axis=0)
+        least = np.maximum(scatter, np.diag(_inverse(e, fitted, fitted.slopes)))
+        wider = np.sqrt(np.maximum(least / np.diag(matrix), 1.0))
         return np.asarray(wider[:, None] * matrix * wider)
+
+
+def _inverse(evidence: Evidence, fitted: Fit, slopes: Array) -> Array:
+    """Of half the second derivatives of F with these slopes (k, n), (k, k)."""
+    tau = np.maximum(CORRELATED, evidence.correlation_rows(fitted.left))
+    J = evidence.weighted(weights(evidence, fitted.left, tau=tau))(slopes)
+    _, precision = replace(fitted.model, rows_as_one=1.0).prior
+    return np.asarray(np.linalg.inv(J @ J.T + precision + RIDGE * np.eye(len(precision))))
 
 
 def _central_slopes(evidence: Evidence, fitted: Fit, which: Sequence[int]) -> Array:

@@ -90,6 +90,18 @@ def test_an_effect_of_the_library_runs_in_the_simulator_with_its_value(
     assert found.whole.final < 1.0
 
 
+def test_a_value_that_differs_from_run_to_run_is_known_no_better_than_it_scatters() -> None:
+    gains = (0.03, 0.05, 0.06, 0.07)
+    played = zip(("random", "random", "sines", "sines"), gains, strict=True)
+    runs = [
+        recorded(family, k, OTHER, {"driver_gain": {"g": g}}, duration_s=50.0, day=99)
+        for k, (family, g) in enumerate(played, start=1)
+    ]
+    (gain,) = ask(runs).causes[0].values
+    error = float(np.std(gains, ddof=1)) / len(gains) ** 0.5
+    assert 0.5 * error < gain.sd < 2.0 * error
+
+
 def test_two_effects_are_both_found() -> None:
     found = ask(bank(OTHER, {"dial_delay": {"delay_s": 0.5}, **GAIN}))
     assert {c.name for c in found.causes} == {"dial_delay", "driver_gain"}
