@@ -188,7 +188,7 @@ def parameter_lines(parameters: Sequence[ParameterMoved]) -> list[str]:
 def budget_stages(question: str, causes: Sequence[str]) -> list[str]:
     """What a question's gaps are of, then the name of each stage; `causes` are names."""
     if question == CHECK_UP:
-        return ["now − then", "change", "parameters", *(f"+ {c}" for c in causes)]
+        return ["whitened now − then", "change", "parameters", *(f"+ {c}" for c in causes)]
     return ["measured − predicted", "as it was", "parameters", *(f"+ {c}" for c in causes)]
 
 
