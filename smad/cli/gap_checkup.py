@@ -205,11 +205,10 @@ def investigate(
     """Check up, then measure more until one cause is left.
 
     It plays the quick runs, then the run that best separates the remaining rivals, each run once.
-    It stops when one cause is left and explains the gap, the time is spent, or no other run would
-    separate any two of the rest.
+    It stops when one cause is left, the time is spent, or no other run would separate the rest.
     Then it plays the quick runs once more, as proof, and writes the model with the cause. It says
-    what it plays and why. After an interruption, repeat the command. The bench is disarmed after
-    each run.
+    at each step what it plays and why. After an interruption, repeat the command to continue. The
+    bench is disarmed after each run.
     """
     from smad.checkup.baseline import FIRST, require_same
     from smad.checkup.inquiry import Inquiry, open_folder
