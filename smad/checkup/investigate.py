@@ -56,26 +56,22 @@ def propose(judgement: Judged, costs_s: Mapping[str, float], left_s: float) -> P
 
     `costs_s` is what playing each run takes, `left_s` the time that is left. Each run is
     played once, since a repeat does not separate rivals that the first play left open. If no rival
-    is told, or the one that is leaves more than repeats differ by, every run of the baseline is
-    played before that is the answer.
+    is told, every run of the baseline is played before that is the answer.
     """
     verdict, pairs = judgement.verdict, judgement.pairs
-    new = next((r.name for r in _not_played(pairs) if costs_s[r.name] <= left_s), None)
     if not verdict.causes:
         finding = {
             QUIET: "nothing has changed beyond the repeat floor",
             PARAMETERS: "other values of the parameters explain it",
         }.get(verdict.outcome, "no cause was found")
-        if new is not None:
-            return Proposal(new, f"for the first time now: so far {finding}")
+        new = (r.name for r in _not_played(pairs) if costs_s[r.name] <= left_s)
+        if run := next(new, None):
+            return Proposal(run, f"for the first time now: so far {finding}")
         return Proposal(None, f"settled: {finding}")
     staying = judgement.answer.alternatives
     names = tuple(rival_words(pairs.plant, r) for r in staying)
     if len(staying) < 2:
-        words, gap = verdict.causes[0].words, _more_than_repeats(judgement)
-        if new is not None and gap:
-            return Proposal(new, f"for the first time now: with {words} {gap:.1f} floors are left")
-        return Proposal(None, f"settled: {words}; no other rival is near")
+        return Proposal(None, f"settled: {verdict.causes[0].words}; no other rival is near")
     either = " or ".join(names)
     offers = tuple(sorted(_offers(judgement), key=_mean, reverse=True))
     if not offers:
@@ -100,14 +96,6 @@ def propose(judgement: Judged, costs_s: Mapping[str, float], left_s: float) -> P
             f"{max(left_s, 0.0) / 60:.1f} left"
         )
     return Proposal(None if best is None else best.run, why, names, offers)
-
-
-def _more_than_repeats(judgement: Judged) -> float:
-    """What the model that is told leaves, in floors, if it is more than good repeats do; else 0."""
-    search = judgement.answer.search
-    assert search is not None
-    gap = search.question.gap(search.final)
-    return gap if gap > search.question.quiet_gap else 0.0
 
 
 def _mean(offer: Offer) -> float:

@@ -144,20 +144,6 @@ def test_one_rival_that_no_other_is_near_is_settled(lagging: Judged) -> None:
     assert found.why == "settled: reading_rtd; no other rival is near"
 
 
-def test_one_rival_is_not_settled_while_it_leaves_more_than_repeats_differ_by(
-    lagging: Judged,
-) -> None:
-    found = undecided(lagging, LAG_LIKE)
-    search = found.answer.search
-    assert search is not None
-    poor = replace(search.final, squares=search.final.squares * 1e4)
-    found = replace(found, answer=replace(found.answer, search=replace(search, final=poor)))
-    proposal = propose(found, COSTS, 600.0)
-    assert proposal.run == "short"
-    assert "with reading_rtd" in proposal.why
-    assert propose(found, COSTS, 30.0).why == "settled: reading_rtd; no other rival is near"
-
-
 def test_rivals_that_predict_the_same_are_not_played_for(lagging: Judged) -> None:
     found = propose(undecided(lagging, SMALL, SMALL), COSTS, 600.0)
     assert found.run is None
