@@ -122,7 +122,7 @@ class Inquiry:
         report = self._with_model(report, judgement)
         if proposal.staying:
             offers = unpaired_offers(judgement, self.programme)
-            separations = {o.run: round(o.separation.mean, 1) for o in offers}
+            separations = {o.run: round(o.separation, 1) for o in offers}
             report = msgspec.structs.replace(report, offers=separations)
         # Last of all: an investigation that lost its bench during the proof is not over.
         report = msgspec.structs.replace(report, why_over=why)

@@ -1,8 +1,7 @@
 """What to play next so that what a check-up leaves open is settled. Pure: a check-up in, runs out.
 
 What the simulator shows of a run with one rival and with another is their separation by that run:
-d², the squared distance of their rows, over the variance of a row. 16 is four standard errors. A
-run is worth its time while it separates any two of the rivals that stay so far.
+d², the squared distance of their rows, over the variance of a row. 16 is four standard errors.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ import numpy as np
 from smad.checkup.judge import Judged
 from smad.checkup.programme import Programme
 from smad.diagnosis.data.played import Played, predictions
-from smad.diagnosis.next_run import Separation, separation_of
+from smad.diagnosis.next_run import separation
 from smad.diagnosis.numerics.white import RunRows, Shrink
 from smad.diagnosis.paired.difference import Paired, rows_of
 from smad.diagnosis.paired.good import GoodRun
@@ -31,10 +30,10 @@ _WATER_DEGC = 27.0
 
 @dataclass(frozen=True)
 class Offer:
-    """A run with how far it separates the rivals that stay."""
+    """A run with d² of the rivals that stay: the least over their pairs."""
 
     run: str
-    separation: Separation
+    separation: float
 
 
 @dataclass(frozen=True)
@@ -73,34 +72,26 @@ def propose(judgement: Judged, costs_s: Mapping[str, float], left_s: float) -> P
     if len(staying) < 2:
         return Proposal(None, f"settled: {verdict.causes[0].words}; no other rival is near")
     either = " or ".join(names)
-    offers = tuple(sorted(_offers(judgement), key=_mean, reverse=True))
+    offers = tuple(sorted(_offers(judgement), key=lambda o: -o.separation))
     if not offers:
         why = f"every run of the baseline was played, and {either} is left open"
         return Proposal(None, why, names)
-    useful = [o for o in offers if o.separation.largest >= SEPARATED]
-    affordable = [o for o in useful if costs_s[o.run] <= left_s]
-    best = max(affordable, key=lambda o: _mean(o) / costs_s[o.run], default=None)
+    most = offers[0]
+    affordable = [o for o in offers if o.separation >= SEPARATED and costs_s[o.run] <= left_s]
+    best = max(affordable, key=lambda o: o.separation / costs_s[o.run], default=None)
     if best is not None:
-        why = f"it separates {either} best for its time, by d² = {_mean(best):.0f} on average"
-    elif not useful:
-        largest = max(o.separation.largest for o in offers)
+        why = f"it separates {either} best for its time, by d² = {best.separation:.0f}"
+    elif most.separation < SEPARATED:
         why = (
-            f"no remaining run separates any two of {either}: the best does so by "
-            f"d² = {largest:.1f}; {SEPARATED:g} is needed"
+            f"no remaining run separates {either}: {most.run}, the best, does so by "
+            f"d² = {most.separation:.1f}; {SEPARATED:g} is needed"
         )
     else:
-        most = useful[0]
         why = (
-            f"the time is spent: {most.run} would separate {either} by d² = {_mean(most):.0f} on "
-            f"average, and takes {costs_s[most.run] / 60:.1f} min of "
-            f"{max(left_s, 0.0) / 60:.1f} left"
+            f"the time is spent: {most.run} would separate {either} by d² = {most.separation:.0f}, "
+            f"and takes {costs_s[most.run] / 60:.1f} min of {max(left_s, 0.0) / 60:.1f} left"
         )
     return Proposal(None if best is None else best.run, why, names, offers)
-
-
-def _mean(offer: Offer) -> float:
-    """d² between the rivals that stay, on average."""
-    return offer.separation.mean
 
 
 def _not_played(paired: Paired) -> list[GoodRun]:
@@ -136,17 +127,16 @@ def unpaired_offers(judgement: Judged, programme: Programme) -> list[Offer]:
             valid = np.ones((played.bins, len(sd)), dtype=bool)
             rows = RunRows.of(sd, valid, rho=floor.rho)
             out.append(_offer(judgement, run.name, played, rows, np.zeros((0, valid.size))))
-    return sorted(out, key=_mean, reverse=True)
+    return sorted(out, key=lambda o: -o.separation)
 
 
 def _offer(judgement: Judged, run: str, played: Played, rows: RunRows, slopes: Array) -> Offer:
     """A run with the separation of the rivals that stay, in rows beside `slopes`."""
     plant, point, tie = judgement.pairs.plant, judgement.pairs.good.point, Shrink(slopes)
     (base,) = predictions(plant, point, [played])
-    alternatives, sd = judgement.answer.alternatives, judgement.variance**0.5
     moves = []
-    for rival in alternatives:
+    for rival in judgement.answer.alternatives:
         assert rival.fit is not None
         (moved,) = predictions(plant, rival.fit.point, [played])
-        moves.append(tie(rows.shrink(rows.independent((moved - base)[None])))[0] / sd)
-    return Offer(run, separation_of(moves, [rival.probability for rival in alternatives]))
+        moves.append(tie(rows.shrink(rows.independent((moved - base)[None])))[0])
+    return Offer(run, separation(moves) / judgement.variance)

@@ -94,10 +94,10 @@ def next_experiment(
     if not confused:
         click.echo("Nothing is confused that a run of the catalogue could tell apart.")
         return
-    click.echo(f"Not separated: {' or '.join(confused)}. Mean d² between them:")
+    click.echo(f"Not separated: {' or '.join(confused)}. Least d² between two of them:")
     for offer in ranked[:_OFFERS]:
         x = offer.experiment
-        d2 = f"d² {offer.separation.mean:>7.1f}"
+        d2 = f"d² {offer.separation:>7.1f}"
         click.echo(f"  {d2}  {x.duration_s:>4.0f} s  {x.title}:  {x.command}")
 
 
@@ -113,7 +113,7 @@ def _propose(folder: Path) -> None:
     click.secho(judgement.verdict.headline, bold=True)
     click.echo(f"{proposal.run} {proposal.why}" if proposal.run else proposal.why)
     for offer in proposal.offers:
-        click.echo(f"  {offer.run:<10} d² = {offer.separation.mean:.1f}")
+        click.echo(f"  {offer.run:<10} d² = {offer.separation:.1f}")
     if proposal.run is not None:
         click.echo("smad gap investigate plays it, and goes on until it is settled")
 

@@ -18,23 +18,11 @@ from smad.progress import Say, silent
 
 
 @dataclass(frozen=True)
-class Separation:
-    """d² between rivals by what they predict of a run: a mean over pairs, and the largest.
-
-    The mean is geometric, of 1 + d², by the probabilities of both: a pair that nothing separates
-    does not hide what a run says of the others, and a loud one does not count for several.
-    """
-
-    mean: float = 0.0
-    largest: float = 0.0
-
-
-@dataclass(frozen=True)
 class Offer:
-    """An experiment of the plant's catalogue, and how far it separates the rivals."""
+    """An experiment of the plant's catalogue, and the smallest d² between two of the rivals."""
 
     experiment: Experiment
-    separation: Separation
+    separation: float
 
 
 def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offer]]:
@@ -45,7 +33,6 @@ def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offe
     Both lists are empty where nothing is confused.
     """
     search, fits = answer.search, [r.fit for r in answer.alternatives if r.fit is not None]
-    probabilities = [r.probability for r in answer.alternatives if r.fit is not None]
     if search is None or len(fits) < 2:
         return [], []
     evidence, model = search.question.evidence, search.question.model
@@ -64,17 +51,12 @@ def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offe
         period_s = evidence.played[0].period_s
         played = Played.of(run, plant.inputs, run.begins_s, period_s)
         predicted = [predictions(plant, f.point, [played])[0] / scale for f in fits]
-        out.append(Offer(experiment, separation_of(predicted, probabilities)))
-    return words, sorted(out, key=lambda o: (-o.separation.mean, o.experiment.name))
+        out.append(Offer(experiment, separation(predicted)))
+    return words, sorted(out, key=lambda o: (-o.separation, o.experiment.name))
 
 
-def separation_of(predicted: Sequence[Array], probabilities: Sequence[float]) -> Separation:
-    """Between what rivals show of a run, in standard deviations of a row; none where one of them is
-    no number."""
-    pairs = list(combinations(range(len(predicted)), 2))
-    if not pairs or not all(np.isfinite(x).all() for x in predicted):
-        return Separation()
-    d2 = np.array([((predicted[i] - predicted[j]) ** 2).sum() for i, j in pairs])
-    of_both = np.array([probabilities[i] * probabilities[j] for i, j in pairs])
-    mean = np.expm1(np.average(np.log1p(d2), weights=of_both))
-    return Separation(mean=float(mean), largest=float(d2.max()))
+def separation(predicted: Sequence[Array]) -> float:
+    """The least d² between two of what rivals show of a run; 0 where one of them is no number."""
+    if not all(np.isfinite(x).all() for x in predicted):
+        return 0.0
+    return min((float(((a - b) ** 2).sum()) for a, b in combinations(predicted, 2)), default=0.0)

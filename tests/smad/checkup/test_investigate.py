@@ -103,14 +103,7 @@ def undecided(found: Judged, *laws: Law) -> Judged:
             shift=(),
         )
         rivals.append(
-            Rival(
-                kind="effect",
-                name=f"{law.place} {k}",
-                fit=made,
-                squares=none,
-                scores=none,
-                probability=1.0 / len(laws),
-            )
+            Rival(kind="effect", name=f"{law.place} {k}", fit=made, squares=none, scores=none)
         )
     verdict = msgspec.structs.replace(found.verdict, outcome="causes", causes=[cause])
     answer = replace(found.answer, verdict=verdict, alternatives=tuple(rivals))
@@ -151,13 +144,6 @@ def test_rivals_that_predict_the_same_are_not_played_for(lagging: Judged) -> Non
     assert "no remaining run separates" in found.why
 
 
-def test_a_run_is_played_that_separates_some_while_it_cannot_separate_others(
-    lagging: Judged,
-) -> None:
-    found = propose(undecided(lagging, SMALL, SMALL, LAG_LIKE), COSTS, 600.0)
-    assert found.run == "short"
-
-
 def test_a_run_that_takes_longer_than_is_left_is_told_and_not_played(lagging: Judged) -> None:
     found = propose(undecided(lagging, LAG_LIKE, FORCE_LIKE), COSTS, 30.0)
     assert found.run is None
@@ -179,7 +165,7 @@ def test_a_run_that_the_baseline_lacks_is_offered_by_what_the_model_expects(
     programme = Programme("short", "three runs", (*PROGRAMME.runs, other))
     (offer,) = unpaired_offers(undecided(lagging, LAG_LIKE, FORCE_LIKE), programme)
     assert offer.run == "other"
-    assert offer.separation.mean > 16.0
+    assert offer.separation > 16.0
 
 
 def write_log(path: Path, run: GapRun) -> None:
