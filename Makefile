@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 FIRMWARE ?= python
-.PHONY: help firmware demo test long-tests recipes notebooks check bench campaign site generate wheel cold paper lock setup setup-test format clean
+.PHONY: help firmware demo test long-tests recipes notebooks lint check bench campaign site generate wheel cold paper lock setup setup-test format clean
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 18
@@ -42,11 +42,13 @@ recipes: $(VENV)/.test-installed  ## every step of docs/architecture.md's recipe
 notebooks: $(VENV)/.test-installed  ## run every notebook of examples/, the slow ones too
 	@SMAD_ALL_NOTEBOOKS=1 $(PY) -m pytest tests/docs/test_notebooks.py
 
-check: $(VENV)/.test-installed  ## lint, format, types, generated files, import directions
+lint: $(VENV)/.test-installed  ## lint, format, types, generated files
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 	@$(PY) tools/generate.py --check
+
+check: lint  ## the same, and import directions, which are among the tests
 	@$(PY) -m pytest -q tests/test_contracts.py
 
 bench: $(VENV)/.test-installed  ## the numbers: speed as ratios within one run
