@@ -9,7 +9,7 @@ rows seem to say. Nor is a value known better than it scatters from one part of 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,10 +24,14 @@ _STEPS = (0.3, -0.3, 0.6, -0.6)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Precision:
-    """Slopes of the parameters (p, n), for fits that are not far from where they were made."""
+    """Slopes of the parameters (p, n), for fits that are not far from where they were made.
+
+    `known` are the fits that were asked for, by identity, each with its covariance.
+    """
 
     evidence: Evidence
     of_parameters: Array
+    known: dict[int, tuple[Fit, Array]] = field(default_factory=dict)
 
     @classmethod
     def at(cls, evidence: Evidence, fitted: Fit) -> Precision:
@@ -41,6 +45,11 @@ class Precision:
         Rows count as in the fit, or as less where what it leaves is correlated for longer. No
         standard deviation is less than by the slopes of the fit, or the jackknife's of the folds.
         """
+        if id(fitted) not in self.known:
+            self.known[id(fitted)] = fitted, self._covariance(fitted)
+        return self.known[id(fitted)][1]
+
+    def _covariance(self, fitted: Fit) -> Array:
         e, p = self.evidence, fitted.model.parameters
         own = _central_slopes(e, fitted, range(p, len(fitted.x)))
         slopes = np.concatenate([self.of_parameters, own])
