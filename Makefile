@@ -48,7 +48,7 @@ lint: $(VENV)/.test-installed  ## lint, format, types, generated files
 	@$(BIN)/mypy
 	@$(PY) tools/generate.py --check
 
-check: lint  ## the same, and import directions, which are among the tests
+check: lint  ## lint, and the tests of import directions
 	@$(PY) -m pytest -q tests/test_contracts.py
 
 bench: $(VENV)/.test-installed  ## the numbers: speed as ratios within one run

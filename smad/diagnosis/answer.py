@@ -78,9 +78,9 @@ class Answer:
 def answer_of(search: Searched, *, question: str) -> Answer:
     """The answer that a search gives."""
     asked, fitted = search.question, search.final.fit
-    place = fitted or search.parameters.fit
-    assert place is not None
-    precision = Precision.at(asked.evidence, place)
+    base = fitted or search.parameters.fit
+    assert base is not None
+    precision = Precision.at(asked.evidence, base)
     entered = _entered(search)
     with_causes = [*(rival for _, rival in entered[:-1]), search.final] if entered else []
     causes = [
@@ -182,6 +182,7 @@ def gaps_on(answer: Answer, evidence: Evidence) -> list[SignalGap]:
     search = answer.search
     if search is None:
         return []
+    # The form of what has entered was measured on the runs judged before.
     question = replace(search.question, held_out=evidence, form=())
     rivals = [question.of_point(question.point_of(stage)) for stage in answer.stages]
     replayed = [r for r in rivals if r is not None]
@@ -233,9 +234,8 @@ def _values(precision: Precision, rival: Rival) -> list[EffectValue]:
     part, block = rival.fit.model.parts[-1], rival.fit.model.slices[-1]
     if not isinstance(part, EffectPart):
         return []
-    return effect_values(
-        part, rival.fit.x[block], _standard_deviations(precision.covariance(rival.fit))[block]
-    )
+    sd = _standard_deviations(precision.covariance(rival.fit))
+    return effect_values(part, rival.fit.x[block], sd[block])
 
 
 def _standard_deviations(matrix: Array) -> Array:

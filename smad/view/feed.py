@@ -17,6 +17,7 @@ from smad.runlog.cycles import Cycles
 from smad.view.tier import MOST_BUCKETS, Frame, Moments, Tier, Values
 
 FRAMES_PER_S = 15.0
+"""With 30 the browser took half as much again of the processor."""
 BACKWARDS_S = 1.0
 """By so much the steered clock may step back; more is another clock, and begins anew."""
 LONGEST_TAIL_S = 300.0

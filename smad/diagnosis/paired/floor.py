@@ -20,8 +20,9 @@ _ROUNDS = 6
 _MOST_RHO = 0.95
 _LEAST_SHARE = 0.25
 _PSEUDO = 4.0
-_T, _T_DEGREES = 1.0, 2
-"""Prior degrees of freedom of a variance, and the fewest of repeats: with one it has no bound."""
+_PRIOR_DEGREES, _FEWEST_DEGREES = 1.0, 2
+"""Degrees of freedom of a variance before any repeat, and the fewest that repeats count as: with
+one, the t distribution has no variance."""
 _GAUGE_ROWS = 50.0
 _MOST_GAUGE = 2.0
 """So far may repeats raise the floor; what differs more shows as a gap."""
@@ -99,7 +100,7 @@ def repeat_floor(
         rho = lag_one_correlation(scaled, _MOST_RHO)
         day_sd = np.sqrt((squares + _PSEUDO * usual_day**2) / (len(repeats) + _PSEUDO))
     # A variance of few degrees of freedom is often too small: that of a t distribution.
-    known = max(degrees, _T_DEGREES) + _T
+    known = max(degrees, _FEWEST_DEGREES) + _PRIOR_DEGREES
     few = np.sqrt(known / (known - 2.0))
     gauge = few * _gauge(repeats, sd, rho, day_sd)
     return Floor(sd, rho, day_sd, degrees, gauge)

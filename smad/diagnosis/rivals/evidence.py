@@ -137,6 +137,11 @@ class Evidence:
         parts = [t.rows.independent(v) for t, v in zip(self.trials, values, strict=True)]
         return np.concatenate(parts, axis=1)
 
+    def change(self, predicted: Sequence[Array], base: Sequence[Array]) -> Array:
+        """Rows of what predictions (bins, channels) differ by from others, (n,)."""
+        differences = [(p - b)[None] for p, b in zip(predicted, base, strict=True)]
+        return np.asarray(self.rows(differences)[0])
+
     def left(self, predicted: Sequence[Array]) -> Array:
         """Rows that predictions (bins, channels) leave of the targets, (n,)."""
         pairs = zip(self.trials, predicted, strict=True)

@@ -160,8 +160,7 @@ def slopes_at(evidence: Evidence, model: Model, x: Array, which: Sequence[int]) 
             moved[i] += sign * steps[i]
             predicted = predicted_at(moved, exact)
             if finite(predicted) and finite(bases[exact]):
-                change = [(f - b)[None] for f, b in zip(predicted, bases[exact], strict=True)]
-                out[row] = evidence.rows(change)[0] / (sign * steps[i])
+                out[row] = evidence.change(predicted, bases[exact]) / (sign * steps[i])
                 break
     return out
 
@@ -179,9 +178,10 @@ def averages_hide(evidence: Evidence, reference: Reference, model: Model, x: Arr
         base = predictions(model.plant, without, e.played, exact=exact)
         if not (finite(predicted) and finite(base)):
             return False
-        changes.append(e.rows([(f - b)[None] for f, b in zip(predicted, base, strict=True)])[0])
-    exact, averaged = changes
-    return bool(np.sum((averaged - exact) ** 2) > _HIDDEN**2 * np.sum(exact**2))
+        changes.append(e.change(predicted, base))
+    as_recorded, averaged = changes
+    hidden = np.sum((averaged - as_recorded) ** 2)
+    return bool(hidden > _HIDDEN**2 * np.sum(as_recorded**2))
 
 
 def objective(

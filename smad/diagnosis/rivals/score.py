@@ -38,6 +38,7 @@ _QUIET_SQUARE = 1.35**2
 _FORM_RARELY = 0.01
 """How often an error of form has a larger square than counts as quiet."""
 _RESAMPLED = 400
+"""Of more runs than are enumerated; a mean probability is then known to 0.025 or better."""
 _ENUMERATED = 8
 """Runs of which all resamples are taken: 6435 of eight, 24310 of nine."""
 _SEED = 20261125

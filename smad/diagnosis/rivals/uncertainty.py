@@ -19,25 +19,26 @@ from smad.diagnosis.rivals.evidence import CORRELATED, Evidence, weights
 from smad.diagnosis.rivals.fit import Fit, leave_out, replayed
 
 _STEPS = (0.3, -0.3, 0.6, -0.6)
-"""Of those of a fit: slopes are made of the first two that the model can go."""
+"""Shares of a fit's steps, of which the first two within bounds are taken. With whole steps the
+tube diameter of a simulated bench was 3.7 standard deviations off, with these 2.1."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Precision:
-    """Slopes of the parameters (p, n), for fits that are not far from where they were made.
+    """Covariances of fits that are not far from where the slopes of the parameters were made.
 
-    `known` are the fits that were asked for, by identity, each with its covariance.
+    `parameter_slopes` are (p, n), `covariances` those of the fits that were asked for.
     """
 
     evidence: Evidence
-    of_parameters: Array
-    known: dict[int, tuple[Fit, Array]] = field(default_factory=dict)
+    parameter_slopes: Array
+    covariances: dict[Fit, Array] = field(default_factory=dict)
 
     @classmethod
     def at(cls, evidence: Evidence, fitted: Fit) -> Precision:
-        """Made at the coordinates of a fit."""
+        """With slopes made at the coordinates of a fit."""
         slopes = _central_slopes(evidence, fitted, range(fitted.model.parameters))
-        return cls(evidence=evidence, of_parameters=slopes)
+        return cls(evidence=evidence, parameter_slopes=slopes)
 
     def covariance(self, fitted: Fit) -> Array:
         """Covariance (k, k) of a fit's coordinates.
@@ -45,24 +46,24 @@ class Precision:
         Rows count as in the fit, or as less where what it leaves is correlated for longer. No
         standard deviation is less than by the slopes of the fit, or the jackknife's of the folds.
         """
-        if id(fitted) not in self.known:
-            self.known[id(fitted)] = fitted, self._covariance(fitted)
-        return self.known[id(fitted)][1]
+        if fitted not in self.covariances:
+            self.covariances[fitted] = self._covariance(fitted)
+        return self.covariances[fitted]
 
     def _covariance(self, fitted: Fit) -> Array:
         e, p = self.evidence, fitted.model.parameters
         own = _central_slopes(e, fitted, range(p, len(fitted.x)))
-        slopes = np.concatenate([self.of_parameters, own])
-        matrix = _inverse(e, fitted, slopes)
+        slopes = np.concatenate([self.parameter_slopes, own])
+        matrix = _inverse_curvature(e, fitted, slopes)
         without_one = np.array(leave_out(e, replace(fitted, slopes=slopes)))
         scatter = (len(without_one) - 1) * without_one.var(axis=0)
-        least = np.maximum(scatter, np.diag(_inverse(e, fitted, fitted.slopes)))
+        least = np.maximum(scatter, np.diag(_inverse_curvature(e, fitted, fitted.slopes)))
         wider = np.sqrt(np.maximum(least / np.diag(matrix), 1.0))
         return np.asarray(wider[:, None] * matrix * wider)
 
 
-def _inverse(evidence: Evidence, fitted: Fit, slopes: Array) -> Array:
-    """Of half the second derivatives of F with these slopes (k, n), (k, k)."""
+def _inverse_curvature(evidence: Evidence, fitted: Fit, slopes: Array) -> Array:
+    """Inverse of half the second derivatives of F, (k, k), with these slopes (k, n)."""
     tau = np.maximum(CORRELATED, evidence.correlation_rows(fitted.left))
     J = evidence.weighted(weights(evidence, fitted.left, tau=tau))(slopes)
     _, precision = replace(fitted.model, rows_as_one=1.0).prior
@@ -72,7 +73,7 @@ def _inverse(evidence: Evidence, fitted: Fit, slopes: Array) -> Array:
 def _central_slopes(evidence: Evidence, fitted: Fit, which: Sequence[int]) -> Array:
     """Rows of what the coordinates `which` change, for a unit of each, (len(which), n).
 
-    Those of two steps, continued to none. A coordinate that cannot go two has none.
+    Extrapolated from two steps to none. A coordinate that the model cannot move by two has zeros.
     """
     model, x = fitted.model, fitted.x
     (low, high), steps = model.bounds, model.steps(x)
@@ -89,8 +90,7 @@ def _central_slopes(evidence: Evidence, fitted: Fit, which: Sequence[int]) -> Ar
                 continue
             predicted = replayed(evidence, model.point(moved), model, exact=True)
             if predicted is not None:
-                change = [(f - b)[None] for f, b in zip(predicted, base, strict=True)]
-                found.append((step, evidence.rows(change)[0] / step))
+                found.append((step, evidence.change(predicted, base) / step))
         if len(found) == 2:
             (a, slope_a), (b, slope_b) = found
             out[row] = (b * slope_a - a * slope_b) / (b - a)
