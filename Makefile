@@ -94,9 +94,11 @@ $(VENV)/.packages: pyproject.toml uv.lock $(VENV)/.python
 	@$(SYNC) --extra all
 	@touch $@
 
-$(VENV)/.installed: $(VENV)/.packages $(wildcard sim_device/plant/kernel/*.py) smad/fmi/library.py smad/fmi/to_c.py
-	@echo "compiling the physics kernel (once)"
+$(VENV)/.installed: $(VENV)/.packages $(wildcard sim_device/plant/kernel/*.py) smad/fmi/library.py smad/fmi/to_c.py \
+  $(wildcard firmware_protocol/supervisor/*.py) $(wildcard firmware_protocol/c/*.[ch])
+	@echo "compiling the physics kernel and the board's supervisor (once)"
 	@$(PY) -m smad.fmi.library
+	@$(PY) -m firmware_protocol.supervisor.compiled
 	@$(PY) -m sim_device.plant.warm
 	@touch $@
 
@@ -121,5 +123,5 @@ $(VENV)/.site-installed: $(VENV)/.packages
 	@touch $@
 
 clean:  ## remove what the build made (not your runs)
-	rm -rf $(VENV) sim_device/plant/kernel/kernel.so build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) sim_device/plant/kernel/kernel.so firmware_protocol/c/supervisor.so build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

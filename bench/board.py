@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable
 
 from firmware_protocol import messages as wire
-from firmware_protocol.supervisor import Measurements
 from sim_device.bench import SimulatedBench
 
 Row = tuple[str, float, str]
@@ -63,9 +62,8 @@ def _answer(bench: SimulatedBench, n: int) -> wire.Setpoint:
 def _supervisor() -> Callable[[int], None]:
     bench = _armed()
     supervisor, now_us = bench.board.supervisor, bench.board.now_us
-    warm = Measurements(
-        i_mA=[800, 0], applied_mA=[800, 0], v_mV=[608, 0], rtd_cC=[3700, 2700, 2680, 2690]
-    )
+    warm = supervisor.measurements
+    warm.i_mA[0], warm.applied_mA[0], warm.v_mV[0], warm.rtd_cC[0] = 800, 800, 608, 3700
 
     def step(n: int) -> None:
         warm.rtd_cC[0] ^= 1

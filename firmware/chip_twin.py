@@ -17,7 +17,7 @@ from pathlib import Path
 from firmware.twin import Build, Ear, Fed, Twins
 from firmware_protocol import messages as wire
 from firmware_protocol.enums import ResetCause
-from firmware_protocol.supervisor import Measurements, Memory
+from firmware_protocol.supervisor import Measurements, Memory, Supervisor
 from sim_device.board import Board
 from sim_device.errors import BenchError
 from sim_device.firmware.board import FirmwareBoard
@@ -107,6 +107,7 @@ class ChipTwins(Twins):
         self._encoder = 0
         self.fed = Seen(codes)
         self.python = Board(
+            supervisor=Supervisor(),
             seed=self._seed,
             boot_count=self._boots,
             image=self._image,

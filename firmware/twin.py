@@ -12,7 +12,7 @@ from firmware_protocol import messages as wire
 from firmware_protocol.codec import CODEC
 from firmware_protocol.enums import ErrorCode, ResetCause
 from firmware_protocol.framing import FrameDecoder
-from firmware_protocol.supervisor import Measurements, Memory
+from firmware_protocol.supervisor import Measurements, Memory, Supervisor
 from sim_device.board import Board
 from sim_device.firmware.board import FirmwareBoard
 from sim_device.firmware.frontend import Codes, decode, encode
@@ -125,6 +125,7 @@ class Twins:
         self.saving = False
         self.fed = Fed(self._codes)
         self.python = Board(
+            supervisor=Supervisor(),
             seed=self._seed,
             boot_count=self._boots,
             image=self._image,

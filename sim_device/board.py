@@ -25,13 +25,8 @@ from firmware_protocol.enums import (
 )
 from firmware_protocol.events import BoardEvent
 from firmware_protocol.parameters import BY_NAME, DamagedImageError, ParameterStore
-from firmware_protocol.supervisor import (
-    Measurements,
-    Memory,
-    Outcome,
-    SelfTest,
-    Supervisor,
-)
+from firmware_protocol.supervisor import Memory, Outcome, SelfTest, Supervisor
+from firmware_protocol.supervisor.compiled import fastest_supervisor
 from firmware_protocol.supervisor.observers import is_believed
 from firmware_protocol.supervisor.supervisor import Event
 from sim_device.commands import Commands
@@ -90,7 +85,8 @@ class Board:
     """One board, from power-up to power-down. Power-cycling makes a new one.
 
     `image` is what the parameter memory holds (None: empty). If its checksum is wrong, the
-    compiled limits are used and the board goes to FAULT.
+    compiled limits are used and the board goes to FAULT. `supervisor` (None: the fastest that is
+    here) decides.
     """
 
     capabilities: ClassVar[Mapping[str, int]] = CAPABILITIES
@@ -106,6 +102,7 @@ class Board:
         cause: ResetCause = ResetCause.POWER_ON,
         now_us: int = 0,
         hardware: Hardware | None = None,
+        supervisor: Supervisor | None = None,
         codec: Codec = CODEC,
         major: int = wire.PROTOCOL_MAJOR,
     ) -> None:
@@ -115,9 +112,10 @@ class Board:
         self.parameters.set(0, BY_NAME["state_rate_hz"].number, rate_hz)
         self.image = image
         intact = self._load(image)
-        self.supervisor = Supervisor()
+        self.supervisor = supervisor or fastest_supervisor()
         self.outputs: Memory = self.supervisor.memory
-        self.measurements = Measurements(parameters_ok=int(intact))
+        self.measurements = self.supervisor.measurements
+        self.measurements.parameters_ok = int(intact)
         rng = random.Random(f"{seed} {boot_count}")
         self.session = BoardSession(
             ident=wire.Ident(

@@ -156,10 +156,13 @@ class Hardware:
         v_mV[0] = round(r.v_V[0] * 1e3)
         v_mV[1] = round(r.v_V[1] * 1e3)
         t = r.rtd_degC
-        rtd_cC[0] = round(t[0] * 100.0)
-        rtd_cC[1] = round(t[1] * 100.0)
-        rtd_cC[2] = round(t[2] * 100.0)
-        rtd_cC[3] = round(t[3] * 100.0)
+        if min(t) > RTD_RAIL_LOW_cC / 100 and max(t) < RTD_RAIL_HIGH_cC / 100:
+            rtd_cC[0] = round(t[0] * 100.0)
+            rtd_cC[1] = round(t[1] * 100.0)
+            rtd_cC[2] = round(t[2] * 100.0)
+            rtd_cC[3] = round(t[3] * 100.0)
+        else:
+            rtd_cC[:] = [_rtd_cC(one) for one in t]
         m.vbus_mV = round(r.supply_V * 1e3)
         self.encoder_counts = self._unslipped(r)
         self.force_counts = round(r.force_N * self.force_per_N + self.force_offset)
@@ -212,6 +215,11 @@ def _between(value: int, low: int, high: int) -> int:
     return min(max(value, low), high)
 
 
+def _rtd_cC(shown_degC: float) -> int:
+    """What a converter gives for a temperature, which goes no further than its rails."""
+    return _between(round(shown_degC * 100.0), RTD_RAIL_LOW_cC, RTD_RAIL_HIGH_cC)
+
+
 def _with(pair: tuple[float, float], k: int, value: float) -> tuple[float, float]:
     return (value, pair[1]) if k == 0 else (pair[0], value)
 
@@ -237,4 +245,4 @@ def _convert(rtd: Rtd, shown_degC: float, dt_s: float) -> int:
         rtd.count += 1
         if rtd.count % rtd.every == 0:
             reading += rtd.value
-    return max(RTD_RAIL_LOW_cC, min(RTD_RAIL_HIGH_cC, round(reading * 100.0)))
+    return _rtd_cC(reading)

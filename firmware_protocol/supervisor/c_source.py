@@ -168,7 +168,7 @@ def header() -> str:
         if function.name in PUBLIC
     ]
     records = [
-        _record("limits", _stored_limits(), ranges.LIMITS),
+        _record("limits", ranges.stored_limits(), ranges.LIMITS),
         _record("measurements", _shape(Measurements()), ranges.MEASUREMENTS),
         _record("command", _shape(Command()), ranges.COMMAND),
         _record("memory", _shape(Memory(table.LINE_COUNT)), ranges.MEMORY),
@@ -239,11 +239,6 @@ def _shape(record: object) -> list[tuple[str, object]]:
     return [(field.name, getattr(record, field.name)) for field in fields(record)]  # type: ignore[arg-type]
 
 
-def _stored_limits() -> list[tuple[str, object]]:
-    """Return the limits that a parameter can change; the others are constants."""
-    return [(name, row) for name, row in LIMIT_ROWS.items() if row.number]
-
-
 def _record(name: str, members: Sequence[tuple[str, object]], spans: Mapping[str, Range]) -> str:
     for member, _ in members:
         if member not in spans:
@@ -251,12 +246,9 @@ def _record(name: str, members: Sequence[tuple[str, object]], spans: Mapping[str
                 f"{member} of {name} has no range; add it to {name.upper()} in ranges.py"
             )
     lines = []
-    # The widest first, so that no chip leaves holes between them.
-    order = ("int64_t", "int32_t", "uint32_t", "int16_t", "uint16_t", "int8_t", "uint8_t")
-    ordered = sorted(members, key=lambda entry: order.index(stored_as(spans[entry[0]])))
-    for member, value in ordered:
+    for member, value, kind in ranges.in_order(members, spans):
         size = f"[{len(value)}]" if isinstance(value, list) else ""
-        lines.append(f"    {stored_as(spans[member])} {member}{size};")
+        lines.append(f"    {kind} {member}{size};")
     return f"struct {PREFIX}{name} {{\n" + "\n".join(lines) + "\n};"
 
 

@@ -8,6 +8,7 @@ must be named in SATURATED, with the reason why no bench ever gets there.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from firmware_protocol.enums import Fault
@@ -148,6 +149,7 @@ SATURATED: dict[str, str] = {
 """Fields and arguments held at the end of their range, and why none gets there."""
 
 _STORED = ("uint8_t", "int8_t", "uint16_t", "int16_t", "uint32_t", "int32_t", "int64_t")
+_WIDEST_FIRST = ("int64_t", "int32_t", "uint32_t", "int16_t", "uint16_t", "int8_t", "uint8_t")
 
 
 def span_of(kind: str) -> Range:
@@ -161,6 +163,23 @@ def span_of(kind: str) -> Range:
 def stored_as(span: Range) -> str:
     """Return the narrowest type that holds a range. Raises TranslationError beyond 64 bits."""
     return _first(span, _STORED)
+
+
+def stored_limits() -> list[tuple[str, object]]:
+    """Return the limits that a parameter can change; the others are constants of the C."""
+    return [(name, row) for name, row in LIMIT_ROWS.items() if row.number]
+
+
+def in_order(
+    members: Sequence[tuple[str, object]], spans: Mapping[str, Range]
+) -> list[tuple[str, object, str]]:
+    """Return name, value and C type of a record's members in the order of its struct.
+
+    The widest come first, so that no chip leaves holes between them. Raises KeyError for a member
+    without a range.
+    """
+    typed = [(name, value, stored_as(spans[name])) for name, value in members]
+    return sorted(typed, key=lambda member: _WIDEST_FIRST.index(member[2]))
 
 
 def counted_as(*spans: Range) -> str:

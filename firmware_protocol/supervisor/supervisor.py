@@ -138,9 +138,7 @@ class Supervisor:
     """
 
     def __init__(self, limits: Limits | None = None) -> None:
-        self.memory = Memory(LINE_COUNT)
-        self.measurements = Measurements()
-        self._command = Command()
+        self.memory, self.measurements, self._command = self._records()
         self.set_limits(compiled_limits() if limits is None else limits)
         self._handlers: dict[type, Callable[..., int]] = {
             SelfTest: self._self_test,
@@ -151,6 +149,9 @@ class Supervisor:
             FaultCleared: self._clear_fault,
             Stopped: self._estop,
         }
+
+    def _records(self) -> tuple[Memory, Measurements, Command]:
+        return Memory(LINE_COUNT), Measurements(), Command()
 
     def set_limits(self, limits: Limits) -> None:
         """Put limits in force; the debounce of each check is read from them once, here."""
@@ -183,8 +184,11 @@ class Supervisor:
     def sample(self, measurements: Measurements, now_us: int) -> Memory:
         """Take one sample at board time `now_us`; return the memory with the outputs."""
         self.measurements = measurements
-        machine.sample(self.memory, measurements, self.limits, now_us)
+        self._decide_sample(measurements, now_us)
         return self.memory
+
+    def _decide_sample(self, m: Measurements, now_us: int) -> None:
+        machine.sample(self.memory, m, self.limits, now_us)
 
     def event(self, event: Event, now_us: int) -> Outcome:
         """Carry out one command at board time `now_us`, or refuse it with the reason."""
@@ -214,6 +218,9 @@ class Supervisor:
         c.age_us = age_us
         c.ttl_us = ttl_us
         c.stage_um = stage_um
+        return self._decide_setpoint(c, now_us)
+
+    def _decide_setpoint(self, c: Command, now_us: int) -> int:
         return machine.on_setpoint(self.memory, self.limits, c, now_us)
 
     def _self_test(self, event: SelfTest, now_us: int) -> int:

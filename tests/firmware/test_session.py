@@ -147,12 +147,12 @@ def test_current_follows_the_setpoint_and_ends_with_the_host(make: Make) -> None
     loop.answer = hold(1500, 700, (0, 90))
     loop.step(30)
     board = loop.bench.board
-    assert (board.outputs.gate, board.outputs.applied_mA) == (1, [1500, 700])
-    assert board.outputs.duty == [0, 90]
+    assert (board.outputs.gate, list(board.outputs.applied_mA)) == (1, [1500, 700])
+    assert list(board.outputs.duty) == [0, 90]
     assert loop.states[-1].i_meas_mA == pytest.approx((1500, 700), abs=20)
     loop.answer = lambda state: None
     loop.until(lambda: loop.mode is BoardState.HOLD, 30)
-    assert board.outputs.applied_mA == [0, 0]
+    assert list(board.outputs.applied_mA) == [0, 0]
     loop.until(lambda: loop.mode is BoardState.FAULT, 70)
     assert board.outputs.gate == 0
     assert [report.fault for report in loop.reports] == [Fault.SETPOINT_LOST]

@@ -1,6 +1,7 @@
 """The simulated board as a host meets it: over bytes, on virtual time."""
 
 import itertools
+import shutil
 
 import pytest
 
@@ -17,7 +18,10 @@ from firmware_protocol.enums import (
 )
 from firmware_protocol.events import Connected, HostState
 from firmware_protocol.parameters import BY_NAME
+from firmware_protocol.supervisor import Supervisor
+from firmware_protocol.supervisor.compiled import CompiledSupervisor
 from sim_device.bench import SimulatedBench
+from sim_device.board import Board
 from sim_device.faults import injection
 
 from .loop import Loop, hold
@@ -25,6 +29,27 @@ from .loop import Loop, hold
 
 def number(name: str) -> int:
     return BY_NAME[name].number
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
+def test_a_board_runs_the_compiled_supervisor_of_the_present_text() -> None:
+    assert isinstance(Board().supervisor, CompiledSupervisor), "run make setup"
+
+
+def test_a_board_in_python_plays_the_same_bytes_through_a_fault(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    played = []
+    for own in (None, Supervisor):
+        if own is not None:
+            monkeypatch.setattr("sim_device.board.fastest_supervisor", own)
+        cut = injection("wire_cut", 3.0, channel=0.0)
+        loop = Loop(SimulatedBench(seed=5, faults=[cut])).armed()
+        loop.answer = hold(1500)
+        loop.step(600)
+        played.append(loop.states)
+    assert played[0] == played[1]
+    assert {BoardState.ARMED, BoardState.FAULT} <= {state.mode for state in played[0]}
 
 
 def test_the_board_tells_who_it_is_and_what_it_has() -> None:

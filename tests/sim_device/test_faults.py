@@ -127,7 +127,7 @@ def test_a_restarted_board_is_off_and_stays_off(name: str) -> None:
     check(loop, fault)
     loop.step(500)
     assert loop.bench.board.state in (BoardState.SAFE, BoardState.FAULT)
-    assert loop.bench.board.outputs.applied_mA == [0, 0]
+    assert list(loop.bench.board.outputs.applied_mA) == [0, 0]
     assert loop.host.state is not HostState.RUNNING
     if name == "corrupt_parameters":
         assert loop.bench.board.supervisor.first_fault is not None
