@@ -14,6 +14,7 @@ from smad.diagnosis.places.responses import law_series
 from smad.diagnosis.plant import Array, ModelPoint
 from smad.diagnosis.rivals.fit import replayed
 from smad.diagnosis.rivals.parts import LawPart
+from smad.diagnosis.rivals.rival import put_together
 from smad.diagnosis.rivals.search import Searched
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import CHECK_UP, Cause, labelled
@@ -60,7 +61,9 @@ class Course:
             return None
         fitted = search.final.fit
         predicted = None if fitted is None else question.predicted(fitted)
-        (before,), after = replay, None if predicted is None else predicted[k]
+        (before,), after = replay, None
+        if predicted is not None:
+            after = put_together(question.judged, predicted)[k]
         measured = np.where(trial.rows.valid, trial.target, np.nan)
         paired = answer.verdict.question == CHECK_UP
         if paired:

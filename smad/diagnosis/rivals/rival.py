@@ -56,6 +56,14 @@ DAY = 0.05
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Predicted:
+    """A prediction of all judged runs, (bins, channels) each, and the rows (n,) judged by it."""
+
+    values: Sequence[Array]
+    rows: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Rival:
     """A hypothesis with its fit (None for the simulator as configured), and what it leaves.
 
@@ -134,10 +142,10 @@ class Question:
         """The same once the parts of a fit have entered: what these leave says how well their form
         is known. As it is where the model cannot run."""
         e, count = self.judged, len(fitted.model.parts)
-        left_out = self.predicted(fitted)
+        predicted = self.predicted(fitted)
         fewer = [fitted.of_parts([k for k in range(count) if k != i]) for i in range(count)]
         whole, *without = (replayed(e, f.point, f.model, exact=True) for f in (fitted, *fewer))
-        if left_out is None or whole is None:
+        if predicted is None or whole is None:
             return self
         moved = [np.zeros_like(p) for p in whole]
         for without_one in without:
@@ -145,7 +153,7 @@ class Question:
                 return self
             changes = (a - b for a, b in zip(whole, without_one, strict=True))
             moved = [np.hypot(so_far, c) for so_far, c in zip(moved, changes, strict=True)]
-        return replace(self, form=form_of(e, left_out, moved))
+        return replace(self, form=form_of(e, put_together(e, predicted), moved))
 
     def rival(self, kind: str, name: str, fitted: Fit) -> Rival | None:
         """A rival by what it leaves of the judged runs; None where it cannot run there."""
@@ -183,10 +191,12 @@ class Question:
     def of_point(self, point: ModelPoint) -> Rival | None:
         """A simulator that is not fitted, by what it leaves; None where it cannot run."""
         predicted = replayed(self.judged, point, self.model, exact=True)
-        return None if predicted is None else self._leaving(predicted, NOTHING, NOTHING, None)
+        if predicted is None:
+            return None
+        return self._leaving([_of_all_rows(self.judged, predicted)], NOTHING, NOTHING, None)
 
     def _leaving(
-        self, predicted: Sequence[Array], kind: str, name: str, fitted: Fit | None
+        self, predicted: Sequence[Predicted], kind: str, name: str, fitted: Fit | None
     ) -> Rival:
         """A rival by its prediction of the judged runs; what wanders in each is taken off."""
         squares = _squares(self.judged, predicted)
@@ -285,25 +295,30 @@ class Question:
         """What orders fits of one kind: score at κ for each run, and prior of the parameters."""
         return float(0.5 * self.temper.evidence * rival.scores.sum() + rival.log_prior)
 
-    def predicted(self, fitted: Fit) -> list[Array] | None:
-        """What a fit predicts of the judged runs, (bins, channels) each, without a part in them.
+    def predicted(self, fitted: Fit) -> list[Predicted] | None:
+        """What a fit predicts of the judged runs without a part in them; None where it cannot run.
 
         Without runs held out each fold is predicted by coordinates fitted to the others, or to all
-        where the model cannot run at those; replayed as in the fit. None where it cannot run.
+        where the model cannot run at those; replayed as in the fit. Of folds that are stretches
+        each has a prediction of the whole runs: what wanders there is found with it, and would
+        else follow the steps between the stretches.
         """
         if self.held_out is not None:
-            return replayed(self.held_out, fitted.point, fitted.model, exact=True)
+            held_out = replayed(self.held_out, fitted.point, fitted.model, exact=True)
+            return None if held_out is None else [_of_all_rows(self.held_out, held_out)]
         evidence = self.evidence
-        out = [np.zeros_like(t.target) for t in evidence.trials]
+        trials = range(len(evidence.trials))
+        whole, out = [np.zeros_like(t.target) for t in evidence.trials], []
         for f, x in enumerate(leave_out(evidence, fitted)):
-            for k in np.unique(evidence.run_of_row[evidence.fold == f]):
+            rows = evidence.fold == f
+            left_out = np.unique(evidence.run_of_row[rows]) if evidence.by_runs else trials
+            for k in left_out:
                 predicted = self._without(fitted, x - fitted.x, int(k))
                 if predicted is None:
                     return None
-                fold = evidence.fold[evidence.spans[k]].reshape(predicted.shape)
-                # A row that does not count has no fold; any prediction may stand there.
-                out[k] = np.where((fold == f) | (fold < 0), predicted, out[k])
-        return out
+                whole[k] = predicted
+            out.append(Predicted(values=tuple(whole), rows=rows))
+        return [_of_all_rows(evidence, whole)] if evidence.by_runs else out
 
     def _without(self, fitted: Fit, step: Array, k: int) -> Array | None:
         """What a fit predicts of run `k` at a `step` from its coordinates, (bins, channels).
@@ -330,10 +345,25 @@ class Question:
         return out
 
 
-def _squares(evidence: Evidence, predicted: Sequence[Array]) -> Array:
-    """Squares that a prediction leaves, what wanders in each run taken off, (runs, channels)."""
-    left = evidence.left(predicted)
-    return evidence.squares(without_drifts(evidence, left))
+def _of_all_rows(evidence: Evidence, values: Sequence[Array]) -> Predicted:
+    return Predicted(values=values, rows=np.ones(len(evidence.run_of_row), dtype=bool))
+
+
+def put_together(evidence: Evidence, predicted: Sequence[Predicted]) -> list[Array]:
+    """Each row as the prediction has it that it is judged by, (bins, channels) of each run."""
+    out = list(predicted[0].values)
+    for one in predicted[1:]:
+        for k, span in enumerate(evidence.spans):
+            out[k] = np.where(one.rows[span].reshape(out[k].shape), one.values[k], out[k])
+    return out
+
+
+def _squares(evidence: Evidence, predicted: Sequence[Predicted]) -> Array:
+    """Squares that predictions leave, what wanders in each run taken off, (runs, channels)."""
+    settled = (
+        np.where(p.rows, without_drifts(evidence, evidence.left(p.values)), 0.0) for p in predicted
+    )
+    return evidence.squares(sum(settled, start=np.zeros(len(evidence.run_of_row))))
 
 
 def question_of(
