@@ -1,13 +1,18 @@
-"""The noise floor of each channel: from rest segments, from differences, and from the quantum."""
+"""The noise floor of each channel: from rest segments, from differences, and from the quantum.
+
+It is estimated from what was measured, and from what the simulator leaves of that. Whatever of the
+motion stays in either adds to the noise, so the less of both counts.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from smad.diagnosis.data.grid import Grid
-from smad.diagnosis.plant import Array, Channel, Mask, PlantModel
+from smad.diagnosis.plant import Array, Channel, Mask, PlantModel, nominal_point
 from smad.diagnosis.runs import GapRun
 
 _MIN_REST_ROWS = 30
@@ -30,20 +35,33 @@ def _detrended(y: Array) -> Array:
     return y - np.polynomial.polynomial.polyval(t, np.polynomial.polynomial.polyfit(t, y, 2))
 
 
-def _rest_residuals(
-    runs: Sequence[GapRun], grids: Sequence[Grid], plant: PlantModel, channel: Channel
-) -> list[Array]:
-    """Rows of each stretch of rest of one channel less a parabola, in its unit, (rows,) each."""
-    residuals = []
-    for run, grid in zip(runs, grids, strict=True):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Course:
+    """Rows of one channel in one run, (rows,), where they count, and where the bench rests."""
+
+    values: Array
+    valid: Mask
+    rest: Mask
+
+
+def _courses(
+    runs: Sequence[GapRun],
+    grids: Sequence[Grid],
+    plant: PlantModel,
+    channel: Channel,
+    simulated: Sequence[Mapping[str, Array]] = (),
+) -> list[_Course]:
+    """The courses of a channel, less what the simulator shows where that is given and finite."""
+    courses = []
+    for k, (run, grid) in enumerate(zip(runs, grids, strict=True)):
         if channel.name not in run.outputs:
             continue
+        y = run.outputs[channel.name]
+        if simulated and np.isfinite(left := y - simulated[k][channel.name])[run.good].all():
+            y = left
         rest = grid.majority(plant.regimes(run, channel.side)["rest"]) & grid.valid
-        y = grid.mean(run.outputs[channel.name])
-        residuals += [
-            _detrended(y[s]) for s in _stretches(rest) if s.stop - s.start >= _MIN_REST_RUN
-        ]
-    return residuals
+        courses.append(_Course(values=grid.mean(y), valid=grid.valid, rest=rest))
+    return courses
 
 
 def _scale(values: Array) -> float:
@@ -56,14 +74,30 @@ def _scale(values: Array) -> float:
     return float(np.sqrt(np.mean(inliers**2)))
 
 
-def _difference_sigma(runs: Sequence[GapRun], grids: Sequence[Grid], name: str) -> float:
-    """Noise of one channel where nothing rests: what is left of it that no motion explains."""
-    courses = [
-        g.mean(r.outputs[name])[max(_stretches(g.valid), key=lambda s: s.stop - s.start)]
-        for r, g in zip(runs, grids, strict=True)
-        if name in r.outputs and g.valid.any()
+def _sigma(courses: Sequence[_Course]) -> float:
+    """Noise of one channel: of its rows at rest less a parabola, or of all if it hardly rests."""
+    rest = [
+        _detrended(c.values[s])
+        for c in courses
+        for s in _stretches(c.rest)
+        if s.stop - s.start >= _MIN_REST_RUN
     ]
-    sigma, (quiet, bins) = _third_differences(courses), _quietest_band(courses)
+    rows = sum(len(y) for y in rest)
+    if rows < _MIN_REST_ROWS:
+        return _difference_sigma(courses)
+    # Three coefficients were fitted to each stretch.
+    freedom = max(rows - 3 * len(rest), 1) / rows
+    return _scale(np.concatenate(rest)) / float(np.sqrt(freedom))
+
+
+def _difference_sigma(courses: Sequence[_Course]) -> float:
+    """Noise of one channel where nothing rests: what is left of it that no motion explains."""
+    longest = [
+        c.values[max(_stretches(c.valid), key=lambda s: s.stop - s.start)]
+        for c in courses
+        if c.valid.any()
+    ]
+    sigma, (quiet, bins) = _third_differences(longest), _quietest_band(longest)
     # What moves within a few rows is no smooth course. Noise is at most what the spectrum has
     # where it has least; that this is less by chance is left out by four standard errors.
     return quiet if quiet * np.sqrt(1.0 + 4.0 / np.sqrt(bins)) < sigma else sigma
@@ -109,23 +143,14 @@ def row_noise(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> Arr
     It is at least that of the quantum. A channel that no run has keeps its typical noise.
     """
     grids = [Grid.of(run, period_s) for run in runs]
+    simulated = [plant.simulate(nominal_point(plant), run) for run in runs]
     noise = np.array([max(c.noise, c.quantum) for c in plant.channels])
     for i, channel in enumerate(plant.channels):
-        name = channel.name
-        if not any(name in run.outputs for run in runs):
-            continue
-        least = float(channel.quantum / np.sqrt(12.0))
-        rest = _rest_residuals(runs, grids, plant, channel)
-        rows = sum(len(y) for y in rest)
-        if rows >= _MIN_REST_ROWS:
-            # Three coefficients were fitted to each stretch.
-            freedom = max(rows - 3 * len(rest), 1) / rows
-            sigma = _scale(np.concatenate(rest)) / float(np.sqrt(freedom))
-        else:
-            sigma = _difference_sigma(runs, grids, name)
-        if sigma <= 0.0 and least == 0.0:
-            sigma = channel.noise
-        noise[i] = max(sigma, least)
+        if any(channel.name in run.outputs for run in runs):
+            measured = _courses(runs, grids, plant, channel)
+            unexplained = _courses(runs, grids, plant, channel, simulated)
+            sigma = min(_sigma(measured), _sigma(unexplained))
+            noise[i] = max(sigma, float(channel.quantum / np.sqrt(12.0))) or channel.noise
     return noise
 
 
