@@ -95,7 +95,7 @@ $(VENV)/.packages: pyproject.toml uv.lock $(VENV)/.python
 	@touch $@
 
 $(VENV)/.installed: $(VENV)/.packages $(wildcard sim_device/plant/kernel/*.py) smad/fmi/library.py smad/fmi/to_c.py \
-  $(wildcard firmware_protocol/supervisor/*.py) $(wildcard firmware_protocol/c/*.[ch])
+  $(wildcard firmware_protocol/supervisor/*.py) firmware_protocol/enums.py firmware_protocol/shared_library.py
 	@echo "compiling the physics kernel and the board's supervisor (once)"
 	@$(PY) -m smad.fmi.library
 	@$(PY) -m firmware_protocol.supervisor.compiled

@@ -28,6 +28,7 @@ from sim_device.faults import NEVER, Injection, Scheduler
 from sim_device.hardware import Hardware
 from sim_device.line import Line
 from sim_device.plant import Drive, ParameterSet, Plant, load_parameters
+from sim_device.plant.errors import InputError
 from sim_device.plant.laws import Law
 
 WATCHDOG_US = 100_000
@@ -143,10 +144,12 @@ class SimulatedBench:
         """Apply a setpoint at the last sample's time, advance by one sample, return the STATE.
 
         The session is left out, so no bytes are made; stale setpoints are refused as by it.
+        Raises InputError for a setpoint that the wire cannot carry.
         """
         board = self.board
         self._quiet = True
         if setpoint is not None:
+            _require_on_the_wire(setpoint)
             self._typed_seq = (self._typed_seq + 1) & 0xFF
             age_us = (board.now_us - setpoint.t_ref_us) % WRAP
             board.apply_setpoint(setpoint, self._typed_seq, age_us, board.now_us)
@@ -312,3 +315,20 @@ def named_image(image: bytes | None, axis_name: str, rate_hz: int) -> bytes | No
         store.load(image)
     store.set(0, BY_NAME["axis_name_crc"].number, axis_name_crc(axis_name))
     return store.image()
+
+
+def _require_on_the_wire(setpoint: wire.Setpoint) -> None:
+    i_mA, duty, stage_um = setpoint.i_mA, setpoint.pump_duty, setpoint.stage_um
+    within = (
+        min(i_mA) >= 0 <= min(duty)
+        and max(i_mA) <= 0xFFFF
+        and max(duty) <= 0xFF
+        and 0 <= setpoint.ttl_ms <= 0xFFFF
+        and -0x8000_0000 <= stage_um <= 0x7FFF_FFFF
+    )
+    if not within:
+        raise InputError(
+            f"currents of {i_mA} mA, duties of {duty}, a life of {setpoint.ttl_ms} ms and a stage "
+            f"at {stage_um} um are no setpoint: the wire has 0 to 65535 mA, 0 to 255, 0 to "
+            "65535 ms and 32 bits; correct the one beyond"
+        )

@@ -85,8 +85,8 @@ class Board:
     """One board, from power-up to power-down. Power-cycling makes a new one.
 
     `image` is what the parameter memory holds (None: empty). If its checksum is wrong, the
-    compiled limits are used and the board goes to FAULT. `supervisor` (None: the fastest that is
-    here) decides.
+    compiled limits are used and the board goes to FAULT. `supervisor` decides (None: see
+    `fastest_supervisor`).
     """
 
     capabilities: ClassVar[Mapping[str, int]] = CAPABILITIES
@@ -112,7 +112,7 @@ class Board:
         self.parameters.set(0, BY_NAME["state_rate_hz"].number, rate_hz)
         self.image = image
         intact = self._load(image)
-        self.supervisor = supervisor or fastest_supervisor()
+        self.supervisor = fastest_supervisor() if supervisor is None else supervisor
         self.outputs: Memory = self.supervisor.memory
         self.measurements = self.supervisor.measurements
         self.measurements.parameters_ok = int(intact)

@@ -147,23 +147,23 @@ class Hardware:
             pump.rpm += (target - pump.rpm) * min(1.0, dt_s / PUMP_LAG_s)
 
     def measure(self, r: Readings, s: Memory, m: Measurements, dt_s: float) -> None:
-        """Convert the plant's readings to integers, in place; what is broken shows here."""
+        """Convert the plant's readings to integers, in place; what is broken shows here.
+
+        However far a reading is, its converter goes no further than STATE can tell.
+        """
         m.applied_mA[0], m.applied_mA[1] = s.applied_mA
         m.duty[0], m.duty[1] = s.duty
         i_mA, v_mV, rtd_cC = m.i_mA, m.v_mV, m.rtd_cC
-        i_mA[0] = round(r.i_A[0] * 1e3)
-        i_mA[1] = round(r.i_A[1] * 1e3)
-        v_mV[0] = round(r.v_V[0] * 1e3)
-        v_mV[1] = round(r.v_V[1] * 1e3)
-        t = r.rtd_degC
-        if min(t) > RTD_RAIL_LOW_cC / 100 and max(t) < RTD_RAIL_HIGH_cC / 100:
-            rtd_cC[0] = round(t[0] * 100.0)
-            rtd_cC[1] = round(t[1] * 100.0)
-            rtd_cC[2] = round(t[2] * 100.0)
-            rtd_cC[3] = round(t[3] * 100.0)
-        else:
-            rtd_cC[:] = [_rtd_cC(one) for one in t]
-        m.vbus_mV = round(r.supply_V * 1e3)
+        i, v, t = r.i_A, r.v_V, r.rtd_degC
+        i_mA[0] = min(max(round(i[0] * 1e3), -I16_MOST), I16_MOST)
+        i_mA[1] = min(max(round(i[1] * 1e3), -I16_MOST), I16_MOST)
+        v_mV[0] = min(max(round(v[0] * 1e3), -I16_MOST), U16_MOST)
+        v_mV[1] = min(max(round(v[1] * 1e3), -I16_MOST), U16_MOST)
+        rtd_cC[0] = min(max(round(t[0] * 100.0), RTD_RAIL_LOW_cC), RTD_RAIL_HIGH_cC)
+        rtd_cC[1] = min(max(round(t[1] * 100.0), RTD_RAIL_LOW_cC), RTD_RAIL_HIGH_cC)
+        rtd_cC[2] = min(max(round(t[2] * 100.0), RTD_RAIL_LOW_cC), RTD_RAIL_HIGH_cC)
+        rtd_cC[3] = min(max(round(t[3] * 100.0), RTD_RAIL_LOW_cC), RTD_RAIL_HIGH_cC)
+        m.vbus_mV = _supply_mV(r.supply_V)
         self.encoder_counts = self._unslipped(r)
         self.force_counts = round(r.force_N * self.force_per_N + self.force_offset)
         self.spin(s.duty, dt_s)
@@ -182,7 +182,7 @@ class Hardware:
     def _measure_broken(self, r: Readings, s: Memory, m: Measurements, dt_s: float) -> None:
         """Spoil the measurements as the broken parts would."""
         if self.supply_V is not None:
-            m.vbus_mV = round(self.supply_V * 1e3)
+            m.vbus_mV = _supply_mV(self.supply_V)
         for k, driver in enumerate(self.drivers):
             if r.i_A[k] > 0.1:
                 self._load_ohm = _with(self._load_ohm, k, r.v_V[k] / r.i_A[k])
@@ -199,20 +199,16 @@ class Hardware:
         m.force_invalid = int(self.force_saturated)
         if self.force_saturated:
             self.force_counts = FORCE_RAIL_counts
-        self._stop_at_rails(m)
-
-    def _stop_at_rails(self, m: Measurements) -> None:
-        """However broken a part is, its converter goes no further than STATE can tell."""
-        for k in (0, 1):
-            m.i_mA[k] = _between(m.i_mA[k], -I16_MOST, I16_MOST)
-            m.v_mV[k] = _between(m.v_mV[k], -I16_MOST, U16_MOST)
-        m.vbus_mV = _between(m.vbus_mV, 0, U16_MOST)
         self.encoder_counts = _between(self.encoder_counts, -I32_MOST, I32_MOST)
         self.force_counts = _between(self.force_counts, -I32_MOST, I32_MOST)
 
 
 def _between(value: int, low: int, high: int) -> int:
     return min(max(value, low), high)
+
+
+def _supply_mV(supply_V: float) -> int:
+    return _between(round(supply_V * 1e3), 0, U16_MOST)
 
 
 def _rtd_cC(shown_degC: float) -> int:
@@ -237,7 +233,7 @@ def _convert(rtd: Rtd, shown_degC: float, dt_s: float) -> int:
     if rtd.mode == "detached":
         rtd.held_degC += (shown_degC - rtd.held_degC) * min(1.0, dt_s / rtd.value)
         # The lag smooths what the plant shows, but not the converter's own noise.
-        return round((rtd.held_degC + rtd.noise.gauss(0.0, CONVERTER_NOISE_K)) * 100.0)
+        return _rtd_cC(rtd.held_degC + rtd.noise.gauss(0.0, CONVERTER_NOISE_K))
     reading = rtd.held_degC
     if rtd.mode == "offset":
         reading += rtd.value

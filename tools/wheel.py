@@ -1,6 +1,6 @@
 """Built into a wheel: kernel and supervisor as libraries where a C compiler is; else it is for all.
 
-A hook of hatchling. Of an editable installation `make setup` compiles it beside its source.
+A hook of hatchling. Of an editable installation `make setup` compiles them beside their source.
 """
 
 from __future__ import annotations

@@ -235,6 +235,11 @@ def source() -> str:
     return "\n\n".join(parts) + "\n"
 
 
+def wire_enums() -> str:
+    """Return the enumerations of the wire that the source uses, as smad_protocol.h has them."""
+    return "\n\n".join(_enumeration(kind) for kind in WIRE_ENUMS) + "\n"
+
+
 def _shape(record: object) -> list[tuple[str, object]]:
     return [(field.name, getattr(record, field.name)) for field in fields(record)]  # type: ignore[arg-type]
 

@@ -1,26 +1,23 @@
-"""The supervisor as its C, compiled: what a board runs, and thirty times as fast as the Python.
+"""The supervisor as its C, compiled: what a board runs, and ten times as fast as the Python.
 
 python -m firmware_protocol.supervisor.compiled     compile it, where a C compiler is
 
 `fastest_supervisor` gives it where there is a library of the present text, else the Python: both
 decide the same, to the last bit (tests/firmware_protocol/supervisor). Its records are structures of
-C with the fields of `memory`. Samples and setpoints go to the library; Python carries out the other
-commands, which are rare, in the same memory.
+C with the fields of `memory`, which hold what `ranges` says and no more. Samples and setpoints go
+to the library; Python carries out the other commands, which are rare, in the same memory.
 """
 
 from __future__ import annotations
 
 import ctypes
-import hashlib
-import os
-import shutil
-import subprocess
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, cast
 
+from firmware_protocol.shared_library import compiled, opened
+from firmware_protocol.shared_library import text_digest as digest_of
 from firmware_protocol.supervisor import ranges
 from firmware_protocol.supervisor.limits import Limits
 from firmware_protocol.supervisor.memory import Command, Measurements, Memory
@@ -29,53 +26,37 @@ from firmware_protocol.supervisor.supervisor import Supervisor
 from firmware_protocol.supervisor.table import LINE_COUNT
 
 SOURCES = Path(__file__).resolve().parent
-C = SOURCES.parent / "c"
-LIBRARY = C / "supervisor.so"
-FLAGS = ("-std=c99", "-O2", "-shared", "-fPIC")
+LIBRARY = SOURCES.parent / "c" / "supervisor.so"
 
 
 def text_digest() -> str:
-    """A name for the present text: of the Python, and of the C that was made from it."""
-    digest = hashlib.sha256()
-    for path in sorted([*SOURCES.glob("*.py"), *C.glob("*.[ch]")]):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()[:16]
+    """A name for the present text of what the C is made from."""
+    return digest_of([*SOURCES.glob("*.py"), SOURCES.parent / "enums.py"])
 
 
 def build_library(target: Path = LIBRARY) -> bool:
-    """Compile the library to `target`; return whether a C compiler is here (`cc`, or what CC says).
+    """Translate and compile the present text to `target`; see `shared_library.compiled`."""
+    from firmware_protocol.supervisor import c_source
 
-    Raises subprocess.CalledProcessError for a compiler that fails.
-    """
-    compiler = shutil.which(os.environ.get("CC", "cc"))
-    if compiler is None:
-        return False
-    with tempfile.TemporaryDirectory(prefix="smad-supervisor-") as folder:
-        text = Path(folder) / "text.c"
-        text.write_text(f'const char smad_sv_text[] = "{text_digest()}";\n')
-        made = Path(folder) / LIBRARY.name
-        sources = (str(C / "smad_supervisor.c"), str(text))
-        subprocess.run([compiler, *FLAGS, f"-I{C}", *sources, "-o", str(made)], check=True)
-        # Whoever has an older one loaded keeps it.
-        beside = target.with_suffix(".new")
-        shutil.copyfile(made, beside)
-        beside.replace(target)
-    return True
+    files = {
+        "smad_protocol.h": c_source.wire_enums(),
+        "smad_supervisor.h": c_source.header(),
+        "smad_supervisor.c": c_source.source(),
+    }
+    return compiled(target, files, text_digest(), ("-O2",))
 
 
 def _structure(name: str, members: Sequence[tuple[str, object]], spans: Mapping[str, Range]) -> Any:
-    """The structure of a record, in the layout of `smad_supervisor.h`."""
-    return type(
-        name,
-        (ctypes.Structure,),
-        {
-            "_fields_": [
-                (member, kind * len(value) if isinstance(value, list) else kind)
-                for member, value, stored in ranges.in_order(members, spans)
-                for kind in (getattr(ctypes, f"c_{stored.removesuffix('_t')}"),)
-            ]
-        },
-    )
+    """The type of a record's structure, in the layout of `smad_supervisor.h`."""
+    layout = [
+        (member, _type(stored, value)) for member, value, stored in ranges.in_order(members, spans)
+    ]
+    return type(f"C{name}", (ctypes.Structure,), {"_fields_": layout})
+
+
+def _type(stored: str, value: object) -> Any:
+    kind = getattr(ctypes, f"c_{stored.removesuffix('_t')}")
+    return kind * len(value) if isinstance(value, list) else kind
 
 
 def _members(record: Any) -> list[tuple[str, object]]:
@@ -83,15 +64,10 @@ def _members(record: Any) -> list[tuple[str, object]]:
 
 
 def _filled(structure: Any, record: Any) -> Any:
-    """A structure with the values of a record."""
-    made = structure()
-    _fill(made, record)
-    return made
-
-
-def _fill(structure: Any, record: Any) -> None:
+    """The structure, with the values of a record."""
     for name, value in _members(record):
         setattr(structure, name, tuple(value) if isinstance(value, list) else value)
+    return structure
 
 
 class Library:
@@ -99,17 +75,13 @@ class Library:
 
     def __init__(self, path: Path, text: str) -> None:
         # The interpreter stays locked: a sample takes a microsecond.
-        library = ctypes.PyDLL(str(path))
-        try:
-            built_of = (ctypes.c_char * len(text)).in_dll(library, "smad_sv_text").value
-        except ValueError:
-            built_of = b""
-        if built_of != text.encode():
-            raise OSError(f"{path} was built of another text of the supervisor")
-        self.memory = _structure("Memory", _members(Memory(LINE_COUNT)), ranges.MEMORY)
-        self.measurements = _structure("Measured", _members(Measurements()), ranges.MEASUREMENTS)
-        self.command = _structure("Command", _members(Command()), ranges.COMMAND)
-        self.limits = _structure("Limits", stored_limits(), ranges.LIMITS)
+        library = opened(path, text, ctypes.PyDLL)
+        memory = _members(Memory(LINE_COUNT))
+        self.memory_type = _structure("Memory", memory, ranges.MEMORY)
+        measured = _members(Measurements())
+        self.measurements_type = _structure("Measurements", measured, ranges.MEASUREMENTS)
+        self.command_type = _structure("Command", _members(Command()), ranges.COMMAND)
+        self.limits_type = _structure("Limits", stored_limits(), ranges.LIMITS)
         address, time = ctypes.c_void_p, ctypes.c_int64
         self.sample = library.smad_sv_sample
         self.sample.argtypes, self.sample.restype = [address, address, address, time], None
@@ -119,23 +91,25 @@ class Library:
 
 
 class CompiledSupervisor(Supervisor):
-    """A supervisor whose samples and setpoints a library decides."""
+    """A supervisor whose samples and setpoints a library decides.
+
+    What it is given must lie in `ranges`. Limits that do not are Python's to decide by, and must
+    fit the memory all the same. They count from `set_limits` on, not when they are edited.
+    """
 
     def __init__(self, library: Library, limits: Limits | None = None) -> None:
         self._library = library
         super().__init__(limits)
-        self._measured = self.measurements
-        self._addresses = tuple(
-            ctypes.addressof(cast(Any, record))
-            for record in (self.memory, self._measured, self._command, self._stored)
-        )
+        # Kept, since the library is told where they lie.
+        self._all = (self.memory, self.measurements, self._command, self._stored)
+        self._addresses = tuple(ctypes.addressof(cast(Any, record)) for record in self._all)
 
     def _records(self) -> tuple[Memory, Measurements, Command]:
-        made, self._stored = self._library, self._library.limits()
+        made, self._stored = self._library, self._library.limits_type()
         return (
-            _filled(made.memory, Memory(LINE_COUNT)),
-            _filled(made.measurements, Measurements()),
-            _filled(made.command, Command()),
+            _filled(made.memory_type(), Memory(LINE_COUNT)),
+            _filled(made.measurements_type(), Measurements()),
+            _filled(made.command_type(), Command()),
         )
 
     def set_limits(self, limits: Limits) -> None:
@@ -152,8 +126,9 @@ class CompiledSupervisor(Supervisor):
         if not self._as_compiled:
             super()._decide_sample(m, now_us)
             return
-        if m is not self._measured:
-            _fill(self._measured, m)
+        _, own, *_ = self._all
+        if m is not own:
+            _filled(own, m)
         memory, measured, _, limits = self._addresses
         self._library.sample(memory, measured, limits, now_us)
 
@@ -175,7 +150,7 @@ _LIBRARY = _shipped()
 
 
 def fastest_supervisor(limits: Limits | None = None) -> Supervisor:
-    """The fastest supervisor that is here."""
+    """The compiled one where there is a library of the present text, else the one in Python."""
     return Supervisor(limits) if _LIBRARY is None else CompiledSupervisor(_LIBRARY, limits)
 
 

@@ -215,7 +215,8 @@ class Supervisor:
         c = self._command
         c.i_mA[0], c.i_mA[1] = i_mA
         c.duty[0], c.duty[1] = duty
-        c.age_us = age_us
+        # A clock that is far off is refused as the wire can tell it.
+        c.age_us = min(age_us, machine.I32_MOST)
         c.ttl_us = ttl_us
         c.stage_um = stage_um
         return self._decide_setpoint(c, now_us)

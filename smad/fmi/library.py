@@ -6,13 +6,10 @@ python -m smad.fmi.library     compile it beside its source, where a C compiler 
 from __future__ import annotations
 
 import inspect
-import os
 import re
-import shutil
-import subprocess
-import tempfile
 from pathlib import Path
 
+from firmware_protocol.shared_library import compiled
 from sim_device.plant import kernel as k
 from sim_device.plant.kernel.compiled import PACKAGE
 from sim_device.plant.kernel.library import FILE, PREFIX
@@ -33,14 +30,14 @@ ENTRIES = (
     k.rest,
 )
 """Everything of the kernel that Python calls."""
-# No operation is fused, so that it computes what numba's code does.
-FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
+FLAGS = ("-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
+"""No operation is fused, so that it computes what numba's code does. The rest change no number."""
 
 
 def library_source() -> str:
-    """The C of `ENTRIES`, each under its name with PREFIX, and the digest of the kernel's text."""
+    """The C of `ENTRIES`, each under its name with PREFIX."""
     program = Program(RECORDS)
-    lines = [program.text(ENTRIES), f'const char *const {PREFIX}text = "{k.text_digest()}";']
+    lines = [program.text(ENTRIES)]
     for function in ENTRIES:
         plain = program.call(function)
         name = plain.__name__
@@ -59,18 +56,8 @@ def library_source() -> str:
 
 
 def build_library(target: Path, flags: tuple[str, ...] = FLAGS) -> bool:
-    """Compile the library to `target`; return whether a C compiler is here (`cc`, or what CC says).
-
-    Raises subprocess.CalledProcessError for a compiler that fails.
-    """
-    compiler = shutil.which(os.environ.get("CC", "cc"))
-    if compiler is None:
-        return False
-    with tempfile.TemporaryDirectory(prefix="smad-kernel-") as folder:
-        source = Path(folder) / "kernel.c"
-        source.write_text(library_source())
-        subprocess.run([compiler, *flags, str(source), "-o", str(target), "-lm"], check=True)
-    return True
+    """Compile the library to `target`; see `firmware_protocol.shared_library.compiled`."""
+    return compiled(target, {"kernel.c": library_source()}, k.text_digest(), flags)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,9 @@
 
 import itertools
 import shutil
+from typing import Any
 
+import msgspec
 import pytest
 
 from firmware_protocol import messages as wire
@@ -23,6 +25,7 @@ from firmware_protocol.supervisor.compiled import CompiledSupervisor
 from sim_device.bench import SimulatedBench
 from sim_device.board import Board
 from sim_device.faults import injection
+from sim_device.plant.errors import InputError
 
 from .loop import Loop, hold
 
@@ -36,20 +39,42 @@ def test_a_board_runs_the_compiled_supervisor_of_the_present_text() -> None:
     assert isinstance(Board().supervisor, CompiledSupervisor), "run make setup"
 
 
+@pytest.mark.parametrize(
+    ("fault", "values"),
+    [
+        ("wire_cut", {"channel": 0.0}),
+        ("driver_gain", {"gain": 20.0}),
+        ("supply_sag", {"volts": 3e6}),
+        ("sensor_detached", {"value": -0.05}),
+    ],
+)
 def test_a_board_in_python_plays_the_same_bytes_through_a_fault(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, fault: str, values: dict[str, float]
 ) -> None:
     played = []
     for own in (None, Supervisor):
         if own is not None:
             monkeypatch.setattr("sim_device.board.fastest_supervisor", own)
-        cut = injection("wire_cut", 3.0, channel=0.0)
-        loop = Loop(SimulatedBench(seed=5, faults=[cut])).armed()
+        bench = SimulatedBench(seed=5, faults=[injection(fault, 3.0, **values)])
+        loop = Loop(bench).armed()
         loop.answer = hold(1500)
         loop.step(600)
         played.append(loop.states)
     assert played[0] == played[1]
-    assert {BoardState.ARMED, BoardState.FAULT} <= {state.mode for state in played[0]}
+    assert BoardState.ARMED in {state.mode for state in played[0]}
+
+
+@pytest.mark.parametrize(
+    "beyond",
+    [{"i_mA": (65_541, 0)}, {"i_mA": (0, -5)}, {"pump_duty": (300, 0)}, {"ttl_ms": 4_294_968}],
+)
+def test_a_typed_setpoint_that_the_wire_cannot_carry_is_refused(beyond: dict[str, Any]) -> None:
+    bench = SimulatedBench()
+    bench.arm()
+    good = wire.Setpoint(0, bench.board.now_us, (500, 0), (0, 0), 0, 100)
+    bench.step_typed(good)
+    with pytest.raises(InputError, match="no setpoint"):
+        bench.step_typed(msgspec.structs.replace(good, **beyond))
 
 
 def test_the_board_tells_who_it_is_and_what_it_has() -> None:

@@ -20,6 +20,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+from firmware_protocol.shared_library import text_digest as digest_of
 from sim_device.plant.kernel.library import shipped, without_numba
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -30,10 +31,7 @@ KEPT = 3
 
 def text_digest(package: Path = PACKAGE) -> str:
     """A name for the present text of all modules of the package."""
-    digest = hashlib.sha256()
-    for module in sorted(package.glob("*.py")):
-        digest.update(module.name.encode() + b"\0" + module.read_bytes())
-    return digest.hexdigest()[:16]
+    return digest_of(package.glob("*.py"))
 
 
 _NO_LIBRARY = (

@@ -17,6 +17,7 @@ from typing import Any, TypeVar, cast, get_type_hints
 
 import numpy as np
 
+from firmware_protocol.shared_library import opened
 from sim_device.plant.kernel.layout import is_array
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -31,13 +32,7 @@ class Library:
     """A library of the kernel whose source has the digest `text`. Raises OSError for any other."""
 
     def __init__(self, path: Path, text: str) -> None:
-        self._library = ctypes.CDLL(str(path))
-        try:
-            built_of = ctypes.c_char_p.in_dll(self._library, f"{PREFIX}text").value
-        except ValueError:
-            built_of = None
-        if built_of != text.encode():
-            raise OSError(f"{path} was built of another text of the kernel")
+        self._library = opened(path, text, ctypes.CDLL)
 
     def entry(self, function: _Function) -> _Function:
         """The library's function in place of one of the kernel; raises AttributeError without."""

@@ -140,15 +140,3 @@ def test_without_a_library_the_supervisor_is_the_one_in_python(
     assert type(room.fastest_supervisor()) is Supervisor
     monkeypatch.setattr(room, "_LIBRARY", library)
     assert type(room.fastest_supervisor()) is CompiledSupervisor
-
-
-def test_the_text_of_the_c_is_part_of_what_a_library_is_known_by(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    before = text_digest()
-    for path in room.C.glob("*.[ch]"):
-        (tmp_path / path.name).write_bytes(path.read_bytes())
-    with (tmp_path / "smad_supervisor.c").open("a") as file:
-        file.write("/* edited */\n")
-    monkeypatch.setattr(room, "C", tmp_path)
-    assert text_digest() != before

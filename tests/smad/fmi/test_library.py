@@ -24,7 +24,7 @@ def test_the_library_has_every_function_that_the_kernel_exports() -> None:
 
 
 def test_a_library_of_another_text_of_the_kernel_is_refused(tmp_path: Path) -> None:
-    assert build_library(tmp_path / FILE, ("-std=c11", "-O0", "-shared", "-fPIC"))
+    assert build_library(tmp_path / FILE, ("-O0",))
     Library(tmp_path / FILE, kernel.text_digest())
     with pytest.raises(OSError, match="another text"):
         Library(tmp_path / FILE, "0123456789abcdef")
