@@ -129,7 +129,7 @@ def read_model(path: str | Path) -> Model:
     if raw.get("format") != FORMAT:
         raise ModelError(
             f"{path.name}: format {raw.get('format')!r} is not {FORMAT!r}; "
-            "smad gap diagnose --apply and smad gap apply write model files"
+            "smad gap diagnose --apply writes one, and smad gap apply makes one of a verdict"
         )
     unknown = sorted(set(raw) - _KEYS)
     if unknown:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Protocol
 
 from smad.diagnosis.answer import Answer, answer_of
+from smad.diagnosis.data.guards import FIT
 from smad.diagnosis.numerics.threads import repeatable
 from smad.diagnosis.paired.difference import Paired, paired, question_of_pairs
 from smad.diagnosis.paired.good import GoodRuns
@@ -21,7 +22,7 @@ from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import PlantModel, SavesModel
 from smad.diagnosis.rivals.search import searched
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.verdict import CHECK_UP, QUIET, Verdict
+from smad.diagnosis.verdict import CHECK_UP, PAIRED, QUIET, RunRecord, Verdict
 from smad.progress import Say, silent
 from smad.version import VERSION
 
@@ -80,9 +81,10 @@ def judged(
     pairs = paired(placed, reference, runs)
     effects = [e for e in plant.effects if e.name not in exclude]
     search = searched(question_of_pairs(pairs, effects, progress))
-    answer = answer_of(search, question=CHECK_UP)
+    answer = answer_of(search, question=CHECK_UP, gaps_of=PAIRED)
     answer = answer.with_verdict(
         notes=notes_of(pairs),
+        runs=[RunRecord(name, FIT, round(r.duration_s, 3), r.digest) for r, name in runs],
         plant=plant.name,
         plant_version=plant.version,
         smad_version=VERSION,

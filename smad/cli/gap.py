@@ -164,6 +164,9 @@ def verify(
     *,
     runs: tuple[Path, ...] = runs_argument,
     model_path: Path = option("--model", "Model file of --apply.", EXISTING, required=True),
+    map_path: Path | None = option(
+        "--map", "Mapping file of smad log import, for tables.", EXISTING
+    ),
     pair: SpringPair = together(SpringPair),
     as_json: bool = json_option,
 ) -> None:
@@ -173,9 +176,21 @@ def verify(
         from smad.diagnosis.spring_pair.signals import read_gap_runs
         from smad.diagnosis.verify import verified
 
-        rows = verified(plant, read_gap_runs(runs, runs), plant.load_model(model_path))
+        read = read_gap_runs(runs, runs, mapping=mapping_of(map_path))
+        rows = verified(plant, read, plant.load_model(model_path))
     if as_json:
-        print_json(rows)
+        print_json(
+            [
+                {
+                    "signal": r.signal,
+                    "unit": r.unit,
+                    "before": r.raw,
+                    "after": r.final,
+                    "floor": r.floor,
+                }
+                for r in rows
+            ]
+        )
         return
     click.echo(f"{'RMS of measured − predicted':<29} {'before':>9} {'after':>9} {'floor':>9}")
     for r in rows:

@@ -217,7 +217,7 @@ def investigate(
     from smad.checkup.store import load
     from smad.diagnosis.report.words import budget_lines
     from smad.diagnosis.spring_pair import SmaPlant
-    from smad.diagnosis.verdict import CHECK_UP
+    from smad.diagnosis.verdict import PAIRED
 
     require_sim(effects, sim=bench.sim)
     plant, programme = SmaPlant(), chosen(bench.programme_folder)
@@ -248,7 +248,7 @@ def investigate(
         )
     if report.proof:
         click.echo("held out, with the model from the runs before:")
-        for text in budget_lines(report.proof, CHECK_UP):
+        for text in budget_lines(report.proof, PAIRED):
             click.echo(text)
     if report.model:
         click.echo(f"model: {report.model}")

@@ -32,6 +32,7 @@ from smad.diagnosis.rivals.uncertainty import Precision
 from smad.diagnosis.rivals.unseen import unseen_strengths
 from smad.diagnosis.verdict import (
     CAUSES,
+    MEASURED,
     PARAMETERS,
     QUIET,
     UNEXPLAINED,
@@ -75,8 +76,8 @@ class Answer:
         return replace(self, verdict=msgspec.structs.replace(self.verdict, **fields))
 
 
-def answer_of(search: Searched, *, question: str) -> Answer:
-    """The answer that a search gives."""
+def answer_of(search: Searched, *, question: str, gaps_of: str = MEASURED) -> Answer:
+    """The answer that a search gives; its gaps are MEASURED or PAIRED."""
     asked, fitted = search.question, search.final.fit
     base = fitted or search.parameters.fit
     assert base is not None
@@ -101,6 +102,7 @@ def answer_of(search: Searched, *, question: str) -> Answer:
         first_step=_scores(asked, search.steps[0].rivals) if search.steps else [],
         independent_rows=asked.independent_rows,
         parameters=_moved(asked, fitted, uncertainty),
+        gaps_of=gaps_of,
         budget=gaps,
         whole=whole,
         by_run=_by_run(asked, search.configured, search.parameters, search.final),

@@ -20,6 +20,7 @@ from smad.diagnosis.verdict import (
     CAUSES,
     CHANGED,
     DIFFERS,
+    PAIRED,
     PARAMETERS,
     QUIET,
     REFUSED,
@@ -103,7 +104,7 @@ def _of_changed(inquiry: Inquiry) -> tuple[Answer, Sequence[GapRun]]:
     if repeating is None:
         return _of_changed_runs(inquiry), runs
     search, pairs = repeating
-    answer = answer_of(search, question=CHANGED)
+    answer = answer_of(search, question=CHANGED, gaps_of=PAIRED)
     notes = [compared(pairs), *notes_of(pairs)]
     paired = {pair.now for pair in pairs.pairs}
     names = [run.name for run in runs if run.name not in paired]

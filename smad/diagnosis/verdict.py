@@ -21,6 +21,8 @@ OUTCOMES = (QUIET, PARAMETERS, CAUSES, UNEXPLAINED, REFUSED)
 """Nothing beyond the floor; other values of the parameters explain it; causes are told; more than
 the parameters is missing, and no rival explains it; no verdict."""
 DIFFERS, CHANGED, CHECK_UP = "differs", "changed", "check-up"
+MEASURED, PAIRED = "measured − predicted", "whitened now − then"
+"""What gaps are of: runs by themselves, or runs that repeat good ones."""
 
 _NAMED = 2
 """Names beside the first one that a heading lists."""
@@ -209,7 +211,7 @@ class ParameterMoved(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SignalGap(msgspec.Struct, frozen=True, kw_only=True):
-    """One signal's RMS of measured − predicted on the runs judged, in its unit.
+    """One signal's RMS on the runs judged, in its unit, of what the verdict's `gaps_of` says.
 
     `raw`: the simulator as configured; `parameters`: with other values of the parameters;
     `causes`: with the first cause, the first two, and so on. `floor` is its noise.
@@ -251,7 +253,8 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     which nothing more was likeliest (or nothing at all), `first_step` all rivals of the first one.
     `independent_rows` is how many rows of a judged run and channel count as independent of each
     other, on average. `models` are model files as text: with other parameters, then with each cause
-    (empty for a plant that writes none). `whole` is over all signals, in floors. `unseen` says of
+    (empty for a plant that writes none). `budget` has the gap of each signal, of what `gaps_of`
+    says, and `whole` that over all signals, in floors. `unseen` says of
     each effect which strength these runs would not have shown.
     """
 
@@ -263,6 +266,7 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     first_step: list[RivalScore] = []
     independent_rows: float = 0.0
     parameters: list[ParameterMoved] = []
+    gaps_of: str = MEASURED
     budget: list[SignalGap] = []
     whole: SignalGap | None = None
     by_run: list[RunGap] = []
@@ -353,5 +357,5 @@ def read_verdict(path: Path) -> Verdict:
         raise GapError(
             f"{path} is no verdict",
             value=str(error),
-            action="give a file that smad gap diagnose --json wrote",
+            action="give a file that --json of smad gap diagnose or smad gap checkup wrote",
         ) from error

@@ -137,7 +137,8 @@ def _admit_one(
         say("note", note)
     lacking = [s.name for s in plant.inputs if s.name not in run.inputs]
     if lacking:
-        say("input missing", f"inputs are missing: {', '.join(lacking)}", refuses=True)
+        text = f"inputs are missing: {', '.join(lacking)}; map the columns that have them"
+        say("input missing", text, refuses=True)
     if len(run.t_s) and not (np.diff(run.t_s) > 0).all():
         say("time runs back", "the time axis is not increasing", refuses=True)
     given = run

@@ -17,7 +17,7 @@ from smad.diagnosis.rivals.parts import LawPart
 from smad.diagnosis.rivals.rival import put_together
 from smad.diagnosis.rivals.search import Searched
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.verdict import CHECK_UP, Cause, labelled
+from smad.diagnosis.verdict import PAIRED, Cause, labelled
 from smad.report.page import Picture
 from smad.report.plots import decimated, label, new_figure, picture
 from smad.style.palette import in_print
@@ -65,7 +65,7 @@ class Course:
         if predicted is not None:
             after = put_together(question.judged, predicted)[k]
         measured = np.where(trial.rows.valid, trial.target, np.nan)
-        paired = answer.verdict.question == CHECK_UP
+        paired = answer.verdict.gaps_of == PAIRED
         if paired:
             measured, before = measured - before, np.zeros_like(before)
             after = None if after is None else after - replay[0]

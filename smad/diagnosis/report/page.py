@@ -27,7 +27,7 @@ _QUESTIONS = {
     CHECK_UP: "what has changed, with the same inputs",
 }
 _CHANGED = "what is new since the good runs"
-_FLOORS = {DIFFERS: "the noise of a reading", CHECK_UP: "what two good days differ in"}
+_FLOORS = {DIFFERS: "the noise of a reading", CHECK_UP: "the difference of two good days"}
 
 
 def page_of(answer: Answer, arguments: str = "", facts: Sequence[tuple[str, str]] = ()) -> Page:
@@ -114,7 +114,7 @@ def by_signal(v: Verdict, rows: Sequence[RivalGap]) -> Table:
 
 def budget(v: Verdict) -> Table:
     """Where the gap goes, signal by signal."""
-    of, *stages = budget_stages(v.question, [c.name or "a law" for c in v.causes])
+    stages = budget_stages(v.gaps_of, [c.name or "a law" for c in v.causes])
     rows = [
         (
             labelled(s.label, s.unit),
@@ -122,7 +122,7 @@ def budget(v: Verdict) -> Table:
         )
         for s in (*v.budget, *([v.whole] if v.whole else []))
     ]
-    header = (f"RMS of {of}", *stages, "floor")
+    header = (f"RMS of {v.gaps_of}", *stages, "floor")
     return Table(header, rows, numeric=frozenset(range(1, len(header))))
 
 
@@ -139,7 +139,7 @@ def parameters(v: Verdict) -> Table:
         for q in v.parameters
     ]
     header = ("parameter", "name", "as it was", "fitted ± standard deviation", "")
-    caption = "The standard deviation is what the scatter of these runs leaves open."
+    caption = "The standard deviation is computed from the scatter of these runs."
     return Table(header, rows, caption, frozenset((2, 3)))
 
 

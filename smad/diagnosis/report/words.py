@@ -10,11 +10,12 @@ import math
 import re
 from collections.abc import Sequence
 
-from smad.counted import listed
+from smad.counted import counted, listed
 from smad.diagnosis.verdict import (
     CAUSES,
     CHECK_UP,
     DIFFERS,
+    PAIRED,
     PARAMETERS,
     REFUSED,
     UNEXPLAINED,
@@ -61,7 +62,7 @@ def lines(verdict: Verdict) -> list[str]:
         out += rival_lines(v.rivals)
     if v.outcome in (PARAMETERS, UNEXPLAINED) or v.question == CHECK_UP:
         out += parameter_lines(v.parameters)
-    out += budget_lines((*v.budget, v.whole) if v.whole else (), v.question)
+    out += budget_lines((*v.budget, v.whole) if v.whole else (), v.gaps_of)
     out += judged_lines(v)
     if v.unseen:
         out.append("these runs would not have shown (the page lists all of them)")
@@ -185,28 +186,31 @@ def parameter_lines(parameters: Sequence[ParameterMoved]) -> list[str]:
     )
 
 
-def budget_stages(question: str, causes: Sequence[str]) -> list[str]:
-    """What a question's gaps are of, then the name of each stage; `causes` are names."""
-    if question == CHECK_UP:
-        return ["whitened now − then", "change", "parameters", *(f"+ {c}" for c in causes)]
-    return ["measured − predicted", "as it was", "parameters", *(f"+ {c}" for c in causes)]
+def budget_stages(gaps_of: str, causes: Sequence[str]) -> list[str]:
+    """The name of each stage of gaps; `causes` are names."""
+    return [
+        "change" if gaps_of == PAIRED else "as it was",
+        "parameters",
+        *(f"+ {c}" for c in causes),
+    ]
 
 
-def budget_lines(rows: Sequence[SignalGap], question: str) -> list[str]:
+def budget_lines(rows: Sequence[SignalGap], gaps_of: str) -> list[str]:
     """Where the gap goes, for each signal that shows one, and over all: the last of the rows."""
     if not rows:
         return []
     *signals, whole = rows
-    of, *stages = budget_stages(question, [])
+    stages = budget_stages(gaps_of, [])
     stages += ["with cause" + "s"[: len(whole.causes) > 1]][: len(whole.causes)]
     above_floor = [s for s in signals if max(s.raw, s.parameters, s.final) > _AT_FLOOR * s.floor]
-    out = [f"  {'RMS of ' + of:<29}" + "".join(f" {x:>11}" for x in (*stages, "floor"))]
+    out = [f"  {'RMS of ' + gaps_of:<29}" + "".join(f" {x:>11}" for x in (*stages, "floor"))]
     for s in (*above_floor, whole):
         numbers = (*(s.raw, s.parameters, s.final)[: len(stages)], s.floor)
         row = "".join(f" {x:>11.3g}" for x in numbers)
         out.append(f"  {s.signal:<21} {in_words(s.unit):<7}{row}")
     if rest := len(signals) - len(above_floor):
-        out.insert(-1, f"  {rest} other signal{'s'[: rest > 1]} at the floor")
+        others = counted(rest, "other signal") if above_floor else f"all {rest} signals"
+        out.insert(-1, f"  {others} at the floor")
     return out
 
 
@@ -222,6 +226,8 @@ def judged_lines(v: Verdict) -> list[str]:
 def advice(verdict: Verdict, arguments: str) -> list[tuple[str, str]]:
     """What to do next: commands and why; `arguments` are the arguments as a shell takes them."""
     v = verdict
+    _, has_map, path = arguments.partition(" --map ")
+    mapping = has_map + path
     if v.outcome == REFUSED:
         return [("", "correct what is refused above, and ask again")]
     out = []
@@ -230,7 +236,6 @@ def advice(verdict: Verdict, arguments: str) -> list[tuple[str, str]]:
         out.append((f"smad gap next {arguments}", "which run would tell the rivals apart"))
     if v.models and v.outcome in (CAUSES, PARAMETERS):
         out.append((f"smad gap diagnose {arguments} --apply better.toml", "write the better model"))
-        out.append(
-            ("smad gap verify NEW-RUNS --model better.toml", "try it on runs it has not seen")
-        )
+        verify = f"smad gap verify NEW-RUNS --model better.toml{mapping}"
+        out.append((verify, "try it on runs it has not seen"))
     return out

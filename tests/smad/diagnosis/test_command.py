@@ -115,9 +115,9 @@ def test_a_recorded_experiment_is_a_run_that_verify_can_read(log: Path, tmp_path
     SmaPlant().save_model(ModelPoint({"flow_max": 1.6e-7}), model, "")
     rows = json.loads(call("verify", "--model", str(model), str(log), "--json").output)
     by_name = {r["signal"]: r for r in rows}
-    assert by_name["displacement_mm"]["raw"] < 1.0
-    (after,) = by_name["rtd_x_degC"]["causes"]
-    assert after > 3.0 * by_name["rtd_x_degC"]["raw"]
+    assert by_name["displacement_mm"]["before"] < 1.0
+    rtd = by_name["rtd_x_degC"]
+    assert rtd["after"] > 3.0 * rtd["before"]
     assert rows[-1]["unit"] == "floors"
 
 
@@ -209,7 +209,7 @@ def test_apply_writes_the_model_with_the_first_causes_and_verify_shows_what_they
         said = call("apply", str(folder / "v.json"), "--out", str(out), "--first", first)
         assert said.output.startswith(f"{out}: parameters")
         rows = json.loads(call("verify", "--model", str(out), str(table), "--json").output)
-        left.append(rows[-1]["causes"][0])
+        left.append(rows[-1]["after"])
     assert left[1] < 0.8 * left[0]
     too_many = call("apply", str(folder / "v.json"), "--out", str(folder / "x"), "--first", "99")
     assert "fewer causes" in str(too_many.exception)
