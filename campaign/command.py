@@ -70,7 +70,7 @@ def execute(arguments: Sequence[str]) -> int:
 @click.option("--process", is_flag=True, help="Only with a real daemon process.")
 @click.option("--jobs", type=Whole(1), help="Processes to run on; one a core.")
 @click.option("--json", "json_path", type=click.Path(path_type=Path), metavar="FILE")
-@click.option("--html", "html_path", type=click.Path(path_type=Path), metavar="FILE")
+@click.option("--report", "html_path", type=click.Path(path_type=Path), metavar="FILE")
 def faults_command(
     *,
     only: tuple[str, ...],

@@ -20,9 +20,9 @@ from smad.diagnosis.report.words import lines
     default=Path("public-records"),
     help="Where the file is, or is put when it has been fetched.",
 )
-@click.option("--html", type=click.Path(path_type=Path), help="Write the report there.")
+@click.option("--report", type=click.Path(path_type=Path), help="Write the report there.")
 @click.option("--exchange", is_flag=True, help="Fit the runs to judge on, and the other way round.")
-def main(name: str, folder: Path, html: Path | None, exchange: bool) -> None:
+def main(name: str, folder: Path, report: Path | None, exchange: bool) -> None:
     """Diagnose a public record whose cause is published, and print the verdict."""
     record = RECORDS[name]
     try:
@@ -35,8 +35,8 @@ def main(name: str, folder: Path, html: Path | None, exchange: bool) -> None:
     answer = record.diagnosed(fit, held)
     click.echo("\n".join(lines(answer.verdict)))
     click.echo(f"{time.process_time():.0f} s of processor time")
-    if html is not None:
-        write_report(answer, html)
+    if report is not None:
+        write_report(answer, report)
 
 
 if __name__ == "__main__":

@@ -56,7 +56,7 @@ def design(
     params: str | None = option(
         "--params", "The alloy: a parameter set.  [default: A, or the file's base]"
     ),
-    page: Path | None = option("--html", "Page to write.", OUTPUT),
+    page: Path | None = option("--report", "Page to write.", OUTPUT),
     as_json: bool = json_option,
 ) -> None:
     """Compute stroke, force, period and power of a pair of springs.

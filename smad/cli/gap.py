@@ -54,7 +54,7 @@ def diagnose(
     trust: tuple[str, ...] = trust_option,
     pair: SpringPair = together(SpringPair),
     json_path: Path | None = option("--json", "Write the whole verdict here.", OUTPUT),
-    html_path: Path | None = option("--html", "Write the report page here.", OUTPUT),
+    page_path: Path | None = option("--report", "Write a page with figures here.", OUTPUT),
     model_path: Path | None = option("--apply", "Write the better model here.", OUTPUT),
     simulator: Simulator = together(Simulator),
     processes: int | None = processes_option,
@@ -99,7 +99,7 @@ def diagnose(
     verdict = answer.verdict
     # A refused answer has no model; why it was refused says more than that.
     model_path = None if verdict.outcome == "refused" and not verdict.models else model_path
-    show_verdict(answer, json_path, html_path, model_path, verdict.write_model, arguments=arguments)
+    show_verdict(answer, json_path, page_path, model_path, verdict.write_model, arguments=arguments)
     require_answered(verdict)
 
 

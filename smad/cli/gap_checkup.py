@@ -137,7 +137,7 @@ def checkup(
     json_path: Path | None = option("--json", "Write the verdict here.", OUTPUT),
     page_path: Path | None = option("--report", "Write a page with figures here.", OUTPUT),
     model_path: Path | None = option(
-        "--model", "Write the model with the effects and laws that were found.", OUTPUT
+        "--apply", "Write the model with the effects and laws that were found.", OUTPUT
     ),
 ) -> None:
     """Repeat the inputs of good runs; say what has changed.
@@ -173,6 +173,7 @@ def checkup(
                         bench=bench.name,
                         say=line.note,
                     )
+                line.note(f"played into {now}; --now {now} judges these runs again")
             judgement = check.check_folder(
                 folder,
                 baseline,

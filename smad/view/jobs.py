@@ -106,7 +106,7 @@ def job_command(job: Job, folder: Path, bench: str, axis: str = "") -> JobComman
         if job.good is not None:
             words += ["--good", str(run_path(folder, job.good))]
             title += f" against {job.good}"
-        words += ["--html", str(report)]
+        words += ["--report", str(report)]
     elif isinstance(job, CheckUp):
         report = free_path(folder / "check-up.html")
         words = ["gap", "checkup", f"--baseline={job.baseline}", f"--report={report}"]

@@ -14,7 +14,7 @@ def test_a_short_campaign_prints_the_table_and_writes_page_and_json(
 ) -> None:
     page, data = tmp_path / "page.html", tmp_path / "data.json"
     words = ["faults", "--lockstep", "--only", "leak", "--only", "reboot", "--count", "4"]
-    files = ["--jobs", "1", "--html", str(page), "--json", str(data)]
+    files = ["--jobs", "1", "--report", str(page), "--json", str(data)]
     assert execute([*words, *files]) == 0
     out = capsys.readouterr().out
     assert "4 injections, seed 1" in out

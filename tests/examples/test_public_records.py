@@ -188,7 +188,7 @@ def test_the_command_prints_the_name_of_what_was_put_in_and_writes_the_page(
     stiff = silverbox_file(tmp_path, {"cubic_spring": {"size": 4.0}})
     monkeypatch.setitem(RECORDS, "silverbox", stiff)
     page = tmp_path / "silverbox.html"
-    done = CliRunner().invoke(main, ["silverbox", "--folder", str(tmp_path), "--html", str(page)])
+    done = CliRunner().invoke(main, ["silverbox", "--folder", str(tmp_path), "--report", str(page)])
     assert done.exit_code == 0, done.output
     assert "cubic_spring, size = 4.0" in done.output
     assert "Silverbox" in page.read_text()

@@ -70,7 +70,7 @@ def test_what_is_written_never_replaces_a_recording(
         f"gap checkup --baseline {tmp_path} --report",
         f"log plot {run} -o",
         "run dsc --sim --report",
-        "design --html",
+        "design --report",
     ):
         assert execute([*words.split(), str(run)]) == 2
         assert "is a recording, and would be lost. Name another file" in capsys.readouterr().err
@@ -86,9 +86,9 @@ def test_what_is_written_replaces_no_file_that_the_command_reads_or_writes(
     for words, told in (
         ("gap diagnose run.csv --map mine.toml --apply ./mine.toml", "'--map'"),
         ("gap diagnose run.csv --params mine.toml --apply mine.toml", "'--params'"),
-        ("gap diagnose run.csv --json out --html out", "'--html'"),
+        ("gap diagnose run.csv --json out --report out", "'--report'"),
         ("gap apply verdict.json --out verdict.json", "'VERDICT'"),
-        ("design mine.toml --html mine.toml", "'[GEOMETRY]'"),
+        ("design mine.toml --report mine.toml", "'[GEOMETRY]'"),
         ("run dsc --sim --parameters mine.toml --save-parameters mine.toml", "'--parameters'"),
     ):
         assert execute(words.split()) == 2

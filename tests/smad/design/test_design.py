@@ -58,7 +58,7 @@ def test_the_command_prints_a_table_or_json_and_writes_a_page(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     page = tmp_path / "design.html"
-    assert execute(["design", "--wire", "0.5", "--coil", "3.5", "--html", str(page)]) == 0
+    assert execute(["design", "--wire", "0.5", "--coil", "3.5", "--report", str(page)]) == 0
     assert "stroke to either side" in capfd.readouterr().out
     assert "shear stress" in page.read_text()
     assert execute(["design", "--json"]) == 0
@@ -93,7 +93,7 @@ def test_options_replace_what_the_file_says(
         (["--wire", "-1"], "wire_mm: -1 is outside 0.01 to 5"),
         (["nowhere.toml"], "nowhere.toml"),
         (["--current", "0.05"], "does not heat through within 900 s"),
-        (["--html", "nowhere/design.html"], "there is no folder nowhere"),
+        (["--report", "nowhere/design.html"], "there is no folder nowhere"),
         (["--turns", "0"], "turns: 0 is outside 1 to 200"),
         (["--coil", "0.5"], "coil_mm: 0.5 mm is less than two wires of 0.75 mm"),
         (["--prestrain", "0.05"], "more prestrain than martensite recovers; got prestrain 0.05"),

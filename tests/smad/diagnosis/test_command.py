@@ -172,7 +172,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result, Path]:
         str(table),
         "--json",
         str(folder / "v.json"),
-        "--html",
+        "--report",
         str(folder / "v.html"),
         "--apply",
         str(folder / "all.toml"),

@@ -49,7 +49,7 @@ def test_the_missing_radiation_of_a_heater_is_found_in_what_heats_it(
     (tmp_path / "map.toml").write_text(MAP)
     runs = [str(run_file(tmp_path / f"{s}.csv", s, radiated=8.0)) for s in range(4)]
     ask = ["gap", "diagnose", *runs, "--fmu", str(unit), "--map", str(tmp_path / "map.toml")]
-    assert execute([*ask, "--html", str(tmp_path / "gap.html")]) == 0
+    assert execute([*ask, "--report", str(tmp_path / "gap.html")]) == 0
     said, warned = capfd.readouterr()
     assert f"smad: {unit} contains code that runs with your permissions; " in warned
     assert re.search(r"^a replay takes [\d.e-]+ s: .*\d+ s in all", warned, re.MULTILINE)

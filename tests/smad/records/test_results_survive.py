@@ -21,7 +21,7 @@ def refused(tmp_path: Path) -> list[str]:
     short = {name: column[:110] for name, column in pair().columns.items()}
     run = as_csv(short, tmp_path / "short.csv")
     return ["gap", "diagnose", str(run), "--json", str(tmp_path / "v.json"),
-            "--html", str(tmp_path / "v.html")]  # fmt: skip
+            "--report", str(tmp_path / "v.html")]  # fmt: skip
 
 
 def asked(words: list[str], shell: str) -> subprocess.CompletedProcess[str]:
