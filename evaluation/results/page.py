@@ -24,7 +24,8 @@ _BEGIN, _END = "<!-- reliability -->", "<!-- end of reliability -->"
 _BARS = 20
 _RELIABILITY = """## The probabilities
 
-How often the likeliest place and the likeliest effect were right, by their stated probability, in noticed cases.
+How often the likeliest place and the likeliest effect were right, by their stated probability,
+in noticed cases.
 {of}
 """
 _HEAD = """# Results of the evaluation
