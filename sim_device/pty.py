@@ -14,7 +14,9 @@ before it takes the next sample. Every setpoint is then applied at the time of t
 was computed from, however busy the machine is and however fast the bench runs; a closed loop over
 the port gives the same samples as one in lockstep. The wait is bounded by wall time: a host that
 is silent for `host_timeout_s` is left behind, and the board goes on by itself at `speed` until a
-setpoint comes, so that it still notices and stops. Not armed, the board never waits.
+setpoint comes, so that it still notices and stops. In the same way it waits for an arming that it
+has granted to be confirmed, before the token is too old. Else a board that is not armed never
+waits.
 """
 
 from __future__ import annotations
@@ -45,6 +47,8 @@ WAIT_MOST_S = 0.1
 """Longest wait at a time, so that a signal is noticed."""
 HOST_TIMEOUT_S = 2.0
 """So long a board that is paced by its host waits for a setpoint before it goes on alone."""
+TOKEN_WAIT_US = 1_000_000
+"""Age of an arming token from which on its confirmation is waited for: half of its life."""
 HEATING = (BoardState.ARMED, BoardState.HOLD)
 
 
@@ -98,6 +102,7 @@ class Server:
         self._waiting = False
         self._clock = clock
         self._left_behind_at_us = -2
+        self._left_behind_token = 0
         self._old_port: Port | None = None
         self._sampled_s = clock()
         self._due_s = self._sampled_s
@@ -140,6 +145,7 @@ class Server:
             self._listen(min(most_s, self._sampled_s + self._host_timeout_s - now_s))
             if self._waits_for_host() and self._clock() >= self._sampled_s + self._host_timeout_s:
                 self._left_behind_at_us = self.bench.board.sp_ref_us
+                self._left_behind_token = self.bench.board.outputs.token
                 self.stats.host_timeouts += 1
         elif hold or now_s < self._due_s:
             self._listen(most_s if hold else min(most_s, self._due_s - now_s))
@@ -148,13 +154,22 @@ class Server:
             self._sample()
 
     def _waits_for_host(self) -> bool:
-        """Return whether a heating board first wants an answer to one of its samples."""
+        """Return whether the board first wants an answer: to a sample, or to an arming token."""
         board = self.bench.board
-        return (
+        return self._waits_to_be_armed() or (
             board.last_mode in HEATING
             and board.state in HEATING
             and (board.now_us - board.sp_ref_us) % WRAP > self._answered_within_us
             and board.sp_ref_us != self._left_behind_at_us
+        )
+
+    def _waits_to_be_armed(self) -> bool:
+        s, now_us = self.bench.board.outputs, self.bench.board.now_us
+        return (
+            self._paced_by_host
+            and s.token_valid > 0
+            and now_us - s.token_us >= TOKEN_WAIT_US
+            and s.token != self._left_behind_token
         )
 
     def _sample(self) -> None:

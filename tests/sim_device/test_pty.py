@@ -20,12 +20,13 @@ from firmware_protocol import messages as wire
 from firmware_protocol.enums import BoardState
 from firmware_protocol.events import Connected, HostState, RequestDone, StateReceived
 from firmware_protocol.host import HostSession
+from firmware_protocol.supervisor import ArmConfirmed, ArmRequested, Disarmed, Link
 from sim_device.__main__ import main
 from sim_device.bench import SimulatedBench
 from sim_device.errors import PortError
 from sim_device.faults import injection
 from sim_device.ports import PENDING_MOST, PortCounts, PtyPort, SocketPort, socket_from_descriptor
-from sim_device.pty import Server, Servers
+from sim_device.pty import TOKEN_WAIT_US, Server, Servers
 
 DEADLINE_S = 120.0
 
@@ -184,6 +185,27 @@ def test_paced_by_host_a_host_that_comes_back_is_waited_for_again(
     stage.host = lambda: None
     stage.turn_until(32)
     assert stage.server.stats.host_timeouts == 2
+
+
+def test_paced_by_host_an_arming_that_is_granted_waits_to_be_confirmed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stage = Stage(monkeypatch, speed=20.0, paced_by_host=True, host_timeout_s=2.0)
+    stage.turn_until(20)
+    board = stage.bench.board
+    granted_us, granted_s = board.now_us, stage.clock.now_s
+    assert board.command(ArmRequested(Link(), 7), board.now_us).accepted
+    while stage.clock.now_s < granted_s + 1.5:
+        stage.server.turn()
+    assert board.now_us - granted_us == TOKEN_WAIT_US
+    assert board.command(ArmConfirmed(Link(), 7), board.now_us).accepted
+    assert board.command(Disarmed(), board.now_us).accepted
+    stage.turn_until(200)
+    assert board.command(ArmRequested(Link(), 8), board.now_us).accepted
+    granted_us = board.now_us
+    while board.now_us - granted_us < 2 * TOKEN_WAIT_US:
+        stage.server.turn()
+    assert stage.server.stats.host_timeouts == 1
 
 
 def test_a_board_at_its_own_pace_does_not_blame_its_host_for_what_the_computer_delivers_late(
