@@ -33,7 +33,7 @@ from smad.diagnosis.report.page import page_of
 from smad.diagnosis.report.words import lines
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
-from smad.diagnosis.verdict import Verdict
+from smad.diagnosis.verdict import PAIRED, Verdict
 from smad.errors import SmadError
 from smad.report.page import render
 from smad.runlog.header import RunHeader
@@ -80,6 +80,8 @@ def test_a_bench_without_a_change_is_quiet_and_says_what_it_would_not_have_shown
 ) -> None:
     verdict = quiet.verdict
     assert verdict.outcome == "quiet"
+    assert (verdict.gaps_of, [r.role for r in verdict.runs]) == (PAIRED, ["fit"])
+    assert verdict.runs[0].duration_s > 20.0
     assert verdict.whole is not None
     assert verdict.whole.raw < 1.5
     assert any(text.startswith("rtd_lag, tau_s: less than") for text in verdict.unseen)

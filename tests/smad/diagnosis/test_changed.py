@@ -7,8 +7,9 @@ from dataclasses import replace
 import pytest
 
 from smad.diagnosis import Verdict
+from smad.diagnosis.report.words import lines
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.verdict import CAUSES, CHANGED, PARAMETERS, QUIET
+from smad.diagnosis.verdict import CAUSES, CHANGED, MEASURED, PAIRED, PARAMETERS, QUIET
 from tests.smad.diagnosis.cases import GAIN, OTHER, ask, bank
 from tests.smad.diagnosis.heater_plant import recorded
 
@@ -119,6 +120,9 @@ def test_what_the_model_gets_wrong_hides_nothing_in_runs_that_repeat_good_ones(
     assert other_inputs.whole is not None
     assert found.whole.causes[0] < 1.0
     assert other_inputs.whole.causes[0] > 1.2
+    # Only there gaps are of differences, and table and figure say so.
+    assert (found.gaps_of, other_inputs.gaps_of) == (PAIRED, MEASURED)
+    assert any("RMS of whitened now − then" in line for line in lines(found))
 
 
 def test_runs_that_repeat_good_ones_without_a_change_have_nothing_new(waxen: list[GapRun]) -> None:
