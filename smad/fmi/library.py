@@ -30,8 +30,8 @@ ENTRIES = (
     k.rest,
 )
 """Everything of the kernel that Python calls."""
-FLAGS = ("-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
-"""No operation is fused, so that it computes what numba's code does. The rest change no number."""
+FLAGS = ("-O2", "-ffp-contract=off")
+"""No operation is fused, so that it computes what numba's code does."""
 
 
 def library_source() -> str:
