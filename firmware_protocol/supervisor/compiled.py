@@ -1,4 +1,4 @@
-"""The supervisor as its C, compiled: what a board runs, and ten times as fast as the Python.
+"""The supervisor as its C, compiled: what a board runs, and six times as fast as the Python.
 
 python -m firmware_protocol.supervisor.compiled     compile it, where a C compiler is
 
