@@ -70,7 +70,7 @@ def execute(arguments: Sequence[str]) -> int:
 @click.option("--process", is_flag=True, help="Only with a real daemon process.")
 @click.option("--jobs", type=Whole(1), help="Processes to run on; one a core.")
 @click.option("--json", "json_path", type=click.Path(path_type=Path), metavar="FILE")
-@click.option("--report", "html_path", type=click.Path(path_type=Path), metavar="FILE")
+@click.option("--report", "page_path", type=click.Path(path_type=Path), metavar="FILE")
 def faults_command(
     *,
     only: tuple[str, ...],
@@ -81,7 +81,7 @@ def faults_command(
     process: bool,
     jobs: int | None,
     json_path: Path | None,
-    html_path: Path | None,
+    page_path: Path | None,
 ) -> int:
     """Break a simulated bench in every known way and judge what comes of it.
 
@@ -106,8 +106,8 @@ def faults_command(
     print_table(report.table_of(report.by_fault(run.results)))
     print_table(report.table_of(report.by_group(run.results)))
     _write(report.json_of(run), json_path)
-    if html_path is not None:
-        write_page(report.page_of(run), html_path)
+    if page_path is not None:
+        write_page(report.page_of(run), page_path)
     for line in report.failure_lines(run):
         click.echo(f"FAILED {line}")
     click.echo(report.verdict(run))

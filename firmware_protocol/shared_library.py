@@ -5,10 +5,6 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import os
-import shlex
-import shutil
-import subprocess
-import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TypeVar
@@ -16,30 +12,38 @@ from typing import TypeVar
 _L = TypeVar("_L", bound=ctypes.CDLL)
 
 FLAGS = ("-std=c11", "-shared", "-fPIC")
-_TEXT = "smad_text"
+_DIGEST = "smad_digest"
 
 
-def text_digest(modules: Iterable[Path]) -> str:
+def digest_of(files: Iterable[Path]) -> str:
     """A name for the text of some files."""
     digest = hashlib.sha256()
-    for module in sorted(modules):
-        digest.update(module.name.encode() + b"\0" + module.read_bytes())
+    for file in sorted(files):
+        digest.update(file.name.encode() + b"\0" + file.read_bytes())
     return digest.hexdigest()[:16]
 
 
-def compiled(target: Path, files: Mapping[str, str], text: str, flags: Sequence[str]) -> bool:
-    """Compile the `files`, name and content, to the library `target` of the digest `text`.
+def compile_library(
+    target: Path, files: Mapping[str, str], digest: str, flags: Sequence[str]
+) -> bool:
+    """Compile C `files`, name and content, to the library `target`, to be known by `digest`.
 
     Returns whether a C compiler is here (`cc`, or what CC says). Whoever has an earlier library of
     that path loaded keeps it. Raises subprocess.CalledProcessError for a compiler that fails.
     """
+    # Whoever only opens a library needs none of these, and would wait for them at start-up.
+    import shlex
+    import shutil
+    import subprocess
+    import tempfile
+
     command = shlex.split(os.environ.get("CC", "cc"))
     if not command or shutil.which(command[0]) is None:
         return False
-    known_by = f'const char *const {_TEXT} = "{text}";\n'
+    known_by = f'const char *const {_DIGEST} = "{digest}";\n'
     with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.stem}-") as name:
         folder = Path(name)
-        for file, content in {**files, "text.c": known_by}.items():
+        for file, content in {**files, "digest.c": known_by}.items():
             (folder / file).write_text(content)
         made = folder / target.name
         sources = sorted(map(str, folder.glob("*.c")))
@@ -48,13 +52,13 @@ def compiled(target: Path, files: Mapping[str, str], text: str, flags: Sequence[
     return True
 
 
-def opened(path: Path, text: str, kind: type[_L]) -> _L:
-    """The library at `path`, as one of a `kind`. Raises OSError for one of another text."""
+def open_library(path: Path, digest: str, kind: type[_L]) -> _L:
+    """The library at `path`, as one of a `kind`. Raises OSError for one of another digest."""
     library = kind(str(path))
     try:
-        built_of = ctypes.c_char_p.in_dll(library, _TEXT).value
+        built_of = ctypes.c_char_p.in_dll(library, _DIGEST).value
     except ValueError:
         built_of = None
-    if built_of != text.encode():
+    if built_of != digest.encode():
         raise OSError(f"{path} was built of another text")
     return library

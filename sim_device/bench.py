@@ -22,6 +22,7 @@ from firmware_protocol.supervisor import (
     Outcome,
     Stopped,
 )
+from firmware_protocol.supervisor.ranges import COMMAND
 from sim_device.board import SELF_TEST_SAMPLES, WRAP, Board
 from sim_device.errors import RefusedError
 from sim_device.faults import NEVER, Injection, Scheduler
@@ -31,6 +32,7 @@ from sim_device.plant import Drive, ParameterSet, Plant, load_parameters
 from sim_device.plant.errors import InputError
 from sim_device.plant.laws import Law
 
+_CURRENT, _DUTY, _TTL, _STAGE = (COMMAND[n] for n in ("i_mA", "duty", "ttl_us", "stage_um"))
 WATCHDOG_US = 100_000
 UART_BYTES = 512
 """What the receive buffer of the chip holds while its loop hangs."""
@@ -318,17 +320,20 @@ def named_image(image: bytes | None, axis_name: str, rate_hz: int) -> bytes | No
 
 
 def _require_on_the_wire(setpoint: wire.Setpoint) -> None:
+    """Raise InputError for a setpoint that is not in the ranges of the supervisor's commands."""
     i_mA, duty, stage_um = setpoint.i_mA, setpoint.pump_duty, setpoint.stage_um
     within = (
-        min(i_mA) >= 0 <= min(duty)
-        and max(i_mA) <= 0xFFFF
-        and max(duty) <= 0xFF
-        and 0 <= setpoint.ttl_ms <= 0xFFFF
-        and -0x8000_0000 <= stage_um <= 0x7FFF_FFFF
+        _CURRENT.low <= min(i_mA)
+        and max(i_mA) <= _CURRENT.high
+        and _DUTY.low <= min(duty)
+        and max(duty) <= _DUTY.high
+        and _TTL.low <= setpoint.ttl_ms * 1000 <= _TTL.high
+        and _STAGE.low <= stage_um <= _STAGE.high
     )
     if not within:
         raise InputError(
             f"currents of {i_mA} mA, duties of {duty}, a life of {setpoint.ttl_ms} ms and a stage "
-            f"at {stage_um} um are no setpoint: the wire has 0 to 65535 mA, 0 to 255, 0 to "
-            "65535 ms and 32 bits; correct the one beyond"
+            f"at {stage_um} um are no setpoint: the wire has {_CURRENT.low} to {_CURRENT.high} mA, "
+            f"{_DUTY.low} to {_DUTY.high}, {_TTL.low} to {_TTL.high // 1000} ms and 32 bits; "
+            "correct the one beyond"
         )

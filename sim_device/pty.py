@@ -15,8 +15,7 @@ was computed from, however busy the machine is and however fast the bench runs; 
 the port gives the same samples as one in lockstep. The wait is bounded by wall time: a host that
 is silent for `host_timeout_s` is left behind, and the board goes on by itself at `speed` until a
 setpoint comes, so that it still notices and stops. In the same way it waits for an arming that it
-has granted to be confirmed, before the token is too old. Else a board that is not armed never
-waits.
+has granted to be confirmed, before the token is too old. Otherwise an unarmed board never waits.
 """
 
 from __future__ import annotations
@@ -32,6 +31,7 @@ from pathlib import Path
 from types import FrameType
 
 from firmware_protocol.enums import BoardState
+from firmware_protocol.supervisor import LIMIT_ROWS
 from sim_device.bench import SimulatedBench
 from sim_device.board import WRAP
 from sim_device.errors import PortError
@@ -47,7 +47,7 @@ WAIT_MOST_S = 0.1
 """Longest wait at a time, so that a signal is noticed."""
 HOST_TIMEOUT_S = 2.0
 """So long a board that is paced by its host waits for a setpoint before it goes on alone."""
-TOKEN_WAIT_US = 1_000_000
+TOKEN_WAIT_US = LIMIT_ROWS["token_us"].compiled // 2
 """Age of an arming token from which on its confirmation is waited for: half of its life."""
 HEATING = (BoardState.ARMED, BoardState.HOLD)
 
@@ -164,6 +164,7 @@ class Server:
         )
 
     def _waits_to_be_armed(self) -> bool:
+        """Return whether an arming token that was given to a host that paces is getting old."""
         s, now_us = self.bench.board.outputs, self.bench.board.now_us
         return (
             self._paced_by_host

@@ -1,4 +1,4 @@
-"""Built into a wheel: kernel and supervisor as libraries where a C compiler is; else it is for all.
+"""Puts kernel and supervisor into a wheel as libraries, where a C compiler is.
 
 A hook of hatchling. Of an editable installation `make setup` compiles them beside their source.
 """

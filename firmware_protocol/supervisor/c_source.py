@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from enum import IntEnum
 from types import ModuleType
 
@@ -20,7 +19,7 @@ from firmware_protocol.supervisor import (
 )
 from firmware_protocol.supervisor.errors import TranslationError
 from firmware_protocol.supervisor.limits import LIMIT_ROWS
-from firmware_protocol.supervisor.memory import Command, Measurements, Memory
+from firmware_protocol.supervisor.memory import Command, Measurements, Memory, members_of
 from firmware_protocol.supervisor.ranges import Range, stored_as
 from firmware_protocol.supervisor.states import PumpPolicy, Trigger
 from firmware_protocol.supervisor.translate import (
@@ -169,9 +168,9 @@ def header() -> str:
     ]
     records = [
         _record("limits", ranges.stored_limits(), ranges.LIMITS),
-        _record("measurements", _shape(Measurements()), ranges.MEASUREMENTS),
-        _record("command", _shape(Command()), ranges.COMMAND),
-        _record("memory", _shape(Memory(table.LINE_COUNT)), ranges.MEMORY),
+        _record("measurements", members_of(Measurements()), ranges.MEASUREMENTS),
+        _record("command", members_of(Command()), ranges.COMMAND),
+        _record("memory", members_of(Memory(table.LINE_COUNT)), ranges.MEMORY),
     ]
     parts = [
         f"/* {NOTICE}\n *\n * The board's supervisor: states, limits and checks, in integers.\n"
@@ -238,10 +237,6 @@ def source() -> str:
 def wire_enums() -> str:
     """Return the enumerations of the wire that the source uses, as smad_protocol.h has them."""
     return "\n\n".join(_enumeration(kind) for kind in WIRE_ENUMS) + "\n"
-
-
-def _shape(record: object) -> list[tuple[str, object]]:
-    return [(field.name, getattr(record, field.name)) for field in fields(record)]  # type: ignore[arg-type]
 
 
 def _record(name: str, members: Sequence[tuple[str, object]], spans: Mapping[str, Range]) -> str:
@@ -315,7 +310,7 @@ def _compiled() -> str:
 
 def _init() -> str:
     lines = []
-    for name, value in _shape(Memory(table.LINE_COUNT)):
+    for name, value in members_of(Memory(table.LINE_COUNT)):
         items = enumerate(value) if isinstance(value, list) else [(None, value)]
         for n, item in items:
             if item:

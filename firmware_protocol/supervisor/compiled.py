@@ -12,15 +12,13 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, cast
 
-from firmware_protocol.shared_library import compiled, opened
-from firmware_protocol.shared_library import text_digest as digest_of
+from firmware_protocol.shared_library import compile_library, digest_of, open_library
 from firmware_protocol.supervisor import ranges
 from firmware_protocol.supervisor.limits import Limits
-from firmware_protocol.supervisor.memory import Command, Measurements, Memory
+from firmware_protocol.supervisor.memory import Command, Measurements, Memory, members_of
 from firmware_protocol.supervisor.ranges import Range, stored_limits
 from firmware_protocol.supervisor.supervisor import Supervisor
 from firmware_protocol.supervisor.table import LINE_COUNT
@@ -35,7 +33,7 @@ def text_digest() -> str:
 
 
 def build_library(target: Path = LIBRARY) -> bool:
-    """Translate and compile the present text to `target`; see `shared_library.compiled`."""
+    """Translate and compile the present text to `target`; see `shared_library.compile_library`."""
     from firmware_protocol.supervisor import c_source
 
     files = {
@@ -43,7 +41,7 @@ def build_library(target: Path = LIBRARY) -> bool:
         "smad_supervisor.h": c_source.header(),
         "smad_supervisor.c": c_source.source(),
     }
-    return compiled(target, files, text_digest(), ("-O2",))
+    return compile_library(target, files, text_digest(), ("-O2",))
 
 
 def _structure(name: str, members: Sequence[tuple[str, object]], spans: Mapping[str, Range]) -> Any:
@@ -59,13 +57,9 @@ def _type(stored: str, value: object) -> Any:
     return kind * len(value) if isinstance(value, list) else kind
 
 
-def _members(record: Any) -> list[tuple[str, object]]:
-    return [(field.name, getattr(record, field.name)) for field in fields(record)]
-
-
 def _filled(structure: Any, record: Any) -> Any:
     """The structure, with the values of a record."""
-    for name, value in _members(record):
+    for name, value in members_of(record):
         setattr(structure, name, tuple(value) if isinstance(value, list) else value)
     return structure
 
@@ -75,12 +69,12 @@ class Library:
 
     def __init__(self, path: Path, text: str) -> None:
         # The interpreter stays locked: a sample takes a microsecond.
-        library = opened(path, text, ctypes.PyDLL)
-        memory = _members(Memory(LINE_COUNT))
+        library = open_library(path, text, ctypes.PyDLL)
+        memory = members_of(Memory(LINE_COUNT))
         self.memory_type = _structure("Memory", memory, ranges.MEMORY)
-        measured = _members(Measurements())
+        measured = members_of(Measurements())
         self.measurements_type = _structure("Measurements", measured, ranges.MEASUREMENTS)
-        self.command_type = _structure("Command", _members(Command()), ranges.COMMAND)
+        self.command_type = _structure("Command", members_of(Command()), ranges.COMMAND)
         self.limits_type = _structure("Limits", stored_limits(), ranges.LIMITS)
         address, time = ctypes.c_void_p, ctypes.c_int64
         self.sample = library.smad_sv_sample
@@ -101,8 +95,8 @@ class CompiledSupervisor(Supervisor):
         self._library = library
         super().__init__(limits)
         # Kept, since the library is told where they lie.
-        self._all = (self.memory, self.measurements, self._command, self._stored)
-        self._addresses = tuple(ctypes.addressof(cast(Any, record)) for record in self._all)
+        self._structures = (self.memory, self.measurements, self._command, self._stored)
+        self._addresses = tuple(ctypes.addressof(cast(Any, record)) for record in self._structures)
 
     def _records(self) -> tuple[Memory, Measurements, Command]:
         made, self._stored = self._library, self._library.limits_type()
@@ -126,7 +120,7 @@ class CompiledSupervisor(Supervisor):
         if not self._as_compiled:
             super()._decide_sample(m, now_us)
             return
-        _, own, *_ = self._all
+        _, own, *_ = self._structures
         if m is not own:
             _filled(own, m)
         memory, measured, _, limits = self._addresses

@@ -6,7 +6,7 @@ is always (X, Y); rtd_cC is (X, Y, inlet, ambient), as in STATE.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 RTD_INVALID_cC = -32768
 """What an RTD channel holds when its converter gave no value."""
@@ -170,6 +170,11 @@ class Memory:
         self.bad_us = [0] * self.lines
         self.need_samples = [0] * self.lines
         self.need_us = [0] * self.lines
+
+
+def members_of(record: Measurements | Command | Memory) -> list[tuple[str, object]]:
+    """Name and value of each member of a record."""
+    return [(member.name, getattr(record, member.name)) for member in fields(record)]
 
 
 def follow(value: int, target: int, share: int) -> int:

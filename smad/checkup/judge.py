@@ -84,7 +84,7 @@ def judged(
     answer = answer_of(search, question=CHECK_UP, gaps_of=PAIRED)
     answer = answer.with_verdict(
         notes=notes_of(pairs),
-        runs=[RunRecord(name, FIT, round(r.duration_s, 3), r.digest) for r, name in runs],
+        runs=[RunRecord.of(run, FIT, name) for run, name in runs],
         plant=plant.name,
         plant_version=plant.version,
         smad_version=VERSION,

@@ -52,7 +52,7 @@ def arguments_text(
     good: Sequence[Path],
     mapping: Path | None = None,
 ) -> str:
-    """The arguments as a shell takes them, to ask once more."""
+    """The arguments as a shell takes them, to ask once more; a mapping is at their end."""
     words = [str(path) for path in runs]
     for name, paths in (("--hold-out", hold_out), ("--good", good)):
         words += [name, *map(str, paths)] if paths else []

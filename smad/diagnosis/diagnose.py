@@ -166,9 +166,7 @@ def _lacking(groups: Mapping[str, RunSet]) -> str:
 def _records(groups: Mapping[str, RunSet]) -> list[RunRecord]:
     """Every run that was given, by its role; refused ones as such."""
     return [
-        RunRecord(
-            r.name, "refused" if r.name in group.refused else role, round(r.duration_s, 3), r.digest
-        )
+        RunRecord.of(r, "refused" if r.name in group.refused else role)
         for role, group in groups.items()
         for r in group.given
     ]

@@ -246,9 +246,9 @@ def nominal_point(plant: PlantModel) -> ModelPoint:
     return ModelPoint({p.name: p.nominal for p in plant.parameters})
 
 
-def nominal_replay(run: GapRun, plant: PlantModel) -> dict[str, Array]:
-    """What the nominal model predicts of a run, by channel, (n,) each."""
-    return plant.simulate(nominal_point(plant), run, fast=True)
+def nominal_replay(run: GapRun, plant: PlantModel, *, fast: bool = True) -> dict[str, Array]:
+    """What the nominal model predicts of a run, by channel, (n,) each; `fast` as in `simulate`."""
+    return plant.simulate(nominal_point(plant), run, fast=fast)
 
 
 def moved_parameters(plant: PlantModel, start: ModelPoint, x: Array) -> dict[str, float]:

@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 
 from smad.diagnosis.errors import GapError, PlantMismatch
+from smad.diagnosis.runs import GapRun
 from smad.units import in_words
 
 QUIET, PARAMETERS, CAUSES, UNEXPLAINED, REFUSED = (
@@ -61,6 +62,11 @@ class RunRecord(msgspec.Struct, frozen=True):
     role: str
     duration_s: float
     sha256: str
+
+    @classmethod
+    def of(cls, run: GapRun, role: str, name: str = "") -> RunRecord:
+        """The record of a run, under a `name` of its own or the run's."""
+        return cls(name or run.name, role, round(run.duration_s, 3), run.digest)
 
 
 class LawTerm(msgspec.Struct, frozen=True, kw_only=True):
@@ -254,8 +260,8 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     `independent_rows` is how many rows of a judged run and channel count as independent of each
     other, on average. `models` are model files as text: with other parameters, then with each cause
     (empty for a plant that writes none). `budget` has the gap of each signal, of what `gaps_of`
-    says, and `whole` that over all signals, in floors. `unseen` says of
-    each effect which strength these runs would not have shown.
+    says, and `whole` that over all signals, in floors. `unseen` says of each effect which strength
+    these runs would not have shown.
     """
 
     question: str

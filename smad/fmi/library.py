@@ -9,7 +9,7 @@ import inspect
 import re
 from pathlib import Path
 
-from firmware_protocol.shared_library import compiled
+from firmware_protocol.shared_library import compile_library
 from sim_device.plant import kernel as k
 from sim_device.plant.kernel.compiled import PACKAGE
 from sim_device.plant.kernel.library import FILE, PREFIX
@@ -56,8 +56,8 @@ def library_source() -> str:
 
 
 def build_library(target: Path, flags: tuple[str, ...] = FLAGS) -> bool:
-    """Compile the library to `target`; see `firmware_protocol.shared_library.compiled`."""
-    return compiled(target, {"kernel.c": library_source()}, k.text_digest(), flags)
+    """Compile the library to `target`; see `firmware_protocol.shared_library.compile_library`."""
+    return compile_library(target, {"kernel.c": library_source()}, k.text_digest(), flags)
 
 
 if __name__ == "__main__":

@@ -18,9 +18,9 @@ def simulated(*, speed: float = 4.0, options: Sequence[str] = ()) -> Iterator[Cl
     """A client of a simulated bench that nobody else sees, for as long as the block lasts.
 
     The board waits for each setpoint, so that a busy machine makes a run slower and never wrong.
-    `speed` is how many times faster than the clock it may go. `options` are further ones
-    of `smad start --sim`, as `("--effect", "rtd_lag")`. Run logs go to `runs/` here, as always.
-    Raises DaemonError where it does not come up.
+    `speed` is how many times faster than the clock it may go. `options` are further ones of
+    `smad start --sim`, as `("--effect", "rtd_lag")`. Run logs go to `runs/` here, as always. Raises
+    DaemonError where it does not come up.
     """
     if not 0.0 < speed <= FASTEST:
         raise DaemonError(

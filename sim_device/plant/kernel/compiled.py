@@ -20,7 +20,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from firmware_protocol.shared_library import text_digest as digest_of
+from firmware_protocol.shared_library import digest_of
 from sim_device.plant.kernel.library import shipped, without_numba
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])

@@ -17,7 +17,7 @@ from typing import Any, TypeVar, cast, get_type_hints
 
 import numpy as np
 
-from firmware_protocol.shared_library import opened
+from firmware_protocol.shared_library import open_library
 from sim_device.plant.kernel.layout import is_array
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -32,7 +32,7 @@ class Library:
     """A library of the kernel whose source has the digest `text`. Raises OSError for any other."""
 
     def __init__(self, path: Path, text: str) -> None:
-        self._library = opened(path, text, ctypes.CDLL)
+        self._library = open_library(path, text, ctypes.CDLL)
 
     def entry(self, function: _Function) -> _Function:
         """The library's function in place of one of the kernel; raises AttributeError without."""

@@ -6,13 +6,13 @@ motion stays in either adds to the noise, so the less of both counts.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from smad.diagnosis.data.grid import Grid
-from smad.diagnosis.plant import Array, Channel, Mask, PlantModel, nominal_point
+from smad.diagnosis.plant import Array, Mask, PlantModel, nominal_replay
 from smad.diagnosis.runs import GapRun
 
 _MIN_REST_ROWS = 30
@@ -37,31 +37,27 @@ def _detrended(y: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Course:
-    """Rows of one channel in one run, (rows,), where they count, and where the bench rests."""
+    """Rows of one channel in one run, (rows,), where they count, and where the bench rests.
 
-    values: Array
+    `unexplained` is what the simulator leaves of `measured`; the same where it gives no numbers.
+    """
+
+    measured: Array
+    unexplained: Array
     valid: Mask
     rest: Mask
 
-
-def _courses(
-    runs: Sequence[GapRun],
-    grids: Sequence[Grid],
-    plant: PlantModel,
-    channel: Channel,
-    simulated: Sequence[Mapping[str, Array]] = (),
-) -> list[_Course]:
-    """The courses of a channel, less what the simulator shows where that is given and finite."""
-    courses = []
-    for k, (run, grid) in enumerate(zip(runs, grids, strict=True)):
-        if channel.name not in run.outputs:
-            continue
-        y = run.outputs[channel.name]
-        if simulated and np.isfinite(left := y - simulated[k][channel.name])[run.good].all():
-            y = left
-        rest = grid.majority(plant.regimes(run, channel.side)["rest"]) & grid.valid
-        courses.append(_Course(values=grid.mean(y), valid=grid.valid, rest=rest))
-    return courses
+    @classmethod
+    def of(cls, run: GapRun, grid: Grid, rest: Mask, y: Array, simulated: Array) -> _Course:
+        """The course of samples `y`, (n,), where the simulator shows others and the bench rests."""
+        measured, left = grid.mean(y), y - simulated
+        finite = np.isfinite(left[run.good]).all()
+        return cls(
+            measured=measured,
+            unexplained=grid.mean(left) if finite else measured,
+            valid=grid.valid,
+            rest=grid.majority(rest) & grid.valid,
+        )
 
 
 def _scale(values: Array) -> float:
@@ -74,30 +70,33 @@ def _scale(values: Array) -> float:
     return float(np.sqrt(np.mean(inliers**2)))
 
 
-def _sigma(courses: Sequence[_Course]) -> float:
-    """Noise of one channel: of its rows at rest less a parabola, or of all if it hardly rests."""
+def _sigma(values: Sequence[Array], courses: Sequence[_Course]) -> float:
+    """Noise of one channel: of its rows at rest less a parabola, or of all if it hardly rests.
+
+    `values` are the rows of each course, as measured or unexplained.
+    """
     rest = [
-        _detrended(c.values[s])
-        for c in courses
+        _detrended(y[s])
+        for y, c in zip(values, courses, strict=True)
         for s in _stretches(c.rest)
         if s.stop - s.start >= _MIN_REST_RUN
     ]
     rows = sum(len(y) for y in rest)
     if rows < _MIN_REST_ROWS:
-        return _difference_sigma(courses)
+        longest = [
+            y[max(_stretches(c.valid), key=lambda s: s.stop - s.start)]
+            for y, c in zip(values, courses, strict=True)
+            if c.valid.any()
+        ]
+        return _difference_sigma(longest)
     # Three coefficients were fitted to each stretch.
     freedom = max(rows - 3 * len(rest), 1) / rows
     return _scale(np.concatenate(rest)) / float(np.sqrt(freedom))
 
 
-def _difference_sigma(courses: Sequence[_Course]) -> float:
+def _difference_sigma(courses: Sequence[Array]) -> float:
     """Noise of one channel where nothing rests: what is left of it that no motion explains."""
-    longest = [
-        c.values[max(_stretches(c.valid), key=lambda s: s.stop - s.start)]
-        for c in courses
-        if c.valid.any()
-    ]
-    sigma, (quiet, bins) = _third_differences(longest), _quietest_band(longest)
+    sigma, (quiet, bins) = _third_differences(courses), _quietest_band(courses)
     # What moves within a few rows is no smooth course. Noise is at most what the spectrum has
     # where it has least; that this is less by chance is left out by four standard errors.
     return quiet if quiet * np.sqrt(1.0 + 4.0 / np.sqrt(bins)) < sigma else sigma
@@ -142,15 +141,24 @@ def row_noise(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> Arr
 
     It is at least that of the quantum. A channel that no run has keeps its typical noise.
     """
-    grids = [Grid.of(run, period_s) for run in runs]
-    simulated = [plant.simulate(nominal_point(plant), run) for run in runs]
+    replays = [
+        (run, Grid.of(run, period_s), nominal_replay(run, plant, fast=False)) for run in runs
+    ]
     noise = np.array([max(c.noise, c.quantum) for c in plant.channels])
     for i, channel in enumerate(plant.channels):
-        if any(channel.name in run.outputs for run in runs):
-            measured = _courses(runs, grids, plant, channel)
-            unexplained = _courses(runs, grids, plant, channel, simulated)
-            sigma = min(_sigma(measured), _sigma(unexplained))
-            noise[i] = max(sigma, float(channel.quantum / np.sqrt(12.0))) or channel.noise
+        name, side = channel.name, channel.side
+        courses = [
+            _Course.of(
+                run, grid, plant.regimes(run, side)["rest"], run.outputs[name], simulated[name]
+            )
+            for run, grid, simulated in replays
+            if name in run.outputs
+        ]
+        if courses:
+            measured = _sigma([c.measured for c in courses], courses)
+            unexplained = _sigma([c.unexplained for c in courses], courses)
+            least = float(channel.quantum / np.sqrt(12.0))
+            noise[i] = max(min(measured, unexplained), least) or channel.noise
     return noise
 
 

@@ -224,10 +224,13 @@ def judged_lines(v: Verdict) -> list[str]:
 
 
 def advice(verdict: Verdict, arguments: str) -> list[tuple[str, str]]:
-    """What to do next: commands and why; `arguments` are the arguments as a shell takes them."""
+    """What to do next: commands and why.
+
+    `arguments` are the arguments as a shell takes them, a mapping of columns at their end.
+    """
     v = verdict
-    _, has_map, path = arguments.partition(" --map ")
-    mapping = has_map + path
+    _, option, path = arguments.partition(" --map ")
+    mapping = option + path
     if v.outcome == REFUSED:
         return [("", "correct what is refused above, and ask again")]
     out = []

@@ -350,7 +350,7 @@ def _of_all_rows(evidence: Evidence, values: Sequence[Array]) -> Predicted:
 
 
 def put_together(evidence: Evidence, predicted: Sequence[Predicted]) -> list[Array]:
-    """Each row as the prediction has it that it is judged by, (bins, channels) of each run."""
+    """Of each row the prediction that it is judged by, (bins, channels) of each run."""
     out = list(predicted[0].values)
     for one in predicted[1:]:
         for k, span in enumerate(evidence.spans):
