@@ -6,11 +6,14 @@ instead.
 
 from __future__ import annotations
 
+import contextlib
 import os
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from bench.browser import LivePage, what_is_missing
@@ -38,6 +41,28 @@ def until(driver: Any, true: Callable[[Any], Any]) -> Any:
     from selenium.webdriver.support.ui import WebDriverWait
 
     return WebDriverWait(driver, PATIENCE_S, poll_frequency=0.05).until(true)
+
+
+def until_its_job(driver: Any, bench: BrowsedBench, true: Callable[[Any], Any]) -> None:
+    """Wait for as long as the page's job gets any processor time: it gives way to other tests."""
+    taken_s, since_s = 0.0, time.monotonic()
+    while not true(driver):
+        now_s = _processor_s_of_job(bench)
+        if now_s > taken_s:
+            taken_s, since_s = now_s, time.monotonic()
+        assert time.monotonic() - since_s < PATIENCE_S, (taken_s, text_of(driver, "job-lines"))
+        time.sleep(0.2)
+
+
+def _processor_s_of_job(bench: BrowsedBench) -> float:
+    """Of the one program that the page starts in a session of its own, with all that it starts."""
+    total_s = 0.0
+    for child in psutil.Process(bench.page.process.pid).children():
+        with contextlib.suppress(psutil.NoSuchProcess, ProcessLookupError):
+            if os.getsid(child.pid) == child.pid:
+                for process in (child, *child.children(recursive=True)):
+                    total_s += sum(process.cpu_times()[:2])
+    return total_s
 
 
 def text_of(driver: Any, name: str) -> str:

@@ -8,7 +8,6 @@ from typing import Any
 
 import psutil
 import pytest
-from selenium.webdriver.support.ui import WebDriverWait
 
 from bench.browser import browser, live_page
 from bench.view_stop import GOAL_MS, latencies_ms
@@ -26,11 +25,10 @@ from .browsing import (
     shown_generation,
     text_of,
     until,
+    until_its_job,
 )
 
 pytestmark = in_a_browser
-LONG_S = 280.0
-"""For a diagnosis, ten seconds of processor time, beside other tests."""
 STOPS = 3
 
 
@@ -83,26 +81,30 @@ def report_of(driver: Any) -> str:
     return text
 
 
-def test_a_run_is_listed_with_its_results_and_its_page_opens(page: Any, run: str) -> None:
+def test_a_run_is_listed_with_its_results_and_its_page_opens(
+    page: Any, run: str, bench: BrowsedBench
+) -> None:
     press(page, run, "Results")
     until(page, lambda d: "RMS error" in text_of(d, "runs-list"))
     press(page, run, "Page")
     # Until then the job of a test before is shown.
     until(page, lambda d: text_of(d, "job-title").startswith(run.removesuffix(".mcap")))
-    WebDriverWait(page, LONG_S).until(ended)
+    until_its_job(page, bench, ended)
     assert state_of_job(page) == "done", text_of(page, "job-lines")
     text = report_of(page)
     assert run.removesuffix(".mcap") in text
     assert "Signals" in text
 
 
-def test_a_diagnosis_that_the_page_begins_ends_in_its_report(page: Any, run: str) -> None:
+def test_a_diagnosis_that_the_page_begins_ends_in_its_report(
+    page: Any, run: str, bench: BrowsedBench
+) -> None:
     press(page, run, "Diagnose")
     until(page, lambda d: state_of_job(d) == "running")
     # One job at a time, and its progress is told.
     press(page, run, "Page")
     until(page, lambda d: "another job is running" in text_of(d, "said"))
-    WebDriverWait(page, LONG_S).until(ended)
+    until_its_job(page, bench, ended)
     assert state_of_job(page) == "done", text_of(page, "job-lines")
     assert "nothing is missing" in text_of(page, "job-lines")
     assert "othing is missing" in report_of(page)
@@ -121,13 +123,13 @@ def test_stop_is_as_quick_and_the_job_goes_on(bench: BrowsedBench, run: str, pag
     assert "it was interrupted" not in text_of(page, "job-now"), text_of(page, "job-lines")
 
 
-def test_a_job_is_ended_from_the_page(run: str, page: Any) -> None:
+def test_a_job_is_ended_from_the_page(run: str, page: Any, bench: BrowsedBench) -> None:
     # On a busy machine a short job may come to its own end before the click does.
     for _ in range(3):
         press(page, run, "Diagnose")
         until(page, lambda d: state_of_job(d) == "running")
         page.execute_script("document.getElementById('job-end').click()")
-        until(page, ended)
+        until_its_job(page, bench, ended)
         if "it was interrupted" in text_of(page, "job-now"):
             return
     pytest.fail(text_of(page, "job-lines"))
