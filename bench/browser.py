@@ -21,6 +21,8 @@ from smad.processes.boards import BOARDS
 from smad.processes.daemon import DaemonProcess
 from smad.processes.simulator import simulated_bench
 
+PACED = ("--paced-by-host", "--patience", "60")
+"""A bench that waits for its daemon, and is not given up because the machine holds it up."""
 _ENDS_WITHIN_S = 120.0
 """On a busy machine."""
 _PROGRAMS = ("chromium", "chromedriver")
@@ -61,7 +63,7 @@ def what_is_missing() -> str:
 
 @contextlib.contextmanager
 def running_daemon(folder: Path, *sim: str, rate_hz: Any = 100) -> Iterator[DaemonProcess]:
-    """A simulated bench and its daemon, with their sockets in `folder`."""
+    """A simulated bench and its daemon, with their sockets in `folder`; `PACED` is for both."""
     rate = ("--rate", str(rate_hz))
     with simulated_bench([*rate, *sim], folder / "tty", waiting=lambda text: None) as port:
         config = Config(
@@ -71,7 +73,8 @@ def running_daemon(folder: Path, *sim: str, rate_hz: Any = 100) -> Iterator[Daem
         )
         path = folder / "bench.toml"
         path.write_text(config_to_toml(config))
-        daemon = DaemonProcess(["--config", str(path)], folder)
+        patience = PACED[1:] if sim == PACED else ()
+        daemon = DaemonProcess(["--config", str(path), *patience], folder)
         try:
             daemon.wait_until_ready()
             yield daemon
@@ -159,6 +162,7 @@ def browser(folder: Path, width: int = 1200, height: int = 1000) -> Iterator[Any
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     service = webdriver.ChromeService(executable_path=shutil.which("chromedriver"))
     driver = webdriver.Chrome(options=options, service=service)
+    driver.set_script_timeout(_ENDS_WITHIN_S)
     try:
         yield driver
     finally:

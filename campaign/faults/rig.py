@@ -24,6 +24,7 @@ from smad.client import Client
 from smad.config import DaemonConfig, LinkConfig, RecorderConfig, TcpConfig
 from smad.control.commands import DriveCurrent
 from smad.processes.daemon import SMAD
+from smad.runlog.reader import read_run
 
 _FULL_A = 4.0
 _FLOWING_mA = 3500
@@ -104,8 +105,11 @@ class FaultRig(DaemonRig):
         self.wait("4 A flow", self._flowing)
         time.sleep(_HEATED_S)
         recorder = client.status().recorder
-        self.log, self.flushed_rows = Path(recorder.path), recorder.rows
+        log, rows = Path(recorder.path), recorder.rows
         time.sleep(_FLUSHED_WITHIN_S)
+        # A recorder that the machine holds up is later than it should be.
+        self.wait("the rows are in the file", lambda: len(read_run(log)) >= rows)
+        self.log, self.flushed_rows = log, rows
 
     def _flowing(self) -> bool:
         return self.bench.board.outputs.applied_mA[0] > _FLOWING_mA

@@ -20,7 +20,13 @@ from evaluation.calibrate.rivals import (
     showing,
 )
 from evaluation.results.record import keep
-from evaluation.score.scores import calibration, number, reliability, share
+from evaluation.score.scores import (
+    calibration,
+    calibration_of_equals,
+    number,
+    reliability,
+    share,
+)
 from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.rivals.score import NOTHING, PARAMETERS
 from smad.report.page import Table, text_table
@@ -168,7 +174,12 @@ def _scores(cases: Held) -> Table:
             lines.append((f"mean log probability of the right rival, {truth}",
                           f"{np.mean(logs):.3f}", str(len(logs))))  # fmt: skip
     for words, of in (("places", _place), ("names", _name)):
-        if pairs := _of(cases, of):
-            lines.append((f"error of the probabilities of {words}", f"{calibration(pairs):.3f}",
-                          str(len(pairs))))  # fmt: skip
+        of_kinds = [_of(cases, of, kind) for kind in (LISTED, UNLISTED)]
+        pairs = [claim for claims in of_kinds for claim in claims]
+        if pairs:
+            error = f"error of the probabilities of {words}"
+            lines.append((error, f"{calibration(pairs):.3f}", str(len(pairs))))
+        if all(of_kinds):
+            lines.append((f"{error}, as many listed as unlisted",
+                          f"{calibration_of_equals(of_kinds):.3f}", str(len(pairs))))  # fmt: skip
     return Table(("score", "value [95 %]", "cases"), lines, numeric=frozenset({1, 2}))

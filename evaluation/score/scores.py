@@ -112,21 +112,32 @@ def said_of_names(pairs: Sequence[Pair]) -> list[Said]:
     return [(p.first.name_probability, p.likeliest_right) for p in pairs if p.first.names]
 
 
+def _bin(probability: float) -> int:
+    return min(int(probability * _BINS), _BINS - 1)
+
+
 def _bins(claims: Sequence[Said]) -> list[list[Said]]:
     """What was said, by fifths of probability; those that have something."""
     bins: list[list[Said]] = [[] for _ in range(_BINS)]
     for claim in claims:
-        bins[min(int(claim[0] * _BINS), _BINS - 1)].append(claim)
+        bins[_bin(claim[0])].append(claim)
     return [b for b in bins if b]
 
 
-def calibration(claims: Sequence[Said]) -> float:
+def calibration(claims: Sequence[Said], weights: Sequence[float] | None = None) -> float:
     """Expected calibration error (Guo et al. 2017)."""
-    apart = [
-        len(b) * abs(statistics.fmean(x for x, _ in b) - statistics.fmean(right for _, right in b))
-        for b in _bins(claims)
-    ]
-    return sum(apart) / len(claims)
+    if weights is None:
+        weights = [1.0] * len(claims)
+    apart = [0.0] * _BINS
+    for (probability, right), weight in zip(claims, weights, strict=True):
+        apart[_bin(probability)] += weight * (probability - right)
+    return sum(map(abs, apart)) / sum(weights)
+
+
+def calibration_of_equals(kinds: Sequence[Sequence[Said]]) -> float:
+    """The error if each kind of case were as common as the others, as `calibrate` takes them."""
+    weights = [1.0 / len(claims) for claims in kinds for _ in claims]
+    return calibration([claim for claims in kinds for claim in claims], weights)
 
 
 def calibration_by_chance(claims: Sequence[Said]) -> float:
@@ -156,7 +167,6 @@ def rows(pairs: Sequence[Pair]) -> list[Row]:
     several = of_kind(pairs, "pair")
     both = [p for p in several if all(e.gap_alone >= _SEEN for e in p.truth.effects)]
     left_out = [p for p in of_kind(pairs, "single") if p.said.left_out]
-    of_places, of_names = said_of_places(noticed), said_of_names(noticed)
     kinds = (("listed", listed), ("unlisted", unlisted))
     out = [
         share(
@@ -216,7 +226,11 @@ def rows(pairs: Sequence[Pair]) -> list[Row]:
             lambda p: any(s.name for s in p.said.left_out.values()),
         ),
     ]
-    for what, claims in (("places", of_places), ("names", of_names)):
+    for what, said_of in (("places", said_of_places), ("names", said_of_names)):
+        claims, of_kinds = said_of(noticed), [said_of(part) for _, part in kinds]
+        if all(of_kinds):
+            name = f"error of the probabilities of {what}, as many listed as unlisted"
+            out.append(Row(name, calibration_of_equals(of_kinds), count=len(claims)))
         if claims:
             out += [
                 Row(name, error(claims), count=len(claims))

@@ -11,6 +11,9 @@ from smad.errors import DaemonError
 from smad.processes.daemon import running_daemon
 
 FASTEST = 100.0
+_PATIENCE = 60
+"""What daemon and board allow each other is so many times longer: a busy computer is no fault."""
+_ANSWER_S = 60.0
 
 
 @contextlib.contextmanager
@@ -29,11 +32,15 @@ def simulated(*, speed: float = 4.0, options: Sequence[str] = ()) -> Iterator[Cl
             limit=f"above 0, at most {FASTEST:g}",
             action="give another speed",
         )
-    arguments = ["--sim", "--speed", f"{speed:g}", "--paced-by-host", *options]
+    paced = ("--paced-by-host", "--patience", str(_PATIENCE))
+    arguments = ["--sim", "--speed", f"{speed:g}", *paced, *options]
     with tempfile.TemporaryDirectory(prefix="smad-") as name:
         folder = Path(name)
         # Nobody else is there to take control from, and a notebook may think for long.
-        with running_daemon(arguments, folder), Client(folder=folder, lease_s=None) as bench:
+        with (
+            running_daemon(arguments, folder),
+            Client(folder=folder, timeout_s=_ANSWER_S, lease_s=None) as bench,
+        ):
             yield bench
 
 

@@ -20,7 +20,8 @@ from smad.client import Refused
 from smad.errors import SmadError
 from smad.runlog.reader import read_run
 
-KILLED_AFTER_MS = (0, 60, 400)
+KILLED_AFTER_MS = (0, 60, 400, 1600, 6400, 25600)
+"""While it arms, on a quick machine; on a slow one later, until one was killed that had armed."""
 
 
 def test_a_daemon_killed_while_armed_leaves_a_safe_bench_and_a_readable_log() -> None:
@@ -62,13 +63,20 @@ def off_s(rig: FaultRig) -> float:
     return rig.bench.trace.changes[-1][0] * 1e-6
 
 
+def has_heated(rig: FaultRig) -> bool:
+    """Whether the board was ever in a state in which current may flow."""
+    return any(state in HOT for _, state, _ in rig.bench.trace.changes)
+
+
 def test_a_program_that_is_killed_while_it_arms_leaves_nothing_armed_after_its_lease() -> None:
     with (
         tempfile.TemporaryDirectory(prefix="smad-arming-") as folder,
         rig_in(Path(folder), 1) as rig,
     ):
         watcher = rig.ready()
-        for after_ms in KILLED_AFTER_MS:
+        for number, after_ms in enumerate(KILLED_AFTER_MS):
+            if number >= 3 and has_heated(rig):
+                break
             rig.wait("it can be armed", lambda: rig.bench.board.state is BoardState.SAFE)
             assert rig.program("dies_arming", str(after_ms)).wait(PATIENCE_S) == -signal.SIGKILL
             rig.wait("the lease is over", lambda: not watcher.status().control.holder)
@@ -77,7 +85,7 @@ def test_a_program_that_is_killed_while_it_arms_leaves_nothing_armed_after_its_l
             rig.wait("a sample since", lambda: watcher.motion().board_time_s > off_s(rig))
             assert not watcher.motion().armed
         # Else no program was killed late enough to be missed.
-        assert any(state in HOT for _, state, _ in rig.bench.trace.changes)
+        assert has_heated(rig)
 
 
 def test_what_was_left_before_a_bench_is_not_looked_through_beside_it() -> None:

@@ -16,7 +16,13 @@ from evaluation.score.answers import digest, read_pairs
 from evaluation.score.goals import Row
 from evaluation.score.intervals import wilson
 from evaluation.score.openings import Ledger
-from evaluation.score.scores import calibration_by_chance, scored, tables
+from evaluation.score.scores import (
+    calibration,
+    calibration_by_chance,
+    calibration_of_equals,
+    scored,
+    tables,
+)
 from evaluation.score.scoring import run
 
 OPENED = "7190a021eeda81c23647ee7713a967cf1d690b3a2d3908e28a25a6caccf8d6d1"
@@ -295,3 +301,9 @@ def test_scores_are_kept_as_a_result(tmp_path: Path) -> None:
 def test_no_opening_of_a_sealed_bank_is_taken_back_or_changed() -> None:
     lines = (FOLDER / "openings.jsonl").read_bytes().splitlines(keepends=True)
     assert hashlib.sha256(b"".join(lines[:LINES])).hexdigest() == OPENED
+
+
+def test_names_said_at_even_odds_are_right_where_as_many_effects_are_listed_as_not() -> None:
+    listed, unlisted = [(0.5, True)] * 4, [(0.5, False)]
+    assert calibration([*listed, *unlisted]) == pytest.approx(0.3)
+    assert calibration_of_equals([listed, unlisted]) == pytest.approx(0.0)

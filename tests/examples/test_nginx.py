@@ -82,7 +82,7 @@ def configuration(folder: Path, port: int, upstream: str) -> str:
 
 
 async def until_it_listens(port: int) -> None:
-    for _ in range(1000):
+    for _ in range(10_000):
         try:
             _, writer = await asyncio.open_connection("127.0.0.1", port)
         except OSError:

@@ -40,6 +40,10 @@ EVERY_DEVICE = pytest.mark.parametrize(
 
 PATIENCE_S = 240.0
 """A loaded machine may take its time; nothing is asserted on how long anything took."""
+PACED = "--paced-by-host"
+PATIENT = ("--patience", "60")
+"""Of a board and a daemon that wait for each other: one that the machine holds up is no fault."""
+LEASE_S = 120.0
 
 
 class Device:
@@ -100,13 +104,17 @@ class Hil:
         self._devices: list[Device] = []
         self._daemons: list[DaemonProcess] = []
         self._clients: list[Client] = []
+        self._patient: tuple[str, ...] = ()
 
     def device(self, *arguments: str) -> Device | RealPort:
-        """A device; unless told otherwise twenty times as fast as the wall clock, if the machine
+        """A device; unless told otherwise eight times as fast as the wall clock, if the machine
         can, and paced by its host."""
         if self.kind == "port":
             return RealPort()
-        chosen = list(arguments or ("--speed", "20", "--paced-by-host"))
+        chosen = list(arguments or ("--speed", "8", PACED))
+        if PACED in chosen:
+            self._patient = PATIENT
+            chosen += PATIENT
         if self.kind != "python":
             chosen += ["--firmware", self.kind, "--store", str(self.folder / "store")]
         device = Device(self.folder, chosen)
@@ -147,13 +155,13 @@ class Hil:
 
     def ready_daemon(self, port: object, *arguments: str) -> DaemonProcess:
         """A daemon that answers commands."""
-        daemon = self.daemon(port, *arguments)
+        daemon = self.daemon(port, *arguments, *self._patient)
         daemon.wait_until_ready()
         return daemon
 
     def client(self, **options: Any) -> Client:
         """A client of the daemon."""
-        client = Client(folder=self.folder, timeout_s=PATIENCE_S, **options)
+        client = Client(folder=self.folder, timeout_s=PATIENCE_S, **{"lease_s": LEASE_S} | options)
         self._clients.append(client)
         return client
 

@@ -19,7 +19,13 @@ from smad.demo import figures
 from smad.demo.job import run_cycle
 from smad.report.page import text_table
 from smad.runlog.reader import read_run
-from tests.hil.conftest import EVERY_DEVICE, PATIENCE_S, Hil, arm
+from tests.hil.conftest import EVERY_DEVICE, LEASE_S, PATIENCE_S, Hil, arm
+
+
+def missed_when_armed(client: Client) -> int:
+    """Arm; return the samples lost before: a board that is not armed does not wait for its host."""
+    arm(client)
+    return client.status().counts.missed
 
 
 @EVERY_DEVICE
@@ -45,7 +51,7 @@ def test_a_paced_run_gives_the_same_samples_every_time(hil: Hil) -> None:
     for _ in range(2):
         device = hil.device("--speed", "20", "--paced-by-host", "--seed", "5")
         daemon = hil.ready_daemon(device.port)
-        with Client(folder=hil.folder, timeout_s=60.0) as client:
+        with Client(folder=hil.folder, timeout_s=PATIENCE_S, lease_s=LEASE_S) as client:
             arm(client)
             with client.record("same") as recorder:
                 client.move(Step(displacement_mm=4.0, duration_s=8.0))
@@ -65,7 +71,7 @@ def test_a_paced_run_gives_the_same_samples_every_time(hil: Hil) -> None:
 def test_a_flood_of_commands_and_a_dead_viewer_cost_no_sample(hil: Hil) -> None:
     hil.ready_daemon(hil.device().port)
     client = hil.client()
-    arm(client)
+    missed = missed_when_armed(client)
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     viewer = subscribe(context, client.connection.telemetry, b"smad", queue=1)
     flooder = connect(context, client.connection.command, None, new_identity())
@@ -100,15 +106,15 @@ def test_a_flood_of_commands_and_a_dead_viewer_cost_no_sample(hil: Hil) -> None:
     context.destroy(linger=0)
     assert sent > 1000
     assert status.counts.refused > 100
-    assert status.counts.missed == 0
+    assert status.counts.missed == missed
     assert status.counts.setpoints_dropped == 0
 
 
 @EVERY_DEVICE
 def test_telemetry_numbers_every_sample_and_carries_board_paced_time(hil: Hil) -> None:
-    hil.ready_daemon(hil.device("--speed", "5").port)
+    hil.ready_daemon(hil.device("--speed", "1").port)
     client = hil.client()
-    stream = client.telemetry(timeout_s=60.0)
+    stream = client.telemetry(timeout_s=PATIENCE_S)
     samples = [next(stream) for _ in range(200)]
     numbers = [sample.sequence for sample in samples]
     assert numbers == list(range(numbers[0], numbers[0] + 200))
@@ -123,10 +129,10 @@ def test_500_hz_runs_over_a_pseudo_terminal_without_a_missed_sample(hil: Hil) ->
         hil.device("--rate", "500", "--speed", "3", "--paced-by-host").port, "--rate", "500"
     )
     client = hil.client()
-    arm(client)
+    missed = missed_when_armed(client)
     client.move(Step(displacement_mm=3.0, duration_s=4.0))
     client.wait_until_done()
-    assert client.status().counts.missed == 0
+    assert client.status().counts.missed == missed
 
 
 def test_systemd_is_told_when_the_daemon_is_ready_alive_and_ending(hil: Hil) -> None:

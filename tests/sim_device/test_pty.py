@@ -18,7 +18,13 @@ import pytest
 
 from firmware_protocol import messages as wire
 from firmware_protocol.enums import BoardState
-from firmware_protocol.events import Connected, HostState, RequestDone, StateReceived
+from firmware_protocol.events import (
+    Connected,
+    HostState,
+    RequestDone,
+    RequestFailed,
+    StateReceived,
+)
 from firmware_protocol.host import HostSession
 from firmware_protocol.supervisor import ArmConfirmed, ArmRequested, Disarmed, Link
 from sim_device.__main__ import main
@@ -457,7 +463,8 @@ class Client:
 
     def __init__(self, fd: int, nonce: int = 1) -> None:
         self.fd = fd
-        self.host = HostSession(nonce=nonce)
+        # A board that the machine holds up is not given up.
+        self.host = HostSession(nonce=nonce, patience=100)
         self.host.connect(self.now_us())
         self.states: list[wire.State] = []
         self.events: list[object] = []
@@ -492,13 +499,16 @@ class Client:
         return wait_for(once)
 
     def ask(self, message: wire.Message) -> wire.Message:
-        number = self.host.request(message, self.now_us())
-        return self.until(  # type: ignore[return-value]
-            lambda: next(
-                (e.reply for e in self.events if isinstance(e, RequestDone) and e.id == number),
-                None,
-            )
-        )
+        while True:
+            number = self.host.request(message, self.now_us())
+            done = self.until(lambda number=number: self.answer(number))
+            # After three tries in vain it is asked once more.
+            if isinstance(done, RequestDone):
+                return done.reply
+
+    def answer(self, number: int) -> RequestDone | RequestFailed | None:
+        ends = (e for e in self.events if isinstance(e, RequestDone | RequestFailed))
+        return next((e for e in ends if e.id == number), None)
 
     def arm(self) -> None:
         self.until(lambda: any(isinstance(e, Connected) for e in self.events))

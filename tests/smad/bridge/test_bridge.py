@@ -17,11 +17,12 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from bench.browser import running_daemon, served
+from bench.browser import PACED, running_daemon, served
 from smad.bridge.foxglove import LINK, LOG, MOST_SUBSCRIPTIONS, SUBPROTOCOLS, rows_of
 from smad.bridge.server import MOST_VIEWERS
 from smad.cli import execute
 from smad.client import Client
+from smad.client.arming import arm_when_allowed
 from smad.runlog.schema import CHANNELS
 
 PATIENCE_S = 120.0
@@ -39,7 +40,7 @@ def bridge_of(folder: Path) -> Iterator[str]:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     made = tmp_path_factory.mktemp("bridge")
-    with running_daemon(made, "--paced-by-host"):
+    with running_daemon(made, *PACED):
         yield made
 
 
@@ -103,11 +104,14 @@ def test_a_viewer_gets_the_samples_of_the_bench(address: str, subprotocol: str) 
 
 
 def test_events_counters_and_gains_reach_it_and_it_changes_none(address: str, folder: Path) -> None:
-    with join(address) as viewer, Client(folder=folder, timeout_s=PATIENCE_S) as client:
+    with (
+        join(address) as viewer,
+        Client(folder=folder, timeout_s=PATIENCE_S, lease_s=None) as client,
+    ):
         pairs = [{"id": 1, "channelId": LOG.id}, {"id": 2, "channelId": LINK.id}]
         ask(viewer, op="subscribe", subscriptions=pairs)
         assert "missed_samples" in data_of(viewer, 2)[1]["counters"]
-        client.arm()
+        arm_when_allowed(client, PATIENCE_S)
         assert logged(viewer, 1, "→ ARMED")["name"] == "smad.state"
         ask(viewer, op="getParameters", parameterNames=["gains.kp_A_per_mm"], id="k")
         gains = message_of(viewer, "parameterValues")

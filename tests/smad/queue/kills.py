@@ -8,6 +8,7 @@ anew, and asks: did anything run twice or get lost, was the bench off, who was t
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import random
@@ -36,6 +37,7 @@ LATEST_S = 14.0
 """Kills fall within so long after the first item began."""
 MESSAGE_S, RELAY_S, HEAT_S = 5.0, 2.0, 5.0
 _PATIENCE_S = 600.0
+_LOGS_CLOSED_S = 60.0
 _MOVES = """
 [[pieces]]
 kind = "step"
@@ -237,12 +239,15 @@ def trial(rig: Rig, seed: int) -> Outcome:
         second = runner_of(rig, folder, "second")
         until(lambda: "runner of" in text_of(folder / "second.log"), "the second does not begin")
         time.sleep(1.5)
+        # It closes the logs of the first one beside its turns.
+        with contextlib.suppress(RuntimeError):
+            until(lambda: not _faults_of_logs(rig), "a log is not closed", _LOGS_CLOSED_S)
         _check_queue(queue, folder, outcome)
         second.terminate()
         second.wait(60.0)
         watcher.terminate()
         watcher.wait(30.0)
-    _check_logs(rig, outcome)
+    outcome.faults += _faults_of_logs(rig)
     return outcome
 
 
@@ -322,20 +327,22 @@ def _check_queue(queue: Queue, folder: Path, outcome: Outcome) -> None:
         outcome.faults.append(f"the queue is {snapshot.mode}")
 
 
-def _check_logs(rig: Rig, outcome: Outcome) -> None:
+def _faults_of_logs(rig: Rig) -> list[str]:
+    faults = []
     for path in rig.logs.glob("*.mcap"):
         if ".recovered" in path.name or recovered_path(path).exists():
             continue
         try:
             if being_written(path):
-                outcome.faults.append(f"{path.name} is still written")
+                faults.append(f"{path.name} is still written")
                 continue
             run = read_run(path)
         except SmadError as error:
-            outcome.faults.append(f"{path.name}: {error}")
+            faults.append(f"{path.name}: {error}")
             continue
         if run.cut_short and len(run):
-            outcome.faults.append(f"{path.name} was cut and not recovered")
+            faults.append(f"{path.name} was cut and not recovered")
+    return faults
 
 
 def table(outcomes: list[Outcome]) -> str:

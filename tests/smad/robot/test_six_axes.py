@@ -21,7 +21,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     config.write_text(config_to_toml(Config(recorder=runs, plant=fast)))
     monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path))
     # One segment, whose boards wait for the host: as fast as it goes.
-    arguments = ["--sim", "--paced-by-host", "--axes", "2", "--config", str(config)]
+    paced = ["--paced-by-host", "--patience", "60"]
+    arguments = ["--sim", *paced, "--axes", "2", "--config", str(config)]
     with running_daemon(arguments, tmp_path):
         yield tmp_path
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from bench.browser import live_page
+from bench.browser import PACED, live_page
 from smad.processes.daemon import running_daemon
 
 from .browsing import (
@@ -29,8 +29,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BrowsedBench]:
     assert not MISSING, MISSING
     folder = tmp_path_factory.mktemp("axes")
     (folder / "bench.toml").write_text(f'[recorder]\nfolder = "{folder / "runs"}"\n')
-    arguments = ["--sim", "--paced-by-host", "--axes", str(len(NAMES)), "--config",
-                 str(folder / "bench.toml")]  # fmt: skip
+    arguments = ["--sim", *PACED, "--axes", str(len(NAMES)), "--config", str(folder / "bench.toml")]
     with running_daemon(arguments, folder) as daemon, live_page(folder) as page:
         made = BrowsedBench(folder, daemon, page)
         with made.client:

@@ -24,6 +24,8 @@ from smad.view.server import KEPT_FOR_COMMAND, MOST_PAGES, LivePage, serving
 @pytest.fixture
 async def served(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[LivePage]:
     monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path))
+    # A busy machine may let pages wait for longer than a page that hangs is given.
+    monkeypatch.setattr(pages, "PATIENCE_S", 600.0)
     async with serving("nobody", 0) as made:
         yield made
 
@@ -41,6 +43,7 @@ async def knock(link: str, cookie: str, key: str, **more: Any) -> ClientConnecti
         origin=Origin(f"http://{address}"),
         additional_headers={"Cookie": cookie},
         subprotocols=offered,
+        open_timeout=120.0,
         **more,
     )
 
