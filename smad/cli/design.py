@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from smad.cli.options import OUTPUT, PATH, Command, argument, json_option, option, together
-from smad.cli.output import plain_errors, print_json
+from smad.cli.output import print_json
 from smad.cli.quantity import Quantity
 
 
@@ -71,10 +71,9 @@ def design(
     from smad.report.page import Table, write_page
     from smad.view.terminal.tables import print_table
 
-    with plain_errors():
-        base, geometry = load_geometry(source, base=params)
-        geometry = replace(geometry, **{n: v for n, v in asdict(sizes).items() if v is not None})
-        designed = design_cycle(base, geometry, **asdict(drive))
+    base, geometry = load_geometry(source, base=params)
+    geometry = replace(geometry, **{n: v for n, v in asdict(sizes).items() if v is not None})
+    designed = design_cycle(base, geometry, **asdict(drive))
     for remark in designed.outside:
         click.echo(f"outside what was checked: {remark}", err=True)
     if page is not None:

@@ -29,7 +29,7 @@ from smad.cli.gap_runs import (
 )
 from smad.cli.gap_simulator import Simulator, mapping_of, processes_option
 from smad.cli.options import EXISTING, OUTPUT, Group, argument, json_option, option, together
-from smad.cli.output import plain_errors, print_json
+from smad.cli.output import print_json
 from smad.cli.quantity import Whole
 from smad.files import named_output
 from smad.view.terminal.progress import progress
@@ -80,22 +80,21 @@ def diagnose(
         raise click.UsageError("--apply cannot write the model of an FMI unit; leave --apply out")
     if processes is not None and not simulator.given:
         raise click.UsageError("--processes needs --fmu or --mjcf; leave it out")
-    with plain_errors():
-        if simulator.given:
-            answer = simulator.diagnose(
-                runs, good=good, hold_out=hold_out, trusted=trust, processes=processes
-            )
-            arguments = ""
-        else:
-            from smad.diagnosis.spring_pair.files import diagnose_files
+    if simulator.given:
+        answer = simulator.diagnose(
+            runs, good=good, hold_out=hold_out, trusted=trust, processes=processes
+        )
+        arguments = ""
+    else:
+        from smad.diagnosis.spring_pair.files import diagnose_files
 
-            mapping = mapping_of(simulator.map_path)
-            with progress() as line:
-                answer = diagnose_files(
-                    pair.plant(), runs, good, hold_out, trust, mapping=mapping, progress=line.say
-                )
-            # Of a plant that is not ours, no command but this one is known.
-            arguments = arguments_text(runs, hold_out, good, simulator.map_path)
+        mapping = mapping_of(simulator.map_path)
+        with progress() as line:
+            answer = diagnose_files(
+                pair.plant(), runs, good, hold_out, trust, mapping=mapping, progress=line.say
+            )
+        # Of a plant that is not ours, no command but this one is known.
+        arguments = arguments_text(runs, hold_out, good, simulator.map_path)
     verdict = answer.verdict
     # A refused answer has no model; why it was refused says more than that.
     model_path = None if verdict.outcome == "refused" and not verdict.models else model_path
@@ -135,6 +134,7 @@ def effects(
     as_json: bool = json_option,
 ) -> None:
     """List the effects of the library, or those of NAME: places, units, ranges."""
+    from smad.diagnosis.report.words import library_lines
     from smad.diagnosis.spring_pair import SmaPlant
 
     library = SmaPlant(variant=variant).effects
@@ -147,16 +147,8 @@ def effects(
     if as_json:
         print_json(list(library))
         return
-    for e in library:
-        click.echo(f"{e.name}  ({e.sub_model}: {', '.join(e.signals)})")
-        click.echo(f"    {e.title}: {e.equation}")
-        click.echo(f"    places: {', '.join(e.places)}")
-        for q in e.parameters:
-            high = f"{q.high:g}" + (f" {q.unit}" if q.unit != "1" else "")
-            click.echo(f"    {q.name}: {q.low:g} to {high}, typically {q.typical:g}: {q.meaning}")
-        click.echo(f"    confused with: {', '.join(e.confused_with) or 'nothing known'}")
-        click.echo(f"    separated by: {e.separates}")
-        click.echo(f"    source: {e.reference}")
+    for effect in library:
+        click.echo("\n".join(library_lines(effect)))
 
 
 @gap.command()
@@ -171,27 +163,14 @@ def verify(
     as_json: bool = json_option,
 ) -> None:
     """Show the gap of new RUNs with and without the model."""
-    plant = pair.plant()
-    with plain_errors():
-        from smad.diagnosis.spring_pair.signals import read_gap_runs
-        from smad.diagnosis.verify import verified
+    from smad.diagnosis.report.words import verified_lines, verified_records
+    from smad.diagnosis.spring_pair.signals import read_gap_runs
+    from smad.diagnosis.verify import verified
 
-        read = read_gap_runs(runs, runs, mapping=mapping_of(map_path))
-        rows = verified(plant, read, plant.load_model(model_path))
+    plant = pair.plant()
+    read = read_gap_runs(runs, runs, mapping=mapping_of(map_path))
+    rows = verified(plant, read, plant.load_model(model_path))
     if as_json:
-        print_json(
-            [
-                {
-                    "signal": r.signal,
-                    "unit": r.unit,
-                    "before": r.raw,
-                    "after": r.final,
-                    "floor": r.floor,
-                }
-                for r in rows
-            ]
-        )
-        return
-    click.echo(f"{'RMS of measured − predicted':<29} {'before':>9} {'after':>9} {'floor':>9}")
-    for r in rows:
-        click.echo(f"{r.signal:<21} {r.unit:<7} {r.raw:>9.3g} {r.final:>9.3g} {r.floor:>9.3g}")
+        print_json(verified_records(rows))
+    else:
+        click.echo("\n".join(verified_lines(rows)))

@@ -17,15 +17,13 @@ from smad.cli.gap_runs import (
     without_cut_runs,
 )
 from smad.cli.options import EXISTING, FOLDER, PATH, bench_option, flag, option, together
-from smad.cli.output import plain_errors, ready_client
+from smad.cli.output import ready_client
 from smad.cli.simulated import effect_option, seed_option, simulated_model
 from smad.files import display_path
 from smad.view.terminal.progress import progress
 
 if TYPE_CHECKING:
     from sim_device.plant.models import Model
-
-_OFFERS = 4
 
 
 @click.command(name="next", cls=ManyRuns)
@@ -68,37 +66,30 @@ def next_experiment(
             raise click.UsageError("--baseline has its own runs; give neither RUNs nor --run")
         _propose(baseline)
         return
-    plant = pair.plant()
-    with plain_errors():
-        if chosen is not None:
-            model = None
-            if sim:
-                model = simulated_model(effects, params=pair.params, model_file=model_path)
-                if model_path is None:
-                    model = dataclasses.replace(model, variant=pair.variant)
-            _carry_out(chosen, seed, model, folder, bench=bench)
-            return
-        if not runs:
-            _list_catalogue()
-            return
-        from smad.diagnosis.next_run import offers
-        from smad.diagnosis.spring_pair.files import diagnose_files
-
-        good = without_cut_runs(good)
-        with progress() as line:
-            answer = diagnose_files(plant, runs, good, hold_out, progress=line.say)
-        print_verdict(answer.verdict)
-        require_answered(answer.verdict)
-        with progress() as line:
-            confused, ranked = offers(answer, line.say)
-    if not confused:
-        click.echo("Nothing is confused that a run of the catalogue could tell apart.")
+    if chosen is not None:
+        model = None
+        if sim:
+            model = simulated_model(effects, params=pair.params, model_file=model_path)
+            if model_path is None:
+                model = dataclasses.replace(model, variant=pair.variant)
+        _carry_out(chosen, seed, model, folder, bench=bench)
         return
-    click.echo(f"Not separated: {' or '.join(confused)}. Least d² between two of them:")
-    for offer in ranked[:_OFFERS]:
-        x = offer.experiment
-        d2 = f"d² {offer.separation:>7.1f}"
-        click.echo(f"  {d2}  {x.duration_s:>4.0f} s  {x.title}:  {x.command}")
+    if not runs:
+        from smad.diagnosis.spring_pair.catalogue import catalogue_lines
+
+        click.echo("\n".join(catalogue_lines()))
+        return
+    from smad.diagnosis.next_run import offer_lines, offers
+    from smad.diagnosis.spring_pair.files import diagnose_files
+
+    good = without_cut_runs(good)
+    with progress() as line:
+        answer = diagnose_files(pair.plant(), runs, good, hold_out, progress=line.say)
+    print_verdict(answer.verdict)
+    require_answered(answer.verdict)
+    with progress() as line:
+        confused, ranked = offers(answer, line.say)
+    click.echo("\n".join(offer_lines(confused, ranked)))
 
 
 def _propose(folder: Path) -> None:
@@ -116,18 +107,6 @@ def _propose(folder: Path) -> None:
         click.echo(f"  {offer.run:<10} d² = {offer.separation:.1f}")
     if proposal.run is not None:
         click.echo("smad gap investigate plays it, and goes on until it is settled")
-
-
-def _list_catalogue() -> None:
-    from smad.diagnosis.spring_pair.catalogue import CATALOGUE, ROUTINE
-
-    for heading, timelines in (
-        ("everyday runs, to fit on and to judge on", ROUTINE),
-        ("to tell causes apart", CATALOGUE),
-    ):
-        click.echo(f"{heading}:")
-        for t in timelines:
-            click.echo(f"  {t.name:<16} {t.duration_s:>4.0f} s  {t.title}")
 
 
 def _carry_out(name: str, seed: int, model: Model | None, folder: Path, *, bench: str) -> None:

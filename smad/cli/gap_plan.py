@@ -10,7 +10,7 @@ from smad.cli.gap_print import SpringPair
 from smad.cli.gap_runs import files
 from smad.cli.gap_simulator import Simulator
 from smad.cli.options import Command, json_option, option, together
-from smad.cli.output import plain_errors, print_json
+from smad.cli.output import print_json
 from smad.cli.quantity import Quantity
 
 
@@ -53,11 +53,10 @@ def plan_runs(
         raise click.UsageError(
             "--experiment works with the spring pair only; with --map give --inputs"
         )
-    with plain_errors():
-        if simulator.given:
-            planned = simulator.plan(inputs, left_of(within_s))
-        else:
-            planned = plan_pair(pair.plant(), inputs, experiments, within_s=within_s)
+    if simulator.given:
+        planned = simulator.plan(inputs, left_of(within_s))
+    else:
+        planned = plan_pair(pair.plant(), inputs, experiments, within_s=within_s)
     if as_json:
         print_json(planned.record())
     else:

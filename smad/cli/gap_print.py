@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import click
 
 from smad.cli.options import option
-from smad.cli.output import plain_errors
 from smad.errors import REFUSED_STATUS
 from smad.files import named_output
 
@@ -38,12 +37,11 @@ class SpringPair:
     variant: str = variant_option
 
     def plant(self) -> SmaPlant:
-        """Return it with its parameter set. Raises SmadError."""
+        """Return it with its parameter set. Raises PlantError."""
         from sim_device.plant import load_parameters
         from smad.diagnosis.spring_pair import SmaPlant
 
-        with plain_errors():
-            return SmaPlant(load_parameters(self.params), self.variant)
+        return SmaPlant(load_parameters(self.params), self.variant)
 
 
 def arguments_text(

@@ -5,7 +5,6 @@ from pathlib import Path
 import click
 
 from smad.cli.options import FILE, PATH, Group, argument, flag, option
-from smad.cli.output import plain_errors
 from smad.cli.simulated import effects_option, simulated_model
 
 
@@ -49,9 +48,8 @@ def export(
 
     configured = simulated_model(effects, params=params, model_file=source)
     mounted = Mounted(fixture=fixture)
-    with plain_errors():
-        written = export_unit(
-            configured, unit, version=int(version), mounted=mounted, overwrite=overwrite
-        )
+    written = export_unit(
+        configured, unit, version=int(version), mounted=mounted, overwrite=overwrite
+    )
     binary = f"binary for {written.platform}" if written.platform else "no C compiler, so no binary"
     click.echo(f"{written.path}: FMI {version}.0, C source, {binary}")

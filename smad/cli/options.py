@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from smad.cli.quantity import Quantity, Whole
+from smad.errors import SmadError
 from smad.files import require_writable
 
 if TYPE_CHECKING:
@@ -122,7 +123,20 @@ class Command(click.Command):
         return remaining
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Call the function, once each file that it is to write can be."""
+        """Call the function, once each file that it is to write can be.
+
+        Raises SmadError for what the plant refuses, as for all else.
+        """
+        try:
+            return self._called(ctx)
+        except Exception as error:
+            from sim_device.plant.errors import PlantError
+
+            if isinstance(error, PlantError):
+                raise SmadError(str(error)) from error
+            raise
+
+    def _called(self, ctx: click.Context) -> Any:
         _require_outputs(ctx)
         assert self.callback is not None
         values = dict(ctx.params)

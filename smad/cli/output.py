@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import click
 
 from smad.cli.options import AXIS
-from smad.errors import SmadError
 from smad.processes.stops import KnownStops
 from smad.view.terminal.progress import progress
 
@@ -78,17 +77,6 @@ def wait_for_motion(bench_client: Client, *, wait: bool, what: str) -> None:
             click.echo(f"{what}: interrupted; the bench is idle now and still armed", err=True)
             raise
     click.echo(f"{what}: done; {motion_words(motion)}")
-
-
-@contextlib.contextmanager
-def plain_errors() -> Iterator[None]:
-    """Errors of the plant become one line, as all others."""
-    from sim_device.plant.errors import PlantError
-
-    try:
-        yield
-    except PlantError as error:
-        raise SmadError(str(error)) from error
 
 
 def print_json(value: object, *, indent: int = 2) -> None:

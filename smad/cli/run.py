@@ -181,18 +181,11 @@ def run(
 
 def _print_list(*, as_json: bool) -> None:
     from smad.cli.robot import TITLE
-    from smad.experiments.driver import PARTS
-    from smad.experiments.registry import EXPERIMENTS, make_experiment
+    from smad.experiments.registry import listing
 
-    experiments = [make_experiment(name) for name in EXPERIMENTS]
-    needs = {e.name: sorted(e.requirements()) for e in experiments}
+    listed = listing()
     if as_json:
-        print_json(
-            [{"name": e.name, "title": e.title, "needs": needs[e.name]} for e in experiments]
-        )
+        print_json(listed)
         return
-    rows = [
-        (e.name, e.title, ", ".join(PARTS[part] for part in needs[e.name]) or "a data file")
-        for e in experiments
-    ]
+    rows = [(e.name, e.title, e.needs_in_words) for e in listed]
     print_columns(("name", "what", "needs"), [*rows, ("six-axes", TITLE, "several axes")])

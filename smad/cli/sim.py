@@ -48,11 +48,6 @@ def sim(
 
         print_columns(("fault", "group", "what happens", "parameters"), fault_rows())
         return
-    if boards.parent is not None:
-        from smad.processes.parent import end_with
-
-        # A daemon that is killed must not leave a bench behind that nobody knows how to end.
-        end_with(boards.parent)
     config = boards.configured(path, rate)
     try:
         boards_built = built(

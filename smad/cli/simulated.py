@@ -11,7 +11,6 @@ import click
 
 from smad.cli import complete
 from smad.cli.options import flag, option
-from smad.cli.output import plain_errors
 from smad.cli.quantity import Whole
 from smad.errors import ConfigError
 from smad.processes.boards import BOARDS, effect_lines
@@ -58,9 +57,16 @@ class Boards:
     parent: int | None = option("--parent", type=int, hidden=True)
 
     def configured(self, path: Path | None, rate: str | None) -> Config:
-        """The configuration of a file, else the usual one, with what is asked of the boards."""
-        from smad.config import Config, load_config, with_changes
+        """The configuration of a file, else the usual one, with what is asked of the boards.
 
+        From then on this process ends with the one that `--parent` names.
+        """
+        from smad.config import Config, load_config, with_changes
+        from smad.processes.parent import end_with
+
+        if self.parent is not None:
+            # A program that is killed must not leave a bench behind that nobody knows how to end.
+            end_with(self.parent)
         config = Config() if path is None else load_config(path)
         link = {"rate_hz": None if rate is None else int(rate)}
         plant = {"seed": self.seed, "speed_ratio": self.speed}
@@ -88,14 +94,13 @@ def simulated_model(
     """Return the model of a file, else of a parameter set, with effects: NAME or NAME:P=V.
 
     An effect replaces the model's of that name; the values that it takes are printed. Raises
-    UsageError for an effect, SmadError for the rest.
+    UsageError for an effect, PlantError for the rest.
     """
     from sim_device.plant.effects.registry import from_text
     from sim_device.plant.errors import PlantError
     from sim_device.plant.models import built_in, read_model
 
-    with plain_errors():
-        base = built_in(params) if model_file is None else read_model(model_file)
+    base = built_in(params) if model_file is None else read_model(model_file)
     try:
         model = base.with_effects(dict(from_text(text) for text in effects))
     except PlantError as error:

@@ -42,11 +42,8 @@ def start(
     from smad.daemon.link.openers import serial_openers, socket_openers
     from smad.daemon.process import Options
     from smad.daemon.trace import Trace
-    from smad.processes.parent import end_with
     from smad.processes.simulated_board import simulated_board
 
-    if boards.parent is not None:
-        end_with(boards.parent)
     serial = {name: v for name, v in {"--port": port, "--baud": baud}.items() if v is not None}
     if not simulated:
         boards.require_none()

@@ -16,6 +16,8 @@ from smad.diagnosis.rivals.describe import rival_words
 from smad.diagnosis.rivals.evidence import without_drifts
 from smad.progress import Say, silent
 
+_SHOWN = 4
+
 
 @dataclass(frozen=True)
 class Offer:
@@ -53,6 +55,18 @@ def offers(answer: Answer, progress: Say = silent) -> tuple[list[str], list[Offe
         predicted = [predictions(plant, f.point, [played])[0] / scale for f in fits]
         out.append(Offer(experiment, separation(predicted)))
     return words, sorted(out, key=lambda o: (-o.separation, o.experiment.name))
+
+
+def offer_lines(confused: Sequence[str], ranked: Sequence[Offer]) -> list[str]:
+    """What `offers` found in words, and the commands of the best few experiments."""
+    if not confused:
+        return ["Nothing is confused that a run of the catalogue could tell apart."]
+    lines = [f"Not separated: {' or '.join(confused)}. Least d² between two of them:"]
+    for offer in ranked[:_SHOWN]:
+        x = offer.experiment
+        d2 = f"d² {offer.separation:>7.1f}"
+        lines.append(f"  {d2}  {x.duration_s:>4.0f} s  {x.title}:  {x.command}")
+    return lines
 
 
 def separation(predicted: Sequence[Array]) -> float:

@@ -4,8 +4,11 @@ import importlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from msgspec import Struct
+
 from firmware_protocol.nearest import instead
 from smad.experiments.base import Experiment, options_from
+from smad.experiments.driver import PARTS
 from smad.experiments.errors import ExperimentError
 
 EXPERIMENTS: Mapping[str, str] = {
@@ -36,6 +39,25 @@ def make_experiment(name: str, settings: Mapping[str, Any] | None = None) -> Exp
     module, _, attribute = EXPERIMENTS[name].partition(":")
     kind: type[Experiment[Any]] = getattr(importlib.import_module(module), attribute)
     return kind(options_from(kind.options_type, settings or {}, name))
+
+
+class Listed(Struct, frozen=True):
+    """An experiment as lists show it: `needs` are the parts of the bench without which it fails."""
+
+    name: str
+    title: str
+    needs: list[str]
+
+    @property
+    def needs_in_words(self) -> str:
+        """The parts by their titles; without one it analyses a file."""
+        return ", ".join(PARTS[part] for part in self.needs) or "a data file"
+
+
+def listing() -> list[Listed]:
+    """All experiments, in the order of the report."""
+    experiments = [make_experiment(name) for name in EXPERIMENTS]
+    return [Listed(e.name, e.title, sorted(e.requirements())) for e in experiments]
 
 
 def whole_names(words: Sequence[str]) -> list[str]:

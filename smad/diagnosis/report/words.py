@@ -11,6 +11,7 @@ import re
 from collections.abc import Sequence
 
 from smad.counted import counted, listed
+from smad.diagnosis.plant import Effect
 from smad.diagnosis.verdict import (
     CAUSES,
     CHECK_UP,
@@ -212,6 +213,43 @@ def budget_lines(rows: Sequence[SignalGap], gaps_of: str) -> list[str]:
         others = counted(rest, "other signal") if above_floor else f"all {rest} signals"
         out.insert(-1, f"  {others} at the floor")
     return out
+
+
+def verified_records(rows: Sequence[SignalGap]) -> list[dict[str, str | float]]:
+    """What `smad gap verify` says of each signal, for a script."""
+    return [
+        {"signal": r.signal, "unit": r.unit, "before": r.raw, "after": r.final, "floor": r.floor}
+        for r in rows
+    ]
+
+
+def verified_lines(rows: Sequence[SignalGap]) -> list[str]:
+    """The same for a reader, the heading first."""
+    return [
+        f"{'RMS of measured − predicted':<29} {'before':>9} {'after':>9} {'floor':>9}",
+        *(
+            f"{r.signal:<21} {r.unit:<7} {r.raw:>9.3g} {r.final:>9.3g} {r.floor:>9.3g}"
+            for r in rows
+        ),
+    ]
+
+
+def library_lines(effect: Effect) -> list[str]:
+    """An effect of the library: where it acts, its values, and what else looks like it."""
+    parameters = []
+    for q in effect.parameters:
+        high = f"{q.high:g}" + (f" {q.unit}" if q.unit != "1" else "")
+        span = f"{q.low:g} to {high}, typically {q.typical:g}"
+        parameters.append(f"    {q.name}: {span}: {q.meaning}")
+    return [
+        f"{effect.name}  ({effect.sub_model}: {', '.join(effect.signals)})",
+        f"    {effect.title}: {effect.equation}",
+        f"    places: {', '.join(effect.places)}",
+        *parameters,
+        f"    confused with: {', '.join(effect.confused_with) or 'nothing known'}",
+        f"    separated by: {effect.separates}",
+        f"    source: {effect.reference}",
+    ]
 
 
 def judged_lines(v: Verdict) -> list[str]:

@@ -233,3 +233,15 @@ def timeline_named(name: str) -> Timeline:
             action=instead(name, _BY_NAME, "smad gap next lists them"),
         )
     return _BY_NAME[name]
+
+
+def catalogue_lines() -> list[str]:
+    """All runs with their durations and what they do, under two headings."""
+    lines = []
+    for heading, timelines in (
+        ("everyday runs, to fit on and to judge on", ROUTINE),
+        ("to tell causes apart", CATALOGUE),
+    ):
+        lines.append(f"{heading}:")
+        lines += [f"  {t.name:<16} {t.duration_s:>4.0f} s  {t.title}" for t in timelines]
+    return lines
