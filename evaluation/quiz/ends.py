@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from statistics import median
+from statistics import mean, median
 from typing import Any
 
 import msgspec
@@ -34,6 +34,7 @@ def end_of(answer: dict[str, Any], report: Report, spent_s: float, programme: Pr
         "outcome": verdict.outcome,
         "names": sorted(canonical(n) for n in names),
         "place": causes[0].place if causes else "",
+        "told_places": sorted(causes[0].told_places) if causes else [],
         "true_places": sorted({p for e in answer["effects"] for p in e["places"]}),
         "why_over": report.why_over,
         "further_runs": max(
@@ -67,12 +68,26 @@ def mark(case: End) -> str:
 
 
 def placed(case: End) -> str:
-    """How it ended as to the place, one of `_ENDS`."""
+    """How it ended as to the likeliest place, one of `_ENDS`."""
+    return _placed(case, {case["place"]})
+
+
+def told(case: End) -> str:
+    """How it ended as to all places that are told as possible, one of `_ENDS`."""
+    return _placed(case, _told_places(case))
+
+
+def _told_places(case: End) -> set[str]:
+    # Ends of before 29 November 2026 have the likeliest alone.
+    return {case["place"], *case.get("told_places", ())}
+
+
+def _placed(case: End, places: set[str]) -> str:
     if case["outcome"] == QUIET:
         return "not noticed"
     if not case["place"]:
         return "wrongly" if case["outcome"] == PARAMETERS else "said to be unknown"
-    return "rightly" if case["place"] in case["true_places"] else "wrongly"
+    return "rightly" if places & set(case["true_places"]) else "wrongly"
 
 
 def run(seeds: Sequence[int], out: Path, investigated: Callable[[int], End]) -> None:
@@ -116,7 +131,9 @@ def table(cases: Sequence[End]) -> Table:
     for title, members in (group for group in groups if group[1]):
         took = [c["minutes"] for c in members]
         minutes = f"{median(took):.1f} ({max(took):.1f})"
-        for what, how in (("name", mark), ("place", placed)):
+        most = [len(_told_places(c)) for c in members if c["place"]]
+        several = f"one of {mean(most):.1f} places" if most else "one of the places"
+        for what, how in (("name", mark), ("likeliest place", placed), (several, told)):
             ends = [how(c) for c in members]
             shares = (_share(ends.count(end), len(members)) for end in _ENDS)
             rows.append((f"{title}: {what}", str(len(members)), *shares, minutes))

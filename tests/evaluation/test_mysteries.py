@@ -85,7 +85,7 @@ def test_the_good_bench_is_commissioned_on_its_days_and_ended_before_the_trouble
     assert case["minutes"] == 8.0
     assert (case["effects"], case["names"]) == (["rtd_lag"], ["rtd_lag"])
     assert (case["place"], case["true_places"]) == ("reading_rtd", ["reading_rtd"])
-    assert ends.mark(case) == ends.placed(case) == "rightly"
+    assert ends.mark(case) == ends.placed(case) == ends.told(case) == "rightly"
 
 
 def test_one_day_holds_both_repeats(tmp_path: Path) -> None:
@@ -150,10 +150,14 @@ def test_an_end_is_right_when_it_says_what_there_is(case: dict[str, Any], said: 
 
 
 def test_the_table_counts_ends_of_listed_and_other_effects() -> None:
-    cases = [ended("causes", "rtd_lag"), ended("causes", "x"), ended("causes", listed=False)]
+    other = ended("causes", "x") | {"place": "film", "told_places": ["film", "reading_rtd"]}
+    cases = [ended("causes", "rtd_lag"), other, ended("causes", listed=False)]
     rows = {row[0]: row for row in ends.table(cases).rows}
-    groups = ("in the library", "not in it", "all")
-    assert set(rows) == {f"{g}: {what}" for g in groups for what in ("name", "place")}
+    assert [r for r in rows if r.startswith("all")] == [
+        "all: name", "all: likeliest place", "all: one of 1.5 places"
+    ]  # fmt: skip
+    assert "not in it: one of the places" in rows
     assert rows["in the library: name"][2].startswith("0.50")
-    assert rows["in the library: place"][2].startswith("1.00")
+    assert rows["in the library: likeliest place"][2].startswith("0.50")
+    assert rows["in the library: one of 1.5 places"][2].startswith("1.00")
     assert rows["all: name"][1] == "3"

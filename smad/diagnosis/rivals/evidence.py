@@ -187,7 +187,9 @@ class Evidence:
         """Sum of squares of rows by trial and channel, (trials, channels)."""
         key = self.run_of_row * self.channels + self.channel_of_row
         size = len(self.trials) * self.channels
-        sums = np.bincount(key, r * r * self.valid, minlength=size)
+        # What a rival far off leaves may have no finite square: it is left, then.
+        with np.errstate(over="ignore"):
+            sums = np.bincount(key, r * r * self.valid, minlength=size)
         return np.asarray(sums.reshape(len(self.trials), self.channels), dtype=np.float64)
 
     def variances(self, r: Array) -> Array:
