@@ -29,7 +29,8 @@ def compile_library(
     """Compile C `files`, name and content, to the library `target`, to be known by `digest`.
 
     Returns whether a C compiler is here (`cc`, or what CC says). Whoever has an earlier library of
-    that path loaded keeps it. Raises subprocess.CalledProcessError for a compiler that fails.
+    that path loaded keeps it. Raises subprocess.CalledProcessError for a compiler that fails, and
+    OSError where `target` cannot be written.
     """
     # Whoever only opens a library needs none of these, and would wait for them at start-up.
     import shlex

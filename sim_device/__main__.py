@@ -52,7 +52,7 @@ def make_parser() -> argparse.ArgumentParser:
     add(
         "--paced-by-host",
         action="store_true",
-        help="once armed, wait for the setpoint that answers each STATE",
+        help="wait for the setpoint that answers each STATE, and for an arming to be confirmed",
     )
     add(
         "--host-timeout",

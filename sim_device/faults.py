@@ -415,6 +415,8 @@ def injection(name: str, at_s: float, **parameters: float) -> Injection:
             f"{name} at {at_s} s for {lasts_s} s: the time must be 0 or later and finite, "
             "and it must last longer than 0 s"
         )
+    if not all(map(math.isfinite, parameters.values())):
+        raise FaultSpecError(f"{name}: its parameters must be finite; got {parameters}")
     merged = {**kind.parameters, **parameters}
     if not 0 <= merged.get("channel", 0.0) < (4 if kind.group == "sensor" else 2):
         raise FaultSpecError(

@@ -213,7 +213,7 @@ def _supply_mV(supply_V: float) -> int:
 
 def _rtd_cC(shown_degC: float) -> int:
     """What a converter gives for a temperature, which goes no further than its rails."""
-    return _between(round(shown_degC * 100.0), RTD_RAIL_LOW_cC, RTD_RAIL_HIGH_cC)
+    return round(min(max(shown_degC * 100.0, RTD_RAIL_LOW_cC), RTD_RAIL_HIGH_cC))
 
 
 def _with(pair: tuple[float, float], k: int, value: float) -> tuple[float, float]:

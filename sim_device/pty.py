@@ -14,8 +14,9 @@ before it takes the next sample. Every setpoint is then applied at the time of t
 was computed from, however busy the machine is and however fast the bench runs; a closed loop over
 the port gives the same samples as one in lockstep. The wait is bounded by wall time: a host that
 is silent for `host_timeout_s` is left behind, and the board goes on by itself at `speed` until a
-setpoint comes, so that it still notices and stops. In the same way it waits for an arming that it
-has granted to be confirmed, before the token is too old. Otherwise an unarmed board never waits.
+setpoint comes, so that it still notices and stops. In the same way the Python board waits for an
+arming that it has granted to be confirmed, before the token is too old. Otherwise an unarmed board
+never waits.
 """
 
 from __future__ import annotations
@@ -31,7 +32,6 @@ from pathlib import Path
 from types import FrameType
 
 from firmware_protocol.enums import BoardState
-from firmware_protocol.supervisor import LIMIT_ROWS
 from sim_device.bench import SimulatedBench
 from sim_device.board import WRAP
 from sim_device.errors import PortError
@@ -47,9 +47,9 @@ WAIT_MOST_S = 0.1
 """Longest wait at a time, so that a signal is noticed."""
 HOST_TIMEOUT_S = 2.0
 """So long a board that is paced by its host waits for a setpoint before it goes on alone."""
-TOKEN_WAIT_US = LIMIT_ROWS["token_us"].compiled // 2
-"""Age of an arming token from which on its confirmation is waited for: half of its life."""
 HEATING = (BoardState.ARMED, BoardState.HOLD)
+_NONE_LEFT_US = -2
+"""No time of a setpoint."""
 
 
 @dataclass(slots=True)
@@ -101,7 +101,7 @@ class Server:
         self._answered_within_us = 0 if paced_by_host else ANSWERED_WITHIN_US
         self._waiting = False
         self._clock = clock
-        self._left_behind_at_us = -2
+        self._left_behind_at_us = _NONE_LEFT_US
         self._left_behind_token = 0
         self._old_port: Port | None = None
         self._sampled_s = clock()
@@ -144,8 +144,10 @@ class Server:
             self._waiting = True
             self._listen(min(most_s, self._sampled_s + self._host_timeout_s - now_s))
             if self._waits_for_host() and self._clock() >= self._sampled_s + self._host_timeout_s:
-                self._left_behind_at_us = self.bench.board.sp_ref_us
-                self._left_behind_token = self.bench.board.outputs.token
+                if self._waits_to_be_armed():
+                    self._left_behind_token = self.bench.board.outputs.token
+                else:
+                    self._left_behind_at_us = self.bench.board.sp_ref_us
                 self.stats.host_timeouts += 1
         elif hold or now_s < self._due_s:
             self._listen(most_s if hold else min(most_s, self._due_s - now_s))
@@ -164,12 +166,14 @@ class Server:
         )
 
     def _waits_to_be_armed(self) -> bool:
-        """Return whether an arming token that was given to a host that paces is getting old."""
-        s, now_us = self.bench.board.outputs, self.bench.board.now_us
+        """Return whether a token of arming that was given to a host that paces has lived for half
+        of its time."""
+        board = self.bench.board
+        s = board.outputs
         return (
             self._paced_by_host
             and s.token_valid > 0
-            and now_us - s.token_us >= TOKEN_WAIT_US
+            and 2 * (board.now_us - s.token_us) >= board.supervisor.limits.token_us
             and s.token != self._left_behind_token
         )
 
@@ -182,6 +186,9 @@ class Server:
         if self.port is not None and out:
             self.port.write(out)
         self.stats.samples += 1
+        if self.bench.board.state not in HEATING:
+            # Armed once more, it waits for its host again.
+            self._left_behind_at_us = _NONE_LEFT_US
         self._sampled_s = now_s
         self._due_s += period_s
         if now_s - self._due_s > max(LATE_MOST_S, LATE_MOST_PERIODS * period_s):

@@ -31,6 +31,8 @@ _FLOWING_mA = 3500
 _HEATED_S = 1.0
 _FLUSHED_WITHIN_S = 1.0
 """Four times the recorder's flush interval: a row this old must be in the file."""
+_FLUSHED_LATE_S = 15.0
+"""How much later on a machine that holds the recorder up."""
 
 
 class FaultRig(DaemonRig):
@@ -108,7 +110,7 @@ class FaultRig(DaemonRig):
         log, rows = Path(recorder.path), recorder.rows
         time.sleep(_FLUSHED_WITHIN_S)
         # A recorder that the machine holds up is later than it should be.
-        self.wait("the rows are in the file", lambda: len(read_run(log)) >= rows)
+        self.wait("the rows are in the file", lambda: len(read_run(log)) >= rows, _FLUSHED_LATE_S)
         self.log, self.flushed_rows = log, rows
 
     def _flowing(self) -> bool:

@@ -24,6 +24,7 @@
 #define SMAD_SV_POWER_MOST_MW 100000
 #define SMAD_SV_RTD_INVALID_CC (-32768)
 #define SMAD_SV_SUM_MOST 10000000000000000
+#define SMAD_SV_TIMER_MOST_US 1000000000
 #define SMAD_SV_TRIGGER_COUNT 10
 #define SMAD_SV_UNKNOWN (-1)
 
@@ -753,7 +754,7 @@ static void smad_sv_observe_stuck(struct smad_sv_memory *s, const struct smad_sv
         s->stuck_us[k] = 0;
         s->stuck_low_fcC[k] = s->low_fcC[k];
     } else {
-        s->stuck_us[k] = smad_sv_hold32(((int32_t)s->stuck_us[k] + (int32_t)s->dt_us), 0, 1000000000);
+        s->stuck_us[k] = smad_sv_min32(((int32_t)s->stuck_us[k] + (int32_t)s->dt_us), SMAD_SV_TIMER_MOST_US);
     }
 }
 

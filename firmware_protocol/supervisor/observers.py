@@ -16,6 +16,8 @@ FCC_PER_K_LOG2 = 12
 NJ_PER_MJ = 1_000_000
 MA2US_PER_A2S = 1_000_000_000_000
 DUTY_FULL = 255
+TIMER_MOST_US = 1_000_000_000
+"""A timer whose value is reported stops here, in C as in Python."""
 SUM_MOST = 10_000_000_000_000_000
 """Sums stop here, far above every limit, so that 64 bits are always enough."""
 MODEL_MOST_fcC = 30_000 * FCC_PER_CC
@@ -180,7 +182,7 @@ def observe_stuck(s: Memory, lim: Limits, k: int) -> None:
         s.stuck_us[k] = 0
         s.stuck_low_fcC[k] = s.low_fcC[k]
     else:
-        s.stuck_us[k] += s.dt_us
+        s.stuck_us[k] = min(s.stuck_us[k] + s.dt_us, TIMER_MOST_US)
 
 
 def is_heated(s: Memory, m: Measurements, lim: Limits, k: int) -> bool:

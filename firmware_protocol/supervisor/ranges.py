@@ -14,7 +14,12 @@ from typing import NamedTuple
 from firmware_protocol.enums import Fault
 from firmware_protocol.supervisor.errors import TranslationError
 from firmware_protocol.supervisor.limits import LIMIT_ROWS
-from firmware_protocol.supervisor.observers import FCC_PER_CC, SUM_MOST, POWER_MOST_mW
+from firmware_protocol.supervisor.observers import (
+    FCC_PER_CC,
+    SUM_MOST,
+    TIMER_MOST_US,
+    POWER_MOST_mW,
+)
 
 
 class Range(NamedTuple):
@@ -44,7 +49,7 @@ FAULT = Range(0, max(Fault))
 CHANNEL = Range(0, 6)
 LIMITER = Range(0, 5)
 CURRENT = Range(0, LIMIT_ROWS["current_limit_mA"].compiled)
-TIMER = Range(0, 1_000_000_000)
+TIMER = Range(0, TIMER_MOST_US)
 UA = Range(-32_768_000, 65_535_000)
 BAND = Range(0, 1000 * CURRENT.high)
 UV = Range(-65_535_000, 65_535_000)
@@ -129,7 +134,6 @@ SATURATED: dict[str, str] = {
     "ceiling_mA": "folded back from the current limit, so never above it",
     "applied_mA": "never above the ceiling",
     "stale_setpoints": "a counter; only zero or not matters",
-    "stuck_us": _LONG,
     "off_us": _LONG,
     "cool_us": _LONG,
     "jump_us": _LONG,

@@ -27,7 +27,7 @@ from smad.cli.gap_runs import (
     without_cut_runs,
     without_left_out,
 )
-from smad.cli.gap_simulator import Simulator, mapping_of, processes_option
+from smad.cli.gap_simulator import Simulator, map_option, mapping_of, processes_option
 from smad.cli.options import EXISTING, OUTPUT, Group, argument, json_option, option, together
 from smad.cli.output import print_json
 from smad.cli.quantity import Whole
@@ -156,9 +156,7 @@ def verify(
     *,
     runs: tuple[Path, ...] = runs_argument,
     model_path: Path = option("--model", "Model file of --apply.", EXISTING, required=True),
-    map_path: Path | None = option(
-        "--map", "Mapping file of smad log import, for tables.", EXISTING
-    ),
+    map_path: Path | None = map_option,
     pair: SpringPair = together(SpringPair),
     as_json: bool = json_option,
 ) -> None:

@@ -16,6 +16,7 @@ from smad.cli.gap_runs import (
     some_runs_argument,
     without_cut_runs,
 )
+from smad.cli.gap_simulator import map_option, mapping_of
 from smad.cli.options import EXISTING, FOLDER, PATH, bench_option, flag, option, together
 from smad.cli.output import ready_client
 from smad.cli.simulated import effect_option, seed_option, simulated_model
@@ -32,6 +33,7 @@ def next_experiment(
     runs: tuple[Path, ...] = some_runs_argument,
     hold_out: tuple[Path, ...] = hold_out_option,
     good: tuple[Path, ...] = good_option,
+    map_path: Path | None = map_option,
     chosen: str | None = option(
         "--run NAME", "Carry out this experiment now: arms the bench and heats it."
     ),
@@ -84,7 +86,10 @@ def next_experiment(
 
     good = without_cut_runs(good)
     with progress() as line:
-        answer = diagnose_files(pair.plant(), runs, good, hold_out, progress=line.say)
+        mapping = mapping_of(map_path)
+        answer = diagnose_files(
+            pair.plant(), runs, good, hold_out, mapping=mapping, progress=line.say
+        )
     print_verdict(answer.verdict)
     require_answered(answer.verdict)
     with progress() as line:

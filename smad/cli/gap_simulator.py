@@ -92,6 +92,9 @@ processes_option = option(
 )
 
 
+map_option = option("--map", "Mapping file of smad log import, for tables.", EXISTING)
+
+
 def mapping_of(map_path: Path | None) -> MappingFile | None:
     """Return the mapping file that --map alone names. Raises UsageError where it is none."""
     from smad.errors import LogImportError

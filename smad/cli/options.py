@@ -14,6 +14,7 @@ of the parameter that takes it.
 from __future__ import annotations
 
 import inspect
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -130,9 +131,10 @@ class Command(click.Command):
         try:
             return self._called(ctx)
         except Exception as error:
-            from sim_device.plant.errors import PlantError
-
-            if isinstance(error, PlantError):
+            # An error of the plant comes from there. Nothing is imported for any other: the way to
+            # stop a bench must not depend on it.
+            plant_errors = sys.modules.get("sim_device.plant.errors")
+            if plant_errors is not None and isinstance(error, plant_errors.PlantError):
                 raise SmadError(str(error)) from error
             raise
 

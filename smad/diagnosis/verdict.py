@@ -56,17 +56,19 @@ class Finding(msgspec.Struct, frozen=True):
 
 
 class RunRecord(msgspec.Struct, frozen=True):
-    """A run that was given. `role` is fit, hold-out, good or refused."""
+    """A run that was given. `role` is fit, hold-out, good or refused; `repeats` is the name of the
+    good run with the same inputs, in a check-up."""
 
     name: str
     role: str
     duration_s: float
     sha256: str
+    repeats: str = ""
 
     @classmethod
-    def of(cls, run: GapRun, role: str, name: str = "") -> RunRecord:
-        """The record of a run, under a `name` of its own or the run's."""
-        return cls(name or run.name, role, round(run.duration_s, 3), run.digest)
+    def of(cls, run: GapRun, role: str, repeats: str = "") -> RunRecord:
+        """The record of a run."""
+        return cls(run.name, role, round(run.duration_s, 3), run.digest, repeats)
 
 
 class LawTerm(msgspec.Struct, frozen=True, kw_only=True):

@@ -76,18 +76,18 @@ def recording(hil: Hil) -> tuple[subprocess.Popen[str], Path]:
 
     One that the machine keeps from renewing its lease is stopped before it says so: then another.
     """
-    while True:
+    for _ in range(3):
         program = subprocess.Popen(
             [sys.executable, "-c", RECORDING],
             env={**os.environ, FOLDER_VARIABLE: str(hil.folder)},
             stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
             text=True,
         )
         assert program.stdout is not None
         if path := program.stdout.readline().strip():
             return program, Path(path)
         program.communicate()
+    pytest.fail("no program came to record; what they said is above")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from smad.diagnosis.data.grid import Grid
-from smad.diagnosis.plant import Array, Mask, PlantModel, nominal_replay
+from smad.diagnosis.numerics.threads import each
+from smad.diagnosis.plant import Array, Mask, PlantModel, nominal_replay, traits_of
 from smad.diagnosis.runs import GapRun
 
 _MIN_REST_ROWS = 30
@@ -141,8 +142,11 @@ def row_noise(runs: Sequence[GapRun], plant: PlantModel, period_s: float) -> Arr
 
     It is at least that of the quantum. A channel that no run has keeps its typical noise.
     """
+    exact = each(
+        lambda run: nominal_replay(run, plant, fast=False), runs, traits_of(plant).together
+    )
     replays = [
-        (run, Grid.of(run, period_s), nominal_replay(run, plant, fast=False)) for run in runs
+        (run, Grid.of(run, period_s), replay) for run, replay in zip(runs, exact, strict=True)
     ]
     noise = np.array([max(c.noise, c.quantum) for c in plant.channels])
     for i, channel in enumerate(plant.channels):

@@ -161,7 +161,8 @@ def _runs(v: Verdict) -> list[Block]:
         rows.append((name, *about[:2], *numbers, about[2]))
     if not rows:
         return []
-    header = ("run", "role", "length", "as it was", "parameters", "with cause", "SHA-256")
+    stages = budget_stages(v.gaps_of, [])
+    header = ("run", "role", "length", *stages, "with cause", "SHA-256")
     table = Table(header, rows, "Gaps in floors, of runs that were judged.", frozenset((3, 4, 5)))
     return [table, *(Text(line, "note") for line in finding_lines(v, doubtful=False))]
 

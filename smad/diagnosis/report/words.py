@@ -210,7 +210,8 @@ def budget_lines(rows: Sequence[SignalGap], gaps_of: str) -> list[str]:
         row = "".join(f" {x:>11.3g}" for x in numbers)
         out.append(f"  {s.signal:<21} {in_words(s.unit):<7}{row}")
     if rest := len(signals) - len(above_floor):
-        others = counted(rest, "other signal") if above_floor else f"all {rest} signals"
+        every = f"all {rest} signals" if rest > 1 else "the only signal"
+        others = counted(rest, "other signal") if above_floor else every
         out.insert(-1, f"  {others} at the floor")
     return out
 

@@ -82,6 +82,8 @@ def test_a_bench_without_a_change_is_quiet_and_says_what_it_would_not_have_shown
     assert verdict.outcome == "quiet"
     assert (verdict.gaps_of, [r.role for r in verdict.runs]) == (PAIRED, ["fit"])
     assert verdict.runs[0].duration_s > 20.0
+    assert [r.name for r in verdict.runs] == [g.run for g in verdict.by_run]
+    assert verdict.runs[0].repeats == "short"
     assert verdict.whole is not None
     assert verdict.whole.raw < 1.5
     assert any(text.startswith("rtd_lag, tau_s: less than") for text in verdict.unseen)

@@ -23,6 +23,8 @@ from smad.processes.daemon import DaemonProcess
 MISSING = what_is_missing()
 REQUIRED = bool(os.environ.get("SMAD_REQUIRE_BROWSER"))
 in_a_browser = pytest.mark.skipif(bool(MISSING) and not REQUIRED, reason=MISSING)
+TRIES = 3
+"""Of what a busy machine may spoil."""
 PATIENCE_S = 120.0
 """Until something is there that comes within a second on a machine that is not busy."""
 
@@ -114,7 +116,7 @@ def click(driver: Any, selector: str) -> None:
 def arm(driver: Any) -> None:
     """Arm; once more where it is refused, as of a board that a busy machine holds up."""
     refused = "document.getElementById('said').classList"
-    while text_of(driver, "mode") != "ARMED":
+    for _ in range(TRIES):
         driver.execute_script(f"{refused}.remove('refused')")
         click(driver, "#arm")
         click(driver, "#arm-now")
@@ -125,6 +127,9 @@ def arm(driver: Any) -> None:
                 or d.execute_script(f"return {refused}.contains('refused')")
             ),
         )
+        if text_of(driver, "mode") == "ARMED":
+            return
+    pytest.fail(text_of(driver, "said"))
 
 
 def choose(driver: Any, selector: str, value: str) -> None:

@@ -279,6 +279,10 @@ def test_what_to_do_next_goes_with_the_outcome() -> None:
     torn = msgspec.structs.replace(EFFECT, credible_places=["reading", "room"])
     undecided = advice(verdict(CAUSES, causes=[torn], **models), "r.mcap")
     assert [c for c, _ in undecided] == ["smad gap next r.mcap", *better]
+    of_table = advice(verdict(CAUSES, causes=[torn], **models), "t.csv --map m.toml")
+    commands_of_table = [c for c, _ in of_table]
+    assert commands_of_table[0] == "smad gap next t.csv --map m.toml"
+    assert commands_of_table[-1].endswith("--model better.toml --map m.toml")
 
 
 @pytest.fixture(scope="module")
