@@ -180,11 +180,16 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
         """The cause in words, for a heading: the effect with its first value, or a law."""
         if self.kind != "effect":
             return "a law, no effect of the library fits"
-        others = [n for n in self.credible_names if n != self.name]
+        others = self.other_names
         if len(others) > _NAMED:
             return f"{self.name} or one of {len(others)} others"
         value = "" if others or not self.values else f", {self.values[0].text}"
         return " or ".join((self.name, *others)) + value
+
+    @property
+    def other_names(self) -> list[str]:
+        """The effects that are as credible as the one that was found; none of a law."""
+        return [n for n in self.credible_names if self.kind == "effect" and n != self.name]
 
     @property
     def short(self) -> str:
@@ -342,6 +347,7 @@ def headline_of(
     first = causes[0]
     verb = "something has changed at" if changed else "the simulator lacks something at"
     likely = f", probability {first.rival.probability:.2f}" if first.rival else ""
+    likely += " for the first" * bool(likely and first.other_names)
     beside = "".join(f", and {cause.short}" for cause in causes[1:])
     goes = _goes(before, after)
     if round(before, 2) <= round(after, 2):

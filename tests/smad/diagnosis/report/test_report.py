@@ -168,7 +168,8 @@ def test_the_headline_says_where_what_how_sure_and_how_far_the_gap_goes() -> Non
         "probability 0.93; the gap goes from 29.5 to 1.0 floors"
     )
     torn = msgspec.structs.replace(EFFECT, credible_names=["lag", "near-0"])
-    assert "lag or near-0, probability 0.93" in verdict(CAUSES, causes=[torn]).headline
+    headline = verdict(CAUSES, causes=[torn]).headline
+    assert "lag or near-0, probability 0.93 for the first" in headline
     assert verdict(CAUSES, CHANGED, causes=[LAW, EFFECT]).headline.startswith(
         "something has changed at the reading of the rod: a law, no effect of the library fits, "
         "probability 0.60, and lag;"
