@@ -9,7 +9,7 @@ others kept.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -318,12 +318,8 @@ class _Search(Searched):
         for reference in references:
             for effect, start in started(e, reference, self._screened(reference)):
                 fits.begin(EFFECT, reference, effect, np.r_[reference.x, start])
-        for rival in self.imitated:
-            # The parameters took what the effect takes: begin with half of each.
-            if rival.fit is not None and isinstance(part := rival.fit.model.parts[-1], EffectPart):
-                k = len(base.x)
-                half = part.weaker(rival.fit.x[k:], 0.5)
-                fits.begin(EFFECT, base, part, np.r_[0.5 * (base.x + rival.fit.x[:k]), half])
+        for part, start in _halfway(self.imitated, base):
+            fits.begin(EFFECT, base, part, start)
         rivals = fits.rivals()
         best = max(rivals, key=lambda r: r.scores.sum(), default=None)
         if best is not None and question.near(best):
@@ -343,6 +339,20 @@ class _Search(Searched):
 def _same(ranked: Sequence[Rival]) -> list[Rival]:
     """The rivals without a part more, the likeliest first."""
     return [r for r in ranked if not r.has_part]
+
+
+def _halfway(imitated: Sequence[Rival], base: Reference) -> Iterator[tuple[EffectPart, Array]]:
+    """Effects that other values of the parameters imitate, and where to begin: half of each.
+
+    Without those that were fitted beside other parts than the `base` has after an exchange.
+    """
+    k, present = len(base.x), [part.name for part in base.model.parts]
+    for rival in imitated:
+        if rival.fit is not None:
+            *beside, part = rival.fit.model.parts
+            if isinstance(part, EffectPart) and [p.name for p in beside] == present:
+                x = rival.fit.x
+                yield part, np.r_[0.5 * (base.x + x[:k]), part.weaker(x[k:], 0.5)]
 
 
 def _named(rival: Rival, ranked: Sequence[Rival]) -> Rival:

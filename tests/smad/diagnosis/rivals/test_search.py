@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from smad.diagnosis.rivals.fit import Fit
-from smad.diagnosis.rivals.parts import Model
+from smad.diagnosis.rivals.parts import EffectPart, Model
 from smad.diagnosis.rivals.rival import Question, Rival
 from smad.diagnosis.rivals.score import EFFECT, NOTHING, PARAMETERS
 from smad.diagnosis.rivals.screening import worth_a_fit
-from smad.diagnosis.rivals.search import _Fits, _Search
+from smad.diagnosis.rivals.search import _Fits, _halfway, _Search
+from smad.diagnosis.spring_pair import SmaPlant
 
 
 @dataclass(frozen=True)
@@ -171,3 +172,26 @@ def test_a_fit_keeps_its_coordinates_where_its_parts_change_places() -> None:
     assert (moved.slopes[:, 0] == moved.x).all()
     assert (moved.linearized_at == -moved.x).all()
     assert moved.of_parts([2, 0, 1]).x.tolist() == x.tolist()
+
+
+def test_an_imitated_effect_begins_halfway_unless_it_was_fitted_beside_other_parts() -> None:
+    effects = {e.name: e for e in SmaPlant().effects}
+    lag, gain = EffectPart(effects["rtd_lag"]), EffectPart(effects["driver_gain"])
+    creep = SimpleNamespace(name="force_creep")
+    base = SimpleNamespace(x=np.array([1.0, 4.0]), model=SimpleNamespace(parts=(creep,)))
+
+    def imitated(*parts: Any, x: list[float]) -> Any:
+        return SimpleNamespace(
+            fit=SimpleNamespace(model=SimpleNamespace(parts=parts), x=np.array(x))
+        )
+
+    size = lag.size
+    rivals = [
+        imitated(creep, lag, x=[3.0, 2.0, *[8.0] * size]),
+        imitated(gain, lag, x=[3.0, 2.0, *[1.0] * gain.size, *[8.0] * size]),
+        SimpleNamespace(fit=None),
+    ]
+    ((part, start),) = _halfway(cast(Any, rivals), cast(Any, base))
+    assert part is lag
+    assert start[:2].tolist() == [2.0, 3.0]
+    assert start[2:].tolist() == lag.weaker(np.full(size, 8.0), 0.5).tolist()
