@@ -19,10 +19,8 @@ from smad.client.endpoints import FOLDER_VARIABLE
 from smad.config import Config, LinkConfig, RecorderConfig, TelemetryConfig, config_to_toml
 from smad.processes.boards import BOARDS
 from smad.processes.daemon import DaemonProcess
-from smad.processes.simulator import simulated_bench
+from smad.processes.simulator import PACED, simulated_bench
 
-PACED = ("--paced-by-host", "--patience", "60")
-"""A bench that waits for its daemon, and is not given up because the machine holds it up."""
 _ENDS_WITHIN_S = 120.0
 """On a busy machine."""
 _PROGRAMS = ("chromium", "chromedriver")
@@ -62,10 +60,15 @@ def what_is_missing() -> str:
 
 
 @contextlib.contextmanager
-def running_daemon(folder: Path, *sim: str, rate_hz: Any = 100) -> Iterator[DaemonProcess]:
-    """A simulated bench and its daemon, with their sockets in `folder`; `PACED` is for both."""
-    rate = ("--rate", str(rate_hz))
-    with simulated_bench([*rate, *sim], folder / "tty", waiting=lambda text: None) as port:
+def running_daemon(
+    folder: Path, *sim: str, rate_hz: Any = 100, paced: bool = False
+) -> Iterator[DaemonProcess]:
+    """A simulated bench and its daemon, with their sockets in `folder`.
+
+    `paced`: they wait for each other, however long a busy machine holds one of them up.
+    """
+    words = [*("--rate", str(rate_hz)), *sim, *(PACED if paced else ())]
+    with simulated_bench(words, folder / "tty", waiting=lambda text: None) as port:
         config = Config(
             link=LinkConfig(port=port, rate_hz=rate_hz, baud=BOARDS["python"].baud),
             recorder=RecorderConfig(folder=str(folder / "runs"), automatic=False),
@@ -73,7 +76,7 @@ def running_daemon(folder: Path, *sim: str, rate_hz: Any = 100) -> Iterator[Daem
         )
         path = folder / "bench.toml"
         path.write_text(config_to_toml(config))
-        patience = PACED[1:] if sim == PACED else ()
+        patience = PACED[1:] if paced else ()
         daemon = DaemonProcess(["--config", str(path), *patience], folder)
         try:
             daemon.wait_until_ready()

@@ -72,7 +72,7 @@ def placed(case: End) -> str:
     return _placed(case, {case["place"]})
 
 
-def told(case: End) -> str:
+def placed_among(case: End) -> str:
     """How it ended as to all places that are told as possible, one of `_ENDS`."""
     return _placed(case, _told_places(case))
 
@@ -131,9 +131,9 @@ def table(cases: Sequence[End]) -> Table:
     for title, members in (group for group in groups if group[1]):
         took = [c["minutes"] for c in members]
         minutes = f"{median(took):.1f} ({max(took):.1f})"
-        most = [len(_told_places(c)) for c in members if c["place"]]
-        several = f"one of {mean(most):.1f} places" if most else "one of the places"
-        for what, how in (("name", mark), ("likeliest place", placed), (several, told)):
+        counts = [len(_told_places(c)) for c in members if c["place"]]
+        several = f"one of {mean(counts):.1f} places" if counts else "one of the places"
+        for what, how in (("name", mark), ("likeliest place", placed), (several, placed_among)):
             ends = [how(c) for c in members]
             shares = (_share(ends.count(end), len(members)) for end in _ENDS)
             rows.append((f"{title}: {what}", str(len(members)), *shares, minutes))

@@ -181,11 +181,11 @@ def run(
 
 def _print_list(*, as_json: bool) -> None:
     from smad.cli.robot import TITLE
-    from smad.experiments.registry import listing
+    from smad.experiments.registry import experiment_summaries
 
-    listed = listing()
+    summaries = experiment_summaries()
     if as_json:
-        print_json(listed)
+        print_json(summaries)
         return
-    rows = [(e.name, e.title, e.needs_in_words) for e in listed]
+    rows = [(e.name, e.title, e.needs_in_words) for e in summaries]
     print_columns(("name", "what", "needs"), [*rows, ("six-axes", TITLE, "several axes")])

@@ -11,16 +11,15 @@ from smad.demo import figures
 from smad.demo.figures import Rows
 from smad.demo.job import measured, naming_cause, run_cycle
 from smad.processes.daemon import running_daemon
+from smad.processes.simulator import PACED, PATIENCE
 from smad.progress import Say
 from smad.runlog.reader import read_run
 
 SPEED = 40
-PATIENCE = 60
-"""Board, daemon and client wait so many times as long for each other as on a bench: on virtual time
-a busy machine makes the demo slower, and nothing else. The processes end with each other all the
-same."""
 CLIENT_TIMEOUT_S = 120.0
 LEASE_S = PATIENCE * DEFAULT_LEASE_S
+"""Board, daemon and client wait long for each other: on virtual time a busy machine makes the demo
+slower, and nothing else. The processes end with each other all the same."""
 REAL_TIME_S = 10.0
 
 
@@ -39,7 +38,7 @@ def play(folder: Path, seed: int, board: str, say: Say) -> tuple[Path, Path, Row
         def starting() -> None:
             say(f"starting the simulated bench ({board}) and the daemon")
 
-        fast = [*common, "--speed", str(SPEED), "--paced-by-host", "--patience", str(PATIENCE)]
+        fast = [*common, "--speed", str(SPEED), *PACED]
         with (
             running_daemon(fast, sockets, waiting=starting),
             Client(folder=sockets, timeout_s=CLIENT_TIMEOUT_S, lease_s=LEASE_S) as client,

@@ -347,7 +347,8 @@ def headline_of(
     first = causes[0]
     verb = "something has changed at" if changed else "the simulator lacks something at"
     likely = f", probability {first.rival.probability:.2f}" if first.rival else ""
-    likely += " for the first" * bool(likely and first.other_names)
+    if likely and first.other_names:
+        likely += " for the first"
     beside = "".join(f", and {cause.short}" for cause in causes[1:])
     goes = _goes(before, after)
     if round(before, 2) <= round(after, 2):

@@ -41,7 +41,7 @@ def make_experiment(name: str, settings: Mapping[str, Any] | None = None) -> Exp
     return kind(options_from(kind.options_type, settings or {}, name))
 
 
-class Listed(Struct, frozen=True):
+class ExperimentSummary(Struct, frozen=True):
     """An experiment as lists show it: `needs` are the parts of the bench without which it fails."""
 
     name: str
@@ -54,10 +54,10 @@ class Listed(Struct, frozen=True):
         return ", ".join(PARTS[part] for part in self.needs) or "a data file"
 
 
-def listing() -> list[Listed]:
+def experiment_summaries() -> list[ExperimentSummary]:
     """All experiments, in the order of the report."""
     experiments = [make_experiment(name) for name in EXPERIMENTS]
-    return [Listed(e.name, e.title, sorted(e.requirements())) for e in experiments]
+    return [ExperimentSummary(e.name, e.title, sorted(e.requirements())) for e in experiments]
 
 
 def whole_names(words: Sequence[str]) -> list[str]:

@@ -9,11 +9,11 @@ from pathlib import Path
 from smad.client import Client
 from smad.errors import DaemonError
 from smad.processes.daemon import running_daemon
+from smad.processes.simulator import PACED
 
 FASTEST = 100.0
-_PATIENCE = 60
-"""What daemon and board allow each other is so many times longer: a busy computer is no fault."""
 _ANSWER_S = 60.0
+"""Longer than a busy computer may hold the daemon up."""
 
 
 @contextlib.contextmanager
@@ -32,8 +32,7 @@ def simulated(*, speed: float = 4.0, options: Sequence[str] = ()) -> Iterator[Cl
             limit=f"above 0, at most {FASTEST:g}",
             action="give another speed",
         )
-    paced = ("--paced-by-host", "--patience", str(_PATIENCE))
-    arguments = ["--sim", "--speed", f"{speed:g}", *paced, *options]
+    arguments = ["--sim", "--speed", f"{speed:g}", *PACED, *options]
     with tempfile.TemporaryDirectory(prefix="smad-") as name:
         folder = Path(name)
         # Nobody else is there to take control from, and a notebook may think for long.

@@ -12,6 +12,10 @@ from smad.errors import DaemonError, PortError
 from smad.processes.starting import STALLED_S, StallDetector
 from smad.progress import Say
 
+PATIENCE = 60
+"""What board and daemon allow each other is so many times longer: a busy computer is no fault."""
+PACED = ("--paced-by-host", "--patience", str(PATIENCE))
+"""Options of a board, and from the second on of its daemon, that wait for each other."""
 READY = "ready: "
 """What the first line of `smad sim` begins with; the port's name follows."""
 

@@ -85,7 +85,7 @@ def test_the_good_bench_is_commissioned_on_its_days_and_ended_before_the_trouble
     assert case["minutes"] == 8.0
     assert (case["effects"], case["names"]) == (["rtd_lag"], ["rtd_lag"])
     assert (case["place"], case["true_places"]) == ("reading_rtd", ["reading_rtd"])
-    assert ends.mark(case) == ends.placed(case) == ends.told(case) == "rightly"
+    assert ends.mark(case) == ends.placed(case) == ends.placed_among(case) == "rightly"
 
 
 def test_one_day_holds_both_repeats(tmp_path: Path) -> None:

@@ -31,6 +31,7 @@ from smad.config import (
     config_to_toml,
 )
 from smad.processes.daemon import DaemonProcess
+from smad.processes.simulator import PACED
 
 REAL_PORT = os.environ.get("SMAD_HIL_PORT", "")
 REAL_BAUD = int(os.environ.get("SMAD_HIL_BAUD", "500000"))
@@ -40,9 +41,6 @@ EVERY_DEVICE = pytest.mark.parametrize(
 
 PATIENCE_S = 240.0
 """A loaded machine may take its time; nothing is asserted on how long anything took."""
-PACED = "--paced-by-host"
-PATIENT = ("--patience", "60")
-"""Of a board and a daemon that wait for each other: one that the machine holds up is no fault."""
 LEASE_S = 120.0
 
 
@@ -111,10 +109,10 @@ class Hil:
         can, and paced by its host."""
         if self.kind == "port":
             return RealPort()
-        chosen = list(arguments or ("--speed", "8", PACED))
-        if PACED in chosen:
-            self._patient = PATIENT
-            chosen += PATIENT
+        chosen = list(arguments or ("--speed", "8", PACED[0]))
+        if PACED[0] in chosen:
+            self._patient = PACED[1:]
+            chosen += PACED[1:]
         if self.kind != "python":
             chosen += ["--firmware", self.kind, "--store", str(self.folder / "store")]
         device = Device(self.folder, chosen)

@@ -187,7 +187,7 @@ class Evidence:
         """Sum of squares of rows by trial and channel, (trials, channels)."""
         key = self.run_of_row * self.channels + self.channel_of_row
         size = len(self.trials) * self.channels
-        # What a rival far off leaves may have no finite square: it is left, then.
+        # The squares of a rival that diverges may overflow: they count as infinite.
         with np.errstate(over="ignore"):
             sums = np.bincount(key, r * r * self.valid, minlength=size)
         return np.asarray(sums.reshape(len(self.trials), self.channels), dtype=np.float64)

@@ -17,7 +17,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from bench.browser import PACED, running_daemon, served
+from bench.browser import running_daemon, served
 from smad.bridge.foxglove import LINK, LOG, MOST_SUBSCRIPTIONS, SUBPROTOCOLS, rows_of
 from smad.bridge.server import MOST_VIEWERS
 from smad.cli import execute
@@ -40,7 +40,7 @@ def bridge_of(folder: Path) -> Iterator[str]:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     made = tmp_path_factory.mktemp("bridge")
-    with running_daemon(made, *PACED):
+    with running_daemon(made, paced=True):
         yield made
 
 

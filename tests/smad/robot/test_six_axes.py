@@ -11,6 +11,7 @@ from smad.cli import execute
 from smad.client.endpoints import FOLDER_VARIABLE
 from smad.config import Config, PlantConfig, RecorderConfig, config_to_toml
 from smad.processes.daemon import running_daemon
+from smad.processes.simulator import PACED
 
 
 @pytest.fixture
@@ -21,8 +22,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     config.write_text(config_to_toml(Config(recorder=runs, plant=fast)))
     monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path))
     # One segment, whose boards wait for the host: as fast as it goes.
-    paced = ["--paced-by-host", "--patience", "60"]
-    arguments = ["--sim", *paced, "--axes", "2", "--config", str(config)]
+    arguments = ["--sim", *PACED, "--axes", "2", "--config", str(config)]
     with running_daemon(arguments, tmp_path):
         yield tmp_path
 

@@ -6,14 +6,11 @@ instead.
 
 from __future__ import annotations
 
-import contextlib
 import os
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
 
 from bench.browser import LivePage, what_is_missing
@@ -44,38 +41,6 @@ def until(driver: Any, true: Callable[[Any], Any]) -> Any:
     from selenium.webdriver.support.ui import WebDriverWait
 
     return WebDriverWait(driver, PATIENCE_S, poll_frequency=0.05).until(true)
-
-
-def until_its_job(driver: Any, bench: BrowsedBench, true: Callable[[Any], Any]) -> None:
-    """Wait for as long as the page's job gets any processor time.
-
-    A job gives way to all else, here to the other tests. Where we may, it is made their equal; and
-    the page draws no curves meanwhile.
-    """
-    if text_of(driver, "pause") == "Pause":
-        driver.execute_script("document.getElementById('pause').click()")
-    taken_s, since_s = 0.0, time.monotonic()
-    while not true(driver):
-        now_s = 0.0
-        for process in _programs_of_job(bench):
-            with contextlib.suppress(psutil.NoSuchProcess):
-                now_s += sum(process.cpu_times()[:2])
-                with contextlib.suppress(psutil.AccessDenied):
-                    process.nice(0)
-        if now_s > taken_s:
-            taken_s, since_s = now_s, time.monotonic()
-        assert time.monotonic() - since_s < PATIENCE_S, (taken_s, text_of(driver, "job-lines"))
-        time.sleep(0.2)
-
-
-def _programs_of_job(bench: BrowsedBench) -> list[psutil.Process]:
-    """Return the one program that the page starts in a session of its own, and all it starts."""
-    found: list[psutil.Process] = []
-    for child in psutil.Process(bench.page.process.pid).children():
-        with contextlib.suppress(psutil.NoSuchProcess, ProcessLookupError):
-            if os.getsid(child.pid) == child.pid:
-                found += child, *child.children(recursive=True)
-    return found
 
 
 def text_of(driver: Any, name: str) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from bench.browser import PACED, browser, live_page, resize, running_daemon
+from bench.browser import browser, live_page, resize, running_daemon
 
 from .browsing import MISSING, BrowsedBench, is_live, shown_generation, until
 
@@ -16,7 +16,7 @@ from .browsing import MISSING, BrowsedBench, is_live, shown_generation, until
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BrowsedBench]:
     assert not MISSING, MISSING
     folder = tmp_path_factory.mktemp("view")
-    with running_daemon(folder, *PACED) as daemon, live_page(folder) as page:
+    with running_daemon(folder, paced=True) as daemon, live_page(folder) as page:
         made = BrowsedBench(folder, daemon, page)
         with made.client:
             yield made

@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
-from bench.browser import PACED, live_page
+from bench.browser import live_page
 from smad.processes.daemon import running_daemon
+from smad.processes.simulator import PACED
 
 from .browsing import (
     MISSING,
