@@ -14,10 +14,10 @@ from evaluation.recovery.judging import Answer
 from evaluation.recovery.running import RecoveryFile
 from evaluation.run.running import VerdictFile
 from evaluation.score.answers import DIFFERS, CaseKey, Key, digest
+from evaluation.score.first_step import ScoredVerdict
 from evaluation.score.openings import refuse_sealed
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.spring_pair import SmaPlant
-from smad.diagnosis.verdict import Verdict
 
 _TRUTHS = {
     "none": NONE, "room": NONE, "preload": NONE, "drift": NONE, "parameters": MOVED,
@@ -83,7 +83,7 @@ def _of_bank(path: Path, file: VerdictFile, keys: Sequence[Path]) -> list[CaseRi
     plant = SmaPlant()
     out = []
     for name, raw in file.verdicts.items():
-        truth, verdict = truths[name], msgspec.convert(raw, Verdict)
+        truth, verdict = truths[name], msgspec.convert(raw, ScoredVerdict)
         if truth.question == DIFFERS or not verdict.first_step:
             continue
         out.append(

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.names import canonical
+from evaluation.score.first_step import RivalScore
 from smad.diagnosis.answer import place_probabilities
 from smad.diagnosis.constants import Constants
 from smad.diagnosis.rivals.rival import temper_of
@@ -24,7 +25,7 @@ from smad.diagnosis.rivals.score import (
     credible_set,
     probabilities,
 )
-from smad.diagnosis.verdict import DIFFERS, RivalScore
+from smad.diagnosis.verdict import DIFFERS
 
 Array = NDArray[np.float64]
 NONE, MOVED, LISTED, UNLISTED = "none", "parameters", "listed", "unlisted"
@@ -98,8 +99,10 @@ class CaseRivals:
 
     def places_of(self, p: Array) -> dict[str, float]:
         """The probability of each place, from those of the rivals."""
-        parts = zip(self.rivals, p, strict=True)
-        return place_probabilities([(r, float(x)) for r, x in parts if r.kind in (EFFECT, LAW)])
+        pairs = list(zip(self.rivals, p.tolist(), strict=True))
+        laws = [r.places[0] for r, _ in sorted(pairs, key=lambda x: -x[1]) if r.kind == LAW]
+        parts = [(r.places, x) for r, x in pairs if r.kind in (EFFECT, LAW)]
+        return place_probabilities(parts, laws)
 
     def said(self, c: Constants) -> Said:
         """What these constants make of the first step."""

@@ -10,13 +10,14 @@ import msgspec
 
 from evaluation.recovery.cases import NONE, Case, bench_parameters
 from evaluation.recovery.playing import FIT, HELD_OUT, REPEATS, Bench
+from evaluation.score.first_step import ScoredVerdict, scored
 from smad.checkup.commission import commissioned
 from smad.checkup.judge import judged
 from smad.diagnosis.diagnose import diagnose
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
-from smad.diagnosis.verdict import CHANGED, CHECK_UP, DIFFERS, Verdict
+from smad.diagnosis.verdict import CHANGED, CHECK_UP, DIFFERS
 
 _GOOD_SEED = 500
 
@@ -25,7 +26,7 @@ class Answer(msgspec.Struct, frozen=True, kw_only=True):
     """A case with its verdict, or with why there is none; processor time of the diagnosis alone."""
 
     case: Case
-    verdict: Verdict | None = None
+    verdict: ScoredVerdict | None = None
     error: str = ""
     cpu_s: float = 0.0
 
@@ -43,7 +44,7 @@ def answer(case: Case, seed: int) -> Answer:
     return Answer(case=case, verdict=short, cpu_s=round(cpu_s, 2))
 
 
-def _diagnosed(case: Case, seed: int) -> tuple[Verdict, float]:
+def _diagnosed(case: Case, seed: int) -> tuple[ScoredVerdict, float]:
     plant = _plant()
     good, now = bench_parameters(plant, case, seed)
     bench = Bench(plant, now, case.effects)
@@ -51,12 +52,12 @@ def _diagnosed(case: Case, seed: int) -> tuple[Verdict, float]:
         fit = bench.everyday(FIT, case.seed)
         held_out = bench.everyday(HELD_OUT, case.seed + len(FIT))
         began = time.process_time()
-        return diagnose(fit, plant=plant, hold_out=held_out).verdict, _since(began)
+        return scored(diagnose(fit, plant=plant, hold_out=held_out)), _since(began)
     if case.question == CHANGED:
         before = Bench(plant, good, {}).everyday(FIT, case.seed + _GOOD_SEED, word="good ")
         runs = bench.everyday(FIT, case.seed)
         began = time.process_time()
-        return diagnose(runs, plant=plant, good=before).verdict, _since(began)
+        return scored(diagnose(runs, plant=plant, good=before)), _since(began)
     return _checked_up(plant, case, seed, bench.programme(case.seed))
 
 
@@ -64,10 +65,13 @@ def _since(began: float) -> float:
     return time.process_time() - began
 
 
-def _checked_up(plant: SmaPlant, case: Case, seed: int, now: list[GapRun]) -> tuple[Verdict, float]:
+def _checked_up(
+    plant: SmaPlant, case: Case, seed: int, now: list[GapRun]
+) -> tuple[ScoredVerdict, float]:
     reference = _commissioned(case.bench, seed)
     began = time.process_time()
-    return judged(plant, reference, [(run, run.name) for run in now]).verdict, _since(began)
+    verdict = scored(judged(plant, reference, [(run, run.name) for run in now]))
+    return verdict, _since(began)
 
 
 @functools.cache

@@ -18,6 +18,7 @@ from evaluation.checkout import source_digest
 from evaluation.errors import BankError
 from evaluation.run.manifest import ROLES, BankRun, Case, Manifest
 from evaluation.score.answers import Cause as ScoredCause
+from evaluation.score.first_step import ScoredVerdict, scored
 from sim_device.plant import load_parameters
 from smad.checkup.commission import commissioned
 from smad.checkup.files import read_file
@@ -26,7 +27,7 @@ from smad.diagnosis.diagnose import diagnose
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
-from smad.diagnosis.verdict import CHECK_UP, QUIET, Verdict
+from smad.diagnosis.verdict import CHECK_UP, QUIET
 from smad.errors import SmadError
 from smad.runlog.bounds import Together
 
@@ -61,6 +62,11 @@ class Check:
     def plant(self) -> SmaPlant:
         """The model that the bank is compared with."""
         return SmaPlant(load_parameters(self.params), self.variant)
+
+    def plant_without(self, entries: Sequence[str]) -> SmaPlant:
+        """The same without some entries of its library."""
+        kept = tuple(e.name for e in self.plant.effects if e.name not in entries)
+        return replace(self.plant, only=kept)
 
     @functools.cached_property
     def _digests(self) -> dict[str, str]:
@@ -151,17 +157,11 @@ def _diagnosed(check: Check, case: Case) -> Judged:
     began = time.process_time()
     runs = check.runs(case, *ROLES)
 
-    def ask(exclude: Sequence[str]) -> Verdict:
-        candidates = [e.name for e in check.plant.effects if e.name not in exclude]
-        return diagnose(
-            runs["fit"],
-            plant=check.plant,
-            good=runs["good"],
-            hold_out=runs["hold_out"],
-            candidates=candidates,
-        ).verdict
+    def ask(plant: SmaPlant) -> ScoredVerdict:
+        good, held_out = runs["good"], runs["hold_out"]
+        return scored(diagnose(runs["fit"], plant=plant, good=good, hold_out=held_out))
 
-    verdict = ask(())
+    verdict = ask(check.plant)
     cpu_s = _since(began)
     return Judged(case.id, _told(check, case, verdict, ask), cpu_s=cpu_s)
 
@@ -170,11 +170,11 @@ def _checked_up(check: Check, case: Case) -> Judged:
     reference = check.reference(case)
     runs = [(run, run.name) for run in check.runs(case, "fit")["fit"]]
 
-    def ask(exclude: Sequence[str]) -> Verdict:
-        return judged(check.plant, reference, runs, exclude=exclude).verdict
+    def ask(plant: SmaPlant) -> ScoredVerdict:
+        return scored(judged(plant, reference, runs))
 
     began = time.process_time()
-    verdict = ask(())
+    verdict = ask(check.plant)
     cpu_s = _since(began)
     return Judged(case.id, _told(check, case, verdict, ask), cpu_s=cpu_s)
 
@@ -184,7 +184,7 @@ def _since(began: float) -> float:
 
 
 def _told(
-    check: Check, case: Case, verdict: Verdict, ask: Callable[[Sequence[str]], Verdict]
+    check: Check, case: Case, verdict: ScoredVerdict, ask: Callable[[SmaPlant], ScoredVerdict]
 ) -> dict[str, Any]:
     """The verdict as it is kept: without model files, which are long and which nothing scores.
 
@@ -193,7 +193,7 @@ def _told(
     record: dict[str, Any] = msgspec.to_builtins(msgspec.structs.replace(verdict, models=[]))
     if case.id in check.left_out and verdict.outcome != QUIET:
         cause, entries = check.left_out[case.id]
-        less = ask(entries)
+        less = ask(check.plant_without(entries))
         first = msgspec.convert(
             msgspec.to_builtins(less.causes[0]) if less.causes else {"place": ""}, ScoredCause
         )

@@ -15,7 +15,7 @@ import msgspec
 from smad.checkup.errors import BaselineError
 from smad.checkup.files import read_file
 from smad.checkup.investigate import Proposal, propose, unpaired_offers
-from smad.checkup.judge import Judged, SavablePlant, judged, save_model_of
+from smad.checkup.judge import Judged, judged
 from smad.checkup.programme import Programme, ProgrammeRun
 from smad.checkup.series import Play, keep, newest_open, write_whole
 from smad.counted import counted
@@ -23,6 +23,7 @@ from smad.diagnosis.answer import gaps_on
 from smad.diagnosis.paired.difference import paired
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.places.bare import with_places
+from smad.diagnosis.spring_pair import SmaPlant
 from smad.diagnosis.verdict import SignalGap, Verdict
 from smad.errors import refused_by_system
 from smad.progress import Say
@@ -86,7 +87,7 @@ class Inquiry:
     It begins with the quick runs of the programme, and ends with them, held out as proof.
     """
 
-    plant: SavablePlant
+    plant: SmaPlant
     reference: GoodRuns
     programme: Programme
     originals: Path
@@ -181,7 +182,7 @@ class Inquiry:
                 break
         runs = [(read_file(self.folder / r.file), r.run) for r in report.records if r.held_out]
         pairs = paired(with_places(self.plant), self.reference, runs)
-        return msgspec.structs.replace(report, proof=gaps_on(judgement.answer, pairs.evidence()))
+        return msgspec.structs.replace(report, proof=gaps_on(judgement, pairs.evidence()))
 
     def _with_model(self, report: Report, judgement: Judged) -> Report:
         if not judgement.has_model:
@@ -189,7 +190,7 @@ class Inquiry:
         path = self.folder / "model.toml"
         action = "make room; the runs are kept, and the same command continues"
         with refused_by_system(BaselineError, f"cannot write {path}", action=action):
-            save_model_of(self.plant, judgement, path)
+            judgement.save_model(self.plant, path)
         return msgspec.structs.replace(report, model=str(path))
 
     def _write(self, report: Report) -> None:

@@ -67,7 +67,7 @@ def propose(judgement: Judged, costs_s: Mapping[str, float], left_s: float) -> P
         if run := next(new, None):
             return Proposal(run, f"for the first time now: so far {finding}")
         return Proposal(None, f"settled: {finding}")
-    staying = judgement.answer.alternatives
+    staying = judgement.alternatives
     names = tuple(rival_words(pairs.plant, r) for r in staying)
     if len(staying) < 2:
         return Proposal(None, f"settled: {verdict.causes[0].words}; no other rival is near")
@@ -131,12 +131,18 @@ def unpaired_offers(judgement: Judged, programme: Programme) -> list[Offer]:
 
 
 def _offer(judgement: Judged, run: str, played: Played, rows: RunRows, slopes: Array) -> Offer:
-    """A run with the separation of the rivals that stay, in rows beside `slopes`."""
+    """A run with the separation of the rivals that stay, in rows beside `slopes`.
+
+    The variance of a row is the mean square that is left beside what is told; 1 at least.
+    """
+    search = judgement.search
+    assert search is not None
+    variance = max(search.question.gap(search.final) ** 2, 1.0)
     plant, point, tie = judgement.pairs.plant, judgement.pairs.good.point, Shrink(slopes)
     (base,) = predictions(plant, point, [played])
     moves = []
-    for rival in judgement.answer.alternatives:
+    for rival in judgement.alternatives:
         assert rival.fit is not None
         (moved,) = predictions(plant, rival.fit.point, [played])
         moves.append(tie(rows.shrink(rows.independent((moved - base)[None])))[0])
-    return Offer(run, separation(moves) / judgement.variance)
+    return Offer(run, separation(moves) / variance)

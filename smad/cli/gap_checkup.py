@@ -148,7 +148,6 @@ def checkup(
     It lists and leaves out good runs that a stop cut short.
     """
     from smad.checkup import check
-    from smad.checkup.judge import save_model_of
     from smad.checkup.programme import chosen
     from smad.checkup.series import NOW
     from smad.checkup.store import load
@@ -184,8 +183,8 @@ def checkup(
                 progress=line.say,
             )
     facts = [("baseline", str(folder or good)), ("repeats", str(judgement.pairs.good.repeats))]
-    save_model = functools.partial(save_model_of, plant, judgement)
-    show_verdict(judgement.answer, json_path, page_path, model_path, save_model, facts=facts)
+    save_model = functools.partial(judgement.save_model, plant)
+    show_verdict(judgement, json_path, page_path, model_path, save_model, facts=facts)
 
 
 @click.command(cls=Command)

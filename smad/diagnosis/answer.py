@@ -17,7 +17,6 @@ from smad.diagnosis.places.place import BOTH
 from smad.diagnosis.plant import Array, ModelPoint, SavesModel, Uncertainty
 from smad.diagnosis.rivals.describe import (
     effect_values,
-    largest_value,
     law_terms,
     rival_words,
     where_words,
@@ -40,7 +39,6 @@ from smad.diagnosis.verdict import (
     EffectValue,
     ParameterMoved,
     RivalGap,
-    RivalScore,
     RunGap,
     SignalGap,
     Verdict,
@@ -99,8 +97,6 @@ def answer_of(search: Searched, *, question: str, gaps_of: str = MEASURED) -> An
         headline=headline,
         causes=causes,
         rivals=_table(asked, precision, search.steps[-1].rivals) if search.steps else [],
-        first_step=_scores(asked, search.steps[0].rivals) if search.steps else [],
-        independent_rows=asked.independent_rows,
         parameters=_moved(asked, fitted, uncertainty),
         gaps_of=gaps_of,
         budget=gaps,
@@ -245,23 +241,6 @@ def _standard_deviations(matrix: Array) -> Array:
     return np.sqrt(np.maximum(np.diag(matrix), 0.0))
 
 
-def _scores(question: Question, rivals: Sequence[Rival]) -> list[RivalScore]:
-    """The scores of the rivals that were compared."""
-    return [
-        RivalScore(
-            kind=r.kind,
-            name=r.name.removeprefix("law:"),
-            places=list(r.places),
-            gap=question.gap(r),
-            scores=[float(x) for x in r.scores],
-            log_prior=r.log_prior,
-            near=question.near(r),
-        )
-        for r, refuted in zip(rivals, question.refuted(rivals), strict=True)
-        if not refuted
-    ]
-
-
 def _cause(
     question: Question, precision: Precision, index: int, step: Step, final: Rival, *, gap: float
 ) -> Cause:
@@ -275,21 +254,19 @@ def _cause(
     of_parts = [r for r in step.rivals if r.has_part]
     total = max(sum(r.probability for r in of_parts), 1e-300)
     laws = [r.places[0] for r in of_parts if r.kind == LAW]
-    places = place_probabilities([(r, r.probability) for r in of_parts])
+    places = place_probabilities([(r.places, r.probability) for r in of_parts], laws)
     named = {r.name: r.probability for r in of_parts if r.kind == EFFECT}
     in_library = max(sum(named.values()), 1e-300)
     names = {n: p / in_library for n, p in sorted(named.items(), key=lambda item: -item[1])}
     stayed = step.entered is not None and part.name == step.entered.name
     place = _place_of(part.places, laws if stayed else ())
-    side = law.candidate.side if law else BOTH
-    runs = [played.run for played in question.evidence.played] if law else []
-    trajectories = [plant.trajectory(fitted.point, run, fast=True) for run in runs]
+    played = question.evidence.played if law else []
+    trajectories = [plant.trajectory(fitted.point, p.run, fast=True) for p in played]
     return Cause(
         kind=EFFECT if effect else LAW,
         name=effect.name if effect else "",
         place=place,
-        side=side,
-        words=where_words(plant, place, side),
+        words=where_words(plant, place, law.candidate.side if law else BOTH),
         probability=places.get(place, 0.0),
         places=places,
         place_words={n: where_words(plant, n, BOTH) for n in places},
@@ -299,25 +276,24 @@ def _cause(
         credible_places=credible_set(places, level),
         values=effect_values(effect, x, sd) if effect else [],
         terms=law_terms(plant, law, x, sd, trajectories) if law else [],
-        largest=largest_value(plant, law, x, runs, trajectories) if law else 0.0,
         unit=next((p.unit for p in plant.places if p.name == place), ""),
         gap=gap,
         rivals=_table(question, precision, step.rivals),
     )
 
 
-def place_probabilities(parts: Sequence[tuple[Rival | RivalScore, float]]) -> dict[str, float]:
-    """Probability of each place, the likeliest first, from those of effects and laws.
+def place_probabilities(
+    parts: Sequence[tuple[Sequence[str], float]], laws: Sequence[str]
+) -> dict[str, float]:
+    """Probability of each place, the likeliest first, from `parts`: places and probability of each.
 
     They sum to 1: it is that of the place if anything is missing. An effect counts for the place
-    whose law is likeliest among its own.
+    whose law is likeliest among its own; `laws` are the places of laws, the likeliest first.
     """
-    ordered = sorted(parts, key=lambda part: -part[1])
-    laws = [r.places[0] for r, _ in ordered if r.kind == LAW]
     total = max(sum(p for _, p in parts), 1e-300)
     places: dict[str, float] = {}
-    for rival, p in parts:
-        place = _place_of(rival.places, laws)
+    for of_part, p in parts:
+        place = _place_of(of_part, laws)
         places[place] = places.get(place, 0.0) + p / total
     return dict(sorted(places.items(), key=lambda item: -item[1]))
 

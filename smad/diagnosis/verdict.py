@@ -127,23 +127,6 @@ class RivalGap(msgspec.Struct, frozen=True, kw_only=True):
     probability: float
 
 
-class RivalScore(msgspec.Struct, frozen=True, kw_only=True):
-    """What the probability of a rival is made of, so that constants are fitted without a replay.
-
-    `scores` are those of `rivals/score.py`, one for each judged run, `log_prior` that of where its
-    parameters are, `gap` what it leaves of the judged runs in floors; `near`: nothing that could be
-    told in any signal.
-    """
-
-    kind: str
-    name: str
-    places: list[str]
-    gap: float
-    scores: list[float]
-    log_prior: float
-    near: bool = False
-
-
 class Cause(msgspec.Struct, frozen=True, kw_only=True):
     """One thing that the simulator lacks, with the rivals that it was told from.
 
@@ -159,7 +142,6 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
     kind: str
     name: str
     place: str
-    side: str
     words: str
     probability: float
     names: dict[str, float]
@@ -170,7 +152,6 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True):
     place_words: dict[str, str]
     values: list[EffectValue]
     terms: list[LawTerm]
-    largest: float
     unit: str
     gap: float
     rivals: list[RivalGap]
@@ -263,12 +244,10 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     *check-up* (the same inputs).
 
     `causes` are in the order in which they entered; `rivals` is the table of the last step, in
-    which nothing more was likeliest (or nothing at all), `first_step` all rivals of the first one.
-    `independent_rows` is how many rows of a judged run and channel count as independent of each
-    other, on average. `models` are model files as text: with other parameters, then with each cause
-    (empty for a plant that writes none). `budget` has the gap of each signal, of what `gaps_of`
-    says, and `whole` that over all signals, in floors. `unseen` says of each effect which strength
-    these runs would not have shown.
+    which nothing more was likeliest (or nothing at all). `models` are model files as text: with
+    other parameters, then with each cause (empty for a plant that writes none). `budget` has the
+    gap of each signal, of what `gaps_of` says, and `whole` that over all signals, in floors.
+    `unseen` says of each effect which strength these runs would not have shown.
     """
 
     question: str
@@ -276,8 +255,6 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     headline: str
     causes: list[Cause] = []
     rivals: list[RivalGap] = []
-    first_step: list[RivalScore] = []
-    independent_rows: float = 0.0
     parameters: list[ParameterMoved] = []
     gaps_of: str = MEASURED
     budget: list[SignalGap] = []

@@ -21,8 +21,8 @@ from evaluation.recovery.running import RecoveryFile
 from evaluation.results.page import with_reliability
 from evaluation.results.record import Result
 from evaluation.score.answers import digest
+from evaluation.score.first_step import RivalScore, ScoredVerdict
 from smad.diagnosis.constants import Constants, shipped
-from smad.diagnosis.verdict import RivalScore, Verdict
 
 RUNS, ROWS = 4, 20.0
 
@@ -130,7 +130,7 @@ def recovery(folder: Path) -> Path:
             seed=1,
             effects={"rtd_lag": {"tau_s": 0.6}} if x.truth == LISTED else {},
         )
-        verdict = Verdict(
+        verdict = ScoredVerdict(
             question="differs",
             outcome="quiet",
             headline="",
@@ -152,7 +152,7 @@ def bank(folder: Path, name: str = "dev") -> tuple[Path, Path]:
         effects = [effect] if x.truth in (LISTED, UNLISTED) else []
         key[x.case] = {"kind": of[x.truth], "effects": effects, "bench": n % 4}
         verdicts[x.case] = msgspec.to_builtins(
-            Verdict(
+            ScoredVerdict(
                 question="check-up",
                 outcome="quiet",
                 headline="",

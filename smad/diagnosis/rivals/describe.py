@@ -8,12 +8,10 @@ import numpy as np
 
 from sim_device.plant import Term
 from smad.diagnosis.places.place import BOTH, PlacesPlant, single_sides
-from smad.diagnosis.places.responses import law_series
 from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.parts import EffectPart, LawPart
 from smad.diagnosis.rivals.rival import Rival
 from smad.diagnosis.rivals.score import EFFECT, LAW, PARAMETERS
-from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import EffectValue, LawTerm
 
 _ALIKE = 0.95
@@ -98,22 +96,6 @@ def _alike_words(
     if len(names) < 2:
         return ""
     return f"these runs do not tell {names[0]} from {' or '.join(names[1:])}"
-
-
-def largest_value(
-    plant: PlacesPlant,
-    part: LawPart,
-    x: Array,
-    runs: Sequence[GapRun],
-    trajectories: Sequence[Mapping[str, Array]],
-) -> float:
-    """The largest value of a law in the runs, in the unit of its place."""
-    most = 0.0
-    for law in part.responses.law_of(part.columns, x):
-        for run, states in zip(runs, trajectories, strict=True):
-            series = law_series(plant, law, states, run.t_s)
-            most = max(most, float(np.abs(series).max(initial=0.0)))
-    return most
 
 
 def _read(plant: PlacesPlant, place: str, term: Term, unit: str) -> tuple[float, str, str, str]:

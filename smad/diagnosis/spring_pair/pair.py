@@ -83,7 +83,7 @@ class SmaPlant:
     """Satisfies `PlantModel`. Parameter values are SI, as in a parameter set.
 
     `variant` is "extended" or "printed". Effects that cannot act in the variant are not candidates.
-    `only` restricts the library to these names, for tests.
+    `only` restricts the library to these names.
     """
 
     parameter_set: ParameterSet = field(default_factory=lambda: load_parameters("A"))

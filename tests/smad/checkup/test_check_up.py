@@ -109,13 +109,13 @@ def test_the_budget_goes_down_to_the_floor(reference: GoodRuns) -> None:
 def test_the_page_shows_rivals_values_and_what_is_told(reference: GoodRuns, quiet: Judged) -> None:
     now = played(20, LAG)
     found = judged(PLANT, reference, [(now, "short")])
-    page = render(page_of(found.answer, facts=[("baseline", "somewhere")]))
+    page = render(page_of(found, facts=[("baseline", "somewhere")]))
     for words in (
         "changed at the reading of the RTD", "rtd_lag", "parameters alone", "tau_s",
         "What these runs would not have shown",
     ):  # fmt: skip
         assert words in page
-    assert "No change beyond the repeat floor" in render(page_of(quiet.answer))
+    assert "No change beyond the repeat floor" in render(page_of(quiet))
 
 
 def test_two_causes_are_named_together(reference: GoodRuns) -> None:

@@ -72,7 +72,6 @@ def undecided(found: Judged, *laws: Law) -> Judged:
         kind="law",
         name="",
         place=laws[0].place,
-        side="x",
         words=laws[0].place,
         probability=0.9,
         names={},
@@ -83,7 +82,6 @@ def undecided(found: Judged, *laws: Law) -> Judged:
         place_words={},
         values=[],
         terms=[],
-        largest=1.0,
         unit="K",
         gap=1.0,
         rivals=[],
@@ -106,8 +104,7 @@ def undecided(found: Judged, *laws: Law) -> Judged:
             Rival(kind="effect", name=f"{law.place} {k}", fit=made, squares=none, scores=none)
         )
     verdict = msgspec.structs.replace(found.verdict, outcome="causes", causes=[cause])
-    answer = replace(found.answer, verdict=verdict, alternatives=tuple(rivals))
-    return replace(found, answer=answer)
+    return replace(found, verdict=verdict, alternatives=tuple(rivals))
 
 
 def test_the_run_that_tells_rivals_apart_is_proposed_with_the_reason(lagging: Judged) -> None:
@@ -123,7 +120,7 @@ def test_nothing_is_settled_without_a_cause_before_every_run_was_played(
     lagging: Judged, outcome: str
 ) -> None:
     nowhere = msgspec.structs.replace(lagging.verdict, outcome=outcome, causes=[])
-    unplaced = replace(lagging, answer=replace(lagging.answer, verdict=nowhere))
+    unplaced = replace(lagging, verdict=nowhere)
     found = propose(unplaced, COSTS, 600.0)
     assert found.run == "short"
     assert "for the first time now" in found.why
@@ -231,7 +228,7 @@ def test_an_investigation_names_the_cause_proves_it_and_writes_the_model(
 
 def test_a_model_that_was_found_on_more_runs_than_prove_it_is_proved(reference: GoodRuns) -> None:
     runs = [(played(70 + k, GAIN, what=run), run.name) for k, run in enumerate(PROGRAMME.runs)]
-    answer = judged(PLANT, reference, runs).answer
+    answer = judged(PLANT, reference, runs)
     pairs = paired(with_places(PLANT), reference, [(played(72, GAIN, what=SHORT), "short")])
     gap = next(s for s in gaps_on(answer, pairs.evidence()) if s.signal == "i_meas_x_A")
     assert gap.raw > 5.0 * gap.floor
