@@ -142,8 +142,6 @@ def check_files(plant: PlantModel, good: Path, now: Path, *, say: Say, progress:
     judgement, matched = checked_files(plant, then, runs, progress)
     for text in matched.lines:
         say(text)
-    for name in matched.alone:
-        say(f"{name} has the inputs of no good run, and is left out")
     return judgement
 
 

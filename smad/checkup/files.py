@@ -118,13 +118,12 @@ def _run_file(path: Path, together: Together | None) -> RunFile:
 class Matched:
     """Good runs by what they repeat, and which of them each run of now repeats, by first name.
 
-    `lines` say in words what was paired with what; `alone` names runs that have no partner.
+    `lines` say in words what was paired with what, and which runs are left out without a partner.
     """
 
     groups: list[list[GapRun]]
     now: list[tuple[GapRun, str]]
     lines: list[str]
-    alone: list[str]
 
 
 def match(plant: PlantModel, good: Sequence[RunFile], now: Sequence[RunFile]) -> Matched:
@@ -135,14 +134,14 @@ def match(plant: PlantModel, good: Sequence[RunFile], now: Sequence[RunFile]) ->
 
     groups = grouped(good, same)
     pairs: list[tuple[RunFile, list[RunFile]]] = []
-    alone: list[str] = []
+    alone: list[RunFile] = []
     for run in now:
         fits = [g for g in groups if same(run, g[0])]
         fits.sort(key=lambda g: run.name not in {f.name for f in g})
         if fits:
             pairs.append((run, fits[0]))
         else:
-            alone.append(str(run.path))
+            alone.append(run)
     used = [g for g in groups if any(g is group for _, group in pairs)]
     distinct = len({g[0].name for g in used}) == len(used)
     named = {id(g): g[0].name if distinct else str(g[0].path) for g in used}
@@ -151,11 +150,11 @@ def match(plant: PlantModel, good: Sequence[RunFile], now: Sequence[RunFile]) ->
         + ", ".join(str(f.path) for f in group)
         for run, group in pairs
     ]
+    lines += [f"{run.path} has the inputs of no good run, and is left out" for run in alone]
     return Matched(
         [[replace(f.run, name=named[id(g)]) for f in g] for g in used],
         [(run.run, named[id(group)]) for run, group in pairs],
         lines,
-        alone,
     )
 
 

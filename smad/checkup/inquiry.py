@@ -24,7 +24,7 @@ from smad.diagnosis.paired.difference import paired
 from smad.diagnosis.paired.good import GoodRuns
 from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.spring_pair import SmaPlant
-from smad.diagnosis.verdict import SignalGap, Verdict
+from smad.diagnosis.verdict import QUIET, SignalGap, Verdict
 from smad.errors import refused_by_system
 from smad.progress import Say
 
@@ -118,9 +118,9 @@ class Inquiry:
             )
         why = f"a run was ended early: {ended}" if ended else proposal.why
         report = msgspec.structs.replace(report, verdict=judgement.verdict)
-        if not ended:
-            report = self._proved(report, quick, judgement)
-        report = self._with_model(report, judgement)
+        if judgement.verdict.outcome != QUIET:
+            report = report if ended else self._proved(report, quick, judgement)
+            report = self._with_model(report, judgement)
         if proposal.staying:
             offers = unpaired_offers(judgement, self.programme)
             separations = {o.run: round(o.separation, 1) for o in offers}
@@ -174,8 +174,6 @@ class Inquiry:
 
     def _proved(self, report: Report, quick: Sequence[ProgrammeRun], judgement: Judged) -> Report:
         """The check-up once more, held out: what the model made before leaves of it."""
-        if not judgement.has_model:
-            return report
         for run in quick[sum(r.held_out for r in report.records) :]:
             report = self._played(report, run, "for proof", held_out=True)
             if report.records[-1].ended:
@@ -185,8 +183,6 @@ class Inquiry:
         return msgspec.structs.replace(report, proof=gaps_on(judgement, pairs.evidence()))
 
     def _with_model(self, report: Report, judgement: Judged) -> Report:
-        if not judgement.has_model:
-            return report
         path = self.folder / "model.toml"
         action = "make room; the runs are kept, and the same command continues"
         with refused_by_system(BaselineError, f"cannot write {path}", action=action):

@@ -21,7 +21,7 @@ from smad.diagnosis.places.bare import with_places
 from smad.diagnosis.plant import PlantModel, SavesModel
 from smad.diagnosis.rivals.search import searched
 from smad.diagnosis.runs import GapRun
-from smad.diagnosis.verdict import CHECK_UP, PAIRED, QUIET, RunRecord
+from smad.diagnosis.verdict import CHECK_UP, PAIRED, RunRecord
 from smad.progress import Say, silent
 from smad.version import VERSION
 
@@ -31,11 +31,6 @@ class Judged(Answer):
     """An answer with the pairs that it is of."""
 
     pairs: Paired
-
-    @property
-    def has_model(self) -> bool:
-        """Whether anything was found that a model can carry."""
-        return self.verdict.outcome != QUIET
 
     def save_model(self, plant: SavesModel, path: Path) -> None:
         """Write the model of the good bench with what was found, and its covariance."""

@@ -181,14 +181,7 @@ def _read_run(folder: Path, entry: RunEntry) -> ProgrammeRun:
             limit=",".join(COLUMNS),
             action="give it these",
         )
-    return ProgrammeRun(
-        name=entry.name,
-        title=entry.title,
-        t_s=rows[:, 0],
-        inputs=rows[:, 1:],
-        duration_s=entry.duration_s,
-        quick=entry.quick,
-    )
+    return ProgrammeRun(t_s=rows[:, 0], inputs=rows[:, 1:], **msgspec.structs.asdict(entry))
 
 
 def chosen(folder: Path | None, *, quick: bool = False) -> Programme:

@@ -96,7 +96,6 @@ def identity(plant: PlantModel) -> str:
 def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
     """Writes the baseline whole or not at all. Raises BaselineError for a disk that is full."""
     r = baseline.reference
-
     about = About(
         schema=SCHEMA,
         bench=baseline.bench,
@@ -111,7 +110,6 @@ def save(baseline: Baseline, plant: PlantModel, folder: Path) -> None:
     arrays = {f"floor.{n}": getattr(r.floor, n) for n in _FLOOR}
     for k, x in enumerate(r.runs):
         arrays |= {f"{k}.{n}": getattr(x, n) for n in _RUN}
-
         whole = x.played.whole
         arrays[f"{k}.t_s"] = whole.t_s
         arrays |= {f"{k}.input.{n}": v for n, v in whole.inputs.items()}
@@ -157,8 +155,7 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
         arrays = read_arrays(folder / _ARRAYS)
         _require_fitting(about, plant, arrays)
         runs = tuple(_run(k, x, arrays, plant) for k, x in enumerate(about.runs))
-        sd, rho, day_sd, gauge = (arrays[f"floor.{n}"] for n in _FLOOR)
-        floor = Floor(sd=sd, rho=rho, day_sd=day_sd, degrees=about.degrees, gauge=gauge)
+        floor = Floor(degrees=about.degrees, **{n: arrays[f"floor.{n}"] for n in _FLOOR})
         point = ModelPoint(about.theta, about.effects)
         singles = [arrays[f"{k}.responses"] for k in range(len(runs))]
         placed = responses(with_places(plant), point, [r.played for r in runs], singles=singles)

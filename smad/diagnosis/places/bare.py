@@ -237,5 +237,4 @@ def _pushed(run: GapRun, more: Mapping[str, Array]) -> GapRun:
     """The run with something added to its inputs."""
     if not more:
         return run
-    whole = run.inputs | {n: np.asarray(run.inputs[n]) + x for n, x in more.items()}  # type: ignore[operator]
-    return replace(run, inputs=whole)
+    return run.with_columns(inputs={n: np.asarray(run.inputs[n]) + x for n, x in more.items()})

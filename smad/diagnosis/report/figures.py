@@ -19,7 +19,7 @@ from smad.diagnosis.rivals.search import Searched
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.verdict import PAIRED, Cause, labelled
 from smad.report.page import Picture
-from smad.report.plots import decimated, label, new_figure, picture
+from smad.report.plots import draw, label, new_figure, picture
 from smad.style.palette import in_print
 from smad.units import in_words
 
@@ -143,8 +143,7 @@ def more_signals(course: Course) -> Picture | None:
 
 def _draw(ax, t_s: Array, curves) -> None:  # type: ignore[no-untyped-def]
     for values, words, colour, style, width in curves:
-        t, y = decimated(t_s, values)
-        ax.plot(t, y, style, color=in_print(colour), linewidth=width, label=words or None)
+        draw(ax, t_s, values, words, colour, style=style, width=width)
 
 
 def laws(answer: Answer) -> list[Picture]:

@@ -202,14 +202,11 @@ def _table_run(path: Path, together: Together | None, mapping: MappingFile | Non
     columns = table.columns
     notes = (*table.notes, *left_out(table.assignment.ignored))
     flagged = columns.pop("valid", None)
-    if flagged is None:
-        return run_from_columns(name, columns, notes=notes, written=table.written)
-    use = np.nan_to_num(flagged) > 0.5
-    measured = {c.name for c in CHANNELS} if use.any() else set()
-    valid_columns = {
-        k: np.where(use, v, np.nan) if k in measured else v for k, v in columns.items()
-    }
-    run = run_from_columns(name, valid_columns, notes=notes, written=table.written)
+    use = None if flagged is None else np.nan_to_num(flagged) > 0.5
+    if use is not None and use.any():
+        measured = {c.name for c in CHANNELS} & columns.keys()
+        columns |= {k: np.where(use, columns[k], np.nan) for k in measured}
+    run = run_from_columns(name, columns, notes=notes, written=table.written)
     return replace(run, valid=use)
 
 
