@@ -10,6 +10,10 @@ from functools import cache
 from importlib.resources import files
 
 import msgspec
+import numpy as np
+
+_EFFECTS = 40
+"""Of the spring pair: a smaller library holds the cause less often."""
 
 
 class Constants(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -27,6 +31,16 @@ class Constants(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     parameters: float
     effect: float
     credible_level: float
+
+    @property
+    def of_unknown(self) -> Constants:
+        """The same where the simulator surely lacks something: without a part it stands for a cause
+        that no rival describes, which is as likely as all places together."""
+        return msgspec.structs.replace(self, nothing=0.0, parameters=0.0)
+
+    def each_effect(self, effects: int) -> float:
+        """Log prior of one of so many effects, which share that of all equally."""
+        return self.effect - float(np.log(max(effects, _EFFECTS)))
 
 
 @cache

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import msgspec
 import numpy as np
 
 from smad.counted import counted
@@ -35,7 +36,6 @@ from smad.diagnosis.rivals.score import (
     EFFECT,
     LAW,
     NOTHING,
-    Temper,
     effective_rows,
     log_scores,
     probabilities,
@@ -96,8 +96,9 @@ class Rival:
 class Question:
     """What is asked: evidence to fit, evidence held out or None, and the model that is fitted.
 
-    `effects` may be told. `tied` (p, p) is the precision of the parameters until other values of
-    them are the answer; None: they are free from the start.
+    `effects` may be told. `temper` weighs rivals, by the channels that these runs have. `tied`
+    (p, p) is the precision of the parameters until other values of them are the answer; None: they
+    are free from the start.
     `responses` are those of laws, and `changes` those of effects, where they are known.
     `form_share` is the largest share of a floor's square that the model's form makes, and `good`
     how many runs say so. `form` (bins, channels) of each judged run is how well the form of what
@@ -111,7 +112,7 @@ class Question:
     responses: Responses | None
     changes: Changes | None
     effects: tuple[Effect, ...]
-    temper: Temper
+    temper: Constants
     say: Say
     form_share: float = 0.0
     good: int = 0
@@ -394,14 +395,12 @@ def question_of(
     )
 
 
-def temper_of(c: Constants, *, free: bool, channels: int = CHANNELS) -> Temper:
+def temper_of(c: Constants, *, free: bool, channels: int = CHANNELS) -> Constants:
     """What weighs rivals. Where parameters are `free` in every rival, other values of them without
     a part are the simulator in which nothing is missing. Fewer `channels` say as much together."""
-    return Temper(
-        evidence=c.evidence * CHANNELS / channels,
-        nothing=c.nothing,
-        parameters=c.nothing if free else c.parameters,
-        effect=c.effect,
+    parameters = c.nothing if free else c.parameters
+    return msgspec.structs.replace(
+        c, evidence=c.evidence * CHANNELS / channels, parameters=parameters
     )
 
 
@@ -410,7 +409,7 @@ def free_model(plant: PlacesPlant, start: ModelPoint) -> Model:
     return Model(plant=plant, start=start, parameter_precision=np.eye(len(plant.parameters)))
 
 
-def tempered(model: Model, evidence: Evidence, temper: Temper) -> Model:
+def tempered(model: Model, evidence: Evidence, temper: Constants) -> Model:
     """The model whose fit counts the prior as much more as a score counts fewer rows."""
     rows = float((evidence.counts / CORRELATED)[evidence.counts > 0].mean())
     return replace(model, rows_as_one=max(rows / temper.evidence, 1.0))

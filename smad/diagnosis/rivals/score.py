@@ -24,13 +24,13 @@ hangs on one run is not sure.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations_with_replacement
 from math import factorial
 
 import numpy as np
 
+from smad.diagnosis.constants import Constants
 from smad.diagnosis.plant import Array
 
 _QUIET_SQUARE = 1.35**2
@@ -43,34 +43,9 @@ _ENUMERATED = 8
 """Runs of which all resamples are taken: 6435 of eight, 24310 of nine."""
 _SEED = 20261125
 
-_EFFECTS, _LAWS = 40, 20
-"""Of the spring pair: a smaller library, or a plant of fewer places, holds the cause less often."""
+_LAWS = 20
+"""Of the spring pair: a plant of fewer places holds the cause less often."""
 NOTHING, PARAMETERS, EFFECT, LAW = "nothing", "parameters", "effect", "law"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Temper:
-    """What the score is turned into probabilities with.
-
-    `evidence` is κ for each channel of the runs. Log priors: `nothing` of the simulator as it is,
-    `parameters` of other values of them; `effect` of all effects together, shared equally; all
-    places together have 0.
-    """
-
-    evidence: float
-    nothing: float
-    parameters: float
-    effect: float
-
-    @property
-    def of_unknown(self) -> Temper:
-        """The same where the simulator surely lacks something: without a part it stands for a cause
-        that no rival describes, which is as likely as all places together."""
-        return replace(self, nothing=0.0, parameters=0.0)
-
-    def each_effect(self, effects: int) -> float:
-        """Log prior of one of so many effects."""
-        return self.effect - float(np.log(max(effects, _EFFECTS)))
 
 
 def log_scores(squares: Array, counts: Array) -> Array:
@@ -104,7 +79,7 @@ def quiet_gap(form_share: float, kappa: float, good: int) -> float:
 def probabilities(
     scores: Array,
     kinds: Sequence[str],
-    temper: Temper,
+    temper: Constants,
     *,
     effects: int,
     laws: int,

@@ -5,20 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smad.diagnosis.constants import shipped
+from smad.diagnosis.constants import Constants, shipped
 from smad.diagnosis.rivals.rival import temper_of
 from smad.diagnosis.rivals.score import (
     EFFECT,
     LAW,
     NOTHING,
     PARAMETERS,
-    Temper,
     effective_rows,
     probabilities,
     quiet_gap,
 )
 
-TEMPER = Temper(evidence=1.6, nothing=5.5, parameters=0.1, effect=3.0)
+TEMPER = Constants(evidence=1.6, nothing=5.5, parameters=0.1, effect=3.0, credible_level=0.97)
 KINDS = (NOTHING, PARAMETERS, EFFECT, EFFECT, LAW)
 NEAR = (True, True, False, False, False)
 RUNS, ROWS = 8, 23.0
