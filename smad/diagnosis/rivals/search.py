@@ -52,32 +52,13 @@ class Step:
     entered: Rival | None
 
 
-@dataclass(kw_only=True, eq=False)
-class Searched:
-    """What a search gave, or has so far.
-
-    `configured` is the simulator as it was, `parameters` with other values of them and no part,
-    `final` with everything that entered. `moved`: other values of the parameters are among that.
-    `changes` are what each effect changes at the `nominal` simulator.
-    """
-
-    question: Question
-    nominal: Reference
-    changes: tuple[Change, ...]
-    configured: Rival
-    parameters: Rival
-    steps: list[Step]
-    final: Rival
-    moved: bool
-
-
 def searched(question: Question, *, most: int = MOST_CAUSES, exchange: bool = True) -> Searched:
     """Ask step by step, until nothing more is likeliest, or for `most` parts.
 
     `exchange`: after each step every part before is asked again. Raises GapError where the model
     cannot replay the runs.
     """
-    search = _Search.begun(question, exchange)
+    search = Searched.begun(question, exchange)
     done = False
     while not done and len(search.parts) < most:
         done = search.step().entered is None or question.near(search.final)
@@ -92,19 +73,30 @@ def searched(question: Question, *, most: int = MOST_CAUSES, exchange: bool = Tr
 
 
 @dataclass(kw_only=True, eq=False)
-class _Search(Searched):
-    """A search that goes on; the parameters are free once they have `moved`, tied until then.
+class Searched:
+    """What a search gave, or has so far.
 
-    `responses` of laws are made once, where they are first asked for. `imitated` are the best
-    effects of the step in which other values of the parameters entered.
+    `configured` is the simulator as it was, `parameters` with other values of them and no part,
+    `final` with everything that entered. `moved`: other values of the parameters are among that;
+    they are free from then on, tied before. `changes` are what each effect changes at the `nominal`
+    simulator; `responses` of laws are made once, where they are first asked for. `imitated` are the
+    best effects of the step in which other values of the parameters entered.
     """
 
+    question: Question
+    nominal: Reference
+    changes: tuple[Change, ...]
+    configured: Rival
+    parameters: Rival
+    steps: list[Step]
+    final: Rival
+    moved: bool
     responses: Responses | None
     exchange: bool
     imitated: tuple[Rival, ...] = ()
 
     @classmethod
-    def begun(cls, question: Question, exchange: bool) -> _Search:
+    def begun(cls, question: Question, exchange: bool) -> Searched:
         """The simulator as configured and with fitted parameters."""
         e, free = question.evidence, question.model
         tied = free if question.tied is None else free.with_precision(question.tied)

@@ -14,7 +14,7 @@ from smad.diagnosis.rivals.parts import EffectPart, Model
 from smad.diagnosis.rivals.rival import Question, Rival
 from smad.diagnosis.rivals.score import EFFECT, NOTHING, PARAMETERS
 from smad.diagnosis.rivals.screening import worth_a_fit
-from smad.diagnosis.rivals.search import _Fits, _halfway, _Search
+from smad.diagnosis.rivals.search import Searched, _Fits, _halfway
 from smad.diagnosis.spring_pair import SmaPlant
 
 
@@ -134,7 +134,7 @@ def test_where_several_things_are_missing_one_enters_that_is_likelier_than_none_
         parts=("cooling_front",),
         moved=True,
     )
-    entered = _Search._entering(cast(Any, search), [likeliest, other, nothing])
+    entered = Searched._entering(cast(Any, search), [likeliest, other, nothing])
     assert entered is (likeliest if enters else None)
 
 
