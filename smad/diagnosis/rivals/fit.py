@@ -193,6 +193,15 @@ def objective(
     return float(likelihood + (x - mean) @ precision @ (x - mean))
 
 
+def objective_at(evidence: Evidence, model: Model, x: Array) -> float:
+    """F of a model that is replayed as recorded at `x`; infinite where it cannot run."""
+    predicted = replayed(evidence, model.point(x), model, exact=True)
+    if predicted is None:
+        return np.inf
+    left = evidence.left(predicted)
+    return objective(evidence, model, x, evidence.freed(left, weights(evidence, left)))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Stand:
     """Where a fit stands: coordinates, the rows left there, and F."""

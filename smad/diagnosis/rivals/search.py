@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from smad.diagnosis.rivals.fit import (
     Reference,
     averages_hide,
     fit,
+    objective_at,
     polished,
     rebased,
     reference_at,
@@ -310,7 +312,7 @@ class Searched:
         for reference in references:
             for effect, start in started(e, reference, self._screened(reference)):
                 fits.begin(EFFECT, reference, effect, np.r_[reference.x, start])
-        for part, start in _halfway(self.imitated, base):
+        for part, start in chain(_halfway(self.imitated, base), self._as_before(base)):
             fits.begin(EFFECT, base, part, start)
         rivals = fits.rivals()
         best = max(rivals, key=lambda r: r.scores.sum(), default=None)
@@ -326,6 +328,27 @@ class Searched:
             if law.name not in present:
                 laws.begin(LAW, base, law, np.r_[base.x, start])
         return rivals + laws.rivals()
+
+    def _as_before(self, base: Reference) -> Iterator[tuple[EffectPart, Array]]:
+        """The effects of the step before, each to begin where it ended there, if it leaves less so
+        than the model without it.
+
+        Where the parameters have moved beside a part to imitate a second effect it is hidden; where
+        they stood beside that effect it is not.
+        """
+        if not self.steps:
+            return
+        e, model, p = self.question.evidence, base.model, base.model.parameters
+        present = {part.name for part in model.parts}
+        without = objective_at(e, model, base.x)
+        for rival in self.steps[-1].rivals:
+            if rival.kind != EFFECT or rival.fit is None or rival.name in present:
+                continue
+            part, block = rival.fit.model.parts[-1], rival.fit.model.slices[-1]
+            x = np.r_[rival.fit.x[:p], base.x[p:], rival.fit.x[block]]
+            beside = model.with_parts([*model.parts, part])
+            if isinstance(part, EffectPart) and objective_at(e, beside, x) < without:
+                yield part, x
 
 
 def _same(ranked: Sequence[Rival]) -> list[Rival]:

@@ -11,6 +11,7 @@ import numpy as np
 from smad.diagnosis.plant import Array
 from smad.diagnosis.rivals.evidence import without_drifts
 from smad.diagnosis.rivals.fit import rebased
+from smad.diagnosis.rivals.score import log_scores
 from smad.diagnosis.rivals.screening import variances_beside
 from smad.diagnosis.rivals.search import Searched
 
@@ -42,12 +43,15 @@ def unseen_strengths(search: Searched) -> list[str]:
 
 
 def _strength(v: Array, added: Array, needed: float) -> float:
-    """How many times a change is needed for Σ_c log(1 + s² a_c/(v_c + 1)) to reach `needed`."""
+    """How many times a change is needed, s, for v_c + s² a_c to cost `needed` of the score of v."""
 
     from scipy.optimize import brentq
 
+    once = np.ones((1, len(v)))
+
     def short(log_s: float) -> float:
-        return float(np.log1p(np.exp(2.0 * log_s) * added / (v + 1.0)).sum()) - max(needed, 1e-3)
+        of_v, of_both = (log_scores(x[None], once)[0] for x in (v, v + np.exp(2.0 * log_s) * added))
+        return float(of_v - of_both) - max(needed, 1e-3)
 
     low, high = np.log(_RANGE[0]), np.log(_RANGE[1])
     if short(high) < 0.0:
