@@ -18,7 +18,6 @@ from smad.control.plan import Plan
 from smad.errors import SmadError
 from smad.experiments.driver import log_path
 from smad.experiments.errors import EndedEarlyError, TrippedError
-from smad.experiments.leased import LeasedDriver
 from smad.experiments.repeating import RecordedInputs, read_recorded_inputs
 from smad.experiments.replayer import RestFirstDriver
 from smad.experiments.virtual import VirtualDriver
@@ -101,19 +100,18 @@ class LivePlayer:
             repeat.require_bench(self._uid, self._bench)
         driver = RestFirstDriver(
             self._client,
-            progress=self._progress,
-            sleep=time.sleep,
+            start=None if repeat is None else repeat.start,
             strokes=True,
             elsewhere=self._say,
-        )
-        driver.start = None if repeat is None else repeat.start
-        leased = LeasedDriver(
-            self._client, driver, lease_s=LEASE_S, progress=self._progress, who="smad gap"
+            who="smad gap",
+            lease_s=LEASE_S,
+            progress=self._progress,
+            sleep=time.sleep,
         )
         self._armed = True
         ended, began_s = "", self._client.motion().board_time_s
         try:
-            leased.run(plan)
+            driver.run(plan)
         except EndedEarlyError as error:
             ended = error.cause
         except TrippedError as error:

@@ -118,13 +118,13 @@ def _carry_out(name: str, seed: int, model: Model | None, folder: Path, *, bench
     """Carry an experiment out: on the simulated bench of a model, else on that of the daemon."""
     from smad.checkup.play import LEASE_S
     from smad.diagnosis.spring_pair.catalogue import plan_named
-    from smad.experiments.leased import leased_driver
+    from smad.experiments.live import LiveDriver
     from smad.experiments.virtual import VirtualDriver
 
     plan = plan_named(name, seed)
     if model is None:
         with ready_client(bench, extra="gap") as connected, progress() as line:
-            driver = leased_driver(connected, "smad gap next", LEASE_S, line.say)
+            driver = LiveDriver(connected, who="smad gap next", lease_s=LEASE_S, progress=line.say)
             driver.run(plan)
         click.echo(f"done: {name}, recorded to {display_path(driver.log or plan.name)}")
         return

@@ -132,7 +132,7 @@ def run(
     from smad.experiments import report as reports
     from smad.experiments.campaign import CampaignBench, configured, run_here, run_on
     from smad.experiments.inverse import feedforward_section
-    from smad.experiments.leased import leased_driver
+    from smad.experiments.live import LiveDriver
     from smad.experiments.logs import LogDriver
     from smad.experiments.ready import require_ready
     from smad.experiments.registry import chosen_experiments
@@ -162,8 +162,9 @@ def run(
     else:
         facts = ("bench", bench)
         with ready_client(bench, extra="report") as connected, progress() as line:
-            mounted = {"fixture": fixture, "cooling": "air" if air else "water"}
-            driver = leased_driver(connected, "smad run", lease, line.say, **mounted)
+            live: dict[str, Any] = {"who": "smad run", "lease_s": lease, "progress": line.say}
+            live |= {"fixture": fixture, "cooling": "air" if air else "water"}
+            driver = LiveDriver(connected, **live)
             result = run_on(experiments, driver, nominal, line.say)
     truth = nominal if sim and not logs else None
     files = reports.write_campaign(

@@ -112,7 +112,7 @@ def endurance(
     from smad.experiments.endurance.judgement import checker
     from smad.experiments.endurance.limits import EndLimits
     from smad.experiments.endurance.profile import Profile
-    from smad.experiments.leased import leased_driver
+    from smad.experiments.live import LiveDriver
     from smad.experiments.ready import require_baseline, require_packages
     from smad.experiments.virtual import VirtualDriver
 
@@ -144,7 +144,9 @@ def endurance(
             config, logs = Config(), folder
         else:
             connected = stack.enter_context(ready_client(bench))
-            driver = leased_driver(connected, "smad run endurance", lease, line.say)
+            driver = LiveDriver(
+                connected, who="smad run endurance", lease_s=lease, progress=line.say
+            )
             config = parse_config(connected.config())
             logs = Path(connected.status().recorder.folder)
         plan, room = run.prepared(settings, config, folder, logs, go_on=go_on, tell=click.echo)

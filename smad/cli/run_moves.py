@@ -21,12 +21,12 @@ def moves(
     FILE is TOML with a table [[pieces]] for each piece: `kind` is step, ramp, sine …,
     the other keys are its fields (smad docs guide/clients). `timeout_s` ends a motion that hangs.
     """
-    from smad.experiments.leased import leased_driver
+    from smad.experiments.live import LiveDriver
     from smad.experiments.moves import read_moves
 
     plan = read_moves(path).plan(path.stem[:60])
     with ready_client(bench) as connected, progress() as line:
-        driver = leased_driver(connected, "smad run moves", lease, line.say)
+        driver = LiveDriver(connected, who="smad run moves", lease_s=lease, progress=line.say)
         try:
             driver.run(plan)
         finally:

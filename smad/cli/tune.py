@@ -51,7 +51,7 @@ def tune(
     by about ±4 mm, and disarms. This takes two to four minutes. Gains change only with --apply or
     --save, and only if the trial is no worse than with the present gains.
     """
-    from smad.experiments.leased import leased_driver
+    from smad.experiments.live import LiveDriver
     from smad.experiments.tuning import tune_bench
     from smad.experiments.tuning_report import facts, gains_table, trial_table
 
@@ -62,7 +62,7 @@ def tune(
     if not yes:
         _ask()
     with ready_client(bench, extra="sim") as connected, progress() as line:
-        driver = leased_driver(connected, "smad tune", lease, line.say)
+        driver = LiveDriver(connected, who="smad tune", lease_s=lease, progress=line.say)
         warm = spring if loop == "temperature" else None
         session = tune_bench(connected, driver, warm, trial=trial, apply=apply)
     section = session.tuned.toml()

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from firmware_protocol.enums import Fault
 from smad import api
 from smad.client import NotReady
+from smad.client.arming import arm_when_allowed
 from smad.config import parse_config
 from smad.control.commands import (
     DriveCurrent,
@@ -36,7 +37,7 @@ from smad.experiments.errors import (
 from smad.experiments.logs import recording_of
 from smad.experiments.recording import Recording
 from smad.experiments.virtual import MARK
-from smad.progress import Say
+from smad.progress import Say, silent
 from smad.runlog.one_axis import extract
 from smad.runlog.paths import part_path
 from smad.runlog.reader import read_run
@@ -55,14 +56,22 @@ LONGEST_REST_S = 600.0
 RETURN_MM_PER_S = 5.0
 RESET_DEGC = 65.0
 """Above A_F of an unloaded spring by a wide margin."""
+_COOLING_S = 600.0
+_TOKEN_S = 0.2
+"""Enough for a second try."""
 
 
 class LiveDriver:
     """A running daemon. The springs are mounted as the user says: `fixture` and `cooling`.
 
-    Arms when needed. Before each run it waits until the springs are at rest, and it records each
-    run by itself. `sleep` waits for the wall clock. `log` is where the last run was recorded, also
-    one that ended early.
+    With `lease_s` each run is under exclusive control of `who`, and ends disarmed: between two runs
+    a program may compute for longer than a lease lasts. A program that is killed in a run is
+    silent, and the daemon disarms after `lease_s`. Without, the driver arms when needed, and leaves
+    the bench armed.
+
+    Before each run it waits until the springs are at rest, and it records each run by itself.
+    `sleep` and `clock_s` are those of the wall. `log` is where the last run was recorded, also one
+    that ended early.
     """
 
     log: Path | None = None
@@ -71,20 +80,27 @@ class LiveDriver:
         self,
         client: Client,
         *,
+        who: str = "smad run",
+        lease_s: float | None = None,
         fixture: Fixture = "antagonistic",
         cooling: Cooling = "water",
-        progress: Say | None = None,
+        progress: Say = silent,
         sleep: Callable[[float], None] = time.sleep,
+        clock_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._client = client
+        self.client = client
+        self._who = who
+        self._lease_s = lease_s
         self._fixture = fixture
         self._cooling = cooling
-        self._progress = progress or (lambda text: None)
+        self._progress = progress
         self._sleep = sleep
+        self._clock_s = clock_s
         self._generation = 0
+        self._disarmed = False
 
     def parts(self) -> frozenset[str]:
-        status = self._client.status()
+        status = self.client.status()
         sample = status.sample
         if sample is None or status.board is None:
             raise ExperimentError(
@@ -104,13 +120,43 @@ class LiveDriver:
         return Mounting(self._fixture, self._cooling)
 
     def run(self, plan: Plan) -> Recording:
+        """See `Driver`. Raises NotInControl while somebody else has control."""
+        if self._lease_s is None:
+            return self._run(plan)
+        with self.client.in_control(self._who, self._lease_s):
+            try:
+                self._arm_when_cold(plan)
+                return self._run(plan)
+            finally:
+                self.client.disarm()
+                self._disarmed = True
+
+    def _arm_when_cold(self, plan: Plan) -> None:
+        if self.client.motion().armed:
+            return
+        # After our own disarm the springs are still cooling; before the first run only an arming
+        # token may have expired, on a busy computer.
+        timeout_s = _COOLING_S if self._disarmed else _TOKEN_S
+        arm_when_allowed(
+            self.client,
+            timeout_s,
+            lambda: self._say_waiting(plan),
+            sleep=self._sleep,
+            clock_s=self._clock_s,
+        )
+
+    def _say_waiting(self, plan: Plan) -> None:
+        if self._disarmed:
+            self._progress(f"{plan.name}: waiting until the springs are cold enough to arm")
+
+    def _run(self, plan: Plan) -> Recording:
         if Mounting(plan.fixture, plan.cooling) != self.mounting():
             raise BenchLacksError(
                 f"run {plan.name} needs springs mounted for {plan.fixture}, in {plan.cooling}",
                 value=str(self.mounting()),
                 action="nothing was moved; mount them that way and give --fixture and --air",
             )
-        client = self._client
+        client = self.client
         motion = client.motion()
         if not motion.armed:
             motion = client.arm()
@@ -150,7 +196,7 @@ class LiveDriver:
         return recording_of(read_run(self.log))
 
     def _carry_out_armed(self, plan: Plan) -> None:
-        client = self._client
+        client = self.client
         try:
             self._carry_out(plan)
         except NotReady:
@@ -164,7 +210,7 @@ class LiveDriver:
         self._require_armed(plan, client.motion())
 
     def _carry_out(self, plan: Plan) -> None:
-        client = self._client
+        client = self.client
         for action in plan.actions:
             match action:
                 case Do(command):
@@ -177,7 +223,7 @@ class LiveDriver:
                     self._until_done(plan, "the commanded motion did not end in time", timeout_s)
 
     def _send(self, command: ModeCommand) -> None:
-        client = self._client
+        client = self.client
         match command:
             case Follow():
                 client.move(*command.trajectories, queue=command.queue)
@@ -202,7 +248,7 @@ class LiveDriver:
 
     def sample(self) -> Row | None:
         """The last sample of the bench."""
-        return self._client.status().sample
+        return self.client.status().sample
 
     def pause(self, plan: Plan, seconds: float) -> None:
         """Let so many seconds of board time pass."""
@@ -223,7 +269,7 @@ class LiveDriver:
 
     def _wait(self, plan: Plan, seconds: float, over: Callable[[api.Motion], bool]) -> bool:
         """Wait until `over` or for so many seconds of board time; whether it was over."""
-        client = self._client
+        client = self.client
         motion = client.motion()
         began_s = motion.board_time_s
         while True:
@@ -257,20 +303,20 @@ class LiveDriver:
     def _tune_back(self, before: Tune) -> None:
         """Tune as it was, also after a stop, which else refuses what was not asked for since."""
         try:
-            self._client.tune(before)
+            self.client.tune(before)
         except NotReady:
-            generation = self._client.as_of(None)
+            generation = self.client.as_of(None)
             try:
-                self._client.tune(before)
+                self.client.tune(before)
             finally:
-                self._client.as_of(generation)
+                self.client.as_of(generation)
 
     def rest(self, plan: Plan) -> None:
         """Bring the springs to where a plan begins: cold, the stage back, no detwinned martensite.
 
         A single spring that was stretched keeps its length; heating it without load takes that out.
         """
-        client = self._client
+        client = self.client
         if plan.fixture != "antagonistic":
             client.stage(0.0, RETURN_MM_PER_S)
             self._until_done(plan, "the stage does not come back", LONGEST_REST_S)
@@ -283,7 +329,7 @@ class LiveDriver:
 
         A sensor with an offset never shows the water's temperature. Then idle.
         """
-        client = self._client
+        client = self.client
         duty = 1.0 if self._cooling == "water" else 0.0
         client.current(DriveCurrent(pump_x_duty=duty, pump_y_duty=duty))
 

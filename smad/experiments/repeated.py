@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from sim_device.plant.models import built_in
 from smad.config import Config, parse_config
 from smad.experiments.errors import EndedEarlyError, StoppedError, TrippedError
-from smad.experiments.leased import LeasedDriver
+from smad.experiments.live import LiveDriver
 from smad.experiments.repeating import RecordedInputs
 from smad.experiments.replayer import InPlaceDriver, RestFirstDriver
 from smad.experiments.virtual import VirtualDriver
@@ -55,23 +54,20 @@ def repeat_on(
     if not other_bench:
         board = client.status().board
         recorded.require_bench("" if board is None else board.uid, bench)
-    driver: InPlaceDriver | RestFirstDriver
-    if as_is:
-        driver = InPlaceDriver(client, progress=progress)
-    else:
-        driver = RestFirstDriver(client, progress=progress, sleep=time.sleep)
-        driver.start = recorded.start
-    leased = LeasedDriver(client, driver, lease_s=lease_s, progress=progress, who="smad run repeat")
+    live: dict[str, Any] = {"who": "smad run repeat", "lease_s": lease_s, "progress": progress}
+    driver = (
+        InPlaceDriver(client, **live)
+        if as_is
+        else RestFirstDriver(client, start=recorded.start, **live)
+    )
     with _saying_where(driver, say):
-        leased.run(recorded.plan())
+        driver.run(recorded.plan())
     assert driver.log is not None
     return driver.log
 
 
 @contextlib.contextmanager
-def _saying_where(
-    driver: InPlaceDriver | RestFirstDriver | VirtualDriver, say: Say
-) -> Iterator[None]:
+def _saying_where(driver: LiveDriver | VirtualDriver, say: Say) -> Iterator[None]:
     try:
         yield
     except (EndedEarlyError, StoppedError, TrippedError):

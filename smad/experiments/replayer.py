@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from smad.control.commands import DriveCurrent
 from smad.control.plan import Plan
@@ -28,20 +27,20 @@ class RestFirstDriver(LiveDriver):
     `start` is the rest that the next run is to begin from; None: any cold one. With `strokes` each
     spring is heated once before, always in the same order, so that what the springs keep of earlier
     runs is the same every time; without, only when the bench is not at its start. `elsewhere` is
-    told when it does not come to its start; without it that is an error.
+    told when it does not come to its start; without it that is an error. `live`: see `LiveDriver`.
     """
 
     def __init__(
         self,
         client: Client,
         *,
-        progress: Say | None = None,
-        sleep: Callable[[float], None],
+        start: Start | None = None,
         strokes: bool = False,
         elsewhere: Say | None = None,
+        **live: Any,
     ) -> None:
-        super().__init__(client, progress=progress, sleep=sleep)
-        self.start: Start | None = None
+        super().__init__(client, **live)
+        self.start = start
         self._strokes = strokes
         self._elsewhere = elsewhere
 

@@ -6,7 +6,6 @@ The importing machine needs neither Python nor smad. docs/decisions/0912 compare
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import os
 import platform
@@ -18,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sim_device.plant.models import Model, write_model
+from smad.files import named_output
 from smad.fmi.description import IDENTIFIER, SOURCE, build_description, description
 from smad.fmi.errors import FmiError
 from smad.fmi.kernel_c import kernel_source
@@ -120,17 +120,10 @@ def compile_unit(folder: Path, version: int) -> str:
 
 
 def _pack(folder: Path, target: Path) -> None:
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
-            for path in sorted(folder.rglob("*")):
-                if path.is_file():
-                    archive.write(path, path.relative_to(folder))
-        temporary.replace(target)
-    except OSError as error:
-        raise FmiError(
-            f"cannot write {target}: {error.strerror or error}", action="check folder and space"
-        ) from error
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+    with (
+        named_output(target, FmiError, action="check folder and space") as partial,
+        zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive,
+    ):
+        for path in sorted(folder.rglob("*")):
+            if path.is_file():
+                archive.write(path, path.relative_to(folder))

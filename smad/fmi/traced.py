@@ -13,6 +13,9 @@ from dataclasses import dataclass, field
 from types import FunctionType, ModuleType, SimpleNamespace
 from typing import Any
 
+import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
+
 from sim_device.plant import constants, parameters
 from sim_device.plant.parameters import ParameterSet
 
@@ -30,45 +33,27 @@ class Tape:
         return Symbol(self, name)
 
 
+_OPERATIONS: dict[np.ufunc, str] = {
+    np.add: "{} + {}",
+    np.subtract: "{} - {}",
+    np.multiply: "{} * {}",
+    np.true_divide: "{} / {}",
+    np.power: "pow({}, {})",
+}
+
+
 @dataclass(frozen=True, eq=False)
-class Symbol:
+class Symbol(NDArrayOperatorsMixin):
     """A number that is known on the importing machine only."""
 
     tape: Tape
     name: str
 
-    def _two(self, sign: str, a: object, b: object) -> Symbol:
-        return self.tape.symbol(f"{written(a)} {sign} {written(b)}")
-
-    def __add__(self, other: object) -> Symbol:
-        return self._two("+", self, other)
-
-    def __radd__(self, other: object) -> Symbol:
-        return self._two("+", other, self)
-
-    def __sub__(self, other: object) -> Symbol:
-        return self._two("-", self, other)
-
-    def __rsub__(self, other: object) -> Symbol:
-        return self._two("-", other, self)
-
-    def __mul__(self, other: object) -> Symbol:
-        return self._two("*", self, other)
-
-    def __rmul__(self, other: object) -> Symbol:
-        return self._two("*", other, self)
-
-    def __truediv__(self, other: object) -> Symbol:
-        return self._two("/", self, other)
-
-    def __rtruediv__(self, other: object) -> Symbol:
-        return self._two("/", other, self)
-
-    def __pow__(self, other: object) -> Symbol:
-        return self.tape.symbol(f"pow({written(self)}, {written(other)})")
-
-    def __bool__(self) -> bool:
-        raise TypeError("a constant of the kernel depends on a comparison of parameters")
+    def __array_ufunc__(self, operation: np.ufunc, method: str, *numbers: object) -> Any:
+        """Write an operation down; another one, such as a comparison, raises TypeError."""
+        if operation not in _OPERATIONS:
+            return NotImplemented
+        return self.tape.symbol(_OPERATIONS[operation].format(*map(written, numbers)))
 
 
 def written(value: object) -> str:

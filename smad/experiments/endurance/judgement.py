@@ -13,7 +13,7 @@ from msgspec import Struct
 from smad.counted import counted
 from smad.errors import SmadError
 from smad.experiments.endurance.run import BlockDriver, Judgement
-from smad.experiments.leased import LeasedDriver
+from smad.experiments.live import LiveDriver
 from smad.processes.stops import HandedOver
 
 
@@ -100,7 +100,7 @@ def checker(
         if simulated is not None:
             seed, effects = simulated
             words += ["--sim", f"--seed={seed + number}", *(f"--effect={text}" for text in effects)]
-        client = driver.client if isinstance(driver, LeasedDriver) else None
+        client = driver.client if isinstance(driver, LiveDriver) else None
         known = None if client is None else client.known
         judgement, known = judged_by_command(words, bench, number, known)
         if client is not None:

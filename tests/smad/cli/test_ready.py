@@ -26,10 +26,8 @@ from tests.smad.fakedaemon import MOTION, FakeDaemon, fake_daemon
 
 DRIVERS = {
     "LiveDriver",
-    "LeasedDriver",
     "RestFirstDriver",
     "InPlaceDriver",
-    "leased_driver",
     "live",
     "repeat_on",
 }

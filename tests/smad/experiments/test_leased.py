@@ -9,13 +9,13 @@ import pytest
 
 from smad.api import Reason
 from smad.client import BoardRefused, Refused
-from smad.experiments.leased import LeasedDriver
+from smad.experiments.live import LiveDriver
 
 PLAN: Any = SimpleNamespace(name="a plan")
 
 
 class Noting:
-    """A client and a driver at once; `refusals` is how often the board refuses to arm."""
+    """A client that runs plans as well; `refusals` is how often the board refuses to arm."""
 
     def __init__(self, refusals: int = 0) -> None:
         self.done: list[str] = []
@@ -55,9 +55,16 @@ class Noting:
         return "a recording"
 
 
-def leased(bench: Any) -> LeasedDriver:
-    return LeasedDriver(
-        bench,
+class Leased(LiveDriver):
+    """A driver whose runs are those of the bench that only notes."""
+
+    def _run(self, plan: Any) -> Any:
+        bench: Any = self.client
+        return bench.run(plan)
+
+
+def leased(bench: Any) -> LiveDriver:
+    return Leased(
         bench,
         lease_s=3.0,
         progress=bench.done.append,

@@ -21,7 +21,6 @@ import smad.client.commands
 from sim_device.faults import FAULT_KINDS
 from smad.client.endpoints import Connection
 from smad.client.wire import Conversation
-from smad.experiments.leased import LeasedDriver
 from smad.experiments.live import LiveDriver
 from tests.smad.daemon.rig import Rig
 
@@ -208,7 +207,6 @@ def set_up(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(smad.client.commands, "pause", stage.sleep)
     monkeypatch.setattr(smad.client.async_commands, "pause", pause)
     monkeypatch.setattr(time, "sleep", stage.sleep)
-    for driver in (LiveDriver, LeasedDriver):
-        defaults = driver.__init__.__kwdefaults__
-        assert defaults is not None
-        monkeypatch.setitem(defaults, "sleep", stage.sleep)
+    defaults = LiveDriver.__init__.__kwdefaults__
+    assert defaults is not None
+    monkeypatch.setitem(defaults, "sleep", stage.sleep)
