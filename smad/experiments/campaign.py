@@ -39,14 +39,7 @@ class CampaignBench:
 
     def driver(self, progress: Say | None = None) -> VirtualDriver:
         """A driver of this bench."""
-        return VirtualDriver(
-            self.model,
-            config=self.config,
-            seed=self.seed,
-            lacking=self.lacking,
-            folder=self.folder,
-            progress=progress,
-        )
+        return VirtualDriver(**vars(self), progress=progress)
 
 
 @dataclass(frozen=True)

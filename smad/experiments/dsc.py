@@ -1,7 +1,7 @@
 """Fig. 2: transformation temperatures, heat capacity and latent heats from a calorimeter's file."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -241,7 +241,7 @@ def estimates_of(data: DscData, above_K: float, seed: int) -> list[Estimate]:
         drawn = np.concatenate([noise[s : s + 50] for s in starts])[: noise.size]
         window_K = WINDOW_K * rng.uniform(0.6, 1.6)
         start_K = above_K + rng.uniform(-10.0, 10.0)
-        resampled.append(_numbers(data.with_flow(smooth + drawn), start_K, window_K))
+        resampled.append(_numbers(replace(data, heat_flow_W=smooth + drawn), start_K, window_K))
     value = np.array(_numbers(data, above_K, WINDOW_K))
     spread = np.percentile(np.array(resampled), [2.5, 97.5], axis=0)
     low, high = np.minimum(spread[0], value), np.maximum(spread[1], value)

@@ -13,7 +13,6 @@ empty pan, is optional; without it there is no heat capacity.
 from __future__ import annotations
 
 import csv
-import dataclasses
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,10 +38,6 @@ class DscData:
     baseline_W: Array | None
     mass_kg: float
     rate_K_per_s: float
-
-    def with_flow(self, heat_flow_W: Array) -> DscData:
-        """The same with another heat flow."""
-        return dataclasses.replace(self, heat_flow_W=heat_flow_W)
 
 
 def read_dsc(path: Path) -> DscData:

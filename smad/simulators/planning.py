@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -44,13 +45,6 @@ class Plan:
         """The ratings for JSON, which has no infinite size."""
         rows = [asdict(rating) for rating in self.ratings]
         return [row | {"size": row["size"] if np.isfinite(row["size"]) else None} for row in rows]
-
-
-class AtRest(dict[str, float]):
-    """A start of which nothing is known: every reading and rate is 0."""
-
-    def __missing__(self, name: str) -> float:
-        return 0.0
 
 
 def plan(
@@ -106,8 +100,10 @@ def _complete(declared: Simulator, table: Table) -> Table:
     """The table with what the simulator as declared would measure, where it has no reading."""
     columns = dict(table.columns)
     zeros = {n: np.zeros(len(table.t_s)) for n in declared.forces}
+    # Of its start nothing is known: every reading and rate is 0.
+    at_rest = defaultdict[str, float](float)
     try:
-        shown = called(declared, table.t_s, {**columns, **zeros}, declared.values({}, {}), AtRest())
+        shown = called(declared, table.t_s, {**columns, **zeros}, declared.values({}, {}), at_rest)
     except Exception:  # what is wrong with it is said when it is bound
         return table
     more = {n: y for n, y in shown.items() if n not in columns}

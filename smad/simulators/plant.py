@@ -72,7 +72,8 @@ class SimulatedPlant(ReplayedPlant):
             values = np.asarray(column, dtype=np.float64)
             if name in signals:
                 if run.whole is not None:
-                    more = np.asarray(run.inputs[name], dtype=np.float64) - _means(run, values)
+                    pushed = np.asarray(run.inputs[name], dtype=np.float64)
+                    more = pushed - self._means(run, values)
                     if np.any(np.abs(more) > 1e-12 * self._largest[name]):
                         values = values + np.repeat(more, size)
                 values = transduced(values, point.effects, name, whole.t_s, self._largest[name])
@@ -144,7 +145,9 @@ class SimulatedPlant(ReplayedPlant):
         return sorted({int(np.searchsorted(run.t_s, t)) for t in starts} | {0})
 
     def _means(self, run: GapRun, y: Array) -> Array:
-        return _means(run, y)
+        size = run.pieces
+        starts = np.r_[0, np.cumsum(size)[:-1]].astype(np.intp)
+        return np.asarray(np.add.reduceat(y, starts) / size)
 
     def _at_rest(self, run: GapRun) -> Mask:
         """At no time where something that is measured moves before an input does."""
@@ -159,10 +162,3 @@ class SimulatedPlant(ReplayedPlant):
 def _bounded(c: Channel, y: Array) -> bool:
     most = _RUNAWAY * max(c.high - c.low, abs(c.low), abs(c.high))
     return bool(np.all(np.abs(y) < most))
-
-
-def _means(run: GapRun, y: Array) -> Array:
-    """Means over the samples of the whole run that each sample of a thinned one stands for."""
-    size = run.pieces
-    starts = np.r_[0, np.cumsum(size)[:-1]].astype(np.intp)
-    return np.asarray(np.add.reduceat(y, starts) / size)

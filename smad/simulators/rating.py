@@ -9,9 +9,10 @@ the others leave.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -75,8 +76,10 @@ class Rating:
     why: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Cause:
+    """An effect or a place; `play` returns what `step` of it changes, None if it cannot be run."""
+
     kind: Literal["effect", "place"]
     name: str
     words: str
@@ -84,8 +87,8 @@ class _Cause:
     step: float
     typical: float
     high: float
-    rows: Array
     places: frozenset[str]
+    play: Callable[[], Array | None]
 
 
 def rate(plant: PlantModel, runs: Sequence[GapRun], *, within_s: float = 5.0) -> list[Rating]:
@@ -99,27 +102,36 @@ def rate(plant: PlantModel, runs: Sequence[GapRun], *, within_s: float = 5.0) ->
     ends = time.process_time() + within_s
     slopes, missed_by = _slopes(sheet, ends)
     gram = slopes @ slopes.T / _CORRELATED + np.eye(len(slopes))
-    ratings = [*_effects(sheet, ends), *_places(sheet, ends)]
-    causes = [x for x in ratings if isinstance(x, _Cause)]
-    missed = [x for x in ratings if isinstance(x, Rating)]
-    noticed = [_noticed(c, sheet, slopes, gram) for c in causes]
+    played, missed = list[tuple[_Cause, Array]](), list[Rating]()
+    for c in (*_effects(sheet), *_places(sheet)):
+        late = time.process_time() > ends
+        rows = None if late else c.play()
+        if rows is None:
+            missed.append(_rated(c, UNKNOWN, np.inf, why=_LATE if late else _NO_NUMBERS))
+        else:
+            played.append((c, rows))
+    causes = [c for c, _ in played]
+    noticed = [_noticed(c, rows, sheet, slopes, gram) for c, rows in played]
     left = [rows for _, rows in noticed]
-    rated = [
-        _rated(c, size, _alike(k, causes, left))
-        for k, (c, (size, _)) in enumerate(zip(causes, noticed, strict=True))
-    ]
+    rated = []
+    for k, (c, (size, _)) in enumerate(zip(causes, noticed, strict=True)):
+        alike = _alike(k, causes, left)
+        rating = NOT if size > c.high else WEAK if alike or size > c.typical else IDENTIFIABLE
+        rated.append(_rated(c, rating, size, alike=alike))
     return [*_parameters(placed, slopes, gram, missed_by), *rated, *missed]
 
 
-def _noticed(c: _Cause, sheet: _Sheet, slopes: Array, gram: Array) -> tuple[float, Array]:
+def _noticed(
+    c: _Cause, rows: Array, sheet: _Sheet, slopes: Array, gram: Array
+) -> tuple[float, Array]:
     """From what size on the parameters leave one floor of a cause, and rows that they leave.
 
     They imitate a cause by least squares with their priors, and neither beyond their ranges nor
     farther than is likely: of a cause that asks for more they leave what is over.
     """
-    pull = slopes @ c.rows / _CORRELATED
+    pull = slopes @ rows / _CORRELATED
     x = np.linalg.solve(gram, pull)
-    left = c.rows - slopes.T @ x
+    left = rows - slopes.T @ x
     floors = sheet.size(left)
     times, most = 1.0 / floors if floors > 0.0 else np.inf, c.high / c.step
     q = sheet.plant.parameters
@@ -132,7 +144,7 @@ def _noticed(c: _Cause, sheet: _Sheet, slopes: Array, gram: Array) -> tuple[floa
 
     def beyond(scale: float) -> Array:
         y = lsq_linear(root.T, np.linalg.solve(root, scale * pull), bounds=box).x
-        return np.asarray(scale * c.rows - slopes.T @ y)
+        return np.asarray(scale * rows - slopes.T @ y)
 
     low, high = 0.0, min(times, most)
     if sheet.size(beyond(high)) < 1.0:
@@ -143,16 +155,10 @@ def _noticed(c: _Cause, sheet: _Sheet, slopes: Array, gram: Array) -> tuple[floa
     return c.step * high, beyond(high)
 
 
-def _rated(c: _Cause, size: float, alike: tuple[str, ...]) -> Rating:
-    rating = NOT if size > c.high else WEAK if alike or size > c.typical else IDENTIFIABLE
+def _rated(c: _Cause, rating: Rated, size: float, **more: Any) -> Rating:
+    size = float(size)
     return Rating(
-        kind=c.kind,
-        name=c.name,
-        words=c.words,
-        rating=rating,
-        size=float(size),
-        unit=c.unit,
-        alike=alike,
+        kind=c.kind, name=c.name, words=c.words, rating=rating, size=size, unit=c.unit, **more
     )
 
 
@@ -273,7 +279,7 @@ def _slopes(sheet: _Sheet, ends: float) -> tuple[Array, list[str]]:
     return out, missed_by
 
 
-def _effects(sheet: _Sheet, ends: float) -> Iterator[_Cause | Rating]:
+def _effects(sheet: _Sheet) -> Iterator[_Cause]:
     """Each strength of each effect at its typical value, the shapes typical."""
     places = frozenset(p.name for p in sheet.plant.places)
     for effect in sheet.plant.effects:
@@ -282,56 +288,37 @@ def _effects(sheet: _Sheet, ends: float) -> Iterator[_Cause | Rating]:
             values = {p.name: 0.0 if p.strength else p.typical for p in effect.parameters}
             point = nominal_point(sheet.plant)
             with_effect = replace(point, effects={effect.name: {**values, q.name: q.typical}})
-            late = time.process_time() > ends
-            rows = None if late else sheet.at(with_effect)
-            if rows is None:
-                yield _missed("effect", name, effect.title, q.unit, late=late)
-                continue
             yield _Cause(
-                "effect",
-                name,
-                effect.title,
-                q.unit,
-                abs(q.typical),
-                abs(q.typical),
-                max(abs(q.low), abs(q.high)),
-                rows,
-                places & frozenset(effect.places),
+                kind="effect",
+                name=name,
+                words=effect.title,
+                unit=q.unit,
+                step=abs(q.typical),
+                typical=abs(q.typical),
+                high=max(abs(q.low), abs(q.high)),
+                places=places & frozenset(effect.places),
+                play=partial(sheet.at, with_effect),
             )
 
 
-def _places(sheet: _Sheet, ends: float) -> Iterator[_Cause | Rating]:
+def _places(sheet: _Sheet) -> Iterator[_Cause]:
     """A constant at each place and side."""
     for place in sheet.plant.places:
         for side in place.sides:
             name = place.name if len(place.sides) < 2 else f"{place.name} {side.upper()}"
             words = place.label if len(place.sides) < 2 else f"{place.label}, {side.upper()}"
-            late = time.process_time() > ends
-            rows = None if late else sheet.forced(place.name, side, place.scale)
-            if rows is None:
-                yield _missed("place", name, words, place.unit, late=late)
-                continue
             most = _OF_SCALE[place.reading] * place.scale
             yield _Cause(
-                "place",
-                name,
-                words,
-                place.unit,
-                place.scale,
-                most,
-                most,
-                rows,
-                frozenset({place.name}),
+                kind="place",
+                name=name,
+                words=words,
+                unit=place.unit,
+                step=place.scale,
+                typical=most,
+                high=most,
+                places=frozenset({place.name}),
+                play=partial(sheet.forced, place.name, side, place.scale),
             )
-
-
-def _missed(
-    kind: Literal["effect", "place"], name: str, words: str, unit: str, *, late: bool
-) -> Rating:
-    why = _LATE if late else _NO_NUMBERS
-    return Rating(
-        kind=kind, name=name, words=words, rating=UNKNOWN, size=np.inf, unit=unit, why=why
-    )
 
 
 def lines(ratings: Sequence[Rating]) -> list[str]:

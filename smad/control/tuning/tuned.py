@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -119,15 +119,8 @@ def tuned_displacement(columns: Columns, marks: Marks, config: ControlConfig) ->
         config.hold.band_mm, band_mm(still.count, still.noise, period_s, config.hold.smooth_s)
     )
     before = Gains(config.kp_A_per_mm, config.ki_A_per_mm_s)
-    return _tuned(
-        loop="displacement",
-        still=still,
-        models=models,
-        cooling=cooling,
-        before=before,
-        config=config,
-        band=band,
-    )
+    tuned = _tuned("displacement", still, models, before, config.current_limit_A)
+    return replace(tuned, cooling=cooling, band_mm=band)
 
 
 def tuned_temperature(
@@ -151,43 +144,19 @@ def tuned_temperature(
         f"temperature of spring {spring}",
     )
     before = Gains(config.temperature.kp_A_per_K, config.temperature.ki_A_per_K_s)
-    return _tuned(
-        loop="temperature",
-        still=still,
-        models={spring: model},
-        cooling={},
-        before=before,
-        config=config,
-        band=0.0,
-    )
+    return _tuned("temperature", still, {spring: model}, before, config.current_limit_A)
 
 
 def _tuned(
-    *,
-    loop: str,
-    still: Stillness,
-    models: dict[Spring, Lag],
-    cooling: dict[Spring, Cooling],
-    before: Gains,
-    config: ControlConfig,
-    band: float,
+    loop: str, still: Stillness, models: Mapping[Spring, Lag], before: Gains, limit_A: float
 ) -> Tuned:
     quick = max(models.values(), key=lambda model: model.gain / model.at_A)
     # The sensor's noise, or what its steps amount to where they are coarser.
     noise = max(still.noise, still.count / math.sqrt(12.0))
     after = gains_for(quick, noise, NOISE_A[loop])
-    full = quick.scaled_to(config.current_limit_A)
-    return Tuned(
-        loop,
-        still,
-        models,
-        cooling,
-        before,
-        after,
-        margins_of(full, before),
-        margins_of(full, after),
-        band,
-    )
+    full = quick.scaled_to(limit_A)
+    margins = margins_of(full, before), margins_of(full, after)
+    return Tuned(loop, still, models, {}, before, after, *margins)
 
 
 @dataclass(frozen=True)

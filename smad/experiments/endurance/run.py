@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 from msgspec import Struct, structs
 
@@ -125,8 +125,8 @@ def endure(
     last = settings.first + settings.cycles - 1
     try:
         while ended.cycles < last and not ended.reason:
-            block = _Block(ended.cycles + 1, _block(settings, ended.cycles, last))
-            cycles = _carried_out(settings, driver, folder, block)
+            count = _block(settings, ended.cycles, last)
+            cycles = _carried_out(settings, driver, folder, ended.cycles + 1, count)
             ended.cycles += len(cycles)
             ended.reason = next(filter(None, map(watch.add, cycles)), "")
             say(f"{ended.cycles} of {last} cycles")
@@ -166,28 +166,21 @@ def _block(settings: Endurance, done: int, last: int) -> int:
     return settings.profile.cycles_a_block(most, settings.longest_s)
 
 
-class _Block(NamedTuple):
-    """Cycles that one arming plays: the number of the first, and how many."""
-
-    first: int
-    cycles: int
-
-
 def _carried_out(
-    settings: Endurance, driver: BlockDriver, folder: Path, block: _Block
+    settings: Endurance, driver: BlockDriver, folder: Path, first: int, count: int
 ) -> list[Cycle]:
-    """One block; the last cycle has no rise after it, so one more is played than is counted.
+    """A block of `count` cycles; the last has no rise after it, so one more is played.
 
     Of a block that was ended early the whole cycles count, as far as they were recorded.
     """
     before = driver.log
     try:
-        recording = driver.run(settings.profile.plan(block.first, block.cycles + 1))
+        recording = driver.run(settings.profile.plan(first, count + 1))
     except SmadError:
         if driver.log is not None and driver.log != before:
-            take_over(driver.log, settings.profile, folder, block.first)
+            take_over(driver.log, settings.profile, folder, first)
         raise
-    cycles = list(cycles_of(recording.columns, settings.profile, block.first))[: block.cycles]
+    cycles = list(cycles_of(recording.columns, settings.profile, first))[:count]
     if not cycles:
         raise ExperimentError(
             "no complete cycle was recorded", action="look at its run log and at the profile"
@@ -200,11 +193,8 @@ def _carried_out(
             for cycle, stretch in zip(cycles, stretches, strict=False)
             if (cycle.number - settings.first) % settings.full_every == 0
         ]
-        thin(
-            driver.log,
-            whole_cycles,
-            f"one cycle in {settings.full_every}; statistics in {CYCLES_FILE}",
-        )
+        note = f"one cycle in {settings.full_every}; statistics in {CYCLES_FILE}"
+        thin(driver.log, whole_cycles, note)
     return cycles
 
 

@@ -1,6 +1,5 @@
 """A run log with every n-th cycle in full and nothing of the rest."""
 
-import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,8 +7,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from smad.runlog.reader import Run, read_run
-from smad.runlog.schema import MISSING_INTEGER, Event, Record, Row
+from smad.runlog.reader import Run, read_run, recorded
+from smad.runlog.schema import Event, Record, Row
 from smad.runlog.writer import write_run
 
 
@@ -37,15 +36,8 @@ def thin(path: Path, stretches: Sequence[tuple[int, int]], note: str) -> int:
 
 
 def _row(run: Run, place: int) -> Row:
-    values = {name: column[place].item() for name, column in run.columns.items()}
-    return Row(
-        **{
-            name: value
-            for name, value in values.items()
-            if not (isinstance(value, float) and math.isnan(value))
-            and not (isinstance(value, int) and value == MISSING_INTEGER)
-        }
-    )
+    values = {name: column[place] for name, column in run.columns.items()}
+    return Row(**{name: value.item() for name, value in values.items() if recorded(value)})
 
 
 def _to_disk(path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ from smad.simulators.mjcf.library import (
 from smad.simulators.mjcf.map_file import ChannelRow, InputRow, MjcfMap, ParameterRow, read_map
 from smad.simulators.mjcf.model import MujocoModel, load
 from smad.simulators.mjcf.parts import number_of
-from smad.simulators.mjcf.saving import saver
+from smad.simulators.mjcf.saving import save
 from smad.simulators.planning import Plan, plan
 from smad.units import alternatives, spelt, units_for
 
@@ -148,7 +149,7 @@ def _declared(
         transducers=True,
         noise={n: r.noise for n, r in mapped.channels.items() if r.noise is not None},
         shortest_s=mapped.shortest_s,
-        save=saver(replay),
+        save=partial(save, replay),
     )
 
 

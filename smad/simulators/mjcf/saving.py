@@ -7,7 +7,7 @@ tables what no field has: transducers, backlash, laws.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from smad.diagnosis.plant import ModelPoint, Uncertainty
@@ -15,21 +15,20 @@ from smad.simulators.mjcf.model import MujocoModel
 from smad.simulators.saving import model_text
 
 
-def saver(replay: MujocoModel) -> Callable[..., None]:
-    """What writes a point of a model: `save(point, path, note, uncertainty)`."""
-
-    def save(
-        point: ModelPoint, path: Path, note: str, uncertainty: Uncertainty | None = None
-    ) -> None:
-        xml, rest = written(replay, point)
-        if rest or point.laws:
-            head = ["# a MuJoCo model with what no field of MJCF has", f"mjcf = {json.dumps(xml)}"]
-            text = model_text(head, note, rest, point, uncertainty)
-        else:
-            text = _comment(xml, note)
-        path.write_text(text, "utf-8")
-
-    return save
+def save(
+    replay: MujocoModel,
+    point: ModelPoint,
+    path: Path,
+    note: str,
+    uncertainty: Uncertainty | None = None,
+) -> None:
+    """Write a point of a model."""
+    xml, rest = written(replay, point)
+    text = f"<!-- {note.replace('--', '- -')} -->\n{xml}"
+    if rest or point.laws:
+        head = ["# a MuJoCo model with what no field of MJCF has", f"mjcf = {json.dumps(xml)}"]
+        text = model_text(head, note, rest, point, uncertainty)
+    path.write_text(text, "utf-8")
 
 
 def written(replay: MujocoModel, point: ModelPoint) -> tuple[str, dict[str, Mapping[str, float]]]:
@@ -58,7 +57,3 @@ def written(replay: MujocoModel, point: ModelPoint) -> tuple[str, dict[str, Mapp
             rest[name] = dict(sizes)
     spec.copy_back(fresh)
     return spec.to_xml(), rest
-
-
-def _comment(xml: str, note: str) -> str:
-    return f"<!-- {note.replace('--', '- -')} -->\n{xml}"
