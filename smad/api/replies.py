@@ -201,8 +201,7 @@ class Motion(Struct, frozen=True, kw_only=True):
         ),
     ] = 0
     number: Annotated[
-        int,
-        Meta(description="names the motion of an axis; another one has been ended or replaced"),
+        int, Meta(description="names the motion of an axis; another one has been ended or replaced")
     ] = 0
     axes: Annotated[
         dict[str, Motion] | UnsetType, Meta(description="of a bench of several axes: each by name")

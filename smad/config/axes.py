@@ -49,8 +49,7 @@ class AxisConfig(Section, frozen=True, kw_only=True):
         about("travel of this tendon for 1 mm of each axis in order; empty: its own"),
     ] = ()
     fault_holds: Annotated[
-        Literal["all", "own"],
-        about("what a fault, a limit or a lost link of this axis stops"),
+        Literal["all", "own"], about("what a fault, a limit or a lost link of this axis stops")
     ] = "all"
 
 

@@ -47,18 +47,15 @@ class HoldConfig(Section, frozen=True, kw_only=True):
         float, between(0.0, 1.0, "full width about the reference: no error within")
     ] = 0.01
     near_bands: Annotated[
-        float,
-        between(0.5, 1000.0, "quiet within so many bands, until twice as far off"),
+        float, between(0.5, 1000.0, "quiet within so many bands, until twice as far off")
     ] = 5.0
     settled_s: Annotated[float, between(0.0, 60.0, "quiet after so long within them")] = 0.3
     smooth_s: Annotated[
-        float,
-        between(0.0, 10.0, "time constant that smooths error and temperatures"),
+        float, between(0.0, 10.0, "time constant that smooths error and temperatures")
     ] = 0.2
     ease_s: Annotated[float, between(0.1, 600.0, "on arrival the integral fades so")] = 5.0
     arrive_s: Annotated[
-        float,
-        between(0.0, 600.0, "so long after, both springs are kept as warm as then"),
+        float, between(0.0, 600.0, "so long after, both springs are kept as warm as then")
     ] = 5.0
     kept_A_per_K: Annotated[
         float, between(0.0, 100.0, "proportional gain on a kept temperature")
@@ -144,16 +141,13 @@ class ControlConfig(Section, frozen=True, kw_only=True):
     kp_A_per_mm: Annotated[float, between(0.0, 1000.0, "proportional gain")] = 28.0
     ki_A_per_mm_s: Annotated[float, between(0.0, 1000.0, "integral gain")] = 23.0
     current_limit_A: Annotated[
-        float,
-        between(0.0, HOST.current_mA / 1000, "largest current in a spring"),
+        float, between(0.0, HOST.current_mA / 1000, "largest current in a spring")
     ] = 4.0
     anti_windup_time_s: Annotated[
-        float,
-        between(0.01, 100.0, "how fast the integral follows a saturated output"),
+        float, between(0.01, 100.0, "how fast the integral follows a saturated output")
     ] = 0.5
     handover_rate_mm_per_s: Annotated[
-        float,
-        between(0.01, 100.0, "reference speed between two queued trajectories"),
+        float, between(0.01, 100.0, "reference speed between two queued trajectories")
     ] = 5.0
     drain_before_heating: Annotated[
         bool, about("let the water out of a tube while its spring is heated")
@@ -173,21 +167,17 @@ class LimitsConfig(Section, frozen=True, kw_only=True):
         between(30.0, HOST.temperature_cC / 100, "hottest spring; current goes to 0 above it"),
     ] = 80.0
     displacement_max_mm: Annotated[
-        float,
-        between(0.1, 50.0, "largest displacement either way, and largest reference"),
+        float, between(0.1, 50.0, "largest displacement either way, and largest reference")
     ] = 15.0
     force_max_N: Annotated[float, between(0.1, 100.0, "largest tendon force")] = 10.0
     on_time_max_s: Annotated[
-        float,
-        between(1.0, HOST.on_time_s, "longest time armed without a new arming"),
+        float, between(1.0, HOST.on_time_s, "longest time armed without a new arming")
     ] = 3600.0
     current_rate_max_A_per_s: Annotated[
-        float,
-        between(0.1, HOST.current_slew_mA_per_ms, "fastest rise of a current setpoint"),
+        float, between(0.1, HOST.current_slew_mA_per_ms, "fastest rise of a current setpoint")
     ] = 400.0
     reference_rate_max_mm_per_s: Annotated[
-        float,
-        between(0.01, 1000.0, "fastest ramp or sinusoid a command may ask for"),
+        float, between(0.01, 1000.0, "fastest ramp or sinusoid a command may ask for")
     ] = 50.0
     temperature_rate_max_K_per_s: Annotated[
         float, between(0.1, 1000.0, "faster than this is a broken sensor")

@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 from msgspec import inspect as types
 
-from smad.config.fields import bare, fields_of, kind_in_words
+from smad.config.fields import bare, info_of, kind_in_words
 from smad.config.model import Config
 
 
@@ -61,7 +61,7 @@ def _walk(
 ) -> Iterator[SectionDescription]:
     keys = []
     below = []
-    for field in fields_of(struct):
+    for field in info_of(struct).fields:
         kind = field.type
         listed = isinstance(kind, types.VarTupleType)
         inner = kind.item_type if isinstance(kind, types.VarTupleType) else kind

@@ -10,11 +10,6 @@ import msgspec
 from msgspec import inspect as types
 
 
-def fields_of(struct: type[msgspec.Struct]) -> tuple[types.Field, ...]:
-    """Return the fields of a record type."""
-    return info_of(struct).fields
-
-
 @functools.cache
 def info_of(struct: type[msgspec.Struct]) -> types.StructType:
     """Return what msgspec knows of a record type."""

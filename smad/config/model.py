@@ -64,8 +64,7 @@ class TcpConfig(Section, frozen=True, kw_only=True):
         str, about("file with the server's CURVE keys; empty: in the ipc folder")
     ] = ""
     allowed_keys: Annotated[
-        tuple[str, ...],
-        about("public keys (Z85, 40 characters) of the clients let in"),
+        tuple[str, ...], about("public keys (Z85, 40 characters) of the clients let in")
     ] = ()
 
     def __post_init__(self) -> None:
@@ -95,8 +94,7 @@ class DaemonConfig(Section, frozen=True, kw_only=True):
         ),
     ] = "bench"
     dead_man_lease_s: Annotated[
-        float,
-        between(0.0, 3600.0, "disarm when the arming client is silent; 0: never"),
+        float, between(0.0, 3600.0, "disarm when the arming client is silent; 0: never")
     ] = 0.0
     command_queue: Annotated[
         int, between(1, 100_000, "commands waiting before clients are held back")
@@ -131,8 +129,7 @@ class RecorderConfig(Section, frozen=True, kw_only=True):
         int, between(100, 1_000_000, "rows kept for a slow disk, then dropped")
     ] = 20_000
     black_box_s: Annotated[
-        float,
-        between(0.0, 600.0, "kept in memory, written after a fault; 0: nothing"),
+        float, between(0.0, 600.0, "kept in memory, written after a fault; 0: nothing")
     ] = 60.0
 
 

@@ -31,8 +31,13 @@ Count = Annotated[int, Meta(ge=1, le=10_000)]
 Current = Annotated[float, Meta(ge=0.0, le=4.0)]
 Duty = Annotated[float, Meta(ge=0.0, le=1.0)]
 Temperature = Annotated[float, Meta(ge=0.0, le=120.0)]
+Gain = Annotated[float, Meta(ge=0.0, le=1000.0)]
+TemperatureGain = Annotated[float, Meta(ge=0.0, le=100.0)]
 
-
+Times = tuple[Annotated[float, Meta(ge=0.0, le=86_400.0)], ...]
+Currents = Annotated[tuple[Current, ...], Meta(max_length=LONGEST_INPUTS)]
+Duties = Annotated[tuple[Duty, ...], Meta(max_length=LONGEST_INPUTS)]
+Drains = Annotated[tuple[bool, ...], Meta(max_length=LONGEST_INPUTS)]
 Recorded = tuple[Annotated[float, Meta(ge=-1000.0, le=1000.0)] | None, ...]
 """What a sensor showed at each row; None where it showed nothing."""
 Watched = Annotated[
@@ -129,8 +134,7 @@ class Samples(Piece, tag="samples", frozen=True, kw_only=True):
     """Given points, joined by straight lines. The first time is 0 and times increase."""
 
     t_s: Annotated[
-        tuple[Annotated[float, Meta(ge=0.0, le=86_400.0)], ...],
-        Meta(min_length=2, max_length=LONGEST_SAMPLES, description="times of the points"),
+        Times, Meta(min_length=2, max_length=LONGEST_SAMPLES, description="times of the points")
     ]
     displacement_mm: Annotated[
         tuple[Displacement, ...],
@@ -210,34 +214,15 @@ class FollowInputs(Command, tag="inputs", frozen=True, kw_only=True):
     """
 
     t_s: Annotated[
-        tuple[Annotated[float, Meta(ge=0.0, le=86_400.0)], ...],
-        Meta(min_length=1, max_length=LONGEST_INPUTS, description="when each row begins"),
+        Times, Meta(min_length=1, max_length=LONGEST_INPUTS, description="when each row begins")
     ]
     end_s: Annotated[Duration, Meta(description="when the last row ends")]
-    i_x_A: Annotated[
-        tuple[Current, ...],
-        Meta(max_length=LONGEST_INPUTS, description="current in spring X, for each row"),
-    ]
-    i_y_A: Annotated[
-        tuple[Current, ...],
-        Meta(max_length=LONGEST_INPUTS, description="current in spring Y"),
-    ]
-    pump_x_duty: Annotated[
-        tuple[Duty, ...],
-        Meta(max_length=LONGEST_INPUTS, description="duty of the pump of spring X"),
-    ]
-    pump_y_duty: Annotated[
-        tuple[Duty, ...],
-        Meta(max_length=LONGEST_INPUTS, description="duty of the pump of spring Y"),
-    ]
-    drain_x: Annotated[
-        tuple[bool, ...],
-        Meta(max_length=LONGEST_INPUTS, description="drain the tube of spring X; empty: never"),
-    ] = ()
-    drain_y: Annotated[
-        tuple[bool, ...],
-        Meta(max_length=LONGEST_INPUTS, description="drain the tube of spring Y; empty: never"),
-    ] = ()
+    i_x_A: Annotated[Currents, Meta(description="current in spring X, for each row")]
+    i_y_A: Annotated[Currents, Meta(description="current in spring Y")]
+    pump_x_duty: Annotated[Duties, Meta(description="duty of the pump of spring X")]
+    pump_y_duty: Annotated[Duties, Meta(description="duty of the pump of spring Y")]
+    drain_x: Annotated[Drains, Meta(description="drain the tube of spring X; empty: never")] = ()
+    drain_y: Annotated[Drains, Meta(description="drain the tube of spring Y; empty: never")] = ()
     displacement_mm: Watched = ()
     rtd_x_degC: Watched = ()
     rtd_y_degC: Watched = ()
@@ -259,26 +244,21 @@ class MoveStage(Command, tag="stage", frozen=True, kw_only=True):
 class Tune(Command, tag="tune", frozen=True, kw_only=True):
     """Change gains and options of the running controller, without a bump. Empty fields stay."""
 
-    kp_A_per_mm: Annotated[
-        Annotated[float, Meta(ge=0.0, le=1000.0)] | None, Meta(description="proportional gain")
-    ] = None
-    ki_A_per_mm_s: Annotated[
-        Annotated[float, Meta(ge=0.0, le=1000.0)] | None, Meta(description="integral gain")
-    ] = None
+    kp_A_per_mm: Annotated[Gain | None, Meta(description="proportional gain")] = None
+    ki_A_per_mm_s: Annotated[Gain | None, Meta(description="integral gain")] = None
     hold_band_mm: Annotated[
         Annotated[float, Meta(ge=0.0, le=1.0)] | None, Meta(description="band of a quiet hold")
     ] = None
     temperature_kp_A_per_K: Annotated[
-        Annotated[float, Meta(ge=0.0, le=100.0)] | None,
+        TemperatureGain | None,
         Meta(description="proportional gain on temperature, from the next hold on"),
     ] = None
     temperature_ki_A_per_K_s: Annotated[
-        Annotated[float, Meta(ge=0.0, le=100.0)] | None,
+        TemperatureGain | None,
         Meta(description="integral gain on temperature, from the next hold on"),
     ] = None
     current_limit_A: Annotated[
-        Annotated[float, Meta(ge=0.0, le=4.0)] | None,
-        Meta(description="largest current; never above the configured one"),
+        Current | None, Meta(description="largest current; never above the configured one")
     ] = None
     cooling: Annotated[
         Literal["switch", "proportional", "off"] | None, Meta(description="cooling mode")

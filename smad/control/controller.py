@@ -2,7 +2,7 @@
 
 import msgspec
 
-from smad.config import ControlConfig, LimitsConfig, TemperatureConfig
+from smad.config import ControlConfig, LimitsConfig
 from smad.control.commands import (
     DriveCurrent,
     Follow,
@@ -53,14 +53,15 @@ class Controller:
         limits: LimitsConfig | None = None,
     ) -> None:
         self._config = config
-        self._warm = config.temperature
-        self._gains = tune_of(config)
+        self.gains = tune_of(config)
+        """The gains and options in force: the configured ones, and what was tuned since."""
+        self.departure: Departure | None = None
+        """The reading that ended repeated inputs, until the next motion; None if none did."""
         self._limits_config = limits or LimitsConfig()
         self._limits = HostLimits(self._limits_config)
         self._displacement = DisplacementMode(config, self._limits_config)
         self._mode: Mode = IdleMode()
         self._stage = _Stage()
-        self._departure: Departure | None = None
         self._sample: Sample | None = None
         self._armed = False
         self._output = Output()
@@ -87,11 +88,6 @@ class Controller:
         return mode.target_degC if isinstance(mode, TemperatureMode) else float("nan")
 
     @property
-    def gains(self) -> Tune:
-        """The gains and options in force: the configured ones, and what was tuned since."""
-        return self._gains
-
-    @property
     def limiting(self) -> HostLimit:
         """Which host limits held the last output back."""
         return self._limits.acting
@@ -100,11 +96,6 @@ class Controller:
     def trip(self) -> Trip | None:
         """The host limit that ended the motion, until the next arming; None if none did."""
         return self._limits.trip
-
-    @property
-    def departure(self) -> Departure | None:
-        """The reading that ended repeated inputs, until the next motion; None if none did."""
-        return self._departure
 
     def command(self, command: ModeCommand) -> None:
         """Take a command. Raises CommandError, naming field, value and limit, and changing nothing.
@@ -128,11 +119,10 @@ class Controller:
             case MoveStage():
                 self._stage.move(command)
             case Tune():
-                self._gains = tuned(self._gains, command, most_A=self._config.current_limit_A)
-                self._displacement.tune(self._gains)
-                self._warm = _tuned(self._warm, self._gains)
+                self.gains = tuned(self.gains, command, most_A=self._config.current_limit_A)
+                self._displacement.tune(self.gains)
         if not isinstance(command, Tune | Idle):
-            self._departure = None
+            self.departure = None
 
     def check(self, command: Follow) -> None:
         """Raise the CommandError that `command` would for these trajectories; changes nothing."""
@@ -156,7 +146,7 @@ class Controller:
         mode = self._mode
         if mode.done and isinstance(mode, CurrentMode | InputsMode):
             if isinstance(mode, InputsMode):
-                self._departure = mode.departure
+                self.departure = mode.departure
             self._mode = IdleMode()
         i_A = self._limits.apply(
             sample,
@@ -239,19 +229,14 @@ class Controller:
             )
         k = 0 if command.spring == "x" else 1
         spring_degC = float("nan") if self._sample is None else self._sample.rtd_degC[k]
-        mode = TemperatureMode(self._config, self._warm, command, spring_degC)
+        warm = msgspec.structs.replace(
+            self._config.temperature,
+            kp_A_per_K=self.gains.temperature_kp_A_per_K,
+            ki_A_per_K_s=self.gains.temperature_ki_A_per_K_s,
+        )
+        mode = TemperatureMode(self._config, warm, command, spring_degC)
         mode.enter(spring_degC, self._output.i_A[k])
         self._mode = mode
-
-
-def _tuned(gains: TemperatureConfig, command: Tune) -> TemperatureConfig:
-    """The gains on temperature with the fields of `command` that are not empty."""
-    kp, ki = command.temperature_kp_A_per_K, command.temperature_ki_A_per_K_s
-    return msgspec.structs.replace(
-        gains,
-        kp_A_per_K=gains.kp_A_per_K if kp is None else kp,
-        ki_A_per_K_s=gains.ki_A_per_K_s if ki is None else ki,
-    )
 
 
 class _Stage:

@@ -15,7 +15,7 @@ from msgspec import Meta, Struct
 from msgspec import inspect as types
 
 from firmware_protocol.enums import BoardState, Limiter
-from smad.config.fields import bare, fields_of
+from smad.config.fields import bare, info_of
 
 ROW_TOPIC = "/smad/row"
 EVENT_TOPIC = "/smad/events"
@@ -196,7 +196,7 @@ def _channel(field: types.Field) -> ChannelSpec:
     )
 
 
-CHANNELS: Mapping[str, ChannelSpec] = {field.name: _channel(field) for field in fields_of(Row)}
+CHANNELS: Mapping[str, ChannelSpec] = {field.name: _channel(field) for field in info_of(Row).fields}
 """Every channel of a sample, by name, in the order of the columns."""
 
 
@@ -224,7 +224,7 @@ def json_schema(record: type[Struct]) -> bytes:
     (_,), components = msgspec.json.schema_components([record])
     schema = components[record.__name__]
     schema["description"] = inspect.getdoc(record)
-    for field in fields_of(record):
+    for field in info_of(record).fields:
         member = schema["properties"][field.name]
         _make_plain(member)
         member["unit"] = bare(field.type)[1]["unit"]
