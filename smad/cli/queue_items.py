@@ -26,7 +26,7 @@ KINDS: Mapping[str, tuple[tuple[str, ...], str]] = {
     "run": (("run",), "smad.cli.run:run"),
     "tune": (("tune", "--yes"), "smad.cli.tune:tune"),
     "checkup": (("gap", "checkup"), "smad.cli.gap_checkup:checkup"),
-    "move": (("run", "moves"), "smad.cli.run_moves:moves"),
+    "move": (("run", "moves"), "smad.cli.repeat:moves"),
 }
 """Kind -> the words after `smad` that it begins with, and where the command is.
 

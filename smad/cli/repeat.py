@@ -1,4 +1,4 @@
-"""`smad run repeat`: the inputs of a recorded run again, on a bench or in virtual time."""
+"""`smad run repeat` and `smad run moves`: the inputs of a run again, the trajectories of a file."""
 
 from pathlib import Path
 
@@ -62,3 +62,28 @@ def repeat(
                 progress=line.say,
             )
     click.echo(f"{run.name} repeated: {path}")
+
+
+@click.command(cls=Command)
+def moves(
+    *,
+    path: Path = argument(FILE, metavar="FILE"),
+    lease: float = lease_option,
+    bench: str = axis_option,
+) -> None:
+    """Arm, follow the trajectories of FILE from rest, record them, and disarm.
+
+    FILE is TOML with a table [[pieces]] for each piece: `kind` is step, ramp, sine …,
+    the other keys are its fields (smad docs guide/clients). `timeout_s` ends a motion that hangs.
+    """
+    from smad.experiments.live import LiveDriver
+    from smad.experiments.moves import read_moves
+
+    plan = read_moves(path).plan(path.stem[:60])
+    with ready_client(bench) as connected, progress() as line:
+        driver = LiveDriver(connected, who="smad run moves", lease_s=lease, progress=line.say)
+        try:
+            driver.run(plan)
+        finally:
+            if driver.log is not None:
+                click.echo(f"recorded: {driver.log}")

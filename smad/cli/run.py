@@ -30,7 +30,7 @@ from smad.view.terminal.tables import print_columns, print_table
 _OTHERS = {
     "repeat": "smad.cli.repeat",
     "six-axes": "smad.cli.robot",
-    "moves": "smad.cli.run_moves",
+    "moves": "smad.cli.repeat",
     "endurance": "smad.cli.run_endurance",
 }
 """Commands under the name of this one, and their modules."""

@@ -129,7 +129,6 @@ def test_every_module_of_the_command_line_that_drives_a_daemon_asks_first() -> N
         "repeat.py",
         "gap_next.py",
         "gap_checkup.py",
-        "run_moves.py",
         "run_endurance.py",
     }
     assert [m.name for m in driving if "ready_client" not in called(m)] == []
