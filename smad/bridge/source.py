@@ -8,6 +8,7 @@ import msgspec
 from smad.api import Entry, Status, link_counters, named
 from smad.bridge.foxglove import LINK, LOG, Channel, Value, log, rows_of
 from smad.client.following import Params, follow
+from smad.client.wire import telemetry_of
 from smad.config import Config
 from smad.runlog.schema import LinkSample, Row
 
@@ -18,11 +19,6 @@ _SECTIONS = ("control", "limits")
 _encode = msgspec.json.Encoder().encode
 
 
-class _Stamped(Row, kw_only=True):
-    timestamp: float
-
-
-_sample = msgspec.json.Decoder(_Stamped).decode
 _row = msgspec.json.Decoder(Row).decode
 
 
@@ -75,7 +71,7 @@ class Source:
     def on_sample(self, axis: str, data: bytes) -> None:
         """Pass a sample on; as in the run log, what was not measured is absent."""
         if self._sink.wants(self.rows[axis]):
-            time_ns = round(_sample(data).timestamp * _NS)
+            time_ns = round(telemetry_of(data).timestamp * _NS)
             self._sink.publish(self.rows[axis], time_ns, _encode(_row(data)))
 
     def on_status(self, status: Status, params: Params) -> None:

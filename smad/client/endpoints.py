@@ -40,6 +40,14 @@ class Endpoints:
     def __init__(self, folder: Path, bench: str) -> None:
         self.folder = folder
         self.bench = bench
+        self.connection_file = folder / f"{bench}.json"
+        """The file that tells a client all this."""
+        self.crash_file = folder / f"{bench}.crash.txt"
+        """Where the daemon leaves the traceback of what it died of."""
+        self.lock = folder / f"{bench}.lock"
+        """The lock file: one daemon to a bench name."""
+        self.server_secret = folder / f"{bench}.key"
+        """The CURVE key pair of the server, made when it is first needed."""
 
     @property
     def command(self) -> str:
@@ -55,26 +63,6 @@ class Endpoints:
     def telemetry(self) -> str:
         """Address of the telemetry stream."""
         return self._address("telemetry")
-
-    @property
-    def connection_file(self) -> Path:
-        """The file that tells a client all this."""
-        return self.folder / f"{self.bench}.json"
-
-    @property
-    def crash_file(self) -> Path:
-        """Where the daemon leaves the traceback of what it died of."""
-        return self.folder / f"{self.bench}.crash.txt"
-
-    @property
-    def lock(self) -> Path:
-        """The lock file: one daemon to a bench name."""
-        return self.folder / f"{self.bench}.lock"
-
-    @property
-    def server_secret(self) -> Path:
-        """The CURVE key pair of the server, made when it is first needed."""
-        return self.folder / f"{self.bench}.key"
 
     def _address(self, name: str) -> str:
         path = str(self.folder / f"{self.bench}.{name}")

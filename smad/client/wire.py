@@ -192,19 +192,6 @@ def find_daemon(bench: str, folder: str | Path | None) -> Connection:
 
 def remote(address: str, stop_address: str, telemetry: str, keys: Keys) -> Connection:
     """Return the connection to a daemon on another machine. Raises ConfigError for a bad key."""
-    _require_keys(keys)
-    return Connection(
-        bench="",
-        pid=0,
-        version="",
-        command=address,
-        stop=stop_address,
-        telemetry=telemetry,
-        server_key=keys.server,
-    )
-
-
-def _require_keys(keys: Keys) -> None:
     for name, key in msgspec.structs.asdict(keys).items():
         if not is_curve_key(key):
             # A secret key is not repeated where others may read it.
@@ -215,6 +202,15 @@ def _require_keys(keys: Keys) -> None:
                 action="make a pair with `smad keys`; the server's public key is in the bench's "
                 "connection file",
             )
+    return Connection(
+        bench="",
+        pid=0,
+        version="",
+        command=address,
+        stop=stop_address,
+        telemetry=telemetry,
+        server_key=keys.server,
+    )
 
 
 def connect_both(context: zmq.Context[Any], connection: Connection, keys: Keys | None) -> Any:
@@ -234,7 +230,10 @@ def connect(context: zmq.Context[Any], address: str, keys: Keys | None, identity
     socket.setsockopt(zmq.LINGER, 0)
     socket.setsockopt(zmq.IDENTITY, identity)
     try:
-        _set_keys(socket, keys)
+        if keys is not None:
+            socket.setsockopt(zmq.CURVE_PUBLICKEY, keys.public.encode())
+            socket.setsockopt(zmq.CURVE_SECRETKEY, keys.secret.encode())
+            socket.setsockopt(zmq.CURVE_SERVERKEY, keys.server.encode())
         socket.connect(address)
     except zmq.ZMQError as error:
         # A socket that is left open keeps the interpreter from ending.
@@ -303,10 +302,3 @@ def no_telemetry(limit_s: float) -> NoAnswer:
         limit=f"{limit_s:g} s",
         action="see smad status: is the board connected, is telemetry enabled?",
     )
-
-
-def _set_keys(socket: Any, keys: Keys | None) -> None:
-    if keys is not None:
-        socket.setsockopt(zmq.CURVE_PUBLICKEY, keys.public.encode())
-        socket.setsockopt(zmq.CURVE_SECRETKEY, keys.secret.encode())
-        socket.setsockopt(zmq.CURVE_SERVERKEY, keys.server.encode())

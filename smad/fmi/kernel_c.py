@@ -15,7 +15,7 @@ from sim_device.plant.replay import OUTPUTS
 from sim_device.plant.setup import Setup
 from smad.fmi.library import RECORDS
 from smad.fmi.to_c import Program
-from smad.fmi.traced import trace, written
+from smad.fmi.traced import Symbol, trace, written
 from smad.fmi.variables import Variable
 
 Array = npt.NDArray[np.float64]
@@ -107,7 +107,9 @@ def _constants(model: Model, setup: Setup) -> str:
     lines, computed, mount = trace(model.parameters, **setup.options)
     # What effects and the choice of the model have set already stays as it is.
     body = [f"    {line}" for line in lines]
-    changed = {name for name in computed if hasattr(setup.p, name) and _symbolic(computed[name])}
+    changed = {
+        name for name in computed if hasattr(setup.p, name) and isinstance(computed[name], Symbol)
+    }
     if setup.p.warms > 0.0 and computed["warms"] == 0.0:
         changed.discard("warming_share")  # effect water_warming
     body += [f"    p->{name} = {written(computed[name])};" for name in computed if name in changed]
@@ -115,7 +117,3 @@ def _constants(model: Model, setup: Setup) -> str:
     return "\n".join(
         ["static void make_constants(const double *v, Constants *p, Mounting *m) {", *body, "}"]
     )
-
-
-def _symbolic(value: object) -> bool:
-    return not isinstance(value, float | int)

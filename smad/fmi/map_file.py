@@ -144,13 +144,14 @@ def read_map(path: Path) -> Map:
 
 
 def _check(path: Path, mapped: Map) -> None:
+    tables = _tables(mapped)
     for table in ("inputs", "channels", "parameters"):
-        if not getattr(mapped, table):
+        if not tables[table]:
             raise FmiError(f"map file {path} has no {table}", action=f"add [{table}.NAME]")
     twins = sorted(set(mapped.inputs) & set(mapped.channels))
     if twins:
         raise FmiError(f"map file {path} has {twins[0]} as input and as channel", action="name one")
-    for table, rows in _tables(mapped).items():
+    for table, rows in tables.items():
         for name, row in rows.items():
             left_out = math.isnan(row.low) and math.isnan(row.high)
             if not left_out and not row.low < row.high:
@@ -195,21 +196,17 @@ def _check(path: Path, mapped: Map) -> None:
         )
 
 
-def _tables(mapped: Map) -> dict[str, Mapping[str, Any]]:
-    return {
-        "inputs": mapped.inputs,
-        "channels": mapped.channels,
-        "parameters": mapped.parameters,
-        "terms": mapped.terms,
-    }
-
-
 _ROLES: Mapping[str, tuple[str, ...]] = {
     "inputs": ("input",),
     "channels": ("output", "local"),
     "parameters": ("parameter",),
     "terms": ("input",),
 }
+"""The tables of a map, and which causalities the variables of each may have."""
+
+
+def _tables(mapped: Map) -> dict[str, Mapping[str, Any]]:
+    return {table: getattr(mapped, table) for table in _ROLES}
 
 
 def require_fit(mapped: Map, unit: UnitFile) -> None:

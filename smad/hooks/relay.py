@@ -127,7 +127,7 @@ class HoldingRelay:
                     stdin=subprocess.DEVNULL,
                     start_new_session=True,
                     # It must not outlive us: a relay that nobody watches would stay on.
-                    preexec_fn=_end_with_parent,  # noqa: PLW1509 (no thread of Python runs here)
+                    preexec_fn=lambda: signal_at_parents_end(signal.SIGKILL),  # noqa: PLW1509 (no thread of Python runs here)
                 )
         if (status := self._process.poll()) is not None:
             raise RelayError(
@@ -144,10 +144,6 @@ class HoldingRelay:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-
-
-def _end_with_parent() -> None:
-    signal_at_parents_end(signal.SIGKILL)
 
 
 def hold(relay: Relay, bench: str, say: Say) -> NoReturn:

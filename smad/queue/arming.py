@@ -4,7 +4,7 @@ Pure: the wall clock and the code are arguments.
 """
 
 import re
-from datetime import datetime, timedelta, tzinfo
+from datetime import datetime, time, timedelta
 
 import msgspec
 
@@ -29,19 +29,14 @@ def end_time(text: str, now: datetime) -> datetime:
     try:
         if clock:
             hour, minute = map(int, clock.groups())
-            end = _resolved(
-                now.replace(hour=hour, minute=minute, second=0, microsecond=0, fold=0), now.tzinfo
-            )
+            end = _resolved(now.replace(hour=hour, minute=minute, second=0, microsecond=0, fold=0))
             if end.timestamp() <= now.timestamp():
                 later = (now + timedelta(days=1)).date()
-                end = _resolved(
-                    datetime(later.year, later.month, later.day, hour, minute, tzinfo=now.tzinfo),
-                    now.tzinfo,
-                )
+                end = _resolved(datetime.combine(later, time(hour, minute), now.tzinfo))
         else:
             end = datetime.fromisoformat(text)
             if end.tzinfo is None:
-                end = _resolved(end.replace(tzinfo=now.tzinfo), now.tzinfo)
+                end = _resolved(end.replace(tzinfo=now.tzinfo))
     except ValueError:
         raise ArmingError(
             "this is not an end time",
@@ -66,9 +61,9 @@ def earliest_end(until: str | None, hours: float | None, now: datetime) -> float
     return after_hours if until is None else min(end_time(until, now).timestamp(), after_hours)
 
 
-def _resolved(moment: datetime, zone: tzinfo | None) -> datetime:
+def _resolved(moment: datetime) -> datetime:
     """Return a moment that exists: one that the clocks skip is an hour later."""
-    return datetime.fromtimestamp(moment.timestamp(), zone)
+    return datetime.fromtimestamp(moment.timestamp(), moment.tzinfo)
 
 
 def propose(

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from smad.errors import refused_by_system
 from smad.queue.errors import QueueError
+from smad.runlog.open_logs import being_written
 
 FILE = "queue.lock"
 ORPHAN_PATIENCE_S = 20.0
@@ -64,16 +65,8 @@ class RunnerLease:
 
     def runs(self) -> bool:
         """Return whether a runner, or an item that it left, has the lock now."""
-        try:
-            descriptor = os.open(self.path, os.O_RDONLY | os.O_CLOEXEC)
-        except OSError:
-            return False
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
-        finally:
-            os.close(descriptor)
+        with contextlib.suppress(OSError):
+            return being_written(self.path)
         return False
 
     def release(self) -> None:

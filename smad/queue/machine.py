@@ -106,10 +106,8 @@ def recover(snapshot: Snapshot, now_unix_s: float) -> Change:
         return paused(snapshot, "the runner was started anew")
     reason = f"the runner ended while item {item.id} ran"
     ended = moved(item, State.INTERRUPTED, reason, ended_unix_s=now_unix_s)
-    after = _with_items(snapshot, ended)
-    return _merged(
-        Change(after=after, items=(ended,), actions=(_item_ended(ended),)), paused(after, reason)
-    )
+    change = _ended(snapshot, ended)
+    return _merged(change, paused(change.after, reason))
 
 
 def paused(snapshot: Snapshot, reason: str, *, end_item: bool = False) -> Change:
@@ -201,10 +199,7 @@ def step(
     if obstacle is not None and obstacle.of_computer:
         return paused(snapshot, f"item {item.id} cannot begin: {obstacle.text}")
     if obstacle is not None:
-        failed = moved(item, State.FAILED, obstacle.text, ended_unix_s=now_unix_s)
-        return Change(
-            after=_with_items(snapshot, failed), items=(failed,), actions=(_item_ended(failed),)
-        )
+        return _ended(snapshot, moved(item, State.FAILED, obstacle.text, ended_unix_s=now_unix_s))
     if item.on_bench and not bench.ready:
         return paused(snapshot, bench.trouble) if bench.trouble else Change(after=snapshot)
     started = moved(item, State.RUNNING, started_unix_s=now_unix_s)
@@ -225,11 +220,10 @@ def ended(
         # Asked to end, by a person or a limit: that is the reason, not what the process said of it.
         ending, words = Ending(State.INTERRUPTED, True, snapshot.reason), snapshot.reason
     over = moved(item, ending.state, words, ended_unix_s=now_unix_s, exit_status=status)
-    after = msgspec.structs.replace(_with_items(snapshot, over), end_item=False)
-    change = Change(after=after, items=(over,), actions=(_item_ended(over),))
+    change = _ended(msgspec.structs.replace(snapshot, end_item=False), over)
     if not ending.pauses or snapshot.mode == "paused":
         return change
-    return _merged(change, paused(after, f"item {number}: {words}"))
+    return _merged(change, paused(change.after, f"item {number}: {words}"))
 
 
 def removed(snapshot: Snapshot, number: int, now_unix_s: float) -> Change:
@@ -266,9 +260,12 @@ def _queue_ended(snapshot: Snapshot) -> Change:
     return Change(after=change.after, actions=(PostMessage("queue_ended", "every item has ended"),))
 
 
-def _item_ended(item: Item) -> PostMessage:
+def _ended(snapshot: Snapshot, item: Item) -> Change:
+    """Return the change that an item has ended so, and says so."""
     why = f": {item.reason}" if item.reason else ""
-    return PostMessage("item_ended", f"item {item.id} ({item.title}) {item.state}{why}", item)
+    text = f"item {item.id} ({item.title}) {item.state}{why}"
+    said = PostMessage("item_ended", text, item)
+    return Change(after=_with_items(snapshot, item), items=(item,), actions=(said,))
 
 
 def _with_items(snapshot: Snapshot, *changed: Item) -> Snapshot:

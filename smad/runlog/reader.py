@@ -326,10 +326,8 @@ class _RunBuilder:
     def _columns(self) -> dict[str, Column]:
         if not self._batches:
             return columns_of([])
-        columns: dict[str, Column] = {}
-        for name in CHANNELS:
-            columns[name] = np.concatenate([batch.pop(name) for batch in self._batches])
-        return columns
+        batches = self._batches
+        return {name: np.concatenate([b.pop(name) for b in batches]) for name in CHANNELS}
 
 
 def columns_of(rows: list[Row]) -> dict[str, Column]:
