@@ -10,6 +10,7 @@ import io
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Literal, NoReturn, TextIO, cast
 
@@ -24,6 +25,8 @@ from smad.records.stamps import is_stamp, likely_forms, read_stamp
 from smad.runlog.bounds import DAMAGED, require_bounded_text
 
 if TYPE_CHECKING:
+    import _csv
+
     import pyarrow
 
 _UTF8 = "utf-8-sig"
@@ -115,18 +118,15 @@ class CsvTable:
 
     def place_of(self, row: int) -> str:
         """The line of the file on which that row (from 0) ends."""
-        return f"line {self._line_of(row)}"
-
-    def _line_of(self, row: int) -> int:
         # Columns that nobody wants are not looked at before, so anything may stand in them.
         with _opened(self.path, self.encoding, errors="replace") as file:
-            reader = csv.reader(_after(file, self.head.lines), delimiter=self.head.delimiter)
-            filled = (reader.line_num for cells in reader if cells)
+            reader = self._rows_of(file)
             with contextlib.suppress(csv.Error):
-                for number, line in enumerate(filled):
-                    if number == row:
-                        return self.head.lines + line
-            return self.head.lines + reader.line_num
+                next(islice(filter(None, reader), row, None), None)
+            return f"line {self.head.lines + reader.line_num}"
+
+    def _rows_of(self, file: TextIO) -> _csv.Reader:
+        return csv.reader(islice(file, self.head.lines, None), delimiter=self.head.delimiter)
 
     def _batches(self, wanted: list[str]) -> Iterator[pyarrow.RecordBatch]:
         """The columns as text, a megabyte of the file at a time."""
@@ -166,7 +166,7 @@ class CsvTable:
     def _first_bad_row(self) -> str:
         try:
             with _opened(self.path, self.encoding) as file:
-                reader = csv.reader(_after(file, self.head.lines), delimiter=self.head.delimiter)
+                reader = self._rows_of(file)
                 for cells in reader:
                     if cells and len(cells) != len(self.names):
                         line = self.head.lines + reader.line_num
@@ -199,7 +199,7 @@ class CsvTable:
         try:
             return np.asarray(compute.cast(plain, pa.float64()).to_numpy(zero_copy_only=False))
         except pa.ArrowInvalid:
-            row, _ = _first_text(plain)
+            row = _first_text(plain)
             self._refuse(name, before + row, texts[row].as_py())
 
     def _stamps(self, name: str, texts: pyarrow.Array, before: int) -> NDArray[np.float64]:
@@ -312,13 +312,8 @@ def _opened(path: Path, encoding: str, errors: str = "strict") -> TextIO:
     return io.TextIOWrapper(_bytes_of(path), encoding=encoding, errors=errors, newline="")
 
 
-def _after(lines: Iterator[str], count: int) -> Iterator[str]:
-    for _ in range(count):
-        next(lines, None)
-    return lines
-
-
-def _first_text(values: pyarrow.Array) -> tuple[int, str]:
+def _first_text(values: pyarrow.Array) -> int:
+    """The place of the first value that is no number."""
     import pyarrow as pa
 
     for row, value in enumerate(values):
@@ -326,5 +321,5 @@ def _first_text(values: pyarrow.Array) -> tuple[int, str]:
             try:
                 value.cast(pa.float64())
             except pa.ArrowInvalid:
-                return row, value.as_py()
+                return row
     raise AssertionError("a column that could not be cast holds only numbers")
