@@ -22,7 +22,8 @@ from firmware_protocol.enums import BoardState
 from smad.api import TELEMETRY_TOPIC
 from smad.client import Client
 from smad.client.wire import subscribe, telemetry_of
-from smad.report.page import Table, text_table
+from smad.report.page import Table
+from tools.tables import text_table
 
 GOAL_MS = 100.0
 _DRIVING = (BoardState.ARMED, BoardState.HOLD)

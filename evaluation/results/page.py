@@ -13,7 +13,8 @@ from pathlib import Path
 import msgspec
 
 from evaluation.results.record import FOLDER, Result, kept
-from smad.report.page import Table, markdown_table
+from smad.report.page import Table
+from tools.tables import markdown_table
 
 PAGE = Path(__file__).parent / "README.md"
 OPENINGS = FOLDER / "openings.jsonl"

@@ -10,7 +10,8 @@ from evaluation.results.record import keep
 from evaluation.score.answers import digest, read_pairs
 from evaluation.score.openings import SEALED, Ledger
 from evaluation.score.scores import scored, tables
-from smad.report.page import Table, text_table
+from smad.report.page import Table
+from tools.tables import text_table
 
 
 def run(

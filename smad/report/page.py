@@ -14,8 +14,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from smad.errors import SmadError, refused_by_system
-from smad.files import write_whole
+from smad.errors import SmadError
+from smad.files import named_output
 from smad.report.panels import Panels
 from smad.style import assets
 from smad.style.palette import following
@@ -155,34 +155,6 @@ def write_page(page: Page, path: Path) -> Path:
     """
     text = render(page, f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC")
     cause, action = "the report cannot be written", "name another file, or make room"
-    with refused_by_system(SmadError, cause, value=str(path), action=action):
-        write_whole(path, text)
+    with named_output(path, SmadError, cause, action, value=str(path)) as partial:
+        partial.write_text(text, "utf-8")
     return path
-
-
-def markdown_table(table: Table) -> str:
-    """The table as Markdown, for a terminal or a document."""
-    lines = [
-        "| " + " | ".join(table.header) + " |",
-        "|"
-        + "|".join("---:" if k in table.numeric else "---" for k in range(len(table.header)))
-        + "|",
-    ]
-    lines += ["| " + " | ".join(row) + " |" for row in table.rows]
-    return "\n".join(lines) + "\n"
-
-
-def text_table(table: Table) -> str:
-    """The table in columns of plain text, for a terminal."""
-    rows = [tuple(table.header), *(tuple(row) for row in table.rows)]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(table.header))]
-
-    def line(row: Sequence[str]) -> str:
-        cells = [
-            cell.rjust(width) if k in table.numeric else cell.ljust(width)
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        return "  ".join(cells).rstrip()
-
-    rule = "  ".join("-" * width for width in widths)
-    return "\n".join([line(rows[0]), rule, *(line(row) for row in rows[1:])]) + "\n"

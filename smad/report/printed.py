@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-from smad.errors import CommandError, SmadError, refused_by_system
+from smad.errors import CommandError, SmadError
 from smad.extras import part
-from smad.files import replacing, require_writable
+from smad.files import named_output, require_writable
 from smad.report.panels import Panel, Panels
 from smad.report.plots import HOUSE_STYLE, decimated
 from smad.style.palette import in_print
@@ -55,8 +55,7 @@ def write_figure(panels: Panels, path: Path, *, width_mm: float = 85.0) -> Path:
             _draw(axes, panel)
         figure.axes[-1].set_xlabel(panels.x_label)
         cause, action = "the figure cannot be written", "name another file, or make room"
-        refused = refused_by_system(SmadError, cause, value=str(path), action=action)
-        with refused, replacing(path) as partial:
+        with named_output(path, SmadError, cause, action, value=str(path)) as partial:
             figure.savefig(partial, format=kind, dpi=PNG_DPI, metadata=_UNDATED[kind])
     return path
 

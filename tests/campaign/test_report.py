@@ -16,7 +16,8 @@ from campaign.faults.report import (
     table_of,
     verdict,
 )
-from smad.report.page import render, text_table
+from smad.report.page import render
+from tools.tables import text_table
 
 from .test_oracle import STOPPED, WENT_ON
 

@@ -21,12 +21,11 @@ from smad.report.page import (
     Section,
     Table,
     Text,
-    markdown_table,
     render,
-    text_table,
     write_page,
 )
 from smad.report.plots import decimated, draw, label, new_figure, picture, svg_of
+from tools.tables import markdown_table, text_table
 
 TABLE = Table(("name", "value"), (("a", "1.0"), ("long name", "12.5")), numeric=frozenset({1}))
 
