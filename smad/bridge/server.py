@@ -13,16 +13,7 @@ from websockets.exceptions import ConnectionClosed, ConnectionClosedError
 from websockets.http11 import Request, Response
 from websockets.typing import Subprotocol
 
-from smad.bridge.foxglove import (
-    ERROR,
-    LOG,
-    SUBPROTOCOLS,
-    WARNING,
-    Channel,
-    Viewer,
-    log,
-    status,
-)
+from smad.bridge.foxglove import ERROR, LOG, SUBPROTOCOLS, WARNING, Channel, Viewer, log, status
 from smad.bridge.loopback import HOST, listen, quiet
 from smad.bridge.source import Source
 from smad.counted import counted

@@ -47,11 +47,7 @@ class Controller:
     (`trip`) ends the mode too, and nothing is driven until the next arming.
     """
 
-    def __init__(
-        self,
-        config: ControlConfig,
-        limits: LimitsConfig | None = None,
-    ) -> None:
+    def __init__(self, config: ControlConfig, limits: LimitsConfig | None = None) -> None:
         self._config = config
         self.gains = tune_of(config)
         """The gains and options in force: the configured ones, and what was tuned since."""
@@ -149,11 +145,7 @@ class Controller:
                 self.departure = mode.departure
             self._mode = IdleMode()
         i_A = self._limits.apply(
-            sample,
-            demand.i_x_A,
-            demand.i_y_A,
-            min(dt_s, LONGEST_STEP_S),
-            staged=self._stage.in_use,
+            sample, demand.i_x_A, demand.i_y_A, min(dt_s, LONGEST_STEP_S), staged=self._stage.in_use
         )
         if self._limits.trip is not None:
             return self._stop()

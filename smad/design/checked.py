@@ -79,9 +79,7 @@ def refuse_fan(cooling: str, air_m_per_s: float) -> None:
     """Raise DesignError for a fan without air, or so slow or fast that its film is not known."""
     if air_m_per_s and cooling != "air":
         raise DesignError(
-            "a fan needs air",
-            value=f"cooling {cooling}",
-            action="cool with air, or leave it out",
+            "a fan needs air", value=f"cooling {cooling}", action="cool with air, or leave it out"
         )
     if air_m_per_s and not SLOWEST_FAN_M_PER_S <= air_m_per_s <= FASTEST_FAN_M_PER_S:
         raise DesignError(

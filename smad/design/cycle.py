@@ -22,13 +22,7 @@ from sim_device.plant.geometry import (
 )
 from sim_device.plant.parameters import ParameterSet, spring_factors
 from sim_device.plant.units import ZERO_C
-from smad.design.checked import (
-    DesignError,
-    anneals_s,
-    outside,
-    refuse_fan,
-    refuse_impossible,
-)
+from smad.design.checked import DesignError, anneals_s, outside, refuse_fan, refuse_impossible
 
 DT_S = 0.02
 STEP_K = 0.5

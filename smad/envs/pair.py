@@ -71,10 +71,7 @@ class SpringPairEnv(gymnasium.Env[Observation, npt.NDArray[np.floating[Any]]]):
         )
 
     def _info(self, ended_by: str) -> dict[str, Any]:
-        return {
-            "true_displacement_mm": float(self._episodes.true_mm[0]),
-            "ended_by": ended_by,
-        }
+        return {"true_displacement_mm": float(self._episodes.true_mm[0]), "ended_by": ended_by}
 
     def render(self) -> npt.NDArray[np.uint8] | None:
         """The pair as a picture, shape (160, 480, 3), if `render_mode` is "rgb_array"."""

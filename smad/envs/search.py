@@ -95,10 +95,7 @@ class Search:
         return self.population * self.episodes
 
     def run(
-        self,
-        env: Vector,
-        seed: int,
-        progress: Callable[[int, float], None] | None = None,
+        self, env: Vector, seed: int, progress: Callable[[int, float], None] | None = None
     ) -> Array:
         """The weights it ends with. All candidates of a generation meet the same plants and
         references. Raises EnvError for an environment of another size."""

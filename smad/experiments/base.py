@@ -20,12 +20,7 @@ from smad.experiments.estimate import Estimate
 from smad.report.page import Block
 
 PAPER_CONTROL = Do(
-    Tune(
-        current_limit_A=4.0,
-        cooling="proportional",
-        feedforward=False,
-        drain_before_heating=False,
-    )
+    Tune(current_limit_A=4.0, cooling="proportional", feedforward=False, drain_before_heating=False)
 )
 """The control of all tracking runs: the configured gains, 4 A, duty |u|/4 A on the other pump."""
 

@@ -148,13 +148,7 @@ def instrument_lag(data: DscData) -> float:
 
 
 def _peak(
-    data: DscData,
-    half: Mask,
-    above_K: float,
-    *,
-    sign: float,
-    lag_s: float,
-    window_K: float,
+    data: DscData, half: Mask, above_K: float, *, sign: float, lag_s: float, window_K: float
 ) -> Peak:
     order = np.argsort(data.temperature_K[half])
     temperature = data.temperature_K[half][order] - sign * lag_s * data.rate_K_per_s
@@ -306,13 +300,7 @@ def _figure(data: DscData, heating: Peak, cooling: Peak) -> Picture:
     figure, (axes,) = new_figure(height_in=3.0)
     rate = np.gradient(data.temperature_K, data.t_s)
     for half, name, colour in ((rate > 0, "heating", "x"), (rate < 0, "cooling", "main")):
-        draw(
-            axes,
-            data.temperature_K[half] - ZERO_C,
-            data.heat_flow_W[half] * 1e3,
-            name,
-            colour,
-        )
+        draw(axes, data.temperature_K[half] - ZERO_C, data.heat_flow_W[half] * 1e3, name, colour)
     for temperature, name in (
         (heating.low_K, "A_S"),
         (heating.high_K, "A_F"),

@@ -10,13 +10,7 @@ from smad.control.metrics import tracking_r2
 from smad.experiments.base import Comparison, Findings, Options
 from smad.experiments.driver import Driver
 from smad.experiments.recording import Recording
-from smad.experiments.tracking import (
-    CONTROLS,
-    SineExperiment,
-    SineOptions,
-    score_of,
-    sine_plan,
-)
+from smad.experiments.tracking import CONTROLS, SineExperiment, SineOptions, score_of, sine_plan
 from smad.report.page import Table, Text
 from smad.report.panels import Panels, followed
 
@@ -108,7 +102,7 @@ class Fig11Tracking(SineExperiment[TrackingOptions]):
                 Table(header, rows, numeric=frozenset({1, 2, 4, 5})),
                 Text(
                     "In air neither spring cools below M_S between two pulls. Both drift towards "
-                    "austenite until the pair stands still: the paper's “residual heat”.",
+                    "austenite until the pair stands still: the paper's “residual heat”."
                 ),
             ),
         )

@@ -72,10 +72,7 @@ def chosen_experiments(names: Sequence[str], settings: Sequence[str] = ()) -> li
     They come in the order of the report. Raises ExperimentError.
     """
     if not names:
-        raise ExperimentError(
-            "name an experiment, or `all`",
-            action="smad run --list shows them",
-        )
+        raise ExperimentError("name an experiment, or `all`", action="smad run --list shows them")
     chosen = [name for name in EXPERIMENTS if ALL in names or name in names]
     for name in names:
         if name != ALL and name not in EXPERIMENTS:

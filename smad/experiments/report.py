@@ -112,9 +112,7 @@ def campaign_page(
 ) -> Page:
     """The whole page. `given` are the parameters of the simulated bench, None on a real one."""
     digest = hashlib.sha256(parameters_text(model).encode()).hexdigest()[:12]
-    sections = [
-        Section("Comparison with the paper", (comparison_table(result),), "paper"),
-    ]
+    sections = [Section("Comparison with the paper", (comparison_table(result),), "paper")]
     sections += [
         Section(
             done.experiment.title,

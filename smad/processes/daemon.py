@@ -77,10 +77,7 @@ class DaemonProcess:
         else:
             self.end()
         last = self.last_line.removeprefix("smad: ") or f"it did nothing for {STALLED_S:g} s"
-        raise DaemonError(
-            f"the daemon did not start: {last}",
-            action=f"see {self.log}",
-        )
+        raise DaemonError(f"the daemon did not start: {last}", action=f"see {self.log}")
 
     def end(self, number: int = signal.SIGINT) -> int:
         """Send a signal, wait for the end, return the exit status.

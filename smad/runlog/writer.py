@@ -221,9 +221,7 @@ class RunWriter:
 
 
 def write_run(
-    path: str | Path,
-    header: RunHeader,
-    records: Iterable[Record | tuple[Row, str, float]],
+    path: str | Path, header: RunHeader, records: Iterable[Record | tuple[Row, str, float]]
 ) -> int:
     """Write a whole run to a new file; returns how many records it holds.
 

@@ -48,11 +48,7 @@ class Plan:
 
 
 def plan(
-    inputs: Any,
-    simulator: Simulator,
-    *,
-    window_s: float | None = None,
-    within_s: float = 5.0,
+    inputs: Any, simulator: Simulator, *, window_s: float | None = None, within_s: float = 5.0
 ) -> Plan:
     """Rate what runs with these inputs would show, before any is measured.
 

@@ -12,16 +12,7 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from smad.diagnosis.plant import (
-    Array,
-    Channel,
-    Effect,
-    Mask,
-    ModelPoint,
-    Parameter,
-    Signal,
-    Traits,
-)
+from smad.diagnosis.plant import Array, Channel, Effect, Mask, ModelPoint, Parameter, Signal, Traits
 from smad.diagnosis.runs import GapRun
 from smad.simulators.errors import SimulatorError
 from smad.simulators.processes import Processes

@@ -16,14 +16,7 @@ from smad.diagnosis.data.admission import row_of_admitted_s
 from smad.diagnosis.data.columns import filled, up_to_first_hole
 from smad.diagnosis.data.grid import row_length_s
 from smad.diagnosis.numerics.threads import each
-from smad.diagnosis.plant import (
-    Array,
-    Mask,
-    ModelPoint,
-    moved_parameters,
-    nominal_point,
-    traits_of,
-)
+from smad.diagnosis.plant import Array, Mask, ModelPoint, moved_parameters, nominal_point, traits_of
 from smad.diagnosis.runs import GapRun
 from smad.simulators.errors import SimulatorError
 from smad.simulators.replayed import ReplayedPlant

@@ -133,6 +133,5 @@ def temperature_trial(name: str, gains: Tune, spring: Spring, from_degC: float) 
         spring=spring, temperature_degC=from_degC + HELD_K, duration_s=20.0, use_water=False
     )
     return Plan(
-        f"tune-trial-{name}",
-        (Do(gains), Mark("trial"), Do(heat), UntilDone(60.0), Mark("end")),
+        f"tune-trial-{name}", (Do(gains), Mark("trial"), Do(heat), UntilDone(60.0), Mark("end"))
     )

@@ -22,15 +22,7 @@ from smad.control.tuning.identify import (
     stillness,
 )
 from smad.control.tuning.plans import SPRINGS, START_MM, TRIAL_CYCLES, TRIAL_MM, TRIAL_PERIOD_S
-from smad.control.tuning.rules import (
-    NOISE_A,
-    Gains,
-    Lag,
-    Margins,
-    band_mm,
-    gains_for,
-    margins_of,
-)
+from smad.control.tuning.rules import NOISE_A, Gains, Lag, Margins, band_mm, gains_for, margins_of
 
 Columns = Mapping[str, ArrayLike]
 Marks = Mapping[str, float]

@@ -114,10 +114,8 @@ class MujocoModel:
         else:
             joint = number_of(m, "joint", row.joint, key)
             unit = "N m" if is_hinge(m, joint, key) else "N"
-            column, scale = (
-                m.nu + int(m.jnt_dofadr[joint]),
-                self._in_si(name, row, unit, key),
-            )
+            column = m.nu + int(m.jnt_dofadr[joint])
+            scale = self._in_si(name, row, unit, key)
         late = (row.held or self.mapped.held) == "from"
         return Driven(name, column, scale * row.scale, row.offset, late)
 
