@@ -308,7 +308,7 @@ def headline_of(
     """The verdict in one line."""
     if outcome == QUIET:
         return {
-            DIFFERS: "nothing is missing: the simulator is as good as the readings",
+            DIFFERS: "nothing is missing beyond the floor of the readings",
             CHANGED: "nothing is new beyond what good runs differ in",
             CHECK_UP: "no change beyond the repeat floor",
         }[question]

@@ -13,6 +13,7 @@ from smad.diagnosis.rivals.score import (
     NOTHING,
     PARAMETERS,
     effective_rows,
+    log_scores,
     probabilities,
     quiet_gap,
 )
@@ -52,6 +53,14 @@ def missing(
 ) -> float:
     """The probability that anything is missing."""
     return sum(of(leads, near=near, by_rows=by_rows)[2:])
+
+
+def test_what_is_left_below_the_floor_does_not_count_whatever_a_lag_takes_of_it() -> None:
+    counts = np.full((1, 3), 200.0)
+    left = {"half a floor": [0.25, 900.0, 0.0], "nothing": [0.0, 900.0, 0.0]}
+    half, nothing = (log_scores(np.array([v]) * counts, counts)[0] for v in left.values())
+    assert half == nothing
+    assert log_scores(np.array([[0.25, 290.0, 0.0]]) * counts, counts)[0] > half + 1.0
 
 
 @pytest.mark.parametrize("leads", [(0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 3.0, 9.0, -2.0, 700.0)])

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from smad.diagnosis.rivals import search as searching
 from smad.diagnosis.rivals.fit import Fit
 from smad.diagnosis.rivals.parts import EffectPart, Model
 from smad.diagnosis.rivals.rival import Question, Rival
@@ -195,3 +196,37 @@ def test_an_imitated_effect_begins_halfway_unless_it_was_fitted_beside_other_par
     assert part is lag
     assert start[:2].tolist() == [2.0, 3.0]
     assert start[2:].tolist() == lag.weaker(np.full(size, 8.0), 0.5).tolist()
+
+
+@pytest.mark.parametrize(("leaves", "begins"), [(900.0, True), (1300.0, False)])
+def test_beside_a_cause_an_effect_begins_as_it_was_fitted_without_it_where_it_leaves_less_so(
+    leaves: float, begins: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    effects = {e.name: e for e in SmaPlant().effects}
+    lag, gain = EffectPart(effects["rtd_lag"]), EffectPart(effects["driver_gain"])
+
+    def fitted(part: EffectPart, parameters: list[float], value: float) -> Rival:
+        model = Model(
+            plant=cast(Any, SimpleNamespace(parameters=["film", "loss"])),
+            start=cast(Any, None),
+            parameter_precision=np.eye(2),
+            parts=(part,),
+        )
+        fit = SimpleNamespace(model=model, x=np.array([*parameters, *[value] * part.size]))
+        return replace(leaving(EFFECT, 9.0), name=part.name, fit=cast(Any, fit))
+
+    # Beside the lag the parameters have moved to imitate the gain: 4.0 and 5.0.
+    entered, other = fitted(lag, [4.0, 5.0], 0.6), fitted(gain, [0.1, 0.2], 0.06)
+    assert entered.fit is not None
+    base = SimpleNamespace(model=entered.fit.model, x=entered.fit.x)
+    search = SimpleNamespace(
+        steps=[SimpleNamespace(rivals=(entered, other, leaving(NOTHING, 30.0)))],
+        question=SimpleNamespace(evidence=None),
+    )
+
+    def objective_at(_: object, model: Model, x: np.ndarray) -> float:
+        return leaves if [part.name for part in model.parts] == [lag.name, gain.name] else 1200.0
+
+    monkeypatch.setattr(searching, "objective_at", objective_at)
+    begun = [x.tolist() for _, x in Searched._as_before(cast(Any, search), cast(Any, base))]
+    assert begun == [[0.1, 0.2, *[0.6] * lag.size, *[0.06] * gain.size]] * begins
