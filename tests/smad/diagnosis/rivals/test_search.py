@@ -78,7 +78,9 @@ def test_a_fit_is_steadied_only_where_the_part_then_explains_something(
 def test_a_simulator_that_leaves_more_than_nothing_new_leaves_is_refuted_by_one_that_does_not(
     form_share: float, effect: float, refuted: list[bool]
 ) -> None:
-    question = SimpleNamespace(gap=floors_left, quiet_gap=1.35, form_share=form_share, form=())
+    question = SimpleNamespace(
+        gap=floors_left, quiet_gap=1.35, form_share=form_share, form=(), tied="a day"
+    )
     rivals = [
         leaving(NOTHING, 1.5),
         leaving(EFFECT, effect),
@@ -89,7 +91,9 @@ def test_a_simulator_that_leaves_more_than_nothing_new_leaves_is_refuted_by_one_
 def test_a_part_that_is_nearly_right_is_refuted_only_where_floors_hold_an_error_of_form() -> None:
     left = [leaving(EFFECT, 1.5), leaving(NOTHING, 0.9)]
     for form_share, refuted in ((0.0, False), (0.9, True)):
-        question = SimpleNamespace(gap=floors_left, quiet_gap=1.35, form_share=form_share, form=())
+        question = SimpleNamespace(
+            gap=floors_left, quiet_gap=1.35, form_share=form_share, form=(), tied="a day"
+        )
         first, _ = Question.refuted(cast(Any, question), cast(Any, left))
         assert first is refuted
 
@@ -97,9 +101,18 @@ def test_a_part_that_is_nearly_right_is_refuted_only_where_floors_hold_an_error_
 def test_a_simulator_that_a_part_has_entered_is_not_refuted_by_what_its_form_leaves() -> None:
     left = [leaving(NOTHING, 1.5), leaving(EFFECT, 0.9)]
     question = SimpleNamespace(
-        gap=floors_left, quiet_gap=1.35, form_share=0.0, form=("of one run",)
+        gap=floors_left, quiet_gap=1.35, form_share=0.0, form=("of one run",), tied="a day"
     )
     assert Question.refuted(cast(Any, question), cast(Any, left)) == [False, False]
+
+
+@pytest.mark.parametrize(("tied", "refuted"), [(None, True), ("a day", False)])
+def test_where_all_leave_much_a_part_that_lessens_nothing_is_refuted_if_parameters_are_free(
+    tied: str | None, refuted: bool
+) -> None:
+    question = SimpleNamespace(gap=floors_left, quiet_gap=1.35, form_share=0.0, form=(), tied=tied)
+    left = [leaving(NOTHING, 20.0), leaving(EFFECT, 20.5), leaving(EFFECT, 15.0)]
+    assert Question.refuted(cast(Any, question), left) == [False, refuted, False]
 
 
 @pytest.mark.parametrize(
