@@ -13,6 +13,7 @@ import sim_device.plant
 import smad.checkup
 import smad.control
 import smad.diagnosis
+from evaluation.score import first_step
 
 
 def commit() -> str:
@@ -31,7 +32,7 @@ def source_digest(*asking: ModuleType) -> str:
     """SHA-256 over the code that a verdict depends on, and the versions of what it calculates with.
 
     That is the product's diagnosis and check-up, the plant, the controller of the simulated
-    experiments, and the packages that are `asking`.
+    experiments, what is kept of a first step, and the packages that are `asking`.
     """
     h = hashlib.sha256()
     for name in ("numpy", "scipy"):
@@ -40,4 +41,5 @@ def source_digest(*asking: ModuleType) -> str:
         folder = Path(package.__file__ or "").parent
         for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.toml")]):
             h.update(str(path.relative_to(folder)).encode() + b"\0" + path.read_bytes())
+    h.update(Path(first_step.__file__).read_bytes())
     return h.hexdigest()
