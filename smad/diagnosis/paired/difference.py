@@ -60,7 +60,8 @@ class Paired:
 
     def evidence(self) -> Evidence:
         """The pairs as rows."""
-        return Evidence(trials=tuple(p.trial for p in self.pairs))
+        trials = tuple(p.trial for p in self.pairs)
+        return Evidence(trials=trials, least=0.0 if self.good.floor.degrees else 1.0)
 
     def repeated(self, known: Known | None) -> Known | None:
         """What is known of the good runs, of the pairs; None where a run has other inputs."""

@@ -57,9 +57,12 @@ class Evidence:
     """Some trials as rows; n rows in all, each of one of the channels.
 
     `fold` (n,) numbers the part of the data that a row is left out with, −1 where it is not valid.
+    `least` is the mean square in floors below which nothing can be told: 1 where a floor holds what
+    no simulator is trusted below, 0 where repeats have shown it.
     """
 
     trials: tuple[Trial, ...]
+    least: float = 1.0
 
     @property
     def played(self) -> list[Played]:
@@ -206,7 +209,7 @@ class Evidence:
 
     def part(self, chosen: Sequence[int]) -> Evidence:
         """Some of the trials."""
-        return Evidence(trials=tuple(self.trials[k] for k in chosen))
+        return replace(self, trials=tuple(self.trials[k] for k in chosen))
 
 
 def weights(

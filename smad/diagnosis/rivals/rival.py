@@ -137,7 +137,7 @@ class Question:
     def scored(self) -> Evidence:
         """The judged runs in floors that hold the `form` of what has entered, where it has one."""
         pairs = zip(self.judged.trials, self.form, strict=True)
-        return Evidence(trials=tuple(t.less_known(form) for t, form in pairs))
+        return replace(self.judged, trials=tuple(t.less_known(form) for t, form in pairs))
 
     def after(self, fitted: Fit) -> Question:
         """The same once the parts of a fit have entered: what these leave says how well their form
@@ -202,7 +202,7 @@ class Question:
         """A rival by its prediction of the judged runs; what wanders in each is taken off."""
         squares = _squares(self.judged, predicted)
         scored = _squares(self.scored, predicted) if self.form else squares
-        scores = log_scores(scored, self.judged.counts)
+        scores = log_scores(scored, self.judged.counts, self.judged.least)
         return Rival(kind=kind, name=name, fit=fitted, squares=squares, scores=scores)
 
     def point_of(self, rival: Rival) -> ModelPoint:
@@ -294,8 +294,9 @@ class Question:
         floors hold nothing of it.
         """
         have_part = {r.has_part for r, is_near in zip(rivals, near, strict=True) if is_near}
+        e = self.judged
         if self.form and have_part == {True}:
-            return np.array([log_scores(r.squares, self.judged.counts) for r in rivals])
+            return np.array([log_scores(r.squares, e.counts, e.least) for r in rivals])
         return np.array([r.scores for r in rivals])
 
     def log_weight(self, rival: Rival) -> float:

@@ -1,11 +1,11 @@
 """One score for every rival, and from it a probability in two levels: whether, and which.
 
 A rival's score in run r and channel c is −log(v_rc + 1), v_rc being the mean square in floors that
-it leaves of rows it was not fitted to, and at least 1: below the floor nothing can be told. (Else a
-lag of half a sample, which takes a current from 0.9 to 0.2 floors, counts as much as one that takes
-an RTD from 30 floors to 17.) Thousands of rows do not contain the error of a model's form, so the
-likelihood is tempered (a power posterior, Grünwald 2017): few independent pieces of evidence, k,
-are counted for each run and channel, whatever its length,
+it leaves of rows it was not fitted to. Where a floor holds what no simulator is trusted below, v_rc
+is at least 1. (Else a lag of half a sample, which takes a current from 0.9 to 0.2 floors, counts as
+much as one that takes an RTD from 30 floors to 17.) Thousands of rows do not contain the error of a
+model's form, so the likelihood is tempered (a power posterior, Grünwald 2017): few independent
+pieces of evidence, k, are counted for each run and channel, whatever its length,
 
     w(rival) = prior(rival) · exp(−k/2 · Σ_rc log(v_rc + 1)).
 
@@ -50,12 +50,12 @@ _LAWS = 20
 NOTHING, PARAMETERS, EFFECT, LAW = "nothing", "parameters", "effect", "law"
 
 
-def log_scores(squares: Array, counts: Array) -> Array:
-    """−log(v + 1) of each run, summed over channels that it has, (runs,); v is 1 below the floor.
+def log_scores(squares: Array, counts: Array, least: float) -> Array:
+    """−log(v + 1) of each run, summed over channels that it has, (runs,); v is at least `least`.
 
     `squares` and `counts` are (runs, channels): sums of squares in floors, and how many rows.
     """
-    v = np.maximum(squares / np.maximum(counts, 1.0), 1.0)
+    v = np.maximum(squares / np.maximum(counts, 1.0), least)
     return np.asarray(-np.where(counts > 0, np.log(v + 1.0), 0.0).sum(axis=1))
 
 

@@ -29,12 +29,13 @@ def unseen_strengths(search: Searched) -> list[str]:
     v = e.variances(without_drifts(e, e.left(reference.exact)))
     runs = len(question.judged.trials)
     needed = question.temper.nothing - question.temper.each_effect(len(question.effects))
+    of_score = 2.0 * needed / (question.independent_rows * runs)
     absent = [(c, q) for c in search.changes if c.effect.name not in present and (q := c.typical)]
     rows: list[tuple[float, str]] = []
     added_by = variances_beside(e, reference)
     for change, q in absent:
         added = added_by(change.rows.astype(np.float64))
-        size = _strength(v, added, 2.0 * needed / (question.independent_rows * runs))
+        size = _strength(v, added, of_score, e.least)
         unit = "" if q.unit == "1" else f" {q.unit}"
         strength = size * abs(q.typical)
         words = f"less than {strength:.2g}{unit}" if strength < q.high else "any strength"
@@ -42,7 +43,7 @@ def unseen_strengths(search: Searched) -> list[str]:
     return [text for _, text in sorted(rows, reverse=True)]
 
 
-def _strength(v: Array, added: Array, needed: float) -> float:
+def _strength(v: Array, added: Array, needed: float, least: float) -> float:
     """How many times a change is needed, s, for v_c + s² a_c to cost `needed` of the score of v."""
 
     from scipy.optimize import brentq
@@ -50,7 +51,8 @@ def _strength(v: Array, added: Array, needed: float) -> float:
     once = np.ones((1, len(v)))
 
     def short(log_s: float) -> float:
-        of_v, of_both = (log_scores(x[None], once)[0] for x in (v, v + np.exp(2.0 * log_s) * added))
+        both = v + np.exp(2.0 * log_s) * added
+        of_v, of_both = (log_scores(x[None], once, least)[0] for x in (v, both))
         return float(of_v - of_both) - max(needed, 1e-3)
 
     low, high = np.log(_RANGE[0]), np.log(_RANGE[1])

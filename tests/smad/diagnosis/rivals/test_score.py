@@ -55,12 +55,17 @@ def missing(
     return sum(of(leads, near=near, by_rows=by_rows)[2:])
 
 
-def test_what_is_left_below_the_floor_does_not_count_whatever_a_lag_takes_of_it() -> None:
-    counts = np.full((1, 3), 200.0)
-    left = {"half a floor": [0.25, 900.0, 0.0], "nothing": [0.0, 900.0, 0.0]}
-    half, nothing = (log_scores(np.array([v]) * counts, counts)[0] for v in left.values())
-    assert half == nothing
-    assert log_scores(np.array([[0.25, 290.0, 0.0]]) * counts, counts)[0] > half + 1.0
+@pytest.mark.parametrize(("least", "counts_below"), [(1.0, False), (0.0, True)])
+def test_what_is_left_below_a_floor_counts_only_where_repeats_have_shown_the_floor(
+    least: float, counts_below: bool
+) -> None:
+    rows = np.full((1, 3), 200.0)
+    half, nothing, less = (
+        log_scores(np.array([[below, much, 0.0]]) * rows, rows, least)[0]
+        for below, much in ((0.25, 900.0), (0.0, 900.0), (0.25, 290.0))
+    )
+    assert bool(nothing > half) is counts_below
+    assert less > half + 1.0
 
 
 @pytest.mark.parametrize("leads", [(0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 3.0, 9.0, -2.0, 700.0)])
