@@ -2,9 +2,10 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cache
 
-from sim_device.plant.units import UNITS
+from sim_device.plant.units import UNITS, Unit
 
 SPELLINGS: Mapping[str, str] = {
     "°C": "degC", "℃": "degC", "ºC": "degC", "°F": "degF", "ºF": "degF", "° C": "degC",
@@ -33,9 +34,15 @@ _ENDINGS = dict(sorted(_ALL.items(), key=lambda pair: -len(pair[0])))
 """How the name of a column or a parameter ends, after a "_", and its unit; longer ones first."""
 
 
-_MORE = ("L", "mL", "J", "kJ", "Hz", "Ohm", "Ah", "Wh", "m2", "m3", "mol")
-"""Parts of compound units that are no units of the table."""
-_SYMBOLS = {"m": "mass", "L": "length", "s": "length", "K": "", "V": "voltage"}
+_MORE = {
+    "L": Unit("m3", 1e-3), "l": Unit("m3", 1e-3), "mL": Unit("m3", 1e-6), "ml": Unit("m3", 1e-6),
+    "J": Unit("J", 1.0), "kJ": Unit("J", 1e3), "Wh": Unit("J", 3600.0),
+    "Ah": Unit("A s", 3600.0), "mol": Unit("mol", 1.0), "m2": Unit("m2", 1.0),
+    "m3": Unit("m3", 1.0), "Hz": UNITS["Hz"], "Ohm": UNITS["Ohm"],
+}  # fmt: skip
+"""Parts of compound units that are no units of the table, or no ends of names."""
+_POWERS = {"": 1, "2": 2, "3": 3, "²": 2, "³": 3}
+_SYMBOLS = {"m": "mass", "L": "length", "l": "length", "s": "length", "K": "", "V": "voltage"}
 """Units that are symbols of a quantity as well: "arm_m_kg" is a mass, no metre for a kilogram."""
 _TIMES = {("N", "m"), ("N", "mm"), ("N", "s"), ("V", "s"), ("W", "s"), ("A", "s"), ("A", "h")}
 """Of the units at the beginning of a compound, those that are multiplied."""
@@ -110,11 +117,53 @@ def is_unit(word: str) -> bool:
     return spelt(word) in UNITS or word.strip() in ("-", "–")
 
 
+@cache
+def known(unit: str) -> Unit | None:
+    """A unit of the table, or a product or quotient of such: "L/min", "W/(m² K)".
+
+    Its base units are written with their powers: "m3 s-1". Temperatures in a compound are
+    differences. None for what is neither.
+    """
+    if unit in UNITS:
+        base = UNITS[unit]
+        return Unit(_in_powers(_factors(base.si)), base.scale, base.offset)
+    scale, powers = 1.0, list[tuple[str, int]]()
+    for word, power in _factors(unit):
+        of = _MORE.get(word) or UNITS.get(spelt(word))
+        if of is None or not re.search("[ /]", unit):
+            return None
+        scale *= of.scale**power
+        powers += [(name, power * count) for name, count in _factors(of.si)]
+    return Unit(_in_powers(powers), scale)
+
+
+def _factors(unit: str) -> Iterator[tuple[str, int]]:
+    """The units in a product or quotient, each with its power."""
+    for n, side in enumerate(unit.split("/")):
+        for word in re.split(r"[ ·*()]+", side.strip(" ()")):
+            name, power = word.rstrip("23²³"), word[len(word.rstrip("23²³")) :]
+            yield name.rstrip("^"), (-1 if n else 1) * _POWERS.get(power, 1)
+
+
+def _in_powers(factors: Iterable[tuple[str, int]]) -> str:
+    powers: dict[str, int] = {}
+    for name, power in factors:
+        powers[name] = powers.get(name, 0) + power
+    left = sorted((name, power) for name, power in powers.items() if power and name != "1")
+    return " ".join(name if power == 1 else f"{name}{power}" for name, power in left) or "1"
+
+
+def convertible(unit: str, to: str) -> bool:
+    """Whether a value in `unit` can be converted to the unit `to`."""
+    if unit == to:
+        return True
+    source, target = known(unit), known(to)
+    return source is not None and target is not None and source.si == target.si
+
+
 def units_for(unit: str) -> list[str]:
-    """The units that can be converted to `unit`, itself included."""
-    if unit not in UNITS:
-        return [unit]
-    return [name for name, other in UNITS.items() if other.si == UNITS[unit].si]
+    """The units of the table that can be converted to `unit`, and itself."""
+    return [*([] if unit in UNITS else [unit]), *(u for u in UNITS if convertible(u, unit))]
 
 
 def alternatives(unit: str) -> str:

@@ -13,10 +13,9 @@ from typing import Annotated
 import msgspec
 
 from firmware_protocol.nearest import instead
-from sim_device.plant.units import UNITS
 from smad.errors import LogImportError
 from smad.runlog.schema import CHANNELS
-from smad.units import BRACKETED, alternatives, parted_name, spelt, unit_of, units_for
+from smad.units import BRACKETED, alternatives, known, parted_name, spelt, unit_of, units_for
 
 _PER_SPRING = {
     "i_cmd_{}_A": ("i_cmd", "current_cmd", "current_command", "current_set"),
@@ -154,20 +153,21 @@ def parted(name: str) -> tuple[str, str]:
 
 
 def quantity_in(name: str) -> tuple[str, str]:
-    """The quantity in a name, in small letters, and the unit of the table that it ends with.
+    """The quantity in a name, in small letters, and the unit that it ends with.
 
-    Units of several words are known, too: `torque_N_m`. The unit is empty where it has none.
+    That is one of the table, `torque_N_m`, or a compound of such, `Inflow [L/min]`; it is empty
+    where the name has none.
     """
     if BRACKETED.match(name.strip()) or not unit_of(name):
         stem, unit = parted(name)
     else:
         stem, unit = parted_name(name)
-    has_unit = unit in UNITS and unit != "1" and not name.endswith(_NO_UNIT)
+    has_unit = known(unit) is not None and unit != "1" and not name.endswith(_NO_UNIT)
     return (_plain(stem), unit) if has_unit else (_plain(name), "")
 
 
 def unit_in(name: str) -> str:
-    """The unit of the table that a name ends with; empty where it ends with none."""
+    """The unit that a name ends with, as `quantity_in` has it; empty where it ends with none."""
     return quantity_in(name)[1]
 
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_device.plant.units import UNITS
 from smad.errors import LogImportError
-from smad.units import alternatives, units_for
+from smad.units import alternatives, known
 
 
 @dataclass(frozen=True)
@@ -42,12 +41,12 @@ def convert(values: NDArray[np.float64], unit: str, to: str) -> NDArray[np.float
     """`values`, shape (n,), from `unit` to `to`. Raises LogImportError when these do not fit."""
     if unit == to:
         return values
-    if unit not in units_for(to):
+    source, target = known(unit), known(to)
+    if source is None or target is None or source.si != target.si:
         raise LogImportError(
             f"{unit} is no unit for a value in {to}",
             value=unit,
             limit=alternatives(to),
             action="correct the unit",
         )
-    source, target = UNITS[unit], UNITS[to]
     return (values * source.scale + (source.offset - target.offset)) / target.scale

@@ -19,7 +19,7 @@ from smad.records.readings import CODES
 from smad.records.tables import left_out, read_columns, require_rising
 from smad.records.units import Written, convert
 from smad.simulators.errors import SimulatorError
-from smad.units import units_for
+from smad.units import convertible, units_for
 
 TIMES = ("t_s", "time_s", "time", "t", "timestamp_s")
 """Names of a column that is the time in s; `Time [ms]` and other units are understood, too."""
@@ -64,10 +64,9 @@ class Table:
         if name in self.columns:
             return name
         quantity, unit = quantity_in(name)
-        units = units_for(unit) if unit else []
         quantities = {n: quantity_in(n) for n in self.columns}
-        alike = [n for n, (q, u) in quantities.items() if q == quantity and u in units]
-        return alike[0] if len(alike) == 1 else ""
+        alike = [n for n, (q, u) in quantities.items() if q == quantity and convertible(u, unit)]
+        return alike[0] if unit and len(alike) == 1 else ""
 
     def why_unread(self, name: str) -> str:
         """Why a column that would be read as `name` could not be; empty where there is none."""

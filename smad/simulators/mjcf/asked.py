@@ -31,7 +31,7 @@ from smad.simulators.mjcf.model import MujocoModel, load
 from smad.simulators.mjcf.parts import number_of
 from smad.simulators.mjcf.saving import save
 from smad.simulators.planning import Plan, plan
-from smad.units import alternatives, spelt, units_for
+from smad.units import alternatives, convertible, spelt, units_for
 
 _PRIOR_OF_RANGE = 1.0 / 6.0
 
@@ -224,7 +224,7 @@ def _written(row: InputRow | ChannelRow, name: str) -> Written:
     unit = stated or (named if plain else "")
     if not target or not unit or target == unit:
         return Written()
-    if unit not in units_for(target):
+    if not convertible(unit, target):
         raise SimulatorError(
             f"the map gives {name} a column in another unit",
             value=row.column_unit or row.column,

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from smad.units import parted_name
+from smad.errors import LogImportError
+from smad.records.units import convert
+from smad.units import parted_name, units_for
 
 
 @pytest.mark.parametrize(
@@ -22,3 +25,29 @@ def test_a_name_ends_with_a_unit_or_a_compound_of_units(
     name: str, quantity: str, unit: str
 ) -> None:
     assert parted_name(name) == (quantity, unit)
+
+
+@pytest.mark.parametrize(
+    ("unit", "to", "factor"),
+    [
+        ("m3/s", "L/min", 60000.0), ("mL/min", "L/min", 1e-3), ("l/min", "L/min", 1.0),
+        ("L/s", "m³/s", 1e-3), ("L/(min bar)", "m3/(s Pa)", 1e-5 / 60000.0),
+        ("degC/min", "K/s", 1.0 / 60.0), ("rpm", "rad/s", np.pi / 30.0), ("kJ/kg", "J/kg", 1e3),
+        ("N mm", "N m", 1e-3), ("g/cm3", "kg/m3", 1e3), ("degF", "degC", None),
+    ],
+)  # fmt: skip
+def test_a_quotient_or_product_of_known_units_is_converted(
+    unit: str, to: str, factor: float | None
+) -> None:
+    (zero, one) = convert(np.array([0.0, 1.0]), unit, to).tolist()
+    if factor is None:  # a unit of the table keeps its zero
+        assert (zero, one) == pytest.approx((-160.0 / 9.0, -155.0 / 9.0))
+    else:
+        assert (zero, one) == pytest.approx((0.0, factor))
+
+
+@pytest.mark.parametrize("unit", ["L", "L/min/bar", "m/s", "furlong/s", ""])
+def test_a_unit_of_another_quantity_is_refused_with_those_that_fit(unit: str) -> None:
+    with pytest.raises(LogImportError, match=r"allowed: L/min, m3/s, mm3/s; correct the unit"):
+        convert(np.ones(1), unit, "L/min")
+    assert units_for("L/min") == ["L/min", "m3/s", "mm3/s"]

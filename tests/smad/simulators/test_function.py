@@ -673,6 +673,28 @@ def test_columns_in_other_units_are_converted_to_those_that_the_function_names()
     )
 
 
+def tank(t, inputs, values, start):
+    level = np.cumsum(values["gain_mm_L"] * inputs["inflow_L_min"] / 60.0) * (t[1] - t[0])
+    return {"level_mm": level}
+
+
+@pytest.mark.parametrize(
+    ("column", "factor"),
+    [
+        ("Inflow [L/min]", 1.0), ("Inflow (L/min)", 1.0), ("inflow_l_min", 1.0),
+        ("inflow_mL_min", 1e3), ("inflow_L_s", 1.0 / 60.0), ("inflow_m3_s", 1.0 / 60000.0),
+        ("Inflow [m3/s]", 1.0 / 60000.0),
+    ],
+)  # fmt: skip
+def test_a_column_in_a_compound_unit_is_converted(column: str, factor: float) -> None:
+    inflow = np.repeat([0.0, 4.0, 8.0, 0.0], 50)
+    run = {"t_s": 0.1 * np.arange(200), column: inflow * factor, "level_mm": np.cumsum(inflow)}
+    declared = simulator(tank, parameters={"gain_mm_L": (1.0, 0.5, 2.0)})
+    ((fit,),) = bind(declared, [run]).groups
+    np.testing.assert_allclose(fit.inputs["inflow_L_min"], inflow, rtol=1e-12)
+    assert fit.notes == (f"inflow_L_min is column {column!r}, converted",)
+
+
 @pytest.mark.parametrize(
     ("column", "factor", "offset", "unit"),
     [("temperature_degC", 1.8, 32.0, "degF"), ("power_W", 1e3, 0.0, "mW")],
