@@ -39,6 +39,13 @@ class GapRun:
     written: Mapping[str, Written] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        # What is an array already stays the same object.
+        if not _is_column(self.t_s):
+            object.__setattr__(self, "t_s", self._numbers("t_s", self.t_s))
+        for role, kind in (("inputs", self.inputs), ("outputs", self.outputs)):
+            if not all(_is_column(column) for column in kind.values()):
+                numbers = {name: self._numbers(name, column) for name, column in kind.items()}
+                object.__setattr__(self, role, numbers)
         n = len(self.t_s)
         for kind in (self.inputs, self.outputs):
             for name, column in kind.items():
@@ -49,6 +56,21 @@ class GapRun:
                         limit=n,
                         action="give every column one value for each sample",
                     )
+
+    def _numbers(self, name: str, column: object) -> Array:
+        """A column, such as a list, as an array. Raises GapError for what is no numbers."""
+        try:
+            numbers = np.asarray(column, dtype=np.float64)
+        except (TypeError, ValueError):
+            numbers = np.zeros(())
+        if numbers.ndim != 1:
+            raise GapError(
+                f"run {self.name}: column {name} is no sequence of numbers",
+                value=type(column).__name__,
+                limit="one number for each sample",
+                action="give an array, or a list",
+            )
+        return numbers
 
     @property
     def duration_s(self) -> float:
@@ -72,6 +94,13 @@ class GapRun:
             return np.ones(len(self.t_s))
         stops = np.searchsorted(self.whole.t_s, self.t_s, side="right")
         return np.asarray(np.diff(np.r_[0, stops]), dtype=np.float64)
+
+    @cached_property
+    def readings(self) -> Array:
+        """How many valid samples of `whole` each sample is the mean of, shape (n,)."""
+        good = (self if self.whole is None else self.whole).good.astype(np.float64)
+        size = self.pieces.astype(np.intp)
+        return np.asarray(np.add.reduceat(good, np.cumsum(size) - size))
 
     @property
     def digest(self) -> str:
@@ -115,6 +144,10 @@ class GapRun:
             outputs={k: v[start:stop] for k, v in self.outputs.items()},
             valid=None if self.valid is None else self.valid[start:stop],
         )
+
+
+def _is_column(column: object) -> bool:
+    return isinstance(column, np.ndarray) and column.ndim == 1
 
 
 def bridged(column: Array) -> Array:
