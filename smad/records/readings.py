@@ -8,6 +8,7 @@ them, or that moves and then jumps. A column that is beyond its range otherwise 
 unit that it is likely to be in. A reading that several rows each repeat is named.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -42,8 +43,13 @@ _STEP, _NEAR = 0.05, 5
 """An input steps by more than this of its range; so many samples around it a reading may jump."""
 _MOST_MISSING, _MOST_UNKNOWN = 0.2, 0.5
 """Of a reading's samples, that may be missing; of an input's, that was not logged on change."""
-_HOLD = "give `hold = true` for it in the map if it was logged on change, or slower than the rest"
+_HOLD = (
+    "if it was logged on change, or slower than the rest, fill in what is between its numbers "
+    "(`hold = true` for it in a map)"
+)
 _OPEN = "is its sensor open?"
+_AT_ONCE = 0.5
+"""Of the samples that a reading lacks, that a slower or rarer log does not lack in one piece."""
 _LISTED = 3
 """Columns that a remark names."""
 _CHANGES, _REGULAR, _STEPS = 20, 0.9, 0.2
@@ -123,8 +129,12 @@ def checked_columns(
         if not readings:
             remarks.append(Remark("empty", d.name, f"{d.name} holds no number"))
         elif readings < least * n:
-            text = f"{d.name} holds a reading in {readings} of {n} samples only"
-            advice = _OPEN if column.share > _MOST_MISSING and not d.applied else _HOLD
+            text = f"{d.name} holds a reading in {readings} of {n} samples only, of at least "
+            text += f"{math.ceil(least * n)}"
+            missing = ~np.isfinite(column.values)
+            at_once = _longest(missing) > _AT_ONCE * np.sum(missing)
+            open_ = not d.applied and (column.share > _MOST_MISSING or at_once)
+            advice = _OPEN if open_ else _HOLD
             remarks.append(Remark("sparse", d.name, text, advice))
     return out, remarks
 
@@ -153,6 +163,10 @@ def checked(values: Array, declared: Declared, t_s: Array, steady: Mask | None =
     notes, bad = [], np.zeros(len(values), dtype=bool)
     steady = np.zeros(len(values), dtype=bool) if steady is None else steady
     codes = _codes(values, finite, declared)
+    rest = finite & ~codes & declared.beyond(values)
+    if _too_many(rest):
+        # In another unit any number may stand for a reading.
+        return Checked(values, (), refusal_words(values[finite & ~codes], declared), 0.0)
     for code in np.unique(values[codes]):
         coded = codes & (values == code)
         notes.append(
@@ -160,11 +174,7 @@ def checked(values: Array, declared: Declared, t_s: Array, steady: Mask | None =
             "a code, no reading"
         )
     bad |= codes
-    rest = finite & ~bad & declared.beyond(values)
     if rest.any():
-        if _too_many(rest):
-            refusal = refusal_words(values[finite & ~bad], declared)
-            return Checked(np.where(bad, np.nan, values), tuple(notes), refusal, 0.0)
         worst = values[rest][np.argmax(np.abs(values[rest]))]
         notes.append(
             f"{declared.name} is beyond {declared.range_words} in {_samples(rest, t_s)}, "

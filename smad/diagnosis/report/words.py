@@ -36,6 +36,8 @@ _FACTS = (
 )  # fmt: skip
 """Kinds of findings that say what was read and done; all others are doubts."""
 _NUMBER = re.compile(r"-?\d[\d.]*(e[-+]?\d+)?")
+_PLURALS = {"holds": "hold", "is": "are", "stays": "stay", "jumps": "jump", "repeats": "repeat"}
+"""Verbs that follow the name of a column, after several names."""
 _RUNS = 6
 _MOVED = 4
 _UNSEEN = 4
@@ -91,6 +93,9 @@ def _line(alike: Sequence[Finding]) -> str:
     runs = list(dict.fromkeys(f.run for f in alike))
     begins = list(dict.fromkeys(f.text.partition(" ")[0] for f in alike))
     rest = alike[0].text.partition(" ")[2]
+    if len(begins) > 1:
+        verb, _, more = rest.partition(" ")
+        rest = f"{_PLURALS.get(verb, verb)} {more}"
     alone = len({f.text.partition(" ")[2] for f in alike}) == 1
     return f"{listed(runs, _RUNS)}: {', '.join(begins)} {rest}" + (
         "" if alone else f" (the first of {len(alike)} alike)"

@@ -55,6 +55,28 @@ def test_a_column_beyond_its_range_is_told_in_the_numbers_of_its_file() -> None:
     assert refusal.startswith("i holds 0 to 90000 mA, declared 0 to 4 A: in uA?")
 
 
+def test_no_code_is_looked_for_in_a_column_that_is_refused() -> None:
+    i = np.rint(np.linspace(0.0, 4000.0, len(T)))
+    i[[50, 51, 300]] = 999.0, 999.0, 85.0
+    found = checked(i, Declared(name="i", unit="A", low=0.0, high=4.0, applied=True), T)
+    assert found.refusal.startswith("i holds 0 to 4000, declared 0 to 4 A: in mA?")
+    assert found.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("at_once", "advice"), [(True, "its sensor open?"), (False, "hold = true")]
+)
+def test_a_reading_that_lacks_a_third_is_asked_about_by_how_it_lacks_them(
+    at_once: bool, advice: str
+) -> None:
+    n = np.arange(len(T))
+    lacking = n < len(T) // 3 if at_once else n % 3 == 0
+    _, remarks = checked_columns({"T": np.where(lacking, np.nan, course())}, [WARM], T)
+    (sparse,) = [r for r in remarks if r.kind == "sparse"]
+    assert sparse.text.endswith(f"of {len(T)} samples only, of at least {len(T) * 4 // 5}")
+    assert advice in sparse.advice
+
+
 @pytest.mark.parametrize(("rows", "noise"), [(2, 0.1), (5, 0.1), (5, 0.0), (20, 0.1)])
 def test_a_reading_that_several_rows_repeat_is_read_between_the_first_of_each(
     rows: int, noise: float

@@ -267,6 +267,12 @@ def test_why_runs_were_refused_is_said_once_and_then_what_was_left_out_of_them()
     ]  # fmt: skip
 
 
+def test_what_holds_for_several_columns_is_said_of_them_in_the_plural() -> None:
+    said = [Finding("r", "out of range", f"i_{s}_A holds 0 to 4000", refuses=True) for s in "xy"]
+    assert "r: i_x_A, i_y_A hold 0 to 4000" in lines(verdict(REFUSED, findings=said))
+    assert "r: i_x_A holds 0 to 4000" in lines(verdict(REFUSED, findings=said[:1]))
+
+
 def test_what_to_do_next_goes_with_the_outcome() -> None:
     models = {"models": ["a", "b"]}
     commands = {o: [c for c, _ in advice(verdict(o, **models), "r.mcap")] for o in OUTCOMES}
