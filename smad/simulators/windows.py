@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from smad.diagnosis.data.admission import row_of_admitted_s
-from smad.diagnosis.data.columns import filled, up_to_first_hole
+from smad.diagnosis.data.columns import filled, up_to_first_hole, with_lost
 from smad.diagnosis.data.grid import row_length_s
 from smad.diagnosis.numerics.threads import each
 from smad.diagnosis.plant import Array, Mask, ModelPoint, moved_parameters, nominal_point, traits_of
@@ -81,7 +81,8 @@ def choose_window(
 
 def _usable(plant: ReplayedPlant, run: GapRun) -> GapRun:
     """A run as it will be admitted: up to its first hole, without NaN."""
-    used = filled(up_to_first_hole(run, row_of_admitted_s([run], plant), lambda *_, **__: None))
+    row_s = row_of_admitted_s([run], plant)
+    used = filled(with_lost(up_to_first_hole(run, row_s, lambda *_, **__: None)))
     return replace(used, outputs={n: y for n, y in used.outputs.items() if np.isfinite(y).all()})
 
 

@@ -13,13 +13,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from smad.diagnosis.data.columns import Say, filled, readable, up_to_first_hole
+from smad.counted import listed
+from smad.diagnosis.data.columns import (
+    EVEN,
+    Say,
+    filled,
+    jitter,
+    lost_share,
+    readable,
+    up_to_first_hole,
+    with_lost,
+)
 from smad.diagnosis.data.contract import replayed, require_contract
 from smad.diagnosis.data.doubts import doubted_columns
 from smad.diagnosis.data.grid import LEAST_PERIODS, MOST_ROWS, row_length_s
 from smad.diagnosis.data.guards import without_repeats
 from smad.diagnosis.data.opinions import compare, used
-from smad.diagnosis.data.rows import binned
+from smad.diagnosis.data.rows import MOSTLY, binned, steps_in_gaps
 from smad.diagnosis.plant import PlantModel, traits_of
 from smad.diagnosis.runs import GapRun, distinctly_named
 from smad.diagnosis.verdict import Finding
@@ -27,6 +37,10 @@ from smad.records.readings import doubted_step
 
 ROUNDED = 0.01
 """Of a sample: by how much lengths that are equal may differ through rounding."""
+_FEW = 0.005
+"""Of the samples, that may be lost without a word in a run that can be used."""
+_NAMED = 4
+"""Columns that a finding names."""
 
 
 @dataclass(frozen=True)
@@ -145,8 +159,13 @@ def _admit_one(
     run = readable(run, plant.inputs, plant.channels, say, traits_of(plant).longest_step_s)
     if any(f.refuses for f in findings):
         return run, findings
-    run = filled(up_to_first_hole(run, period_s, say))
+    cut = up_to_first_hole(run, period_s, say)
+    run = filled(with_lost(cut))
     _require_length(run, given, plant, period_s, say)
+    if not any(f.refuses for f in findings):
+        _require_channel(run, given, plant, say)
+    if not any(f.refuses for f in findings):
+        _require_rows(run, cut, plant, period_s, say)
     if any(f.refuses for f in findings):
         return run, findings
     if not contract_run:
@@ -168,7 +187,7 @@ def _admit_one(
 def _require_length(
     run: GapRun, given: GapRun, plant: PlantModel, period_s: float, say: Say
 ) -> None:
-    """Refuses a run that is too short, sampled too slowly, or has too few whole rows."""
+    """Refuses a run that is too short, or sampled too slowly."""
     least_s = max(LEAST_PERIODS * period_s, traits_of(plant).shortest_s)
     # Rows are whole samples: what a rounded time stamp lacks is not a missing one.
     if run.duration_s + run.dt_s < least_s - ROUNDED * run.dt_s:
@@ -182,16 +201,54 @@ def _require_length(
         return
     if text := doubted_step(run.t_s, 5 * period_s):
         say("time step", text, refuses=True)
-    steps = np.diff(run.t_s)
-    lost = float(np.sum(steps[steps > 1.5 * run.dt_s] - run.dt_s)) / run.duration_s
-    share = lost + 1.0 - float(np.mean(run.good))
-    rows = int(run.duration_s / period_s)
-    whole = int(binned(run, rows, plant, run.begins_s, period_s).valid.any(axis=1).sum())
-    if whole < LEAST_PERIODS:
+    elif (off := jitter(run.t_s)) > EVEN:
         text = (
-            f"{share:.0%} of the samples are lost or no readings: {whole} of {rows} rows of "
-            f"{period_s:g} s are whole; at least {LEAST_PERIODS} are needed"
+            f"steps of its time differ from {run.dt_s:.6g} s by {off:.0%} (median), more than "
+            f"{EVEN:.0%}: if samples were taken evenly, and only stamped late, give even times"
+        )
+        say("time uneven", text)
+
+
+def _require_channel(run: GapRun, given: GapRun, plant: PlantModel, say: Say) -> None:
+    """Refuses a run that has no reading of any channel, and names these."""
+    names = [c.name for c in plant.channels]
+    if any(n in run.outputs and np.isfinite(run.outputs[n]).any() for n in names):
+        return
+    absent = [n for n in names if n not in given.outputs]
+    few = [n for n in names if n in given.outputs]
+    why = [f"{listed(absent, _NAMED)} not recorded"] * bool(absent)
+    why += [f"{listed(few, _NAMED)} with too few readings"] * bool(few)
+    others = [n for n in given.outputs if n not in names]
+    instead = f" (but {listed(others, _NAMED)})" if others else ""
+    say(
+        "no channel",
+        f"{', '.join(why)}{instead}, so no channel is left to compare: record one, give its column "
+        "the channel's name, or leave the run out",
+        refuses=True,
+    )
+
+
+def _require_rows(run: GapRun, cut: GapRun, plant: PlantModel, period_s: float, say: Say) -> None:
+    """Refuses a run of which too few rows can be compared; says what is lost of one that can.
+
+    `cut`: the run with NaN where there is no reading, and without the samples that were lost.
+    """
+    lost, marked = lost_share(cut.t_s), 1.0 - float(np.mean(filled(cut).good))
+    lacking = [n for n, c in {**cut.inputs, **cut.outputs}.items() if not np.isfinite(c).all()]
+    of_which = f" (of {listed(lacking, _NAMED)})" if lacking else ""
+    shares = {"lost": lost, f"marked bad or no readings{of_which}": marked}
+    said = [f"{share:.1%} of the samples are {how}" for how, share in shares.items()]
+    said = [text for text, share in zip(said, shares.values(), strict=True) if share > _FEW / 10]
+    stepped = steps_in_gaps(run, plant.inputs).items()
+    rows = int(run.duration_s / period_s)
+    usable = binned(run, rows, plant, run.begins_s, period_s, partly=True).valid.any(axis=1)
+    if (whole := int(usable.sum())) < LEAST_PERIODS:
+        why = " and ".join(said) or "samples are lost, or their times uneven"
+        text = (
+            f"{why}: {whole} of {rows} rows of {period_s:g} s have {MOSTLY:.0%} of their samples; "
+            f"at least {LEAST_PERIODS} must: find out what loses them, or record longer runs"
         )
         say("samples lost", text, refuses=True)
-    elif share > 0.005:
-        say("samples lost", f"{share:.1%} of the samples are lost or marked bad and are not used")
+    elif lost + marked > _FEW or (said and stepped):
+        steps = [f"{n} steps meanwhile, first after {run.t_s[b[0]]:.6g} s" for n, (b, _) in stepped]
+        say("samples lost", "; ".join([f"{' and '.join(said)}, and not used", *steps]))

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from smad.arrays import Array
 from smad.counted import counted
 from smad.diagnosis.plant import Channel, Signal
 from smad.diagnosis.runs import GapRun, bridged
@@ -18,6 +19,10 @@ from smad.records.declared import Declared
 from smad.records.readings import checked_columns, doubted_step, on_lines
 from smad.records.units import Written
 
+EVEN = 0.1
+"""The `jitter` of a time up to which its steps are even."""
+_SURE = 6.0
+"""Times the jitter, over the root of the steps, that are three standard errors of their median."""
 Say = Callable[..., None]
 """Notes a finding about the run at hand: `kind`, `text`, and by name whether it `refuses` it."""
 
@@ -87,6 +92,49 @@ def filled(run: GapRun) -> GapRun:
         for kind in (run.inputs, run.outputs)
     )
     return replace(run, inputs=inputs, outputs=outputs, valid=run.good & whole)
+
+
+def lost_share(t_s: Array) -> float:
+    """Share of the samples that a time, shape (n,), lacks, beyond what its jitter may look like."""
+    steps = np.diff(t_s)
+    usual = float(np.median(steps))
+    lost = 1.0 - usual * len(steps) / float(np.sum(steps))
+    return lost if lost > _SURE * jitter(t_s) / np.sqrt(len(steps)) else 0.0
+
+
+def jitter(t_s: Array) -> float:
+    """Median deviation of a time's steps, shape (n,), from the usual one, over that."""
+    steps = np.diff(t_s)
+    usual = float(np.median(steps))
+    return float(np.median(np.abs(steps - usual))) / usual
+
+
+def with_lost(run: GapRun) -> GapRun:
+    """The run with a sample, without a number, for each that its even time lacks.
+
+    So a simulator that takes equal steps keeps the run's time. A time whose stamps jitter shows
+    more long steps than lost samples, and stays as it is.
+    """
+    steps = np.diff(run.t_s)
+    if not (steps > 1.5 * run.dt_s).any() or jitter(run.t_s) > EVEN:
+        return run
+    place = np.r_[0, np.cumsum(np.maximum(np.rint(steps / run.dt_s), 1.0).astype(np.intp))]
+    n = int(place[-1]) + 1
+
+    def spread(column: Array) -> Array:
+        out = np.full(n, np.nan)
+        out[place] = column
+        return out
+
+    valid = np.zeros(n, dtype=bool)
+    valid[place] = run.good
+    return replace(
+        run,
+        t_s=np.interp(np.arange(n), place, run.t_s),
+        inputs={k: spread(c) for k, c in run.inputs.items()},
+        outputs={k: spread(c) for k, c in run.outputs.items()},
+        valid=valid,
+    )
 
 
 def up_to_first_hole(run: GapRun, row_s: float, say: Say) -> GapRun:

@@ -7,6 +7,7 @@ channels that the model would leave out.
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -71,7 +72,7 @@ def _say_undriven(run: GapRun, predicted: Mapping[str, Array], plant: PlantModel
         text = (
             f"no input ever changes, nor does the model, but {', '.join(moving)} do: "
             "check that the inputs were recorded, and that the model begins in the run's state "
-            f"(start of a map); if both hold, give --trust {run.name}"
+            f"(start of a map); if both hold, give --trust {shlex.quote(run.name)}"
         )
         say("no excitation", text, refuses=True)
     else:
@@ -159,7 +160,7 @@ def compare(
         say(
             "swapped channels",
             f"{a} and {b} look swapped: each follows the model of the other; check the wiring and "
-            f"the column names, or give --trust {run.name} if they are right",
+            f"the column names, or give --trust {shlex.quote(run.name)} if they are right",
             refuses=not run.trusted,
         )
     apart, following = ([], []) if swapped else _unrelated(plant, measured, predicted)
@@ -175,7 +176,7 @@ def compare(
             "inputs do not drive the outputs",
             f"the nominal model predicts {', '.join(apart)} no better than with its inputs shifted "
             "in time: either it is far off, or inputs and outputs are of different runs; check the "
-            f"file, and leave it out (--leave-out {run.name}) if they are",
+            f"file, and leave it out (--leave-out {shlex.quote(run.name)}) if they are",
         )
 
 

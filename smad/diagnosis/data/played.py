@@ -21,7 +21,7 @@ _COARSE = 2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Bins:
-    """The samples `inside` of the grid, and how many each stands for, `size`.
+    """The samples `inside` of the grid, and how many readings each stands for, `size`.
 
     Those of each of the bins `filled` begin at `starts`; `count` (bins,) is what each bin has.
     """
@@ -90,17 +90,20 @@ class Played:
 
     @cached_property
     def _bins(self) -> _Bins:
-        return self._bins_of(self.run, self.run.pieces)
+        return self._bins_of(self.run)
 
     @cached_property
     def _exact_bins(self) -> _Bins:
-        return self._bins_of(self.whole, np.ones(len(self.whole.t_s)))
+        return self._bins_of(self.whole)
 
-    def _bins_of(self, run: GapRun, size: Array) -> _Bins:
+    def _bins_of(self, run: GapRun) -> _Bins:
         # Time increases, and the bins with it.
         number = bin_numbers(run, self.start_s, self.period_s)
         inside = slice(*(int(k) for k in np.searchsorted(number, (0, self.bins))))
-        number, size = number[inside], size[inside]
+        number, size, readings = number[inside], run.pieces[inside], run.readings[inside]
+        # A prediction is the mean over the samples that were measured, where there are any.
+        measured = np.bincount(number, readings, minlength=self.bins)[number] > 0
+        size = np.where(measured, readings, size)
         filled, starts = np.unique(number, return_index=True)
         count = np.maximum(np.bincount(number, size, minlength=self.bins), 1.0)
         return _Bins(inside=inside, size=size, filled=filled, starts=starts, count=count)

@@ -1,20 +1,30 @@
-"""Runs on a common grid: bins of the programme's clock, one column a channel."""
+"""Runs on a common grid: bins of the programme's clock, one column a channel.
+
+A row is the mean of the samples of one bin. One that lacks samples is compared only with a
+prediction of the samples that it has (`partly`): with an edge in it, the mean of others would be
+off by more than any floor.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from smad.diagnosis.data.grid import PERIOD_S
 from smad.diagnosis.errors import PairingError
-from smad.diagnosis.plant import Array, Index, Mask, PlantModel
+from smad.diagnosis.plant import Array, Index, Mask, PlantModel, Signal
 from smad.diagnosis.runs import GapRun
 
 _EDGE = 0.05
 _SAME_INPUT = 0.02
 _OTHER_INPUT = 0.25
 _NEARLY = 0.1
+MOSTLY = 0.8
+"""Of its samples, that a row must have: with fewer its noise is more than 12 % larger."""
+_LOST = 1.5
+"""Usual steps of a time, from which on samples between are lost."""
 
 
 @dataclass(frozen=True)
@@ -75,30 +85,62 @@ def bin_numbers(run: GapRun, start_s: float, period_s: float) -> Index:
 
 
 def _whole_bin(dt_s: float, period_s: float) -> float:
-    """How many samples a bin has that lacks none.
-
-    A bin with a lost sample does not count: with an edge in it, its mean would be off by more than
-    any floor.
-    """
+    """How many samples a bin has that lacks none."""
     usual = max(period_s / max(dt_s, 1e-9), 1.0)
     near = round(usual)
     return float(near if abs(usual - near) < _NEARLY else np.floor(usual))
 
 
+def steps_in_gaps(run: GapRun, inputs: Sequence[Signal]) -> dict[str, tuple[Index, Index]]:
+    """Each input that steps while samples are lost, by more than a twentieth of its range.
+
+    With the last sample before each such gap and the first after it, (k,) each: when it steps there
+    is not known. What changes as it does beside the gap is no step.
+    """
+    index = np.flatnonzero(run.good)
+    gaps = np.flatnonzero(np.diff(run.t_s[index]) > _LOST * run.dt_s)
+    begins, ends = index[gaps], index[gaps + 1]
+    out = {}
+    for signal in inputs:
+        column = np.asarray(run.inputs.get(signal.name, np.zeros(len(run.t_s))))
+        change = np.abs(np.diff(column, prepend=column[:1], append=column[-1:]))
+        expected = 0.5 * (change[begins] + change[ends + 1]) * (ends - begins)
+        beyond = np.abs(column[ends] - column[begins]) - expected
+        stepped = beyond > _EDGE * (signal.high - signal.low)
+        if stepped.any():
+            out[signal.name] = begins[stepped], ends[stepped]
+    return out
+
+
 def binned(
-    run: GapRun, bins: int, plant: PlantModel, start_s: float, period_s: float = PERIOD_S
+    run: GapRun,
+    bins: int,
+    plant: PlantModel,
+    start_s: float,
+    period_s: float = PERIOD_S,
+    *,
+    partly: bool = False,
 ) -> Binned:
-    """The run in `bins` bins of the grid that begins at `start_s` of its own clock."""
-    bin_of_row = bin_numbers(run, start_s, period_s)
-    inside = (bin_of_row >= 0) & (bin_of_row < bins)
-    bin_of_row = bin_of_row[inside]
+    """The run in `bins` bins of the grid that begins at `start_s` of its own clock.
+
+    `partly`: a row counts, too, that lacks at most a fifth of its samples, unless an input steps
+    while they are lost.
+    """
+    number = bin_numbers(run, start_s, period_s)
+    inside = (number >= 0) & (number < bins)
+    bin_of_row = number[inside]
     whole = _whole_bin(run.dt_s, period_s)
+    unknown = np.zeros(bins, dtype=bool)
+    for begins, ends in steps_in_gaps(run, plant.inputs).values() if partly else ():
+        for first, last in zip(number[begins], number[ends], strict=True):
+            unknown[max(first, 0) : max(last + 1, 0)] = True
+    least = np.where(unknown, whole, MOSTLY * whole) if partly else whole
 
     def mean(column: Array, good: Mask) -> tuple[Array, Mask]:
         keep = good[inside] & np.isfinite(column[inside])
         count = np.bincount(bin_of_row[keep], minlength=bins)
         total = np.bincount(bin_of_row[keep], column[inside][keep], minlength=bins)
-        return total / np.maximum(count, 1), count >= whole
+        return total / np.maximum(count, 1), count >= least
 
     everything = np.ones(len(run.t_s), dtype=bool)
     values = np.zeros((bins, len(plant.channels)))
@@ -112,7 +154,7 @@ def binned(
         if signal.name in run.inputs:
             means, _ = mean(np.asarray(run.inputs[signal.name], float), everything)
             applied[:, i] = means / (signal.high - signal.low)
-    covered = np.bincount(bin_of_row, minlength=bins) >= whole
+    covered = np.bincount(bin_of_row[run.good[inside]], minlength=bins) >= whole
     return Binned(run.name, values, valid, applied, covered)
 
 

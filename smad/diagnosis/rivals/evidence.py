@@ -270,7 +270,7 @@ def recorded_evidence(
     trials = []
     for run in runs:
         played = Played.of(run, plant.inputs, run.begins_s, period_s)
-        measured = binned(run, played.bins, plant, played.start_s, period_s)
+        measured = binned(run, played.bins, plant, played.start_s, period_s, partly=True)
         rows = RunRows.of(floors, measured.valid, wandering(plant, point, played))
         trials.append(Trial(played=played, target=measured.values, rows=rows))
     return Evidence(trials=tuple(trials))

@@ -166,20 +166,45 @@ def test_runs_held_out_are_judged_on_and_not_fitted() -> None:
 
 @pytest.mark.parametrize("mode", ["no number", "lost"])
 def test_runs_of_which_few_rows_are_whole_are_refused_with_the_reason(mode: str) -> None:
-    # Every sixteenth sample, at one in 0.1 s, leaves few rows without a hole.
-    def lossy(run: GapRun) -> GapRun:
-        bad = np.arange(len(run.t_s)) % 16 == 15
-        if mode == "no number":
-            outputs = {name: np.where(bad, np.nan, y) for name, y in run.outputs.items()}
-            return run.with_columns(outputs=outputs)
-        inputs, outputs = (
-            {name: y[~bad] for name, y in columns.items()} for columns in (run.inputs, run.outputs)
-        )
-        return replace(run, t_s=run.t_s[~bad], inputs=inputs, outputs=outputs, valid=None)
-
-    found = ask([lossy(run) for run in bank(OTHER, GAIN)])
+    # A quarter of the samples; of no channel more than a fifteenth.
+    found = ask([lossy(run, 4 if mode == "lost" else 15, mode) for run in bank(OTHER, GAIN)])
     assert found.outcome == REFUSED
-    assert "are whole; at least 40 are needed" in " ".join(f.text for f in found.findings)
+    said = " ".join(f.text for f in found.findings)
+    assert "have 80% of their samples; at least 40 must" in said
+    share = "24.9% of the samples are lost" if mode == "lost" else "no readings (of power_l_W"
+    assert share in said
+
+
+def lossy(run: GapRun, every: int, mode: str) -> GapRun:
+    """A run that lost one sample in so many; with "no number" one of each channel, at other times.
+
+    With "no number, at once" the same one of all channels.
+    """
+    place = np.arange(len(run.t_s)) % every
+    if mode.startswith("no number"):
+        step = 0 if mode.endswith("at once") else 3
+        outputs = {
+            name: np.where(place == (3 + step * k) % every, np.nan, y)
+            for k, (name, y) in enumerate(run.outputs.items())
+        }
+        return run.with_columns(outputs=outputs)
+    kept = place != 3
+    inputs, outputs = (
+        {name: y[kept] for name, y in columns.items()} for columns in (run.inputs, run.outputs)
+    )
+    return replace(run, t_s=run.t_s[kept], inputs=inputs, outputs=outputs, valid=None)
+
+
+@pytest.mark.parametrize("mode", ["no number, at once", "lost"])
+def test_a_sixteenth_of_lost_samples_hides_no_cause_and_makes_none(mode: str) -> None:
+    # The plant takes equal steps: a lost sample must not shorten its time.
+    found = ask([lossy(run, 16, mode) for run in bank(OTHER, GAIN)])
+    assert [c.name for c in found.causes] == ["driver_gain"]
+    assert value(found, "driver_gain", "g") == pytest.approx(0.05, abs=0.001)
+    assert found.causes[0].gap < 1.0
+    healthy = ask([lossy(run, 16, mode) for run in bank(OTHER)])
+    assert not healthy.causes
+    assert "samples lost" in {f.kind for f in healthy.findings}
 
 
 def test_two_runs_are_said_to_be_judged_by_stretches() -> None:
