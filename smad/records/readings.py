@@ -129,8 +129,8 @@ def checked_columns(
         if not readings:
             remarks.append(Remark("empty", d.name, f"{d.name} holds no number"))
         elif readings < least * n:
-            text = f"{d.name} holds a reading in {readings} of {n} samples only, of at least "
-            text += f"{math.ceil(least * n)}"
+            text = f"{d.name} holds a reading in {readings} of {n} samples only "
+            text += f"({math.ceil(least * n)} are needed)"
             missing = ~np.isfinite(column.values)
             at_once = _longest(missing) > _AT_ONCE * np.sum(missing)
             open_ = not d.applied and (column.share > _MOST_MISSING or at_once)

@@ -219,7 +219,7 @@ def _require_channel(run: GapRun, given: GapRun, plant: PlantModel, say: Say) ->
     why = [f"{listed(absent, _NAMED)} not recorded"] * bool(absent)
     why += [f"{listed(few, _NAMED)} with too few readings"] * bool(few)
     others = [n for n in given.outputs if n not in names]
-    instead = f" (but {listed(others, _NAMED)})" if others else ""
+    instead = f" (the run has {listed(others, _NAMED)})" if others else ""
     say(
         "no channel",
         f"{', '.join(why)}{instead}, so no channel is left to compare: record one, give its column "

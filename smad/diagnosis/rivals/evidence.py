@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from smad.diagnosis.data.played import Played
-from smad.diagnosis.data.rows import binned
+from smad.diagnosis.data.rows import binned, steps_in_gaps
 from smad.diagnosis.numerics.white import RunRows, Shrink, lag_one_correlation
 from smad.diagnosis.places.bare import BarePlaces
 from smad.diagnosis.places.place import PlacesPlant
@@ -277,8 +277,9 @@ def recorded_evidence(
 
 
 def wandering(plant: PlacesPlant, point: ModelPoint, played: Played) -> Array:
-    """What a constant and a straight line at each place that wanders change, at its usual size, and
-    what a run's start may be off by.
+    """What a constant and a straight line at each place that wanders change, at its usual size;
+    what a run's start may be off by; and what an input changes that steps while samples are lost,
+    which may then be as after the step, or as before it.
 
     Near a reversal a spring goes one way or the other by less than a reading can tell: a small
     constant, up and down, is replayed as recorded.
@@ -302,6 +303,12 @@ def wandering(plant: PlacesPlant, point: ModelPoint, played: Played) -> Array:
             for course in (small, -small):
                 forced = plant.forced(point, whole, {(name, side): size * course})
                 out.append((readings(forced, exact=True) - exact)[None])
+    for name, gaps in steps_in_gaps(whole, plant.inputs).items():
+        for before, after in zip(*gaps, strict=True):
+            column = np.array(whole.inputs[name], dtype=np.float64)
+            column[before + 1 : after] = column[after]
+            stepped = plant.forced(point, whole.with_columns(inputs={name: column}), {})
+            out.append((readings(stepped, exact=True) - exact)[None])
     if isinstance(plant, BarePlaces):
         out += [(readings(begun) - base)[None] for begun in plant.begun_otherwise(point, run)]
     return np.concatenate(out)

@@ -73,7 +73,7 @@ def test_a_reading_that_lacks_a_third_is_asked_about_by_how_it_lacks_them(
     lacking = n < len(T) // 3 if at_once else n % 3 == 0
     _, remarks = checked_columns({"T": np.where(lacking, np.nan, course())}, [WARM], T)
     (sparse,) = [r for r in remarks if r.kind == "sparse"]
-    assert sparse.text.endswith(f"of {len(T)} samples only, of at least {len(T) * 4 // 5}")
+    assert sparse.text.endswith(f"of {len(T)} samples only ({len(T) * 4 // 5} are needed)")
     assert advice in sparse.advice
 
 

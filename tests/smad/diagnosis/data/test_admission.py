@@ -30,7 +30,7 @@ def test_a_run_without_its_channels_names_them_and_what_it_has() -> None:
     assert text.startswith("power_l_W, power_r_W, temp_l_degC, temp_r_degC and 1 more not recorded")
     assert text.endswith("record one, give its column the channel's name, or leave the run out")
     (text,) = refusals(replace(RUN, outputs={"temperature": RUN.outputs["temp_l_degC"]}))
-    assert "not recorded (but temperature), so no channel is left" in text
+    assert "not recorded (the run has temperature), so no channel is left" in text
 
 
 def test_channels_that_lack_a_third_at_once_are_named_and_no_map_is_asked_for() -> None:
@@ -40,7 +40,7 @@ def test_channels_that_lack_a_third_at_once_are_named_and_no_map_is_asked_for() 
     assert said[-1].refuses
     assert "and 1 more with too few readings, so no channel is left to compare" in said[-1].text
     sparse = next(f.text for f in said if f.kind == "channel sparse")
-    assert f"holds a reading in {np.sum(~out)} of {len(out)} samples only, of at least" in sparse
+    assert f"holds a reading in {np.sum(~out)} of {len(out)} samples only (" in sparse
     assert "is its sensor open?" in sparse
     assert "map" not in sparse
 
