@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from zipfile import BadZipFile
+from zipfile import BadZipFile, is_zipfile
 
 import msgspec
 import numpy as np
@@ -145,8 +145,10 @@ def load(folder: Path, plant: PlantModel) -> Baseline:
         )
     digest = _digest(folder / _ARRAYS)
     if about.arrays and digest and digest != about.arrays:
+        is_whole = is_zipfile(folder / _ARRAYS)
+        mixed = f"is not that of {folder / _ABOUT}: two baselines are mixed"
         raise BaselineError(
-            f"{folder / _ARRAYS} is not that of {folder / _ABOUT}: two baselines are mixed",
+            f"{folder / _ARRAYS} {mixed if is_whole else 'is cut off or damaged'}",
             value=digest[:12],
             limit=about.arrays[:12],
             action=_ANEW,

@@ -28,7 +28,8 @@ def test_many_names_are_counted_and_few_are_told() -> None:
 def test_an_effect_misspelt_is_answered_with_the_nearest_or_where_to_look() -> None:
     with pytest.raises(EffectError, match="'rtd_lga' is not in the library; did you mean rtd_lag"):
         effect("rtd_lga")
-    with pytest.raises(EffectError, match=f"there are {len(EFFECTS)}; smad gap effects lists them"):
+    said = f"there are {len(EFFECTS)}; smad gap effects lists those of each variant"
+    with pytest.raises(EffectError, match=said):
         effect("quux")
 
 

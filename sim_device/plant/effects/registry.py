@@ -46,7 +46,7 @@ def effect(name: str) -> Effect:
     try:
         return _BY_NAME[name]
     except KeyError:
-        hint = instead(name, _BY_NAME, "smad gap effects lists them")
+        hint = instead(name, _BY_NAME, "smad gap effects lists those of each variant")
         raise EffectError(f"effect {name!r} is not in the library; {hint}") from None
 
 

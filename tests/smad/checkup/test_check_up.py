@@ -236,6 +236,16 @@ def test_arrays_of_another_baseline_are_refused_and_say_what_to_do(
         load(tmp_path / "one", PLANT)
 
 
+def test_arrays_that_are_cut_off_are_not_called_those_of_another_baseline(
+    reference: GoodRuns, tmp_path: Path
+) -> None:
+    save(Baseline("bench", "digest", reference), PLANT, tmp_path)
+    arrays = tmp_path / "reference.npz"
+    arrays.write_bytes(arrays.read_bytes()[:5000])
+    with pytest.raises(BaselineError, match=r"reference\.npz is cut off or damaged.*anew"):
+        load(tmp_path, PLANT)
+
+
 def test_a_baseline_without_its_digest_that_is_torn_is_refused(
     reference: GoodRuns, tmp_path: Path
 ) -> None:
