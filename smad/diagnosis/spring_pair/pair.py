@@ -16,7 +16,7 @@ from sim_device.plant.covariance import Covariance
 from sim_device.plant.effects.record import Effect as RegistryEffect
 from sim_device.plant.effects.registry import EFFECTS
 from sim_device.plant.errors import InputError, PlantError
-from sim_device.plant.parameters import spring_factors
+from sim_device.plant.parameters import built_in_sets, spring_factors
 from sim_device.plant.places import PLACES, STATES, check_place_needs
 from smad.diagnosis.errors import PlantMismatch
 from smad.diagnosis.places.place import Forcing, Place
@@ -109,6 +109,12 @@ class SmaPlant:
     @property
     def version(self) -> str:
         return f"{self.variant}, parameters {self.parameter_set.digest()[:12]}"
+
+    @cached_property
+    def built_in(self) -> str:
+        """The built-in set that its parameters are; empty for those of a file."""
+        digest = self.parameter_set.digest()
+        return next((n for n in built_in_sets() if load_parameters(n).digest() == digest), "")
 
     @cached_property
     def parameters(self) -> Sequence[Parameter]:
@@ -246,15 +252,16 @@ class SmaPlant:
     ) -> None:
         """Writes the model file that the simulated device and the replay load.
 
-        It carries every parameter that differs from the built-in set A, so that it stands alone,
-        and the covariance of what it has.
+        It carries every parameter that differs from the plant's built-in set, or from set A, so
+        that it stands alone, and the covariance of what it has.
         """
         from sim_device.plant.models import save_model
 
-        base, changed = load_parameters("A"), self.set_of(point.theta)
+        name = self.built_in or "A"
+        base, changed = load_parameters(name), self.set_of(point.theta)
         save_model(
             path,
-            base="A",
+            base=name,
             variant=self.variant,
             overrides={n: changed[n] for n in changed.names if changed[n] != base[n]},
             effects=self.acting(point),
@@ -290,7 +297,7 @@ class SmaPlant:
         """The point of this plant that a model file holds.
 
         Raises ModelError when it cannot be read and PlantMismatch when it is of another variant,
-        or of other parameters that are not refitted.
+        another built-in set, or of other parameters that are not refitted.
         """
         from sim_device.plant.models import read_model
 
@@ -301,6 +308,13 @@ class SmaPlant:
                 value=model.variant,
                 limit=self.variant,
                 action="give the same variant as the model was made with",
+            )
+        if model.base in built_in_sets() and model.base != (self.built_in or "A"):
+            raise PlantMismatch(
+                f"{path.name} is a model of another parameter set",
+                value=model.base,
+                limit=self.built_in or "A, or the file that it was made with",
+                action=f"give --params {model.base}",
             )
         base_set = self.parameter_set
         for name in (n for n in base_set.names if n not in REFITTED):

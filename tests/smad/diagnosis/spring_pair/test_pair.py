@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sim_device.plant import load_parameters
 from sim_device.plant.draws import draw
 from sim_device.plant.models import read_model
+from smad.diagnosis.errors import PlantMismatch
 from smad.diagnosis.plant import ModelPoint, Uncertainty
 from smad.diagnosis.runs import GapRun
 from smad.diagnosis.spring_pair import SmaPlant
@@ -101,6 +103,20 @@ def test_a_model_file_from_before_the_shares_is_even(tmp_path: Path) -> None:
     path = tmp_path / "old.toml"
     path.write_text('format = "smad-model-1"\n[effects.rtd_lag]\ntau_s = 0.4\n', encoding="utf-8")
     assert PLANT.load_model(path).effects == {"rtd_lag": {"tau_s": 0.4, "y_share": 1.0}}
+
+
+def test_a_model_file_goes_with_the_parameter_set_that_it_was_made_with(tmp_path: Path) -> None:
+    point = ModelPoint({"film_scale": 1.1})
+    of_a, of_b, of_file = (tmp_path / f"{name}.toml" for name in ("a", "b", "file"))
+    set_b = SmaPlant(load_parameters("B"))
+    made_up = SmaPlant(load_parameters("A").replace(resistivity=8.3e-7))
+    for plant, path in ((PLANT, of_a), (set_b, of_b), (made_up, of_file)):
+        plant.save_model(point, path, "")
+        assert plant.load_model(path).theta["film_scale"] == 1.1
+        assert read_model(path).parameters.digest() == plant.set_of(point.theta).digest()
+    for plant, path, base in ((set_b, of_a, "A"), (PLANT, of_b, "B"), (made_up, of_b, "B")):
+        with pytest.raises(PlantMismatch, match=f"another parameter set.*--params {base}"):
+            plant.load_model(path)
 
 
 def test_a_model_file_says_how_uncertain_its_values_are(tmp_path: Path) -> None:
